@@ -1,0 +1,154 @@
+//! The harness of the `budgets` bench: instruction counts by callgrind, and timing budgets, as one table beside their goals.
+//!
+//! A count is exact and the same on a busy machine: the bench starts itself under callgrind for N and for 2N rounds and
+//! divides the difference by N, so that start-up and preparation cancel out.
+
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use comfy_table::{CellAlignment, Table, presets::UTF8_FULL_CONDENSED};
+
+/// What one link wants measured.
+pub struct Link {
+    /// The crate's name.
+    pub name: &'static str,
+    /// Instruction counts.
+    pub counts: &'static [Count],
+    /// Timing budgets, from the crate's `timing` functions.
+    pub budgets: fn() -> Vec<Budget>,
+}
+
+/// One row of instruction counts.
+pub struct Count {
+    /// What is counted, as the table prints it.
+    pub what: &'static str,
+    /// The goal, in instructions for each unit; `None` for a peer or a row that is only told.
+    pub goal: Option<f64>,
+    /// The units that one round handles: 1 for "each operation", the bytes of the input for "each byte".
+    pub units: f64,
+    /// `"op"` or `"byte"`.
+    pub unit: &'static str,
+    /// Prepares, then does the work `rounds` times; everything that goes in and comes out passes `black_box`.
+    pub run: fn(rounds: u64),
+}
+
+/// One row of timing budgets.
+pub struct Budget {
+    /// What has to fit, and where.
+    pub what: String,
+    /// What it takes.
+    pub takes: Duration,
+    /// What the source allows.
+    pub window: Duration,
+    /// The section of the source.
+    pub source: &'static str,
+}
+
+/// Prints the tables of all links whose name contains the first free argument.
+pub fn main(links: &[Link]) {
+    let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    if let [flag, link, row, rounds] = args.as_slice()
+        && flag == "--count"
+    {
+        let count =
+            links.iter().find(|l| l.name == link).and_then(|l| l.counts.get(row.parse::<usize>().ok()?));
+        let (Some(count), Ok(rounds)) = (count, rounds.parse()) else { panic!("no such row: {args:?}") };
+        return (count.run)(rounds);
+    }
+    let filter = args.first().map_or("", String::as_str);
+    let chosen: Vec<&Link> = links.iter().filter(|l| l.name.contains(filter)).collect();
+    if chosen.is_empty() {
+        let names: Vec<_> = links.iter().map(|l| l.name).collect();
+        eprintln!("no link is called {filter:?}; there are {}", names.join(", "));
+        std::process::exit(2);
+    }
+    let valgrind =
+        Command::new("valgrind").arg("--version").stdout(Stdio::null()).status().is_ok_and(|s| s.success());
+    if valgrind {
+        println!("{}", count_table(&chosen));
+    } else {
+        println!("No instruction counts: valgrind is not installed (Debian: apt-get install valgrind).");
+    }
+    println!("{}", budget_table(&chosen));
+}
+
+fn count_table(links: &[&Link]) -> Table {
+    let mut table = table(["link", "instructions", "for each", "measured", "goal", ""]);
+    for link in links {
+        for (row, count) in link.counts.iter().enumerate() {
+            let measured = measure(link.name, row) / count.units;
+            let (goal, verdict) = match count.goal {
+                Some(goal) => (number(goal), if measured <= goal { "met" } else { "MISSED" }),
+                None => ("–".into(), ""),
+            };
+            table.add_row([link.name, count.what, count.unit, &number(measured), &goal, verdict]);
+        }
+    }
+    right_align(&mut table, &[3, 4]);
+    table
+}
+
+fn budget_table(links: &[&Link]) -> Table {
+    let mut table = table(["link", "timing budget", "takes", "window", "margin", "source"]);
+    for link in links {
+        for budget in (link.budgets)() {
+            let margin = budget.window.as_secs_f64() - budget.takes.as_secs_f64();
+            table.add_row([
+                link.name.into(),
+                budget.what,
+                milliseconds(budget.takes.as_secs_f64()),
+                milliseconds(budget.window.as_secs_f64()),
+                milliseconds(margin),
+                budget.source.into(),
+            ]);
+        }
+    }
+    right_align(&mut table, &[2, 3, 4]);
+    table
+}
+
+/// The instructions of one round: (Ir(2N) − Ir(N)) / N.
+fn measure(link: &str, row: usize) -> f64 {
+    const ROUNDS: u64 = 500;
+    let (once, twice) = (collect(link, row, ROUNDS), collect(link, row, 2 * ROUNDS));
+    (twice - once) as f64 / ROUNDS as f64
+}
+
+fn collect(link: &str, row: usize, rounds: u64) -> i64 {
+    let this = std::env::current_exe().expect("the path of this program");
+    let output = Command::new("valgrind")
+        .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
+        .arg(this)
+        .args(["--count", link, &row.to_string(), &rounds.to_string()])
+        .output()
+        .expect("valgrind runs");
+    let log = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "row {row} of {link} failed under callgrind:\n{log}");
+    let collected = log
+        .lines()
+        .find_map(|line| line.split_once("Collected : "))
+        .expect("callgrind says what it collected");
+    collected.1.trim().parse().expect("a number of instructions")
+}
+
+fn table<const N: usize>(head: [&str; N]) -> Table {
+    let mut table = Table::new();
+    table.load_style(UTF8_FULL_CONDENSED).set_header(head);
+    table
+}
+
+fn right_align(table: &mut Table, columns: &[usize]) {
+    for &index in columns {
+        if let Some(column) = table.column_mut(index) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+}
+
+fn number(x: f64) -> String {
+    if x < 20.0 { format!("{x:.2}") } else { format!("{x:.0}") }
+}
+
+fn milliseconds(seconds: f64) -> String {
+    format!("{:.3} ms", seconds * 1e3)
+}

@@ -1,0 +1,10 @@
+//! The bodies of the fuzz targets, a module a link: each takes the fuzzer's bytes and panics when an oracle fails.
+//!
+//! Oracles, not only "no panic": decode(encode(x)) = x, any chunking gives the same frames, an accepted frame encodes to
+//! the same bytes, a session keeps its invariants.
+
+/// A target's body.
+pub type Target = fn(&[u8]);
+
+/// Every target by the name of its corpus folder.
+pub const TARGETS: &[(&str, Target)] = &[];

@@ -1,0 +1,99 @@
+//! What the tool needs of a link to turn bytes into JSON lines and back.
+
+use anyhow::Result;
+use serde_json::{Value, json};
+
+/// One direction of one link.
+///
+/// The first three are the verbs of a link's `Decoder`, with frames and errors in their `serde` form.
+pub trait Codec {
+    /// Takes bytes; returns how many, 0 when the decoder's buffer is full.
+    fn push(&mut self, bytes: &[u8]) -> usize;
+
+    /// The next message object, or error object; `None` when more bytes are needed.
+    fn next(&mut self) -> Option<Result<Value, Value>>;
+
+    /// The stream offset just behind what `next` returned last.
+    fn position(&self) -> u64;
+
+    /// The bytes of one message object.
+    ///
+    /// # Errors
+    /// When the object is none of this link's messages, or a value is outside what the wire can carry.
+    fn encode(&self, message: Value) -> Result<Vec<u8>>;
+}
+
+/// A stretch of the stream: `Ok` with a message object, or `Err` with an error object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Item {
+    /// Where it begins, in bytes from the start of the stream.
+    pub offset: u64,
+    /// How many bytes it takes.
+    pub length: u64,
+    /// What it is.
+    pub content: Result<Value, Value>,
+}
+
+impl Item {
+    /// The item as one object: `{"offset":…,"length":…,"message":{…}}`, or `"error"` for `"message"`.
+    pub fn to_json(&self) -> Value {
+        match &self.content {
+            Ok(message) => json!({"offset": self.offset, "length": self.length, "message": message}),
+            Err(error) => json!({"offset": self.offset, "length": self.length, "error": error}),
+        }
+    }
+}
+
+/// Feeds a codec and cuts the stream into items that tile it.
+#[allow(missing_debug_implementations, reason = "a codec is whatever a link makes of it")]
+pub struct Stream {
+    codec: Box<dyn Codec>,
+    taken: u64,
+}
+
+impl Stream {
+    /// A stream at offset 0.
+    pub fn new(codec: Box<dyn Codec>) -> Self {
+        Self { codec, taken: 0 }
+    }
+
+    /// Takes all of `bytes`, and hands out what is complete.
+    ///
+    /// # Errors
+    /// Whatever `emit` returns.
+    pub fn push(&mut self, mut bytes: &[u8], mut emit: impl FnMut(Item) -> Result<()>) -> Result<()> {
+        while !bytes.is_empty() {
+            let taken = self.codec.push(bytes);
+            self.taken += taken as u64;
+            bytes = bytes.get(taken..).unwrap_or_default();
+            let before = self.codec.position();
+            self.drain(&mut emit)?;
+            anyhow::ensure!(
+                taken > 0 || self.codec.position() > before,
+                "the decoder stands still at byte {before}: please report these bytes as a bug"
+            );
+        }
+        Ok(())
+    }
+
+    /// Ends the stream: a rest that is no whole frame is an error of kind `incomplete`.
+    ///
+    /// # Errors
+    /// Whatever `emit` returns.
+    pub fn finish(self, mut emit: impl FnMut(Item) -> Result<()>) -> Result<()> {
+        let offset = self.codec.position();
+        let length = self.taken - offset;
+        if length == 0 {
+            return Ok(());
+        }
+        emit(Item { offset, length, content: Err(json!({"kind": "incomplete"})) })
+    }
+
+    fn drain(&mut self, emit: &mut impl FnMut(Item) -> Result<()>) -> Result<()> {
+        loop {
+            let offset = self.codec.position();
+            let Some(content) = self.codec.next() else { return Ok(()) };
+            emit(Item { offset, length: self.codec.position() - offset, content })?;
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! `cellwire demo`: each link end to end, over real sockets and pseudo-terminals.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::links::Link;
+
+/// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
+///
+/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated and every budget held at p99.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The links to run [default: all]
+    links: Vec<Link>,
+    /// End each link after this time [default: each link's own short run]
+    #[arg(long, value_name = "N", value_parser = seconds)]
+    seconds: Option<Duration>,
+    /// Commit the faults that the link's transport can commit
+    #[arg(long)]
+    faults: bool,
+    /// The seed of the faults: the same seed commits the same ones
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Print one JSON object a link instead of a table
+    #[arg(long)]
+    json: bool,
+    /// Write what the demo made: a file or a folder, as the link says (one LINK only)
+    #[arg(long, value_name = "PATH")]
+    out: Option<PathBuf>,
+}
+
+/// What a link's demo is told.
+#[derive(Debug)]
+pub struct DemoOptions {
+    /// How long to run; `None`: the link's own short run.
+    pub seconds: Option<Duration>,
+    /// Whether the transport commits faults.
+    pub faults: bool,
+    /// What the faults follow from.
+    pub seed: u64,
+    /// Where to write what the demo made.
+    pub out: Option<PathBuf>,
+    /// The progress line, on standard error.
+    pub progress: ProgressBar,
+}
+
+/// Returns true when every link kept its promises.
+pub fn run(args: &Args) -> Result<bool> {
+    let links = if args.links.is_empty() { Link::all() } else { args.links.as_slice() };
+    if links.len() != 1 {
+        anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes something else");
+    }
+    let mut all = true;
+    for link in links {
+        let progress = progress_line(link.name(), args.json);
+        let options = DemoOptions {
+            seconds: args.seconds,
+            faults: args.faults,
+            seed: args.seed,
+            out: args.out.clone(),
+            progress: progress.clone(),
+        };
+        let report = link.demo(&options)?;
+        progress.finish_and_clear();
+        all &= report.is_good();
+        if args.json {
+            println!("{}", report.to_json());
+        } else {
+            println!("{report}");
+        }
+    }
+    Ok(all)
+}
+
+fn progress_line(name: &'static str, quiet: bool) -> ProgressBar {
+    let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+    let style = ProgressStyle::with_template("{prefix} {bar:30} {pos}/{len} {msg} [{elapsed}]");
+    let bar = ProgressBar::with_draw_target(Some(0), target).with_prefix(name);
+    match style {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is not a number of seconds"))?;
+    if !(0.1..=1e6).contains(&seconds) {
+        return Err("give between 0.1 and 1000000 seconds".into());
+    }
+    Ok(Duration::from_secs_f64(seconds))
+}

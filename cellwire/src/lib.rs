@@ -1,0 +1,73 @@
+//! The parts of the `cellwire` tool, which is the only crate of the workspace that opens a socket or a port.
+//!
+//! A library for the sake of its tests: the tool is the interface, and nothing here is promised.
+
+#![allow(clippy::std_instead_of_core, reason = "the tool is a program with std")]
+
+pub mod codec;
+pub mod decode;
+pub mod demo;
+pub mod drawing;
+pub mod encode;
+pub mod links;
+pub mod report;
+pub mod simulate;
+pub mod tcp;
+pub mod vectors;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Robot links at the bench: run them end to end, read and write their bytes, and test against simulated controllers.
+///
+/// LINK is the name of a link's crate, such as kawasaki-msg. Bytes are hex unless --format says otherwise; messages are
+/// JSON objects, one a line, so that decode, jq and encode make a pipe.
+#[derive(Parser)]
+#[command(version, propagate_version = true, after_help = EXAMPLES)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire demo                                        every link end to end, one table each
+  cellwire demo kawasaki-msg --faults --out drawn.svg  a picture drawn over a connection that breaks
+  cellwire decode kawasaki-msg --format raw capture    what was said, a JSON object a line
+  cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against";
+
+#[derive(Subcommand)]
+enum Command {
+    Demo(demo::Args),
+    Decode(decode::Args),
+    Encode(encode::Args),
+    Simulate(simulate::Args),
+    Vectors(vectors::Args),
+}
+
+/// Does what the command line says. Exit status: 0 all is well, 1 damage or a broken promise, 2 it could not be done.
+pub fn main() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Demo(args) => demo::run(&args),
+        Command::Decode(args) => decode::run(&args),
+        Command::Encode(args) => encode::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+        Command::Vectors(args) => vectors::run(&args),
+    };
+    match outcome {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS, // `cellwire decode … | head` is no failure
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+    })
+}

@@ -1,0 +1,110 @@
+//! The links that the tool knows, one folder each: its codec, its demo, its simulators.
+
+use anyhow::{Result, bail};
+use clap::ValueEnum;
+use serde_json::{Map, Value};
+
+use crate::codec::Codec;
+use crate::demo::DemoOptions;
+use crate::report::Report;
+use crate::simulate::SimulateOptions;
+
+/// A link, by the name of its crate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Link {}
+
+impl Link {
+    /// Every link, in the order in which `demo` runs them.
+    pub fn all() -> &'static [Self] {
+        Self::value_variants()
+    }
+
+    /// The crate's name.
+    pub fn name(self) -> &'static str {
+        match self {}
+    }
+
+    /// The names of the sides that send, for `--from`; the first is the default.
+    pub fn sides(self) -> &'static [&'static str] {
+        match self {}
+    }
+
+    /// The codec of what a side sends.
+    ///
+    /// # Errors
+    /// When an option does not fit this link.
+    pub fn codec(self, options: &CodecOptions) -> Result<Box<dyn Codec>> {
+        let _side = self.side(options.from.as_deref())?;
+        match self {}
+    }
+
+    /// Runs the link end to end.
+    ///
+    /// # Errors
+    /// When the demo cannot be set up: a port in use, a file that does not exist.
+    pub fn demo(self, _options: &DemoOptions) -> Result<Report> {
+        match self {}
+    }
+
+    fn side(self, from: Option<&str>) -> Result<&'static str> {
+        let sides = self.sides();
+        let Some(from) = from else {
+            return sides.first().copied().ok_or_else(|| anyhow::anyhow!("no sides"));
+        };
+        match sides.iter().find(|side| **side == from) {
+            Some(side) => Ok(side),
+            None => bail!("{} has no side `{from}`: use --from {}", self.name(), sides.join(" or --from ")),
+        }
+    }
+}
+
+/// How to read and write a link's bytes.
+#[derive(Debug, Clone, Default)]
+pub struct CodecOptions {
+    /// The side that sends.
+    pub from: Option<String>,
+    /// Settings other than the link's defaults, as in the vectors' `options`: `{"framing":"rtu"}`. A link refuses a name
+    /// that it does not know.
+    pub settings: Map<String, Value>,
+}
+
+/// The settings of `decode` and `encode` on the command line.
+#[derive(Debug, clap::Args)]
+pub struct CodecArgs {
+    /// The link's crate name
+    pub link: Link,
+    /// The side that sends the bytes [default: the first of the link's sides]
+    #[arg(long, value_name = "SIDE")]
+    from: Option<String>,
+    /// A setting of the link other than its default, such as leading_dle=1; the link's page lists them
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting)]
+    set: Vec<(String, Value)>,
+}
+
+impl CodecArgs {
+    /// What the arguments say.
+    pub fn options(&self) -> CodecOptions {
+        CodecOptions { from: self.from.clone(), settings: self.set.iter().cloned().collect() }
+    }
+}
+
+/// `name=value`; a value that is JSON is taken as JSON, any other as text.
+fn setting(text: &str) -> Result<(String, Value), String> {
+    let (name, value) = text.split_once('=').ok_or("give NAME=VALUE")?;
+    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.into()));
+    Ok((name.into(), value))
+}
+
+/// A simulated end of a link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Device {}
+
+impl Device {
+    /// Runs the device until the process is interrupted.
+    ///
+    /// # Errors
+    /// When its endpoint cannot be opened.
+    pub fn simulate(self, _options: &SimulateOptions) -> Result<()> {
+        match self {}
+    }
+}

@@ -1,0 +1,5 @@
+//! `cellwire`: robot links at the bench. See `cellwire --help`.
+
+fn main() -> std::process::ExitCode {
+    cellwire::main()
+}

@@ -1,0 +1,236 @@
+//! What a demo says at its end: a table for people, an object for programs, and whether the link kept its promises.
+
+use core::fmt;
+use std::time::Duration;
+
+use comfy_table::{CellAlignment, Table, presets::UTF8_FULL_CONDENSED};
+use hdrhistogram::Histogram;
+use serde_json::{Map, Value, json};
+
+/// The result of one link's demo.
+#[derive(Debug)]
+pub struct Report {
+    title: String,
+    object: Map<String, Value>,
+    facts: Vec<(String, String)>,
+    timings: Vec<[String; 6]>,
+    failures: Vec<String>,
+}
+
+/// What the source allows, for the p99 of a timing.
+#[derive(Debug, Clone, Copy)]
+pub struct Budget {
+    /// The time.
+    pub time: Duration,
+    /// The section of the source.
+    pub source: &'static str,
+}
+
+impl Report {
+    /// An empty report. `title` says in one line what was run.
+    pub fn new(link: &str, title: impl Into<String>) -> Self {
+        let title = format!("{link}: {}", title.into());
+        let object = Map::from_iter([("link".into(), json!(link))]);
+        Self { title, object, facts: Vec::new(), timings: Vec::new(), failures: Vec::new() }
+    }
+
+    /// A row of the table, and a field of the object.
+    pub fn fact(&mut self, key: &str, label: &str, value: impl Into<Value>) {
+        let value = value.into();
+        let text = match &value {
+            Value::String(text) => text.clone(),
+            other => other.to_string(),
+        };
+        self.facts.push((label.into(), text));
+        self.object.insert(key.into(), value);
+    }
+
+    /// The jobs of the run. Lost and repeated ones are failures; those that the link reported as unknown are not.
+    pub fn jobs(&mut self, jobs: Jobs) {
+        self.fact("sent", "jobs sent", jobs.sent);
+        self.fact("executed_once", "executed once", jobs.executed_once);
+        self.fact("lost", "lost", jobs.lost);
+        self.fact("repeated", "repeated", jobs.repeated);
+        if jobs.unknown > 0 {
+            self.fact("unknown", "outcome unknown", jobs.unknown);
+        }
+        self.require(jobs.lost == 0, || format!("{} jobs were lost", jobs.lost));
+        self.require(jobs.repeated == 0, || format!("{} jobs were executed more than once", jobs.repeated));
+    }
+
+    /// A row of p50, p99 and max beside the budget. A p99 above the budget is a failure.
+    pub fn timing(&mut self, key: &str, label: &str, samples: &Samples, budget: Option<Budget>) {
+        let [p50, p99, max] = [samples.at(0.5), samples.at(0.99), samples.max()];
+        let mut object = json!({"count": samples.count(), "p50_us": micros(p50), "p99_us": micros(p99), "max_us": micros(max)});
+        let (limit, margin) = match budget {
+            None => ("–".into(), "–".into()),
+            Some(budget) => {
+                let margin = budget.time.as_secs_f64() - p99.as_secs_f64();
+                if let Some(object) = object.as_object_mut() {
+                    object.insert("budget_us".into(), micros(budget.time));
+                    object.insert("margin_us".into(), json!((margin * 1e6).round()));
+                }
+                self.require(p99 <= budget.time, || {
+                    format!(
+                        "{label}: p99 is {}, the budget {} ({})",
+                        show(p99),
+                        show(budget.time),
+                        budget.source
+                    )
+                });
+                (format!("{} ({})", show(budget.time), budget.source), format!("{:.2} ms", margin * 1e3))
+            }
+        };
+        self.object.insert(key.into(), object);
+        self.timings.push([label.into(), show(p50), show(p99), show(max), limit, margin]);
+    }
+
+    /// Records a promise that was not kept.
+    pub fn require(&mut self, kept: bool, failure: impl FnOnce() -> String) {
+        if !kept {
+            self.failures.push(failure());
+        }
+    }
+
+    /// Whether every promise was kept.
+    pub fn is_good(&self) -> bool {
+        self.failures.is_empty()
+    }
+
+    /// The report as one object.
+    pub fn to_json(&self) -> Value {
+        let mut object = self.object.clone();
+        object.insert("ok".into(), json!(self.is_good()));
+        object.insert("failures".into(), json!(self.failures));
+        Value::Object(object)
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.title)?;
+        if !self.facts.is_empty() {
+            let mut table = Table::new();
+            table.load_style(UTF8_FULL_CONDENSED);
+            for (label, value) in &self.facts {
+                table.add_row([label, value]);
+            }
+            right_align(&mut table, 1);
+            writeln!(f, "{table}")?;
+        }
+        if !self.timings.is_empty() {
+            let mut table = Table::new();
+            table.load_style(UTF8_FULL_CONDENSED).set_header([
+                "time",
+                "p50",
+                "p99",
+                "max",
+                "budget",
+                "margin at p99",
+            ]);
+            for row in &self.timings {
+                table.add_row(row);
+            }
+            (1..6).for_each(|column| right_align(&mut table, column));
+            writeln!(f, "{table}")?;
+        }
+        if self.is_good() {
+            return writeln!(f, "every promise kept");
+        }
+        self.failures.iter().try_for_each(|failure| writeln!(f, "FAILED: {failure}"))
+    }
+}
+
+/// What became of the jobs of a run, as the simulated device saw it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Jobs {
+    /// Handed to the link.
+    pub sent: u64,
+    /// Executed exactly once.
+    pub executed_once: u64,
+    /// Neither executed nor reported.
+    pub lost: u64,
+    /// Executed more than once.
+    pub repeated: u64,
+    /// Reported by the link as "outcome unknown".
+    pub unknown: u64,
+}
+
+/// Times, from 1 µs to an hour, in constant memory and with three figures.
+#[derive(Debug, Clone)]
+pub struct Samples(Histogram<u64>);
+
+impl Default for Samples {
+    fn default() -> Self {
+        #[expect(clippy::expect_used, reason = "the bounds are constants in order")]
+        Self(Histogram::new_with_bounds(1, 3_600_000_000, 3).expect("1 µs to 1 h"))
+    }
+}
+
+impl Samples {
+    /// Adds one; what is out of range counts as the nearest bound.
+    pub fn add(&mut self, time: Duration) {
+        self.0.saturating_record(u64::try_from(time.as_micros()).unwrap_or(u64::MAX).max(1));
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> u64 {
+        self.0.len()
+    }
+
+    /// The time that this share of the samples does not exceed; zero without samples.
+    pub fn at(&self, quantile: f64) -> Duration {
+        Duration::from_micros(self.0.value_at_quantile(quantile))
+    }
+
+    /// The longest.
+    pub fn max(&self) -> Duration {
+        Duration::from_micros(self.0.max())
+    }
+}
+
+fn right_align(table: &mut Table, index: usize) {
+    if let Some(column) = table.column_mut(index) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+}
+
+fn micros(time: Duration) -> Value {
+    json!(u64::try_from(time.as_micros()).unwrap_or(u64::MAX))
+}
+
+fn show(time: Duration) -> String {
+    format!("{:.2} ms", time.as_secs_f64() * 1e3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_late_p99_and_a_lost_job_are_failures() {
+        let mut samples = Samples::default();
+        (1..=100).for_each(|ms| samples.add(Duration::from_millis(ms)));
+        let mut report = Report::new("x", "y");
+        report.timing(
+            "turn_around",
+            "turn-around",
+            &samples,
+            Some(Budget { time: Duration::from_millis(110), source: "§9.4" }),
+        );
+        assert!(report.is_good());
+        report.timing(
+            "turn_around",
+            "turn-around",
+            &samples,
+            Some(Budget { time: Duration::from_millis(90), source: "§9.4" }),
+        );
+        report.jobs(Jobs { sent: 2, executed_once: 1, lost: 1, ..Jobs::default() });
+        let object = report.to_json();
+        assert_eq!(object["ok"], false);
+        assert_eq!(
+            object["failures"],
+            json!(["turn-around: p99 is 99.01 ms, the budget 90.00 ms (§9.4)", "1 jobs were lost"])
+        );
+    }
+}

@@ -1,0 +1,83 @@
+//! `cellwire simulate`: one end of a link to test against, until interrupted.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use serde_json::{Value, json};
+
+use crate::links::Device;
+
+/// A simulated device to test against, until interrupted.
+///
+/// Prints one line of JSON when it is ready, with the address or the path to connect to, then one line for each event.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The device
+    device: Device,
+    #[command(flatten)]
+    endpoint: EndpointArgs,
+}
+
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct EndpointArgs {
+    /// Listen on this TCP address; port 0 takes any free one
+    #[arg(long, value_name = "ADDR")]
+    listen: Option<String>,
+    /// Connect to this TCP address, for a device that is a TCP client
+    #[arg(long, value_name = "ADDR")]
+    connect: Option<String>,
+    /// Make a pseudo-terminal and a link to it at this path
+    #[arg(long, value_name = "LINKPATH")]
+    pty: Option<PathBuf>,
+}
+
+/// What a simulator is told.
+#[derive(Debug)]
+pub struct SimulateOptions {
+    /// Where it is reached.
+    pub endpoint: Endpoint,
+}
+
+/// Where a simulated device is reached.
+#[derive(Debug)]
+pub enum Endpoint {
+    /// A TCP address to listen on.
+    Listen(String),
+    /// A TCP address to connect to.
+    Connect(String),
+    /// The path of a link to a pseudo-terminal.
+    Pty(PathBuf),
+}
+
+/// Runs until interrupted.
+pub fn run(args: &Args) -> Result<bool> {
+    let endpoint = match &args.endpoint {
+        EndpointArgs { listen: Some(address), .. } => Endpoint::Listen(address.clone()),
+        EndpointArgs { connect: Some(address), .. } => Endpoint::Connect(address.clone()),
+        EndpointArgs { pty: Some(path), .. } => Endpoint::Pty(path.clone()),
+        _ => anyhow::bail!("give --listen, --connect or --pty"),
+    };
+    args.device.simulate(&SimulateOptions { endpoint })?;
+    Ok(true)
+}
+
+/// Prints the line that says the device is ready, and where: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
+///
+/// # Errors
+/// When standard output is gone.
+pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
+    log(&json!({"ready": device, kind: place}))
+}
+
+/// Prints one line of JSON and flushes it: a script reads it while the device runs.
+///
+/// # Errors
+/// When standard output is gone.
+pub fn log(line: &Value) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{line}")?;
+    out.flush()?;
+    Ok(())
+}

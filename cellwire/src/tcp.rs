@@ -1,0 +1,184 @@
+//! Loopback TCP: errors that say what to do, and a proxy that commits the faults of a network.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+
+/// Listens; the error says what to do about it.
+///
+/// # Errors
+/// When the address is none, or is in use, or is not this machine's.
+pub fn listen(address: &str) -> Result<TcpListener> {
+    TcpListener::bind(address).map_err(|error| {
+        let advice = match error.kind() {
+            ErrorKind::AddrInUse => "the port is in use; choose another, or port 0 for any free one",
+            ErrorKind::PermissionDenied => "ports below 1024 need more rights; choose a higher one",
+            ErrorKind::AddrNotAvailable => "the address is not this machine's; use 127.0.0.1 or 0.0.0.0",
+            ErrorKind::InvalidInput => "give an address and a port, such as 127.0.0.1:9105",
+            _ => "",
+        };
+        let context = format!("cannot listen on {address}");
+        match advice {
+            "" => anyhow::Error::new(error).context(context),
+            advice => anyhow::anyhow!("{context}: {advice}"),
+        }
+    })
+}
+
+/// Connects, without Nagle's delay: each exchange is one packet each way.
+///
+/// # Errors
+/// When nobody listens there.
+pub fn connect(address: &str) -> Result<TcpStream> {
+    let stream = TcpStream::connect(address).with_context(|| format!("cannot connect to {address}"))?;
+    stream.set_nodelay(true)?;
+    Ok(stream)
+}
+
+/// What a [`FaultyProxy`] has done so far.
+#[derive(Debug, Default)]
+pub struct Faults {
+    /// Reads that were passed on in pieces.
+    pub splits: AtomicU64,
+    /// Reads that were passed on late.
+    pub delays: AtomicU64,
+    /// Connections that were broken in the middle of a read.
+    pub disconnects: AtomicU64,
+}
+
+/// Stands between a client and a server, and commits what a network can: it splits, merges, delays and disconnects.
+///
+/// It never damages a byte, because TCP does not. It ends when dropped.
+#[derive(Debug)]
+pub struct FaultyProxy {
+    address: SocketAddr,
+    faults: Arc<Faults>,
+    stop: Arc<AtomicBool>,
+}
+
+impl FaultyProxy {
+    /// Listens on a free loopback port and passes every connection on to `server`. `breaks` is the probability that a
+    /// read breaks the connection.
+    ///
+    /// # Errors
+    /// When no port is free.
+    pub fn start(server: SocketAddr, seed: u64, breaks: f64) -> Result<Self> {
+        let listener = listen("127.0.0.1:0")?;
+        let address = listener.local_addr()?;
+        let (faults, stop) = (Arc::new(Faults::default()), Arc::new(AtomicBool::new(false)));
+        let (shared, ended) = (Arc::clone(&faults), Arc::clone(&stop));
+        thread::spawn(move || {
+            let mut rng = fastrand::Rng::with_seed(seed);
+            for client in listener.incoming() {
+                if ended.load(Ordering::Relaxed) {
+                    return;
+                }
+                // A server that is not there closes the client's connection: that is how a proxy says so.
+                let (Ok(client), Ok(server)) = (client, TcpStream::connect(server)) else { continue };
+                for (from, to) in [(&client, &server), (&server, &client)] {
+                    let (Ok(from), Ok(to)) = (from.try_clone(), to.try_clone()) else { continue };
+                    let (rng, faults) = (rng.fork(), Arc::clone(&shared));
+                    thread::spawn(move || pass_on(from, to, rng, breaks, &faults));
+                }
+            }
+        });
+        Ok(Self { address, faults, stop })
+    }
+
+    /// Where a client connects.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What it has done so far.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
+    }
+}
+
+impl Drop for FaultyProxy {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let _ = TcpStream::connect(self.address); // wakes the listener
+    }
+}
+
+fn pass_on(mut from: TcpStream, mut to: TcpStream, mut rng: fastrand::Rng, breaks: f64, faults: &Faults) {
+    let _ = to.set_nodelay(true);
+    let mut buffer = vec![0; 16 * 1024];
+    loop {
+        // A late read merges whatever came meanwhile.
+        if rng.f64() < 0.05 {
+            faults.delays.fetch_add(1, Ordering::Relaxed);
+            thread::sleep(Duration::from_micros(rng.u64(100..20_000)));
+        }
+        let Ok(n) = from.read(&mut buffer) else { break };
+        let mut rest = buffer.get(..n).unwrap_or_default();
+        if rest.is_empty() {
+            break;
+        }
+        if rng.f64() < breaks {
+            faults.disconnects.fetch_add(1, Ordering::Relaxed);
+            let _ = to.write_all(rest.get(..rng.usize(0..n)).unwrap_or_default());
+            break;
+        }
+        if rng.f64() < 0.3 {
+            faults.splits.fetch_add(1, Ordering::Relaxed);
+            while rest.len() > 1 && rng.f64() < 0.7 {
+                let (head, tail) = rest.split_at(rng.usize(1..rest.len()));
+                if to.write_all(head).is_err() {
+                    return;
+                }
+                thread::sleep(Duration::from_micros(rng.u64(50..1_000)));
+                rest = tail;
+            }
+        }
+        if to.write_all(rest).is_err() {
+            break;
+        }
+    }
+    let _ = to.shutdown(Shutdown::Both);
+    let _ = from.shutdown(Shutdown::Both);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_in_use_is_said() {
+        let taken = listen("127.0.0.1:0").unwrap();
+        let address = taken.local_addr().unwrap().to_string();
+        let error = listen(&address).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            format!(
+                "cannot listen on {address}: the port is in use; choose another, or port 0 for any free one"
+            )
+        );
+        assert!(format!("{:#}", listen("nonsense").unwrap_err()).starts_with("cannot listen on nonsense: "));
+    }
+
+    #[test]
+    fn the_proxy_keeps_every_byte_in_order_until_it_breaks() {
+        let server = listen("127.0.0.1:0").unwrap();
+        let proxy = FaultyProxy::start(server.local_addr().unwrap(), 1, 0.0).unwrap();
+        let sent: Vec<u8> = (0..=255).cycle().take(100_000).collect();
+        let mut client = connect(&proxy.address().to_string()).unwrap();
+        let copy = sent.clone();
+        let writer = thread::spawn(move || {
+            copy.chunks(1000).for_each(|chunk| client.write_all(chunk).unwrap());
+            client.shutdown(Shutdown::Write).unwrap();
+        });
+        let mut received = Vec::new();
+        server.accept().unwrap().0.read_to_end(&mut received).unwrap();
+        writer.join().unwrap();
+        assert_eq!(received, sent);
+        assert!(proxy.faults().splits.load(Ordering::Relaxed) > 0);
+    }
+}

@@ -1,0 +1,131 @@
+//! `cellwire vectors check`: the reference vectors through the codecs that the tool uses.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use clap::{Subcommand, ValueEnum};
+use serde::Deserialize;
+use serde_json::{Map, Value};
+
+use crate::codec::{Item, Stream};
+use crate::encode::hex;
+use crate::links::{CodecOptions, Link};
+
+/// The reference vectors.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Runs every vector through the codecs, both ways; prints a line a link, and every vector that does not agree
+    Check {
+        /// The folder of the vectors
+        #[arg(default_value = "reference/vectors")]
+        dir: PathBuf,
+    },
+}
+
+#[derive(Deserialize)]
+struct File {
+    vectors: Vec<Vector>,
+}
+
+#[derive(Deserialize)]
+struct Vector {
+    id: u32,
+    comment: String,
+    from: Option<String>,
+    #[serde(default)]
+    options: Map<String, Value>,
+    hex: String,
+    result: String,
+    message: Option<Value>,
+    error: Option<Value>,
+}
+
+/// Returns true when every vector agrees.
+pub fn run(args: &Args) -> Result<bool> {
+    let Command::Check { dir } = &args.command;
+    let mut files: Vec<PathBuf> = std::fs::read_dir(dir)
+        .with_context(|| format!("cannot read {}; give the folder of the vectors", dir.display()))?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<Result<_>>()?;
+    files.retain(|path| path.extension().is_some_and(|e| e == "json"));
+    files.sort();
+    anyhow::ensure!(!files.is_empty(), "{} has no vectors: no file ends in .json", dir.display());
+    let mut all = true;
+    for path in &files {
+        all &= check_file(path).with_context(|| path.display().to_string())?;
+    }
+    Ok(all)
+}
+
+fn check_file(path: &Path) -> Result<bool> {
+    let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
+    let link = Link::from_str(name, false).map_err(|_| anyhow::anyhow!("no link is called {name}"))?;
+    let file: File = serde_json::from_str(&std::fs::read_to_string(path)?)?;
+    let mut disagree = 0;
+    for vector in &file.vectors {
+        if let Err(error) = check(link, vector) {
+            disagree += 1;
+            println!("{name} {}: {error:#} ({})", vector.id, vector.comment);
+        }
+    }
+    println!("{name}: {} vectors, {disagree} disagree", file.vectors.len());
+    Ok(disagree == 0)
+}
+
+fn check(link: Link, vector: &Vector) -> Result<()> {
+    let options = CodecOptions { from: vector.from.clone(), settings: vector.options.clone() };
+    let bytes = unhex(&vector.hex)?;
+    let mut items: Vec<Item> = Vec::new();
+    let mut emit = |item| {
+        items.push(item);
+        Ok(())
+    };
+    let mut stream = Stream::new(link.codec(&options)?);
+    stream.push(&bytes, &mut emit)?;
+    stream.finish(&mut emit)?;
+    let covered: u64 = items.iter().map(|item| item.length).sum();
+    anyhow::ensure!(covered == bytes.len() as u64, "the items cover {covered} of {} bytes", bytes.len());
+    match (vector.result.as_str(), &vector.message, &vector.error) {
+        ("valid" | "acceptable", Some(message), _) => {
+            let found: Vec<_> = items.iter().map(|item| &item.content).collect();
+            anyhow::ensure!(found == [&Ok(message.clone())], "decodes to {found:?}, not to {message}");
+            if vector.result == "valid" {
+                let encoded = link.codec(&options)?.encode(message.clone())?;
+                anyhow::ensure!(encoded == bytes, "encodes to {}", hex(&encoded));
+            }
+            Ok(())
+        }
+        ("invalid", _, Some(error)) => {
+            let fits = items.iter().any(|item| matches!(&item.content, Err(found) if includes(found, error)));
+            anyhow::ensure!(
+                fits,
+                "gives {:?}, not the error {error}",
+                items.iter().map(|i| &i.content).collect::<Vec<_>>()
+            );
+            Ok(())
+        }
+        _ => anyhow::bail!("the vector has neither a message nor an error"),
+    }
+}
+
+/// True when `found` holds everything that `expected` holds.
+fn includes(found: &Value, expected: &Value) -> bool {
+    match (found, expected) {
+        (Value::Object(found), Value::Object(expected)) => {
+            expected.iter().all(|(key, value)| found.get(key).is_some_and(|f| includes(f, value)))
+        }
+        _ => found == expected,
+    }
+}
+
+fn unhex(text: &str) -> Result<Vec<u8>> {
+    let digits: Vec<u8> = text.bytes().filter(|b| !b.is_ascii_whitespace()).collect();
+    let pairs = digits.chunks(2).map(|pair| Ok(u8::from_str_radix(core::str::from_utf8(pair)?, 16)?));
+    pairs.collect::<Result<_>>().with_context(|| format!("not hex: {text}"))
+}

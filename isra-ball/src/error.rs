@@ -1,0 +1,107 @@
+use core::time::Duration;
+
+/// The ball's fault, or the line's.
+///
+/// Offsets count from the first byte of the packet; where that byte stands in the stream,
+/// [`Decoder::position`](crate::Decoder::position) says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// The header must be n, −n and n XOR 55h (§4.2).
+    #[error("no packet header: byte {offset} is {found:#04x}, not {expected:#04x}")]
+    Header {
+        /// 1 or 2: the byte that does not fit the first.
+        offset: usize,
+        /// What the first byte asks for.
+        expected: u8,
+        /// What stands there.
+        found: u8,
+    },
+    /// Bytes that no packet header begins. Only the stream decoder gives it.
+    #[error("{length} bytes without a packet header")]
+    Noise {
+        /// The bytes skipped.
+        length: usize,
+    },
+    /// The sum of n, the data bytes and the checksum must be 0 modulo 256 (§4.2).
+    #[error("checksum is {found:#04x}, the data gives {expected:#04x} (at byte {offset})")]
+    Checksum {
+        /// Where the checksum stands.
+        offset: usize,
+        /// The checksum of the bytes before it.
+        expected: u8,
+        /// The checksum that came.
+        found: u8,
+    },
+    /// The stream paused or ended inside a packet. On a line with XON/XOFF switched on this is what the lost force values
+    /// 17 and 19 look like.
+    #[error("packet ends after {found} of {expected} bytes")]
+    Incomplete {
+        /// The bytes of the whole packet by its length byte, checksum included.
+        expected: usize,
+        /// The bytes that came.
+        found: usize,
+    },
+    /// A good packet, but not of the eight data bytes whose meaning the source gives: the DIP switches are set another way
+    /// (§4.1).
+    #[error("packet has {found} data bytes, the layout of {expected} is known")]
+    Layout {
+        /// 8.
+        expected: usize,
+        /// n of the packet.
+        found: usize,
+    },
+}
+
+/// The caller's fault: a value that the wire cannot carry.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The output slice is too short.
+    #[error("output has room for {found} bytes, {expected} are needed")]
+    Buffer {
+        /// The bytes needed.
+        expected: usize,
+        /// The room there is.
+        found: usize,
+    },
+    /// The sensor type has three bits (§4.2).
+    #[error("sensor type {found} is not in 0..=7")]
+    SensorType {
+        /// The value given.
+        found: u8,
+    },
+    /// The sensor number has three bits (§4.2).
+    #[error("sensor number {found} is not in 0..=7")]
+    Sensor {
+        /// The value given.
+        found: u8,
+    },
+    /// Only packets of eight data bytes are written.
+    #[error("{found} data bytes, only packets of {expected} are written")]
+    Layout {
+        /// 8.
+        expected: usize,
+        /// The data bytes given.
+        found: usize,
+    },
+}
+
+/// The caller's fault: a session that cannot work as configured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// A poll and its packet do not fit the line in this period.
+    #[error("poll period {found:?} is shorter than the {minimum:?} that a poll and its packet take")]
+    Period {
+        /// [`timing::min_period`](crate::timing::min_period) of the baud rate.
+        minimum: Duration,
+        /// The period asked for.
+        found: Duration,
+    },
+    /// The ball's own identity does not fit its ID byte.
+    #[error(transparent)]
+    Identity(#[from] EncodeError),
+}

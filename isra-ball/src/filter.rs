@@ -1,0 +1,63 @@
+/// The ball's TRA, ROT and DOM keys, in software (§4): they may be wanted where the ball has none, or on another device.
+///
+/// | TRA | ROT | DOM | passes |
+/// | --- | --- | --- | --- |
+/// | – | – | – | all six axes |
+/// | ● | – | – | the three forces |
+/// | – | ● | – | the three moments |
+/// | – | – | ● | the strongest of the six |
+/// | ● | – | ● | the strongest force |
+/// | – | ● | ● | the strongest moment |
+/// | ● | ● | – / ● | as without both: the source does not say |
+///
+/// Of equally strong axes the first of X, Y, Z, MX, MY, MZ passes. Forces and moments are compared by their raw numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Filter {
+    /// The axes that pass.
+    pub axes: Axes,
+    /// DOM: only the strongest of them.
+    pub dominant: bool,
+}
+
+/// Half of the six axes, or all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Axes {
+    /// Forces and moments.
+    #[default]
+    All,
+    /// TRA: the forces.
+    Translation,
+    /// ROT: the moments.
+    Rotation,
+}
+
+impl Filter {
+    /// The filter of the three keys.
+    pub const fn from_keys(tra: bool, rot: bool, dom: bool) -> Self {
+        let axes = match (tra, rot) {
+            (true, false) => Axes::Translation,
+            (false, true) => Axes::Rotation,
+            (false, false) | (true, true) => Axes::All,
+        };
+        Self { axes, dominant: dom }
+    }
+
+    /// X, Y, Z, MX, MY, MZ with 0 for every axis that does not pass.
+    pub fn apply(self, [x, y, z, mx, my, mz]: [i8; 6]) -> [i8; 6] {
+        let passed = match self.axes {
+            Axes::All => [x, y, z, mx, my, mz],
+            Axes::Translation => [x, y, z, 0, 0, 0],
+            Axes::Rotation => [0, 0, 0, mx, my, mz],
+        };
+        if !self.dominant {
+            return passed;
+        }
+        let strongest = passed.iter().fold(0, |max, axis| axis.unsigned_abs().max(max));
+        let mut found = false;
+        passed.map(|axis| {
+            let first = !found && axis.unsigned_abs() == strongest;
+            found |= first;
+            if first { axis } else { 0 }
+        })
+    }
+}

@@ -1,0 +1,125 @@
+use crate::{DecodeError, EncodeError, Packet};
+
+/// The byte that asks for one packet, ASCII Enquire (§4.2).
+pub const ENQ: u8 = 0x05;
+
+const XOR: u8 = 0x55;
+
+/// A packet in its envelope: `n  −n  n⊕55h  data…  checksum`, n being the number of data bytes.
+///
+/// The ball of the source sends n = 8, and [`Frame::packet`] reads those. Other settings of its DIP switches change n in ways
+/// the source does not give: such packets are decoded and their data left as it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Frame<'a> {
+    data: &'a [u8],
+}
+
+impl<'a> Frame<'a> {
+    /// Length byte, its complement, its XOR, and the checksum.
+    pub const OVERHEAD: usize = 4;
+    /// The longest packet on the wire.
+    pub const MAX_LEN: usize = 255 + Self::OVERHEAD;
+
+    /// Reads the packet that begins at the first byte. `None`: more bytes are needed.
+    ///
+    /// # Errors
+    /// [`DecodeError::Header`] as soon as one of the first three bytes is wrong, [`DecodeError::Checksum`].
+    #[inline]
+    pub fn decode(bytes: &'a [u8]) -> Result<Option<(Self, usize)>, DecodeError> {
+        let Some((header, rest)) = bytes.split_first_chunk::<3>() else {
+            return check_header(bytes).map(|()| None);
+        };
+        check_header(header)?;
+        let n = header[0];
+        let Some((data, [found, ..])) = rest.split_at_checked(n.into()) else {
+            return Ok(None);
+        };
+        let expected = checksum(data);
+        if expected != *found {
+            return Err(DecodeError::Checksum { offset: 3 + data.len(), expected, found: *found });
+        }
+        Ok(Some((Self { data }, data.len() + Self::OVERHEAD)))
+    }
+
+    /// Writes the packet; the bytes written.
+    ///
+    /// # Errors
+    /// [`EncodeError::Layout`] unless there are 8 data bytes, [`EncodeError::Buffer`].
+    pub fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let Ok(data) = <&[u8; Packet::DATA_LEN]>::try_from(self.data) else {
+            return Err(EncodeError::Layout { expected: Packet::DATA_LEN, found: self.data.len() });
+        };
+        let room = out.len();
+        let Some(out) = out.first_chunk_mut() else {
+            return Err(EncodeError::Buffer { expected: self.encoded_len(), found: room });
+        };
+        *out = envelope(data);
+        Ok(out.len())
+    }
+
+    /// The bytes that the packet takes on the wire.
+    pub fn encoded_len(&self) -> usize {
+        self.data.len() + Self::OVERHEAD
+    }
+
+    /// A frame around data bytes; at most 255 fit.
+    pub fn new(data: &'a [u8]) -> Option<Self> {
+        u8::try_from(data.len()).is_ok().then_some(Self { data })
+    }
+
+    /// The data bytes: ID, forces, moments and keys when there are 8 of them.
+    pub fn data(&self) -> &'a [u8] {
+        self.data
+    }
+
+    /// The typed view.
+    ///
+    /// # Errors
+    /// [`DecodeError::Layout`] unless there are 8 data bytes.
+    #[inline]
+    pub fn packet(&self) -> Result<Packet, DecodeError> {
+        match self.data.try_into() {
+            Ok(data) => Ok(Packet::from_data(data)),
+            Err(_) => Err(DecodeError::Layout { expected: Packet::DATA_LEN, found: self.data.len() }),
+        }
+    }
+}
+
+/// The packet's object, or `{"data":[…]}` when the layout is unknown.
+#[cfg(feature = "serde")]
+impl serde::Serialize for Frame<'_> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        use serde::ser::SerializeStruct;
+        if let Ok(packet) = self.packet() {
+            return packet.serialize(serializer);
+        }
+        let mut object = serializer.serialize_struct("Frame", 1)?;
+        object.serialize_field("data", self.data)?;
+        object.end()
+    }
+}
+
+/// Whether up to three bytes can begin a packet.
+#[inline]
+pub(crate) fn check_header(bytes: &[u8]) -> Result<(), DecodeError> {
+    let Some((&n, rest)) = bytes.split_first() else { return Ok(()) };
+    for (offset, (&found, expected)) in (1..).zip(rest.iter().zip([n.wrapping_neg(), n ^ XOR])) {
+        if found != expected {
+            return Err(DecodeError::Header { offset, expected, found });
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn envelope(data: &[u8; Packet::DATA_LEN]) -> [u8; Packet::LEN] {
+    const N: u8 = 8;
+    let [id, fx, fy, fz, mx, my, mz, keys] = *data;
+    [N, N.wrapping_neg(), N ^ XOR, id, fx, fy, fz, mx, my, mz, keys, checksum(data)]
+}
+
+/// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).
+#[inline]
+fn checksum(data: &[u8]) -> u8 {
+    let n = data.len().to_le_bytes()[0];
+    data.iter().fold(n, |sum, byte| sum.wrapping_add(*byte)).wrapping_neg()
+}

@@ -1,0 +1,66 @@
+/// The eight user keys: bit k − 1 is key k, 1 = down (§4.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(transparent))]
+pub struct Keys(
+    /// The byte on the wire.
+    pub u8,
+);
+
+impl Keys {
+    /// All keys up.
+    pub const NONE: Self = Self(0);
+
+    /// These keys with key 1..=8 down. Other numbers change nothing: the ball has no such key.
+    #[must_use]
+    pub const fn with(self, key: u8) -> Self {
+        Self(self.0 | Self::bit(key))
+    }
+
+    /// Whether key 1..=8 is down.
+    pub const fn is_down(self, key: u8) -> bool {
+        self.0 & Self::bit(key) != 0
+    }
+
+    /// The numbers, 1..=8, of the keys that are down.
+    pub fn iter(self) -> impl Iterator<Item = u8> {
+        (1..=8).filter(move |key| self.is_down(*key))
+    }
+
+    const fn bit(key: u8) -> u8 {
+        match key {
+            1..=8 => 1 << (key - 1),
+            _ => 0,
+        }
+    }
+}
+
+/// Finds the keys that went down or up between two packets.
+///
+/// A key that is down in the first packet is not an edge: a gripper must not move because somebody leaned on its key while the
+/// link came up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct KeyEdges {
+    last: Option<Keys>,
+}
+
+impl KeyEdges {
+    /// Before the first packet.
+    pub const fn new() -> Self {
+        Self { last: None }
+    }
+
+    /// Takes the keys of the next packet.
+    pub fn update(&mut self, keys: Keys) -> Edges {
+        let last = self.last.replace(keys).unwrap_or(keys);
+        Edges { pressed: Keys(keys.0 & !last.0), released: Keys(last.0 & !keys.0) }
+    }
+}
+
+/// The keys that changed between two packets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Edges {
+    /// Went down.
+    pub pressed: Keys,
+    /// Went up.
+    pub released: Keys,
+}

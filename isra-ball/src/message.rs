@@ -1,0 +1,142 @@
+use crate::frame::envelope;
+use crate::{EncodeError, Frame, Keys};
+
+/// One measurement of the ball: forces, moments and keys (§4.2).
+///
+/// The source gives neither units nor the signs of the axes: the values are the raw −128..=127 of the sensor. Which way the
+/// robot goes is for the caller to decide, and to try out slowly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+pub struct Packet {
+    /// Sensor type, 0..=7.
+    pub sensor_type: u8,
+    /// Sensor number, 0..=7.
+    pub sensor: u8,
+    /// Whether the values are new.
+    pub status: Status,
+    /// Force along X, Y, Z.
+    pub force: [i8; 3],
+    /// Moment about X, Y, Z.
+    pub moment: [i8; 3],
+    /// The keys that are down.
+    pub keys: Keys,
+}
+
+impl Packet {
+    /// ID byte, three forces, three moments, keys.
+    pub const DATA_LEN: usize = 8;
+    /// The bytes on the wire.
+    pub const LEN: usize = Self::DATA_LEN + Frame::OVERHEAD;
+
+    /// Writes the packet in its envelope; the bytes written.
+    ///
+    /// # Errors
+    /// [`EncodeError::SensorType`], [`EncodeError::Sensor`], [`EncodeError::Buffer`].
+    pub fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let bytes = self.to_bytes()?;
+        let room = out.len();
+        let Some(out) = out.first_chunk_mut() else {
+            return Err(EncodeError::Buffer { expected: Self::LEN, found: room });
+        };
+        *out = bytes;
+        Ok(Self::LEN)
+    }
+
+    /// The packet in its envelope.
+    ///
+    /// # Errors
+    /// [`EncodeError::SensorType`], [`EncodeError::Sensor`].
+    pub fn to_bytes(&self) -> Result<[u8; Self::LEN], EncodeError> {
+        self.to_data().map(|data| envelope(&data))
+    }
+
+    /// Appends the packet in its envelope; the bytes written.
+    ///
+    /// # Errors
+    /// [`EncodeError::SensorType`], [`EncodeError::Sensor`], [`EncodeError::Buffer`].
+    #[cfg(feature = "bytes")]
+    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<usize, EncodeError> {
+        let bytes = self.to_bytes()?;
+        if out.remaining_mut() < Self::LEN {
+            return Err(EncodeError::Buffer { expected: Self::LEN, found: out.remaining_mut() });
+        }
+        out.put_slice(&bytes);
+        Ok(Self::LEN)
+    }
+
+    /// The bytes on the wire: always 12.
+    pub fn encoded_len(&self) -> usize {
+        Self::LEN
+    }
+
+    /// X, Y, Z, MX, MY, MZ.
+    pub fn axes(&self) -> [i8; 6] {
+        let ([x, y, z], [mx, my, mz]) = (self.force, self.moment);
+        [x, y, z, mx, my, mz]
+    }
+
+    #[inline]
+    pub(crate) fn from_data([id, fx, fy, fz, mx, my, mz, keys]: [u8; Self::DATA_LEN]) -> Self {
+        Self {
+            sensor_type: id >> 4 & 7,
+            sensor: id & 7,
+            status: Status::from_id(id),
+            force: [fx.cast_signed(), fy.cast_signed(), fz.cast_signed()],
+            moment: [mx.cast_signed(), my.cast_signed(), mz.cast_signed()],
+            keys: Keys(keys),
+        }
+    }
+
+    fn to_data(self) -> Result<[u8; Self::DATA_LEN], EncodeError> {
+        if self.sensor_type > 7 {
+            return Err(EncodeError::SensorType { found: self.sensor_type });
+        }
+        if self.sensor > 7 {
+            return Err(EncodeError::Sensor { found: self.sensor });
+        }
+        let id = self.status.id_bits() | self.sensor_type << 4 | self.sensor;
+        let [fx, fy, fz, mx, my, mz] = self.axes().map(i8::cast_unsigned);
+        Ok([id, fx, fy, fz, mx, my, mz, self.keys.0])
+    }
+}
+
+/// The bits ab1 and ab0 of the ID byte (§4.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Status {
+    /// 00: asked for correctly, and the values are new.
+    Fresh,
+    /// 10: the ball's processor was not ready with new values and sends the ones before.
+    Old,
+    /// 01: the source gives it no meaning.
+    Reserved,
+    /// 11: the source gives it no meaning. Its `serde` form is `"reserved"` too, which reads back as 01.
+    #[cfg_attr(feature = "serde", serde(rename(serialize = "reserved", deserialize = "reserved_11")))]
+    Reserved11,
+}
+
+impl Status {
+    /// Whether the values are new. Old values are used but do not show that the sensor is alive, and neither does a status that
+    /// nobody knows.
+    pub fn is_fresh(self) -> bool {
+        self == Self::Fresh
+    }
+
+    fn from_id(id: u8) -> Self {
+        match (id & 0x80 != 0, id & 0x08 != 0) {
+            (false, false) => Self::Fresh,
+            (true, false) => Self::Old,
+            (false, true) => Self::Reserved,
+            (true, true) => Self::Reserved11,
+        }
+    }
+
+    fn id_bits(self) -> u8 {
+        match self {
+            Self::Fresh => 0x00,
+            Self::Old => 0x80,
+            Self::Reserved => 0x08,
+            Self::Reserved11 => 0x88,
+        }
+    }
+}

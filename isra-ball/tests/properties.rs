@@ -1,0 +1,199 @@
+//! What holds for every packet, every cut of a stream and every damage.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use bytes::BytesMut;
+use isra_ball::{Codec, DecodeError, Decoder, Filter, Frame, Host, Keys, Packet, Status, timing};
+use proptest::prelude::*;
+use tokio_util::codec::{Decoder as _, Encoder as _};
+
+type Item = Result<Vec<u8>, DecodeError>;
+
+fn packets() -> impl Strategy<Value = Packet> {
+    let status =
+        prop_oneof![Just(Status::Fresh), Just(Status::Old), Just(Status::Reserved), Just(Status::Reserved11)];
+    // Header bytes turn up in the data more often than by chance.
+    let byte = prop_oneof![any::<i8>(), Just(8), Just(-8), Just(0x5D)];
+    (0..8u8, 0..8u8, status, prop::array::uniform6(byte), any::<u8>()).prop_map(
+        |(sensor_type, sensor, status, [x, y, z, mx, my, mz], keys)| Packet {
+            sensor_type,
+            sensor,
+            status,
+            force: [x, y, z],
+            moment: [mx, my, mz],
+            keys: Keys(keys),
+        },
+    )
+}
+
+fn stream_bytes() -> impl Strategy<Value = Vec<u8>> {
+    let piece = prop_oneof![
+        packets().prop_map(|p| p.to_bytes().unwrap().to_vec()),
+        prop::collection::vec(any::<u8>(), 0..300),
+        prop::collection::vec(prop_oneof![Just(0u8), Just(0x55), Just(8), Just(0xF8), Just(0x5D)], 0..20),
+        any::<u8>().prop_map(|n| vec![n, n.wrapping_neg(), n ^ 0x55]),
+    ];
+    prop::collection::vec(piece, 0..6).prop_map(|pieces| pieces.concat())
+}
+
+fn drain(decoder: &mut Decoder, items: &mut Vec<(Item, u64)>) {
+    while let Some(item) = decoder.next_frame() {
+        let item = item.map(|frame| frame.data().to_vec());
+        items.push((item, decoder.position()));
+    }
+}
+
+fn decode<'a>(chunks: impl IntoIterator<Item = &'a [u8]>) -> Vec<(Item, u64)> {
+    let (mut decoder, mut items) = (Decoder::new(), Vec::new());
+    for mut chunk in chunks {
+        while !chunk.is_empty() {
+            chunk = &chunk[decoder.push(chunk)..];
+            drain(&mut decoder, &mut items);
+        }
+    }
+    decoder.finish();
+    drain(&mut decoder, &mut items);
+    items
+}
+
+proptest! {
+    #[test]
+    fn a_packet_reads_back(packet in packets(), tail in prop::collection::vec(any::<u8>(), 0..20)) {
+        let bytes = packet.to_bytes().unwrap();
+        let stream = [&bytes[..], &tail].concat();
+        let (frame, used) = Frame::decode(&stream).unwrap().unwrap();
+        prop_assert_eq!((frame.packet(), used), (Ok(packet), packet.encoded_len()));
+        for cut in 0..bytes.len() {
+            prop_assert_eq!(Frame::decode(&bytes[..cut]), Ok(None));
+        }
+        let mut appended = Vec::new();
+        prop_assert_eq!(packet.append_to(&mut appended), Ok(12));
+        prop_assert_eq!(&appended, &bytes);
+    }
+
+    #[test]
+    fn a_packet_survives_its_object(packet in packets()) {
+        let json = serde_json::to_value(packet).unwrap();
+        let back: Packet = serde_json::from_value(json).unwrap();
+        let status = if packet.status == Status::Reserved11 { Status::Reserved } else { packet.status };
+        prop_assert_eq!(back, Packet { status, ..packet });
+    }
+
+    #[test]
+    fn how_a_stream_is_cut_changes_nothing(stream in stream_bytes(), sizes in prop::collection::vec(1..600usize, 1..20)) {
+        let mut chunks = Vec::new();
+        let mut rest = &stream[..];
+        for size in sizes.iter().cycle() {
+            let (chunk, tail) = rest.split_at((*size).min(rest.len()));
+            chunks.push(chunk);
+            rest = tail;
+            if rest.is_empty() { break }
+        }
+        let whole = decode([&stream[..]]);
+        prop_assert_eq!(&decode(chunks), &whole);
+        prop_assert_eq!(&decode(stream.chunks(1)), &whole);
+    }
+
+    #[test]
+    fn items_tile_the_stream_and_say_what_stands_there(stream in stream_bytes()) {
+        let mut at = 0;
+        for (item, end) in decode([&stream[..]]) {
+            let bytes = &stream[at..usize::try_from(end).unwrap()];
+            prop_assert!(!bytes.is_empty());
+            match item {
+                Ok(data) => {
+                    prop_assert_eq!(Frame::decode(bytes), Ok(Some((Frame::new(&data).unwrap(), bytes.len()))));
+                }
+                Err(DecodeError::Noise { length }) => {
+                    prop_assert_eq!(length, bytes.len());
+                    let starts = Frame::decode(&stream[at..]);
+                    prop_assert!(matches!(starts, Err(DecodeError::Header { .. })), "{:?}", starts);
+                }
+                Err(DecodeError::Incomplete { expected, found }) => {
+                    prop_assert_eq!(found, bytes.len());
+                    prop_assert!(expected > stream.len() - at);
+                }
+                Err(error) => prop_assert_eq!(Frame::decode(&stream[at..]), Err(error)),
+            }
+            at += bytes.len();
+        }
+        prop_assert_eq!(at, stream.len());
+    }
+
+    #[test]
+    fn one_damaged_byte_costs_one_packet(
+        packets in prop::collection::vec(packets(), 3..6), at in any::<prop::sample::Index>(), flip in 1..=255u8,
+    ) {
+        let mut stream: Vec<u8> = packets.iter().flat_map(|p| p.to_bytes().unwrap()).collect();
+        let at = at.index(stream.len());
+        stream[at] ^= flip;
+        let mut found = Vec::new();
+        for (item, end) in decode([&stream[..]]) {
+            // A header can stand inside the damaged packet's data by chance; its checksum then gives it away, or 1 in 256 does not.
+            if let Ok(data) = item && end % 12 == 0 {
+                found.push((end / 12 - 1, data));
+            }
+        }
+        let whole = packets.iter().enumerate().filter(|(i, _)| *i != at / 12);
+        for (i, packet) in whole {
+            let data = packet.to_bytes().unwrap()[3..11].to_vec();
+            prop_assert!(found.contains(&(i as u64, data)), "packet {} is lost", i);
+        }
+    }
+
+    #[test]
+    fn the_codec_gives_what_the_decoder_gives(stream in stream_bytes(), size in 1..40usize) {
+        let (mut codec, mut src, mut items) = (Codec::new(), BytesMut::new(), Vec::new());
+        for chunk in stream.chunks(size) {
+            src.extend_from_slice(chunk);
+            while let Some(item) = codec.decode(&mut src).unwrap() {
+                items.push(item);
+            }
+        }
+        while let Some(item) = codec.decode_eof(&mut src).unwrap() {
+            items.push(item);
+        }
+        let direct: Vec<_> = decode([&stream[..]])
+            .into_iter()
+            .map(|(item, _)| item.and_then(|data| Frame::new(&data).unwrap().packet()))
+            .collect();
+        prop_assert_eq!(items, direct);
+    }
+
+    #[test]
+    fn the_codec_writes_packets(packet in packets()) {
+        let mut out = BytesMut::new();
+        Codec::new().encode(packet, &mut out).unwrap();
+        prop_assert_eq!(&out[..], &packet.to_bytes().unwrap());
+    }
+
+    #[test]
+    fn the_dominant_axis_is_the_strongest(axes in prop::array::uniform6(any::<i8>())) {
+        let passed = Filter::from_keys(false, false, true).apply(axes);
+        let strongest = axes.iter().map(|a| a.unsigned_abs()).max().unwrap();
+        let left: Vec<_> = passed.iter().filter(|a| **a != 0).collect();
+        prop_assert!(left.len() <= 1);
+        prop_assert_eq!(left.first().map_or(0, |a| a.unsigned_abs()), strongest);
+        prop_assert!(passed.iter().zip(axes).all(|(p, a)| *p == 0 || *p == a));
+    }
+
+    #[test]
+    fn a_host_survives_any_line_and_never_polls_faster_than_the_line_allows(
+        steps in prop::collection::vec((0..40_000u64, stream_bytes()), 1..30),
+    ) {
+        let mut host = Host::new(isra_ball::Config::default()).unwrap();
+        let (mut micros, mut last, mut out) = (0, None, [0; 16]);
+        for (pause, bytes) in steps {
+            micros += pause;
+            let now = core::time::Duration::from_micros(micros);
+            host.handle_input(now, &bytes);
+            if host.poll_transmit(now, &mut out).is_some() {
+                prop_assert!(last.is_none_or(|last| now - last >= timing::min_period(9600)), "{:?} {:?}", last, now);
+                last = Some(now);
+            }
+            prop_assert_eq!(host.poll_transmit(now, &mut out), None);
+            let events = core::iter::from_fn(|| host.poll_event()).count();
+            prop_assert!(events <= 8);
+            prop_assert!(host.poll_timeout().unwrap() > now || !host.is_alive());
+        }
+    }
+}

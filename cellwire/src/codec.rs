@@ -57,6 +57,11 @@ impl Stream {
         Self { codec, taken: 0 }
     }
 
+    /// How many bytes it has taken.
+    pub fn offset(&self) -> u64 {
+        self.taken
+    }
+
     /// Takes all of `bytes`, and hands out what is complete.
     ///
     /// # Errors

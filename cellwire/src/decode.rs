@@ -1,11 +1,16 @@
 //! `cellwire decode`: bytes in, a JSON object a line out.
 
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read, Write};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::ValueEnum;
+use serde_json::{Map, Value};
 
+use crate::capture::{self, Flow, Piece, Reassembly};
 use crate::codec::{Item, Stream};
 use crate::links::CodecArgs;
 
@@ -30,25 +35,28 @@ enum Format {
     Hex,
     /// The bytes themselves
     Raw,
+    /// A pcap or pcapng file: each direction of each connection is read by itself, and its lines say "flow" and "from"
+    Pcap,
 }
 
 /// Returns true when there was no damage.
 pub fn run(args: &Args) -> Result<bool> {
-    let codec = args.codec.link.codec(&args.codec.options())?;
-    let mut stream = Stream::new(codec);
-    let mut input: Box<dyn Read> = match &args.file {
+    let input: Box<dyn Read + Send> = match &args.file {
         Some(path) => {
             Box::new(std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?)
         }
-        None => Box::new(io::stdin().lock()),
+        None => Box::new(io::stdin()),
     };
-    let mut out = io::BufWriter::new(io::stdout().lock());
-    let mut clean = true;
-    let mut emit = |item: Item| {
-        clean &= item.content.is_ok();
-        writeln!(out, "{}", item.to_json())?;
-        Ok(())
-    };
+    let mut out = Lines { out: io::stdout().lock(), clean: true };
+    match args.format {
+        Format::Hex | Format::Raw => decode_stream(args, input, &mut out)?,
+        Format::Pcap => decode_capture(args, input, &mut out)?,
+    }
+    Ok(out.clean)
+}
+
+fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines<'_>) -> Result<()> {
+    let mut stream = Stream::new(args.codec.link.codec(&args.codec.options())?);
     let mut hex = HexReader::default();
     let mut buffer = vec![0; 64 * 1024];
     loop {
@@ -58,14 +66,118 @@ pub fn run(args: &Args) -> Result<bool> {
         }
         let bytes = buffer.get(..n).unwrap_or_default();
         match args.format {
-            Format::Raw => stream.push(bytes, &mut emit)?,
-            Format::Hex => stream.push(&hex.read(bytes)?, &mut emit)?,
+            Format::Hex => stream.push(&hex.read(bytes)?, |item| out.write(&item.to_json()))?,
+            Format::Raw | Format::Pcap => stream.push(bytes, |item| out.write(&item.to_json()))?,
         }
     }
     hex.finish()?;
-    stream.finish(&mut emit)?;
-    out.flush()?;
-    Ok(clean)
+    stream.finish(|item| out.write(&item.to_json()))
+}
+
+/// Each direction of each connection is a stream of its own; its lines say which.
+fn decode_capture(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines<'_>) -> Result<()> {
+    let link = args.codec.link;
+    let mut directions: BTreeMap<Flow, Direction> = BTreeMap::new();
+    let mut clients: BTreeSet<SocketAddr> = BTreeSet::new();
+    capture::read(input, |packet| {
+        if let (Flow::Tcp(from, _), true) = (packet.flow, packet.opens) {
+            clients.insert(from);
+        }
+        let direction = match directions.entry(packet.flow) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(_) if packet.payload.is_empty() && !packet.opens => return Ok(()),
+            Entry::Vacant(new) => {
+                let Some(direction) = Direction::new(args, packet.flow, &clients)? else { return Ok(()) };
+                new.insert(direction)
+            }
+        };
+        let pieces = match packet.flow {
+            Flow::Tcp(..) => direction.tcp.push(packet.sequence, packet.payload),
+            Flow::Udp(..) | Flow::Serial => vec![Piece::Bytes(packet.payload)],
+        };
+        direction.take(pieces, out)
+    })?;
+    anyhow::ensure!(
+        !directions.is_empty(),
+        "the capture holds no TCP, UDP or serial bytes for {}",
+        link.name()
+    );
+    for (_, mut direction) in directions {
+        let rest = core::mem::take(&mut direction.tcp).finish();
+        direction.take(rest, out)?;
+        let Direction { stream, label, .. } = direction;
+        stream.finish(|item| out.write(&labelled(&label, &item)))?;
+    }
+    Ok(())
+}
+
+/// One direction of a capture.
+struct Direction {
+    stream: Stream,
+    tcp: Reassembly,
+    label: Map<String, Value>,
+}
+
+impl Direction {
+    /// `None` when the direction is not the side that was asked for.
+    fn new(args: &Args, flow: Flow, clients: &BTreeSet<SocketAddr>) -> Result<Option<Self>> {
+        let mut options = args.codec.options();
+        let mut label = Map::new();
+        if let Flow::Tcp(from, to) | Flow::Udp(from, to) = flow {
+            // Without the beginning of the connection, the lower port is taken for the server's.
+            let is_client = match (clients.contains(&from), clients.contains(&to)) {
+                (true, false) => true,
+                (false, true) => false,
+                _ => from.port() > to.port(),
+            };
+            let side = args.codec.link.sender(is_client, if is_client { to.port() } else { from.port() });
+            if options.from.as_deref().is_some_and(|asked| asked != side) {
+                return Ok(None);
+            }
+            options.from = Some(side.into());
+            label.insert("flow".into(), format!("{from} > {to}").into());
+            label.insert("from".into(), side.into());
+        }
+        let stream = Stream::new(args.codec.link.codec(&options)?);
+        Ok(Some(Self { stream, tcp: Reassembly::default(), label }))
+    }
+
+    fn take(&mut self, pieces: Vec<Piece>, out: &mut Lines<'_>) -> Result<()> {
+        for piece in pieces {
+            match piece {
+                Piece::Bytes(bytes) => {
+                    self.stream.push(&bytes, |item| out.write(&labelled(&self.label, &item)))?
+                }
+                Piece::Gap(bytes) => {
+                    let content = Err(serde_json::json!({"kind": "gap", "missing": bytes}));
+                    let item = Item { offset: self.stream.offset(), length: 0, content };
+                    out.write(&labelled(&self.label, &item))?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn labelled(label: &Map<String, Value>, item: &Item) -> Value {
+    let mut line = label.clone();
+    if let Value::Object(object) = item.to_json() {
+        line.extend(object);
+    }
+    Value::Object(line)
+}
+
+/// Standard output, and whether every line so far was a message.
+struct Lines<'a> {
+    out: io::StdoutLock<'a>,
+    clean: bool,
+}
+
+impl Lines<'_> {
+    fn write(&mut self, line: &Value) -> Result<()> {
+        self.clean &= line.get("error").is_none();
+        Ok(writeln!(self.out, "{line}")?)
+    }
 }
 
 /// Reads hex that may be cut anywhere.

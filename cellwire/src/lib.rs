@@ -4,6 +4,7 @@
 
 #![allow(clippy::std_instead_of_core, reason = "the tool is a program with std")]
 
+pub mod capture;
 pub mod codec;
 pub mod decode;
 pub mod demo;

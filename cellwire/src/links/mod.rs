@@ -29,6 +29,11 @@ impl Link {
         match self {}
     }
 
+    /// The side that sends, in a capture: the TCP client, or the server on this port.
+    pub fn sender(self, _is_client: bool, _server_port: u16) -> &'static str {
+        match self {}
+    }
+
     /// The codec of what a side sends.
     ///
     /// # Errors

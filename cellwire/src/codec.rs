@@ -5,13 +5,16 @@ use serde_json::{Value, json};
 
 /// One direction of one link.
 ///
-/// The first three are the verbs of a link's `Decoder`, with frames and errors in their `serde` form.
+/// The first four are the verbs of a link's `Decoder`, with frames and errors in their `serde` form.
 pub trait Codec {
     /// Takes bytes; returns how many, 0 when the decoder's buffer is full.
     fn push(&mut self, bytes: &[u8]) -> usize;
 
     /// The next message object, or error object; `None` when more bytes are needed.
     fn next(&mut self) -> Option<Result<Value, Value>>;
+
+    /// The stream has ended: what is not whole becomes an error, or stays and is one by itself.
+    fn finish(&mut self);
 
     /// The stream offset just behind what `next` returned last.
     fn position(&self) -> u64;
@@ -85,7 +88,9 @@ impl Stream {
     ///
     /// # Errors
     /// Whatever `emit` returns.
-    pub fn finish(self, mut emit: impl FnMut(Item) -> Result<()>) -> Result<()> {
+    pub fn finish(mut self, mut emit: impl FnMut(Item) -> Result<()>) -> Result<()> {
+        self.codec.finish();
+        self.drain(&mut emit)?;
         let offset = self.codec.position();
         let length = self.taken - offset;
         if length == 0 {

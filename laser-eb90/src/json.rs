@@ -1,0 +1,226 @@
+//! The `message` object of a frame: `{"items":[{"f32":[…]},{"i16":[…]},{"u8":[…]},{"char":"…"}]}`.
+
+use core::fmt;
+
+use serde::de::{DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
+use serde::ser::{SerializeSeq, SerializeStruct, Serializer};
+use serde::{Deserialize, Serialize};
+
+use crate::error::EncodeError;
+use crate::frame::Frame;
+use crate::message::{Items, Number, Payload, Values};
+
+impl Serialize for Frame<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut object = serializer.serialize_struct("Frame", 1)?;
+        object.serialize_field("items", &self.items())?;
+        object.end()
+    }
+}
+
+impl Serialize for Items<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(*self)
+    }
+}
+
+impl<T: Number + Serialize> Serialize for Values<'_, T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut list = serializer.serialize_seq(Some(self.len()))?;
+        for value in self.iter() {
+            list.serialize_element(&value)?;
+        }
+        list.end()
+    }
+}
+
+/// Bytes as a string of the characters U+0000 to U+00FF.
+pub(crate) fn latin1<S: Serializer>(bytes: &&[u8], serializer: S) -> Result<S::Ok, S::Error> {
+    struct Latin1<'a>(&'a [u8]);
+
+    impl fmt::Display for Latin1<'_> {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            self.0.iter().try_for_each(|&byte| fmt::Write::write_char(f, char::from(byte)))
+        }
+    }
+
+    serializer.collect_str(&Latin1(bytes))
+}
+
+/// Reads a `message` object into the payload: `(&mut payload).deserialize(deserializer)`.
+///
+/// A seed, because the bytes of a message follow from the payload's profile; nothing is allocated.
+impl<'de> DeserializeSeed<'de> for &mut Payload<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_map(Object(self))
+    }
+}
+
+struct Object<'p, 'b>(&'p mut Payload<'b>);
+
+impl<'de> Visitor<'de> for Object<'_, '_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an object with one field `items`")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
+        #[derive(Deserialize)]
+        #[serde(field_identifier, rename_all = "lowercase")]
+        enum Field {
+            Items,
+        }
+        let Some(Field::Items) = map.next_key()? else { return Err(A::Error::missing_field("items")) };
+        map.next_value_seed(List(self.0))?;
+        match map.next_key::<Field>()? {
+            None => Ok(()),
+            Some(_) => Err(A::Error::duplicate_field("items")),
+        }
+    }
+}
+
+struct List<'p, 'b>(&'p mut Payload<'b>);
+
+impl<'de> DeserializeSeed<'de> for List<'_, '_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for List<'_, '_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a list of items")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
+        while list.next_element_seed(OneItem(self.0))?.is_some() {}
+        Ok(())
+    }
+}
+
+struct OneItem<'p, 'b>(&'p mut Payload<'b>);
+
+impl<'de> DeserializeSeed<'de> for OneItem<'_, '_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for OneItem<'_, '_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an item: an object with one field, `f32`, `i16`, `u8` or `char`")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
+        #[derive(Deserialize)]
+        #[serde(field_identifier, rename_all = "lowercase")]
+        enum Field {
+            F32,
+            I16,
+            U8,
+            Char,
+        }
+        let payload = self.0;
+        let Some(field) = map.next_key()? else { return Err(A::Error::custom("an item without a type")) };
+        let written = match field {
+            Field::F32 => {
+                let Numbers(values, count) = map.next_value()?;
+                payload.f32(values.get(..count).unwrap_or_default()).map(drop)
+            }
+            Field::I16 => {
+                let Numbers(values, count) = map.next_value()?;
+                payload.i16(values.get(..count).unwrap_or_default()).map(drop)
+            }
+            Field::U8 => {
+                let Numbers(values, count) = map.next_value()?;
+                payload.u8(values.get(..count).unwrap_or_default()).map(drop)
+            }
+            Field::Char => {
+                let Text(values, count) = map.next_value()?;
+                payload.char(values.get(..count).unwrap_or_default()).map(drop)
+            }
+        };
+        written.map_err(A::Error::custom)?;
+        match map.next_key::<Field>()? {
+            None => Ok(()),
+            Some(_) => Err(A::Error::custom("an item holds values of one type")),
+        }
+    }
+}
+
+/// Up to 255 numbers and how many there are.
+struct Numbers<T>([T; MAX_VALUES], usize);
+
+const MAX_VALUES: usize = 255;
+
+impl<'de, T: Deserialize<'de> + Copy + Default> Deserialize<'de> for Numbers<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Read<T>(Numbers<T>);
+
+        impl<'de, T: Deserialize<'de> + Copy + Default> Visitor<'de> for Read<T> {
+            type Value = Numbers<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a list of up to 255 numbers")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Numbers<T>, A::Error> {
+                let Self(Numbers(mut values, mut count)) = self;
+                while let Some(value) = list.next_element()? {
+                    let slot = values.get_mut(count).ok_or_else(|| too_many::<A::Error>(count))?;
+                    *slot = value;
+                    count += 1;
+                }
+                Ok(Numbers(values, count))
+            }
+        }
+
+        deserializer.deserialize_seq(Read(Numbers([T::default(); MAX_VALUES], 0)))
+    }
+}
+
+/// Up to 255 characters, each a byte, and how many there are.
+struct Text([u8; MAX_VALUES], usize);
+
+impl<'de> Deserialize<'de> for Text {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Read;
+
+        impl Visitor<'_> for Read {
+            type Value = Text;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a string of up to 255 characters U+0000 to U+00FF")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<Text, E> {
+                let mut values = [0; MAX_VALUES];
+                let mut count = 0;
+                for c in text.chars() {
+                    let slot = values.get_mut(count).ok_or_else(|| too_many::<E>(count))?;
+                    *slot = u8::try_from(c)
+                        .map_err(|_| E::custom(format_args!("{c:?} is no character U+0000 to U+00FF")))?;
+                    count += 1;
+                }
+                Ok(Text(values, count))
+            }
+        }
+
+        deserializer.deserialize_str(Read)
+    }
+}
+
+fn too_many<E: serde::de::Error>(count: usize) -> E {
+    E::custom(EncodeError::TooManyValues { count: count + 1 })
+}

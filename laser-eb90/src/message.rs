@@ -1,0 +1,329 @@
+//! What a frame carries: items, each a tag, a count and that many values of one type.
+
+use crate::error::{DecodeError, EncodeError};
+use crate::frame::{Frame, MAX_PAYLOAD};
+use crate::profile::{ByteOrder, Profile, Tags};
+
+/// One item of a payload: values of one type.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "lowercase"))]
+pub enum Item<'a> {
+    /// `float` values, tag F0h by default: IEEE 754, whatever the unit of the instruction is.
+    F32(Values<'a, f32>),
+    /// `short` values, tag F1h by default.
+    I16(Values<'a, i16>),
+    /// `byte` values, tag F2h by default.
+    U8(&'a [u8]),
+    /// `char` values, tag F3h by default: bytes of an unstated character set. In JSON each is the character U+0000 to
+    /// U+00FF of the same number.
+    Char(#[cfg_attr(feature = "serde", serde(serialize_with = "crate::json::latin1"))] &'a [u8]),
+}
+
+/// The items of a payload, in the order of the wire. Checked once, so that reading cannot fail.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Items<'a> {
+    bytes: &'a [u8],
+    tags: Tags,
+    order: ByteOrder,
+}
+
+impl<'a> Items<'a> {
+    /// Checks that a payload is nothing but whole items; it may be empty.
+    pub(crate) fn parse(payload: &'a [u8], profile: &Profile) -> Result<Self, DecodeError> {
+        let mut rest = payload;
+        while let Some((&tag, after)) = rest.split_first() {
+            let offset = payload.len() - rest.len();
+            let Some(kind) = Kind::of(tag, &profile.tags) else {
+                return Err(DecodeError::Tag { offset, found: tag });
+            };
+            let needed = after.first().map_or(2, |count| 2 + kind.bytes(*count));
+            let Some(next) = rest.get(needed..) else {
+                return Err(DecodeError::Item { offset, needed, found: rest.len() });
+            };
+            rest = next;
+        }
+        Ok(Self::trusted(payload, profile))
+    }
+
+    /// Items that have been checked before.
+    pub(crate) fn trusted(payload: &'a [u8], profile: &Profile) -> Self {
+        Self { bytes: payload, tags: profile.tags, order: profile.byte_order }
+    }
+
+    /// The items that are left, as they stand in the payload.
+    pub fn as_bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// No item is left.
+    pub fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
+    /// The items up to where `rest` begins; `rest` is what is left of the same items.
+    pub(crate) fn before(self, rest: Items<'a>) -> Self {
+        let length = self.bytes.len().saturating_sub(rest.bytes.len());
+        Self { bytes: self.bytes.get(..length).unwrap_or_default(), ..self }
+    }
+}
+
+impl<'a> Iterator for Items<'a> {
+    type Item = Item<'a>;
+
+    fn next(&mut self) -> Option<Item<'a>> {
+        let (&[tag, count], rest) = self.bytes.split_first_chunk()?;
+        let kind = Kind::of(tag, &self.tags)?;
+        let (bytes, rest) = rest.split_at_checked(kind.bytes(count))?;
+        self.bytes = rest;
+        let order = self.order;
+        Some(match kind {
+            Kind::F32 => Item::F32(Values::new(bytes, order)),
+            Kind::I16 => Item::I16(Values::new(bytes, order)),
+            Kind::U8 => Item::U8(bytes),
+            Kind::Char => Item::Char(bytes),
+        })
+    }
+}
+
+/// Numbers of one type as they stand in the payload, read when asked for.
+#[derive(Clone, Copy)]
+pub struct Values<'a, T> {
+    bytes: &'a [u8],
+    order: ByteOrder,
+    number: core::marker::PhantomData<T>,
+}
+
+impl<'a, T: Number> Values<'a, T> {
+    fn new(bytes: &'a [u8], order: ByteOrder) -> Self {
+        Self { bytes, order, number: core::marker::PhantomData }
+    }
+
+    /// How many there are: 0 to 255.
+    pub fn len(&self) -> usize {
+        self.bytes.len() / size_of::<T>()
+    }
+
+    /// There are none.
+    pub fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
+    /// The numbers in order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = T> + use<'a, T> {
+        let order = self.order;
+        self.bytes.chunks_exact(size_of::<T>()).map(move |bytes| T::read(bytes, order))
+    }
+
+    /// All of them, when there are exactly `N`.
+    pub fn array<const N: usize>(&self) -> Option<[T; N]> {
+        if self.len() != N {
+            return None;
+        }
+        let mut out = [T::default(); N];
+        match self.order {
+            ByteOrder::Little => {
+                for (out, bytes) in out.iter_mut().zip(self.bytes.chunks_exact(size_of::<T>())) {
+                    *out = T::read(bytes, ByteOrder::Little);
+                }
+            }
+            ByteOrder::Big => {
+                for (out, bytes) in out.iter_mut().zip(self.bytes.chunks_exact(size_of::<T>())) {
+                    *out = T::read(bytes, ByteOrder::Big);
+                }
+            }
+        }
+        Some(out)
+    }
+}
+
+impl<T: Number> PartialEq for Values<'_, T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.iter().eq(other.iter())
+    }
+}
+
+impl<T: Number> core::fmt::Debug for Values<'_, T> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
+    }
+}
+
+/// The number types that travel as more than one byte: `f32` and `i16`.
+pub trait Number: Copy + Default + PartialEq + core::fmt::Debug + private::Sealed {
+    #[doc(hidden)]
+    fn read(bytes: &[u8], order: ByteOrder) -> Self;
+}
+
+impl Number for f32 {
+    fn read(bytes: &[u8], order: ByteOrder) -> Self {
+        let bytes = bytes.first_chunk().copied().unwrap_or_default();
+        match order {
+            ByteOrder::Little => Self::from_le_bytes(bytes),
+            ByteOrder::Big => Self::from_be_bytes(bytes),
+        }
+    }
+}
+
+impl Number for i16 {
+    fn read(bytes: &[u8], order: ByteOrder) -> Self {
+        let bytes = bytes.first_chunk().copied().unwrap_or_default();
+        match order {
+            ByteOrder::Little => Self::from_le_bytes(bytes),
+            ByteOrder::Big => Self::from_be_bytes(bytes),
+        }
+    }
+}
+
+mod private {
+    pub trait Sealed {}
+    impl Sealed for f32 {}
+    impl Sealed for i16 {}
+}
+
+/// Writes items into a buffer, one behind the other. What fails leaves the payload as it was.
+///
+/// ```
+/// use laser_eb90::{Payload, Profile};
+///
+/// let mut buffer = [0; 64];
+/// let mut payload = Payload::new(&mut buffer, &Profile::default());
+/// payload.i16(&[0x0101])?.f32(&[100.0, -50.5])?;
+/// assert_eq!(payload.as_bytes(), [0xF1, 1, 1, 1, 0xF0, 2, 0, 0, 0xC8, 0x42, 0, 0, 0x4A, 0xC2]);
+/// # Ok::<(), laser_eb90::EncodeError>(())
+/// ```
+#[derive(Debug)]
+pub struct Payload<'b> {
+    buffer: &'b mut [u8],
+    len: usize,
+    profile: Profile,
+}
+
+impl<'b> Payload<'b> {
+    /// An empty payload in `buffer`, of which it uses [`MAX_PAYLOAD`] bytes at most.
+    pub fn new(buffer: &'b mut [u8], profile: &Profile) -> Self {
+        Self::with_len(buffer, 0, profile)
+    }
+
+    /// Goes on behind the `len` bytes that are there.
+    pub(crate) fn with_len(buffer: &'b mut [u8], len: usize, profile: &Profile) -> Self {
+        let room = buffer.len().min(MAX_PAYLOAD);
+        Self { buffer: buffer.get_mut(..room).unwrap_or_default(), len, profile: *profile }
+    }
+
+    /// Adds an item of floats.
+    ///
+    /// # Errors
+    /// More than 255 values, or no room.
+    pub fn f32(&mut self, values: &[f32]) -> Result<&mut Self, EncodeError> {
+        let order = self.profile.byte_order;
+        self.numbers(self.profile.tags.f32, values, |v| match order {
+            ByteOrder::Little => v.to_le_bytes(),
+            ByteOrder::Big => v.to_be_bytes(),
+        })
+    }
+
+    /// Adds an item of shorts.
+    ///
+    /// # Errors
+    /// More than 255 values, or no room.
+    pub fn i16(&mut self, values: &[i16]) -> Result<&mut Self, EncodeError> {
+        let order = self.profile.byte_order;
+        self.numbers(self.profile.tags.i16, values, |v| match order {
+            ByteOrder::Little => v.to_le_bytes(),
+            ByteOrder::Big => v.to_be_bytes(),
+        })
+    }
+
+    /// Adds an item of bytes.
+    ///
+    /// # Errors
+    /// More than 255 values, or no room.
+    pub fn u8(&mut self, values: &[u8]) -> Result<&mut Self, EncodeError> {
+        self.numbers(self.profile.tags.u8, values, |v| [v])
+    }
+
+    /// Adds an item of characters.
+    ///
+    /// # Errors
+    /// More than 255 values, or no room.
+    pub fn char(&mut self, values: &[u8]) -> Result<&mut Self, EncodeError> {
+        self.numbers(self.profile.tags.char, values, |v| [v])
+    }
+
+    /// Adds a command word, or the error code of a reply: a short of its own, unsigned.
+    ///
+    /// # Errors
+    /// No room.
+    pub fn word(&mut self, word: u16) -> Result<&mut Self, EncodeError> {
+        self.i16(&[word.cast_signed()])
+    }
+
+    /// What has been written.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.buffer.get(..self.len).unwrap_or_default()
+    }
+
+    /// The frame that carries it.
+    ///
+    /// # Errors
+    /// A payload without items.
+    pub fn frame(&self) -> Result<Frame<'_>, EncodeError> {
+        if self.len == 0 { Err(EncodeError::Empty) } else { Ok(Frame::new(self.as_bytes(), &self.profile)) }
+    }
+
+    fn numbers<T: Copy, const N: usize>(
+        &mut self,
+        tag: u8,
+        values: &[T],
+        bytes: impl Fn(T) -> [u8; N],
+    ) -> Result<&mut Self, EncodeError> {
+        let count =
+            u8::try_from(values.len()).map_err(|_| EncodeError::TooManyValues { count: values.len() })?;
+        let room = self.buffer.get_mut(self.len..).unwrap_or_default();
+        let (available, needed) = (room.len(), 2 + N * values.len());
+        let Some((head, body)) = room.get_mut(..needed).and_then(|item| item.split_first_chunk_mut()) else {
+            return Err(EncodeError::BufferTooSmall { needed, available });
+        };
+        *head = [tag, count];
+        for (slot, value) in body.chunks_exact_mut(N).zip(values) {
+            slot.copy_from_slice(&bytes(*value));
+        }
+        self.len += needed;
+        Ok(self)
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    F32,
+    I16,
+    U8,
+    Char,
+}
+
+impl Kind {
+    fn of(tag: u8, tags: &Tags) -> Option<Self> {
+        match tag {
+            t if t == tags.f32 => Some(Kind::F32),
+            t if t == tags.i16 => Some(Kind::I16),
+            t if t == tags.u8 => Some(Kind::U8),
+            t if t == tags.char => Some(Kind::Char),
+            _ => None,
+        }
+    }
+
+    /// The bytes that `count` values take.
+    fn bytes(self, count: u8) -> usize {
+        let count = usize::from(count);
+        match self {
+            Kind::F32 => 4 * count,
+            Kind::I16 => 2 * count,
+            Kind::U8 | Kind::Char => count,
+        }
+    }
+}
+
+/// Whether a payload can begin with this byte: what tells a head from a false one.
+pub(crate) fn is_tag(byte: u8, tags: &Tags) -> bool {
+    Kind::of(byte, tags).is_some()
+}

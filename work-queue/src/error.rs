@@ -1,0 +1,47 @@
+/// Every slot holds a job that is waiting or being executed.
+///
+/// Discard the rest of the packet, wait until [`drained`](crate::Writer::drained), then ask for a resend from the job after
+/// [`last_number`](crate::Writer::last_number).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the work queue is full")]
+pub struct Full;
+
+/// The number of a job is not the next one. Nothing was queued, and the writer still expects the same number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NumberError {
+    /// The job that was queued last, once more: drop it without harm.
+    #[error("job {number} was queued already")]
+    Repeated {
+        /// The number of the job queued last.
+        number: u16,
+    },
+    /// A job is missing before this one, or the number is out of range.
+    #[error("expected job {expected}, found job {found}")]
+    Unexpected {
+        /// The number that the next job must have.
+        expected: u16,
+        /// The number that it has.
+        found: u16,
+    },
+}
+
+/// A queue that cannot be made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The capacity is outside `1..=9999`.
+    #[error("a capacity of {capacity} jobs is outside 1 to 9999")]
+    Capacity {
+        /// The capacity asked for.
+        capacity: usize,
+    },
+    /// One number could be in the queue twice.
+    #[error("the highest job number {max_number} is not above the capacity of {capacity} jobs")]
+    MaxNumber {
+        /// The highest job number asked for.
+        max_number: u16,
+        /// The capacity asked for.
+        capacity: usize,
+    },
+}

@@ -1,0 +1,66 @@
+//! A wait-free ring of numbered jobs between the two tasks of a robot program: the communication task, which decodes jobs from
+//! packets, and the motion task, which executes them.
+//!
+//! ```text
+//!                    complete          take                     claim, commit
+//!  communication        |               |                             |               motion
+//!      task             v               v                             v                task
+//!    +--------+    +----+----+----+----+----+----+----+----+----+----+----+----+     +--------+
+//!    | Writer |    |    |    | 11 | 12 | 13 | 14 | 15 | 16 | 17 |    |    |    |     | Reader |
+//!    +--------+    +----+----+----+----+----+----+----+----+----+----+----+----+     +--------+
+//!                   free      in execution, waiting                free
+//! ```
+//!
+//! One [`Writer`], one [`Reader`]; neither ever waits for the other, and nothing is allocated after creation.
+//!
+//! ```
+//! use robot_work_queue::{NumberError, WorkQueue};
+//!
+//! let mut queue: WorkQueue<[i16; 6], 64> = WorkQueue::new(1000)?;
+//! let (mut writer, mut reader) = queue.split();
+//!
+//! let claim = writer.claim()?;                        // says `Full` before anything is decoded
+//! claim.commit(1, [100, 0, 0, 0, 0, 0])?;
+//! assert_eq!(writer.claim()?.commit(1, [0; 6]), Err(NumberError::Repeated { number: 1 }));
+//! assert_eq!(writer.claim()?.commit(3, [0; 6]), Err(NumberError::Unexpected { expected: 2, found: 3 }));
+//!
+//! let job = reader.take().expect("job 1 waits");
+//! assert_eq!((job.number(), job[0]), (1, 100));       // a reference: the robot moves, the slot stays taken
+//! assert_eq!(writer.free(), 63);
+//! job.complete();
+//! assert_eq!(writer.free(), 64);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Without the feature `alloc` the storage is inline, in a [`WorkQueue`]; with it `boxed` makes ends that own their storage.
+#![no_std]
+#![deny(unsafe_code)]
+
+#[cfg(feature = "alloc")]
+extern crate alloc;
+#[cfg(loom)]
+extern crate std;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
+mod error;
+mod number;
+mod position;
+mod queue;
+mod reader;
+#[allow(unsafe_code)]
+mod ring;
+mod sync;
+mod writer;
+
+pub use error::{ConfigError, Full, NumberError};
+pub use queue::WorkQueue;
+#[cfg(feature = "alloc")]
+pub use queue::boxed;
+pub use reader::{Iter, Reader, Taken};
+#[cfg(loom)]
+#[doc(hidden)]
+pub use sync::order;
+pub use writer::{Claim, Writer};

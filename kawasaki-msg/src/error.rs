@@ -1,0 +1,198 @@
+//! What can be wrong: with bytes from the peer, with a message from the peer, with a call of ours.
+
+use core::fmt;
+
+use crate::dialect::Role;
+use crate::value::Value;
+
+/// Damage in the bytes from the peer. The decoder goes on at the next `<`.
+///
+/// Every `offset` counts from the first byte that was ever pushed (or of the slice, where a slice is decoded).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// Bytes between two messages.
+    #[error("{length} bytes outside any message (at byte {offset})")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Garbage { offset: usize, length: usize },
+    /// The name is empty.
+    #[error("the message has no name (at byte {offset})")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    NoName { offset: usize },
+    /// The last field of the header is missing or is not a number: it is the length (thesis, section 10.1).
+    #[error("the header does not end with a length (at byte {offset})")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    NoLength { offset: usize },
+    /// The length does not equal the bytes between the two `#` (thesis, sections 7.1 and 10.3).
+    #[error("the header says {expected} bytes, the data part has {found} (at byte {offset})")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Length { offset: usize, expected: usize, found: usize },
+    /// One of `<`, `>`, `#` where it cannot stand. A `<` begins the next message: this one was cut off.
+    #[error("a '{}' inside the message (at byte {offset})", *found as char)]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Mark { offset: usize, found: u8 },
+    /// The data part is not followed by `>`.
+    #[error("byte {found:#04x} in place of the end mark '>' (at byte {offset})")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    NoEndMark { offset: usize, found: u8 },
+    /// A byte above 127 where only ASCII is allowed.
+    #[error("byte {found:#04x} is not ASCII (at byte {offset})")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    NotAscii { offset: usize, found: u8 },
+    /// The message is, or says that it is, longer than the longest packet.
+    #[error("the message is longer than {limit} bytes (at byte {offset})")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    TooLong { offset: usize, limit: usize },
+    /// The input or the datagram ends inside a message.
+    #[error("the input ends inside a message after {found} of its bytes (at byte {offset})")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Incomplete { offset: usize, found: usize },
+}
+
+impl DecodeError {
+    /// The same error seen from `base` bytes earlier.
+    pub(crate) fn moved(mut self, base: usize) -> Self {
+        match &mut self {
+            Self::Garbage { offset, .. }
+            | Self::NoName { offset }
+            | Self::NoLength { offset }
+            | Self::Length { offset, .. }
+            | Self::Mark { offset, .. }
+            | Self::NoEndMark { offset, .. }
+            | Self::NotAscii { offset, .. }
+            | Self::TooLong { offset, .. }
+            | Self::Incomplete { offset, .. } => *offset = offset.wrapping_add(base),
+        }
+        self
+    }
+}
+
+/// A whole message from the peer that cannot be used. The session goes on with the next one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum MessageError {
+    /// The table has no such message.
+    #[error("there is no message named '{name}'")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    UnknownName { name: Name },
+    /// Fields are missing or left over.
+    #[error("the message has {found} fields, not {expected}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    FieldCount { expected: usize, found: usize },
+    /// A field, counted from 0, is not a whole number.
+    #[error("field {field} is not a whole number")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    NotANumber { field: usize },
+    /// A field, counted from 0, is out of range: a coordinate, for the most part.
+    #[error("field {field} is {found}, not from {min} to {max}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    OutOfRange { field: usize, found: i32, min: i32, max: i32 },
+    /// The message is about an order that is not active; 0 is none.
+    #[error("order {found} is not active, order {active} is")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    WrongOrder { active: u16, found: u16 },
+    /// A job that is in the queue or executed already: dropped without harm.
+    #[error("job {found} came again, job {expected} is the next")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Repeated { expected: u16, found: u16 },
+    /// A job that leaves others out: it and the rest of the packet are discarded, and asked for again.
+    #[error("job {found} came out of order, job {expected} is the next")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    OutOfOrder { expected: u16, found: u16 },
+    /// The queue has no room for this job: it and the rest of the packet are discarded, and asked for later.
+    #[error("the queue is full, job {number} has no place")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    QueueFull { number: u16 },
+    /// A message that the other end never sends, or not now.
+    #[error("a message of the role {role:?} is not expected here")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    NotExpected { role: Role },
+}
+
+/// The beginning of a name, as long as a name can be in AS: 15 characters (thesis, section 5.1).
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Name {
+    text: [u8; 15],
+    length: u8,
+}
+
+impl Name {
+    pub(crate) fn new(name: Value<'_>) -> Self {
+        let mut text = [0; 15];
+        let mut length = 0;
+        for (place, c) in text.iter_mut().zip(name.chars()) {
+            *place = u8::try_from(c).unwrap_or(b'?');
+            length += 1;
+        }
+        Self { text, length }
+    }
+
+    fn chars(&self) -> impl Iterator<Item = char> {
+        self.text.iter().take(usize::from(self.length)).map(|byte| char::from(*byte))
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.chars().try_for_each(|c| fmt::Write::write_char(f, c))
+    }
+}
+
+impl fmt::Debug for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "\"{self}\"")
+    }
+}
+
+#[cfg(feature = "serde")]
+impl serde::Serialize for Name {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// A message of ours that cannot be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// A message without a name.
+    #[error("the message has no name")]
+    NoName,
+    /// One of `<`, `>`, `$`, `#` in a name or a field: nothing escapes them (thesis, section 10.1).
+    #[error("'{}' cannot stand in a name or a field", *found as char)]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Forbidden { found: u8 },
+    /// A character that the character set does not have.
+    #[error("character {found:?} is not in the character set")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Character { found: char },
+    /// The message is longer than the longest packet: no later cycle will take it.
+    #[error("the message has {length} bytes, a packet at most {limit}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    TooLong { length: usize, limit: usize },
+    /// The buffer is too small.
+    #[error("the message needs {needed} bytes, the buffer has {available}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    BufferTooSmall { needed: usize, available: usize },
+}
+
+/// A configuration of ours that cannot work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The dialect's table has this role not once.
+    #[error("the table must have the role {role:?} once")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Role { role: Role },
+    /// A message of the dialect's table lacks a field, or has too many.
+    #[error("the message of the role {role:?} lacks a field that the session needs, or has more than 16")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Fields { role: Role },
+    /// A name of the dialect's table is empty or stands twice.
+    #[error("the name of the role {role:?} is empty or stands twice")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Name { role: Role },
+}

@@ -1,0 +1,97 @@
+//! A job: one straight line, drawn or moved along, and its number.
+
+/// A line of an order with its number: what a queue holds. 24 bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Job {
+    /// The job's number in the order: from 1 to the highest that both ends agreed on, then 1 again.
+    pub number: u16,
+    /// What to do.
+    pub line: Line,
+}
+
+/// One straight line. An order is one picture, and its jobs are lines (thesis, section 11).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Line {
+    /// With the pen on the board, or off it.
+    pub kind: JobKind,
+    /// Where the line begins.
+    pub start: Point,
+    /// Where the line ends.
+    pub end: Point,
+}
+
+/// Whether the pen is on the board (thesis, section 11). The codes on the wire are ours: 1 and 2, because AS reads an empty
+/// string as 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum JobKind {
+    /// Draw the line: 1.
+    Draw,
+    /// Move along the line off the board: 2.
+    Move,
+}
+
+impl JobKind {
+    /// The code on the wire.
+    pub const fn code(self) -> i32 {
+        match self {
+            JobKind::Draw => 1,
+            JobKind::Move => 2,
+        }
+    }
+
+    /// The kind of a code on the wire. A job of any other kind cannot be executed.
+    pub const fn from_code(code: i32) -> Option<Self> {
+        match code {
+            1 => Some(JobKind::Draw),
+            2 => Some(JobKind::Move),
+            _ => None,
+        }
+    }
+}
+
+/// A point on the board, in hundredths of a millimetre. The unit is ours: whole numbers need no separator on the wire.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[allow(missing_docs, reason = "the two axes of the board")]
+pub struct Point {
+    pub x: i32,
+    pub y: i32,
+}
+
+impl Point {
+    /// A point from hundredths of a millimetre.
+    pub const fn new(x: i32, y: i32) -> Self {
+        Self { x, y }
+    }
+}
+
+/// The coordinates that a robot accepts, both ends included (thesis, section 7.3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Bounds {
+    /// The least coordinate of each axis.
+    pub min: Point,
+    /// The greatest coordinate of each axis.
+    pub max: Point,
+}
+
+impl Bounds {
+    /// Seven digits, 100 m: whole numbers that a real of an AS program (24 bits) holds exactly.
+    pub const WIDEST: Self =
+        Self { min: Point::new(-9_999_999, -9_999_999), max: Point::new(9_999_999, 9_999_999) };
+
+    /// Whether a point is within.
+    pub const fn contains(&self, point: Point) -> bool {
+        self.min.x <= point.x && point.x <= self.max.x && self.min.y <= point.y && point.y <= self.max.y
+    }
+}
+
+/// The source names no limit; the default is the widest.
+impl Default for Bounds {
+    fn default() -> Self {
+        Self::WIDEST
+    }
+}

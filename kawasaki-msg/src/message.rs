@@ -1,0 +1,256 @@
+//! `<name$header$…$length#field$field$…#>`
+
+use nom::IResult;
+use nom::bytes::streaming::take_till;
+
+use crate::error::{DecodeError, EncodeError};
+use crate::number::{self, Digits};
+use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
+
+/// One message: what it is called, and its values.
+///
+/// ```
+/// use kawasaki_msg::{Charset, Message, Value};
+///
+/// let start = Message::new("TilausAlkaa", &[Value::Number(50), Value::Number(1)]);
+/// let mut wire = [0; 64];
+/// let length = start.encode(Charset::Ascii, &mut wire)?;
+/// assert_eq!(&wire[..length], b"<TilausAlkaa$4#50$1#>");
+///
+/// let (message, used) = Message::decode(&wire[..length], Charset::Ascii).unwrap().unwrap();
+/// assert_eq!((message, used), (start, length));
+/// # Ok::<(), kawasaki_msg::EncodeError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Message<'a> {
+    /// What the message is called; never empty on the wire.
+    pub name: Value<'a>,
+    /// What stands between the name and the length. The source shows none and allows them; they are kept.
+    pub header: Values<'a>,
+    /// The values of the data part. No value and one empty value are the same bytes; both decode to no value.
+    pub fields: Values<'a>,
+}
+
+impl<'a> Message<'a> {
+    /// The most bytes that a message can have: those of the longest packet (thesis, section 9.5).
+    pub const MAX_LEN: usize = 4096;
+
+    /// A message of ours, with nothing between name and length.
+    pub const fn new(name: &'a str, fields: &'a [Value<'a>]) -> Self {
+        Self { name: Value::Text(name), header: Values::NONE, fields: Values::List(fields) }
+    }
+
+    /// Reads the message that begins with the first byte, and says how many bytes it took. `None` means that more bytes
+    /// are needed; [`Self::MAX_LEN`] bytes are always enough.
+    ///
+    /// The length counts the bytes between the two `#`, `$` included (thesis, sections 10.1 and 10.3). Blanks around it
+    /// are allowed. None of the marks may stand in a value, also where the length would cover it: such a message has
+    /// swallowed its neighbour.
+    ///
+    /// # Errors
+    /// The first damage, with its place in `bytes`. Look for the next `<` behind the first byte.
+    pub fn decode(bytes: &'a [u8], charset: Charset) -> Result<Option<(Self, usize)>, DecodeError> {
+        let bytes = bytes.get(..Self::MAX_LEN).unwrap_or(bytes);
+        match message(bytes, charset) {
+            Ok((rest, message)) => Ok(Some((message, bytes.len() - rest.len()))),
+            Err(nom::Err::Incomplete(_)) if bytes.len() == Self::MAX_LEN => {
+                Err(DecodeError::TooLong { offset: 0, limit: Self::MAX_LEN })
+            }
+            Err(nom::Err::Incomplete(_)) => Ok(None),
+            Err(nom::Err::Error(fault) | nom::Err::Failure(fault)) => {
+                Err(fault.error.moved(bytes.len() - fault.left))
+            }
+        }
+    }
+
+    /// Writes the message and gives its length: no blanks, no sign but `-`.
+    ///
+    /// # Errors
+    /// See [`EncodeError`]; nothing of use is in `out` then.
+    pub fn encode(&self, charset: Charset, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let (needed, available) = (self.encoded_len(), out.len());
+        if needed > Self::MAX_LEN {
+            return Err(EncodeError::TooLong { length: needed, limit: Self::MAX_LEN });
+        }
+        let mut sink = Sink { out, length: 0 };
+        self.write(charset, &mut sink)?;
+        if needed > available {
+            return Err(EncodeError::BufferTooSmall { needed, available });
+        }
+        Ok(sink.length)
+    }
+
+    /// How many bytes [`encode`](Self::encode) writes.
+    pub fn encoded_len(&self) -> usize {
+        let mut sink = Sink { out: &mut [], length: 0 };
+        // Latin-1 refuses what ASCII refuses and no more; what cannot be written has no length that matters.
+        let _ = self.write(Charset::Latin1, &mut sink);
+        sink.length
+    }
+
+    /// Appends the message to a growing buffer.
+    ///
+    /// # Errors
+    /// See [`EncodeError`]; the buffer is as it was then.
+    #[cfg(feature = "bytes")]
+    pub fn append_to(&self, charset: Charset, out: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
+        let mut wire = [0; Self::MAX_LEN];
+        let length = self.encode(charset, &mut wire)?;
+        if length > out.remaining_mut() {
+            return Err(EncodeError::BufferTooSmall { needed: length, available: out.remaining_mut() });
+        }
+        out.put_slice(wire.get(..length).unwrap_or_default());
+        Ok(())
+    }
+
+    fn write(&self, charset: Charset, sink: &mut Sink<'_>) -> Result<(), EncodeError> {
+        if self.name.is_empty() {
+            return Err(EncodeError::NoName);
+        }
+        sink.push(START);
+        sink.value(&self.name, charset)?;
+        for value in self.header.iter() {
+            sink.push(SEPARATOR);
+            sink.value(&value, charset)?;
+        }
+        sink.push(SEPARATOR);
+        let mut data = Sink { out: &mut [], length: 0 };
+        data.fields(&self.fields, charset)?;
+        sink.put(Digits::new(i32::try_from(data.length).unwrap_or(i32::MAX)).as_bytes());
+        sink.push(DATA);
+        sink.fields(&self.fields, charset)?;
+        sink.push(DATA);
+        sink.push(END);
+        Ok(())
+    }
+}
+
+/// The grammar: `< name $ header $ length # data # >`.
+fn message(input: &[u8], charset: Charset) -> Parsed<'_, Message<'_>> {
+    let (header_at, ()) = mark(START)(input)?;
+    let (rest, header) = text(charset)(header_at)?;
+    let (data_at, ()) = mark(DATA)(rest)?;
+    let (name, header, expected) = split_header(header).map_err(|error| fail(header_at, error))?;
+    if input.len() - data_at.len() + expected + 2 > Message::MAX_LEN {
+        return Err(fail(header_at, DecodeError::TooLong { offset: 0, limit: Message::MAX_LEN }));
+    }
+    let (rest, data) = text(charset)(data_at)?;
+    let (end_at, ()) = mark(DATA)(rest)?;
+    if data.len() != expected {
+        return Err(fail(data_at, DecodeError::Length { offset: 0, expected, found: data.len() }));
+    }
+    let (rest, ()) = mark(END)(end_at)?;
+    let fields = if data.is_empty() { Values::NONE } else { Values::Wire(data) };
+    Ok((rest, Message { name: Value::Wire(name), header, fields }))
+}
+
+/// `name $ header $ length`: the last value is the length, what is before it is kept (thesis, section 10.1).
+fn split_header(header: &[u8]) -> Result<(&[u8], Values<'_>, usize), DecodeError> {
+    let end = header.len();
+    let separator = |byte: &u8| *byte == SEPARATOR;
+    let last = header.iter().rposition(separator).ok_or(DecodeError::NoLength { offset: end })?;
+    let (front, length) = header.split_at(last);
+    let length = length.get(1..).and_then(number::parse);
+    let length =
+        length.and_then(|n| usize::try_from(n).ok()).ok_or(DecodeError::NoLength { offset: last + 1 })?;
+    let mut parts = front.splitn(2, separator);
+    let name = parts.next().unwrap_or_default();
+    if name.is_empty() {
+        return Err(DecodeError::NoName { offset: 0 });
+    }
+    Ok((name, parts.next().map_or(Values::NONE, Values::Wire), length))
+}
+
+/// Everything up to a mark that ends a part, or a byte that is no character.
+fn text<'a>(charset: Charset) -> impl FnMut(&'a [u8]) -> Parsed<'a, &'a [u8]> {
+    take_till(move |byte| matches!(byte, START | END | DATA) || !charset.has(byte))
+}
+
+/// One mark. A wrong byte in its place says what the damage is.
+fn mark<'a>(expected: u8) -> impl Fn(&'a [u8]) -> Parsed<'a, ()> {
+    move |input| match input.split_first() {
+        None => Err(nom::Err::Incomplete(nom::Needed::new(1))),
+        Some((found, rest)) if *found == expected => Ok((rest, ())),
+        Some((&found, rest)) => {
+            let error = match (expected, found) {
+                (START, _) => {
+                    let length = 1 + rest.iter().take_while(|byte| **byte != START).count();
+                    DecodeError::Garbage { offset: 0, length }
+                }
+                (_, START) => DecodeError::Mark { offset: 0, found },
+                (END, _) => DecodeError::NoEndMark { offset: 0, found },
+                (_, END | DATA) => DecodeError::Mark { offset: 0, found },
+                _ => DecodeError::NotAscii { offset: 0, found },
+            };
+            Err(fail(input, error))
+        }
+    }
+}
+
+type Parsed<'a, T> = IResult<&'a [u8], T, Fault>;
+
+/// An error, and how many bytes were left where it was seen.
+#[derive(Debug)]
+struct Fault {
+    left: usize,
+    error: DecodeError,
+}
+
+fn fail(at: &[u8], error: DecodeError) -> nom::Err<Fault> {
+    nom::Err::Error(Fault { left: at.len(), error })
+}
+
+impl nom::error::ParseError<&[u8]> for Fault {
+    /// Of nom's own parsers only `take_till` is used, which cannot fail.
+    fn from_error_kind(input: &[u8], _: nom::error::ErrorKind) -> Self {
+        Self { left: input.len(), error: DecodeError::NoLength { offset: 0 } }
+    }
+
+    fn append(_: &[u8], _: nom::error::ErrorKind, other: Self) -> Self {
+        other
+    }
+}
+
+/// Counts what is written, also past the end of the buffer: the length and the bytes come from the same code.
+struct Sink<'o> {
+    out: &'o mut [u8],
+    length: usize,
+}
+
+impl Sink<'_> {
+    fn push(&mut self, byte: u8) {
+        if let Some(place) = self.out.get_mut(self.length) {
+            *place = byte;
+        }
+        self.length += 1;
+    }
+
+    fn put(&mut self, bytes: &[u8]) {
+        let end = self.length + bytes.len();
+        if let Some(place) = self.out.get_mut(self.length..end) {
+            place.copy_from_slice(bytes);
+        }
+        self.length = end;
+    }
+
+    fn value(&mut self, value: &Value<'_>, charset: Charset) -> Result<(), EncodeError> {
+        if let Value::Number(number) = value {
+            self.put(Digits::new(*number).as_bytes());
+            return Ok(());
+        }
+        value.bytes(charset).try_for_each(|byte| {
+            self.push(byte?);
+            Ok(())
+        })
+    }
+
+    fn fields(&mut self, fields: &Values<'_>, charset: Charset) -> Result<(), EncodeError> {
+        fields.iter().enumerate().try_for_each(|(i, value)| {
+            if i > 0 {
+                self.push(SEPARATOR);
+            }
+            self.value(&value, charset)
+        })
+    }
+}

@@ -1,0 +1,100 @@
+//! Whole decimal numbers: text to number and back.
+
+/// A number with the blanks around it left out; `None` when it is anything else or does not fit.
+///
+/// No sign but `-`: AS's `VAL` knows more, but nothing in the source sends more.
+pub(crate) fn parse(text: &[u8]) -> Option<i32> {
+    let text = text.trim_ascii();
+    let (negative, digits) = match text.split_first() {
+        Some((b'-', rest)) => (true, rest),
+        _ => (false, text),
+    };
+    if digits.is_empty() {
+        return None;
+    }
+    digits.iter().try_fold(0i32, |value, byte| {
+        let digit = i32::from(byte.wrapping_sub(b'0'));
+        if digit > 9 {
+            return None;
+        }
+        let value = value.checked_mul(10)?;
+        if negative { value.checked_sub(digit) } else { value.checked_add(digit) }
+    })
+}
+
+/// The decimal digits of a number, first to last.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Digits {
+    /// Filled from the back.
+    text: [u8; 11],
+    start: usize,
+}
+
+impl Digits {
+    pub(crate) fn new(number: i32) -> Self {
+        let mut digits = Self { text: [0; 11], start: 11 };
+        let mut rest = number.unsigned_abs();
+        loop {
+            // A digit is below 10.
+            digits.push_front(b'0' + u8::try_from(rest % 10).unwrap_or(0));
+            rest /= 10;
+            if rest == 0 {
+                break;
+            }
+        }
+        if number < 0 {
+            digits.push_front(b'-');
+        }
+        digits
+    }
+
+    pub(crate) fn as_bytes(&self) -> &[u8] {
+        self.text.get(self.start..).unwrap_or_default()
+    }
+
+    fn push_front(&mut self, byte: u8) {
+        self.start = self.start.saturating_sub(1);
+        if let Some(place) = self.text.get_mut(self.start) {
+            *place = byte;
+        }
+    }
+}
+
+impl Iterator for Digits {
+    type Item = u8;
+
+    fn next(&mut self) -> Option<u8> {
+        let byte = self.text.get(self.start).copied();
+        self.start += usize::from(byte.is_some());
+        byte
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::string::ToString;
+    use std::vec::Vec;
+
+    use super::*;
+
+    #[test]
+    fn blanks_are_left_out_and_nothing_else() {
+        assert_eq!(parse(b" 50 "), Some(50));
+        assert_eq!(parse(b"-0050"), Some(-50));
+        assert_eq!(parse(b"2147483647"), Some(i32::MAX));
+        assert_eq!(parse(b"-2147483648"), Some(i32::MIN));
+        for wrong in
+            [&b""[..], b" ", b"-", b"+5", b"5 0", b"5.0", b"1e3", b"2147483648", b"-2147483649", b"- 5"]
+        {
+            assert_eq!(parse(wrong), None, "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn digits_are_the_number() {
+        for number in [0, 7, -7, 10, 99999, i32::MAX, i32::MIN] {
+            assert_eq!(Digits::new(number).as_bytes(), number.to_string().as_bytes());
+            assert_eq!(Digits::new(number).collect::<Vec<_>>(), number.to_string().into_bytes());
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Many messages in one packet, within both limits of the controller.
+
+use crate::error::EncodeError;
+use crate::message::Message;
+use crate::value::Charset;
+
+/// The two limits of a packet. They are separate: a packet is an array of strings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Limits {
+    /// The most bytes of one string in an AS program: 255 (thesis, section 7.4).
+    pub element: usize,
+    /// The most bytes of a packet: 4096 over TCP, 1472 over UDP (thesis, section 9.5).
+    pub packet: usize,
+}
+
+impl Limits {
+    /// Over TCP: 17 strings.
+    pub const TCP: Self = Self { element: 255, packet: 4096 };
+    /// Over UDP: 6 strings.
+    pub const UDP: Self = Self { element: 255, packet: 1472 };
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self::TCP
+    }
+}
+
+/// Whether a message found room.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use = "a message without room has to wait for the next cycle"]
+pub enum Room {
+    /// It is in the packet.
+    Added,
+    /// The packet is full: try again in the next cycle (the source's `-100`).
+    Full,
+}
+
+/// Builds a packet in a buffer of the caller's.
+///
+/// The messages stand one behind the other, and the strings of the AS program are views of the bytes: each but the last is
+/// full, none is empty, and a message goes on in the next string where one ends.
+///
+/// The total is checked for every message. The source's own program checks it only when a string overflows, so that its
+/// packets can reach 4334 of 4096 bytes (thesis, figure 3).
+///
+/// ```
+/// use kawasaki_msg::{Charset, Limits, Message, Packet, Room};
+///
+/// let mut buffer = [0; 4096];
+/// let mut packet = Packet::new(&mut buffer, Limits::TCP, Charset::Ascii);
+/// while packet.push(&Message::new("Huuhaa", &[]))? == Room::Added {}
+/// assert_eq!(packet.as_bytes().len(), 372 * 11);
+/// assert_eq!(packet.elements().map(<[u8]>::len).max(), Some(255));
+/// # Ok::<(), kawasaki_msg::EncodeError>(())
+/// ```
+#[derive(Debug)]
+pub struct Packet<'b> {
+    buffer: &'b mut [u8],
+    length: usize,
+    limits: Limits,
+    charset: Charset,
+}
+
+impl<'b> Packet<'b> {
+    /// An empty packet. A buffer shorter than `limits.packet` is a lower limit.
+    pub fn new(buffer: &'b mut [u8], limits: Limits, charset: Charset) -> Self {
+        Self { buffer, length: 0, limits, charset }
+    }
+
+    /// Appends a message if there is room for all of it.
+    ///
+    /// # Errors
+    /// When no packet could ever hold the message, or it cannot be written at all; the packet is as it was.
+    pub fn push(&mut self, message: &Message<'_>) -> Result<Room, EncodeError> {
+        let limit = self.limits.packet.min(self.buffer.len());
+        let free = self.buffer.get_mut(self.length..limit).unwrap_or_default();
+        match message.encode(self.charset, free) {
+            Ok(length) => {
+                self.length += length;
+                Ok(Room::Added)
+            }
+            Err(EncodeError::BufferTooSmall { needed, .. }) if needed <= limit => Ok(Room::Full),
+            Err(EncodeError::BufferTooSmall { needed, .. } | EncodeError::TooLong { length: needed, .. }) => {
+                Err(EncodeError::TooLong { length: needed, limit })
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The bytes of the packet so far.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.buffer.get(..self.length).unwrap_or_default()
+    }
+
+    /// The strings that an AS program would send: at most [`Limits::element`] bytes each, none of them empty.
+    pub fn elements(&self) -> impl Iterator<Item = &[u8]> {
+        self.as_bytes().chunks(self.limits.element.max(1))
+    }
+
+    /// Whether no message was added.
+    pub fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+}

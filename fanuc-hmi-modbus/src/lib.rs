@@ -4,7 +4,17 @@
 #![forbid(unsafe_code)]
 
 pub mod block;
+pub mod crc;
+mod decoder;
+pub mod error;
+mod frame;
+pub mod message;
+pub mod timing;
 pub mod typed;
 
 pub use block::TelemetryBlock;
+pub use decoder::{Decoder, Framing};
+pub use error::{DecodeError, EncodeError, Mismatch, SessionError};
+pub use frame::{Frame, Side};
+pub use message::{Bits, BitsMut, Exception, Pdu, PduBuf, Reply, Request, Words, WordsMut, function, limit};
 pub use typed::WordOrder;

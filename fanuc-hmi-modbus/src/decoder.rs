@@ -1,0 +1,328 @@
+//! Bytes of a stream in, frames out.
+
+use core::ops::Range;
+use core::time::Duration;
+
+use crate::error::DecodeError;
+use crate::frame::{Frame, RtuLen, Side};
+
+/// How frames follow one another on the transport.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Framing {
+    /// Modbus TCP: MBAP headers.
+    Tcp,
+    /// RTU on a serial line: unit and CRC, and a silence between frames.
+    Rtu {
+        /// How long the line is silent between two frames: see [`timing::silence`](crate::timing::silence).
+        silence: Duration,
+    },
+    /// RTU frames through a TCP connection ("RTU over TCP"), where a gap says nothing of the line behind it.
+    RtuOverTcp {
+        /// After how long without a byte a frame that is not whole counts as cut. Longer than any delay of the network.
+        stall: Duration,
+    },
+}
+
+impl Framing {
+    /// RTU over TCP that waits half a second for the rest of a frame.
+    pub const RTU_OVER_TCP: Self = Self::RtuOverTcp { stall: Duration::from_millis(500) };
+
+    /// How long nothing must arrive for a frame to count as ended; TCP says its length itself.
+    pub const fn silence(self) -> Option<Duration> {
+        match self {
+            Self::Tcp => None,
+            Self::Rtu { silence } => Some(silence),
+            Self::RtuOverTcp { stall } => Some(stall),
+        }
+    }
+
+    /// How long nothing must arrive before this end may send.
+    pub const fn idle(self) -> Duration {
+        match self {
+            Self::Rtu { silence } => silence,
+            Self::Tcp | Self::RtuOverTcp { .. } => Duration::ZERO,
+        }
+    }
+
+    /// True where frames carry a transaction identifier.
+    pub(crate) const fn has_transactions(self) -> bool {
+        matches!(self, Self::Tcp)
+    }
+}
+
+/// Finds the frames in a stream, whatever the pieces that it arrives in, and its feet again after damage.
+///
+/// 1. [`push`](Self::push) what arrived, 2. call [`next_frame`](Self::next_frame) until it gives `None`. On a serial line, when
+/// nothing has arrived for 3.5 characters, call [`finish`](Self::finish) and drain the frames before you push on; at the end of
+/// any stream, the same.
+///
+/// Frames and errors tile the stream: an error covers everything up to the next frame, and is given when that is found, or
+/// [`finish`](Self::finish) says that there is none; [`damage`](Self::damage) tells at once. How the stream was cut into reads
+/// changes neither frames nor errors.
+///
+/// - TCP loses no bytes, so a bad header means that the peer is out of step: best close the connection and [`reset`](Self::reset).
+///   A caller who goes on gets the next frame whose header can be one; a frame of another protocol is skipped as a whole.
+/// - On RTU, behind a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins. Noise that looks
+///   like the beginning of a long frame is seen through at the latest when the line falls silent.
+/// - A function without a type of its own has no length that RTU could tell: its frame ends with the silence alone, and is not
+///   looked for within damage.
+///
+/// When the buffer is full, `push` takes nothing: `next_frame` makes room in it.
+#[derive(Debug, Clone)]
+pub struct Decoder {
+    framing: Framing,
+    side: Side,
+    buffer: [u8; Self::CAPACITY],
+    start: usize,
+    end: usize,
+    /// Bytes of the stream in front of the buffer.
+    passed: u64,
+    /// What stands before here will not go on.
+    finished_at: Option<usize>,
+    damage: Option<Damage>,
+}
+
+/// What is known of the damage at the start of the buffer.
+#[derive(Debug, Clone, Copy)]
+struct Damage {
+    error: DecodeError,
+    /// Where the next frame may begin.
+    from: usize,
+    /// Every frame that ends up to here was tried.
+    tried: usize,
+}
+
+impl Decoder {
+    /// The bytes that wait to be decoded, at most.
+    pub const CAPACITY: usize = 1024;
+    /// The longest damage that is searched as a whole. Of more, one error covers what no frame can begin in any more.
+    const WINDOW: usize = 2 * Frame::MAX_LEN;
+
+    /// A decoder of what `side` sends.
+    pub const fn new(framing: Framing, side: Side) -> Self {
+        Self {
+            framing,
+            side,
+            buffer: [0; Self::CAPACITY],
+            start: 0,
+            end: 0,
+            passed: 0,
+            finished_at: None,
+            damage: None,
+        }
+    }
+
+    /// Takes bytes of the stream, and says how many: fewer than given until the frames are drained.
+    pub fn push(&mut self, bytes: &[u8]) -> usize {
+        if bytes.len() > Self::CAPACITY - self.end {
+            self.compact();
+        }
+        let room = self.buffer.get_mut(self.end..).unwrap_or_default();
+        let taken = room.len().min(bytes.len());
+        if let (Some(to), Some(from)) = (room.get_mut(..taken), bytes.get(..taken)) {
+            to.copy_from_slice(from);
+        }
+        self.end += taken;
+        taken
+    }
+
+    /// The next frame, or what was wrong with the bytes before it; `None` when more bytes are needed.
+    pub fn next_frame(&mut self) -> Option<Result<Frame<&[u8]>, DecodeError>> {
+        match self.advance()? {
+            Ok(range) => self.frame(range).map(Ok),
+            Err(error) => Some(Err(error)),
+        }
+    }
+
+    /// Says that what has come so far will not go on: the line is silent, or the stream has ended.
+    pub fn finish(&mut self) {
+        self.finished_at = Some(self.end);
+    }
+
+    /// The offset in the stream just behind the last frame or error that was returned.
+    pub fn position(&self) -> u64 {
+        self.passed + self.start as u64
+    }
+
+    /// The damage that the stream is in, whose error waits until the next frame is found.
+    pub fn damage(&self) -> Option<DecodeError> {
+        self.damage.map(|damage| damage.error)
+    }
+
+    /// Forgets everything: the connection is a new one.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.framing, self.side);
+    }
+
+    /// The bytes that wait for the rest of their frame.
+    pub const fn pending(&self) -> usize {
+        self.end - self.start
+    }
+
+    /// The place of the next frame in the buffer, for [`frame`](Self::frame): a borrow would not outlive a loop.
+    #[inline]
+    pub(crate) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
+        loop {
+            let limit = self.finished_at.unwrap_or(self.end);
+            if let Some(damage) = self.damage {
+                let length = self.damage_len(damage, limit)?;
+                if length > 0 {
+                    return Some(Err(damage.error.over(length)));
+                }
+                continue; // the damage ended where an error before it did
+            }
+            let data = self.buffer.get(self.start..limit)?;
+            if data.is_empty() {
+                self.finished_at.take()?;
+                continue;
+            }
+            let begun = if self.framing.has_transactions() {
+                tcp(data, self.finished_at.is_some())
+            } else {
+                rtu(data, self.side, self.finished_at.is_some())
+            };
+            match begun {
+                Ok(None) => return None,
+                Ok(Some(len)) => {
+                    let start = self.start;
+                    self.start += len;
+                    return Some(Ok(start..self.start));
+                }
+                Err(error) => {
+                    let from = match error {
+                        // TCP loses nothing: a frame that its connection cuts holds no other.
+                        DecodeError::Cut { .. } if self.framing.has_transactions() => limit,
+                        DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => {
+                            self.start + foreign_len(data)
+                        }
+                        _ => self.start + 1,
+                    };
+                    self.damage = Some(Damage { error, from, tried: self.start });
+                }
+            }
+        }
+    }
+
+    /// A frame that [`advance`](Self::advance) found.
+    #[inline]
+    pub(crate) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
+        let bytes = self.buffer.get(range)?;
+        if self.framing.has_transactions() {
+            Frame::decode_tcp(bytes).ok()?.map(|(frame, _)| frame)
+        } else {
+            Frame::from_rtu_parts(bytes)
+        }
+    }
+
+    /// How many bytes the damage takes, when that is known; the start is then behind them.
+    fn damage_len(&mut self, damage: Damage, limit: usize) -> Option<usize> {
+        let window = limit.min(self.start + Self::WINDOW);
+        let (next, reach) = if self.framing.has_transactions() {
+            (self.next_header(damage, window), 5)
+        } else {
+            (self.next_rtu(damage, window), Frame::MAX_RTU_LEN - 1)
+        };
+        let end = match next {
+            Some(start) => {
+                self.damage = None;
+                start
+            }
+            None if window - self.start == Self::WINDOW => {
+                // A frame that is not whole yet begins within the last bytes.
+                let from = window - reach;
+                self.damage = Some(Damage { error: DecodeError::Noise { length: 0 }, from, tried: window });
+                from
+            }
+            None if self.finished_at.is_some() => {
+                self.damage = None;
+                limit
+            }
+            None => {
+                self.damage = Some(Damage { tried: window, ..damage });
+                return None;
+            }
+        };
+        let length = end - self.start;
+        self.start = end;
+        Some(length)
+    }
+
+    /// Where the next bytes begin that can be an MBAP header.
+    fn next_header(&self, damage: Damage, limit: usize) -> Option<usize> {
+        let data = self.buffer.get(damage.from..limit)?;
+        let header = data.windows(6).position(|six| Frame::decode_tcp(six).is_ok())?;
+        Some(damage.from + header)
+    }
+
+    /// Where the frame begins that ends first. Each beginning is tried once, when its end has come.
+    fn next_rtu(&self, damage: Damage, limit: usize) -> Option<usize> {
+        let mut first: Option<(usize, usize)> = None;
+        for start in damage.from..limit {
+            let data = self.buffer.get(start..limit).unwrap_or_default();
+            let RtuLen::Known(len) = RtuLen::of(data, self.side) else { continue };
+            let end = start + len;
+            let sooner = first.is_none_or(|(_, sooner)| end < sooner);
+            if end > damage.tried && sooner && matches!(Frame::decode_rtu(data, self.side), Ok(Some(_))) {
+                first = Some((start, end));
+            }
+        }
+        first.map(|(start, _)| start)
+    }
+
+    fn compact(&mut self) {
+        let gone = self.start;
+        self.buffer.copy_within(gone..self.end, 0);
+        self.passed += gone as u64;
+        self.start = 0;
+        self.end -= gone;
+        self.finished_at = self.finished_at.map(|at| at.saturating_sub(gone));
+        if let Some(damage) = &mut self.damage {
+            damage.from = damage.from.saturating_sub(gone);
+            damage.tried = damage.tried.saturating_sub(gone);
+        }
+    }
+}
+
+impl DecodeError {
+    /// The same error over so many bytes.
+    const fn over(self, length: usize) -> Self {
+        match self {
+            Self::Noise { .. } => Self::Noise { length },
+            error => error,
+        }
+    }
+}
+
+/// The length of the TCP frame that begins here.
+#[inline]
+fn tcp(data: &[u8], finished: bool) -> Result<Option<usize>, DecodeError> {
+    match Frame::decode_tcp(data)? {
+        Some((_, len)) => Ok(Some(len)),
+        None if finished => {
+            let length = data.get(4..6).and_then(<[u8]>::first_chunk);
+            let expected = length.map_or(7, |length| 6 + usize::from(u16::from_be_bytes(*length)));
+            Err(DecodeError::Cut { expected, found: data.len() })
+        }
+        None => Ok(None),
+    }
+}
+
+/// What to skip of a frame whose header is bad: all of it, if its length can be one.
+fn foreign_len(data: &[u8]) -> usize {
+    let length = data.get(4..6).and_then(<[u8]>::first_chunk);
+    let length = length.map_or(usize::MAX, |length| usize::from(u16::from_be_bytes(*length)));
+    if length <= 254 { 6 + length } else { 1 }
+}
+
+/// The length of the RTU frame that begins here.
+fn rtu(data: &[u8], side: Side, finished: bool) -> Result<Option<usize>, DecodeError> {
+    match RtuLen::of(data, side) {
+        RtuLen::Silence if finished => Frame::decode_rtu_whole(data).map(|_| Some(data.len())),
+        RtuLen::AtLeast(expected) | RtuLen::Known(expected)
+            if finished && data.len() < expected && expected <= Frame::MAX_RTU_LEN =>
+        {
+            Err(DecodeError::Cut { expected, found: data.len() })
+        }
+        _ => Ok(Frame::decode_rtu(data, side)?.map(|(_, len)| len)),
+    }
+}

@@ -1,0 +1,204 @@
+//! What can be wrong: with the bytes of the peer, with a message of the caller, with a reply to a request.
+
+/// The peer's fault: bytes that are not a Modbus frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// The protocol identifier of the MBAP header is not 0: this is not Modbus TCP, or the stream is out of step.
+    #[error("protocol identifier is {found:#06x}, not 0 (at byte 2)")]
+    Protocol {
+        /// The identifier.
+        found: u16,
+    },
+    /// The length field of the MBAP header counts the unit identifier and a PDU of 1 to 253 bytes.
+    #[error("length field says {found} bytes, it must say 2 to 254 (at byte 4)")]
+    MbapLength {
+        /// The length.
+        found: u16,
+    },
+    /// The checksum of an RTU frame does not fit its bytes.
+    #[error("CRC is {found:#06x}, the {length} bytes of the frame make {expected:#06x}")]
+    Crc {
+        /// Made from the bytes.
+        expected: u16,
+        /// In the last two bytes, low byte first.
+        found: u16,
+        /// The bytes of the frame, with the CRC.
+        length: usize,
+    },
+    /// The stream ended, or the line fell silent, within a frame.
+    #[error("{found} of at least {expected} bytes came before the end")]
+    Cut {
+        /// What the frame needs, as far as its beginning tells.
+        expected: usize,
+        /// What there is.
+        found: usize,
+    },
+    /// An RTU frame would be longer than 256 bytes.
+    #[error("a frame of {found} bytes is longer than 256")]
+    TooLong {
+        /// The bytes that it has, or says that it has.
+        found: usize,
+    },
+    /// More bytes without a frame than one error covers: they belong to the damage before them.
+    #[error("{length} more bytes without a frame")]
+    Noise {
+        /// How many.
+        length: usize,
+    },
+    /// A PDU without a function code.
+    #[error("the PDU is empty")]
+    Empty,
+    /// A function code that this side cannot send: 0, or above 127 in a request, or 128 in a reply.
+    #[error("function code {found} cannot stand here (at byte 0 of the PDU)")]
+    Function {
+        /// The code.
+        found: u8,
+    },
+    /// The PDU has other bytes than its function code and its byte count ask for.
+    #[error("a PDU of function {function} has {found} bytes here, not {expected}")]
+    PduLength {
+        /// The function code.
+        function: u8,
+        /// The bytes that it must have, the function code counted.
+        expected: usize,
+        /// The bytes that it has.
+        found: usize,
+    },
+    /// A quantity of coils or registers outside the limits of the specification.
+    #[error("quantity {found} in function {function} is not within 1 to {max}")]
+    Quantity {
+        /// The function code.
+        function: u8,
+        /// The quantity.
+        found: u16,
+        /// The most that the function allows.
+        max: u16,
+    },
+    /// The byte count of a request contradicts its quantity.
+    #[error("byte count {found} in function {function} contradicts the quantity, which needs {expected}")]
+    ByteCount {
+        /// The function code.
+        function: u8,
+        /// What the quantity needs.
+        expected: u16,
+        /// The byte count.
+        found: u8,
+    },
+    /// The byte count of a reply is 0, odd where registers follow, or above 250.
+    #[error("byte count {found} cannot stand in a reply of function {function}")]
+    ReplyByteCount {
+        /// The function code.
+        function: u8,
+        /// The byte count.
+        found: u8,
+    },
+    /// A single coil is written with `FF00` (on) or `0000` (off), nothing else.
+    #[error("coil value is {found:#06x}, neither 0xff00 nor 0 (at byte 3 of the PDU)")]
+    CoilValue {
+        /// The value.
+        found: u16,
+    },
+}
+
+/// The caller's fault: a message that the specification does not allow, or no room for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The buffer is too small.
+    #[error("{needed} bytes are needed, the buffer has {available}")]
+    Space {
+        /// The bytes of the whole frame or PDU.
+        needed: usize,
+        /// The bytes of the buffer.
+        available: usize,
+    },
+    /// A quantity outside the limits of the specification.
+    #[error("quantity {found} in function {function} is not within 1 to {max}")]
+    Quantity {
+        /// The function code.
+        function: u8,
+        /// The quantity.
+        found: usize,
+        /// The most that the function allows.
+        max: u16,
+    },
+    /// The last coil or register would lie beyond PDU address 65535.
+    #[error("{quantity} from address {address} reach beyond 65535")]
+    Address {
+        /// The first PDU address.
+        address: u16,
+        /// How many.
+        quantity: u16,
+    },
+    /// `Other` carries a code that is 0, above 127, or one of those that have a type of their own.
+    #[error("function code {found} cannot be sent as it is")]
+    Function {
+        /// The code.
+        found: u8,
+    },
+    /// A PDU of 0 or more than 253 bytes.
+    #[error("a PDU of {found} bytes is not within 1 to 253")]
+    PduLength {
+        /// Its bytes.
+        found: usize,
+    },
+}
+
+/// Why a well-formed reply does not answer the request that it seems to belong to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Mismatch {
+    /// Another unit answers. Some gateways do: see [`Config::any_unit`](crate::client::Config::any_unit).
+    #[error("unit {found} answers a request to unit {expected}")]
+    Unit {
+        /// Whom the request went to.
+        expected: u8,
+        /// Who answers.
+        found: u8,
+    },
+    /// Another function code.
+    #[error("function {found} answers a request of function {expected}")]
+    Function {
+        /// The code of the request.
+        expected: u8,
+        /// The code of the reply, without the bit that marks an exception.
+        found: u8,
+    },
+    /// Another number of data bytes than was asked for.
+    #[error("{found} data bytes answer a request for {expected}")]
+    Quantity {
+        /// What the request asked for.
+        expected: usize,
+        /// What the reply has.
+        found: usize,
+    },
+    /// The reply to a write repeats other values than were written.
+    #[error("the reply does not repeat what was written")]
+    Echo,
+}
+
+/// The caller's fault: a request that a [`Client`](crate::Client) does not take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum SessionError {
+    /// The specification does not allow the request.
+    #[error("the request cannot be sent: {0}")]
+    Encode(#[from] EncodeError),
+    /// Every place for a request is taken: wait for an event.
+    #[error("all {places} places for requests are taken")]
+    Full {
+        /// How many requests the session holds.
+        places: usize,
+    },
+    /// Nobody answers a broadcast, so nothing can be read with one.
+    #[error("function {function} reads, and nobody answers a broadcast")]
+    BroadcastRead {
+        /// The function code.
+        function: u8,
+    },
+}

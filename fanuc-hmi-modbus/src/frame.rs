@@ -1,0 +1,249 @@
+//! The envelope: MBAP header on TCP, unit and CRC on a serial line.
+
+use crate::crc::crc16;
+use crate::error::{DecodeError, EncodeError};
+use crate::message::{Pdu, PduBuf, Reply, Request, function, limit};
+
+/// A frame ("ADU"): who is spoken to, and a PDU as raw bytes, a [`Request`], a [`Reply`] or a [`PduBuf`].
+///
+/// ```
+/// use fanuc_hmi_modbus::{Frame, Request};
+///
+/// let pdu = Request::ReadHoldingRegisters { address: 0, quantity: 37 };
+/// let mut out = [0; Frame::MAX_LEN];
+/// let len = Frame { transaction: Some(1), unit: 1, pdu }.encode(&mut out)?;
+/// assert_eq!(out[..len], [0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 37]);
+///
+/// let (frame, used) = Frame::decode_tcp(&out[..len])?.expect("a whole frame");
+/// assert_eq!((frame.request()?.pdu, used), (pdu, len));
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Frame<P> {
+    /// The transaction identifier of a TCP frame, which its reply repeats. `None` makes an RTU frame.
+    pub transaction: Option<u16>,
+    /// The unit identifier ("slave address"): 1 to 247, 0 for a broadcast; 255 where TCP needs none.
+    pub unit: u8,
+    /// What is asked or answered.
+    pub pdu: P,
+}
+
+/// Which end sends the bytes: requests and replies of one function differ in shape, and on a serial line in length.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// The client ("master") sends requests.
+    Client,
+    /// The server ("slave") sends replies.
+    Server,
+}
+
+/// Bytes of the MBAP header: transaction, protocol, length, unit.
+const MBAP: usize = 7;
+/// Bytes of an RTU frame around its PDU: unit and CRC.
+const RTU: usize = 3;
+
+impl Frame<&[u8]> {
+    /// The longest TCP frame; an RTU frame has at most [`MAX_RTU_LEN`](Self::MAX_RTU_LEN).
+    pub const MAX_LEN: usize = MBAP + limit::PDU;
+    /// The longest RTU frame.
+    pub const MAX_RTU_LEN: usize = RTU + limit::PDU;
+}
+
+impl<'a> Frame<&'a [u8]> {
+    /// The TCP frame at the beginning of these bytes, and how many bytes it takes; `None` when more are needed.
+    ///
+    /// # Errors
+    /// When the header is not one of Modbus TCP.
+    #[inline]
+    pub fn decode_tcp(bytes: &'a [u8]) -> Result<Option<(Self, usize)>, DecodeError> {
+        let Some((&[t0, t1, p0, p1, l0, l1], rest)) = bytes.split_first_chunk() else { return Ok(None) };
+        if let found @ 1.. = u16::from_be_bytes([p0, p1]) {
+            return Err(DecodeError::Protocol { found });
+        }
+        let length = u16::from_be_bytes([l0, l1]);
+        if !(2..=254).contains(&length) {
+            return Err(DecodeError::MbapLength { found: length });
+        }
+        let Some((&unit, pdu)) = rest.get(..length.into()).and_then(<[u8]>::split_first) else {
+            return Ok(None);
+        };
+        let transaction = Some(u16::from_be_bytes([t0, t1]));
+        Ok(Some((Self { transaction, unit, pdu }, MBAP + pdu.len())))
+    }
+
+    /// The RTU frame of `side` at the beginning of these bytes, and how many bytes it takes; `None` when more are needed.
+    /// A function that has no type of its own ends with the silence alone: then this is `None` up to 256 bytes, and
+    /// [`decode_rtu_whole`](Self::decode_rtu_whole) reads it.
+    ///
+    /// # Errors
+    /// When the CRC is wrong or the frame would be longer than 256 bytes.
+    pub fn decode_rtu(bytes: &'a [u8], side: Side) -> Result<Option<(Self, usize)>, DecodeError> {
+        match RtuLen::of(bytes, side) {
+            RtuLen::Known(len) if len > Self::MAX_RTU_LEN => Err(DecodeError::TooLong { found: len }),
+            RtuLen::Known(len) => match bytes.get(..len) {
+                Some(frame) => Ok(Some((Self::decode_rtu_whole(frame)?, len))),
+                None => Ok(None),
+            },
+            RtuLen::Silence if bytes.len() > Self::MAX_RTU_LEN => {
+                Err(DecodeError::TooLong { found: bytes.len() })
+            }
+            RtuLen::Silence | RtuLen::AtLeast(_) => Ok(None),
+        }
+    }
+
+    /// The RTU frame that these bytes are as a whole, as a silence on both sides shows.
+    ///
+    /// # Errors
+    /// When the CRC is wrong, or there are fewer than 4 or more than 256 bytes.
+    pub fn decode_rtu_whole(bytes: &'a [u8]) -> Result<Self, DecodeError> {
+        let length = bytes.len();
+        if length > Self::MAX_RTU_LEN {
+            return Err(DecodeError::TooLong { found: length });
+        }
+        let parts = bytes.split_last_chunk().and_then(|(body, crc)| Some((body, body.split_first()?, crc)));
+        let Some((body, (&unit, pdu @ [_, ..]), &crc)) = parts else {
+            return Err(DecodeError::Cut { expected: RTU + 1, found: length });
+        };
+        let (expected, found) = (crc16(body), u16::from_le_bytes(crc));
+        if expected == found {
+            Ok(Self { transaction: None, unit, pdu })
+        } else {
+            Err(DecodeError::Crc { expected, found, length })
+        }
+    }
+
+    /// The parts of an RTU frame whose CRC was checked.
+    pub(crate) fn from_rtu_parts(bytes: &'a [u8]) -> Option<Self> {
+        let (unit, pdu) = bytes.split_last_chunk::<2>()?.0.split_first()?;
+        Some(Self { transaction: None, unit: *unit, pdu })
+    }
+
+    /// The same frame with its request.
+    ///
+    /// # Errors
+    /// As [`Request::decode`].
+    #[inline]
+    pub fn request(self) -> Result<Frame<Request<'a>>, DecodeError> {
+        Ok(Frame { transaction: self.transaction, unit: self.unit, pdu: Request::decode(self.pdu)? })
+    }
+
+    /// The same frame with its reply.
+    ///
+    /// # Errors
+    /// As [`Reply::decode`].
+    #[inline]
+    pub fn reply(self) -> Result<Frame<Reply<'a>>, DecodeError> {
+        Ok(Frame { transaction: self.transaction, unit: self.unit, pdu: Reply::decode(self.pdu)? })
+    }
+
+    /// A copy that borrows nothing.
+    ///
+    /// # Errors
+    /// When the PDU is empty or longer than 253 bytes, which a decoded one never is.
+    pub fn to_owned(self) -> Result<Frame<PduBuf>, EncodeError> {
+        Ok(Frame { transaction: self.transaction, unit: self.unit, pdu: PduBuf::new(&self.pdu)? })
+    }
+}
+
+impl Frame<PduBuf> {
+    /// The frame as a borrow.
+    pub fn as_ref(&self) -> Frame<&[u8]> {
+        Frame { transaction: self.transaction, unit: self.unit, pdu: self.pdu.as_bytes() }
+    }
+}
+
+impl<P: Pdu> Frame<P> {
+    /// The bytes that [`encode`](Self::encode) writes.
+    #[inline]
+    pub fn encoded_len(&self) -> usize {
+        self.pdu.encoded_len() + if self.transaction.is_some() { MBAP } else { RTU }
+    }
+
+    /// Writes the frame to the beginning of `out`, a TCP frame if it has a transaction, else an RTU frame, and says how
+    /// many bytes it took.
+    ///
+    /// # Errors
+    /// When the specification does not allow the message, or `out` is too small: then nothing of use is in `out`.
+    #[inline]
+    pub fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let space = |available| EncodeError::Space { needed: self.encoded_len(), available };
+        let available = out.len();
+        let in_frame = |error| match error {
+            EncodeError::Space { .. } => space(available),
+            error => error,
+        };
+        if let Some(transaction) = self.transaction {
+            let (head, rest) = out.split_first_chunk_mut().ok_or(space(available))?;
+            let len = self.pdu.encode(rest).map_err(in_frame)?;
+            *head = mbap(transaction, self.unit, len);
+            Ok(MBAP + len)
+        } else {
+            let (unit, rest) = out.split_first_mut().ok_or(space(available))?;
+            *unit = self.unit;
+            let len = self.pdu.encode(rest).map_err(in_frame)?;
+            seal(out, 1 + len).ok_or(space(available))
+        }
+    }
+
+    /// Appends the frame.
+    ///
+    /// # Errors
+    /// When the specification does not allow the message; then nothing is appended.
+    ///
+    /// # Panics
+    /// As [`bytes::BufMut::put_slice`], when a buffer that cannot grow is full.
+    #[cfg(feature = "bytes")]
+    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
+        let mut frame = [0; Frame::MAX_LEN];
+        let len = self.encode(&mut frame)?;
+        out.put_slice(frame.get(..len).unwrap_or_default());
+        Ok(())
+    }
+}
+
+/// The header in front of a PDU of `pdu` bytes.
+#[inline]
+pub(crate) fn mbap(transaction: u16, unit: u8, pdu: usize) -> [u8; MBAP] {
+    let [t0, t1] = transaction.to_be_bytes();
+    let [l0, l1] = u16::try_from(1 + pdu).unwrap_or(u16::MAX).to_be_bytes(); // at most 254
+    [t0, t1, 0, 0, l0, l1, unit]
+}
+
+/// Puts the CRC behind the first `len` bytes, and says how many there are then; `None` without room for it.
+#[inline]
+pub(crate) fn seal(out: &mut [u8], len: usize) -> Option<usize> {
+    let (body, rest) = out.split_at_mut_checked(len)?;
+    *rest.first_chunk_mut()? = crc16(body).to_le_bytes();
+    Some(len + 2)
+}
+
+/// How long an RTU frame is, as its first bytes tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum RtuLen {
+    /// So many bytes.
+    Known(usize),
+    /// Its byte count has not arrived.
+    AtLeast(usize),
+    /// Only the silence behind it tells.
+    Silence,
+}
+
+impl RtuLen {
+    pub(crate) fn of(bytes: &[u8], side: Side) -> Self {
+        use function::{EXCEPTION, MASK_WRITE_REGISTER, READ_WRITE_REGISTERS, WRITE_COILS, WRITE_REGISTERS};
+        let Some(&code) = bytes.get(1) else { return Self::AtLeast(RTU + 1) };
+        let counted = |at: usize| match bytes.get(at) {
+            Some(&count) => Self::Known(at + 1 + usize::from(count) + 2),
+            None => Self::AtLeast(at + 1 + 2),
+        };
+        match (side, code) {
+            (Side::Client, 1..=6) | (Side::Server, 5 | 6 | WRITE_COILS | WRITE_REGISTERS) => Self::Known(8),
+            (_, MASK_WRITE_REGISTER) => Self::Known(10),
+            (Side::Client, WRITE_COILS | WRITE_REGISTERS) => counted(6),
+            (Side::Client, READ_WRITE_REGISTERS) => counted(10),
+            (Side::Server, 1..=4 | READ_WRITE_REGISTERS) => counted(2),
+            (Side::Server, code) if code > EXCEPTION => Self::Known(5),
+            _ => Self::Silence,
+        }
+    }
+}

@@ -1,0 +1,69 @@
+use core::fmt;
+
+use super::{Pdu, Reply, Request, limit, room};
+use crate::error::{DecodeError, EncodeError};
+
+/// A PDU of its own: 1 to 253 bytes in an array, for where a borrow does not reach.
+#[derive(Clone, Copy)]
+pub struct PduBuf {
+    bytes: [u8; limit::PDU],
+    len: u8,
+}
+
+impl PduBuf {
+    /// Encodes a request or a reply, or copies raw bytes.
+    ///
+    /// # Errors
+    /// When the specification does not allow the message.
+    pub fn new(pdu: &impl Pdu) -> Result<Self, EncodeError> {
+        let mut bytes = [0; limit::PDU];
+        let len = pdu.encode(&mut bytes)?;
+        Ok(Self { bytes, len: u8::try_from(len).map_err(|_| EncodeError::PduLength { found: len })? })
+    }
+
+    /// The bytes: a function code and what follows it.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.len)).unwrap_or_default()
+    }
+
+    /// The request in it.
+    ///
+    /// # Errors
+    /// As [`Request::decode`].
+    pub fn request(&self) -> Result<Request<'_>, DecodeError> {
+        Request::decode(self.as_bytes())
+    }
+
+    /// The reply in it.
+    ///
+    /// # Errors
+    /// As [`Reply::decode`].
+    pub fn reply(&self) -> Result<Reply<'_>, DecodeError> {
+        Reply::decode(self.as_bytes())
+    }
+}
+
+impl Pdu for PduBuf {
+    fn encoded_len(&self) -> usize {
+        self.as_bytes().len()
+    }
+
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        room(out, self.encoded_len())?.copy_from_slice(self.as_bytes());
+        Ok(self.encoded_len())
+    }
+}
+
+impl PartialEq for PduBuf {
+    fn eq(&self, other: &Self) -> bool {
+        self.as_bytes() == other.as_bytes()
+    }
+}
+
+impl Eq for PduBuf {}
+
+impl fmt::Debug for PduBuf {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "PduBuf({:02X?})", self.as_bytes())
+    }
+}

@@ -1,0 +1,360 @@
+//! Runs of registers and of bits: borrowed from the wire or from the caller, never copied.
+
+use core::fmt;
+
+/// Registers: from the wire, high byte first, or a slice of the caller's.
+#[derive(Clone, Copy)]
+pub struct Words<'a>(WordsIn<'a>);
+
+#[derive(Clone, Copy)]
+enum WordsIn<'a> {
+    Wire(&'a [[u8; 2]]),
+    Memory(&'a [u16]),
+}
+
+impl<'a> Words<'a> {
+    /// The registers in these bytes, high byte first; an odd last byte is left out.
+    #[inline]
+    pub const fn from_wire(bytes: &'a [u8]) -> Self {
+        Self(WordsIn::Wire(bytes.as_chunks().0))
+    }
+
+    /// How many registers there are.
+    #[inline]
+    pub const fn len(&self) -> usize {
+        match self.0 {
+            WordsIn::Wire(pairs) => pairs.len(),
+            WordsIn::Memory(words) => words.len(),
+        }
+    }
+
+    /// True when there is no register.
+    #[inline]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The register at `index`.
+    #[inline]
+    pub fn get(&self, index: usize) -> Option<u16> {
+        match self.0 {
+            WordsIn::Wire(pairs) => pairs.get(index).map(|pair| u16::from_be_bytes(*pair)),
+            WordsIn::Memory(words) => words.get(index).copied(),
+        }
+    }
+
+    /// The registers in order.
+    #[inline]
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = u16> + use<'a> {
+        let words = *self;
+        (0..words.len()).map(move |index| words.get(index).unwrap_or_default())
+    }
+
+    /// Copies as many registers as `out` holds, and says how many.
+    #[inline]
+    pub fn copy_to(&self, out: &mut [u16]) -> usize {
+        match self.0 {
+            WordsIn::Wire(pairs) => {
+                for (word, pair) in out.iter_mut().zip(pairs) {
+                    *word = u16::from_be_bytes(*pair);
+                }
+            }
+            WordsIn::Memory(words) => {
+                for (word, from) in out.iter_mut().zip(words) {
+                    *word = *from;
+                }
+            }
+        }
+        self.len().min(out.len())
+    }
+
+    /// The first `N` registers, if there are as many.
+    #[inline]
+    pub fn first_chunk<const N: usize>(&self) -> Option<[u16; N]> {
+        let mut out = [0; N];
+        (self.copy_to(&mut out) == N).then_some(out)
+    }
+
+    /// Writes the registers, high byte first.
+    #[inline]
+    pub(crate) fn write(&self, out: &mut [u8]) {
+        match self.0 {
+            WordsIn::Wire(pairs) => {
+                for (to, from) in out.iter_mut().zip(pairs.as_flattened()) {
+                    *to = *from;
+                }
+            }
+            WordsIn::Memory(words) => WordsMut::from_wire(out).copy_from(words),
+        }
+    }
+}
+
+impl<'a> From<&'a [u16]> for Words<'a> {
+    fn from(words: &'a [u16]) -> Self {
+        Self(WordsIn::Memory(words))
+    }
+}
+
+impl<'a, const N: usize> From<&'a [u16; N]> for Words<'a> {
+    fn from(words: &'a [u16; N]) -> Self {
+        Self(WordsIn::Memory(words))
+    }
+}
+
+impl PartialEq for Words<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        self.len() == other.len() && self.iter().eq(other.iter())
+    }
+}
+
+impl Eq for Words<'_> {}
+
+impl fmt::Debug for Words<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
+    }
+}
+
+/// Bits: from the wire, the lowest bit of each byte first, or a slice of the caller's.
+#[derive(Clone, Copy)]
+pub struct Bits<'a>(BitsIn<'a>);
+
+#[derive(Clone, Copy)]
+enum BitsIn<'a> {
+    Wire { bytes: &'a [u8], len: usize },
+    Memory(&'a [bool]),
+}
+
+impl<'a> Bits<'a> {
+    /// The first `len` bits of these bytes, or as many as there are.
+    #[inline]
+    pub const fn from_wire(bytes: &'a [u8], len: usize) -> Self {
+        let held = bytes.len() * 8;
+        Self(BitsIn::Wire { bytes, len: if len < held { len } else { held } })
+    }
+
+    /// How many bits there are. A reply does not say how many of its last byte were asked for: all 8 are counted.
+    #[inline]
+    pub const fn len(&self) -> usize {
+        match self.0 {
+            BitsIn::Wire { len, .. } => len,
+            BitsIn::Memory(bits) => bits.len(),
+        }
+    }
+
+    /// True when there is no bit.
+    #[inline]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The bytes that they take on the wire.
+    #[inline]
+    pub const fn byte_len(&self) -> usize {
+        self.len().div_ceil(8)
+    }
+
+    /// The first `len` bits.
+    #[must_use]
+    pub fn truncated(&self, len: usize) -> Self {
+        match self.0 {
+            BitsIn::Wire { bytes, len: all } => Self(BitsIn::Wire { bytes, len: len.min(all) }),
+            BitsIn::Memory(bits) => Self(BitsIn::Memory(bits.get(..len).unwrap_or(bits))),
+        }
+    }
+
+    /// The bit at `index`.
+    #[inline]
+    pub fn get(&self, index: usize) -> Option<bool> {
+        match self.0 {
+            BitsIn::Wire { bytes, len } => {
+                let byte = bytes.get(index / 8).filter(|_| index < len)?;
+                Some(byte >> (index % 8) & 1 == 1)
+            }
+            BitsIn::Memory(bits) => bits.get(index).copied(),
+        }
+    }
+
+    /// The bits in order.
+    #[inline]
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = bool> + use<'a> {
+        let bits = *self;
+        (0..bits.len()).map(move |index| bits.get(index).unwrap_or_default())
+    }
+
+    /// Copies as many bits as `out` holds, and says how many.
+    pub fn copy_to(&self, out: &mut [bool]) -> usize {
+        for (to, from) in out.iter_mut().zip(self.iter()) {
+            *to = from;
+        }
+        self.len().min(out.len())
+    }
+
+    /// Writes the bits; what is left of the last byte is 0.
+    pub(crate) fn write(&self, out: &mut [u8]) {
+        match self.0 {
+            BitsIn::Wire { bytes, len } => {
+                for (to, from) in out.iter_mut().zip(bytes) {
+                    *to = *from;
+                }
+                if let Some(last) = out.get_mut(len / 8) {
+                    *last &= !(0xFF << (len % 8));
+                }
+            }
+            BitsIn::Memory(bits) => {
+                for (to, eight) in out.iter_mut().zip(bits.chunks(8)) {
+                    *to = eight.iter().rev().fold(0, |byte, bit| byte << 1 | u8::from(*bit));
+                }
+            }
+        }
+    }
+}
+
+impl<'a> From<&'a [bool]> for Bits<'a> {
+    fn from(bits: &'a [bool]) -> Self {
+        Self(BitsIn::Memory(bits))
+    }
+}
+
+impl<'a, const N: usize> From<&'a [bool; N]> for Bits<'a> {
+    fn from(bits: &'a [bool; N]) -> Self {
+        Self(BitsIn::Memory(bits))
+    }
+}
+
+impl PartialEq for Bits<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        self.len() == other.len() && self.iter().eq(other.iter())
+    }
+}
+
+impl Eq for Bits<'_> {}
+
+impl fmt::Debug for Bits<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.iter().map(u8::from)).finish()
+    }
+}
+
+/// Registers of a reply that is being written, in place.
+#[derive(Debug)]
+pub struct WordsMut<'a>(&'a mut [[u8; 2]]);
+
+impl<'a> WordsMut<'a> {
+    /// The registers that these bytes will hold, high byte first.
+    #[inline]
+    pub const fn from_wire(bytes: &'a mut [u8]) -> Self {
+        Self(bytes.as_chunks_mut().0)
+    }
+
+    /// How many registers are asked for.
+    #[inline]
+    pub const fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// True when none is asked for, which no request does.
+    #[inline]
+    pub const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Sets the register at `index`, counted from the address of the request; beyond the last nothing happens.
+    #[inline]
+    pub fn set(&mut self, index: usize, word: u16) {
+        if let Some(pair) = self.0.get_mut(index) {
+            *pair = word.to_be_bytes();
+        }
+    }
+
+    /// Sets the first registers from a slice.
+    #[inline]
+    pub fn copy_from(&mut self, words: &[u16]) {
+        for (pair, word) in self.0.iter_mut().zip(words) {
+            *pair = word.to_be_bytes();
+        }
+    }
+
+    /// Sets each register from its index.
+    #[inline]
+    pub fn fill_with(&mut self, mut word: impl FnMut(usize) -> u16) {
+        for (index, pair) in self.0.iter_mut().enumerate() {
+            *pair = word(index).to_be_bytes();
+        }
+    }
+}
+
+/// Bits of a reply that is being written, in place; all are 0 at first.
+#[derive(Debug)]
+pub struct BitsMut<'a> {
+    bytes: &'a mut [u8],
+    len: usize,
+}
+
+impl<'a> BitsMut<'a> {
+    /// The first `len` bits that these bytes will hold.
+    pub fn from_wire(bytes: &'a mut [u8], len: usize) -> Self {
+        bytes.fill(0);
+        Self { bytes, len }
+    }
+
+    /// How many bits are asked for.
+    pub const fn len(&self) -> usize {
+        self.len
+    }
+
+    /// True when none is asked for, which no request does.
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Sets the bit at `index`, counted from the address of the request; beyond the last nothing happens.
+    pub fn set(&mut self, index: usize, bit: bool) {
+        if index < self.len
+            && let Some(byte) = self.bytes.get_mut(index / 8)
+        {
+            let mask = 1 << (index % 8);
+            *byte = if bit { *byte | mask } else { *byte & !mask };
+        }
+    }
+
+    /// Sets each bit from its index.
+    pub fn fill_with(&mut self, mut bit: impl FnMut(usize) -> bool) {
+        for index in 0..self.len {
+            self.set(index, bit(index));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_stand_lowest_first_in_each_byte() {
+        let bits = [true, false, true, true, false, false, false, false, false, true];
+        let mut wire = [0xFF; 2];
+        Bits::from(&bits).write(&mut wire);
+        assert_eq!(wire, [0x0D, 0x02]);
+        let view = Bits::from_wire(&wire, 10);
+        assert_eq!(view, Bits::from(&bits));
+        assert_eq!((view.get(9), view.get(10)), (Some(true), None));
+        assert_eq!(Bits::from_wire(&wire, 99).len(), 16);
+        assert_eq!(view.truncated(3), Bits::from(&[true, false, true]));
+        let mut again = [0xFF; 2];
+        Bits::from_wire(&[0xFF, 0xFF], 10).write(&mut again);
+        assert_eq!(again, [0xFF, 0x03]);
+    }
+
+    #[test]
+    fn words_read_the_same_from_the_wire_and_from_memory() {
+        let wire = Words::from_wire(&[0x12, 0x34, 0xAB, 0xCD, 0xEE]);
+        assert_eq!(wire, Words::from(&[0x1234, 0xABCD]));
+        assert_ne!(wire, Words::from(&[0x1234]));
+        assert_eq!(wire.first_chunk::<2>(), Some([0x1234, 0xABCD]));
+        assert_eq!(wire.first_chunk::<3>(), None);
+        let mut out = [0; 3];
+        assert_eq!(wire.copy_to(&mut out), 2);
+        assert_eq!(out, [0x1234, 0xABCD, 0]);
+    }
+}

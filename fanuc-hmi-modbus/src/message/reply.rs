@@ -1,0 +1,252 @@
+use super::{
+    Bits, Exception, Pdu, Request, Words, check_other, check_run, coil, coil_word, exactly, function, limit,
+    mask, pair, put_mask, put_pair, room, room_for,
+};
+use crate::error::{DecodeError, EncodeError, Mismatch};
+
+/// What a server answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "the fields are the specification's own, and the units stand above them")]
+pub enum Reply<'a> {
+    /// 1: 8 coils in each byte; the last byte is filled up with 0.
+    Coils(Bits<'a>),
+    /// 2: 8 discrete inputs in each byte; the last byte is filled up with 0.
+    DiscreteInputs(Bits<'a>),
+    /// 3: 1 to 125 holding registers.
+    HoldingRegisters(Words<'a>),
+    /// 4: 1 to 125 input registers.
+    InputRegisters(Words<'a>),
+    /// 5: repeats the request.
+    WriteCoil { address: u16, value: bool },
+    /// 6: repeats the request.
+    WriteRegister { address: u16, value: u16 },
+    /// 15: how many coils were written.
+    WriteCoils { address: u16, quantity: u16 },
+    /// 16: how many registers were written.
+    WriteRegisters { address: u16, quantity: u16 },
+    /// 22: repeats the request.
+    MaskWriteRegister { address: u16, and: u16, or: u16 },
+    /// 23: the 1 to 125 registers that were read after the write.
+    ReadWriteRegisters(Words<'a>),
+    /// The server refuses the request of this function code, 1 to 127.
+    Exception { function: u8, exception: Exception },
+    /// Another function, 1 to 127, with the bytes behind its code.
+    Other { function: u8, data: &'a [u8] },
+}
+
+impl<'a> Reply<'a> {
+    /// The reply in a PDU.
+    ///
+    /// # Errors
+    /// When the bytes are not a reply that the specification allows.
+    #[inline]
+    pub fn decode(pdu: &'a [u8]) -> Result<Self, DecodeError> {
+        let (&function, body) = pdu.split_first().ok_or(DecodeError::Empty)?;
+        Ok(match function {
+            function::READ_HOLDING_REGISTERS => Self::HoldingRegisters(words(function, body)?),
+            function::READ_INPUT_REGISTERS => Self::InputRegisters(words(function, body)?),
+            function::READ_COILS => Self::Coils(bits(function, body)?),
+            function::READ_DISCRETE_INPUTS => Self::DiscreteInputs(bits(function, body)?),
+            function::WRITE_COIL => {
+                let (address, value) = pair(function, body)?;
+                Self::WriteCoil { address, value: coil(value)? }
+            }
+            function::WRITE_REGISTER => {
+                let (address, value) = pair(function, body)?;
+                Self::WriteRegister { address, value }
+            }
+            function::WRITE_COILS => {
+                let (address, quantity) = written(function, body, limit::WRITE_BITS)?;
+                Self::WriteCoils { address, quantity }
+            }
+            function::WRITE_REGISTERS => {
+                let (address, quantity) = written(function, body, limit::WRITE_REGISTERS)?;
+                Self::WriteRegisters { address, quantity }
+            }
+            function::MASK_WRITE_REGISTER => {
+                let (address, and, or) = mask(body)?;
+                Self::MaskWriteRegister { address, and, or }
+            }
+            function::READ_WRITE_REGISTERS => Self::ReadWriteRegisters(words(function, body)?),
+            0 | function::EXCEPTION => return Err(DecodeError::Function { found: function }),
+            function::EXCEPTION.. => {
+                let [code] = *exactly(function, body)?;
+                Self::Exception { function: function & !function::EXCEPTION, exception: code.into() }
+            }
+            function => Self::Other { function, data: body },
+        })
+    }
+
+    /// The function code of the request that it answers.
+    pub const fn function(&self) -> u8 {
+        match self {
+            Self::Coils(_) => function::READ_COILS,
+            Self::DiscreteInputs(_) => function::READ_DISCRETE_INPUTS,
+            Self::HoldingRegisters(_) => function::READ_HOLDING_REGISTERS,
+            Self::InputRegisters(_) => function::READ_INPUT_REGISTERS,
+            Self::WriteCoil { .. } => function::WRITE_COIL,
+            Self::WriteRegister { .. } => function::WRITE_REGISTER,
+            Self::WriteCoils { .. } => function::WRITE_COILS,
+            Self::WriteRegisters { .. } => function::WRITE_REGISTERS,
+            Self::MaskWriteRegister { .. } => function::MASK_WRITE_REGISTER,
+            Self::ReadWriteRegisters(_) => function::READ_WRITE_REGISTERS,
+            Self::Exception { function, .. } | Self::Other { function, .. } => *function,
+        }
+    }
+
+    /// Checks that this can be the answer to `request`: its function, as many values as were asked for, the same echo.
+    ///
+    /// # Errors
+    /// The first thing that differs.
+    #[inline]
+    pub fn answers(&self, request: &Request<'_>) -> Result<(), Mismatch> {
+        let (expected, found) = (request.function(), self.function());
+        if expected != found {
+            return Err(Mismatch::Function { expected, found });
+        }
+        let count = |expected: usize, found: usize| {
+            if expected == found { Ok(()) } else { Err(Mismatch::Quantity { expected, found }) }
+        };
+        let echo = |same: bool| if same { Ok(()) } else { Err(Mismatch::Echo) };
+        match (*request, *self) {
+            (
+                Request::ReadCoils { quantity, .. } | Request::ReadDiscreteInputs { quantity, .. },
+                Self::Coils(bits) | Self::DiscreteInputs(bits),
+            ) => count(usize::from(quantity).div_ceil(8), bits.byte_len()),
+            (
+                Request::ReadHoldingRegisters { quantity, .. }
+                | Request::ReadInputRegisters { quantity, .. }
+                | Request::ReadWriteRegisters { quantity, .. },
+                Self::HoldingRegisters(words) | Self::InputRegisters(words) | Self::ReadWriteRegisters(words),
+            ) => count(2 * usize::from(quantity), 2 * words.len()),
+            (Request::WriteCoil { address: a, value: v }, Self::WriteCoil { address, value }) => {
+                echo((a, v) == (address, value))
+            }
+            (Request::WriteRegister { address: a, value: v }, Self::WriteRegister { address, value }) => {
+                echo((a, v) == (address, value))
+            }
+            (Request::WriteCoils { address: a, values }, Self::WriteCoils { address, quantity }) => {
+                echo(a == address && values.len() == usize::from(quantity))
+            }
+            (Request::WriteRegisters { address: a, values }, Self::WriteRegisters { address, quantity }) => {
+                echo(a == address && values.len() == usize::from(quantity))
+            }
+            (
+                Request::MaskWriteRegister { address: a, and: n, or: o },
+                Self::MaskWriteRegister { address, and, or },
+            ) => echo((a, n, o) == (address, and, or)),
+            _ => Ok(()), // an exception, or a function that only the caller knows
+        }
+    }
+}
+
+impl Pdu for Reply<'_> {
+    #[inline]
+    fn encoded_len(&self) -> usize {
+        match self {
+            Self::Coils(bits) | Self::DiscreteInputs(bits) => 2 + bits.byte_len(),
+            Self::HoldingRegisters(words) | Self::InputRegisters(words) | Self::ReadWriteRegisters(words) => {
+                2 + 2 * words.len()
+            }
+            Self::MaskWriteRegister { .. } => 7,
+            Self::Exception { .. } => 2,
+            Self::Other { data, .. } => 1 + data.len(),
+            _ => 5,
+        }
+    }
+
+    #[inline]
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let function = self.function();
+        match *self {
+            Self::Coils(bits) | Self::DiscreteInputs(bits) => {
+                check_run(function, 0, bits.len(), limit::READ_BITS)?;
+                bits.write(put_head(out, function, bits.byte_len())?);
+                Ok(self.encoded_len())
+            }
+            Self::HoldingRegisters(words) | Self::InputRegisters(words) | Self::ReadWriteRegisters(words) => {
+                check_run(function, 0, words.len(), limit::READ_REGISTERS)?;
+                words.write(put_head(out, function, 2 * words.len())?);
+                Ok(self.encoded_len())
+            }
+            Self::WriteCoil { address, value } => put_pair(out, function, address, coil_word(value)),
+            Self::WriteRegister { address, value } => put_pair(out, function, address, value),
+            Self::WriteCoils { address, quantity } => {
+                check_run(function, address, quantity.into(), limit::WRITE_BITS)?;
+                put_pair(out, function, address, quantity)
+            }
+            Self::WriteRegisters { address, quantity } => {
+                check_run(function, address, quantity.into(), limit::WRITE_REGISTERS)?;
+                put_pair(out, function, address, quantity)
+            }
+            Self::MaskWriteRegister { address, and, or } => put_mask(out, address, and, or),
+            Self::Exception { function, exception } => {
+                if function == 0 || function >= function::EXCEPTION {
+                    return Err(EncodeError::Function { found: function });
+                }
+                *room_for(out)? = [function | function::EXCEPTION, exception.into()];
+                Ok(2)
+            }
+            Self::Other { function, data } => {
+                check_other(function, data)?;
+                let out = room(out, 1 + data.len())?;
+                if let Some((first, rest)) = out.split_first_mut() {
+                    *first = function;
+                    rest.copy_from_slice(data);
+                }
+                Ok(1 + data.len())
+            }
+        }
+    }
+}
+
+/// Exactly the data that a byte count announces.
+#[inline]
+fn counted(function: u8, body: &[u8]) -> Result<&[u8], DecodeError> {
+    let Some((&count, data)) = body.split_first() else {
+        return Err(DecodeError::PduLength { function, expected: 2, found: 1 });
+    };
+    if !(1..=250).contains(&count) {
+        return Err(DecodeError::ReplyByteCount { function, found: count });
+    }
+    if data.len() != usize::from(count) {
+        return Err(DecodeError::PduLength {
+            function,
+            expected: 2 + usize::from(count),
+            found: 2 + data.len(),
+        });
+    }
+    Ok(data)
+}
+
+#[inline]
+fn bits(function: u8, body: &[u8]) -> Result<Bits<'_>, DecodeError> {
+    counted(function, body).map(|data| Bits::from_wire(data, usize::MAX))
+}
+
+#[inline]
+fn words(function: u8, body: &[u8]) -> Result<Words<'_>, DecodeError> {
+    if let Some(&found) = body.first()
+        && found % 2 == 1
+    {
+        return Err(DecodeError::ReplyByteCount { function, found });
+    }
+    counted(function, body).map(Words::from_wire)
+}
+
+fn written(function: u8, body: &[u8], max: u16) -> Result<(u16, u16), DecodeError> {
+    let (address, quantity) = pair(function, body)?;
+    if (1..=max).contains(&quantity) {
+        Ok((address, quantity))
+    } else {
+        Err(DecodeError::Quantity { function, found: quantity, max })
+    }
+}
+
+#[inline]
+fn put_head(out: &mut [u8], function: u8, count: usize) -> Result<&mut [u8], EncodeError> {
+    let (head, data) = room(out, 2 + count)?.split_at_mut(2);
+    head.copy_from_slice(&[function, u8::try_from(count).unwrap_or(u8::MAX)]); // at most 250: checked
+    Ok(data)
+}

@@ -1,0 +1,249 @@
+use super::{
+    Bits, Pdu, Words, check_other, check_run, coil, coil_word, function, limit, mask, pair, put_mask,
+    put_pair, room,
+};
+use crate::error::{DecodeError, EncodeError};
+
+/// What a client asks. Addresses are PDU addresses: 0 is the first coil or register of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "the fields are the specification's own, and the units stand above them")]
+pub enum Request<'a> {
+    /// 1: 1 to 2000 coils.
+    ReadCoils { address: u16, quantity: u16 },
+    /// 2: 1 to 2000 discrete inputs.
+    ReadDiscreteInputs { address: u16, quantity: u16 },
+    /// 3: 1 to 125 holding registers.
+    ReadHoldingRegisters { address: u16, quantity: u16 },
+    /// 4: 1 to 125 input registers.
+    ReadInputRegisters { address: u16, quantity: u16 },
+    /// 5: one coil.
+    WriteCoil { address: u16, value: bool },
+    /// 6: one holding register.
+    WriteRegister { address: u16, value: u16 },
+    /// 15: 1 to 1968 coils.
+    WriteCoils { address: u16, values: Bits<'a> },
+    /// 16: 1 to 123 holding registers.
+    WriteRegisters { address: u16, values: Words<'a> },
+    /// 22: the register becomes (register AND `and`) OR (`or` AND NOT `and`).
+    MaskWriteRegister { address: u16, and: u16, or: u16 },
+    /// 23: 1 to 121 registers are written, then 1 to 125 are read.
+    ReadWriteRegisters { address: u16, quantity: u16, write_address: u16, values: Words<'a> },
+    /// Another function, 1 to 127, with the bytes behind its code.
+    Other { function: u8, data: &'a [u8] },
+}
+
+impl<'a> Request<'a> {
+    /// The request in a PDU.
+    ///
+    /// # Errors
+    /// When the bytes are not a request that the specification allows. An address beyond the table is not an error
+    /// here: the server answers it with exception 2.
+    #[inline]
+    pub fn decode(pdu: &'a [u8]) -> Result<Self, DecodeError> {
+        let (&function, body) = pdu.split_first().ok_or(DecodeError::Empty)?;
+        Ok(match function {
+            function::READ_COILS => {
+                let (address, quantity) = run(function, body, limit::READ_BITS)?;
+                Self::ReadCoils { address, quantity }
+            }
+            function::READ_DISCRETE_INPUTS => {
+                let (address, quantity) = run(function, body, limit::READ_BITS)?;
+                Self::ReadDiscreteInputs { address, quantity }
+            }
+            function::READ_HOLDING_REGISTERS => {
+                let (address, quantity) = run(function, body, limit::READ_REGISTERS)?;
+                Self::ReadHoldingRegisters { address, quantity }
+            }
+            function::READ_INPUT_REGISTERS => {
+                let (address, quantity) = run(function, body, limit::READ_REGISTERS)?;
+                Self::ReadInputRegisters { address, quantity }
+            }
+            function::WRITE_COIL => {
+                let (address, value) = pair(function, body)?;
+                Self::WriteCoil { address, value: coil(value)? }
+            }
+            function::WRITE_REGISTER => {
+                let (address, value) = pair(function, body)?;
+                Self::WriteRegister { address, value }
+            }
+            function::WRITE_COILS => {
+                let (address, body) = word(function, 0, body)?;
+                let (quantity, data) = data(function, 2, body, limit::WRITE_BITS, |q| q.div_ceil(8))?;
+                Self::WriteCoils { address, values: Bits::from_wire(data, quantity.into()) }
+            }
+            function::WRITE_REGISTERS => {
+                let (address, body) = word(function, 0, body)?;
+                let (_, data) = data(function, 2, body, limit::WRITE_REGISTERS, |q| 2 * q)?;
+                Self::WriteRegisters { address, values: Words::from_wire(data) }
+            }
+            function::MASK_WRITE_REGISTER => {
+                let (address, and, or) = mask(body)?;
+                Self::MaskWriteRegister { address, and, or }
+            }
+            function::READ_WRITE_REGISTERS => {
+                let (address, body) = word(function, 0, body)?;
+                let (quantity, body) = word(function, 2, body)?;
+                let (write_address, body) = word(function, 4, body)?;
+                let quantity = within(function, quantity, limit::READ_REGISTERS)?;
+                let (_, data) = data(function, 6, body, limit::READ_WRITE_REGISTERS, |q| 2 * q)?;
+                Self::ReadWriteRegisters { address, quantity, write_address, values: Words::from_wire(data) }
+            }
+            0 | function::EXCEPTION.. => return Err(DecodeError::Function { found: function }),
+            function => Self::Other { function, data: body },
+        })
+    }
+
+    /// The function code.
+    pub const fn function(&self) -> u8 {
+        match self {
+            Self::ReadCoils { .. } => function::READ_COILS,
+            Self::ReadDiscreteInputs { .. } => function::READ_DISCRETE_INPUTS,
+            Self::ReadHoldingRegisters { .. } => function::READ_HOLDING_REGISTERS,
+            Self::ReadInputRegisters { .. } => function::READ_INPUT_REGISTERS,
+            Self::WriteCoil { .. } => function::WRITE_COIL,
+            Self::WriteRegister { .. } => function::WRITE_REGISTER,
+            Self::WriteCoils { .. } => function::WRITE_COILS,
+            Self::WriteRegisters { .. } => function::WRITE_REGISTERS,
+            Self::MaskWriteRegister { .. } => function::MASK_WRITE_REGISTER,
+            Self::ReadWriteRegisters { .. } => function::READ_WRITE_REGISTERS,
+            Self::Other { function, .. } => *function,
+        }
+    }
+
+    /// True when only a reply makes sense of it: such a request cannot be broadcast.
+    pub const fn reads(&self) -> bool {
+        matches!(self.function(), 1..=4 | function::READ_WRITE_REGISTERS)
+    }
+}
+
+impl Pdu for Request<'_> {
+    #[inline]
+    fn encoded_len(&self) -> usize {
+        match self {
+            Self::WriteCoils { values, .. } => 6 + values.byte_len(),
+            Self::WriteRegisters { values, .. } => 6 + 2 * values.len(),
+            Self::MaskWriteRegister { .. } => 7,
+            Self::ReadWriteRegisters { values, .. } => 10 + 2 * values.len(),
+            Self::Other { data, .. } => 1 + data.len(),
+            _ => 5,
+        }
+    }
+
+    #[inline]
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let function = self.function();
+        match *self {
+            Self::ReadCoils { address, quantity } | Self::ReadDiscreteInputs { address, quantity } => {
+                check_run(function, address, quantity.into(), limit::READ_BITS)?;
+                put_pair(out, function, address, quantity)
+            }
+            Self::ReadHoldingRegisters { address, quantity }
+            | Self::ReadInputRegisters { address, quantity } => {
+                check_run(function, address, quantity.into(), limit::READ_REGISTERS)?;
+                put_pair(out, function, address, quantity)
+            }
+            Self::WriteCoil { address, value } => put_pair(out, function, address, coil_word(value)),
+            Self::WriteRegister { address, value } => put_pair(out, function, address, value),
+            Self::WriteCoils { address, values } => {
+                let quantity = check_run(function, address, values.len(), limit::WRITE_BITS)?;
+                let data = put_head(out, &[address, quantity], function, values.byte_len())?;
+                values.write(data);
+                Ok(self.encoded_len())
+            }
+            Self::WriteRegisters { address, values } => {
+                let quantity = check_run(function, address, values.len(), limit::WRITE_REGISTERS)?;
+                let data = put_head(out, &[address, quantity], function, 2 * values.len())?;
+                values.write(data);
+                Ok(self.encoded_len())
+            }
+            Self::MaskWriteRegister { address, and, or } => put_mask(out, address, and, or),
+            Self::ReadWriteRegisters { address, quantity, write_address, values } => {
+                check_run(function, address, quantity.into(), limit::READ_REGISTERS)?;
+                let written = check_run(function, write_address, values.len(), limit::READ_WRITE_REGISTERS)?;
+                let head = [address, quantity, write_address, written];
+                values.write(put_head(out, &head, function, 2 * values.len())?);
+                Ok(self.encoded_len())
+            }
+            Self::Other { function, data } => {
+                check_other(function, data)?;
+                let out = room(out, 1 + data.len())?;
+                if let Some((first, rest)) = out.split_first_mut() {
+                    *first = function;
+                    rest.copy_from_slice(data);
+                }
+                Ok(1 + data.len())
+            }
+        }
+    }
+}
+
+fn within(function: u8, quantity: u16, max: u16) -> Result<u16, DecodeError> {
+    if (1..=max).contains(&quantity) {
+        Ok(quantity)
+    } else {
+        Err(DecodeError::Quantity { function, found: quantity, max })
+    }
+}
+
+/// An address and a quantity within 1 to `max`.
+#[inline]
+fn run(function: u8, body: &[u8], max: u16) -> Result<(u16, u16), DecodeError> {
+    let (address, quantity) = pair(function, body)?;
+    Ok((address, within(function, quantity, max)?))
+}
+
+/// The word at `offset` behind the function code, and what follows it.
+#[inline]
+fn word(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), DecodeError> {
+    match body.split_first_chunk() {
+        Some((word, rest)) => Ok((u16::from_be_bytes(*word), rest)),
+        None => {
+            Err(DecodeError::PduLength { function, expected: offset + 3, found: 1 + offset + body.len() })
+        }
+    }
+}
+
+/// A quantity, its byte count and exactly the data that they announce, `offset` behind the function code.
+#[inline]
+fn data(
+    function: u8,
+    offset: usize,
+    body: &[u8],
+    max: u16,
+    bytes: fn(u16) -> u16,
+) -> Result<(u16, &[u8]), DecodeError> {
+    let (quantity, body) = word(function, offset, body)?;
+    let quantity = within(function, quantity, max)?;
+    let head = 1 + offset + 2;
+    let Some((&count, data)) = body.split_first() else {
+        return Err(DecodeError::PduLength { function, expected: head + 1, found: head });
+    };
+    let expected = bytes(quantity);
+    if u16::from(count) != expected {
+        return Err(DecodeError::ByteCount { function, expected, found: count });
+    }
+    if data.len() != usize::from(count) {
+        let (expected, found) = (head + 1 + usize::from(count), head + 1 + data.len());
+        return Err(DecodeError::PduLength { function, expected, found });
+    }
+    Ok((quantity, data))
+}
+
+/// Writes the words in front of a byte count and the count itself, and gives the room for the data.
+#[inline]
+fn put_head<'o, const N: usize>(
+    out: &'o mut [u8],
+    words: &[u16; N],
+    function: u8,
+    count: usize,
+) -> Result<&'o mut [u8], EncodeError> {
+    let out = room(out, 2 + 2 * N + count)?;
+    let (head, data) = out.split_at_mut(2 + 2 * N);
+    if let [first, pairs @ .., last] = head {
+        *first = function;
+        super::WordsMut::from_wire(pairs).copy_from(words);
+        *last = u8::try_from(count).unwrap_or(u8::MAX); // at most 246: the quantity was checked
+    }
+    Ok(data)
+}

@@ -1,0 +1,29 @@
+//! How long frames take on a serial line, and the silence between them (MODBUS over Serial Line V1.02, section 2.5.1).
+
+use core::time::Duration;
+
+/// The bits of a character: start, 8 data bits, parity or a second stop bit, stop.
+pub const CHARACTER_BITS: u32 = 11;
+
+/// The silence that separates frames: 3.5 characters, and 1.75 ms above 19200 baud.
+///
+/// ```
+/// use core::time::Duration;
+/// use fanuc_hmi_modbus::timing::silence;
+///
+/// assert_eq!(silence(9600), Duration::from_micros(4010));
+/// assert_eq!(silence(115_200), Duration::from_micros(1750));
+/// ```
+pub const fn silence(baud: u32) -> Duration {
+    if baud > 19_200 || baud == 0 {
+        Duration::from_micros(1750)
+    } else {
+        Duration::from_micros((CHARACTER_BITS as u64 * 3_500_000) / baud as u64)
+    }
+}
+
+/// How long `bytes` take on the line.
+pub const fn line_time(bytes: usize, baud: u32) -> Duration {
+    let baud = if baud == 0 { 1 } else { baud as u64 };
+    Duration::from_nanos(bytes as u64 * CHARACTER_BITS as u64 * 1_000_000_000 / baud)
+}

@@ -53,8 +53,8 @@ impl Framing {
 /// Finds the frames in a stream, whatever the pieces that it arrives in, and its feet again after damage.
 ///
 /// 1. [`push`](Self::push) what arrived, 2. call [`next_frame`](Self::next_frame) until it gives `None`. On a serial line, when
-/// nothing has arrived for 3.5 characters, call [`finish`](Self::finish) and drain the frames before you push on; at the end of
-/// any stream, the same.
+///    nothing has arrived for 3.5 characters, call [`finish`](Self::finish) and drain the frames before you push on; at the end
+///    of any stream, the same.
 ///
 /// Frames and errors tile the stream: an error covers everything up to the next frame, and is given when that is found, or
 /// [`finish`](Self::finish) says that there is none; [`damage`](Self::damage) tells at once. How the stream was cut into reads

@@ -1,0 +1,197 @@
+//! What can be wrong: [`DecodeError`] is the peer's fault, [`EncodeError`] and [`SessionError`] are the caller's.
+
+use crate::message::ErrorCode;
+
+/// Bytes that are not a message of this link. Offsets count from the first byte that was ever given to the decoder
+/// (or from the start of the slice), and wrap around with `usize`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// Bytes without a start mark in front of them (§3.2).
+    #[error("{length} bytes at byte {offset} belong to no frame")]
+    StartMark {
+        /// The first of them.
+        offset: usize,
+        /// How many, up to the next start mark.
+        length: usize,
+    },
+    /// Inside a frame, DLE is followed by neither DLE nor ETX (§3.2).
+    #[error(
+        "DLE is followed by {found:#04x} at byte {offset}: neither a doubled DLE nor the end of the frame"
+    )]
+    EndMark {
+        /// Where the byte behind the DLE stands.
+        offset: usize,
+        /// That byte.
+        found: u8,
+    },
+    /// The checksum is not the sum of the data (§3.2).
+    #[error("checksum is {found:#04x}, the data gives {expected:#04x} (at byte {offset})")]
+    Checksum {
+        /// Where the checksum stands.
+        offset: usize,
+        /// What the data gives.
+        expected: u8,
+        /// What was received.
+        found: u8,
+    },
+    /// More data than any message of this side has: the end of the frame was lost.
+    #[error("frame at byte {offset} has more than {limit} data bytes")]
+    TooLong {
+        /// The frame's first byte.
+        offset: usize,
+        /// The most data bytes that a message of this side has.
+        limit: usize,
+    },
+    /// The line fell silent in the middle of a frame.
+    #[error("frame at byte {offset} broke off after {length} bytes")]
+    Incomplete {
+        /// The frame's first byte.
+        offset: usize,
+        /// The bytes that arrived.
+        length: usize,
+    },
+    /// The control byte is not `1mm00eee` (§3.2.2).
+    #[error("control byte {found:#04x} of the frame at byte {offset} is not 1mm00eee")]
+    Control {
+        /// The frame's first byte.
+        offset: usize,
+        /// The control byte.
+        found: u8,
+    },
+    /// No message of this side has that many data bytes (§3.2.1, §3.2.2).
+    #[error("{found} data bytes in the frame at byte {offset} fit no message")]
+    Length {
+        /// The frame's first byte.
+        offset: usize,
+        /// The number of data bytes.
+        found: usize,
+    },
+    /// The answer to a start message is none of 00, 01, FF (§3.3.1).
+    #[error("start reply {found:#04x} of the frame at byte {offset} is neither 0x00 nor 0x01 nor 0xff")]
+    StartReply {
+        /// The frame's first byte.
+        offset: usize,
+        /// The reply.
+        found: u8,
+    },
+    /// The select byte sets bit 6 or 7, which name no axis (§3.3.2).
+    #[error("select byte {found:#04x} of the frame at byte {offset} sets bits that name no axis")]
+    Select {
+        /// The frame's first byte.
+        offset: usize,
+        /// The select byte.
+        found: u8,
+    },
+    /// The reply does not hold one word for each bit of its select byte (§3.3.2).
+    #[error("reply at byte {offset} selects {expected} data bytes and has {found}")]
+    ReplyLength {
+        /// The frame's first byte.
+        offset: usize,
+        /// The data bytes that the select byte asks for.
+        expected: usize,
+        /// The data bytes that arrived.
+        found: usize,
+    },
+}
+
+impl DecodeError {
+    /// The code with which a controller reports this to its host (§3.2.2).
+    pub fn code(self) -> ErrorCode {
+        match self {
+            Self::StartMark { .. } | Self::EndMark { .. } => ErrorCode::Mark,
+            Self::Checksum { .. } => ErrorCode::Checksum,
+            Self::TooLong { .. } => ErrorCode::Overflow,
+            Self::Incomplete { .. } => ErrorCode::Incomplete,
+            Self::Control { .. }
+            | Self::Length { .. }
+            | Self::StartReply { .. }
+            | Self::Select { .. }
+            | Self::ReplyLength { .. } => ErrorCode::Format,
+        }
+    }
+
+    /// Where the damage begins.
+    pub fn offset(self) -> usize {
+        match self {
+            Self::StartMark { offset, .. }
+            | Self::EndMark { offset, .. }
+            | Self::Checksum { offset, .. }
+            | Self::TooLong { offset, .. }
+            | Self::Incomplete { offset, .. }
+            | Self::Control { offset, .. }
+            | Self::Length { offset, .. }
+            | Self::StartReply { offset, .. }
+            | Self::Select { offset, .. }
+            | Self::ReplyLength { offset, .. } => offset,
+        }
+    }
+
+    /// The same error, `by` bytes further on in the stream.
+    pub(crate) fn shifted(mut self, by: usize) -> Self {
+        match &mut self {
+            Self::StartMark { offset, .. }
+            | Self::EndMark { offset, .. }
+            | Self::Checksum { offset, .. }
+            | Self::TooLong { offset, .. }
+            | Self::Incomplete { offset, .. }
+            | Self::Control { offset, .. }
+            | Self::Length { offset, .. }
+            | Self::StartReply { offset, .. }
+            | Self::Select { offset, .. }
+            | Self::ReplyLength { offset, .. } => *offset = offset.wrapping_add(by),
+        }
+        self
+    }
+}
+
+/// A message that cannot be written, or a value that its field cannot hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The output slice cannot hold the frame; nothing was written.
+    #[error("frame has {needed} bytes, the output has room for {available}")]
+    BufferTooSmall {
+        /// The frame's length.
+        needed: usize,
+        /// The slice's length.
+        available: usize,
+    },
+    /// More data than a frame of this link holds.
+    #[error("{found} data bytes, a frame holds {limit}")]
+    TooLong {
+        /// The data's length.
+        found: usize,
+        /// The most that fits.
+        limit: usize,
+    },
+    /// A length or an angle outside what its 16-bit word holds (§3.3.2: ±1024 mm, ±180°).
+    #[error("{found} units do not fit a word of -32768..=32767")]
+    Range {
+        /// The value in units of the word, rounded; at the end of its range when it is further away (or no number).
+        found: i32,
+    },
+}
+
+/// A call that the session's state or its configuration does not allow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// No exception subroutine stands in the ALTER instruction: an exception would abort the robot's program (§3).
+    #[error("no exception subroutine is installed: an exception would abort the robot's program")]
+    NoSubroutine,
+    /// ALTER is not running.
+    #[error("ALTER is not running")]
+    NotRunning,
+    /// The exception before this one has not been sent yet.
+    #[error("exception {pending} has not been sent yet")]
+    ExceptionPending {
+        /// The code that waits.
+        pending: u8,
+    },
+    /// ALTER runs already.
+    #[error("ALTER has been started already")]
+    AlreadyStarted,
+}

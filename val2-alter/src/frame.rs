@@ -1,0 +1,262 @@
+//! The envelope: `DLE DLE STX <data> DLE ETX <checksum>`, every DLE in the data doubled (§3.2).
+
+use crate::{DecodeError, EncodeError};
+
+/// Data link escape: begins both marks, and is doubled inside the data.
+pub const DLE: u8 = 0x10;
+/// Start of text: the start mark is DLE DLE STX.
+pub const STX: u8 = 0x02;
+/// End of text: the end mark is DLE ETX.
+pub const ETX: u8 = 0x03;
+
+/// What the source leaves open about the envelope. The default is the text of the source, read literally.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct Framing {
+    /// The DLEs in front of STX: what is written, and the fewest that are read as a start mark. The text has two; the
+    /// source's own tables of lengths fit one as well.
+    pub leading_dle: LeadingDle,
+    /// The checksum is the two's complement of the sum, instead of the sum. The text only says "simple checksum".
+    pub negated_sum: bool,
+    /// A checksum of 10h is doubled like a DLE of the data. The text doubles inside the data, and the checksum is outside.
+    pub stuffed_checksum: bool,
+    /// Reads a reply that sets bits 6 and 7 of its select byte as if they were clear, instead of refusing it.
+    pub ignore_spare_select: bool,
+}
+
+impl Framing {
+    /// Two DLEs in front, the plain sum, not doubled, spare select bits refused.
+    pub const DEFAULT: Self = Self {
+        leading_dle: LeadingDle::Two,
+        negated_sum: false,
+        stuffed_checksum: false,
+        ignore_spare_select: false,
+    };
+}
+
+impl Default for Framing {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// The number of DLEs in a start mark.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "u8", into = "u8"))]
+pub enum LeadingDle {
+    /// `10 02`
+    One,
+    /// `10 10 02`
+    Two,
+}
+
+impl LeadingDle {
+    /// The number.
+    pub const fn count(self) -> usize {
+        match self {
+            Self::One => 1,
+            Self::Two => 2,
+        }
+    }
+}
+
+impl From<LeadingDle> for u8 {
+    fn from(leading: LeadingDle) -> u8 {
+        match leading {
+            LeadingDle::One => 1,
+            LeadingDle::Two => 2,
+        }
+    }
+}
+
+impl TryFrom<u8> for LeadingDle {
+    type Error = &'static str;
+
+    fn try_from(count: u8) -> Result<Self, Self::Error> {
+        match count {
+            1 => Ok(Self::One),
+            2 => Ok(Self::Two),
+            _ => Err("a start mark has one or two leading DLEs"),
+        }
+    }
+}
+
+/// The data of one frame, without marks, doubled DLEs and checksum.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Frame {
+    /// Zero behind `len`: the sum and the count of DLEs then run over a constant length.
+    data: [u8; Frame::ROOM],
+    len: usize,
+}
+
+impl Frame {
+    /// The most data bytes in a frame: a standard message with its transformation.
+    pub const MAX_DATA: usize = 30;
+    /// The longest frame on the line, with every data byte and the checksum doubled.
+    pub const MAX_LEN: usize = 3 + 2 * Self::MAX_DATA + 2 + 2;
+
+    const ROOM: usize = 32;
+
+    /// A frame around `data`.
+    pub fn new(data: &[u8]) -> Result<Self, EncodeError> {
+        let mut frame = Self::empty();
+        if frame.push_slice(data, Self::MAX_DATA) {
+            Ok(frame)
+        } else {
+            Err(EncodeError::TooLong { found: data.len(), limit: Self::MAX_DATA })
+        }
+    }
+
+    /// Reads the frame at the start of `bytes`, which begin with a start mark. `None`: more bytes are needed.
+    /// The second value is the number of bytes that the frame has on the line.
+    pub fn decode(bytes: &[u8], framing: Framing) -> Result<Option<(Self, usize)>, DecodeError> {
+        Self::decode_limited(bytes, framing, Self::MAX_DATA)
+    }
+
+    /// As [`Frame::decode`], for a side whose messages have at most `limit` data bytes.
+    pub(crate) fn decode_limited(
+        bytes: &[u8],
+        framing: Framing,
+        limit: usize,
+    ) -> Result<Option<(Self, usize)>, DecodeError> {
+        let Some(mark) = start_mark_len(bytes, framing.leading_dle)? else { return Ok(None) };
+        let mut frame = Self::empty();
+        let mut at = mark;
+        loop {
+            let rest = bytes.get(at..).unwrap_or_default();
+            let run = find_dle(rest);
+            if !frame.push_slice(rest.get(..run).unwrap_or_default(), limit) {
+                return Err(DecodeError::TooLong { offset: 0, limit });
+            }
+            at += run + 2;
+            match rest.get(run + 1) {
+                None => return Ok(None),
+                Some(&DLE) if frame.push_slice(&[DLE], limit) => {}
+                Some(&DLE) => return Err(DecodeError::TooLong { offset: 0, limit }),
+                Some(&ETX) => break,
+                Some(&found) => return Err(DecodeError::EndMark { offset: at - 1, found }),
+            }
+        }
+        let Some(&found) = bytes.get(at) else { return Ok(None) };
+        let expected = frame.checksum(framing);
+        if found != expected {
+            return Err(DecodeError::Checksum { offset: at, expected, found });
+        }
+        at += 1;
+        if framing.stuffed_checksum && found == DLE {
+            match bytes.get(at) {
+                None => return Ok(None),
+                Some(&DLE) => at += 1,
+                Some(&found) => return Err(DecodeError::EndMark { offset: at, found }),
+            }
+        }
+        Ok(Some((frame, at)))
+    }
+
+    /// Writes the frame and returns its length.
+    pub fn encode(&self, framing: Framing, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let needed = self.encoded_len(framing);
+        let available = out.len();
+        let Some(out) = out.get_mut(..needed) else {
+            return Err(EncodeError::BufferTooSmall { needed, available });
+        };
+        let checksum = self.checksum(framing);
+        let mut out = Cursor { out };
+        out.put(match framing.leading_dle {
+            LeadingDle::One => &[DLE, STX],
+            LeadingDle::Two => &[DLE, DLE, STX],
+        });
+        let mut rest = self.data();
+        while let Some((run, behind)) = rest.split_at_checked(find_dle(rest)) {
+            out.put(run);
+            let Some((_, behind)) = behind.split_first() else { break };
+            out.put(&[DLE, DLE]);
+            rest = behind;
+        }
+        out.put(&[DLE, ETX, checksum]);
+        if framing.stuffed_checksum && checksum == DLE {
+            out.put(&[DLE]);
+        }
+        Ok(needed)
+    }
+
+    /// The length on the line, doubled DLEs included.
+    pub fn encoded_len(&self, framing: Framing) -> usize {
+        let doubled = self.data.iter().filter(|byte| **byte == DLE).count();
+        let checksum = if framing.stuffed_checksum && self.checksum(framing) == DLE { 2 } else { 1 };
+        framing.leading_dle.count() + 1 + self.len + doubled + 2 + checksum
+    }
+
+    /// The data bytes, at most [`Frame::MAX_DATA`].
+    pub fn data(&self) -> &[u8] {
+        self.data.get(..self.len).unwrap_or_default()
+    }
+
+    /// The sum of the data modulo 256, or its two's complement.
+    pub fn checksum(&self, framing: Framing) -> u8 {
+        let sum = self.data.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+        if framing.negated_sum { sum.wrapping_neg() } else { sum }
+    }
+
+    pub(crate) fn empty() -> Self {
+        Self { data: [0; Self::ROOM], len: 0 }
+    }
+
+    /// Appends `bytes`; false, and nothing appended, when they would make more than `limit`.
+    pub(crate) fn push_slice(&mut self, bytes: &[u8], limit: usize) -> bool {
+        let end = self.len + bytes.len();
+        match self.data.get_mut(self.len..end) {
+            Some(room) if end <= limit => {
+                room.copy_from_slice(bytes);
+                self.len = end;
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+/// The start mark's length: a run of DLEs, at least the framing's number, then STX. `None`: more bytes are needed.
+fn start_mark_len(bytes: &[u8], leading: LeadingDle) -> Result<Option<usize>, DecodeError> {
+    let run = bytes.iter().take_while(|byte| **byte == DLE).count();
+    match bytes.get(run) {
+        None => Ok(None),
+        Some(&STX) if run >= leading.count() => Ok(Some(run + 1)),
+        Some(_) => Err(DecodeError::StartMark { offset: 0, length: bytes.len() }),
+    }
+}
+
+/// The place of the first DLE, or the length of `bytes`.
+pub(crate) fn find_dle(bytes: &[u8]) -> usize {
+    const ONES: u64 = 0x0101_0101_0101_0101;
+    const HIGH: u64 = 0x8080_8080_8080_8080;
+    let mut at = 0;
+    let mut rest = bytes;
+    while let Some((word, behind)) = rest.split_first_chunk::<8>() {
+        // The lowest zero byte of `x` has the lowest high bit that survives.
+        let x = u64::from_le_bytes(*word) ^ (ONES * DLE as u64);
+        let zeros = x.wrapping_sub(ONES) & !x & HIGH;
+        if zeros != 0 {
+            return at + zeros.trailing_zeros() as usize / 8;
+        }
+        at += 8;
+        rest = behind;
+    }
+    at + rest.iter().position(|byte| *byte == DLE).unwrap_or(rest.len())
+}
+
+/// Writes into a slice that is known to be long enough.
+struct Cursor<'a> {
+    out: &'a mut [u8],
+}
+
+impl Cursor<'_> {
+    fn put(&mut self, bytes: &[u8]) {
+        if let Some((head, tail)) = core::mem::take(&mut self.out).split_at_mut_checked(bytes.len()) {
+            head.copy_from_slice(bytes);
+            self.out = tail;
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! The codes of the messages. Every enum is total: what the source does not name is kept and goes out again unchanged.
+
+/// Declares a code enum with `From<u8>`, `From<Code> for u8` and, with `serde`, its number as its serial form.
+macro_rules! codes {
+    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $value:literal,)* }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(from = "u8", into = "u8"))]
+        pub enum $name {
+            $($(#[$variant_doc])* $variant,)*
+            /// A code that the source does not name.
+            Other(u8),
+        }
+
+        impl From<u8> for $name {
+            fn from(code: u8) -> Self {
+                match code {
+                    $($value => Self::$variant,)*
+                    other => Self::Other(other),
+                }
+            }
+        }
+
+        impl From<$name> for u8 {
+            fn from(code: $name) -> u8 {
+                match code {
+                    $($name::$variant => $value,)*
+                    $name::Other(other) => other,
+                }
+            }
+        }
+    };
+}
+
+codes! {
+    /// What was wrong with the host's last reply (§3.2.2): three bits of the control byte.
+    ErrorCode {
+        /// Nothing.
+        None = 0,
+        /// Its checksum did not fit.
+        Checksum = 1,
+        /// Its fields did not fit.
+        Format = 2,
+        /// It was longer than the controller's buffer.
+        Overflow = 3,
+        /// It broke off.
+        Incomplete = 4,
+        /// Its start or end mark was wrong.
+        Mark = 5,
+        /// It did not come in time.
+        Timeout = 6,
+    }
+}
+
+codes! {
+    /// How the current motion segment goes (§3.2.2).
+    SegmentStatus {
+        /// No motion instruction has been executed yet.
+        NoneYet = 1,
+        /// The path is being followed.
+        Normal = 2,
+        /// The motion has ended at its location.
+        Finished = 3,
+        /// Nulling the position error at a location that was not planned. (The source's wording, "Positionsfehler wird
+        /// ungültig", seems to be a slip in the translation of this.)
+        NullingUnplanned = 4,
+        /// Stopped at a location that was not planned.
+        StoppedUnplanned = 5,
+        /// Braking towards HALT, or stopped in it.
+        Halt = 6,
+        /// Braking because of a REACTI or BREAK instruction.
+        BrakingForBreak = 7,
+        /// Stopped because of a REACTI or BREAK instruction.
+        StoppedForBreak = 8,
+        /// Braking because of a hardware fault or a panic stop.
+        BrakingForFault = 9,
+        /// Stopped because of a hardware fault or a panic stop.
+        StoppedForFault = 10,
+        /// Braking in reaction to a signal.
+        BrakingForSignal = 11,
+        /// Stopped in reaction to a signal.
+        StoppedForSignal = 12,
+        /// The arm is near the programmed position.
+        NearTarget = 13,
+    }
+}
+
+codes! {
+    /// The code that starts the robot's exception subroutine (§3.3.2, §9.3). The program reads it as `ERROR(-1)`.
+    Exception {
+        /// Normal operation.
+        None = 0,
+        /// The source's program closes the gripper: CLOSEI.
+        CloseGripper = 253,
+        /// The source's program opens the gripper: OPENI.
+        OpenGripper = 254,
+    }
+}
+
+/// The host's answer to a start message (§3.3.1). The only code with a closed list: any other byte is an error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum StartCode {
+    /// 00: ready for ALTER.
+    Accept,
+    /// 01: the start message was damaged and shall be repeated.
+    Repeat,
+    /// FF (−1): the host does not want ALTER; VAL II ends its program with an error.
+    Refuse,
+}
+
+impl StartCode {
+    pub(crate) fn from_byte(byte: u8) -> Option<Self> {
+        match byte {
+            0x00 => Some(Self::Accept),
+            0x01 => Some(Self::Repeat),
+            0xFF => Some(Self::Refuse),
+            _ => None,
+        }
+    }
+}
+
+impl From<StartCode> for u8 {
+    fn from(code: StartCode) -> u8 {
+        match code {
+            StartCode::Accept => 0x00,
+            StartCode::Repeat => 0x01,
+            StartCode::Refuse => 0xFF,
+        }
+    }
+}

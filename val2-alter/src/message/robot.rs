@@ -1,0 +1,242 @@
+//! What the robot controller says (§3.2).
+
+use crate::message::{ErrorCode, Message, Mode, SegmentStatus};
+use crate::{DecodeError, EncodeError, Frame, Framing, Transform};
+
+/// A message from the controller to the host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RobotMessage {
+    /// ALTER begins: wants an answer.
+    Start(Start),
+    /// The standard message of each cycle: wants an answer.
+    Motion(Motion),
+    /// ALTER has ended: wants none.
+    End(End),
+}
+
+impl Message for RobotMessage {
+    const MAX_DATA: usize = Frame::MAX_DATA;
+
+    fn decode(data: &[u8], _: Framing) -> Result<Self, DecodeError> {
+        let Some((&control, body)) = data.split_first() else {
+            return Err(DecodeError::Length { offset: 0, found: 0 });
+        };
+        let marked = control & MARK != 0;
+        let error = ErrorCode::from(control & ERROR);
+        match control & !MARK & !ERROR {
+            STARTING => Start::decode(body, marked, error).map(Self::Start),
+            RUNNING if marked => Motion::decode(body, MotionPhase::Running, error).map(Self::Motion),
+            INTERRUPTED if marked => Motion::decode(body, MotionPhase::Interrupted, error).map(Self::Motion),
+            // The source gives only the control byte; what may follow it is nothing that a host needs.
+            ENDED if marked => Ok(Self::End(End { error })),
+            _ => Err(DecodeError::Control { offset: 0, found: control }),
+        }
+    }
+
+    fn frame(&self) -> Frame {
+        let mut frame = Frame::empty();
+        match self {
+            Self::Start(start) => start.fill(&mut frame),
+            Self::Motion(motion) => motion.fill(&mut frame),
+            Self::End(end) => {
+                frame.push_slice(&[end.control()], Self::MAX_DATA);
+            }
+        }
+        frame
+    }
+
+    fn is_plausible(&self) -> bool {
+        match self {
+            Self::Start(start) => start.marked && start.mode.is_named(),
+            Self::Motion(motion) => !matches!(motion.segment_status, SegmentStatus::Other(_)),
+            Self::End(_) => true,
+        }
+    }
+}
+
+const MARK: u8 = 0x80;
+const ERROR: u8 = 0x07;
+const RUNNING: u8 = 0x00;
+const STARTING: u8 = 0x20;
+const INTERRUPTED: u8 = 0x40;
+const ENDED: u8 = 0x60;
+
+/// The start message (§3.2.1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Start {
+    /// Bit 7 of the control byte. The section on the start message leaves it out, the one on the control byte demands it:
+    /// it is always written, and read either way.
+    pub marked: bool,
+    /// What was wrong with the answer to the attempt before.
+    pub error: ErrorCode,
+    /// The mode of the ALTER instruction.
+    pub mode: Mode,
+    /// The data list of the ALTER instruction.
+    pub data: List,
+}
+
+impl Start {
+    /// A first attempt to start.
+    pub fn new(mode: Mode, data: List) -> Self {
+        Self { marked: true, error: ErrorCode::None, mode, data }
+    }
+
+    /// The control byte as it is written.
+    pub fn control(&self) -> u8 {
+        MARK | STARTING | u8::from(self.error) & ERROR
+    }
+
+    fn decode(body: &[u8], marked: bool, error: ErrorCode) -> Result<Self, DecodeError> {
+        let length = DecodeError::Length { offset: 0, found: 1 + body.len() };
+        let (&mode, words) = body.split_first().ok_or(length)?;
+        let data = List::decode(words).ok_or(length)?;
+        Ok(Self { marked, error, mode: Mode(mode), data })
+    }
+
+    fn fill(&self, frame: &mut Frame) {
+        frame.push_slice(&[self.control(), self.mode.0], Frame::MAX_DATA);
+        for word in self.data.words() {
+            frame.push_slice(&word.to_le_bytes(), Frame::MAX_DATA);
+        }
+    }
+}
+
+/// The data list of an ALTER instruction: up to [`List::MAX`] words. The source sets no limit; ours makes a start message
+/// no longer than the longest standard message.
+#[derive(Clone, Copy, PartialEq, Eq, Default)]
+pub struct List {
+    words: [i16; List::MAX],
+    len: usize,
+}
+
+impl List {
+    /// The most words.
+    pub const MAX: usize = (Frame::MAX_DATA - 2) / 2;
+    /// No words.
+    pub const EMPTY: Self = Self { words: [0; Self::MAX], len: 0 };
+
+    /// A list of these words.
+    pub fn new(words: &[i16]) -> Result<Self, EncodeError> {
+        let mut list = Self::EMPTY;
+        let room = list
+            .words
+            .get_mut(..words.len())
+            .ok_or(EncodeError::TooLong { found: 2 + 2 * words.len(), limit: Frame::MAX_DATA })?;
+        room.copy_from_slice(words);
+        list.len = words.len();
+        Ok(list)
+    }
+
+    /// The words.
+    pub fn words(&self) -> &[i16] {
+        self.words.get(..self.len).unwrap_or_default()
+    }
+
+    fn decode(bytes: &[u8]) -> Option<Self> {
+        let (words, []) = bytes.as_chunks::<2>() else { return None };
+        let mut list = Self::EMPTY;
+        for (to, from) in list.words.get_mut(..words.len())?.iter_mut().zip(words) {
+            *to = i16::from_le_bytes(*from);
+        }
+        list.len = words.len();
+        Some(list)
+    }
+}
+
+impl core::fmt::Debug for List {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_list().entries(self.words()).finish()
+    }
+}
+
+/// The standard message (§3.2.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Motion {
+    /// Whether ALTER runs or is interrupted by the exception subroutine.
+    pub phase: MotionPhase,
+    /// What was wrong with the last reply.
+    pub error: ErrorCode,
+    /// How the current motion segment goes.
+    pub segment_status: SegmentStatus,
+    /// Counts the program's motion instructions, from 1.
+    pub segment: u16,
+    /// The part of the segment that is done; 16384 (40000 octal) is all of it. See [`Motion::fraction`].
+    pub percent: u16,
+    /// Where the tool is, when mode bit 2 asks for it.
+    pub transform: Option<Transform>,
+}
+
+impl Motion {
+    /// `percent` when the segment is done.
+    pub const DONE: u16 = 0o40000;
+
+    /// The part of the segment that is done, 0.0..=1.0. A word above [`Motion::DONE`] counts as done.
+    pub fn fraction(&self) -> f32 {
+        f32::from(self.percent.min(Self::DONE)) / f32::from(Self::DONE)
+    }
+
+    /// The control byte as it is written.
+    pub fn control(&self) -> u8 {
+        let phase = match self.phase {
+            MotionPhase::Running => RUNNING,
+            MotionPhase::Interrupted => INTERRUPTED,
+        };
+        MARK | phase | u8::from(self.error) & ERROR
+    }
+
+    fn decode(body: &[u8], phase: MotionPhase, error: ErrorCode) -> Result<Self, DecodeError> {
+        let length = DecodeError::Length { offset: 0, found: 1 + body.len() };
+        let (&[status, segment_low, segment_high, percent_low, percent_high], rest) =
+            body.split_first_chunk().ok_or(length)?;
+        let transform = match rest {
+            [] => None,
+            bytes => Some(Transform::from_bytes(bytes.try_into().map_err(|_| length)?)),
+        };
+        Ok(Self {
+            phase,
+            error,
+            segment_status: SegmentStatus::from(status),
+            segment: u16::from_le_bytes([segment_low, segment_high]),
+            percent: u16::from_le_bytes([percent_low, percent_high]),
+            transform,
+        })
+    }
+
+    fn fill(&self, frame: &mut Frame) {
+        let [segment_low, segment_high] = self.segment.to_le_bytes();
+        let [percent_low, percent_high] = self.percent.to_le_bytes();
+        let status = u8::from(self.segment_status);
+        let head = [self.control(), status, segment_low, segment_high, percent_low, percent_high];
+        frame.push_slice(&head, Frame::MAX_DATA);
+        if let Some(transform) = &self.transform {
+            frame.push_slice(&transform.to_bytes(), Frame::MAX_DATA);
+        }
+    }
+}
+
+/// The kinds of standard message: bits 5 and 6 of the control byte (01 is the start message, 11 the end).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum MotionPhase {
+    /// 00: values change the path.
+    Running,
+    /// 10: ALTER is interrupted.
+    Interrupted,
+}
+
+/// The last message (§3.2.3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct End {
+    /// Why ALTER ended; none when the program ended it.
+    pub error: ErrorCode,
+}
+
+impl End {
+    /// The control byte as it is written.
+    pub fn control(&self) -> u8 {
+        MARK | ENDED | u8::from(self.error) & ERROR
+    }
+}
+
+#[cfg(feature = "serde")]
+mod json;

@@ -1,0 +1,147 @@
+//! The `message` objects of the robot's side.
+
+use core::fmt;
+
+use serde::de::{Error, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::{End, ErrorCode, List, Mode, Motion, MotionPhase, RobotMessage, SegmentStatus, Start};
+use crate::Transform;
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Kind {
+    Start,
+    Motion,
+    End,
+}
+
+#[derive(Serialize)]
+struct StartObject {
+    kind: Kind,
+    #[serde(skip_serializing_if = "is_true")]
+    marked: bool,
+    #[serde(skip_serializing_if = "is_none")]
+    error: ErrorCode,
+    mode: Mode,
+    data: List,
+}
+
+#[derive(Serialize)]
+struct MotionObject {
+    kind: Kind,
+    phase: MotionPhase,
+    error: ErrorCode,
+    segment_status: SegmentStatus,
+    segment: u16,
+    percent: u16,
+    transform: Option<Transform>,
+}
+
+#[derive(Serialize)]
+struct EndObject {
+    kind: Kind,
+    error: ErrorCode,
+}
+
+/// Every field of every kind: a tagged enum cannot be read without an allocator.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AnyObject {
+    kind: Kind,
+    marked: Option<bool>,
+    error: Option<ErrorCode>,
+    mode: Option<Mode>,
+    data: Option<List>,
+    phase: Option<MotionPhase>,
+    segment_status: Option<SegmentStatus>,
+    segment: Option<u16>,
+    percent: Option<u16>,
+    transform: Option<Transform>,
+}
+
+fn is_true(marked: &bool) -> bool {
+    *marked
+}
+
+fn is_none(error: &ErrorCode) -> bool {
+    *error == ErrorCode::None
+}
+
+impl Serialize for RobotMessage {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match *self {
+            Self::Start(Start { marked, error, mode, data }) => {
+                StartObject { kind: Kind::Start, marked, error, mode, data }.serialize(serializer)
+            }
+            Self::Motion(Motion { phase, error, segment_status, segment, percent, transform }) => {
+                let kind = Kind::Motion;
+                MotionObject { kind, phase, error, segment_status, segment, percent, transform }
+                    .serialize(serializer)
+            }
+            Self::End(End { error }) => EndObject { kind: Kind::End, error }.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for RobotMessage {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let object = AnyObject::deserialize(deserializer)?;
+        let missing = D::Error::missing_field;
+        let error = object.error;
+        if error.is_some_and(|error| u8::from(error) > 7) {
+            return Err(D::Error::custom("an error code has three bits"));
+        }
+        Ok(match object.kind {
+            Kind::Start => Self::Start(Start {
+                marked: object.marked.unwrap_or(true),
+                error: error.unwrap_or(ErrorCode::None),
+                mode: object.mode.ok_or_else(|| missing("mode"))?,
+                data: object.data.ok_or_else(|| missing("data"))?,
+            }),
+            Kind::Motion => Self::Motion(Motion {
+                phase: object.phase.ok_or_else(|| missing("phase"))?,
+                error: error.ok_or_else(|| missing("error"))?,
+                segment_status: object.segment_status.ok_or_else(|| missing("segment_status"))?,
+                segment: object.segment.ok_or_else(|| missing("segment"))?,
+                percent: object.percent.ok_or_else(|| missing("percent"))?,
+                transform: object.transform,
+            }),
+            Kind::End => Self::End(End { error: error.ok_or_else(|| missing("error"))? }),
+        })
+    }
+}
+
+impl Serialize for List {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.words())
+    }
+}
+
+impl<'de> Deserialize<'de> for List {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(ListVisitor)
+    }
+}
+
+struct ListVisitor;
+
+impl<'de> Visitor<'de> for ListVisitor {
+    type Value = List;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "up to {} words", List::MAX)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<List, A::Error> {
+        let mut list = List::EMPTY;
+        while let Some(word) = seq.next_element()? {
+            let Some(place) = list.words.get_mut(list.len) else {
+                return Err(A::Error::invalid_length(list.len + 1, &self));
+            };
+            *place = word;
+            list.len += 1;
+        }
+        Ok(list)
+    }
+}

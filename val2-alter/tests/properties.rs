@@ -1,0 +1,241 @@
+//! What must hold for every message, every chunking and every damage.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation
+)]
+
+use proptest::prelude::*;
+use testkit::rng::Rng;
+use val2_alter::{
+    DecodeError, Decoder, EncodeError, End, Exception, Frame, Framing, HostMessage, LeadingDle, List,
+    Message, Mode, Motion, MotionPhase, Received, Reply, RobotMessage, SegmentStatus, Start, StartCode,
+    Transform,
+};
+
+fn framings() -> impl Strategy<Value = Framing> {
+    any::<(bool, bool, bool)>().prop_map(|(one, negated_sum, stuffed_checksum)| Framing {
+        leading_dle: if one { LeadingDle::One } else { LeadingDle::Two },
+        negated_sum,
+        stuffed_checksum,
+        ..Framing::DEFAULT
+    })
+}
+
+/// Bytes that look like marks half of the time.
+fn byte() -> impl Strategy<Value = u8> {
+    prop_oneof![prop_oneof![Just(0x10), Just(0x02), Just(0x03)], any::<u8>()]
+}
+
+fn word() -> impl Strategy<Value = i16> {
+    (byte(), byte()).prop_map(|(low, high)| i16::from_le_bytes([low, high]))
+}
+
+fn robot_messages() -> impl Strategy<Value = RobotMessage> {
+    let error = (0..=7u8).prop_map(Into::into);
+    let start = (error.clone(), byte(), prop::collection::vec(word(), 0..=List::MAX)).prop_map(
+        |(error, mode, words)| {
+            let data = List::new(&words).unwrap();
+            RobotMessage::Start(Start { error, ..Start::new(Mode(mode), data) })
+        },
+    );
+    let transform = prop::option::of(prop::collection::vec(word(), 12));
+    let motion = (any::<bool>(), error.clone(), byte(), word(), word(), transform).prop_map(
+        |(interrupted, error, status, segment, percent, transform)| {
+            RobotMessage::Motion(Motion {
+                phase: if interrupted { MotionPhase::Interrupted } else { MotionPhase::Running },
+                error,
+                segment_status: status.into(),
+                segment: segment.cast_unsigned(),
+                percent: percent.cast_unsigned(),
+                transform: transform.map(|words| Transform(words.try_into().unwrap())),
+            })
+        },
+    );
+    prop_oneof![1 => start, 4 => motion, 1 => error.prop_map(|error| RobotMessage::End(End { error }))]
+}
+
+fn host_messages() -> impl Strategy<Value = HostMessage> {
+    let start_reply = prop_oneof![Just(StartCode::Accept), Just(StartCode::Repeat), Just(StartCode::Refuse)];
+    let reply =
+        (byte(), prop::collection::vec(prop::option::of(word()), 6)).prop_map(|(exception, values)| {
+            HostMessage::Reply(Reply { exception: exception.into(), values: values.try_into().unwrap() })
+        });
+    prop_oneof![1 => start_reply.prop_map(HostMessage::StartReply), 4 => reply]
+}
+
+fn encoded<M: Message>(message: &M, framing: Framing) -> Vec<u8> {
+    let mut out = [0; Frame::MAX_LEN];
+    let length = message.encode(framing, &mut out).unwrap();
+    out[..length].to_vec()
+}
+
+fn fetch<M: Message>(decoder: &mut Decoder<M>) -> Vec<Result<Received<M>, DecodeError>> {
+    core::iter::from_fn(|| decoder.next_frame()).collect()
+}
+
+/// All that a stream gives when it is read in pieces of these lengths, over and over.
+fn read<M: Message>(
+    framing: Framing,
+    stream: &[u8],
+    lengths: &[usize],
+) -> Vec<Result<Received<M>, DecodeError>> {
+    let mut decoder = Decoder::new(framing);
+    let mut all = Vec::new();
+    let mut rest = stream;
+    let mut lengths = lengths.iter().cycle();
+    while !rest.is_empty() {
+        let length = (*lengths.next().unwrap()).min(rest.len());
+        let taken = decoder.push(&rest[..length]);
+        assert!(taken > 0, "a drained decoder has room");
+        rest = &rest[taken..];
+        all.extend(fetch(&mut decoder));
+    }
+    decoder.flush();
+    all.extend(fetch(&mut decoder));
+    all
+}
+
+fn round_trip<M: Message>(message: M, framing: Framing) {
+    let bytes = encoded(&message, framing);
+    assert_eq!(bytes.len(), message.encoded_len(framing));
+    let (frame, length) = Frame::decode(&bytes, framing).unwrap().unwrap();
+    assert_eq!((M::decode(frame.data(), framing), length), (Ok(message), bytes.len()));
+    for end in 0..bytes.len() {
+        assert_eq!(Frame::decode(&bytes[..end], framing), Ok(None), "{end} of {bytes:02X?}");
+        let short = EncodeError::BufferTooSmall { needed: bytes.len(), available: end };
+        assert_eq!(message.encode(framing, &mut vec![0; end]), Err(short));
+    }
+    let mut buffer = Vec::new();
+    message.append_to(framing, &mut buffer);
+    assert_eq!(buffer, bytes);
+}
+
+proptest! {
+    #[test]
+    fn what_is_encoded_decodes_to_itself(
+        robot in robot_messages(), host in host_messages(), framing in framings()
+    ) {
+        round_trip(robot, framing);
+        round_trip(host, framing);
+    }
+
+    #[test]
+    fn any_chunking_gives_the_same(
+        stream in prop::collection::vec(byte(), 0..400),
+        messages in prop::collection::vec(robot_messages(), 0..4),
+        lengths in prop::collection::vec(1..40usize, 1..8),
+        framing in framings()
+    ) {
+        let frames: Vec<u8> = messages.iter().flat_map(|message| encoded(message, framing)).collect();
+        let stream = [&stream[..], &frames, &stream].concat();
+        let whole = read::<RobotMessage>(framing, &stream, &[stream.len()]);
+        prop_assert_eq!(&read(framing, &stream, &lengths), &whole);
+        prop_assert_eq!(&read(framing, &stream, &[1]), &whole);
+    }
+
+    #[test]
+    fn an_accepted_frame_encodes_to_the_same_bytes(stream in prop::collection::vec(byte(), 0..400)) {
+        for received in read::<HostMessage>(Framing::DEFAULT, &stream, &[17]).into_iter().flatten() {
+            let Received { offset, length, message } = received;
+            let bytes = &stream[offset..offset + length];
+            prop_assert_eq!(encoded(&message, Framing::DEFAULT), bytes);
+        }
+    }
+
+    #[test]
+    fn errors_and_messages_come_in_order_and_do_not_overlap(stream in prop::collection::vec(byte(), 0..400)) {
+        let mut at = 0;
+        for received in read::<HostMessage>(Framing::DEFAULT, &stream, &[stream.len().max(1)]).into_iter().flatten() {
+            // One byte may serve twice: a checksum of DLE that was the next frame's first byte.
+            prop_assert!(received.offset + 1 >= at, "{received:?} begins before {at}");
+            at = received.offset + received.length;
+            prop_assert!(at <= stream.len());
+        }
+    }
+
+    #[test]
+    fn damage_costs_only_the_frames_that_it_touches(
+        messages in prop::collection::vec(plausible(), 3),
+        place in any::<prop::sample::Index>(),
+        flip in 1..=255u8
+    ) {
+        let frames: Vec<_> = messages.iter().map(|message| encoded(message, Framing::DEFAULT)).collect();
+        let mut stream = frames.concat();
+        let at = frames[0].len() + place.index(frames[1].len());
+        stream[at] ^= flip;
+        let got: Vec<_> = read::<RobotMessage>(Framing::DEFAULT, &stream, &[stream.len()])
+            .into_iter().flatten().map(|received| received.message).collect();
+        prop_assert_eq!(got.first(), Some(&messages[0]));
+        prop_assert_eq!(got.last(), Some(&messages[2]));
+    }
+}
+
+/// Standard messages that name only known codes.
+fn plausible() -> impl Strategy<Value = RobotMessage> {
+    (robot_messages(), 1..=13u8).prop_map(|(message, status)| match message {
+        RobotMessage::Motion(motion) => {
+            RobotMessage::Motion(Motion { segment_status: status.into(), ..motion })
+        }
+        RobotMessage::Start(start) => RobotMessage::Start(Start { mode: Mode(start.mode.0 & 0x1F), ..start }),
+        end => end,
+    })
+}
+
+/// A standard message whose data is rich in the bytes of the marks.
+fn rich(rng: &mut Rng) -> RobotMessage {
+    let mut word = || {
+        let mut byte = || match rng.below(6) {
+            0 => 0x10,
+            1 => 0x02,
+            2 => 0x03,
+            _ => rng.next_u64() as u8,
+        };
+        i16::from_le_bytes([byte(), byte()])
+    };
+    let (segment, percent) = (word().cast_unsigned(), word().cast_unsigned());
+    let transform = Some(Transform(core::array::from_fn(|_| word())));
+    RobotMessage::Motion(Motion {
+        phase: MotionPhase::Running,
+        error: 0.into(),
+        segment_status: SegmentStatus::from(1 + rng.below(13) as u8),
+        segment,
+        percent,
+        transform,
+    })
+}
+
+/// "Die Kapselung … ermöglicht eine einfache Wiederaufnahme der Kommunikation bei Empfang eines defekten Pakets" (§3.2):
+/// it does, but only with a second reading of the damaged bytes.
+#[test]
+fn a_frame_behind_a_cut_one_is_recovered() {
+    const TRIALS: usize = 20_000;
+    let mut rng = Rng::new(1997);
+    let (mut recovered, mut wrong) = (0, 0);
+    for _ in 0..TRIALS {
+        let (cut, good) = (rich(&mut rng), rich(&mut rng));
+        let mut stream = encoded(&cut, Framing::DEFAULT);
+        stream.truncate(1 + rng.below(stream.len() - 1));
+        stream.extend(encoded(&good, Framing::DEFAULT));
+        let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
+        assert_eq!(decoder.push(&stream), stream.len());
+        for received in fetch(&mut decoder).into_iter().flatten() {
+            recovered += usize::from(received.message == good);
+            // A frame that lost only its checksum, and took the next DLE for it, says what was sent.
+            wrong += usize::from(received.message != good && received.message != cut);
+        }
+    }
+    println!("{recovered} of {TRIALS} recovered, {wrong} wrong");
+    assert!(recovered >= TRIALS * 999 / 1000, "{recovered} of {TRIALS} recovered");
+    assert!(wrong <= TRIALS / 10_000, "{wrong} wrong frames in {TRIALS}");
+}
+
+#[test]
+fn exceptions_keep_codes_that_the_source_does_not_name() {
+    for code in 0..=255u8 {
+        assert_eq!(u8::from(Exception::from(code)), code);
+        assert_eq!(u8::from(SegmentStatus::from(code)), code);
+    }
+}

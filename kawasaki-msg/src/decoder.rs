@@ -6,129 +6,135 @@ use crate::value::{Charset, START};
 
 /// Finds the messages in a stream of bytes.
 ///
-/// Call [`push`](Self::push) with what was read, then [`next_message`](Self::next_message) until it gives `None`, and push
-/// the rest. A message may be cut anywhere and by as many reads as it likes. An error costs the bytes up to the next `<`,
-/// and nothing before or behind them. Holds one message of the greatest length and never more.
+/// Call [`push`](Self::push) with what was read, then [`next_frame`](Self::next_frame) until it gives `None`, and push the
+/// rest. A message may be cut anywhere and by as many reads as it likes. An error costs the bytes up to the next `<`, and
+/// nothing before or behind them; it is told when that `<` has come. Holds one message of the greatest length and never more.
 ///
 /// ```
 /// use kawasaki_msg::{Charset, Decoder};
 ///
 /// let mut decoder = Decoder::new(Charset::Ascii);
 /// assert_eq!(decoder.push(b"<TilausKuit"), 11);
-/// assert!(decoder.next_message().is_none());
+/// assert!(decoder.next_frame().is_none());
 /// decoder.push(b"taus$2#50#>");
-/// assert_eq!(decoder.next_message().unwrap().unwrap().name, "TilausKuittaus");
+/// assert_eq!(decoder.next_frame().unwrap().unwrap().name, "TilausKuittaus");
 /// ```
 #[derive(Debug, Clone)]
 pub struct Decoder {
     buffer: [u8; Message::MAX_LEN],
-    /// What is in the buffer and not yet used: `start..end`.
-    start: usize,
-    end: usize,
-    /// The stream's offset of `start`.
-    position: usize,
     charset: Charset,
-    outside: Outside,
-}
-
-/// What to make of bytes before the next `<`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Outside {
-    /// They belong to a damaged message that has been reported.
-    Damaged,
-    /// They belong to nothing: this many so far.
-    Garbage(usize),
+    cursor: Cursor,
 }
 
 impl Decoder {
     /// An empty decoder at the beginning of a stream.
     pub const fn new(charset: Charset) -> Self {
-        let (buffer, outside) = ([0; Message::MAX_LEN], Outside::Garbage(0));
-        Self { buffer, start: 0, end: 0, position: 0, charset, outside }
+        Self { buffer: [0; Message::MAX_LEN], charset, cursor: Cursor::START }
     }
 
     /// Takes bytes and says how many: fewer than there are when the buffer is full, which
-    /// [`next_message`](Self::next_message) empties.
+    /// [`next_frame`](Self::next_frame) empties.
     pub fn push(&mut self, bytes: &[u8]) -> usize {
-        if self.start > 0 && self.end + bytes.len() > self.buffer.len() {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
-            self.start = 0;
+        let Self { buffer, cursor, .. } = self;
+        if cursor.start > 0 && cursor.end + bytes.len() > buffer.len() {
+            buffer.copy_within(cursor.start..cursor.end, 0);
+            cursor.end -= cursor.start;
+            cursor.start = 0;
         }
-        let taken = bytes.len().min(self.buffer.len() - self.end);
-        let place = self.buffer.get_mut(self.end..self.end + taken);
+        let taken = bytes.len().min(buffer.len() - cursor.end);
+        let place = buffer.get_mut(cursor.end..cursor.end + taken);
         if let (Some(place), Some(bytes)) = (place, bytes.get(..taken)) {
             place.copy_from_slice(bytes);
-            self.end += taken;
+            cursor.end += taken;
         }
         taken
     }
 
     /// The next message, or what was wrong in its place. `None`: more bytes are needed.
-    pub fn next_message(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
-        let waiting = self.buffer.get(self.start..self.end).unwrap_or_default();
-        let skipped = waiting.iter().position(|byte| *byte == START).unwrap_or(waiting.len());
-        self.start += skipped;
-        self.position = self.position.wrapping_add(skipped);
-        if let Outside::Garbage(length) = &mut self.outside {
-            *length += skipped;
-        }
-        let bytes = self.buffer.get(self.start..self.end).filter(|bytes| !bytes.is_empty())?;
-        if let Some(error) = take_garbage(&mut self.outside, self.position) {
+    pub fn next_frame(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
+        let Self { buffer, charset, cursor } = self;
+        if let Some(error) = cursor.find_start(buffer)? {
             return Some(Err(error));
         }
-        match Message::decode(bytes, self.charset) {
-            Ok(None) => None,
+        let bytes = buffer.get(cursor.start..cursor.end)?;
+        match Message::decode(bytes, *charset) {
             Ok(Some((message, used))) => {
-                self.start += used;
-                self.position = self.position.wrapping_add(used);
-                self.outside = Outside::Garbage(0);
-                Some(Ok(message))
+                cursor.advance(used);
+                cursor.position = cursor.offset;
+                return Some(Ok(message));
             }
-            Err(error) => {
-                let error = error.moved(self.position);
-                self.start += 1;
-                self.position = self.position.wrapping_add(1);
-                self.outside = Outside::Damaged;
-                Some(Err(error))
+            Ok(None) if !cursor.finished => return None,
+            Ok(None) => {
+                cursor.damage = Some(DecodeError::Incomplete { offset: cursor.offset, found: bytes.len() });
             }
+            Err(error) => cursor.damage = Some(error.moved(cursor.offset)),
         }
+        cursor.advance(1);
+        cursor.find_start(buffer).flatten().map(Err)
     }
 
-    /// Says that nothing follows: a datagram or a file has ended. What is left over is the error, if anything is, and is
-    /// gone. Call it when [`next_message`](Self::next_message) gives `None`.
-    pub fn finish(&mut self) -> Option<DecodeError> {
-        let (offset, found) = (self.position, self.end - self.start);
-        self.position = self.position.wrapping_add(found);
-        (self.start, self.end) = (0, 0);
-        let garbage = take_garbage(&mut self.outside, offset);
-        self.outside = Outside::Garbage(0);
-        if found > 0 { Some(DecodeError::Incomplete { offset, found }) } else { garbage }
+    /// Says that the stream or the datagram has ended: [`next_frame`](Self::next_frame) gives what is left over as errors,
+    /// then `None`, and begins anew.
+    pub fn finish(&mut self) {
+        self.cursor.finished = true;
     }
 
     /// Forgets everything: a new connection begins at offset 0.
     pub fn clear(&mut self) {
-        (self.start, self.end, self.position) = (0, 0, 0);
-        self.outside = Outside::Garbage(0);
+        self.cursor = Cursor::START;
     }
 
-    /// Where in the stream the next message is looked for. After an error it is behind the first byte of the damage.
-    pub fn position(&self) -> usize {
-        self.position
+    /// Where in the stream [`next_frame`](Self::next_frame) is: just behind the message or the damage that it gave last.
+    pub fn position(&self) -> u64 {
+        self.cursor.position as u64
     }
 
-    /// Whether the bytes so far end inside a message.
+    /// Whether the bytes so far end inside a message that may still become whole.
     pub fn is_inside_message(&self) -> bool {
-        self.end > self.start
+        self.cursor.end > self.cursor.start
     }
 }
 
-/// The garbage before `position`, once.
-fn take_garbage(outside: &mut Outside, position: usize) -> Option<DecodeError> {
-    match core::mem::replace(outside, Outside::Garbage(0)) {
-        Outside::Garbage(length @ 1..) => {
-            Some(DecodeError::Garbage { offset: position.wrapping_sub(length), length })
+/// Where the decoder is, apart from its bytes.
+#[derive(Debug, Clone)]
+struct Cursor {
+    /// What is in the buffer and not yet looked at: `start..end`.
+    start: usize,
+    end: usize,
+    /// The stream's offset of `start`.
+    offset: usize,
+    /// The stream's offset behind what was returned last.
+    position: usize,
+    /// Why the bytes from `position` to `offset` are skipped; without it they are garbage.
+    damage: Option<DecodeError>,
+    finished: bool,
+}
+
+impl Cursor {
+    const START: Self = Self { start: 0, end: 0, offset: 0, position: 0, damage: None, finished: false };
+
+    fn advance(&mut self, bytes: usize) {
+        self.start += bytes;
+        self.offset = self.offset.wrapping_add(bytes);
+    }
+
+    /// Goes to the next `<`: `None` if there is none yet, else the error that covers what was skipped.
+    fn find_start(&mut self, buffer: &[u8]) -> Option<Option<DecodeError>> {
+        let waiting = buffer.get(self.start..self.end)?;
+        self.advance(waiting.iter().position(|byte| *byte == START).unwrap_or(waiting.len()));
+        let ended = self.start == self.end;
+        if ended && !self.finished {
+            return None;
         }
-        _ => None,
+        let (offset, length) = (self.position, self.offset.wrapping_sub(self.position));
+        if length > 0 {
+            self.position = self.offset;
+            return Some(Some(self.damage.take().unwrap_or(DecodeError::Garbage { offset, length })));
+        }
+        if ended {
+            self.finished = false;
+            return None;
+        }
+        Some(None)
     }
 }

@@ -1,0 +1,179 @@
+//! [`DecodeError`] is the peer's fault; [`EncodeError`] and [`SessionError`] are the caller's.
+
+use core::fmt;
+
+/// Why a line is not a command or a reply. Offsets count from the beginning of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// No line of this protocol is so long: its end was not found within `limit` bytes. The rest, up to the next end of a
+    /// line, is dropped.
+    #[error("no end of the line within {limit} bytes")]
+    TooLong {
+        /// The longest line that is looked at, its end included.
+        limit: usize,
+    },
+    /// The first three characters name no command (§4).
+    #[error("no command is called {:?}", Text(found))]
+    UnknownCommand {
+        /// The first three characters.
+        found: [u8; 3],
+    },
+    /// The first two characters are neither `OK` nor `ER` (§4).
+    #[error("a reply begins with OK or ER, not with {:?}", Text(found))]
+    UnknownReply {
+        /// The first two characters.
+        found: [u8; 2],
+    },
+    /// A character that its field does not allow.
+    #[error("{:?} at byte {offset}, where {expected} is expected", *found as char)]
+    Unexpected {
+        /// Where it stands.
+        offset: usize,
+        /// The character.
+        found: u8,
+        /// What the field allows there.
+        expected: Expected,
+    },
+    /// The line ends within a field, or before one.
+    #[error("the line ends at byte {offset}, where {expected} is expected")]
+    Short {
+        /// Where the line ends.
+        offset: usize,
+        /// What should follow.
+        expected: Expected,
+    },
+    /// The line goes on behind its last field.
+    #[error("the line goes on at byte {offset}, where its end is expected")]
+    Trailing {
+        /// The first byte too many.
+        offset: usize,
+    },
+    /// Five digits that 16 bits cannot hold (§4).
+    #[error("the integer {found} at byte {offset} is outside −32768 to 32767")]
+    IntegerRange {
+        /// Where the field begins.
+        offset: usize,
+        /// Its value.
+        found: i32,
+    },
+    /// An override outside 0 to 100 % (§4.3).
+    #[error("the override {found} % at byte {offset} is outside 0 to 100 %")]
+    Percent {
+        /// Where the field begins.
+        offset: usize,
+        /// Its value.
+        found: i32,
+    },
+    /// `ER` with the number that means "no error" (§5).
+    #[error("an error reply with the number 0, which means no error")]
+    ErrorZero,
+}
+
+/// What a field allows at some place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Expected {
+    /// The three letters of a command.
+    Command,
+    /// `OK` or `ER`.
+    Reply,
+    /// `+` or `-`.
+    Sign,
+    /// `0` to `9`.
+    Digit,
+    /// `.`
+    Point,
+    /// `T` or `F`.
+    TrueOrFalse,
+    /// `A` or `R`.
+    AbsoluteOrRelative,
+    /// `ON` or `OF`.
+    OnOrOff,
+    /// `OPEN` or `CLOSE`.
+    OpenOrClose,
+    /// Nothing: this kind of device has no axes and no status.
+    NoAxes,
+}
+
+impl fmt::Display for Expected {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Command => "a command",
+            Self::Reply => "OK or ER",
+            Self::Sign => "+ or -",
+            Self::Digit => "a digit",
+            Self::Point => "a decimal point",
+            Self::TrueOrFalse => "T or F",
+            Self::AbsoluteOrRelative => "A or R",
+            Self::OnOrOff => "ON or OF",
+            Self::OpenOrClose => "OPEN or CLOSE",
+            Self::NoAxes => "no axis",
+        })
+    }
+}
+
+/// Why a message has no form on the wire.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The buffer is too small.
+    #[error("{needed} bytes do not fit into {found}")]
+    Buffer {
+        /// The length of the message.
+        needed: usize,
+        /// The length of the buffer.
+        found: usize,
+    },
+    /// A coordinate beyond three digits before the point of millimetres, or two of radians. Fields are never widened.
+    #[error("axis {axis} at {found} is outside ±999999 (units of the last digit: 1 µm or 0.1 mrad)")]
+    AxisRange {
+        /// The axis, counted from 0.
+        axis: usize,
+        /// Micrometres or tenths of a milliradian.
+        found: i32,
+    },
+    /// An integer beyond 16 bits.
+    #[error("the integer {found} is outside −32768 to 32767")]
+    IntegerRange {
+        /// The value.
+        found: i32,
+    },
+    /// An override above 100 %.
+    #[error("the override {found} % is above 100 %")]
+    Percent {
+        /// The value.
+        found: u8,
+    },
+    /// An error reply with the number that means "no error".
+    #[error("an error reply needs a number other than 0")]
+    ErrorZero,
+}
+
+/// Why a session refuses what the caller asks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum SessionError {
+    /// A command is under way, or the events of the last one have not been polled.
+    #[error("the last command is not done with: one command is outstanding at a time")]
+    Busy,
+    /// The connection is closed: open a new one with a new session.
+    #[error("the session is closed")]
+    Closed,
+    /// The command has no form on the wire.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+}
+
+/// Bytes as the text that they were meant to be.
+struct Text<'a>(&'a [u8]);
+
+impl fmt::Debug for Text<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "\"{}\"", self.0.escape_ascii())
+    }
+}

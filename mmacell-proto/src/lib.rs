@@ -1,0 +1,25 @@
+//! The MM&A micro-manipulation cell
+#![no_std]
+#![forbid(unsafe_code)]
+
+#[cfg(test)]
+extern crate std;
+
+mod decoder;
+mod dialect;
+mod error;
+mod fields;
+mod frame;
+mod message;
+mod pose;
+#[cfg(feature = "serde")]
+mod serde_impls;
+mod units;
+
+pub use decoder::Decoder;
+pub use dialect::Dialect;
+pub use error::{DecodeError, EncodeError, Expected, SessionError};
+pub use frame::Line;
+pub use message::{BLOW, Command, ErrorCode, Mode, Reply, Status, VACUUM};
+pub use pose::{AnyPose, NoPose, PlatformPose, Pose, RobotPose};
+pub use units::{Angle, Length};

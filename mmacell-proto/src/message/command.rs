@@ -1,0 +1,201 @@
+use crate::fields::{Reader, Writer};
+use crate::{DecodeError, Dialect, EncodeError, Expected, Line, Pose};
+
+/// The gripper whose "open" turns the vacuum on (§4.10).
+pub const VACUUM: i32 = 0;
+/// The gripper whose "open" turns the blow on (§4.10).
+pub const BLOW: i32 = 1;
+
+/// A command to a device whose axes are `P` (§4).
+///
+/// The pick-and-place motion of §4.5 is not among them: its command was never defined.
+///
+/// | on the wire | length with its end |
+/// | --- | --- |
+/// | `STA` | 5 |
+/// | `SRVON`, `SRVOF` | 7 |
+/// | `OVR+00050` | 11 |
+/// | `MOVA+010.000-002.000+005.999-01.2322` (robot) | 38 |
+/// | `MOVR-00.0100+00.0250` (platform) | 22 |
+/// | `STP`, `RST`, `CLO` | 5 |
+/// | `ACQ+00001` | 11 |
+/// | `HND+00000OPEN`, `HND+00000CLOSE` | 15, 16 |
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "command"))]
+#[non_exhaustive]
+pub enum Command<P> {
+    /// `STA`: tell the status (§4.1).
+    #[cfg_attr(feature = "serde", serde(rename = "STA"))]
+    Status,
+    /// `SRV`: servo motors on or off (§4.2).
+    #[cfg_attr(feature = "serde", serde(rename = "SRV"))]
+    Servo {
+        /// On.
+        on: bool,
+    },
+    /// `OVR`: set the override, the speed of all motions (§4.3).
+    #[cfg_attr(feature = "serde", serde(rename = "OVR"))]
+    Override {
+        /// 0 to 100 %.
+        percent: u8,
+    },
+    /// `MOV`: start a point-to-point motion (§4.4). The reply says that it has started, not that it has ended.
+    #[cfg_attr(feature = "serde", serde(rename = "MOV"))]
+    Move {
+        /// To a pose, or by one.
+        mode: Mode,
+        /// The pose.
+        #[cfg_attr(feature = "serde", serde(rename = "axes"))]
+        pose: P,
+    },
+    /// `STP`: stop the motion (§4.6).
+    #[cfg_attr(feature = "serde", serde(rename = "STP"))]
+    Stop,
+    /// `RST`: bring the device into a safe state, at home (§4.7).
+    #[cfg_attr(feature = "serde", serde(rename = "RST"))]
+    Reset,
+    /// `CLO`: the connection will be closed (§4.8).
+    #[cfg_attr(feature = "serde", serde(rename = "CLO"))]
+    Close,
+    /// `ACQ`: take a picture; only for a vision system with a controller of its own (§4.9).
+    #[cfg_attr(feature = "serde", serde(rename = "ACQ"))]
+    Acquire {
+        /// The camera; 16 bits on the wire.
+        camera: i32,
+    },
+    /// `HND`: open or close a gripper; only for a gripper with a controller of its own (§4.10).
+    #[cfg_attr(feature = "serde", serde(rename = "HND"))]
+    Grip {
+        /// [`VACUUM`], [`BLOW`] or another; 16 bits on the wire.
+        gripper: i32,
+        /// Open: for [`VACUUM`] and [`BLOW`] this turns the air on.
+        open: bool,
+    },
+}
+
+/// Whether a pose is where to go, or how far (§4.4).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Mode {
+    /// `A`: to this pose.
+    Absolute,
+    /// `R`: by so much.
+    Relative,
+}
+
+impl<P: Pose> Command<P> {
+    /// The longest command with its end, in bytes.
+    pub const MAX_LEN: usize = 38;
+
+    /// The command that a line holds.
+    ///
+    /// # Errors
+    /// The line is no command of such a device.
+    pub fn decode(line: Line<'_>, dialect: &Dialect) -> Result<Self, DecodeError> {
+        let mut reader = Reader::new(line.content(), dialect);
+        let command = match reader.take::<3>(Expected::Command)? {
+            b"STA" => Self::Status,
+            b"SRV" => Self::Servo { on: read_servo(&mut reader)? },
+            b"OVR" => Self::Override { percent: read_override(&mut reader)? },
+            b"MOV" => Self::Move { mode: read_mode(&mut reader)?, pose: P::read(&mut reader)? },
+            b"STP" => Self::Stop,
+            b"ITR" if dialect.itr => Self::Stop,
+            b"RST" => Self::Reset,
+            b"CLO" => Self::Close,
+            b"ACQ" => Self::Acquire { camera: reader.integer()? },
+            b"HND" => Self::Grip { gripper: reader.integer()?, open: read_open(&mut reader)? },
+            found => return Err(DecodeError::UnknownCommand { found: *found }),
+        };
+        reader.end()?;
+        Ok(command)
+    }
+
+    /// Writes the command with its end, and says how many bytes that took.
+    ///
+    /// # Errors
+    /// A value does not fit its field, or the command does not fit into the buffer, whose content is then undefined.
+    pub fn encode(&self, buffer: &mut [u8]) -> Result<usize, EncodeError> {
+        let len = self.encoded_len();
+        let mut writer = Writer::new(buffer, len)?;
+        match self {
+            Self::Status => writer.put(b"STA"),
+            Self::Servo { on: true } => writer.put(b"SRVON"),
+            Self::Servo { on: false } => writer.put(b"SRVOF"),
+            Self::Override { percent } => {
+                writer.put(b"OVR");
+                writer.percent(*percent)?;
+            }
+            Self::Move { mode, pose } => {
+                writer.put(match mode {
+                    Mode::Absolute => b"MOVA",
+                    Mode::Relative => b"MOVR",
+                });
+                pose.write(&mut writer)?;
+            }
+            Self::Stop => writer.put(b"STP"),
+            Self::Reset => writer.put(b"RST"),
+            Self::Close => writer.put(b"CLO"),
+            Self::Acquire { camera } => {
+                writer.put(b"ACQ");
+                writer.integer(*camera)?;
+            }
+            Self::Grip { gripper, open } => {
+                writer.put(b"HND");
+                writer.integer(*gripper)?;
+                if *open { writer.put(b"OPEN") } else { writer.put(b"CLOSE") }
+            }
+        }
+        writer.put(b"\r\n");
+        Ok(len)
+    }
+
+    /// The length of the command with its end, in bytes.
+    pub fn encoded_len(&self) -> usize {
+        match self {
+            Self::Status | Self::Stop | Self::Reset | Self::Close => 5,
+            Self::Servo { .. } => 7,
+            Self::Override { .. } | Self::Acquire { .. } => 11,
+            Self::Move { pose, .. } => 6 + pose.encoded_len(),
+            Self::Grip { open: true, .. } => 15,
+            Self::Grip { open: false, .. } => 16,
+        }
+    }
+
+    /// Appends the command with its end.
+    ///
+    /// # Errors
+    /// A value does not fit its field; nothing is appended.
+    #[cfg(feature = "bytes")]
+    pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
+        let mut bytes = [0; 38];
+        let len = self.encode(&mut bytes)?;
+        buffer.put_slice(bytes.get(..len).unwrap_or_default());
+        Ok(())
+    }
+}
+
+fn read_servo(reader: &mut Reader<'_>) -> Result<bool, DecodeError> {
+    let off: &[u8] = if reader.dialect().off { b"OFF" } else { b"OF" };
+    reader.word(&[(b"ON", true), (b"OF", false), (off, false)], Expected::OnOrOff)
+}
+
+fn read_override(reader: &mut Reader<'_>) -> Result<u8, DecodeError> {
+    if reader.dialect().ovrd && reader.rest().starts_with(b"D") {
+        reader.take::<1>(Expected::Sign)?;
+    }
+    reader.percent()
+}
+
+fn read_mode(reader: &mut Reader<'_>) -> Result<Mode, DecodeError> {
+    let offset = reader.offset();
+    match reader.take(Expected::AbsoluteOrRelative)? {
+        b"A" => Ok(Mode::Absolute),
+        b"R" => Ok(Mode::Relative),
+        &[found] => Err(DecodeError::Unexpected { offset, found, expected: Expected::AbsoluteOrRelative }),
+    }
+}
+
+fn read_open(reader: &mut Reader<'_>) -> Result<bool, DecodeError> {
+    let close: &[u8] = if reader.dialect().clos { b"CLOS" } else { b"CLOSE" };
+    reader.word(&[(b"OPEN", true), (b"CLOSE", false), (close, false)], Expected::OpenOrClose)
+}

@@ -1,0 +1,219 @@
+use crate::fields::{Reader, Writer};
+use crate::{Angle, DecodeError, EncodeError, Expected, Length};
+
+/// Where the axes of one kind of device stand. Which messages there are, and how long they are, follows from it.
+pub trait Pose: Copy + Eq + core::fmt::Debug + sealed::Axes {
+    /// The sum, axis by axis: where a relative motion leads. `None` when an axis leaves the range of its field.
+    fn plus(self, by: Self) -> Option<Self>;
+
+    /// Whether no axis differs by more than `tolerance` units of its last digit: 1 µm, 0.1 mrad.
+    fn is_near(self, other: Self, tolerance: u32) -> bool;
+}
+
+/// The robot: X, Y, Z and the rotation C (§4.1). In `serde`: `[mm, mm, mm, rad]`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct RobotPose {
+    /// X.
+    pub x: Length,
+    /// Y.
+    pub y: Length,
+    /// Z.
+    pub z: Length,
+    /// The rotation about Z.
+    pub c: Angle,
+}
+
+/// The orientation platform: the rotations A and B (§4.1). In `serde`: `[rad, rad]`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct PlatformPose {
+    /// The first rotation.
+    pub a: Angle,
+    /// The second rotation.
+    pub b: Angle,
+}
+
+/// A device without axes: vision or gripper with a controller of its own, or the conditioning system, for which the
+/// source defines no command. There is no such pose, so there is no motion and no status.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum NoPose {}
+
+/// The pose of a device that is not known beforehand: four axes or two, as the line is long. For those who listen in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]
+pub enum AnyPose {
+    /// Four axes.
+    Robot(RobotPose),
+    /// Two axes.
+    Platform(PlatformPose),
+}
+
+impl RobotPose {
+    /// A pose of millimetres and radians, each rounded to its last digit.
+    pub fn from_mm_rad(x: f64, y: f64, z: f64, c: f64) -> Self {
+        let [x, y, z] = [x, y, z].map(Length::from_mm);
+        Self { x, y, z, c: Angle::from_rad(c) }
+    }
+
+    const fn units(self) -> [i32; 4] {
+        [self.x.um(), self.y.um(), self.z.um(), self.c.tenths_mrad()]
+    }
+}
+
+impl PlatformPose {
+    /// A pose of radians, each rounded to its last digit.
+    pub fn from_rad(a: f64, b: f64) -> Self {
+        Self { a: Angle::from_rad(a), b: Angle::from_rad(b) }
+    }
+
+    const fn units(self) -> [i32; 2] {
+        [self.a.tenths_mrad(), self.b.tenths_mrad()]
+    }
+}
+
+impl Pose for RobotPose {
+    fn plus(self, by: Self) -> Option<Self> {
+        let [x, y, z, c] = sum(self.units(), by.units())?;
+        let [x, y, z] = [x, y, z].map(Length::from_um);
+        Some(Self { x, y, z, c: Angle::from_tenths_mrad(c) })
+    }
+
+    fn is_near(self, other: Self, tolerance: u32) -> bool {
+        near(self.units(), other.units(), tolerance)
+    }
+}
+
+impl Pose for PlatformPose {
+    fn plus(self, by: Self) -> Option<Self> {
+        let [a, b] = sum(self.units(), by.units())?.map(Angle::from_tenths_mrad);
+        Some(Self { a, b })
+    }
+
+    fn is_near(self, other: Self, tolerance: u32) -> bool {
+        near(self.units(), other.units(), tolerance)
+    }
+}
+
+impl Pose for NoPose {
+    fn plus(self, _: Self) -> Option<Self> {
+        match self {}
+    }
+
+    fn is_near(self, _: Self, _: u32) -> bool {
+        match self {}
+    }
+}
+
+impl Pose for AnyPose {
+    fn plus(self, by: Self) -> Option<Self> {
+        match (self, by) {
+            (Self::Robot(pose), Self::Robot(by)) => pose.plus(by).map(Self::Robot),
+            (Self::Platform(pose), Self::Platform(by)) => pose.plus(by).map(Self::Platform),
+            (Self::Robot(_), Self::Platform(_)) | (Self::Platform(_), Self::Robot(_)) => None,
+        }
+    }
+
+    fn is_near(self, other: Self, tolerance: u32) -> bool {
+        match (self, other) {
+            (Self::Robot(pose), Self::Robot(other)) => pose.is_near(other, tolerance),
+            (Self::Platform(pose), Self::Platform(other)) => pose.is_near(other, tolerance),
+            (Self::Robot(_), Self::Platform(_)) | (Self::Platform(_), Self::Robot(_)) => false,
+        }
+    }
+}
+
+pub(crate) mod sealed {
+    use super::{DecodeError, EncodeError, Reader, Writer};
+
+    /// The fields of a pose on the wire.
+    pub trait Axes: Sized {
+        fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError>;
+        fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError>;
+        fn encoded_len(&self) -> usize;
+    }
+}
+
+impl sealed::Axes for RobotPose {
+    fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
+        Ok(Self { x: reader.length()?, y: reader.length()?, z: reader.length()?, c: reader.angle()? })
+    }
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+        writer.length(self.x)?;
+        writer.length(self.y)?;
+        writer.length(self.z)?;
+        writer.angle(self.c)
+    }
+
+    fn encoded_len(&self) -> usize {
+        4 * 8
+    }
+}
+
+impl sealed::Axes for PlatformPose {
+    fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
+        Ok(Self { a: reader.angle()?, b: reader.angle()? })
+    }
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+        writer.angle(self.a)?;
+        writer.angle(self.b)
+    }
+
+    fn encoded_len(&self) -> usize {
+        2 * 8
+    }
+}
+
+impl sealed::Axes for NoPose {
+    fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
+        let (offset, expected) = (reader.offset(), Expected::NoAxes);
+        Err(match reader.rest() {
+            [] => DecodeError::Short { offset, expected },
+            [found, ..] => DecodeError::Unexpected { offset, found: *found, expected },
+        })
+    }
+
+    fn write(&self, _: &mut Writer<'_>) -> Result<(), EncodeError> {
+        match *self {}
+    }
+
+    fn encoded_len(&self) -> usize {
+        match *self {}
+    }
+}
+
+impl sealed::Axes for AnyPose {
+    /// Four axes are 32 characters; two, with all that follows them in a status, are at most 31.
+    fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
+        if reader.rest().len() >= 4 * 8 {
+            RobotPose::read(reader).map(Self::Robot)
+        } else {
+            PlatformPose::read(reader).map(Self::Platform)
+        }
+    }
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
+        match self {
+            Self::Robot(pose) => pose.write(writer),
+            Self::Platform(pose) => pose.write(writer),
+        }
+    }
+
+    fn encoded_len(&self) -> usize {
+        match self {
+            Self::Robot(pose) => pose.encoded_len(),
+            Self::Platform(pose) => pose.encoded_len(),
+        }
+    }
+}
+
+fn sum<const N: usize>(mut pose: [i32; N], by: [i32; N]) -> Option<[i32; N]> {
+    for (axis, by) in pose.iter_mut().zip(by) {
+        *axis = axis.checked_add(by).filter(|sum| sum.unsigned_abs() <= 999_999)?;
+    }
+    Some(pose)
+}
+
+fn near<const N: usize>(pose: [i32; N], other: [i32; N], tolerance: u32) -> bool {
+    pose.iter().zip(other).all(|(axis, other)| axis.abs_diff(other) <= tolerance)
+}

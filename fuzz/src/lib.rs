@@ -3,8 +3,13 @@
 //! Oracles, not only "no panic": decode(encode(x)) = x, any chunking gives the same frames, an accepted frame encodes to
 //! the same bytes, a session keeps its invariants.
 
+pub mod isra_ball;
+
 /// A target's body.
 pub type Target = fn(&[u8]);
 
 /// Every target by the name of its corpus folder.
-pub const TARGETS: &[(&str, Target)] = &[];
+pub const TARGETS: &[(&str, Target)] = &[
+    ("isra_ball_decoder", isra_ball::isra_ball_decoder),
+    ("isra_ball_session", isra_ball::isra_ball_session),
+];

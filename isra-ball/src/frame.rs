@@ -29,8 +29,10 @@ impl<'a> Frame<'a> {
         let Some((header, rest)) = bytes.split_first_chunk::<3>() else {
             return check_header(bytes).map(|()| None);
         };
-        check_header(header)?;
-        let n = header[0];
+        let [n, minus_n, xor_n] = *header;
+        if minus_n != n.wrapping_neg() || xor_n != n ^ XOR {
+            return check_header(header).map(|()| None);
+        }
         let Some((data, [found, ..])) = rest.split_at_checked(n.into()) else {
             return Ok(None);
         };
@@ -120,6 +122,17 @@ pub(crate) fn envelope(data: &[u8; Packet::DATA_LEN]) -> [u8; Packet::LEN] {
 /// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).
 #[inline]
 fn checksum(data: &[u8]) -> u8 {
+    const EVEN: u64 = 0x00FF_00FF_00FF_00FF;
+    const ONES: u64 = 0x0001_0001_0001_0001;
     let n = data.len().to_le_bytes()[0];
-    data.iter().fold(n, |sum, byte| sum.wrapping_add(*byte)).wrapping_neg()
+    let sum = match data.try_into() {
+        // The eight bytes at once: four lanes of 16 bits, which the product adds up in its topmost.
+        Ok(word) => {
+            let word = u64::from_le_bytes(word);
+            let lanes = (word & EVEN) + (word >> 8 & EVEN);
+            lanes.wrapping_mul(ONES).to_be_bytes()[1]
+        }
+        Err(_) => data.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)),
+    };
+    n.wrapping_add(sum).wrapping_neg()
 }

@@ -123,11 +123,11 @@ impl Status {
     }
 
     fn from_id(id: u8) -> Self {
-        match (id & 0x80 != 0, id & 0x08 != 0) {
-            (false, false) => Self::Fresh,
-            (true, false) => Self::Old,
-            (false, true) => Self::Reserved,
-            (true, true) => Self::Reserved11,
+        match id & 0x88 {
+            0x00 => Self::Fresh,
+            0x80 => Self::Old,
+            0x08 => Self::Reserved,
+            _ => Self::Reserved11,
         }
     }
 

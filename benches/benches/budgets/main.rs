@@ -1,6 +1,8 @@
 //! `cargo bench -p benches --bench budgets [-- LINK]`: instruction counts and timing budgets beside their goals.
 //! A file a link.
 
+mod isra_ball;
+
 fn main() {
-    benches::main(&[]);
+    benches::main(&[isra_ball::LINK]);
 }

@@ -1,0 +1,67 @@
+use std::hint::black_box;
+use std::time::Duration;
+
+use benches::{Budget, Count, Link};
+use isra_ball::{Decoder, Filter, Frame, Packet, timing};
+
+const BYTES: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
+
+pub const LINK: Link = Link {
+    name: "isra-ball",
+    counts: &[
+        Count { what: "decode a packet", goal: Some(80.0), units: 1.0, unit: "op", run: decode },
+        Count { what: "decode a packet from the stream", goal: None, units: 1.0, unit: "op", run: stream },
+        Count { what: "encode a packet", goal: None, units: 1.0, unit: "op", run: encode },
+        Count { what: "filter, dominant axis", goal: None, units: 1.0, unit: "op", run: filter },
+    ],
+    budgets,
+};
+
+fn decode(rounds: u64) {
+    for _ in 0..rounds {
+        let bytes: &[u8] = black_box(&BYTES);
+        let Ok(Some((frame, _))) = Frame::decode(bytes) else { panic!("a good packet") };
+        black_box(frame.packet().expect("eight data bytes"));
+    }
+}
+
+fn stream(rounds: u64) {
+    let mut decoder = Decoder::new();
+    for _ in 0..rounds {
+        assert_eq!(decoder.push(black_box(&BYTES)), 12);
+        let frame = decoder.next_frame().expect("a whole packet").expect("a good packet");
+        black_box(frame.packet().expect("eight data bytes"));
+    }
+}
+
+fn encode(rounds: u64) {
+    let (frame, _) = Frame::decode(&BYTES).expect("good").expect("whole");
+    let packet = frame.packet().expect("eight data bytes");
+    let mut out = [0; Packet::LEN];
+    for _ in 0..rounds {
+        black_box(&packet).encode(black_box(&mut out)).expect("it fits");
+    }
+}
+
+fn filter(rounds: u64) {
+    for _ in 0..rounds {
+        black_box(Filter::from_keys(false, false, true).apply(black_box([1, -2, 3, -4, 5, -6])));
+    }
+}
+
+fn budgets() -> Vec<Budget> {
+    vec![
+        Budget {
+            what: "ENQ and its packet at 9600 baud, in the robot's cycle".into(),
+            takes: timing::exchange_time(timing::BAUD),
+            window: Duration::from_millis(28),
+            source: "§4.1, §3.4",
+        },
+        Budget {
+            what: "ENQ and its packet at 9600 baud, in the shortest poll period".into(),
+            takes: timing::exchange_time(timing::BAUD),
+            window: timing::min_period(timing::BAUD),
+            source: "§4.2",
+        },
+    ]
+}

@@ -10,10 +10,13 @@ pub mod decode;
 pub mod demo;
 pub mod drawing;
 pub mod encode;
+pub mod line;
 pub mod links;
 pub mod report;
+pub mod serial;
 pub mod simulate;
 pub mod tcp;
+pub mod trace;
 pub mod vectors;
 
 use std::process::ExitCode;

@@ -1,0 +1,355 @@
+//! A device's end of a serial line whose bytes take the time that they would take on a real one.
+
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read, Write};
+use std::net::TcpStream;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use serialport::SerialPort;
+
+use crate::serial::READ_TIMEOUT;
+use crate::trace::{Trace, Way};
+
+/// Time since a moment that all parts of a run share.
+#[derive(Debug, Clone, Copy)]
+pub struct Clock(Instant);
+
+impl Clock {
+    /// A clock that begins now.
+    pub fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    /// The time since then.
+    pub fn now(self) -> Duration {
+        self.0.elapsed()
+    }
+}
+
+/// How often a line damages a byte, and from which seed.
+#[derive(Debug, Clone)]
+pub struct LineFaults {
+    /// One bit turned over, for each byte.
+    pub flip: f64,
+    /// Lost, for each byte.
+    pub lose: f64,
+    /// A byte of noise before it, for each byte.
+    pub insert: f64,
+    rng: fastrand::Rng,
+    count: u64,
+}
+
+impl LineFaults {
+    /// None at all.
+    pub fn none() -> Self {
+        Self::with_rate(0.0, 0)
+    }
+
+    /// The same rate of each kind.
+    pub fn with_rate(rate: f64, seed: u64) -> Self {
+        Self { flip: rate, lose: rate, insert: rate, rng: fastrand::Rng::with_seed(seed), count: 0 }
+    }
+
+    fn pass(&mut self, byte: u8, mut out: impl FnMut(u8)) {
+        if self.rng.f64() < self.insert {
+            self.count += 1;
+            out(self.rng.u8(..));
+        }
+        if self.rng.f64() < self.lose {
+            self.count += 1;
+        } else if self.rng.f64() < self.flip {
+            self.count += 1;
+            out(byte ^ 1 << self.rng.u8(0..8));
+        } else {
+            out(byte);
+        }
+    }
+}
+
+/// A device's end. Bytes that it sends reach the client one by one at the baud rate; bytes from the client reach the device as
+/// they would if the line had carried them. Without a client, what is sent is lost.
+#[allow(missing_debug_implementations, reason = "it holds a port")]
+pub struct Line {
+    clock: Clock,
+    byte_time: Duration,
+    incoming: Receiver<(Duration, Vec<u8>)>,
+    writer: Box<dyn Write + Send>,
+    connected: Arc<AtomicBool>,
+    sending: Direction,
+    receiving: Direction,
+    faults: LineFaults,
+    trace: Trace,
+}
+
+/// The bytes on the line in one direction, each with the time when it is whole.
+#[derive(Debug, Default)]
+struct Direction {
+    bytes: VecDeque<(Duration, u8)>,
+    free_at: Duration,
+}
+
+impl Line {
+    /// Over a port: a pseudo-terminal's device end, or a real one.
+    ///
+    /// # Errors
+    /// When the port cannot be shared between reader and writer.
+    pub fn over_port(port: Box<dyn SerialPort>, clock: Clock, baud: u32, trace: Trace) -> Result<Self> {
+        let reader = port.try_clone()?;
+        Ok(Self::new(Box::new(reader), Box::new(port), clock, baud, trace, true))
+    }
+
+    /// Over a TCP connection, as a serial device server makes it.
+    ///
+    /// # Errors
+    /// When the connection is gone.
+    pub fn over_tcp(stream: TcpStream, clock: Clock, baud: u32, trace: Trace) -> Result<Self> {
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(READ_TIMEOUT))?;
+        Ok(Self::new(Box::new(stream.try_clone()?), Box::new(stream), clock, baud, trace, false))
+    }
+
+    fn new(
+        reader: Box<dyn Read + Send>,
+        writer: Box<dyn Write + Send>,
+        clock: Clock,
+        baud: u32,
+        trace: Trace,
+        reopens: bool,
+    ) -> Self {
+        let (sender, incoming) = channel();
+        let connected = Arc::new(AtomicBool::new(false));
+        let shared = Arc::clone(&connected);
+        // It ends with the line: nobody else holds `connected` then.
+        thread::spawn(move || read(reader, clock, &sender, &shared, reopens));
+        Self {
+            clock,
+            byte_time: Duration::from_secs_f64(10.0 / f64::from(baud)),
+            incoming,
+            writer,
+            connected,
+            sending: Direction::default(),
+            receiving: Direction::default(),
+            faults: LineFaults::none(),
+            trace,
+        }
+    }
+
+    /// The line with these faults, in both directions.
+    #[must_use]
+    pub fn with_faults(mut self, faults: LineFaults) -> Self {
+        self.faults = faults;
+        self
+    }
+
+    /// Puts bytes on the line; the time when the last of them has arrived.
+    pub fn send(&mut self, bytes: &[u8]) -> Duration {
+        let now = self.clock.now();
+        self.trace.add(now, Way::Sent, bytes);
+        for &byte in bytes {
+            self.faults.pass(byte, |byte| self.sending.put(now, self.byte_time, byte));
+        }
+        self.carry();
+        self.sending.free_at
+    }
+
+    /// The bytes that have arrived by now.
+    pub fn receive(&mut self, out: &mut Vec<u8>) {
+        let now = self.clock.now();
+        out.clear();
+        while let Some(byte) = self.receiving.take(now) {
+            out.push(byte);
+        }
+        self.trace.add(now, Way::Received, out);
+    }
+
+    /// Waits until a byte arrives, or until `deadline`; false when the connection is gone for good.
+    pub fn wait(&mut self, deadline: Duration) -> bool {
+        loop {
+            self.carry();
+            let now = self.clock.now();
+            if deadline <= now || self.receiving.next().is_some_and(|at| at <= now) {
+                return true;
+            }
+            let next =
+                [self.sending.next(), self.receiving.next()].into_iter().flatten().fold(deadline, Ord::min);
+            match self.incoming.recv_timeout(next.saturating_sub(now)) {
+                Ok((at, bytes)) => {
+                    for byte in bytes {
+                        self.faults.pass(byte, |byte| self.receiving.put(at, self.byte_time, byte));
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return false,
+            }
+        }
+    }
+
+    /// Whether a client has the other end open.
+    pub fn is_connected(&self) -> bool {
+        self.connected.load(Ordering::Relaxed)
+    }
+
+    /// The bytes damaged so far.
+    pub fn faults(&self) -> u64 {
+        self.faults.count
+    }
+
+    /// The trace of this end.
+    pub fn trace(&self) -> &Trace {
+        &self.trace
+    }
+
+    /// Writes every byte that is whole by now.
+    fn carry(&mut self) {
+        let now = self.clock.now();
+        let mut due = Vec::new();
+        while let Some(byte) = self.sending.take(now) {
+            due.push(byte);
+        }
+        if !due.is_empty() && self.is_connected() {
+            // A client that just went takes nothing any more, like a line with nobody at its end.
+            let _ = self.writer.write_all(&due);
+        }
+    }
+}
+
+impl Direction {
+    fn put(&mut self, now: Duration, byte_time: Duration, byte: u8) {
+        self.free_at = self.free_at.max(now) + byte_time;
+        self.bytes.push_back((self.free_at, byte));
+    }
+
+    fn take(&mut self, now: Duration) -> Option<u8> {
+        self.next().filter(|at| *at <= now)?;
+        self.bytes.pop_front().map(|(_, byte)| byte)
+    }
+
+    fn next(&self) -> Option<Duration> {
+        self.bytes.front().map(|(at, _)| *at)
+    }
+}
+
+/// Passes on what the client writes, with the time when it came, until the connection or the line is gone.
+fn read(
+    mut reader: Box<dyn Read + Send>,
+    clock: Clock,
+    sender: &Sender<(Duration, Vec<u8>)>,
+    connected: &Arc<AtomicBool>,
+    reopens: bool,
+) {
+    let mut buffer = [0; 256];
+    while Arc::strong_count(connected) > 1 {
+        match reader.read(&mut buffer) {
+            Ok(0) => return,
+            Ok(n) => {
+                connected.store(true, Ordering::Relaxed);
+                let bytes = buffer.get(..n).unwrap_or_default().to_vec();
+                if sender.send((clock.now(), bytes)).is_err() {
+                    return;
+                }
+            }
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => {
+                connected.store(true, Ordering::Relaxed);
+            }
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            // Nobody has the pseudo-terminal open.
+            Err(_) if reopens => {
+                connected.store(false, Ordering::Relaxed);
+                thread::sleep(Duration::from_millis(5));
+            }
+            Err(_) => return,
+        }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use crate::serial;
+    use crate::trace::TraceArgs;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn line(baud: u32) -> (Line, Box<dyn SerialPort>, Clock) {
+        let (device, path) = serial::pair().unwrap();
+        let clock = Clock::start();
+        let mut line = Line::over_port(device, clock, baud, TraceArgs::off().start("x")).unwrap();
+        let client = serial::open(&path, baud).unwrap();
+        while !line.is_connected() {
+            assert!(line.wait(clock.now() + MS));
+        }
+        (line, client, clock)
+    }
+
+    #[test]
+    fn bytes_take_their_time_both_ways() {
+        let (mut line, mut client, clock) = line(1200);
+        let sent = clock.now();
+        let arrives = line.send(&[1, 2, 3, 4, 5, 6]);
+        assert_eq!((arrives - sent).as_millis(), 50, "six bytes at 1200 baud");
+        let reader = thread::spawn(move || {
+            let mut bytes = [0; 6];
+            client.read_exact(&mut bytes).unwrap();
+            let at = clock.now();
+            client.write_all(&[7, 8, 9]).unwrap();
+            (client, bytes, at)
+        });
+        let (mut received, mut got) = (Vec::new(), Vec::new());
+        while got.len() < 3 {
+            assert!(line.wait(clock.now() + 500 * MS));
+            line.receive(&mut received);
+            got.extend_from_slice(&received);
+        }
+        let answered = clock.now();
+        let (_client, bytes, at) = reader.join().unwrap();
+        assert_eq!((bytes, &got[..]), ([1, 2, 3, 4, 5, 6], &[7, 8, 9][..]));
+        assert!(at >= arrives, "{at:?} is before the last byte at {arrives:?}");
+        assert!(answered - at >= 24 * MS, "three bytes took {:?}", answered - at);
+    }
+
+    #[test]
+    fn what_is_sent_to_nobody_is_lost_and_the_next_client_is_served() {
+        let (device, path) = serial::pair().unwrap();
+        let clock = Clock::start();
+        let mut line = Line::over_port(device, clock, 115_200, TraceArgs::off().start("x")).unwrap();
+        for round in 1..4u8 {
+            line.send(&[99]);
+            assert!(line.wait(clock.now() + 5 * MS));
+            let mut client = serial::open(&path, 115_200).unwrap();
+            while !line.is_connected() {
+                assert!(line.wait(clock.now() + MS));
+            }
+            line.send(&[round]);
+            assert!(line.wait(clock.now() + 5 * MS));
+            let mut byte = [0];
+            client.read_exact(&mut byte).unwrap();
+            assert_eq!(byte, [round]);
+            drop(client);
+            while line.is_connected() {
+                assert!(line.wait(clock.now() + MS));
+            }
+        }
+    }
+
+    #[test]
+    fn faults_damage_about_as_often_as_they_say() {
+        let (line, mut client, clock) = line(10_000_000);
+        let mut line = line.with_faults(LineFaults { flip: 0.02, ..LineFaults::none() });
+        let sent = vec![0; 2000];
+        client.write_all(&sent).unwrap();
+        let (mut received, mut got) = (Vec::new(), Vec::new());
+        while got.len() < sent.len() {
+            assert!(line.wait(clock.now() + 500 * MS));
+            line.receive(&mut received);
+            got.extend_from_slice(&received);
+        }
+        let wrong = got.iter().filter(|byte| byte.count_ones() == 1).count() as u64;
+        assert_eq!(wrong, line.faults());
+        assert!((10..100).contains(&wrong), "{wrong} of 2000");
+    }
+}

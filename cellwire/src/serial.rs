@@ -1,0 +1,80 @@
+//! Serial ports and pseudo-terminals, raw and without flow control.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use serialport::{FlowControl, SerialPort};
+
+/// How long a blocking read waits before it looks whether it should end.
+pub const READ_TIMEOUT: Duration = Duration::from_millis(50);
+
+/// Opens a port: 8N1, raw, and no flow control, because these links send binary data that holds XON and XOFF.
+///
+/// # Errors
+/// When there is no such port, or another program has it.
+pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
+    let port = serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT).open();
+    port.map_err(|error| {
+        let advice = match error.kind() {
+            serialport::ErrorKind::NoDevice => ": no such port, or another program has it",
+            serialport::ErrorKind::InvalidInput => ": it is no serial port, or does not know this baud rate",
+            _ => "",
+        };
+        anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
+    })
+}
+
+/// A link to a pseudo-terminal under a path of the caller's choice; gone when dropped.
+#[derive(Debug)]
+pub struct PtyLink {
+    path: PathBuf,
+}
+
+impl PtyLink {
+    /// Makes a pseudo-terminal, and the link to it. The port is the device's end: the path is for the client to open.
+    ///
+    /// # Errors
+    /// When something else than an old link stands at the path.
+    #[cfg(unix)]
+    pub fn create(path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
+        let (device, name) = pair()?;
+        if path.is_symlink() {
+            std::fs::remove_file(path)
+                .with_context(|| format!("cannot replace the link {}", path.display()))?;
+        }
+        std::os::unix::fs::symlink(&name, path)
+            .with_context(|| format!("cannot make the link {} to {name}", path.display()))?;
+        Ok((Self { path: path.into() }, device))
+    }
+
+    #[cfg(not(unix))]
+    pub fn create(_path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
+        anyhow::bail!("pseudo-terminals need Unix; use --listen")
+    }
+}
+
+impl Drop for PtyLink {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path); // it may be gone already
+    }
+}
+
+/// A pseudo-terminal: the device's end, and the path that a client opens.
+///
+/// Nobody holds the client's end open, so that the device sees the cable pulled when the client goes.
+///
+/// # Errors
+/// When the system has no more of them.
+#[cfg(unix)]
+pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
+    let (mut device, client) = serialport::TTYPort::pair().context("cannot make a pseudo-terminal")?;
+    let name = client.name().context("the pseudo-terminal has no name")?;
+    device.set_timeout(READ_TIMEOUT)?;
+    Ok((Box::new(device), name))
+}
+
+#[cfg(not(unix))]
+pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
+    anyhow::bail!("pseudo-terminals need Unix")
+}

@@ -1,0 +1,195 @@
+//! The last bytes that went each way, with their times: what a session leaves behind when it ends.
+
+use std::collections::VecDeque;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+
+/// How many bytes each way the source keeps: "jeweils die letzten 1000 gesendeten und empfangenen Bytes" (VAL II thesis, §9.1).
+pub const DEFAULT_BYTES: usize = 1000;
+
+/// Bytes of one direction closer together than this stand on one line.
+const GAP: Duration = Duration::from_millis(2);
+const BYTES_A_LINE: usize = 24;
+
+/// `--trace`: whether, how much and where to.
+#[derive(Debug, Clone, clap::Args)]
+pub struct TraceArgs {
+    /// Keep the last N bytes each way with their times, and write them to a file when a session ends
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1000", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    trace: Option<u32>,
+    /// The folder of the trace files
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    trace_dir: PathBuf,
+}
+
+impl TraceArgs {
+    /// A trace of the line called `name`; one that keeps nothing without `--trace`.
+    pub fn start(&self, name: &str) -> Trace {
+        Trace::new(name, self.trace.map_or(0, |bytes| bytes as usize), &self.trace_dir)
+    }
+
+    /// No trace.
+    pub fn off() -> Self {
+        Self { trace: None, trace_dir: PathBuf::from(".") }
+    }
+}
+
+/// Which way a byte went, seen from the end that keeps the trace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// Out of this end.
+    Sent,
+    /// Into it.
+    Received,
+}
+
+/// Keeps the last bytes each way. Clones keep the same ones.
+///
+/// Its text is input for `cellwire decode`: hex with comments, one direction told from the other by its comment.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    name: String,
+    dir: PathBuf,
+    bytes: usize,
+    kept: Arc<Mutex<Kept>>,
+}
+
+#[derive(Debug, Default)]
+struct Kept {
+    sent: VecDeque<(Duration, u8)>,
+    received: VecDeque<(Duration, u8)>,
+    files: u32,
+}
+
+impl Trace {
+    /// A trace of `bytes` each way; with 0 it keeps and writes nothing.
+    pub fn new(name: &str, bytes: usize, dir: &Path) -> Self {
+        Self { name: name.into(), dir: dir.into(), bytes, kept: Arc::default() }
+    }
+
+    /// Keeps bytes that went one way.
+    pub fn add(&self, now: Duration, way: Way, bytes: &[u8]) {
+        if self.bytes == 0 {
+            return;
+        }
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let ring = match way {
+            Way::Sent => &mut kept.sent,
+            Way::Received => &mut kept.received,
+        };
+        ring.extend(bytes.iter().map(|byte| (now, *byte)));
+        let surplus = ring.len().saturating_sub(self.bytes);
+        ring.drain(..surplus);
+    }
+
+    /// Writes what is kept to a file of its own and begins anew; its path. `None` when there is nothing to write.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn session_ended(&self, why: &str) -> Result<Option<PathBuf>> {
+        let (sent, received, number) = {
+            let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+            if kept.sent.is_empty() && kept.received.is_empty() {
+                return Ok(None);
+            }
+            kept.files += 1;
+            (std::mem::take(&mut kept.sent), std::mem::take(&mut kept.received), kept.files)
+        };
+        let path = self.dir.join(format!("{}-{number}.trace", self.name));
+        let mut text = Vec::new();
+        writeln!(text, "# {}: {why}", self.name)?;
+        write_lines(&mut text, &sent, &received)?;
+        std::fs::write(&path, text).with_context(|| format!("cannot write the trace {}", path.display()))?;
+        Ok(Some(path))
+    }
+
+    /// What is kept as lines of text, the oldest first.
+    pub fn lines(&self) -> Vec<String> {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut text = Vec::new();
+        // Writing to memory cannot fail.
+        let _ = write_lines(&mut text, &kept.sent, &kept.received);
+        String::from_utf8_lossy(&text).lines().map(str::to_owned).collect()
+    }
+}
+
+fn write_lines(
+    out: &mut impl Write,
+    sent: &VecDeque<(Duration, u8)>,
+    received: &VecDeque<(Duration, u8)>,
+) -> io::Result<()> {
+    let mut bytes: Vec<(Duration, Way, u8)> = sent
+        .iter()
+        .map(|(at, byte)| (*at, Way::Sent, *byte))
+        .chain(received.iter().map(|(at, byte)| (*at, Way::Received, *byte)))
+        .collect();
+    bytes.sort_by_key(|(at, ..)| *at);
+    let together = |a: &(Duration, Way, u8), b: &(Duration, Way, u8)| a.1 == b.1 && b.0 - a.0 < GAP;
+    for run in bytes.chunk_by(together) {
+        for line in run.chunks(BYTES_A_LINE) {
+            for (_, _, byte) in line {
+                write!(out, "{byte:02X} ")?;
+            }
+            if let Some((at, way, _)) = line.first() {
+                let way = match way {
+                    Way::Sent => "sent",
+                    Way::Received => "received",
+                };
+                writeln!(out, "# {:.6} s {way}", at.as_secs_f64())?;
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    #[test]
+    fn the_last_bytes_each_way_stand_in_their_order() {
+        let trace = Trace::new("x", 3, Path::new("."));
+        trace.add(MS, Way::Sent, &[1, 2]);
+        trace.add(MS * 5, Way::Received, &[0xA0]);
+        trace.add(MS * 6, Way::Sent, &[3, 4]);
+        trace.add(MS * 20, Way::Received, &[0xA1]);
+        assert_eq!(
+            trace.lines(),
+            [
+                "02 # 0.001000 s sent",
+                "A0 # 0.005000 s received",
+                "03 04 # 0.006000 s sent",
+                "A1 # 0.020000 s received"
+            ]
+        );
+    }
+
+    #[test]
+    fn each_session_that_ends_leaves_a_file() {
+        let dir = std::env::temp_dir().join(format!("cellwire-trace-{}", std::process::id()));
+        std::fs::create_dir_all(&dir).unwrap();
+        let trace = Trace::new("robot", DEFAULT_BYTES, &dir);
+        assert_eq!(trace.session_ended("nothing").unwrap(), None);
+        trace.add(MS, Way::Sent, &[0x10]);
+        trace.session_ended("a timeout").unwrap().unwrap();
+        trace.add(MS, Way::Received, &[0x11]);
+        let second = trace.session_ended("the end").unwrap().unwrap();
+        assert_eq!(second, dir.join("robot-2.trace"));
+        let text = std::fs::read_to_string(second).unwrap();
+        assert_eq!(text, "# robot: the end\n11 # 0.001000 s received\n");
+        std::fs::remove_dir_all(dir).unwrap();
+    }
+
+    #[test]
+    fn without_bytes_it_keeps_nothing() {
+        let trace = TraceArgs::off().start("x");
+        trace.add(MS, Way::Sent, &[1]);
+        assert_eq!(trace.lines(), [""; 0]);
+    }
+}

@@ -1,7 +1,8 @@
 //! Bytes in, frames out; finds its feet again after damage.
 
 use crate::error::DecodeError;
-use crate::frame::{Frame, MAX_PAYLOAD, Scan, find_head, has_head};
+use crate::frame::{Damage, Frame, MAX_PAYLOAD, Scan, find_head, has_head};
+use crate::message::Items;
 use crate::profile::Profile;
 
 /// Cuts a stream into frames.
@@ -10,7 +11,8 @@ use crate::profile::Profile;
 /// rest when `push` did not take everything. The same bytes give the same frames and errors however they are cut.
 ///
 /// After an error the stream goes on at the next head within the bytes that were looked at, so a frame behind a damaged
-/// one, or behind a false head, is not lost. Every byte belongs to exactly one frame or error:
+/// one, or behind a false head, is not lost. The items of a frame have been read over once: its [`Items`] give no error.
+/// Every byte belongs to exactly one frame or error:
 /// [`position`](Self::position) says where each ends.
 #[derive(Debug, Clone)]
 pub struct Decoder {
@@ -71,7 +73,16 @@ impl Decoder {
             self.consume(skipped);
             return Some(Err(DecodeError::NoHead { skipped }));
         }
-        match self.scan.advance(held, &mut self.payload, &self.profile) {
+        let found = self.scan.advance(held, &mut self.payload, &self.profile).and_then(|found| {
+            let Some((len, used)) = found else { return Ok(None) };
+            // A false head can be followed by the right checksum, but hardly by whole items as well.
+            let payload = self.payload.get(..len).unwrap_or_default();
+            match Items::new(payload, &self.profile).check() {
+                Ok(()) => Ok(found),
+                Err(error) => Err(Damage { error, examined: used }),
+            }
+        });
+        match found {
             Ok(None) => None,
             Ok(Some((len, used))) => {
                 self.consume(used);

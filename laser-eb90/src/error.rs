@@ -67,6 +67,9 @@ pub enum DecodeError {
         /// What is left, from the tag on.
         found: usize,
     },
+    /// The payload does not begin with a command word: it is no instruction and no reply.
+    #[error("the payload does not begin with a command word")]
+    NoWord,
     /// The line fell silent, or the input ended, within a frame or in bytes without a head.
     #[error("{held} bytes are no whole frame")]
     Incomplete {

@@ -12,7 +12,7 @@ const FLAG: u8 = 0xF0;
 /// The byte that begins the tail, and is doubled in the payload.
 const MARK: u8 = 0x90;
 
-/// One frame: a payload of whole items, at least one, in the envelope of a [`Profile`].
+/// One frame: a payload that begins with a tag, in the envelope of a [`Profile`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame<'a> {
     payload: &'a [u8],
@@ -25,7 +25,7 @@ impl<'a> Frame<'a> {
     /// The longest frame: every byte of the longest payload is a 90h.
     pub const MAX_LEN: usize = HEAD.len() + 1 + 2 * MAX_PAYLOAD + 2 + 2;
 
-    /// The frame of a payload that is known to be whole items.
+    /// The frame of a payload that is known to begin with a tag.
     pub(crate) fn new(payload: &'a [u8], profile: &Profile) -> Self {
         Self { payload, profile: *profile }
     }
@@ -33,7 +33,8 @@ impl<'a> Frame<'a> {
     /// Reads the frame that `bytes` begin with, and unstuffs it into `payload`: `None` when more bytes are needed, else
     /// the frame and the bytes that it took.
     ///
-    /// `payload` limits the length that is taken; [`MAX_PAYLOAD`] bytes hold whatever [`Frame::encode`] writes.
+    /// `payload` limits the length that is taken; [`MAX_PAYLOAD`] bytes hold whatever [`Frame::encode`] writes. The items
+    /// are not looked at yet.
     ///
     /// # Errors
     /// Everything in [`DecodeError`]. A stream goes on behind the next head: [`Decoder`](crate::Decoder) finds it.
@@ -80,7 +81,7 @@ impl<'a> Frame<'a> {
 
     /// What it carries.
     pub fn items(&self) -> Items<'a> {
-        Items::trusted(self.payload, &self.profile)
+        Items::new(self.payload, &self.profile)
     }
 
     /// The unstuffed payload.
@@ -94,8 +95,8 @@ impl<'a> Frame<'a> {
             put(&[FLAG]);
         }
         let mut rest = self.payload;
-        while let Some((span, behind)) = find_mark(rest).and_then(|at| rest.split_at_checked(at + 1)) {
-            put(span);
+        while let Some((marked, behind)) = rest.split_at_checked(find_mark(rest) + 1) {
+            put(marked);
             put(&[MARK]);
             rest = behind;
         }
@@ -145,41 +146,38 @@ impl Scan {
         }
         loop {
             let rest = raw.get(self.read..).unwrap_or_default();
-            let Some((span, marked)) = find_mark(rest).and_then(|at| rest.split_at_checked(at)) else {
-                self.copy(rest, payload)?;
-                return Ok(None);
-            };
-            self.copy(span, payload)?;
-            match marked.get(1) {
-                None => return Ok(None),
-                Some(&MARK) => {
+            let (clean, marked) = rest.split_at_checked(find_mark(rest)).unwrap_or((rest, &[]));
+            self.copy(clean, payload)?;
+            match marked {
+                [] | [_] => return Ok(None),
+                [_, MARK, ..] => {
                     self.copy(&[MARK], payload)?;
                     self.read += 1;
                 }
-                Some(&byte) if profile.tail.ends_with(byte) => return self.end(raw, payload, profile),
-                Some(&found) => {
-                    let error = DecodeError::Stuffing { offset: self.read + 1, found };
+                [_, byte, ..] if profile.tail.ends_with(*byte) => return self.end(raw, payload, profile),
+                [_, found, ..] => {
+                    let error = DecodeError::Stuffing { offset: self.read + 1, found: *found };
                     return Err(Damage { error, examined: self.read + 2 });
                 }
             }
         }
     }
 
-    /// Copies a stretch without marks.
-    fn copy(&mut self, span: &[u8], payload: &mut [u8]) -> Result<(), Damage> {
+    /// Copies a stretch of the payload.
+    fn copy(&mut self, clean: &[u8], payload: &mut [u8]) -> Result<(), Damage> {
         let limit = payload.len();
         let room = payload.get_mut(self.written..).unwrap_or_default();
-        let Some(slot) = room.get_mut(..span.len()) else {
+        let Some(slot) = room.get_mut(..clean.len()) else {
             let offset = self.read + room.len();
             return Err(Damage { error: DecodeError::TooLong { offset, limit }, examined: offset + 1 });
         };
-        slot.copy_from_slice(span);
-        self.written += span.len();
-        self.read += span.len();
+        slot.copy_from_slice(clean);
+        self.written += clean.len();
+        self.read += clean.len();
         Ok(())
     }
 
-    /// Checks what stands behind the tail, and what the payload holds.
+    /// Checks what stands behind the tail.
     fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<(usize, usize)>, Damage> {
         let offset = self.read + 2;
         let width = profile.checksum;
@@ -189,41 +187,31 @@ impl Scan {
             _ => u16::from(bytes.first().copied().unwrap_or_default()),
         };
         let examined = offset + width.len();
-        let payload = payload.get(..self.written).unwrap_or_default();
-        let expected = checksum(payload, profile);
-        if found != expected {
-            return Err(Damage { error: DecodeError::Checksum { offset, expected, found }, examined });
-        }
-        match Items::parse(payload, profile) {
-            Ok(_) => Ok(Some((self.written, examined))),
-            Err(error) => Err(Damage { error, examined }),
+        let expected = checksum(payload.get(..self.written).unwrap_or_default(), profile);
+        if found == expected {
+            Ok(Some((self.written, examined)))
+        } else {
+            Err(Damage { error: DecodeError::Checksum { offset, expected, found }, examined })
         }
     }
 }
 
 /// The length of everything in front of the payload, once it and the first tag are there and as they must be.
 fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, Damage> {
-    let (head, mut rest) = raw.split_at_checked(HEAD.len()).unwrap_or((raw, &[]));
-    if !HEAD.starts_with(head) {
-        return Err(Damage { error: DecodeError::NoHead { skipped: raw.len() }, examined: raw.len() });
-    }
-    let mut len = HEAD.len();
-    if profile.flag == Flag::Separate {
-        match rest.split_first() {
-            None => return Ok(None),
-            Some((&FLAG, behind)) => rest = behind,
-            Some((&found, _)) => {
-                let error = DecodeError::Flag { offset: len, expected: FLAG, found };
-                return Err(Damage { error, examined: len + 1 });
-            }
+    let len = HEAD.len() + usize::from(profile.flag == Flag::Separate);
+    let (error, examined) = match *raw {
+        [0xEB, 0x90, 0x82, flag, ..] if flag != FLAG && profile.flag == Flag::Separate => {
+            (DecodeError::Flag { offset: HEAD.len(), expected: FLAG, found: flag }, len)
         }
-        len += 1;
-    }
-    match rest.first() {
-        None => Ok(None),
-        Some(&tag) if is_tag(tag, &profile.tags) => Ok(Some(len)),
-        Some(&found) => Err(Damage { error: DecodeError::Tag { offset: 0, found }, examined: len + 1 }),
-    }
+        [0xEB, 0x90, 0x82, ..] => match raw.get(len) {
+            Some(&tag) if is_tag(tag, &profile.tags) => return Ok(Some(len)),
+            Some(&found) => (DecodeError::Tag { offset: 0, found }, len + 1),
+            None => return Ok(None),
+        },
+        [] | [0xEB] | [0xEB, 0x90] => return Ok(None),
+        _ => (DecodeError::NoHead { skipped: raw.len() }, raw.len()),
+    };
+    Err(Damage { error, examined })
 }
 
 /// Where the first head in `bytes` begins, whole or cut off by their end; their length if none does.
@@ -245,34 +233,61 @@ pub(crate) fn has_head(bytes: &[u8]) -> bool {
     bytes.starts_with(&HEAD)
 }
 
-/// The place of the first 90h.
-fn find_mark(bytes: &[u8]) -> Option<usize> {
-    let (blocks, rest) = bytes.as_chunks::<BLOCK>();
-    for (index, block) in blocks.iter().enumerate() {
-        // Written so that the compiler compares a whole block in one vector instruction.
-        if block.iter().fold(false, |any, &b| any | (b == MARK)) {
-            return block.iter().position(|&b| b == MARK).map(|at| index * BLOCK + at);
-        }
+/// The place of the first 90h; the length if there is none.
+fn find_mark(bytes: &[u8]) -> usize {
+    let (blocks, _) = bytes.as_chunks::<64>();
+    let mut rest = bytes.get(64 * blocks.iter().take_while(|b| is_clean(b)).count()..).unwrap_or_default();
+    if let Some((block, behind)) = rest.split_first_chunk::<32>()
+        && is_clean(block)
+    {
+        rest = behind;
     }
-    rest.iter().position(|&b| b == MARK).map(|at| blocks.len() * BLOCK + at)
+    if let Some((block, behind)) = rest.split_first_chunk::<16>()
+        && is_clean(block)
+    {
+        rest = behind;
+    }
+    bytes.len() - rest.len() + rest.iter().take_while(|&&b| b != MARK).count()
 }
 
-const BLOCK: usize = 16;
+/// No 90h in a block. A minimum over a block of a fixed size is a few vector instructions, where a search is a branch a byte.
+#[inline]
+fn is_clean<const N: usize>(block: &[u8; N]) -> bool {
+    block.iter().fold(u8::MAX, |least, &b| least.min(b ^ MARK)) != 0
+}
 
 /// The check word: the sum of the unstuffed payload, as the profile wants it.
 fn checksum(payload: &[u8], profile: &Profile) -> u16 {
-    let (blocks, rest) = payload.as_chunks::<BLOCK>();
-    let block_sum = |block: &[u8; BLOCK]| block.iter().map(|&b| u16::from(b)).sum::<u16>();
-    let mut sum = blocks.iter().map(block_sum).fold(0, u16::wrapping_add);
-    sum = rest.iter().fold(sum, |sum, &b| sum.wrapping_add(u16::from(b)));
+    let mut sum = sum(payload);
     if profile.checksum_with_flag && profile.flag == Flag::Separate {
-        sum = sum.wrapping_add(u16::from(FLAG));
+        sum += u32::from(FLAG);
     }
     if profile.checksum_negated {
         sum = sum.wrapping_neg();
     }
+    let [low, high, ..] = sum.to_le_bytes();
     match profile.checksum {
-        Width::U8 => sum & 0xFF,
-        Width::U16Le | Width::U16Be => sum,
+        Width::U8 => u16::from(low),
+        Width::U16Le | Width::U16Be => u16::from_le_bytes([low, high]),
     }
+}
+
+/// The sum of all bytes, in blocks of a fixed size: each becomes a vector sum.
+fn sum(bytes: &[u8]) -> u32 {
+    let (blocks, mut rest) = bytes.as_chunks::<64>();
+    let mut sum = blocks.iter().fold(0, |sum, block| sum + add(block));
+    if let Some((block, behind)) = rest.split_first_chunk::<32>() {
+        sum += add(block);
+        rest = behind;
+    }
+    if let Some((block, behind)) = rest.split_first_chunk::<16>() {
+        sum += add(block);
+        rest = behind;
+    }
+    sum + add(rest)
+}
+
+#[inline]
+fn add(bytes: &[u8]) -> u32 {
+    bytes.iter().map(|&b| u32::from(b)).sum()
 }

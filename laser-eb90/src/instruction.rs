@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use crate::error::{SessionError, WordUse};
+use crate::error::{DecodeError, SessionError, WordUse};
 use crate::message::{Item, Items};
 
 /// One instruction, or one reply: a word, and what goes with it.
@@ -18,16 +18,18 @@ pub struct Instruction<'a> {
 }
 
 impl<'a> Instruction<'a> {
-    /// The payload as one instruction: everything behind the word is its parameters.
-    pub fn single(mut items: Items<'a>) -> Option<Self> {
-        let word = word_of(&items.next()?)?;
-        Some(Self { word, parameters: items })
+    /// The payload as one instruction: everything behind the word is its parameters, which are not read yet.
+    ///
+    /// # Errors
+    /// The payload does not begin with a word.
+    pub fn single(mut items: Items<'a>) -> Result<Self, DecodeError> {
+        let first = items.next().ok_or(DecodeError::NoWord)??;
+        let word = word_of(&first).ok_or(DecodeError::NoWord)?;
+        Ok(Self { word, parameters: items })
     }
 }
 
 /// The instructions of a batch: a short of its own begins each, so no parameter can be one.
-///
-/// Ends early when a payload does not begin with a word; [`rest`](Self::rest) is empty otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Instructions<'a> {
     items: Items<'a>,
@@ -38,28 +40,32 @@ impl<'a> Instructions<'a> {
     pub fn new(items: Items<'a>) -> Self {
         Self { items }
     }
-
-    /// What has not been cut yet.
-    pub fn rest(&self) -> Items<'a> {
-        self.items
-    }
 }
 
 impl<'a> Iterator for Instructions<'a> {
-    type Item = Instruction<'a>;
+    type Item = Result<Instruction<'a>, DecodeError>;
 
-    fn next(&mut self) -> Option<Instruction<'a>> {
+    fn next(&mut self) -> Option<Result<Instruction<'a>, DecodeError>> {
+        if self.items.is_empty() {
+            return None;
+        }
+        Some(self.cut())
+    }
+}
+
+impl<'a> Instructions<'a> {
+    fn cut(&mut self) -> Result<Instruction<'a>, DecodeError> {
         let Instruction { word, parameters } = Instruction::single(self.items)?;
         let mut rest = parameters;
-        let mut behind = rest;
-        while let Some(item) = behind.next() {
-            if word_of(&item).is_some() {
-                break;
+        loop {
+            let mut behind = rest;
+            match behind.next() {
+                Some(item) if word_of(&item?).is_none() => rest = behind,
+                _ => break,
             }
-            rest = behind;
         }
         self.items = rest;
-        Some(Instruction { word, parameters: parameters.before(rest) })
+        Ok(Instruction { word, parameters: parameters.before(rest) })
     }
 }
 

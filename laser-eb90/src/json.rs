@@ -3,13 +3,14 @@
 use core::fmt;
 
 use serde::de::{DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
-use serde::ser::{SerializeSeq, SerializeStruct, Serializer};
+use serde::ser::{Error as _, SerializeSeq, SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 
 use crate::error::EncodeError;
 use crate::frame::Frame;
 use crate::message::{Items, Number, Payload, Values};
 
+/// Fails on an item that is damaged; [`Items::check`] says which error it is.
 impl Serialize for Frame<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut object = serializer.serialize_struct("Frame", 1)?;
@@ -20,7 +21,11 @@ impl Serialize for Frame<'_> {
 
 impl Serialize for Items<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(*self)
+        let mut list = serializer.serialize_seq(None)?;
+        for item in *self {
+            list.serialize_element(&item.map_err(S::Error::custom)?)?;
+        }
+        list.end()
     }
 }
 

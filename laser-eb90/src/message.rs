@@ -19,68 +19,95 @@ pub enum Item<'a> {
     Char(#[cfg_attr(feature = "serde", serde(serialize_with = "crate::json::latin1"))] &'a [u8]),
 }
 
-/// The items of a payload, in the order of the wire. Checked once, so that reading cannot fail.
+/// The items of a payload, in the order of the wire, read one by one.
+///
+/// A payload may have the right checksum and still be wrong: the first item that is damaged is an error, and the last.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Items<'a> {
-    bytes: &'a [u8],
+    rest: &'a [u8],
+    /// The length of the whole payload, for the offset in an error.
+    whole: usize,
     tags: Tags,
     order: ByteOrder,
 }
 
 impl<'a> Items<'a> {
-    /// Checks that a payload is nothing but whole items; it may be empty.
-    pub(crate) fn parse(payload: &'a [u8], profile: &Profile) -> Result<Self, DecodeError> {
-        let mut rest = payload;
-        while let Some((&tag, after)) = rest.split_first() {
-            let offset = payload.len() - rest.len();
-            let Some(kind) = Kind::of(tag, &profile.tags) else {
-                return Err(DecodeError::Tag { offset, found: tag });
-            };
-            let needed = after.first().map_or(2, |count| 2 + kind.bytes(*count));
-            let Some(next) = rest.get(needed..) else {
-                return Err(DecodeError::Item { offset, needed, found: rest.len() });
-            };
-            rest = next;
-        }
-        Ok(Self::trusted(payload, profile))
-    }
-
-    /// Items that have been checked before.
-    pub(crate) fn trusted(payload: &'a [u8], profile: &Profile) -> Self {
-        Self { bytes: payload, tags: profile.tags, order: profile.byte_order }
+    /// The items of an unstuffed payload.
+    pub fn new(payload: &'a [u8], profile: &Profile) -> Self {
+        Self { rest: payload, whole: payload.len(), tags: profile.tags, order: profile.byte_order }
     }
 
     /// The items that are left, as they stand in the payload.
     pub fn as_bytes(&self) -> &'a [u8] {
-        self.bytes
+        self.rest
     }
 
     /// No item is left.
     pub fn is_empty(&self) -> bool {
-        self.bytes.is_empty()
+        self.rest.is_empty()
+    }
+
+    /// Reads over all items that are left.
+    ///
+    /// # Errors
+    /// A byte that is no tag, or an item that is longer than the payload.
+    pub fn check(mut self) -> Result<(), DecodeError> {
+        self.try_for_each(|item| item.map(drop))
     }
 
     /// The items up to where `rest` begins; `rest` is what is left of the same items.
     pub(crate) fn before(self, rest: Items<'a>) -> Self {
-        let length = self.bytes.len().saturating_sub(rest.bytes.len());
-        Self { bytes: self.bytes.get(..length).unwrap_or_default(), ..self }
+        let length = self.rest.len().saturating_sub(rest.rest.len());
+        Self {
+            rest: self.rest.get(..length).unwrap_or_default(),
+            whole: self.whole - rest.rest.len(),
+            ..self
+        }
+    }
+
+    /// Cuts `size * count` bytes off behind tag and count.
+    #[inline]
+    fn values(&mut self, size: usize, count: u8) -> Result<&'a [u8], DecodeError> {
+        let body = self.rest.get(2..).unwrap_or_default();
+        let Some((values, rest)) = body.split_at_checked(size * usize::from(count)) else {
+            return Err(self.cut_short(2 + size * usize::from(count)));
+        };
+        self.rest = rest;
+        Ok(values)
+    }
+
+    /// Fewer bytes than a tag and a count.
+    fn end(&mut self) -> Option<Result<Item<'a>, DecodeError>> {
+        let tag = *self.rest.first()?;
+        Some(Err(if is_tag(tag, &self.tags) { self.cut_short(2) } else { self.no_tag(tag) }))
+    }
+
+    #[cold]
+    fn cut_short(&mut self, needed: usize) -> DecodeError {
+        let found = core::mem::take(&mut self.rest).len();
+        DecodeError::Item { offset: self.whole - found, needed, found }
+    }
+
+    #[cold]
+    fn no_tag(&mut self, found: u8) -> DecodeError {
+        let left = core::mem::take(&mut self.rest).len();
+        DecodeError::Tag { offset: self.whole - left, found }
     }
 }
 
 impl<'a> Iterator for Items<'a> {
-    type Item = Item<'a>;
+    type Item = Result<Item<'a>, DecodeError>;
 
-    fn next(&mut self) -> Option<Item<'a>> {
-        let (&[tag, count], rest) = self.bytes.split_first_chunk()?;
-        let kind = Kind::of(tag, &self.tags)?;
-        let (bytes, rest) = rest.split_at_checked(kind.bytes(count))?;
-        self.bytes = rest;
+    #[inline]
+    fn next(&mut self) -> Option<Result<Item<'a>, DecodeError>> {
+        let Some(&[tag, count]) = self.rest.first_chunk() else { return self.end() };
         let order = self.order;
-        Some(match kind {
-            Kind::F32 => Item::F32(Values::new(bytes, order)),
-            Kind::I16 => Item::I16(Values::new(bytes, order)),
-            Kind::U8 => Item::U8(bytes),
-            Kind::Char => Item::Char(bytes),
+        Some(match tag {
+            t if t == self.tags.f32 => self.values(4, count).map(|v| Item::F32(Values::new(v, order))),
+            t if t == self.tags.i16 => self.values(2, count).map(|v| Item::I16(Values::new(v, order))),
+            t if t == self.tags.u8 => self.values(1, count).map(Item::U8),
+            t if t == self.tags.char => self.values(1, count).map(Item::Char),
+            found => Err(self.no_tag(found)),
         })
     }
 }
@@ -115,24 +142,9 @@ impl<'a, T: Number> Values<'a, T> {
     }
 
     /// All of them, when there are exactly `N`.
+    #[inline]
     pub fn array<const N: usize>(&self) -> Option<[T; N]> {
-        if self.len() != N {
-            return None;
-        }
-        let mut out = [T::default(); N];
-        match self.order {
-            ByteOrder::Little => {
-                for (out, bytes) in out.iter_mut().zip(self.bytes.chunks_exact(size_of::<T>())) {
-                    *out = T::read(bytes, ByteOrder::Little);
-                }
-            }
-            ByteOrder::Big => {
-                for (out, bytes) in out.iter_mut().zip(self.bytes.chunks_exact(size_of::<T>())) {
-                    *out = T::read(bytes, ByteOrder::Big);
-                }
-            }
-        }
-        Some(out)
+        T::read_array(self.bytes, self.order)
     }
 }
 
@@ -152,32 +164,44 @@ impl<T: Number> core::fmt::Debug for Values<'_, T> {
 pub trait Number: Copy + Default + PartialEq + core::fmt::Debug + private::Sealed {
     #[doc(hidden)]
     fn read(bytes: &[u8], order: ByteOrder) -> Self;
+
+    #[doc(hidden)]
+    fn read_array<const N: usize>(bytes: &[u8], order: ByteOrder) -> Option<[Self; N]>;
 }
 
-impl Number for f32 {
-    fn read(bytes: &[u8], order: ByteOrder) -> Self {
-        let bytes = bytes.first_chunk().copied().unwrap_or_default();
-        match order {
-            ByteOrder::Little => Self::from_le_bytes(bytes),
-            ByteOrder::Big => Self::from_be_bytes(bytes),
+macro_rules! number {
+    ($number:ty) => {
+        impl Number for $number {
+            #[inline]
+            fn read(bytes: &[u8], order: ByteOrder) -> Self {
+                let bytes = bytes.first_chunk().copied().unwrap_or_default();
+                match order {
+                    ByteOrder::Little => Self::from_le_bytes(bytes),
+                    ByteOrder::Big => Self::from_be_bytes(bytes),
+                }
+            }
+
+            #[inline]
+            fn read_array<const N: usize>(bytes: &[u8], order: ByteOrder) -> Option<[Self; N]> {
+                let (numbers, _) = bytes.as_chunks();
+                let numbers: &[_; N] = numbers.try_into().ok()?;
+                // One branch for all of them, so that they are copied as a block.
+                Some(match order {
+                    ByteOrder::Little => numbers.map(Self::from_le_bytes),
+                    ByteOrder::Big => numbers.map(Self::from_be_bytes),
+                })
+            }
         }
-    }
+
+        impl private::Sealed for $number {}
+    };
 }
 
-impl Number for i16 {
-    fn read(bytes: &[u8], order: ByteOrder) -> Self {
-        let bytes = bytes.first_chunk().copied().unwrap_or_default();
-        match order {
-            ByteOrder::Little => Self::from_le_bytes(bytes),
-            ByteOrder::Big => Self::from_be_bytes(bytes),
-        }
-    }
-}
+number!(f32);
+number!(i16);
 
 mod private {
     pub trait Sealed {}
-    impl Sealed for f32 {}
-    impl Sealed for i16 {}
 }
 
 /// Writes items into a buffer, one behind the other. What fails leaves the payload as it was.
@@ -293,37 +317,7 @@ impl<'b> Payload<'b> {
     }
 }
 
-#[derive(Debug, Clone, Copy)]
-enum Kind {
-    F32,
-    I16,
-    U8,
-    Char,
-}
-
-impl Kind {
-    fn of(tag: u8, tags: &Tags) -> Option<Self> {
-        match tag {
-            t if t == tags.f32 => Some(Kind::F32),
-            t if t == tags.i16 => Some(Kind::I16),
-            t if t == tags.u8 => Some(Kind::U8),
-            t if t == tags.char => Some(Kind::Char),
-            _ => None,
-        }
-    }
-
-    /// The bytes that `count` values take.
-    fn bytes(self, count: u8) -> usize {
-        let count = usize::from(count);
-        match self {
-            Kind::F32 => 4 * count,
-            Kind::I16 => 2 * count,
-            Kind::U8 | Kind::Char => count,
-        }
-    }
-}
-
 /// Whether a payload can begin with this byte: what tells a head from a false one.
 pub(crate) fn is_tag(byte: u8, tags: &Tags) -> bool {
-    Kind::of(byte, tags).is_some()
+    [tags.f32, tags.i16, tags.u8, tags.char].contains(&byte)
 }

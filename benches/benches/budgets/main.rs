@@ -2,7 +2,8 @@
 //! A file a link.
 
 mod isra_ball;
+mod laser_eb90;
 
 fn main() {
-    benches::main(&[isra_ball::LINK]);
+    benches::main(&[isra_ball::LINK, laser_eb90::LINK]);
 }

@@ -79,6 +79,8 @@ pub struct Decoder {
     passed: u64,
     /// What stands before here will not go on.
     finished_at: Option<usize>,
+    /// The same of a later end, told before the first was drained.
+    finished_later: Option<usize>,
     damage: Option<Damage>,
 }
 
@@ -108,6 +110,7 @@ impl Decoder {
             end: 0,
             passed: 0,
             finished_at: None,
+            finished_later: None,
             damage: None,
         }
     }
@@ -136,7 +139,11 @@ impl Decoder {
 
     /// Says that what has come so far will not go on: the line is silent, or the stream has ended.
     pub fn finish(&mut self) {
-        self.finished_at = Some(self.end);
+        match self.finished_at {
+            None => self.finished_at = Some(self.end),
+            Some(at) if at < self.end => self.finished_later = Some(self.end),
+            Some(_) => {}
+        }
     }
 
     /// The offset in the stream just behind the last frame or error that was returned.
@@ -174,6 +181,7 @@ impl Decoder {
             let data = self.buffer.get(self.start..limit)?;
             if data.is_empty() {
                 self.finished_at.take()?;
+                self.finished_at = self.finished_later.take();
                 continue;
             }
             let begun = if self.framing.has_transactions() {
@@ -275,7 +283,9 @@ impl Decoder {
         self.passed += gone as u64;
         self.start = 0;
         self.end -= gone;
-        self.finished_at = self.finished_at.map(|at| at.saturating_sub(gone));
+        for at in [&mut self.finished_at, &mut self.finished_later].into_iter().flatten() {
+            *at = at.saturating_sub(gone);
+        }
         if let Some(damage) = &mut self.damage {
             damage.from = damage.from.saturating_sub(gone);
             damage.tried = damage.tried.saturating_sub(gone);

@@ -4,17 +4,24 @@
 #![forbid(unsafe_code)]
 
 pub mod block;
+pub mod client;
 pub mod crc;
 mod decoder;
 pub mod error;
 mod frame;
 pub mod message;
+mod registers;
+pub mod server;
+pub mod state;
 pub mod timing;
 pub mod typed;
 
 pub use block::TelemetryBlock;
+pub use client::Client;
 pub use decoder::{Decoder, Framing};
 pub use error::{DecodeError, EncodeError, Mismatch, SessionError};
 pub use frame::{Frame, Side};
 pub use message::{Bits, BitsMut, Exception, Pdu, PduBuf, Reply, Request, Words, WordsMut, function, limit};
+pub use registers::{Registers, serve};
+pub use server::Server;
 pub use typed::WordOrder;

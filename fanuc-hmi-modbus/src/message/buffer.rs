@@ -11,6 +11,9 @@ pub struct PduBuf {
 }
 
 impl PduBuf {
+    /// Without a function code: no frame holds it.
+    pub(crate) const EMPTY: Self = Self { bytes: [0; limit::PDU], len: 0 };
+
     /// Encodes a request or a reply, or copies raw bytes.
     ///
     /// # Errors

@@ -141,6 +141,21 @@ impl<'a> Reply<'a> {
     }
 }
 
+impl<'a> Reply<'a> {
+    /// The same reply with as many bits as the request asks for.
+    pub(crate) fn for_request(self, request: &super::PduBuf) -> Self {
+        match (self, request.request()) {
+            (Self::Coils(bits), Ok(Request::ReadCoils { quantity, .. })) => {
+                Self::Coils(bits.truncated(quantity.into()))
+            }
+            (Self::DiscreteInputs(bits), Ok(Request::ReadDiscreteInputs { quantity, .. })) => {
+                Self::DiscreteInputs(bits.truncated(quantity.into()))
+            }
+            (reply, _) => reply,
+        }
+    }
+}
+
 impl Pdu for Reply<'_> {
     #[inline]
     fn encoded_len(&self) -> usize {

@@ -82,6 +82,6 @@ pub(crate) fn word(units: f64) -> Result<i16, EncodeError> {
     clippy::cast_possible_truncation,
     reason = "a float saturates when cast to an integer, and NaN gives 0"
 )]
-fn word_saturating(units: f64) -> i16 {
+pub(crate) fn word_saturating(units: f64) -> i16 {
     libm::round(units) as i16
 }

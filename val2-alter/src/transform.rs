@@ -1,6 +1,6 @@
 //! The 24 transformation bytes of a standard message: raw words, and what they may mean.
 
-use crate::scale::word;
+use crate::scale::{word, word_saturating};
 use crate::{EncodeError, Pose};
 
 /// The twelve transformation words as they stand on the wire, low byte first. The source says no more about them:
@@ -27,11 +27,15 @@ impl Transform {
     /// The words of a pose, by `layout`. Refused when a coordinate is outside ±1024 mm (at 32 units a mm).
     pub fn from_pose(pose: &Pose, layout: &Layout) -> Result<Self, EncodeError> {
         let mut words = [0; 12];
-        for (to, (row, column)) in words.iter_mut().zip(layout.order.places()) {
-            let unit = if column < 3 { layout.rotation_one } else { layout.per_mm };
-            *to = word(pose.element(row, column) * unit)?;
+        for (to, units) in words.iter_mut().zip(layout.units(pose)) {
+            *to = word(units)?;
         }
         Ok(Self(words))
+    }
+
+    /// As [`Transform::from_pose`], but what is too far away stands at the end of its word.
+    pub fn from_pose_saturating(pose: &Pose, layout: &Layout) -> Self {
+        Self(layout.units(pose).map(word_saturating))
     }
 
     pub(crate) fn from_bytes(bytes: &[u8; 24]) -> Self {
@@ -85,6 +89,14 @@ impl Layout {
         ("p, then columns n o a", Self { order: Order::PositionThenColumns, ..Self::COLUMNS }),
         ("rows of [n o a], then p", Self { order: Order::RotationRowsThenPosition, ..Self::COLUMNS }),
     ];
+
+    /// The twelve elements of a pose in units of their words.
+    fn units(&self, pose: &Pose) -> [f64; 12] {
+        self.order.places().map(|(row, column)| {
+            let unit = if column < 3 { self.rotation_one } else { self.per_mm };
+            pose.element(row, column) * unit
+        })
+    }
 }
 
 impl Default for Layout {

@@ -1,0 +1,115 @@
+//! What time there is (§3.4), for any baud rate and any length.
+//!
+//! The source prints two tables, and they are of different lines: its table of requests is right for 38400 baud, its table
+//! of replies, which it took from the maker, for 19200. Nothing here is a constant of a table: times follow from the
+//! number of bytes.
+
+use core::time::Duration;
+
+use crate::message::{AXES, Accumulation};
+use crate::{Frame, Framing};
+
+/// The controller sends a standard message, and wants a reply, every 28 ms (§3.4).
+pub const CYCLE: Duration = Duration::from_millis(28);
+
+/// The baud rate of the source's line (§3.2), 8N1. Its reply table is for 19200.
+pub const BAUD: u32 = 38_400;
+
+/// From the end of the request to the end of the reply: 15 ms cumulative, 17 ms non-cumulative (§3.4).
+pub const fn window(accumulation: Accumulation) -> Duration {
+    match accumulation {
+        Accumulation::Cumulative => Duration::from_millis(15),
+        Accumulation::NonCumulative => Duration::from_millis(17),
+    }
+}
+
+/// How long `bytes` occupy the line: ten bits each (8N1). A baud rate of 0 counts as 1.
+pub const fn transmission(bytes: usize, baud: u32) -> Duration {
+    let baud = if baud == 0 { 1 } else { baud };
+    Duration::from_nanos((bytes as u64).saturating_mul(10_000_000_000) / baud as u64)
+}
+
+/// The time in one cycle, and who takes it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Budget {
+    /// The request on the line.
+    pub request: Duration,
+    /// From the request's end to the reply's end: the window, or what the request leaves of the cycle if that is less. (At
+    /// 38400 baud a request with transformation takes 13.5 ms, and leaves 14.5 ms of the 15 ms.)
+    pub window: Duration,
+    /// The reply on the line.
+    pub reply: Duration,
+}
+
+impl Budget {
+    /// The budget of a cycle with a request and a reply of these lengths on the line.
+    pub const fn new(accumulation: Accumulation, baud: u32, request_len: usize, reply_len: usize) -> Self {
+        let request = transmission(request_len, baud);
+        let left = CYCLE.saturating_sub(request);
+        let window = window(accumulation);
+        Self {
+            request,
+            window: if left.as_nanos() < window.as_nanos() { left } else { window },
+            reply: transmission(reply_len, baud),
+        }
+    }
+
+    /// The budget when every byte that can be a DLE is one: what a host must be able to live with.
+    pub const fn worst_case(
+        accumulation: Accumulation,
+        baud: u32,
+        transform: bool,
+        values: usize,
+        framing: Framing,
+    ) -> Self {
+        let reply = max_reply_len(values, framing);
+        Self::new(accumulation, baud, max_request_len(transform, framing), reply)
+    }
+
+    /// The time that the host may think before it begins to send; `None`: the reply does not fit.
+    pub const fn slack(&self) -> Option<Duration> {
+        self.window.checked_sub(self.reply)
+    }
+}
+
+/// The time that the host may think before it begins a reply of `reply_len` bytes; `None`: the reply does not fit. This is
+/// what the source's table lists.
+pub const fn reply_slack(accumulation: Accumulation, baud: u32, reply_len: usize) -> Option<Duration> {
+    window(accumulation).checked_sub(transmission(reply_len, baud))
+}
+
+/// The longest standard message: 16 bytes, with transformation 64 (two leading DLEs, checksum not doubled). Control byte
+/// and segment status are never DLE; all other bytes can be. The source counts 14 and 52.
+pub const fn max_request_len(transform: bool, framing: Framing) -> usize {
+    let words = if transform { 2 + 12 } else { 2 };
+    envelope(framing) + 2 + 2 * 2 * words
+}
+
+/// The longest reply with this number of values: 33 bytes for six (two leading DLEs, checksum not doubled). The exception
+/// code can be a DLE; so can the select byte, when it selects RY alone. The source counts 26 and 32.
+pub const fn max_reply_len(values: usize, framing: Framing) -> usize {
+    let values = if values > AXES { AXES } else { values };
+    let select = if values == 1 { 2 } else { 1 };
+    envelope(framing) + 2 + select + 2 * 2 * values
+}
+
+/// The length of a reply with this number of values as the source's table counts it (§3.4.2): 8 bytes, and for each value
+/// 3 (cumulative: its high byte is taken never to be a DLE) or 4.
+pub const fn printed_reply_len(accumulation: Accumulation, values: usize) -> usize {
+    match accumulation {
+        Accumulation::Cumulative => 8 + 3 * values,
+        Accumulation::NonCumulative => 8 + 4 * values,
+    }
+}
+
+/// The length of a standard message as the source's table counts it (§3.4.1).
+pub const fn printed_request_len(transform: bool) -> usize {
+    if transform { 52 } else { 14 }
+}
+
+const fn envelope(framing: Framing) -> usize {
+    let checksum = if framing.stuffed_checksum { 2 } else { 1 };
+    framing.leading_dle.count() + 1 + 2 + checksum
+}
+
+const _: () = assert!(max_request_len(true, Framing::DEFAULT) <= Frame::MAX_LEN);

@@ -7,6 +7,7 @@ use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::links::Link;
+use crate::trace::TraceArgs;
 
 /// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
 ///
@@ -30,6 +31,8 @@ pub struct Args {
     /// Write what the demo made: a file or a folder, as the link says (one LINK only)
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    trace: TraceArgs,
 }
 
 /// What a link's demo is told.
@@ -43,6 +46,8 @@ pub struct DemoOptions {
     pub seed: u64,
     /// Where to write what the demo made.
     pub out: Option<PathBuf>,
+    /// What becomes of the bytes of a session that ended, where the link keeps them.
+    pub trace: TraceArgs,
     /// The progress line, on standard error.
     pub progress: ProgressBar,
 }
@@ -61,6 +66,7 @@ pub fn run(args: &Args) -> Result<bool> {
             faults: args.faults,
             seed: args.seed,
             out: args.out.clone(),
+            trace: args.trace.clone(),
             progress: progress.clone(),
         };
         let report = link.demo(&options)?;

@@ -157,14 +157,11 @@ impl Line {
         self.sending.free_at
     }
 
-    /// The bytes that have arrived by now.
-    pub fn receive(&mut self, out: &mut Vec<u8>) {
-        let now = self.clock.now();
-        out.clear();
-        while let Some(byte) = self.receiving.take(now) {
-            out.push(byte);
-        }
-        self.trace.add(now, Way::Received, out);
+    /// The next byte that has arrived by now, and when it did: a device that was busy then is none the later for it.
+    pub fn receive(&mut self) -> Option<(Duration, u8)> {
+        let (at, byte) = self.receiving.take(self.clock.now())?;
+        self.trace.add(at, Way::Received, &[byte]);
+        Some((at, byte))
     }
 
     /// Waits until a byte arrives, or until `deadline`; false when the connection is gone for good.
@@ -208,7 +205,7 @@ impl Line {
     fn carry(&mut self) {
         let now = self.clock.now();
         let mut due = Vec::new();
-        while let Some(byte) = self.sending.take(now) {
+        while let Some((_, byte)) = self.sending.take(now) {
             due.push(byte);
         }
         if !due.is_empty() && self.is_connected() {
@@ -224,9 +221,9 @@ impl Direction {
         self.bytes.push_back((self.free_at, byte));
     }
 
-    fn take(&mut self, now: Duration) -> Option<u8> {
+    fn take(&mut self, now: Duration) -> Option<(Duration, u8)> {
         self.next().filter(|at| *at <= now)?;
-        self.bytes.pop_front().map(|(_, byte)| byte)
+        self.bytes.pop_front()
     }
 
     fn next(&self) -> Option<Duration> {
@@ -300,11 +297,10 @@ mod tests {
             client.write_all(&[7, 8, 9]).unwrap();
             (client, bytes, at)
         });
-        let (mut received, mut got) = (Vec::new(), Vec::new());
+        let mut got = Vec::new();
         while got.len() < 3 {
             assert!(line.wait(clock.now() + 500 * MS));
-            line.receive(&mut received);
-            got.extend_from_slice(&received);
+            got.extend(core::iter::from_fn(|| line.receive().map(|(_, byte)| byte)));
         }
         let answered = clock.now();
         let (_client, bytes, at) = reader.join().unwrap();
@@ -343,11 +339,10 @@ mod tests {
         let mut line = line.with_faults(LineFaults { flip: 0.02, ..LineFaults::none() });
         let sent = vec![0; 2000];
         client.write_all(&sent).unwrap();
-        let (mut received, mut got) = (Vec::new(), Vec::new());
+        let mut got = Vec::new();
         while got.len() < sent.len() {
             assert!(line.wait(clock.now() + 500 * MS));
-            line.receive(&mut received);
-            got.extend_from_slice(&received);
+            got.extend(core::iter::from_fn(|| line.receive().map(|(_, byte)| byte)));
         }
         let wrong = got.iter().filter(|byte| byte.count_ones() == 1).count() as u64;
         assert_eq!(wrong, line.faults());

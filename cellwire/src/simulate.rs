@@ -4,9 +4,11 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::links::Device;
+use crate::settings;
+use crate::trace::TraceArgs;
 
 /// A simulated device to test against, until interrupted.
 ///
@@ -17,6 +19,11 @@ pub struct Args {
     device: Device,
     #[command(flatten)]
     endpoint: EndpointArgs,
+    #[command(flatten)]
+    trace: TraceArgs,
+    /// A setting of the device other than its default, such as baud=19200; `simulate --help` lists them by device
+    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
+    set: Vec<(String, Value)>,
 }
 
 #[derive(Debug, clap::Args)]
@@ -38,6 +45,10 @@ struct EndpointArgs {
 pub struct SimulateOptions {
     /// Where it is reached.
     pub endpoint: Endpoint,
+    /// What becomes of the bytes of a session that ended.
+    pub trace: TraceArgs,
+    /// Settings other than the device's defaults.
+    pub settings: Map<String, Value>,
 }
 
 /// Where a simulated device is reached.
@@ -59,7 +70,8 @@ pub fn run(args: &Args) -> Result<bool> {
         EndpointArgs { pty: Some(path), .. } => Endpoint::Pty(path.clone()),
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };
-    args.device.simulate(&SimulateOptions { endpoint })?;
+    let settings = args.set.iter().cloned().collect();
+    args.device.simulate(&SimulateOptions { endpoint, trace: args.trace.clone(), settings })?;
     Ok(true)
 }
 

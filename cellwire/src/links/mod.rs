@@ -1,5 +1,7 @@
 //! The links that the tool knows, one folder each: its codec, its demo, its simulators.
 
+pub mod isra_ball;
+
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use serde_json::{Map, Value};
@@ -7,11 +9,15 @@ use serde_json::{Map, Value};
 use crate::codec::Codec;
 use crate::demo::DemoOptions;
 use crate::report::Report;
+use crate::settings;
 use crate::simulate::SimulateOptions;
 
 /// A link, by the name of its crate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Link {}
+pub enum Link {
+    /// The ISRA Robot Command Teach Ball
+    IsraBall,
+}
 
 impl Link {
     /// Every link, in the order in which `demo` runs them.
@@ -21,17 +27,23 @@ impl Link {
 
     /// The crate's name.
     pub fn name(self) -> &'static str {
-        match self {}
+        match self {
+            Self::IsraBall => "isra-ball",
+        }
     }
 
     /// The names of the sides that send, for `--from`; the first is the default.
     pub fn sides(self) -> &'static [&'static str] {
-        match self {}
+        match self {
+            Self::IsraBall => &["ball"],
+        }
     }
 
     /// The side that sends, in a capture: the TCP client, or the server on this port.
     pub fn sender(self, _is_client: bool, _server_port: u16) -> &'static str {
-        match self {}
+        match self {
+            Self::IsraBall => "ball",
+        }
     }
 
     /// The codec of what a side sends.
@@ -40,15 +52,19 @@ impl Link {
     /// When an option does not fit this link.
     pub fn codec(self, options: &CodecOptions) -> Result<Box<dyn Codec>> {
         let _side = self.side(options.from.as_deref())?;
-        match self {}
+        match self {
+            Self::IsraBall => isra_ball::codec(options),
+        }
     }
 
     /// Runs the link end to end.
     ///
     /// # Errors
     /// When the demo cannot be set up: a port in use, a file that does not exist.
-    pub fn demo(self, _options: &DemoOptions) -> Result<Report> {
-        match self {}
+    pub fn demo(self, options: &DemoOptions) -> Result<Report> {
+        match self {
+            Self::IsraBall => isra_ball::demo(options),
+        }
     }
 
     fn side(self, from: Option<&str>) -> Result<&'static str> {
@@ -82,7 +98,7 @@ pub struct CodecArgs {
     #[arg(long, value_name = "SIDE")]
     from: Option<String>,
     /// A setting of the link other than its default, such as leading_dle=1; the link's page lists them
-    #[arg(long, value_name = "NAME=VALUE", value_parser = setting)]
+    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
     set: Vec<(String, Value)>,
 }
 
@@ -93,23 +109,21 @@ impl CodecArgs {
     }
 }
 
-/// `name=value`; a value that is JSON is taken as JSON, any other as text.
-fn setting(text: &str) -> Result<(String, Value), String> {
-    let (name, value) = text.split_once('=').ok_or("give NAME=VALUE")?;
-    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.into()));
-    Ok((name.into(), value))
-}
-
 /// A simulated end of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Device {}
+pub enum Device {
+    /// The ISRA Robot Command Teach Ball with a hand on it; settings: baud
+    Ball,
+}
 
 impl Device {
     /// Runs the device until the process is interrupted.
     ///
     /// # Errors
     /// When its endpoint cannot be opened.
-    pub fn simulate(self, _options: &SimulateOptions) -> Result<()> {
-        match self {}
+    pub fn simulate(self, options: &SimulateOptions) -> Result<()> {
+        match self {
+            Self::Ball => isra_ball::ball::simulate(options),
+        }
     }
 }

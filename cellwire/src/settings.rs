@@ -1,0 +1,75 @@
+//! `--set NAME=VALUE`: the settings of a link or a device other than its defaults.
+
+use anyhow::{Context, Result, bail};
+use serde_json::{Map, Value};
+
+/// Settings whose names are all known.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings<'a> {
+    values: &'a Map<String, Value>,
+}
+
+impl<'a> Settings<'a> {
+    /// The settings of `what`, which knows these names.
+    ///
+    /// # Errors
+    /// When a name is not among them.
+    pub fn new(what: &str, values: &'a Map<String, Value>, known: &[&str]) -> Result<Self> {
+        match values.keys().find(|name| !known.contains(&name.as_str())) {
+            None => Ok(Self { values }),
+            Some(name) if known.is_empty() => bail!("{what} has no setting `{name}`: it has none at all"),
+            Some(name) => bail!("{what} has no setting `{name}`: it has {}", known.join(", ")),
+        }
+    }
+
+    /// A whole number.
+    ///
+    /// # Errors
+    /// When the value is none, or outside the range of `T`.
+    pub fn number<T: TryFrom<i64>>(&self, name: &str, default: T) -> Result<T> {
+        let Some(value) = self.values.get(name) else { return Ok(default) };
+        let number = value.as_i64().and_then(|number| T::try_from(number).ok());
+        number.with_context(|| format!("{name}={value} is no number in its range"))
+    }
+
+    /// `true` or `false`.
+    ///
+    /// # Errors
+    /// When the value is neither.
+    pub fn flag(&self, name: &str, default: bool) -> Result<bool> {
+        let Some(value) = self.values.get(name) else { return Ok(default) };
+        value.as_bool().with_context(|| format!("{name}={value} is neither true nor false"))
+    }
+}
+
+/// The parser of `--set`: a value that is JSON is taken as JSON, any other as text.
+///
+/// # Errors
+/// Without `=`.
+pub fn parse(text: &str) -> Result<(String, Value), String> {
+    let (name, value) = text.split_once('=').ok_or("give NAME=VALUE")?;
+    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.into()));
+    Ok((name.into(), value))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_setting_is_known_and_in_its_range() {
+        let values = Map::from_iter(["baud=19200", "mode=300", "clamp=on"].map(|s| parse(s).unwrap()));
+        let settings = Settings::new("puma", &values, &["baud", "mode", "clamp"]).unwrap();
+        assert_eq!(settings.number("baud", 38_400u32).unwrap(), 19_200);
+        assert_eq!(settings.number("absent", 7u8).unwrap(), 7);
+        let error = settings.number("mode", 0u8).unwrap_err();
+        assert_eq!(error.to_string(), "mode=300 is no number in its range");
+        assert_eq!(
+            settings.flag("clamp", true).unwrap_err().to_string(),
+            "clamp=\"on\" is neither true nor false"
+        );
+        assert!(settings.flag("absent", true).unwrap());
+        let error = Settings::new("puma", &values, &["baud", "mode"]).unwrap_err();
+        assert_eq!(error.to_string(), "puma has no setting `clamp`: it has baud, mode");
+    }
+}

@@ -1,6 +1,7 @@
 //! The telemetry block: what the background task of the source writes to `R[1]` to `R[19]`, in 37 registers (Table 2).
 
-use crate::typed::WordOrder;
+use crate::message::{Request, Words};
+use crate::typed::{Kind, WordOrder};
 
 /// One sample of the background task, every 8 ms (Table 2): 19 values in 37 holding registers from PDU address 0.
 ///
@@ -31,6 +32,39 @@ impl TelemetryBlock {
     pub const ADDRESS: u16 = 0;
     /// How many registers it takes: one request reads them all.
     pub const QUANTITY: u16 = 37;
+
+    /// What stands in its registers, in their order: every row of Table 2.
+    pub const FIELDS: [Field; 19] = [
+        Field { name: "Life counter", register: 1, address: 0, kind: Kind::Int32 },
+        Field { name: "Override", register: 2, address: 2, kind: Kind::Int16 },
+        Field { name: "POS_X", register: 3, address: 3, kind: Kind::Float32 },
+        Field { name: "POS_Y", register: 4, address: 5, kind: Kind::Float32 },
+        Field { name: "POS_Z", register: 5, address: 7, kind: Kind::Float32 },
+        Field { name: "POS_W", register: 6, address: 9, kind: Kind::Float32 },
+        Field { name: "POS_P", register: 7, address: 11, kind: Kind::Float32 },
+        Field { name: "POS_R", register: 8, address: 13, kind: Kind::Float32 },
+        Field { name: "Q_1", register: 9, address: 15, kind: Kind::Float32 },
+        Field { name: "Q_2", register: 10, address: 17, kind: Kind::Float32 },
+        Field { name: "Q_3", register: 11, address: 19, kind: Kind::Float32 },
+        Field { name: "Q_4", register: 12, address: 21, kind: Kind::Float32 },
+        Field { name: "SPD_X", register: 13, address: 23, kind: Kind::Float32 },
+        Field { name: "SPD_Y", register: 14, address: 25, kind: Kind::Float32 },
+        Field { name: "SPD_Z", register: 15, address: 27, kind: Kind::Float32 },
+        Field { name: "SPD_Q1", register: 16, address: 29, kind: Kind::Float32 },
+        Field { name: "SPD_Q2", register: 17, address: 31, kind: Kind::Float32 },
+        Field { name: "SPD_Q3", register: 18, address: 33, kind: Kind::Float32 },
+        Field { name: "SPD_Q4", register: 19, address: 35, kind: Kind::Float32 },
+    ];
+
+    /// The one request that reads it.
+    pub const fn request() -> Request<'static> {
+        Request::ReadHoldingRegisters { address: Self::ADDRESS, quantity: Self::QUANTITY }
+    }
+
+    /// The block in the reply to [`request`](Self::request); `None` when there are fewer than 37 registers.
+    pub fn from_words(words: &Words<'_>, order: WordOrder) -> Option<Self> {
+        Some(Self::from_registers(&words.first_chunk()?, order))
+    }
 
     /// The block in these registers.
     pub fn from_registers(registers: &[u16; 37], order: WordOrder) -> Self {
@@ -67,9 +101,42 @@ impl TelemetryBlock {
     }
 }
 
+/// A row of Table 2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Field {
+    /// The source's name.
+    pub name: &'static str,
+    /// Its numeric register R\[n\].
+    pub register: u16,
+    /// The PDU address of its first holding register.
+    pub address: u16,
+    /// How it stands there.
+    pub kind: Kind,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::typed::{Multiply, Number};
+
+    #[test]
+    fn the_rows_tile_the_37_registers_and_name_what_the_block_reads() {
+        let registers: [u16; 37] = core::array::from_fn(|i| 0x4000 + u16::try_from(i).unwrap());
+        let block = TelemetryBlock::from_registers(&registers, WordOrder::LowFirst);
+        let reals = block.position.iter().chain(&block.wpr).chain(&block.quaternion);
+        let reals = reals.chain(&block.velocity).chain(&block.quaternion_rate).map(|real| f64::from(*real));
+        let whole = [f64::from(block.life_counter), f64::from(block.override_percent)];
+        let mut next = TelemetryBlock::ADDRESS;
+        for (row, value) in TelemetryBlock::FIELDS.iter().zip(whole.into_iter().chain(reals)) {
+            assert_eq!(row.address, next, "{}", row.name);
+            next += row.kind.registers();
+            let words = [0, 1].map(|i| registers.get(usize::from(row.address) + i).copied().unwrap_or(0));
+            let number =
+                Number { kind: row.kind, multiply: Multiply::Scale(1.0), order: WordOrder::LowFirst };
+            assert_eq!(number.read(words), value, "{}", row.name);
+        }
+        assert_eq!(next, TelemetryBlock::QUANTITY);
+    }
 
     #[test]
     fn the_worked_reply_holds_the_values_that_it_was_made_from() {

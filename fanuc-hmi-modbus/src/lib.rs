@@ -3,6 +3,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod assignment;
 pub mod block;
 pub mod client;
 pub mod crc;
@@ -12,10 +13,12 @@ mod frame;
 pub mod message;
 mod registers;
 pub mod server;
+mod signals;
 pub mod state;
 pub mod timing;
 pub mod typed;
 
+pub use assignment::Assignment;
 pub use block::TelemetryBlock;
 pub use client::Client;
 pub use decoder::{Decoder, Framing};
@@ -24,4 +27,5 @@ pub use frame::{Frame, Side};
 pub use message::{Bits, BitsMut, Exception, Pdu, PduBuf, Reply, Request, Words, WordsMut, function, limit};
 pub use registers::{Registers, serve};
 pub use server::Server;
-pub use typed::WordOrder;
+pub use signals::{Signal, Table};
+pub use typed::{Multiply, WordOrder};

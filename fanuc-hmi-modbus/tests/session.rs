@@ -1,5 +1,11 @@
 //! Both ends on a faulty link with a virtual clock, and every rule by itself.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation
+)]
 
 use core::fmt::Write;
 use core::time::Duration;

@@ -1,0 +1,415 @@
+//! What stands in the holding registers: the assignments of `$SNPX_ASG`, as data.
+//!
+//! A controller has 80 slots. Each puts a variable into a run of holding registers; where two overlap, the one with the lower
+//! number hides the other. The factory's first slot covers 1 to 10000 with `R[1]@1.1`, so any further one below 10000 has no
+//! effect until the first is made smaller. A change needs a restart, and `$SNPX_PARAM.$NUM_MODBUS` must not be 0.
+//! (From public notes and programs; the source does not show its own assignments.)
+
+use core::fmt;
+
+use crate::typed::Multiply;
+
+/// How many slots a controller has.
+pub const SLOTS: usize = 80;
+/// The last holding register that can be assigned, counted from 1.
+pub const LAST_ADDRESS: u16 = 16_384;
+/// The longest name of a variable.
+pub const MAX_NAME: usize = 37;
+
+/// One slot of `$SNPX_ASG`.
+///
+/// ```
+/// use fanuc_hmi_modbus::{Assignment, Multiply};
+///
+/// assert_eq!(Assignment::FACTORY.var_name, "R[1]@1.1");
+/// let counter = Assignment { address: 1, size: 2, var_name: "R[1]", multiply: Multiply::new(1.0)? };
+/// assert_eq!(counter.check(), Ok(()));
+/// assert_eq!(counter.pdu_range(), 0..2);
+/// # Ok::<(), fanuc_hmi_modbus::assignment::AssignmentError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Assignment<'a> {
+    /// `$ADDRESS`: the first holding register, counted from 1.
+    pub address: u16,
+    /// `$SIZE`: how many registers, 1 to 16384.
+    pub size: u16,
+    /// `$VAR_NAME`: the first variable, at most 37 characters. `R[1]` takes two registers a variable, `R[1]@1.1` one.
+    pub var_name: &'a str,
+    /// `$MULTIPLY`.
+    pub multiply: Multiply,
+}
+
+impl Assignment<'static> {
+    /// What the factory puts into the first slot: R\[n\] as one signed 16-bit register at PDU address n − 1.
+    pub const FACTORY: Self =
+        Self { address: 1, size: 10_000, var_name: "R[1]@1.1", multiply: Multiply::Scale(1.0) };
+
+    /// The assignments behind the source's Table 2, as public programs suggest: it does not show its own. A life counter of two
+    /// registers, an override of one, and seventeen reals.
+    pub const TELEMETRY: [Self; 3] = [
+        Self { address: 1, size: 2, var_name: "R[1]", multiply: Multiply::Scale(1.0) },
+        Self { address: 3, size: 1, var_name: "R[2]@1.1", multiply: Multiply::Scale(1.0) },
+        Self { address: 4, size: 34, var_name: "R[3]", multiply: Multiply::Real },
+    ];
+}
+
+impl Assignment<'_> {
+    /// The PDU addresses that it takes.
+    pub const fn pdu_range(&self) -> core::ops::Range<u32> {
+        let start = (self.address as u32).saturating_sub(1);
+        start..start + self.size as u32
+    }
+
+    /// Checks every field by itself.
+    ///
+    /// # Errors
+    /// The first one outside its range.
+    pub fn check(&self) -> Result<(), AssignmentError> {
+        let Self { address, size, var_name, .. } = *self;
+        if !(1..=LAST_ADDRESS).contains(&address) {
+            return Err(AssignmentError::Address { found: address });
+        }
+        if !(1..=LAST_ADDRESS).contains(&size) || self.pdu_range().end > LAST_ADDRESS.into() {
+            return Err(AssignmentError::Size { address, found: size });
+        }
+        let printable = var_name.bytes().all(|byte| (b' '..=b'~').contains(&byte) && byte != b'\'');
+        if !(1..=MAX_NAME).contains(&var_name.len()) || !printable {
+            return Err(AssignmentError::Name { length: var_name.len() });
+        }
+        self.multiply.check()
+    }
+
+    /// Prints the four lines of a slot as a controller's `SYSTEM.VA` has them.
+    ///
+    /// # Errors
+    /// When `out` cannot take them.
+    pub fn print(&self, slot: u8, out: &mut impl fmt::Write) -> fmt::Result {
+        let Self { address, size, var_name, multiply } = self;
+        writeln!(out, "     Field: $SNPX_ASG[{slot}].$ADDRESS Access: RW: SHORT = {address}")?;
+        writeln!(out, "     Field: $SNPX_ASG[{slot}].$SIZE Access: RW: SHORT = {size}")?;
+        writeln!(out, "     Field: $SNPX_ASG[{slot}].$VAR_NAME Access: RW: STRING[37] = '{var_name}'")?;
+        let multiply = Scientific(multiply.value());
+        writeln!(out, "     Field: $SNPX_ASG[{slot}].$MULTIPLY Access: RW: REAL = {multiply}")
+    }
+}
+
+/// Checks each assignment and that no two overlap, in the order of their slots.
+///
+/// # Errors
+/// The first fault, with the slots, counted from 1, that it concerns.
+pub fn check(assignments: &[Assignment<'_>]) -> Result<(), AssignmentError> {
+    if assignments.len() > SLOTS {
+        return Err(AssignmentError::Slots { found: assignments.len() });
+    }
+    for (index, assignment) in assignments.iter().enumerate() {
+        assignment.check()?;
+        let mine = assignment.pdu_range();
+        for (earlier, other) in assignments.iter().take(index).enumerate() {
+            let theirs = other.pdu_range();
+            if mine.start < theirs.end && theirs.start < mine.end {
+                let address = u16::try_from(mine.start.max(theirs.start) + 1).unwrap_or(u16::MAX);
+                return Err(AssignmentError::Overlap { first: earlier + 1, second: index + 1, address });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// One line of a listing of `$SNPX_ASG`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line<'a> {
+    /// The slot, 1 to 80.
+    pub slot: u8,
+    /// What it sets.
+    pub field: Field<'a>,
+}
+
+/// A field of a slot and its value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Field<'a> {
+    /// `$ADDRESS`.
+    Address(u16),
+    /// `$SIZE`.
+    Size(u16),
+    /// `$VAR_NAME`; empty in a slot that is not used.
+    VarName(&'a str),
+    /// `$MULTIPLY`.
+    Multiply(Multiply),
+}
+
+impl<'a> Line<'a> {
+    /// Reads a line of `SYSTEM.VA` (`Field: $SNPX_ASG[1].$ADDRESS Access: RW: SHORT = 1`), or the same as it is set
+    /// (`SETVAR $SNPX_ASG[1].$ADDRESS 1`, `$SNPX_ASG[1].$ADDRESS = 1`). `None`: the line is about something else, or the value is
+    /// `Uninitialized`.
+    ///
+    /// # Errors
+    /// When the slot, the field or the value is none that a controller has.
+    pub fn parse(line: &'a str) -> Result<Option<Self>, AssignmentError> {
+        let Some((_, rest)) = line.split_once("$SNPX_ASG[") else { return Ok(None) };
+        let Some((slot, rest)) = rest.split_once("].$") else { return Ok(None) };
+        let slot = match slot.trim().parse() {
+            Ok(slot @ 1..=80) => slot,
+            _ => return Err(AssignmentError::Slot),
+        };
+        let rest = rest.trim();
+        let (name, rest) = rest.split_once(|c: char| c.is_whitespace() || c == '=').unwrap_or((rest, ""));
+        let value = rest.split_once('=').map_or(rest, |(_, value)| value).trim();
+        if value == "Uninitialized" {
+            return Ok(None);
+        }
+        let number = || value.parse::<u16>().map_err(|_| AssignmentError::Value { slot });
+        let field = match name {
+            "ADDRESS" => Field::Address(number()?),
+            "SIZE" => Field::Size(number()?),
+            "VAR_NAME" => {
+                let quotes: &[char] = &['\'', '"'];
+                Field::VarName(value.trim_matches(quotes))
+            }
+            "MULTIPLY" => {
+                let value = value.parse::<f32>().map_err(|_| AssignmentError::Value { slot })?;
+                Field::Multiply(Multiply::new(value)?)
+            }
+            _ => return Err(AssignmentError::Value { slot }),
+        };
+        Ok(Some(Self { slot, field }))
+    }
+}
+
+/// All slots, as a listing fills them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slots<'a> {
+    slots: [Assignment<'a>; SLOTS],
+}
+
+impl<'a> Slots<'a> {
+    /// Reads a listing; lines about other variables are passed over.
+    ///
+    /// # Errors
+    /// The first line about `$SNPX_ASG` that cannot be read, with its number, counted from 1.
+    pub fn parse(text: &'a str) -> Result<Self, (usize, AssignmentError)> {
+        let mut all = Self::default();
+        for (number, line) in (1..).zip(text.lines()) {
+            if let Some(Line { slot, field }) = Line::parse(line).map_err(|error| (number, error))?
+                && let Some(slot) = all.slots.get_mut(usize::from(slot) - 1)
+            {
+                match field {
+                    Field::Address(address) => slot.address = address,
+                    Field::Size(size) => slot.size = size,
+                    Field::VarName(name) => slot.var_name = name,
+                    Field::Multiply(multiply) => slot.multiply = multiply,
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// The slots that assign something, with their numbers.
+    pub fn used(&self) -> impl Iterator<Item = (u8, &Assignment<'a>)> {
+        (1..).zip(&self.slots).filter(|(_, slot)| slot.size > 0 && !slot.var_name.is_empty())
+    }
+}
+
+impl Default for Slots<'_> {
+    fn default() -> Self {
+        let empty = Assignment { address: 0, size: 0, var_name: "", multiply: Multiply::Scale(1.0) };
+        Self { slots: [empty; SLOTS] }
+    }
+}
+
+/// Why an assignment is none.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum AssignmentError {
+    /// More assignments than slots.
+    #[error("{found} assignments do not fit into 80 slots")]
+    Slots {
+        /// How many.
+        found: usize,
+    },
+    /// The number of the slot.
+    #[error("a slot is 1 to 80")]
+    Slot,
+    /// A field that a slot does not have, or a value that is no number where one must stand.
+    #[error("slot {slot} has no such field, or not this value for it")]
+    Value {
+        /// The slot.
+        slot: u8,
+    },
+    /// `$ADDRESS`.
+    #[error("address {found} is not within 1 to 16384")]
+    Address {
+        /// The address, counted from 1.
+        found: u16,
+    },
+    /// `$SIZE`.
+    #[error("{found} registers from {address} do not lie within 1 to 16384")]
+    Size {
+        /// The address, counted from 1.
+        address: u16,
+        /// The size.
+        found: u16,
+    },
+    /// `$VAR_NAME`.
+    #[error("a variable's name has 1 to 37 printable characters, this has {length}")]
+    Name {
+        /// Its length in bytes.
+        length: usize,
+    },
+    /// `$MULTIPLY`.
+    #[error("multiply {found} is neither 0, -1 nor within 0.0001 to 10000")]
+    Multiply {
+        /// The value.
+        found: f32,
+    },
+    /// Two assignments share registers: the one with the lower number hides the other.
+    #[error("assignment {first} hides assignment {second} at register {address}")]
+    Overlap {
+        /// The one that is seen, counted from 1.
+        first: usize,
+        /// The one that is hidden, counted from 1.
+        second: usize,
+        /// The first register that both want, counted from 1.
+        address: u16,
+    },
+}
+
+/// A real as a controller prints it: `1.000000e+00`, where Rust writes `1.000000e0`.
+struct Scientific(f32);
+
+impl fmt::Display for Scientific {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut short = Short::default();
+        fmt::Write::write_fmt(&mut short, format_args!("{:.6e}", self.0))?;
+        let (mantissa, exponent) = short.text().split_once('e').ok_or(fmt::Error)?;
+        let (sign, digits) = exponent.strip_prefix('-').map_or(('+', exponent), |digits| ('-', digits));
+        write!(f, "{mantissa}e{sign}{digits:0>2}")
+    }
+}
+
+/// A few characters: `-1.000000e-38` is the longest.
+#[derive(Default)]
+struct Short {
+    bytes: [u8; 16],
+    len: usize,
+}
+
+impl Short {
+    fn text(&self) -> &str {
+        self.bytes.get(..self.len).and_then(|bytes| core::str::from_utf8(bytes).ok()).unwrap_or_default()
+    }
+}
+
+impl fmt::Write for Short {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        let end = self.len + text.len();
+        self.bytes.get_mut(self.len..end).ok_or(fmt::Error)?.copy_from_slice(text.as_bytes());
+        self.len = end;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::string::String;
+
+    use super::*;
+
+    const LISTING: &str = "\
+[*SYSTEM*]$SNPX_ASG  Storage: CMOS  Access: RW  : ARRAY[80] OF SNPX_ASG_T
+     Field: $SNPX_ASG[1].$ADDRESS Access: RW: SHORT = 1
+     Field: $SNPX_ASG[1].$SIZE Access: RW: SHORT = 10000
+     Field: $SNPX_ASG[1].$VAR_NAME Access: RW: STRING[37] = 'R[1]@1.1'
+     Field: $SNPX_ASG[1].$MULTIPLY Access: RW: REAL = 1.000000e+00
+     Field: $SNPX_ASG[2].$ADDRESS Access: RW: SHORT = 0
+     Field: $SNPX_ASG[2].$SIZE Access: RW: SHORT = 0
+     Field: $SNPX_ASG[2].$VAR_NAME Access: RW: STRING[37] = ''
+     Field: $SNPX_ASG[2].$MULTIPLY Access: RW: REAL = Uninitialized
+
+[*SYSTEM*]$SNPX_PARAM  Storage: CMOS  Access: FP  : SNPX_PARAM_T =
+   Field: $SNPX_PARAM.$TIMEOUT Access: RW: INTEGER = 5000
+";
+
+    #[test]
+    fn the_listing_of_a_controller_reads_and_prints_the_same() {
+        let slots = Slots::parse(LISTING).unwrap();
+        let used: std::vec::Vec<_> = slots.used().collect();
+        assert_eq!(used, [(1, &Assignment::FACTORY)]);
+        let mut printed = String::new();
+        Assignment::FACTORY.print(1, &mut printed).unwrap();
+        assert!(LISTING.contains(&printed), "{printed}");
+    }
+
+    #[test]
+    fn a_line_may_be_written_as_it_is_set() {
+        for line in ["SETVAR $SNPX_ASG[2].$ADDRESS 2001", "$SNPX_ASG[2].$ADDRESS=2001"] {
+            assert_eq!(Line::parse(line), Ok(Some(Line { slot: 2, field: Field::Address(2001) })), "{line}");
+        }
+        let line = "SETVAR $SNPX_ASG[80].$VAR_NAME \"SR[1]\"";
+        assert_eq!(Line::parse(line), Ok(Some(Line { slot: 80, field: Field::VarName("SR[1]") })));
+        assert_eq!(Line::parse("SETVAR $SNPX_PARAM.$NUM_MODBUS 4"), Ok(None));
+        assert_eq!(Line::parse("SETVAR $SNPX_ASG[81].$SIZE 1"), Err(AssignmentError::Slot));
+        assert_eq!(Line::parse("SETVAR $SNPX_ASG[0].$SIZE 1"), Err(AssignmentError::Slot));
+        assert_eq!(Line::parse("SETVAR $SNPX_ASG[3].$SIZE -1"), Err(AssignmentError::Value { slot: 3 }));
+        assert_eq!(Line::parse("SETVAR $SNPX_ASG[3].$COLOR 1"), Err(AssignmentError::Value { slot: 3 }));
+        let error = Slots::parse("\nSETVAR $SNPX_ASG[3].$MULTIPLY 0.00001").unwrap_err();
+        assert_eq!(error, (2, AssignmentError::Multiply { found: 0.00001 }));
+    }
+
+    #[test]
+    fn every_range_is_checked_at_its_border() {
+        let one = Assignment { address: 16_384, size: 1, ..Assignment::FACTORY };
+        assert_eq!(one.check(), Ok(()));
+        let size = |address, found| Err(AssignmentError::Size { address, found });
+        assert_eq!(Assignment { size: 2, ..one }.check(), size(16_384, 2));
+        assert_eq!(Assignment { size: 0, ..one }.check(), size(16_384, 0));
+        assert_eq!(Assignment { address: 1, size: 16_384, ..one }.check(), Ok(()));
+        assert_eq!(Assignment { address: 1, size: 16_385, ..one }.check(), size(1, 16_385));
+        assert_eq!(Assignment { address: 0, ..one }.check(), Err(AssignmentError::Address { found: 0 }));
+        let address = Err(AssignmentError::Address { found: 16_385 });
+        assert_eq!(Assignment { address: 16_385, ..one }.check(), address);
+        let name = |length| Err(AssignmentError::Name { length });
+        let long = "N".repeat(38);
+        assert_eq!(Assignment { var_name: &long[..37], ..one }.check(), Ok(()));
+        assert_eq!(Assignment { var_name: &long, ..one }.check(), name(38));
+        assert_eq!(Assignment { var_name: "", ..one }.check(), name(0));
+        assert_eq!(Assignment { var_name: "it's", ..one }.check(), name(4));
+    }
+
+    #[test]
+    fn the_factory_slot_hides_what_comes_after_it() {
+        let [counter, ..] = Assignment::TELEMETRY;
+        let error = check(&[Assignment::FACTORY, counter]).unwrap_err();
+        assert_eq!(error, AssignmentError::Overlap { first: 1, second: 2, address: 1 });
+        assert_eq!(std::format!("{error}"), "assignment 1 hides assignment 2 at register 1");
+        assert_eq!(check(&Assignment::TELEMETRY), Ok(()));
+        let rest = Assignment { address: 38, size: 16_347, ..Assignment::FACTORY };
+        let [a, b, c] = Assignment::TELEMETRY;
+        assert_eq!(check(&[a, b, c, rest]), Ok(()));
+        let touching = Assignment { address: 37, ..rest };
+        assert_eq!(check(&[c, touching]), Err(AssignmentError::Overlap { first: 1, second: 2, address: 37 }));
+        assert_eq!(check(&[rest; 81]), Err(AssignmentError::Slots { found: 81 }));
+    }
+
+    #[test]
+    fn the_telemetry_assignments_cover_its_37_registers_without_a_hole() {
+        let mut next = 0;
+        for assignment in Assignment::TELEMETRY {
+            assert_eq!(assignment.pdu_range().start, next);
+            next = assignment.pdu_range().end;
+        }
+        assert_eq!(next, 37);
+    }
+
+    #[test]
+    fn reals_print_as_a_controller_prints_them() {
+        let print = |value| std::format!("{}", Scientific(value));
+        assert_eq!(print(0.0), "0.000000e+00");
+        assert_eq!(print(-1.0), "-1.000000e+00");
+        assert_eq!(print(0.0001), "1.000000e-04");
+        assert_eq!(print(10_000.0), "1.000000e+04");
+    }
+}

@@ -195,4 +195,43 @@ pub enum ConfigError {
     #[error("the name of the role {role:?} is empty or stands twice")]
     #[allow(missing_docs, reason = "the sentence says it")]
     Name { role: Role },
+    /// A limit is too small to carry a message, or a string element has no byte.
+    #[error("a packet of {packet} bytes in strings of {element} cannot carry the messages of the table")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Limits { element: usize, packet: usize },
+    /// Job numbers are from 1 to 9999.
+    #[error("the highest job number cannot be {found}: it is from 2 to 9999")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    MaxNumber { found: u16 },
+    /// The least coordinate of an axis is above the greatest.
+    #[error("the bounds leave no point")]
+    Bounds,
+}
+
+/// A call of ours that makes no sense now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// There is an order already.
+    #[error("order {active} is active")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    OrderActive { active: u16 },
+    /// There is no order that this could be about.
+    #[error("no order is active")]
+    NoOrder,
+    /// An order's number is from 1.
+    #[error("0 is no order's number")]
+    OrderZero,
+    /// No job of this number is in the queue: it was never queued, or is reported again.
+    #[error("job {number} is not in the queue")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    NotQueued { number: u16 },
+    /// The dialect has no such command.
+    #[error("the table has no command {id}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    UnknownCommand { id: u8 },
+    /// Commands wait for their turn and no more find room.
+    #[error("{waiting} commands wait already")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    TooManyCommands { waiting: usize },
 }

@@ -1,6 +1,7 @@
 //! Many messages in one packet, within both limits of the controller.
 
-use crate::error::EncodeError;
+use crate::dialect::Dialect;
+use crate::error::{ConfigError, EncodeError};
 use crate::message::Message;
 use crate::value::Charset;
 
@@ -19,6 +20,20 @@ impl Limits {
     pub const TCP: Self = Self { element: 255, packet: 4096 };
     /// Over UDP: 6 strings.
     pub const UDP: Self = Self { element: 255, packet: 1472 };
+}
+
+impl Limits {
+    /// Whether every message of a table fits, however great its numbers are.
+    pub(crate) fn check(&self, dialect: &Dialect) -> Result<(), ConfigError> {
+        let longest = dialect.entries().iter().map(|entry| {
+            let digits = entry.fields.len() * "-2147483648$".len();
+            entry.name.len() + digits + "<$####>".len()
+        });
+        if self.element == 0 || self.packet > Message::MAX_LEN || longest.max() > Some(self.packet) {
+            return Err(ConfigError::Limits { element: self.element, packet: self.packet });
+        }
+        Ok(())
+    }
 }
 
 impl Default for Limits {

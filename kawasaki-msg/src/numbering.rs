@@ -1,0 +1,131 @@
+//! Job numbers on the wire against the count of jobs in the order.
+
+/// Numbers run from 1 to `max`, then from 1 again (thesis, section 11.1.1); the sessions count on. A number means the one count
+/// in a window shorter than `max` that has it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Numbering {
+    max: u16,
+}
+
+impl Numbering {
+    pub(crate) const fn new(max: u16) -> Self {
+        Self { max: if max == 0 { 1 } else { max } }
+    }
+
+    pub(crate) const fn max(self) -> u16 {
+        self.max
+    }
+
+    /// The number of the job that is the `count`-th of its order; `None` for the zeroth. 0 is never sent.
+    pub(crate) fn number(self, count: u32) -> Option<u16> {
+        let before = count.checked_sub(1)?;
+        u16::try_from(before % u32::from(self.max)).ok().map(|n| n + 1)
+    }
+
+    /// The number of the job behind the `count`-th.
+    pub(crate) fn next(self, count: u32) -> u16 {
+        self.number(count + 1).unwrap_or(1)
+    }
+
+    /// How far a number is ahead of the job that is the `count`-th: `0..max`.
+    pub(crate) fn ahead(self, count: u32, number: u16) -> u32 {
+        let (max, behind) = (u32::from(self.max), count % u32::from(self.max));
+        (u32::from(number) % max + max - behind) % max
+    }
+}
+
+/// A set of job numbers.
+#[derive(Debug, Clone)]
+pub(crate) struct NumberSet {
+    bits: [u64; Self::WORDS],
+}
+
+impl NumberSet {
+    const WORDS: usize = 10_000usize.div_ceil(64);
+
+    pub(crate) const fn new() -> Self {
+        Self { bits: [0; Self::WORDS] }
+    }
+
+    pub(crate) fn contains(&self, number: u16) -> bool {
+        self.bits.get(usize::from(number / 64)).is_some_and(|word| word >> (number % 64) & 1 == 1)
+    }
+
+    /// Whether it was not there.
+    pub(crate) fn insert(&mut self, number: u16) -> bool {
+        let new = !self.contains(number);
+        if let Some(word) = self.bits.get_mut(usize::from(number / 64)) {
+            *word |= 1 << (number % 64);
+        }
+        new
+    }
+
+    /// Whether it was there.
+    pub(crate) fn remove(&mut self, number: u16) -> bool {
+        let there = self.contains(number);
+        if let Some(word) = self.bits.get_mut(usize::from(number / 64)) {
+            *word &= !(1 << (number % 64));
+        }
+        there
+    }
+
+    pub(crate) fn clear(&mut self) {
+        *self = Self::new();
+    }
+
+    /// The least number in the set.
+    pub(crate) fn first(&self) -> Option<u16> {
+        let (i, word) = self.bits.iter().enumerate().find(|(_, word)| **word != 0)?;
+        u16::try_from(i * 64)
+            .ok()
+            .zip(u16::try_from(word.trailing_zeros()).ok())
+            .map(|(base, bit)| base + bit)
+    }
+
+    pub(crate) fn add_all(&mut self, other: &Self) {
+        self.bits.iter_mut().zip(&other.bits).for_each(|(a, b)| *a |= b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_wrap_and_counts_go_on() {
+        let numbering = Numbering::new(5);
+        let numbers: std::vec::Vec<_> = (0..=11).map(|count| numbering.number(count)).collect();
+        let expected = [None, Some(1), Some(2), Some(3), Some(4), Some(5)];
+        assert_eq!(numbers[..6], expected);
+        assert_eq!(numbers[6..], [1, 2, 3, 4, 5, 1].map(Some));
+        assert_eq!(numbering.next(5), 1);
+    }
+
+    #[test]
+    fn a_number_is_as_far_ahead_as_its_count() {
+        for max in [1, 2, 5, 9999] {
+            let numbering = Numbering::new(max);
+            for count in [0, 1, 4, 5, 6, 9998, 9999, 10_000] {
+                for ahead in (0..u32::from(max)).step_by(1 + usize::from(max) / 7) {
+                    if let Some(number) = numbering.number(count + ahead) {
+                        assert_eq!(numbering.ahead(count, number), ahead, "{max} {count} {ahead}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_set_holds_every_number() {
+        let mut set = NumberSet::new();
+        for number in [1, 63, 64, 9999] {
+            assert!(set.insert(number) && !set.insert(number));
+        }
+        assert_eq!(set.first(), Some(1));
+        assert!(set.remove(1) && !set.remove(1));
+        assert_eq!(set.first(), Some(63));
+        let mut other = NumberSet::new();
+        other.add_all(&set);
+        assert!(other.contains(9999) && !other.contains(1));
+    }
+}

@@ -1,0 +1,33 @@
+use crate::error::{DecodeError, MessageError};
+use crate::state::Phase;
+
+/// What a PC session has to tell. Jobs are counted from the beginning of the order, not by their numbers, which wrap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "the fields are named by what they hold")]
+pub enum PcEvent {
+    /// The robot is silent: close the connection, then call `handle_closed`.
+    Disconnect,
+    /// The robot has taken the order.
+    OrderStarted { order: u16 },
+    /// The robot has refused the order because of the active one; 0 for none. `given_up`: it will not be tried again.
+    OrderRefused { order: u16, active: u16, given_up: bool },
+    /// So many jobs are executed, all of them from the first on; the robot has queued so many.
+    Progress { executed: u32, queued: u32 },
+    /// This job, counted from 0, was executed ahead of others. `Progress` covers it when they are executed too.
+    ExecutedAhead { index: u32 },
+    /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were told ahead.
+    OrderOver { order: u16, executed: u32, complete: bool },
+    /// The robot no longer knows the order: it was restarted, or somebody else has begun another. The jobs before `executed` are
+    /// executed; of those from there up to `sent` nobody knows; those from `sent` on are not.
+    OutcomeUnknown { order: u16, executed: u32, sent: u32 },
+    /// The robot wants no jobs for now.
+    Paused { queued: u32 },
+    /// The robot's status has changed.
+    PeerStatus { order: u16, phase: Phase, queued: Option<u16>, executed: Option<u16> },
+    /// Damaged bytes; everything around them was read.
+    Damaged(DecodeError),
+    /// A whole message that cannot be used; everything around it was.
+    Rejected(MessageError),
+}

@@ -1,0 +1,66 @@
+//! What the source measured and says of time, as constants to plan and to simulate with.
+
+use core::time::Duration;
+
+/// The cycle of the controller's processor; background programs get what motion leaves of it (thesis, section 5.3).
+pub const CPU_CYCLE: Duration = Duration::from_millis(2);
+
+/// The PC answers no sooner than this: the robot may not be receiving yet (thesis, section 7.1; needed over UDP).
+pub const MIN_REPLY_DELAY: Duration = CPU_CYCLE;
+
+/// One packet sent and its answer received, whatever the length of the packets: 31 a second (thesis, section 9.4).
+pub const EXCHANGE: Duration = Duration::from_millis(32);
+
+/// How long a UDP receive waits unless it is told otherwise (thesis, section 9.4).
+pub const UDP_RECEIVE: Duration = Duration::from_secs(1);
+
+/// The mean time to unpack a packet and to queue its jobs (thesis, appendix 2: 13 rounds).
+pub const UNPACK_MEAN: Duration = Duration::from_micros(27_078);
+
+/// The longest time seen for the same. The text says "under 50 ms"; 3 of the 13 rounds are above it.
+pub const UNPACK_MAX: Duration = Duration::from_micros(59_861);
+
+/// From the start of one job to the start of the next, without motion: mean (thesis, appendix 2; "under 110 ms").
+pub const WORK_CYCLE: Duration = Duration::from_micros(108_207);
+
+/// How many packets carry `jobs` messages of `message_len` bytes each within `packet_limit`.
+pub const fn packets(jobs: usize, message_len: usize, packet_limit: usize) -> usize {
+    match packet_limit.checked_div(message_len) {
+        None | Some(0) => 0,
+        Some(each) => jobs.div_ceil(each),
+    }
+}
+
+/// The time to send `jobs` messages of `message_len` bytes when each exchange carries a full packet: batching pays in
+/// proportion (thesis, section 9.4).
+pub fn transfer_time(jobs: usize, message_len: usize, packet_limit: usize) -> Duration {
+    EXCHANGE.saturating_mul(u32::try_from(packets(jobs, message_len, packet_limit)).unwrap_or(u32::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn batching_pays_in_proportion() {
+        assert_eq!(packets(2000, 43, 4096), 22);
+        assert_eq!(transfer_time(2000, 43, 4096), Duration::from_millis(704));
+        assert_eq!(transfer_time(2000, 4096, 4096), Duration::from_secs(64));
+        assert_eq!(packets(1, 5000, 4096), 0);
+    }
+
+    #[test]
+    fn the_means_are_those_of_the_appendix() {
+        let unpack = [
+            361_328, 117_188, 200_195, 219_727, 117_188, 117_188, 117_188, 180_664, 175_781, 576_172,
+            543_634, 195_259, 598_612u64,
+        ];
+        let cycle = [
+            107_983, 108_105, 108_008, 108_105, 108_203, 108_081, 108_008, 108_301, 107_983, 108_105,
+            108_008, 108_081, 109_717u64,
+        ];
+        assert_eq!(UNPACK_MEAN.as_micros(), u128::from((unpack.iter().sum::<u64>() + 65) / 130));
+        assert_eq!(UNPACK_MAX.as_micros(), u128::from(unpack.iter().max().unwrap() / 10));
+        assert_eq!(WORK_CYCLE.as_micros(), u128::from((cycle.iter().sum::<u64>() + 6) / 13));
+    }
+}

@@ -1,0 +1,223 @@
+//! Both ends, the motion task and a faulty link between them, on a virtual clock.
+#![allow(dead_code, unreachable_pub, missing_debug_implementations, reason = "a helper of several tests")]
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use kawasaki_msg::{
+    Job, JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, Supply,
+};
+use robot_work_queue::Reader;
+use testkit::link::{Delivery, End, Faults, Link};
+
+pub const MS: Duration = Duration::from_millis(1);
+
+/// The line of a place in the picture of an order: no two are alike.
+pub fn line(order: u16, index: u32) -> Line {
+    let kind = if index.is_multiple_of(3) { JobKind::Move } else { JobKind::Draw };
+    let (x, y) = (index as i32 * 7 - 3000, i32::from(order) * 11 + index as i32);
+    Line { kind, start: Point::new(x, y), end: Point::new(x + 7, y - 13) }
+}
+
+pub type Source = Box<dyn FnMut(u32) -> Supply>;
+
+/// An order of `jobs` lines.
+pub fn picture(order: u16, jobs: u32) -> Source {
+    Box::new(move |index| if index < jobs { Supply::Line(line(order, index)) } else { Supply::End })
+}
+
+pub struct Rig {
+    pub now: Duration,
+    pub link: Link,
+    pub robot: Robot<'static>,
+    pub reader: Reader<'static, Job>,
+    pub pc: Pc<Source>,
+    /// How long one job takes; `None` while the motion task stands still.
+    pub motion: Option<Duration>,
+    pub motion_at: Duration,
+    /// Whether jobs may overtake one another: the last one waiting is taken first.
+    pub overtakes: bool,
+    /// Whether the PC accepts connections.
+    pub reachable: bool,
+    pub connected: bool,
+    /// What the motion task has executed.
+    pub executed: Vec<Job>,
+    reports: VecDeque<u16>,
+    pub robot_events: Vec<RobotEvent>,
+    pub pc_events: Vec<PcEvent>,
+    /// The packets that each end has sent.
+    pub from_robot: Vec<Vec<u8>>,
+    pub from_pc: Vec<Vec<u8>>,
+}
+
+impl Rig {
+    pub fn new(seed: u64, faults: Faults, capacity: usize, max_number: u16) -> Self {
+        let pc = PcConfig { max_number, ..PcConfig::TCP };
+        Self::with(seed, faults, capacity, max_number, RobotConfig::TCP, pc)
+    }
+
+    pub fn with(
+        seed: u64,
+        faults: Faults,
+        capacity: usize,
+        max_number: u16,
+        robot: RobotConfig,
+        pc: PcConfig,
+    ) -> Self {
+        let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+        Self {
+            now: Duration::ZERO,
+            link: Link::new(seed, faults),
+            robot: Robot::new(robot, writer).unwrap(),
+            reader,
+            pc: Pc::new(pc).unwrap(),
+            motion: Some(MS),
+            motion_at: Duration::ZERO,
+            overtakes: false,
+            reachable: true,
+            connected: false,
+            executed: Vec::new(),
+            reports: VecDeque::new(),
+            robot_events: Vec::new(),
+            pc_events: Vec::new(),
+            from_robot: Vec::new(),
+            from_pc: Vec::new(),
+        }
+    }
+
+    /// One pass of every loop at the present time, then on to the next time at which something happens.
+    pub fn step(&mut self) {
+        self.motion_task();
+        self.robot_pass();
+        self.pc_pass();
+        let times = [self.link.next_delivery(), self.robot.poll_timeout(), self.pc.poll_timeout()];
+        let motion = self.motion.map(|_| self.motion_at);
+        let next = times.into_iter().flatten().chain(motion).filter(|at| *at > self.now).min();
+        // A pass may have made something due at once.
+        self.now = next.map_or(self.now + MS, |at| at.min(self.now + 10 * MS));
+    }
+
+    pub fn run_until(&mut self, limit: Duration, mut done: impl FnMut(&Self) -> bool) {
+        while !done(self) {
+            assert!(
+                self.now < limit,
+                "still not there at {limit:?}: {:#?}\n{:?}\n{:?}",
+                self.robot,
+                self.robot_events,
+                self.pc_events
+            );
+            self.step();
+        }
+    }
+
+    pub fn run_for(&mut self, time: Duration) {
+        let end = self.now + time;
+        while self.now < end {
+            self.step();
+        }
+    }
+
+    pub fn motion_task(&mut self) {
+        let Some(time) = self.motion else {
+            // Stands still, but keeps looking at its queue without taking anything.
+            return;
+        };
+        while self.motion_at <= self.now {
+            self.motion_at += time.max(Duration::from_micros(10));
+            let waiting =
+                if self.overtakes { self.reader.iter().last().map(|(number, _)| number) } else { None };
+            let taken = match waiting {
+                Some(last) => self.reader.take_where(|number, _| number == last),
+                None => self.reader.take(),
+            };
+            let Some(job) = taken else {
+                self.motion_at = self.motion_at.max(self.now + MS);
+                return;
+            };
+            self.executed.push(*job);
+            self.reports.push_back(job.number);
+            job.complete();
+        }
+    }
+
+    pub fn robot_pass(&mut self) {
+        for number in self.reports.drain(..) {
+            self.robot.job_done(self.now, number).unwrap();
+        }
+        while let Some(delivery) = self.link.receive(End::A, self.now) {
+            match delivery {
+                Delivery::Bytes(bytes) => self.robot.handle_input(self.now, &bytes),
+                Delivery::Closed => {
+                    self.connected = false;
+                    self.robot.handle_closed(self.now);
+                }
+            }
+        }
+        self.robot.handle_timeout(self.now);
+        while let Some(event) = self.robot.poll_event() {
+            self.robot_events.push(event);
+            match event {
+                RobotEvent::Connect if self.reachable => {
+                    self.link.reconnect();
+                    self.connected = true;
+                    self.pc.handle_closed(self.now);
+                    self.pc.handle_connected(self.now);
+                    self.robot.handle_connected(self.now);
+                }
+                RobotEvent::Connect => self.robot.handle_closed(self.now),
+                RobotEvent::Disconnect => {
+                    self.link.disconnect(self.now);
+                    self.robot.handle_closed(self.now);
+                }
+                _ => {}
+            }
+        }
+        let mut out = [0; 4096];
+        while let Some(length) = self.robot.poll_transmit(self.now, &mut out) {
+            self.from_robot.push(out[..length].to_vec());
+            self.link.send(End::A, self.now, &out[..length]);
+        }
+    }
+
+    pub fn pc_pass(&mut self) {
+        while let Some(delivery) = self.link.receive(End::B, self.now) {
+            match delivery {
+                Delivery::Bytes(bytes) => self.pc.handle_input(self.now, &bytes),
+                Delivery::Closed => self.pc.handle_closed(self.now),
+            }
+        }
+        self.pc.handle_timeout(self.now);
+        while let Some(event) = self.pc.poll_event() {
+            self.pc_events.push(event);
+            if event == PcEvent::Disconnect {
+                self.link.disconnect(self.now);
+                self.pc.handle_closed(self.now);
+            }
+        }
+        let mut out = [0; 4096];
+        while let Some(length) = self.pc.poll_transmit(self.now, &mut out) {
+            self.from_pc.push(out[..length].to_vec());
+            self.link.send(End::B, self.now, &out[..length]);
+        }
+    }
+
+    /// The lines executed, in order.
+    pub fn lines(&self) -> Vec<Line> {
+        self.executed.iter().map(|job| job.line).collect()
+    }
+
+    pub fn is_over(&self) -> bool {
+        self.pc_events
+            .iter()
+            .any(|event| matches!(event, PcEvent::OrderOver { .. } | PcEvent::OutcomeUnknown { .. }))
+    }
+}
+
+/// The robot's controller restarted: nothing is left of its memory.
+pub fn restart(rig: &mut Rig, capacity: usize, max_number: u16) {
+    let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+    rig.link.disconnect(rig.now);
+    rig.robot = Robot::new(RobotConfig::TCP, writer).unwrap();
+    rig.reader = reader;
+    rig.reports.clear();
+}

@@ -3,23 +3,28 @@ use crate::{DecodeError, Dialect, Line};
 
 /// Bytes in, lines out.
 ///
-/// Call [`push`](Self::push), then [`next_frame`](Self::next_frame) until it gives `None`. A line without an end gives
-/// one error and is dropped up to the next end of a line, so the line behind it is found. `push` takes fewer bytes than
-/// it is offered when its buffer is full: poll the lines, then offer the rest. After `None` there is always room.
+/// Call [`push`](Self::push), then [`next_frame`](Self::next_frame) until it gives `None`. `push` takes fewer bytes than it
+/// is offered when its buffer is full: poll the lines, then offer the rest. After `None` there is always room.
+///
+/// A line that is too long is dropped up to its end, however long it is, and gives one error there: nothing within it is
+/// taken for a message, and the line behind it is found.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     dialect: Dialect,
     buffer: [u8; Line::MAX_LEN],
     start: usize,
     end: usize,
-    skipping: bool,
+    /// Bytes of a line that is too long, before those in the buffer.
+    dropped: u64,
     position: u64,
+    finished: bool,
 }
 
 impl Decoder {
     /// A decoder at the beginning of a stream.
     pub const fn new(dialect: Dialect) -> Self {
-        Self { dialect, buffer: [0; Line::MAX_LEN], start: 0, end: 0, skipping: false, position: 0 }
+        let buffer = [0; Line::MAX_LEN];
+        Self { dialect, buffer, start: 0, end: 0, dropped: 0, position: 0, finished: false }
     }
 
     /// Takes bytes, and says how many; 0 when the buffer is full.
@@ -29,6 +34,7 @@ impl Decoder {
             self.end -= self.start;
             self.start = 0;
         }
+        self.finished = false;
         let Some(room) = self.buffer.get_mut(self.end..) else { return 0 };
         let taken = room.len().min(bytes.len());
         if let (Some(to), Some(from)) = (room.get_mut(..taken), bytes.get(..taken)) {
@@ -40,35 +46,47 @@ impl Decoder {
 
     /// The next line. `None`: more bytes needed.
     pub fn next_frame(&mut self) -> Option<Result<Line<'_>, DecodeError>> {
-        loop {
-            let waiting = self.buffer.get(self.start..self.end)?;
-            let Some((content, used)) = find_end(waiting, &self.dialect) else { break };
-            let content = self.start..self.start + content.len();
-            self.drop_first(used);
-            if !core::mem::take(&mut self.skipping) {
-                return Some(Ok(Line::new(self.buffer.get(content)?)));
-            }
-        }
-        let full = self.end - self.start == Line::MAX_LEN;
-        if self.skipping || full {
-            // The end of the line may be cut in two: keep its first half.
-            let cr = self.buffer.get(self.start..self.end).is_some_and(|waiting| waiting.ends_with(b"\r"));
-            self.drop_first(self.end - self.start - usize::from(cr));
-        }
-        if full && !core::mem::replace(&mut self.skipping, true) {
+        let waiting = self.buffer.get(self.start..self.end)?;
+        let Some((content, used)) = find_end(waiting, &self.dialect) else {
+            return self.without_end().map(Err);
+        };
+        let content = self.start..self.start + content.len();
+        self.start += used;
+        self.position += used as u64 + self.dropped;
+        if core::mem::take(&mut self.dropped) > 0 {
             return Some(Err(DecodeError::TooLong { limit: Line::MAX_LEN }));
         }
-        None
+        Some(Ok(Line::new(self.buffer.get(content)?)))
     }
 
-    /// Where in the stream the last line ended: the number of bytes that lines and dropped bytes have used so far.
+    /// The stream has ended: a line without its end becomes an error.
+    pub fn finish(&mut self) {
+        self.finished = true;
+    }
+
+    /// Where in the stream the line or error ended that [`next_frame`](Self::next_frame) gave last.
     pub const fn position(&self) -> u64 {
         self.position
     }
 
-    fn drop_first(&mut self, bytes: usize) {
-        self.start += bytes;
-        self.position += bytes as u64;
+    fn without_end(&mut self) -> Option<DecodeError> {
+        let waiting = self.end - self.start;
+        if waiting == Line::MAX_LEN || self.dropped > 0 {
+            // The end of the line may be cut in two: keep its first half.
+            let kept = self.buffer.get(self.start..self.end).is_some_and(|bytes| bytes.ends_with(b"\r"));
+            self.start = self.end - usize::from(kept);
+            self.dropped += (waiting - usize::from(kept)) as u64;
+        }
+        let unread = (self.end - self.start) as u64 + self.dropped;
+        if !self.finished || unread == 0 {
+            return None;
+        }
+        self.start = self.end;
+        self.position += unread;
+        Some(match core::mem::take(&mut self.dropped) {
+            0 => DecodeError::Incomplete,
+            _ => DecodeError::TooLong { limit: Line::MAX_LEN },
+        })
     }
 }
 
@@ -101,6 +119,9 @@ mod tests {
                 }
             }
         }
+        decoder.finish();
+        lines.extend(decoder.next_frame().map(|line| line.map(|l| l.content().to_vec())));
+        assert!(decoder.next_frame().is_none());
         lines
     }
 
@@ -125,5 +146,46 @@ mod tests {
         assert_eq!(lines([&stream[..]], Dialect::STRICT), [Ok(vec![b'x'; 62])]);
         stream.insert(0, b'x');
         assert_eq!(lines([&stream[..]], Dialect::STRICT), [Err(DecodeError::TooLong { limit: 64 })]);
+    }
+
+    #[test]
+    fn what_has_no_end_is_an_error_when_the_stream_ends() {
+        let incomplete = [Ok(b"STA".to_vec()), Err(DecodeError::Incomplete)];
+        let too_long = [Ok(b"STA".to_vec()), Err(DecodeError::TooLong { limit: 64 })];
+        for (len, expected) in [(1, &incomplete), (63, &incomplete), (64, &too_long), (300, &too_long)] {
+            for last in [b'x', b'\r'] {
+                let mut stream = b"STA\r\n".to_vec();
+                stream.extend(vec![b'x'; len - 1]);
+                stream.push(last);
+                for pieces in testkit::chunking::chunkings(&stream) {
+                    assert_eq!(lines(pieces, Dialect::STRICT), expected, "{len}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lines_and_errors_tile_the_stream() {
+        let mut stream = b"STA\r\n".to_vec();
+        stream.extend([b'x'; 100]);
+        stream.extend(b"\r\nSTP\r\nOV");
+        for chunk in [1, 7, 64, 200] {
+            let mut decoder = Decoder::default();
+            let mut ends = Vec::new();
+            for mut rest in stream.chunks(chunk) {
+                while !rest.is_empty() {
+                    let taken = decoder.push(rest);
+                    rest = &rest[taken..];
+                    while decoder.next_frame().is_some() {
+                        ends.push(decoder.position());
+                    }
+                }
+            }
+            decoder.finish();
+            while decoder.next_frame().is_some() {
+                ends.push(decoder.position());
+            }
+            assert_eq!(ends, [5, 107, 112, 114]);
+        }
     }
 }

@@ -7,13 +7,15 @@ use core::fmt;
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DecodeError {
-    /// No line of this protocol is so long: its end was not found within `limit` bytes. The rest, up to the next end of a
-    /// line, is dropped.
+    /// No line of this protocol is so long. All of it, up to its end, is dropped.
     #[error("no end of the line within {limit} bytes")]
     TooLong {
         /// The longest line that is looked at, its end included.
         limit: usize,
     },
+    /// The stream ends within a line.
+    #[error("the stream ends within a line")]
+    Incomplete,
     /// The first three characters name no command (§4).
     #[error("no command is called {:?}", Text(found))]
     UnknownCommand {

@@ -5,18 +5,25 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod controller;
 mod decoder;
+pub mod device;
 mod dialect;
 mod error;
 mod fields;
 mod frame;
 mod message;
+mod outgoing;
 mod pose;
 #[cfg(feature = "serde")]
 mod serde_impls;
+pub mod state;
+pub mod task;
 mod units;
 
+pub use controller::Controller;
 pub use decoder::Decoder;
+pub use device::Device;
 pub use dialect::Dialect;
 pub use error::{DecodeError, EncodeError, Expected, SessionError};
 pub use frame::Line;

@@ -48,33 +48,50 @@ pub enum AnyPose {
 }
 
 impl RobotPose {
+    /// Every axis at 0.
+    pub const ORIGIN: Self = Self::from_units([0; 4]);
+
     /// A pose of millimetres and radians, each rounded to its last digit.
     pub fn from_mm_rad(x: f64, y: f64, z: f64, c: f64) -> Self {
         let [x, y, z] = [x, y, z].map(Length::from_mm);
         Self { x, y, z, c: Angle::from_rad(c) }
     }
 
-    const fn units(self) -> [i32; 4] {
+    /// The axes in units of their last digit: µm, µm, µm, 0.1 mrad.
+    pub const fn units(self) -> [i32; 4] {
         [self.x.um(), self.y.um(), self.z.um(), self.c.tenths_mrad()]
+    }
+
+    /// A pose of axes in units of their last digit.
+    pub const fn from_units([x, y, z, c]: [i32; 4]) -> Self {
+        let [x, y, z] = [Length::from_um(x), Length::from_um(y), Length::from_um(z)];
+        Self { x, y, z, c: Angle::from_tenths_mrad(c) }
     }
 }
 
 impl PlatformPose {
+    /// Every axis at 0.
+    pub const ORIGIN: Self = Self::from_units([0; 2]);
+
     /// A pose of radians, each rounded to its last digit.
     pub fn from_rad(a: f64, b: f64) -> Self {
         Self { a: Angle::from_rad(a), b: Angle::from_rad(b) }
     }
 
-    const fn units(self) -> [i32; 2] {
+    /// The axes in units of their last digit: 0.1 mrad.
+    pub const fn units(self) -> [i32; 2] {
         [self.a.tenths_mrad(), self.b.tenths_mrad()]
+    }
+
+    /// A pose of axes in units of their last digit.
+    pub const fn from_units([a, b]: [i32; 2]) -> Self {
+        Self { a: Angle::from_tenths_mrad(a), b: Angle::from_tenths_mrad(b) }
     }
 }
 
 impl Pose for RobotPose {
     fn plus(self, by: Self) -> Option<Self> {
-        let [x, y, z, c] = sum(self.units(), by.units())?;
-        let [x, y, z] = [x, y, z].map(Length::from_um);
-        Some(Self { x, y, z, c: Angle::from_tenths_mrad(c) })
+        sum(self.units(), by.units()).map(Self::from_units)
     }
 
     fn is_near(self, other: Self, tolerance: u32) -> bool {
@@ -84,8 +101,7 @@ impl Pose for RobotPose {
 
 impl Pose for PlatformPose {
     fn plus(self, by: Self) -> Option<Self> {
-        let [a, b] = sum(self.units(), by.units())?.map(Angle::from_tenths_mrad);
-        Some(Self { a, b })
+        sum(self.units(), by.units()).map(Self::from_units)
     }
 
     fn is_near(self, other: Self, tolerance: u32) -> bool {

@@ -147,6 +147,23 @@ proptest! {
     }
 
     #[test]
+    fn appending_writes_the_same_bytes(command in command(any_pose()), reply in reply(any_pose())) {
+        let mut appended = Vec::new();
+        command.append_to(&mut appended).unwrap();
+        reply.append_to(&mut appended).unwrap();
+        let mut buffer = [0; 88];
+        let len = command.encode(&mut buffer).unwrap();
+        let len = len + reply.encode(&mut buffer[len..]).unwrap();
+        prop_assert_eq!(appended, &buffer[..len]);
+        let needed = command.encoded_len();
+        let error = EncodeError::Buffer { needed, found: needed - 1 };
+        prop_assert_eq!(command.append_to(&mut &mut buffer[..needed - 1]), Err(error));
+        let needed = reply.encoded_len();
+        let error = EncodeError::Buffer { needed, found: needed - 1 };
+        prop_assert_eq!(reply.append_to(&mut &mut buffer[..needed - 1]), Err(error));
+    }
+
+    #[test]
     fn a_message_survives_its_object(command in command(any_pose()), reply in reply(any_pose())) {
         let text = serde_json::to_string(&command).unwrap();
         prop_assert_eq!(serde_json::from_str::<Command<AnyPose>>(&text).unwrap(), command);

@@ -61,16 +61,21 @@ fn expected(vector: &Vector) -> Value {
 fn decode<'a>(from: &str, pieces: impl IntoIterator<Item = &'a [u8]>, dialect: Dialect) -> Vec<(Value, u64)> {
     let mut decoder = Decoder::new(dialect);
     let mut objects = Vec::new();
+    let mut drain = |decoder: &mut Decoder| {
+        while let Some(line) = decoder.next_frame() {
+            let object = object(from, line, &dialect);
+            objects.push((object, decoder.position()));
+        }
+    };
     for mut rest in pieces {
         while !rest.is_empty() {
             let taken = decoder.push(rest);
             rest = &rest[taken..];
-            while let Some(line) = decoder.next_frame() {
-                let object = object(from, line, &dialect);
-                objects.push((object, decoder.position()));
-            }
+            drain(&mut decoder);
         }
     }
+    decoder.finish();
+    drain(&mut decoder);
     objects
 }
 
@@ -81,7 +86,7 @@ fn side(vector: &Vector) -> &str {
 #[test]
 fn every_vector_decodes_to_its_object_however_it_is_cut() {
     let vectors = vectors("mmacell-proto");
-    assert!(vectors.len() >= 83, "{}", vectors.len());
+    assert!(vectors.len() >= 84, "{}", vectors.len());
     for vector in &vectors {
         for pieces in chunkings(&vector.hex) {
             let objects = decode(side(vector), pieces.iter().copied(), dialect(vector));
@@ -131,6 +136,9 @@ fn a_neighbour_on_either_side_changes_nothing() {
         let from = side(vector);
         let good: &[u8] = if from == "controller" { b"STP\r\n" } else { b"OK\r\n" };
         let good_object = decode(from, [good], Dialect::STRICT)[0].0.clone();
+        if vector.error.as_ref().is_some_and(|error| error["kind"] == "incomplete") {
+            continue; // with a neighbour behind it, it is no longer incomplete
+        }
         let ends = vector.hex.ends_with(b"\n");
         let stream = [good, &vector.hex, good, good].concat();
         for pieces in chunkings(&stream) {

@@ -164,12 +164,15 @@ impl<P: Pose> Command<P> {
     /// Appends the command with its end.
     ///
     /// # Errors
-    /// A value does not fit its field; nothing is appended.
+    /// A value does not fit its field, or there is no room; nothing is appended.
     #[cfg(feature = "bytes")]
     pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         let mut bytes = [0; 38];
-        let len = self.encode(&mut bytes)?;
-        buffer.put_slice(bytes.get(..len).unwrap_or_default());
+        let needed = self.encode(&mut bytes)?;
+        if needed > buffer.remaining_mut() {
+            return Err(EncodeError::Buffer { needed, found: buffer.remaining_mut() });
+        }
+        buffer.put_slice(bytes.get(..needed).unwrap_or_default());
         Ok(())
     }
 }

@@ -132,12 +132,15 @@ impl<P: Pose> Reply<P> {
     /// Appends the reply with its end.
     ///
     /// # Errors
-    /// A value does not fit its field; nothing is appended.
+    /// A value does not fit its field, or there is no room; nothing is appended.
     #[cfg(feature = "bytes")]
     pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         let mut bytes = [0; 50];
-        let len = self.encode(&mut bytes)?;
-        buffer.put_slice(bytes.get(..len).unwrap_or_default());
+        let needed = self.encode(&mut bytes)?;
+        if needed > buffer.remaining_mut() {
+            return Err(EncodeError::Buffer { needed, found: buffer.remaining_mut() });
+        }
+        buffer.put_slice(bytes.get(..needed).unwrap_or_default());
         Ok(())
     }
 }

@@ -19,6 +19,7 @@ mod scale;
 pub mod state;
 pub mod timing;
 mod transform;
+pub mod viewer;
 
 pub use clamp::Clamp;
 pub use controller::{Controller, ControllerConfig, ControllerEvent, ControllerStats};

@@ -1,0 +1,343 @@
+//! The source's rules that need no session: times, scaling, limits, keys, coordinates.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use core::time::Duration;
+
+use proptest::prelude::*;
+use testkit::rng::Rng;
+use val2_alter::timing::{self, Budget};
+use val2_alter::{
+    Accumulation, Clamp, CoordinateFrame, EncodeError, Exception, Frame, Framing, HostMessage, Layout,
+    LeadingDle, Limiter, Limits, List, Message, Mode, Motion, MotionPhase, Order, Polarity, Pose, Reply,
+    RobotMessage, Scale, Transform,
+};
+
+use Accumulation::{Cumulative, NonCumulative};
+
+/// Tenths of a millisecond, cut off as the source does.
+fn tenths(time: Duration) -> u128 {
+    time.as_micros() / 100
+}
+
+/// "In folgender Tabelle sind die maximalen Zeitspannen (inklusive Byte-Stuffing) vor Übertragungsbeginn der Antwortnachricht
+/// … aufgelistet" (§3.4.2): all fourteen, at 19200 baud and at no other rate.
+#[test]
+fn the_reply_table_is_of_a_line_of_19200_baud() {
+    let table = [
+        (0, 8, 108, 8, 128),
+        (1, 11, 92, 12, 107),
+        (2, 14, 77, 16, 86),
+        (3, 17, 61, 20, 65),
+        (4, 20, 45, 24, 45),
+        (5, 23, 30, 28, 24),
+        (6, 26, 14, 32, 3),
+    ];
+    for (values, cumulative_len, cumulative, other_len, other) in table {
+        for (accumulation, len, time) in
+            [(Cumulative, cumulative_len, cumulative), (NonCumulative, other_len, other)]
+        {
+            assert_eq!(timing::printed_reply_len(accumulation, values), len);
+            let slack = |baud| tenths(timing::reply_slack(accumulation, baud, len).unwrap());
+            assert_eq!(slack(19_200), time, "{values} values, {accumulation:?}");
+            assert_ne!(slack(38_400), time, "{values} values, {accumulation:?}");
+        }
+    }
+}
+
+/// "Für eine Baudrate von 38400 und maximal mögliches Byte-Stuffing" (§3.4.1)
+#[test]
+fn the_request_table_is_of_a_line_of_38400_baud() {
+    for (transform, len, time) in [(false, 14, 36), (true, 52, 135)] {
+        assert_eq!(timing::printed_request_len(transform), len);
+        assert_eq!(tenths(timing::transmission(len, 38_400)), time);
+        assert_ne!(tenths(timing::transmission(len, 19_200)), time);
+    }
+}
+
+#[test]
+fn the_longest_messages_are_longer_than_the_source_counts() {
+    let default = Framing::DEFAULT;
+    assert_eq!(timing::max_request_len(false, default), 16);
+    assert_eq!(timing::max_request_len(true, default), 64);
+    assert_eq!(timing::max_reply_len(6, default), 33);
+    assert_eq!([0, 1, 2].map(|values| timing::max_reply_len(values, default)), [9, 14, 17]);
+
+    let motion = |transform| {
+        RobotMessage::Motion(Motion {
+            phase: MotionPhase::Running,
+            error: 0.into(),
+            segment_status: 2.into(),
+            segment: 0x1010,
+            percent: 0x1010,
+            transform,
+        })
+    };
+    let transform = Some(Transform([0x1010; 12]));
+    assert_eq!(motion(None).encoded_len(default), timing::max_request_len(false, default));
+    assert_eq!(motion(transform).encoded_len(default), timing::max_request_len(true, default));
+    for values in 0..=6 {
+        // RY first: alone it makes the select byte a DLE.
+        let order = [4, 0, 1, 2, 3, 5];
+        let mut reply = Reply { exception: Exception::Other(0x10), ..Reply::NOTHING };
+        for axis in &order[..values] {
+            reply.values[*axis] = Some(0x1010);
+        }
+        let len = HostMessage::Reply(reply).encoded_len(default);
+        assert_eq!(len, timing::max_reply_len(values, default), "{values} values");
+    }
+    let one = Framing { leading_dle: LeadingDle::One, ..default };
+    let doubled = Framing { stuffed_checksum: true, ..default };
+    assert_eq!([one, doubled].map(|framing| timing::max_reply_len(6, framing)), [32, 34]);
+}
+
+#[test]
+fn the_worst_case_fits_at_38400_baud_and_not_at_19200() {
+    let worst = |baud, transform| Budget::worst_case(Cumulative, baud, transform, 6, Framing::DEFAULT);
+    // 64 bytes leave less of the 28 ms than the window.
+    assert_eq!(tenths(worst(38_400, true).window), 113);
+    assert_eq!(worst(38_400, true).slack().map(tenths), Some(27));
+    assert_eq!(worst(38_400, false).window, Duration::from_millis(15));
+    assert_eq!(worst(38_400, false).slack().map(tenths), Some(64));
+    assert_eq!(worst(19_200, false).slack(), None);
+    // A request with a transformation alone is longer than the cycle.
+    assert_eq!(worst(19_200, true).window, Duration::ZERO);
+    assert_eq!(timing::transmission(1, 0), Duration::from_secs(10));
+}
+
+/// "Translation 32, ± 1024 mm; Rotation 182.044, ± 180 °" (§3.3.2)
+#[test]
+fn words_are_millimetres_and_degrees() {
+    let scale = Scale::default();
+    assert_eq!((scale.millimetres(i16::MIN), scale.degrees(i16::MIN)), (-1024.0, -180.0));
+    assert_eq!((scale.translation(-1024.0), scale.rotation(-180.0)), (Ok(i16::MIN), Ok(i16::MIN)));
+    assert_eq!((scale.translation(0.5), scale.rotation(1.0)), (Ok(16), Ok(182)));
+    assert_eq!(scale.rotation(180.0), Err(EncodeError::Range { found: 32768 }));
+    assert_eq!(scale.translation(f64::NAN), Err(EncodeError::Range { found: i32::MAX }));
+    assert_eq!(scale.translation(f64::NEG_INFINITY), Err(EncodeError::Range { found: i32::MIN }));
+    assert_eq!((scale.translation_saturating(1e9), scale.rotation_saturating(-1e9)), (i16::MAX, i16::MIN));
+    assert_eq!(scale.translation_saturating(f64::NAN), 0);
+    let error = scale.translation(1024.0).unwrap_err().to_string();
+    assert_eq!(error, "32768 units do not fit a word of -32768..=32767");
+}
+
+#[test]
+fn the_mode_word_is_five_bits() {
+    use CoordinateFrame::{Tool, World};
+    let mode = Mode::CUMULATIVE_23;
+    assert_eq!((mode.accumulation(), mode.has_transform(), mode.uses_inputs()), (Cumulative, true, true));
+    assert!(!mode.transform_from_joints() && mode.is_named() && !Mode(32).is_named());
+    assert_eq!(mode.frame(Polarity::ToolIsOne), Tool);
+    assert_eq!(mode.frame(Polarity::WorldIsOne), World);
+    for polarity in [Polarity::ToolIsOne, Polarity::WorldIsOne] {
+        for frame in [World, Tool] {
+            assert_eq!(mode.with_frame(frame, polarity).frame(polarity), frame);
+        }
+    }
+    assert_eq!(mode.with_accumulation(NonCumulative), Mode::NON_CUMULATIVE_22);
+    let none = Mode::default().with_transform_from_joints(true);
+    assert_eq!((none, none.transform_from_joints()), (Mode(8), true));
+    assert_eq!(mode.with_transform(false).with_inputs(false), Mode(3));
+    assert_eq!(Mode(0xE0).with_inputs(true), Mode(0xF0), "bits without a name are kept");
+}
+
+#[test]
+fn a_list_has_up_to_14_words() {
+    let list = List::new(&[5; 14]).unwrap();
+    assert_eq!(list.words(), [5; 14]);
+    assert_eq!(List::new(&[5; 15]), Err(EncodeError::TooLong { found: 32, limit: 30 }));
+    assert_eq!(Frame::new(&[0; 31]), Err(EncodeError::TooLong { found: 31, limit: 30 }));
+}
+
+proptest! {
+    /// "Diese maximale Änderung wird auch im abbremsenden Betrieb berücksichtigt" (§9.2)
+    #[test]
+    fn no_speed_and_no_change_of_speed_is_above_its_limit(
+        targets in prop::collection::vec(any::<[i16; 6]>(), 1..60),
+        velocity in prop::array::uniform6(0..40_000u16),
+        acceleration in prop::array::uniform6(0..2_000u16)
+    ) {
+        let limits = Limits { velocity, acceleration };
+        let mut limiter = Limiter::new(limits);
+        let mut last = [0; 6];
+        for target in targets {
+            let values = limiter.speeds(target).map(i32::from);
+            for axis in 0..6 {
+                prop_assert!(values[axis].abs() <= i32::from(velocity[axis]));
+                prop_assert!((values[axis] - last[axis]).abs() <= i32::from(acceleration[axis]));
+            }
+            last = values;
+        }
+    }
+
+    #[test]
+    fn an_offset_is_reached_within_the_limits_and_without_passing_it(
+        targets in prop::collection::vec(-20_000..20_000i16, 1..4),
+        velocity in 1..3_000u16,
+        acceleration in 1..2_000u16
+    ) {
+        let limits = Limits { velocity: [velocity; 6], acceleration: [acceleration; 6] };
+        let mut limiter = Limiter::new(limits);
+        let (mut position, mut speed) = (0, 0);
+        for target in targets {
+            let from = position;
+            let cycles = 40_000 / i32::from(velocity) + 3_000 / i32::from(acceleration) * 2 + 400;
+            for _ in 0..cycles {
+                let next = i32::from(limiter.positions([target; 6])[3]);
+                prop_assert!((next - position).abs() <= i32::from(velocity));
+                prop_assert!((next - position - speed).abs() <= i32::from(acceleration));
+                let between = (from.min(target.into())..=from.max(target.into())).contains(&next);
+                prop_assert!(between, "{next} is not between {from} and {target}");
+                (position, speed) = (next, next - position);
+            }
+            prop_assert_eq!((position, limiter.is_at_rest()), (i32::from(target), true));
+        }
+    }
+
+    #[test]
+    fn a_target_that_moves_is_followed_within_the_limits(seed: u64, acceleration in 1..500u16) {
+        let mut rng = Rng::new(seed);
+        let limits = Limits { velocity: [700; 6], acceleration: [acceleration; 6] };
+        let mut limiter = Limiter::new(limits);
+        let (mut position, mut speed) = (0, 0);
+        for _ in 0..200 {
+            let target = i16::try_from(rng.below(20_000)).unwrap() - 10_000;
+            let next = i32::from(limiter.positions([target; 6])[0]);
+            prop_assert!((next - position).abs() <= 700);
+            prop_assert!((next - position - speed).abs() <= i32::from(acceleration));
+            (position, speed) = (next, next - position);
+        }
+    }
+}
+
+#[test]
+fn an_axis_without_acceleration_stays() {
+    let limits = Limits { acceleration: [0; 6], ..Limits::NONE };
+    let mut limiter = Limiter::new(limits);
+    assert_eq!(limiter.speeds([100; 6]), [0; 6]);
+    assert_eq!(limiter.positions([100; 6]), [0; 6]);
+    assert_eq!(Limiter::new(Limits::NONE).positions([i16::MIN; 6]), [i16::MIN; 6]);
+    assert_eq!(Limiter::new(Limits::NONE).speeds([i16::MIN; 6]), [i16::MIN; 6]);
+}
+
+#[test]
+fn a_rejected_offset_is_taken_back() {
+    let mut limiter = Limiter::new(Limits { velocity: [50; 6], acceleration: [20; 6] });
+    assert_eq!([(); 3].map(|()| limiter.positions([500; 6])[0]), [20, 60, 110]);
+    limiter.rejected();
+    assert_eq!((limiter.position()[0], limiter.is_at_rest()), (60, true));
+    assert_eq!(limiter.positions([500; 6])[0], 80);
+    limiter.restart();
+    assert_eq!(
+        (limiter.position(), *limiter.limits()),
+        ([0; 6], Limits { velocity: [50; 6], acceleration: [20; 6] })
+    );
+}
+
+#[test]
+fn a_key_gives_one_code_for_each_press() {
+    let mut clamp = Clamp::default();
+    // Held since before: it must be let go first.
+    let keys = [0b01, 0b01, 0b00, 0b01, 0b01, 0b00, 0b10, 0b11, 0b11, 0b00, 0b11, 0b100];
+    let codes = keys.map(|keys| clamp.keys(keys).map_or(0, u8::from));
+    assert_eq!(codes, [0, 0, 0, 253, 0, 0, 254, 253, 0, 0, 0, 0]);
+    clamp.set_enabled(false);
+    assert_eq!((clamp.keys(0b01), clamp.is_enabled()), (None, false));
+    clamp.set_enabled(true);
+    assert_eq!(clamp.keys(0b01), None, "pressed while it was off");
+    assert_eq!((clamp.keys(0), clamp.keys(0b01)), (None, Some(Exception::CloseGripper)));
+}
+
+/// Rounded to the nearest 1/1000: quarter turns are whole numbers.
+fn rounded(pose: &Pose) -> [[i64; 3]; 4] {
+    #[allow(clippy::cast_possible_truncation)]
+    [pose.n, pose.o, pose.a, pose.p].map(|v| v.map(|x| (x * 1000.0).round() as i64))
+}
+
+const QUARTER: i16 = 16384;
+
+#[test]
+fn a_quarter_turn_about_each_axis() {
+    let turn = |rx, ry, rz| rounded(&Pose::from_values([32, 64, 96, rx, ry, rz], &Scale::PUMA_562));
+    let p = [1000, 2000, 3000];
+    assert_eq!(turn(QUARTER, 0, 0), [[1000, 0, 0], [0, 0, 1000], [0, -1000, 0], p]);
+    assert_eq!(turn(0, QUARTER, 0), [[0, 0, -1000], [0, 1000, 0], [1000, 0, 0], p]);
+    assert_eq!(turn(0, 0, QUARTER), [[0, 1000, 0], [-1000, 0, 0], [0, 0, 1000], p]);
+    // About x, then about the world's y, then about the world's z.
+    let all = Pose::from_values([0, 0, 0, QUARTER, QUARTER, QUARTER], &Scale::PUMA_562);
+    let [x, y, z] = [0, 1, 2].map(|axis| {
+        let mut values = [0; 6];
+        values[3 + axis] = QUARTER;
+        Pose::from_values(values, &Scale::PUMA_562)
+    });
+    assert_eq!(rounded(&all), rounded(&z.times(&y).times(&x)));
+}
+
+/// World: `pos = acc + set; ori = acc · set`. Tool: `T = set · acc`.
+#[test]
+fn increments_add_up_in_world_and_in_tool_coordinates() {
+    let scale = Scale::PUMA_562;
+    let shift = Pose::from_values([32, 0, 0, 0, 0, 0], &scale);
+    let turn = Pose::from_values([0, 0, 0, 0, 0, QUARTER], &scale);
+    let add = |frame, steps: [&Pose; 2]| {
+        steps.iter().fold(Pose::IDENTITY, |sum: Pose, step| sum.accumulated(step, frame))
+    };
+    let attitude = [[0, 1000, 0], [-1000, 0, 0], [0, 0, 1000]];
+    let with = |p: [i64; 3]| [attitude[0], attitude[1], attitude[2], p];
+    // In world coordinates a turn leaves the position alone, whichever comes first.
+    assert_eq!(rounded(&add(CoordinateFrame::World, [&shift, &turn])), with([1000, 0, 0]));
+    assert_eq!(rounded(&add(CoordinateFrame::World, [&turn, &shift])), with([1000, 0, 0]));
+    // In tool coordinates `set` stands in front: a turn turns what has been added up.
+    assert_eq!(rounded(&add(CoordinateFrame::Tool, [&shift, &turn])), with([0, 1000, 0]));
+    assert_eq!(rounded(&add(CoordinateFrame::Tool, [&turn, &shift])), with([1000, 0, 0]));
+
+    // The path's place with a correction: along the world's axes, or along the tool's.
+    let path = Pose { p: [10.0, 20.0, 30.0], ..turn };
+    assert_eq!(rounded(&path.corrected(&shift, CoordinateFrame::World))[3], [11_000, 20_000, 30_000]);
+    assert_eq!(rounded(&path.corrected(&shift, CoordinateFrame::Tool))[3], [10_000, 21_000, 30_000]);
+}
+
+#[test]
+fn an_attitude_stays_orthonormal_over_an_hour_of_cycles() {
+    let mut rng = Rng::new(2);
+    let mut sum = Pose::IDENTITY;
+    for _ in 0..128_571 {
+        let mut word = || i16::try_from(rng.below(301)).unwrap() - 150;
+        let set = Pose::from_values(core::array::from_fn(|_| word()), &Scale::PUMA_562);
+        sum = sum.accumulated(&set, CoordinateFrame::Tool);
+    }
+    assert!(sum.orthonormality() < 1e-14, "{}", sum.orthonormality());
+}
+
+#[test]
+fn a_transformation_is_read_by_its_layout() {
+    let words = Transform([16384, 0, 0, 0, -16384, 0, 0, 0, -16384, 12800, -4816, 16]);
+    let pose = words.pose(&Layout::default());
+    let wanted =
+        Pose { n: [1.0, 0.0, 0.0], o: [0.0, -1.0, 0.0], a: [0.0, 0.0, -1.0], p: [400.0, -150.5, 0.5] };
+    assert_eq!(pose, wanted);
+    assert_eq!(pose.orthonormality(), 0.0);
+
+    let turned =
+        Pose { p: [400.0, -150.5, 0.5], ..Pose::from_values([0, 0, 0, 500, -900, 7000], &Scale::PUMA_562) };
+    for (name, layout) in Layout::NAMED {
+        let words = Transform::from_pose(&turned, &layout).unwrap();
+        let back = words.pose(&layout);
+        assert!(back.orthonormality() < 2e-4, "{name}: {}", back.orthonormality());
+        assert_eq!(back.p, turned.p);
+        // A layout that puts the position elsewhere shows; the transpose of a rotation does not.
+        for (other_name, other) in Layout::NAMED {
+            let place = |layout: &Layout| match layout.order {
+                Order::Columns | Order::RotationRowsThenPosition => 0,
+                order => 1 + usize::from(order == Order::Rows),
+            };
+            let fits = words.pose(&other).orthonormality() < 2e-4;
+            assert_eq!(fits, place(&layout) == place(&other), "{name} read as {other_name}");
+        }
+    }
+    let far = Pose { p: [1024.0, 0.0, -2000.0], ..Pose::IDENTITY };
+    let layout = Layout::COLUMNS;
+    assert_eq!(Transform::from_pose(&far, &layout), Err(EncodeError::Range { found: 32768 }));
+    assert_eq!(Transform::from_pose_saturating(&far, &layout).0[9..], [32767, 0, -32768]);
+    let mirrored = Pose { a: [0.0, 0.0, -1.0], ..Pose::IDENTITY };
+    assert_eq!(mirrored.orthonormality(), 2.0);
+}

@@ -103,6 +103,11 @@ impl Decoder {
         if held == 0 { None } else { Some(DecodeError::Incomplete { held }) }
     }
 
+    /// Whether no byte waits for the rest of a frame.
+    pub fn is_empty(&self) -> bool {
+        self.start == self.end
+    }
+
     /// The stream offset just behind what was returned last.
     pub fn position(&self) -> u64 {
         self.position

@@ -106,6 +106,24 @@ pub enum EncodeError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
+    /// The next frame has no room for the instruction, or it must travel alone. Send first.
+    #[error("the next frame cannot take this instruction as well")]
+    Full,
+    /// A word that is no command word.
+    #[error("{word:04X}h is no command word")]
+    UnknownWord {
+        /// The word.
+        word: u16,
+    },
+    /// A single short among the parameters of an interpreted instruction would begin the next one.
+    #[error("a parameter that is a single short reads as the next command word")]
+    LoneShort,
+    /// An answer, but no instruction is being executed.
+    #[error("no instruction is being executed")]
+    NotExecuting,
+    /// The parameters, or the values of an answer, do not fit a frame.
+    #[error(transparent)]
+    Encode(EncodeError),
     /// A word that would have two meanings.
     #[error("{word:04X}h is {first} and {second} at once")]
     Ambiguous {

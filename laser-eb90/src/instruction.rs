@@ -228,7 +228,7 @@ impl Default for Words {
 }
 
 /// The word that an item is: a short of its own.
-fn word_of(item: &Item<'_>) -> Option<u16> {
+pub(crate) fn word_of(item: &Item<'_>) -> Option<u16> {
     match item {
         Item::I16(values) => values.array::<1>().map(|[word]| word.cast_unsigned()),
         _ => None,

@@ -98,7 +98,7 @@ pub enum Output {
     },
     /// Set a valve, then tell [`Event::Done`].
     Grip {
-        /// [`VACUUM`] or [`BLOW`].
+        /// [`VACUUM`](crate::VACUUM) or [`BLOW`](crate::BLOW).
         gripper: i32,
         /// On.
         open: bool,

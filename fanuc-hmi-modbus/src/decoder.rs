@@ -63,7 +63,8 @@ impl Framing {
 /// - TCP loses no bytes, so a bad header means that the peer is out of step: best close the connection and [`reset`](Self::reset).
 ///   A caller who goes on gets the next frame whose header can be one; a frame of another protocol is skipped as a whole.
 /// - On RTU, behind a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins. Noise that looks
-///   like the beginning of a long frame is seen through at the latest when the line falls silent.
+///   like the beginning of a long frame is seen through at the latest when the line falls silent. Within damage one run of bytes
+///   in 65536 passes for a frame by chance.
 /// - A function without a type of its own has no length that RTU could tell: its frame ends with the silence alone, and is not
 ///   looked for within damage.
 ///
@@ -327,7 +328,9 @@ fn foreign_len(data: &[u8]) -> usize {
 /// The length of the RTU frame that begins here.
 fn rtu(data: &[u8], side: Side, finished: bool) -> Result<Option<usize>, DecodeError> {
     match RtuLen::of(data, side) {
-        RtuLen::Silence if finished => Frame::decode_rtu_whole(data).map(|_| Some(data.len())),
+        RtuLen::Silence if finished && data.len() <= Frame::MAX_RTU_LEN => {
+            Frame::decode_rtu_whole(data).map(|_| Some(data.len()))
+        }
         RtuLen::AtLeast(expected) | RtuLen::Known(expected)
             if finished && data.len() < expected && expected <= Frame::MAX_RTU_LEN =>
         {

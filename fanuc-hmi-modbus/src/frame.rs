@@ -85,7 +85,8 @@ impl<'a> Frame<&'a [u8]> {
                 None => Ok(None),
             },
             RtuLen::Silence if bytes.len() > Self::MAX_RTU_LEN => {
-                Err(DecodeError::TooLong { found: bytes.len() })
+                // However many there are: how the stream was cut must not show.
+                Err(DecodeError::TooLong { found: Self::MAX_RTU_LEN + 1 })
             }
             RtuLen::Silence | RtuLen::AtLeast(_) => Ok(None),
         }
@@ -185,7 +186,7 @@ impl<P: Pdu> Frame<P> {
         }
     }
 
-    /// Appends the frame.
+    /// Appends the frame, and says how many bytes it took.
     ///
     /// # Errors
     /// When the specification does not allow the message; then nothing is appended.
@@ -193,11 +194,11 @@ impl<P: Pdu> Frame<P> {
     /// # Panics
     /// As [`bytes::BufMut::put_slice`], when a buffer that cannot grow is full.
     #[cfg(feature = "bytes")]
-    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
+    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<usize, EncodeError> {
         let mut frame = [0; Frame::MAX_LEN];
         let len = self.encode(&mut frame)?;
         out.put_slice(frame.get(..len).unwrap_or_default());
-        Ok(())
+        Ok(len)
     }
 }
 

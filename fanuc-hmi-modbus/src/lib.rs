@@ -1,11 +1,15 @@
-//! Modbus TCP and RTU, both ends, and what FANUC's *HMI Device Communication* says over it.
-
+#![doc = include_str!("../README.md")]
 #![no_std]
 #![forbid(unsafe_code)]
+
+#[cfg(feature = "tokio")]
+extern crate std;
 
 pub mod assignment;
 pub mod block;
 pub mod client;
+#[cfg(feature = "tokio")]
+mod codec;
 pub mod crc;
 mod decoder;
 pub mod error;
@@ -21,6 +25,8 @@ pub mod typed;
 pub use assignment::Assignment;
 pub use block::TelemetryBlock;
 pub use client::Client;
+#[cfg(feature = "tokio")]
+pub use codec::Codec;
 pub use decoder::{Decoder, Framing};
 pub use error::{DecodeError, EncodeError, Mismatch, SessionError};
 pub use frame::{Frame, Side};

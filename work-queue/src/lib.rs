@@ -2,13 +2,18 @@
 //! packets, and the motion task, which executes them.
 //!
 //! ```text
-//!                    complete          take                     claim, commit
-//!  communication        |               |                             |               motion
-//!      task             v               v                             v                task
-//!    +--------+    +----+----+----+----+----+----+----+----+----+----+----+----+     +--------+
-//!    | Writer |    |    |    | 11 | 12 | 13 | 14 | 15 | 16 | 17 |    |    |    |     | Reader |
-//!    +--------+    +----+----+----+----+----+----+----+----+----+----+----+----+     +--------+
-//!                   free      in execution, waiting                free
+//!    motion task                                             communication task
+//! +----------------+                                         +-----------------+
+//! |     Reader     |                                         |     Writer      |
+//! | take, complete |                                         |  claim, commit  |
+//! +----------------+                                         +-----------------+
+//!         |                                                           |
+//!         +---------------+                             +-------------+
+//!                         v                             v
+//!               +----+----+----+----+----+----+----+----+----+----+----+
+//!               |    |    | 11 | 12 | 13 | 14 | 15 | 16 |    |    |    |
+//!               +----+----+----+----+----+----+----+----+----+----+----+
+//!                  free    executing, then waiting           free
 //! ```
 //!
 //! One [`Writer`], one [`Reader`]; neither ever waits for the other, and nothing is allocated after creation.
@@ -46,6 +51,8 @@ extern crate std;
 struct Readme;
 
 mod error;
+#[cfg(doctest)]
+mod misuse;
 mod number;
 mod position;
 mod queue;

@@ -5,8 +5,10 @@ use std::time::Duration;
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::{Map, Value};
 
 use crate::links::Link;
+use crate::settings;
 use crate::trace::TraceArgs;
 
 /// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
@@ -33,6 +35,9 @@ pub struct Args {
     out: Option<PathBuf>,
     #[command(flatten)]
     trace: TraceArgs,
+    /// A setting of the link's demo other than its default, such as baud=19200 (one LINK only)
+    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
+    set: Vec<(String, Value)>,
 }
 
 /// What a link's demo is told.
@@ -48,6 +53,8 @@ pub struct DemoOptions {
     pub out: Option<PathBuf>,
     /// What becomes of the bytes of a session that ended, where the link keeps them.
     pub trace: TraceArgs,
+    /// Settings other than the demo's defaults.
+    pub settings: Map<String, Value>,
     /// The progress line, on standard error.
     pub progress: ProgressBar,
 }
@@ -57,6 +64,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let links = if args.links.is_empty() { Link::all() } else { args.links.as_slice() };
     if links.len() != 1 {
         anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes something else");
+        anyhow::ensure!(args.set.is_empty(), "--set needs one LINK: each has other settings");
     }
     let mut all = true;
     for link in links {
@@ -67,6 +75,7 @@ pub fn run(args: &Args) -> Result<bool> {
             seed: args.seed,
             out: args.out.clone(),
             trace: args.trace.clone(),
+            settings: args.set.iter().cloned().collect(),
             progress: progress.clone(),
         };
         let report = link.demo(&options)?;

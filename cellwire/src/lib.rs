@@ -18,6 +18,7 @@ pub mod serial;
 pub mod settings;
 pub mod simulate;
 pub mod tcp;
+pub mod teleop;
 pub mod trace;
 pub mod vectors;
 

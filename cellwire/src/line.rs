@@ -81,6 +81,7 @@ pub struct Line {
     writer: Box<dyn Write + Send>,
     connected: Arc<AtomicBool>,
     sending: Direction,
+    late: Duration,
     receiving: Direction,
     faults: LineFaults,
     trace: Trace,
@@ -133,6 +134,7 @@ impl Line {
             writer,
             connected,
             sending: Direction::default(),
+            late: Duration::ZERO,
             receiving: Direction::default(),
             faults: LineFaults::none(),
             trace,
@@ -186,6 +188,11 @@ impl Line {
         }
     }
 
+    /// By how much this process, not the line, was late with bytes that it sent since the last call.
+    pub fn take_lateness(&mut self) -> Duration {
+        core::mem::take(&mut self.late)
+    }
+
     /// Whether a client has the other end open.
     pub fn is_connected(&self) -> bool {
         self.connected.load(Ordering::Relaxed)
@@ -205,8 +212,13 @@ impl Line {
     fn carry(&mut self) {
         let now = self.clock.now();
         let mut due = Vec::new();
-        while let Some((_, byte)) = self.sending.take(now) {
+        let mut last = now;
+        while let Some((at, byte)) = self.sending.take(now) {
             due.push(byte);
+            last = at;
+        }
+        if self.sending.bytes.is_empty() {
+            self.late += now - last;
         }
         if !due.is_empty() && self.is_connected() {
             // A client that just went takes nothing any more, like a line with nobody at its end.

@@ -1,6 +1,7 @@
 //! The links that the tool knows, one folder each: its codec, its demo, its simulators.
 
 pub mod isra_ball;
+pub mod val2_alter;
 
 use anyhow::{Result, bail};
 use clap::ValueEnum;
@@ -15,6 +16,8 @@ use crate::simulate::SimulateOptions;
 /// A link, by the name of its crate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Link {
+    /// VAL II ALTER on a Unimation MARK III
+    Val2Alter,
     /// The ISRA Robot Command Teach Ball
     IsraBall,
 }
@@ -28,6 +31,7 @@ impl Link {
     /// The crate's name.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Val2Alter => "val2-alter",
             Self::IsraBall => "isra-ball",
         }
     }
@@ -35,13 +39,17 @@ impl Link {
     /// The names of the sides that send, for `--from`; the first is the default.
     pub fn sides(self) -> &'static [&'static str] {
         match self {
+            Self::Val2Alter => &["robot", "host"],
             Self::IsraBall => &["ball"],
         }
     }
 
     /// The side that sends, in a capture: the TCP client, or the server on this port.
-    pub fn sender(self, _is_client: bool, _server_port: u16) -> &'static str {
+    pub fn sender(self, is_client: bool, _server_port: u16) -> &'static str {
         match self {
+            // Serial device servers listen: the robot is behind one.
+            Self::Val2Alter if is_client => "host",
+            Self::Val2Alter => "robot",
             Self::IsraBall => "ball",
         }
     }
@@ -51,8 +59,9 @@ impl Link {
     /// # Errors
     /// When an option does not fit this link.
     pub fn codec(self, options: &CodecOptions) -> Result<Box<dyn Codec>> {
-        let _side = self.side(options.from.as_deref())?;
+        let side = self.side(options.from.as_deref())?;
         match self {
+            Self::Val2Alter => val2_alter::codec(side, options),
             Self::IsraBall => isra_ball::codec(options),
         }
     }
@@ -63,6 +72,7 @@ impl Link {
     /// When the demo cannot be set up: a port in use, a file that does not exist.
     pub fn demo(self, options: &DemoOptions) -> Result<Report> {
         match self {
+            Self::Val2Alter => val2_alter::demo(options),
             Self::IsraBall => isra_ball::demo(options),
         }
     }
@@ -112,8 +122,12 @@ impl CodecArgs {
 /// A simulated end of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Device {
+    /// The PUMA 562 on its MARK III; settings: baud, mode, subroutine, attempts, restart_ms
+    Puma,
     /// The ISRA Robot Command Teach Ball with a hand on it; settings: baud
     Ball,
+    /// The graphics workstation that draws the PUMA; settings: baud
+    Viewer,
 }
 
 impl Device {
@@ -123,6 +137,8 @@ impl Device {
     /// When its endpoint cannot be opened.
     pub fn simulate(self, options: &SimulateOptions) -> Result<()> {
         match self {
+            Self::Puma => val2_alter::puma::simulate(options),
+            Self::Viewer => val2_alter::workstation::simulate(options),
             Self::Ball => isra_ball::ball::simulate(options),
         }
     }

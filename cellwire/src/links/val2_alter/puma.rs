@@ -1,0 +1,375 @@
+//! The simulated PUMA 562 on its MARK III controller.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use anyhow::Result;
+use serde_json::{Value, json};
+use val2_alter::timing::{self, Budget};
+use val2_alter::{
+    AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Frame, Mode,
+    Pose, SegmentStatus,
+};
+
+use crate::device::serve;
+use crate::line::{Clock, Line};
+use crate::report::Samples;
+use crate::settings::Settings;
+use crate::simulate::{SimulateOptions, log};
+
+/// The subroutine that closes or opens the gripper takes this long.
+const SUBROUTINE: Duration = Duration::from_millis(120);
+/// The program counts its motion segments at this pace.
+const SEGMENT: Duration = Duration::from_secs(1);
+
+/// How the simulated robot behaves.
+#[derive(Debug, Clone, Copy)]
+pub struct PumaConfig {
+    /// The ALTER instruction, the line and the arm.
+    pub controller: ControllerConfig,
+    /// The operator starts the program again so long after it ended.
+    pub restart: Duration,
+}
+
+impl Default for PumaConfig {
+    /// `ALTER(0, 23, clamp2, 127)`.
+    fn default() -> Self {
+        let controller = ControllerConfig { subroutine: true, ..ControllerConfig::default() };
+        Self { controller, restart: Duration::from_secs(1) }
+    }
+}
+
+/// What the simulated robot tells while it runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PumaEvent {
+    /// ALTER runs.
+    Started(Pose),
+    /// The host refused it.
+    Refused,
+    /// Nobody answered.
+    GaveUp,
+    /// A reply could not be read, or did not come.
+    BadReply(ErrorCode),
+    /// The gripper closes (true) or opens.
+    Gripper(bool),
+    /// An exception that the subroutine does not know, or that nobody handles.
+    Exception(u8),
+    /// ALTER is over; the arm stands there.
+    Ended(ErrorCode, Pose),
+    /// A client has the port open, or none has.
+    Connected(bool),
+}
+
+/// A reply as it arrived.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Taken {
+    /// When its last byte arrived.
+    pub at: Duration,
+    /// The how many-th ALTER it belongs to, from 1.
+    pub session: u64,
+    /// The how many-th cycle of the robot it answers.
+    pub cycle: u64,
+    /// Its values.
+    pub values: [i16; AXES],
+}
+
+/// What the simulated robot measured and counted.
+#[derive(Debug, Clone, Default)]
+pub struct PumaRecord {
+    /// From the last byte of a request to the last byte of its reply.
+    pub turn_around: Samples,
+    /// The part of it that the host took, until it wrote the reply.
+    pub thinking: Samples,
+    /// What was left of the window.
+    pub margin: Samples,
+    /// The shortest window.
+    pub window: Option<Duration>,
+    /// Every reply that was taken.
+    pub replies: Vec<Taken>,
+    /// Standard messages sent.
+    pub cycles: u64,
+    /// Cycles without a reply.
+    pub missed: u64,
+    /// Replies that could not be read.
+    pub bad_replies: u64,
+    /// Times that ALTER began.
+    pub starts: u64,
+    /// The ends of ALTER, and why.
+    pub ends: Vec<(Duration, ErrorCode)>,
+    /// The gripper's moves: true closes.
+    pub gripper: Vec<bool>,
+    /// How long the simulator itself was late.
+    pub stood: Duration,
+    /// How far the arm was from its place at the end of ALTER when ALTER began again, in mm: it stands still in between.
+    pub drift: f64,
+}
+
+/// `cellwire simulate puma`.
+///
+/// # Errors
+/// When the endpoint cannot be opened, or a setting is none of this device's.
+pub fn simulate(options: &SimulateOptions) -> Result<()> {
+    let known = ["baud", "mode", "subroutine", "attempts", "restart_ms"];
+    let settings = Settings::new("puma", &options.settings, &known)?;
+    let default = PumaConfig::default();
+    let controller = ControllerConfig {
+        baud: settings.number("baud", default.controller.baud)?,
+        mode: Mode(settings.number("mode", default.controller.mode.0)?),
+        subroutine: settings.flag("subroutine", default.controller.subroutine)?,
+        attempts: settings.number("attempts", default.controller.attempts)?,
+        ..default.controller
+    };
+    let restart = Duration::from_millis(settings.number("restart_ms", 1000u64)?);
+    let config = PumaConfig { controller, restart };
+    serve("puma", "robot", options, controller.baud, |line, clock| {
+        run(line, clock, config, &AtomicBool::new(false), |at, event| log(&to_json(at, event)))?;
+        Ok(())
+    })
+}
+
+/// Runs the robot's program until told to stop, or until the connection is gone.
+///
+/// # Errors
+/// When an event cannot be told, or a trace cannot be written.
+pub fn run(
+    line: &mut Line,
+    clock: Clock,
+    config: PumaConfig,
+    stop: &AtomicBool,
+    mut tell: impl FnMut(Duration, PumaEvent) -> Result<()>,
+) -> Result<PumaRecord> {
+    let mut puma = Puma::new(config);
+    let mut out = [0; Frame::MAX_LEN];
+    // When this process gets no processor, a request leaves late through no fault of the host: the robot's clock stands still.
+    let mut stood = Duration::ZERO;
+    while !stop.load(Ordering::Relaxed) && line.wait(puma.wake(clock.now() - stood) + stood) {
+        stood += line.take_lateness();
+        while let Some((at, byte)) = line.receive() {
+            puma.receive(at.saturating_sub(stood), byte);
+        }
+        let now = clock.now() - stood;
+        puma.pass_time(now, line.is_connected());
+        if let Some(length) = puma.controller.poll_transmit(now, &mut out) {
+            let arrived = line.send(out.get(..length).unwrap_or_default());
+            puma.sent(arrived.saturating_sub(stood), length);
+        }
+        puma.collect(now);
+        for event in puma.events.drain(..) {
+            tell(now, event)?;
+            if let PumaEvent::Ended(error, _) = event
+                && let Some(path) =
+                    line.trace().session_ended(&format!("ALTER ended, {}", error_text(error)))?
+            {
+                tell_trace(&path);
+            }
+        }
+    }
+    if let Some(path) = line.trace().session_ended("the run ended")? {
+        tell_trace(&path);
+    }
+    puma.record.stood = stood;
+    Ok(puma.record)
+}
+
+fn tell_trace(path: &std::path::Path) {
+    eprintln!("trace: {}", path.display());
+}
+
+/// The controller, its operator, its program and its gripper.
+struct Puma {
+    controller: Controller,
+    config: PumaConfig,
+    record: PumaRecord,
+    events: Vec<PumaEvent>,
+    connected: bool,
+    start_at: Duration,
+    resume_at: Option<Duration>,
+    request: Option<Request>,
+    stands_at: Option<Pose>,
+}
+
+/// The request that is being answered.
+struct Request {
+    arrived: Duration,
+    window: Duration,
+    first_byte: Option<Duration>,
+    last_byte: Duration,
+}
+
+impl Puma {
+    fn new(config: PumaConfig) -> Self {
+        Self {
+            controller: Controller::new(config.controller),
+            config,
+            record: PumaRecord::default(),
+            events: Vec::new(),
+            connected: false,
+            start_at: Duration::ZERO,
+            resume_at: None,
+            request: None,
+            stands_at: None,
+        }
+    }
+
+    /// When there is something to do at the latest.
+    fn wake(&self, now: Duration) -> Duration {
+        let idle = now + Duration::from_millis(20);
+        let start =
+            (self.controller.state() == ControllerState::Off && self.connected).then_some(self.start_at);
+        [self.controller.poll_timeout(), self.resume_at, start].into_iter().flatten().fold(idle, Ord::min)
+    }
+
+    fn receive(&mut self, at: Duration, byte: u8) {
+        if let Some(request) = &mut self.request {
+            request.first_byte.get_or_insert(at);
+            request.last_byte = at;
+        }
+        self.controller.handle_input(at, &[byte]);
+    }
+
+    fn pass_time(&mut self, now: Duration, connected: bool) {
+        self.controller.handle_timeout(now);
+        if self.resume_at.is_some_and(|at| at <= now) {
+            self.resume_at = None;
+            self.controller.resume();
+        }
+        if connected != self.connected {
+            self.connected = connected;
+            self.start_at = self.start_at.max(now + Duration::from_millis(200));
+            self.events.push(PumaEvent::Connected(connected));
+        }
+        if connected && self.controller.state() == ControllerState::Off && now >= self.start_at {
+            // It cannot have been started already: it is off.
+            let _ = self.controller.start(now);
+        }
+        let segments = now.as_millis() / SEGMENT.as_millis();
+        let part = f64::from(u32::try_from(now.as_millis() % SEGMENT.as_millis()).unwrap_or_default())
+            / SEGMENT.as_millis() as f64;
+        let number = u16::try_from(1 + segments % u128::from(u16::MAX)).unwrap_or(1);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "part is in 0..1")]
+        let percent = (part * f64::from(val2_alter::Motion::DONE)) as u16;
+        self.controller.set_segment(SegmentStatus::Normal, number, percent);
+    }
+
+    /// A message was sent; its last byte arrives at `arrived`.
+    fn sent(&mut self, arrived: Duration, length: usize) {
+        let controller = &self.config.controller;
+        let window = Budget::new(controller.mode.accumulation(), controller.baud, length, 0).window;
+        self.request = Some(Request { arrived, window, first_byte: None, last_byte: Duration::ZERO });
+    }
+
+    fn collect(&mut self, now: Duration) {
+        while let Some(event) = self.controller.poll_event() {
+            match event {
+                ControllerEvent::Started => {
+                    let pose = self.controller.pose();
+                    if let Some(stood) = self.stands_at.take() {
+                        self.record.drift = self.record.drift.max(distance(&stood, &pose));
+                    }
+                    self.events.push(PumaEvent::Started(pose));
+                }
+                ControllerEvent::Refused => self.off(PumaEvent::Refused),
+                ControllerEvent::GaveUp => self.off(PumaEvent::GaveUp),
+                ControllerEvent::Reply(reply) => self.measure(reply.values.map(Option::unwrap_or_default)),
+                ControllerEvent::BadReply(code) => self.events.push(PumaEvent::BadReply(code)),
+                ControllerEvent::Exception(exception) => {
+                    self.resume_at =
+                        Some(self.request.as_ref().map_or(Duration::ZERO, |r| r.last_byte) + SUBROUTINE);
+                    match exception {
+                        Exception::CloseGripper => self.grip(true),
+                        Exception::OpenGripper => self.grip(false),
+                        other => self.events.push(PumaEvent::Exception(other.into())),
+                    }
+                }
+                ControllerEvent::Aborted(exception) => {
+                    self.events.push(PumaEvent::Exception(exception.into()))
+                }
+                ControllerEvent::Ended(error) => {
+                    let pose = self.controller.pose();
+                    self.stands_at = Some(pose);
+                    self.record.ends.push((now, error));
+                    self.off(PumaEvent::Ended(error, pose));
+                }
+                _ => {}
+            }
+        }
+        let stats = self.controller.stats();
+        let record = &mut self.record;
+        (record.cycles, record.missed, record.bad_replies) =
+            (stats.cycles, stats.timeouts, stats.bad_replies);
+        record.starts = stats.starts;
+    }
+
+    fn measure(&mut self, values: [i16; AXES]) {
+        let Some(Request { arrived, window, first_byte: Some(first), last_byte }) = self.request.take()
+        else {
+            return;
+        };
+        let turn_around = last_byte.saturating_sub(arrived);
+        let byte_time = timing::transmission(1, self.config.controller.baud);
+        let record = &mut self.record;
+        record.turn_around.add(turn_around);
+        record.thinking.add(first.saturating_sub(byte_time).saturating_sub(arrived));
+        record.margin.add(window.saturating_sub(turn_around));
+        record.window = Some(record.window.map_or(window, |least| least.min(window)));
+        let stats = self.controller.stats();
+        record.replies.push(Taken { at: last_byte, session: stats.starts, cycle: stats.cycles, values });
+    }
+
+    fn grip(&mut self, closes: bool) {
+        self.record.gripper.push(closes);
+        self.events.push(PumaEvent::Gripper(closes));
+    }
+
+    /// The program has ended; the operator starts it again after a while.
+    fn off(&mut self, event: PumaEvent) {
+        let now = self.request.as_ref().map_or(Duration::ZERO, |request| request.arrived);
+        self.start_at = now + self.config.restart;
+        self.resume_at = None;
+        self.events.push(event);
+    }
+}
+
+fn distance(a: &Pose, b: &Pose) -> f64 {
+    a.p.iter().zip(b.p).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+fn to_json(at: Duration, event: PumaEvent) -> Value {
+    let ms = u64::try_from(at.as_millis()).unwrap_or(u64::MAX);
+    match event {
+        PumaEvent::Started(pose) => json!({"ms": ms, "event": "started", "position_mm": position(&pose)}),
+        PumaEvent::Refused => json!({"ms": ms, "event": "refused"}),
+        PumaEvent::GaveUp => json!({"ms": ms, "event": "gave_up"}),
+        PumaEvent::BadReply(code) => {
+            json!({"ms": ms, "event": "bad_reply", "error": u8::from(code), "why": error_text(code)})
+        }
+        PumaEvent::Gripper(closes) => {
+            json!({"ms": ms, "event": "gripper", "state": if closes { "closed" } else { "open" }})
+        }
+        PumaEvent::Exception(code) => json!({"ms": ms, "event": "exception", "code": code}),
+        PumaEvent::Ended(error, pose) => json!({
+            "ms": ms, "event": "ended", "error": u8::from(error), "why": error_text(error), "position_mm": position(&pose)
+        }),
+        PumaEvent::Connected(connected) => {
+            json!({"ms": ms, "event": if connected { "connected" } else { "disconnected" }})
+        }
+    }
+}
+
+fn position(pose: &Pose) -> [f64; 3] {
+    pose.p.map(|mm| (mm * 1000.0).round() / 1000.0)
+}
+
+/// An error code in words (§3.2.2).
+pub fn error_text(code: ErrorCode) -> &'static str {
+    match code {
+        ErrorCode::None => "no error",
+        ErrorCode::Checksum => "checksum error",
+        ErrorCode::Format => "format error",
+        ErrorCode::Overflow => "buffer overflow",
+        ErrorCode::Incomplete => "incomplete message",
+        ErrorCode::Mark => "start or end mark",
+        ErrorCode::Timeout => "timeout",
+        ErrorCode::Other(_) => "unknown error",
+    }
+}

@@ -1,0 +1,257 @@
+//! The whole cell in one process: simulated ball, robot and workstation, and the host between them, on three pseudo-terminals.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context as _, Result, anyhow};
+use indicatif::ProgressBar;
+use isra_ball::Status;
+use val2_alter::timing::{self, Budget};
+use val2_alter::{AXES, Exception, HostConfig, HostState, Mode, Select};
+
+use super::{LIMITS, Mapping, Order, PortConfig, Teleop, TeleopConfig, Told, Traces};
+use crate::line::{Clock, Line, LineFaults};
+use crate::links::isra_ball::ball::{self, BallCounts};
+use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
+use crate::links::val2_alter::workstation::{self, Drawn};
+use crate::report::Samples;
+use crate::serial;
+use crate::trace::TraceArgs;
+
+/// With faults: how often each kind of damage is done, for each byte.
+const FAULT_RATE: f64 = 0.0001;
+/// With faults: the host has too much to do for `STALL`, once in this time.
+const STALL_EVERY: Duration = Duration::from_millis(2900);
+const STALL: Duration = Duration::from_millis(60);
+
+/// How the cell runs.
+#[derive(Debug, Clone)]
+pub struct CellConfig {
+    /// For how long.
+    pub time: Duration,
+    /// The robot's line.
+    pub baud: u32,
+    /// The mode of its ALTER instruction.
+    pub mode: Mode,
+    /// Whether lines damage bytes, and the host stalls.
+    pub faults: bool,
+    /// What the damage follows from.
+    pub seed: u64,
+    /// What becomes of the last bytes of a session.
+    pub trace: TraceArgs,
+}
+
+/// What came of it, as the simulated devices and the host saw it.
+#[derive(Debug, Default)]
+pub struct CellRecord {
+    /// The robot's side.
+    pub puma: PumaRecord,
+    /// The ball's side.
+    pub ball: BallCounts,
+    /// The workstation's side.
+    pub drawn: Drawn,
+    /// The host's side.
+    pub host: HostRecord,
+    /// Bytes damaged by the lines of robot, ball and workstation.
+    pub line_faults: [u64; 3],
+    /// When the host was told to come to rest.
+    pub stopped_at: Duration,
+    /// How many of the robot's ends of ALTER came before that.
+    pub ends_before_stop: usize,
+}
+
+/// What the host told.
+#[derive(Debug, Default)]
+pub struct HostRecord {
+    /// Each reply.
+    pub cycles: Vec<Cycle>,
+    /// From the last byte read to the reply written, by the host's own clock.
+    pub thinking: Samples,
+    /// Times that ALTER was accepted.
+    pub starts: u32,
+    /// Ends of ALTER that the robot told.
+    pub ends: u64,
+    /// Deadlines that passed without a reply.
+    pub missed: u64,
+    /// Stretches of damaged bytes from the robot.
+    pub damaged: u64,
+    /// Exceptions taken for the gripper's keys: true closes.
+    pub clamps: Vec<bool>,
+    /// Keys that did nothing, because ALTER did not run.
+    pub clamps_refused: u64,
+    /// Packets of the ball with new values, and with old ones.
+    pub fresh: u64,
+    /// Packets of the ball with the values before.
+    pub old: u64,
+    /// From a poll of the ball to the whole packet.
+    pub exchange: Samples,
+    /// Polls without a packet.
+    pub ball_missed: u64,
+    /// Damaged packets of the ball.
+    pub ball_damaged: u64,
+    /// Times that the ball gave no new values for too long.
+    pub ball_stale: u64,
+    /// Poses sent to the workstation.
+    pub poses: u64,
+    /// Times that the host was made to sleep.
+    pub stalls: u64,
+}
+
+/// One reply of the host.
+#[derive(Debug, Clone, Copy)]
+pub struct Cycle {
+    /// When it left.
+    pub at: Duration,
+    /// The how many-th ALTER, from 1.
+    pub session: u32,
+    /// What the ball asked for, in units a cycle.
+    pub demand: [i16; AXES],
+    /// What the limits made of it.
+    pub values: [i16; AXES],
+}
+
+/// Runs the cell.
+///
+/// # Errors
+/// When there are no pseudo-terminals.
+pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
+    let clock = Clock::start();
+    let polls = isra_ball::Config::default();
+    let mut robot = Wire::new("robot", clock, config.baud, 1, config)?;
+    let mut ball = Wire::new("ball", clock, polls.baud, 2, config)?;
+    let mut viewer = Wire::new("viewer", clock, workstation::BAUD, 3, config)?;
+    let mut puma = PumaConfig { restart: Duration::from_millis(300), ..PumaConfig::default() };
+    (puma.controller.baud, puma.controller.mode) = (config.baud, config.mode);
+    let teleop = TeleopConfig {
+        robot: robot.port(config.baud),
+        ball: ball.port(polls.baud),
+        viewer: Some(viewer.port(workstation::BAUD)),
+        alter: host_config(config),
+        polls,
+        mapping: Mapping::for_limits(&LIMITS, 150),
+    };
+    let stop = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let robot = scope
+            .spawn(|| (puma::run(&mut robot.line, clock, puma, &stop, |_, _| Ok(())), robot.line.faults()));
+        let ball = scope.spawn(|| (ball::run(&mut ball.line, clock, &stop, |_| Ok(())), ball.line.faults()));
+        let viewer = scope
+            .spawn(|| (workstation::run(&mut viewer.line, clock, &stop, |_| Ok(())), viewer.line.faults()));
+        let host = drive(config, teleop, clock, progress);
+        stop.store(true, Ordering::Relaxed);
+        let gone = |what| move |_| anyhow!("the simulated {what} panicked");
+        let (puma, robot_faults) = robot.join().map_err(gone("robot"))?;
+        let (ball, ball_faults) = ball.join().map_err(gone("ball"))?;
+        let (drawn, viewer_faults) = viewer.join().map_err(gone("workstation"))?;
+        let (host, stopped_at) = host?;
+        let puma = puma.context("the simulated robot")?;
+        let ends_before_stop = puma.ends.iter().filter(|(at, _)| *at < stopped_at).count();
+        Ok(CellRecord {
+            puma,
+            ball: ball.context("the simulated ball")?,
+            drawn: drawn.context("the simulated workstation")?,
+            host,
+            line_faults: [robot_faults, ball_faults, viewer_faults],
+            stopped_at,
+            ends_before_stop,
+        })
+    })
+}
+
+/// Six values in every reply where the line is fast enough for them, whatever bytes they hold; else what has changed.
+fn host_config(config: &CellConfig) -> HostConfig {
+    let default = HostConfig { baud: config.baud, limits: LIMITS, subroutine: true, ..super::host_config() };
+    let (accumulation, transform) = (config.mode.accumulation(), config.mode.has_transform());
+    let worst = Budget::worst_case(accumulation, config.baud, transform, AXES, default.framing);
+    let select = if worst.slack().is_some() { Select::All } else { Select::Needed };
+    HostConfig { select, ..default }
+}
+
+/// A simulated device's line on a pseudo-terminal, and the path of its other end.
+struct Wire {
+    line: Line,
+    path: String,
+}
+
+impl Wire {
+    fn new(name: &str, clock: Clock, baud: u32, number: u64, config: &CellConfig) -> Result<Self> {
+        let (device, path) = serial::pair()?;
+        let line = Line::over_port(device, clock, baud, config.trace.start(name))?;
+        let faults = match config.faults {
+            true => LineFaults::with_rate(FAULT_RATE, config.seed.wrapping_mul(3).wrapping_add(number)),
+            false => LineFaults::none(),
+        };
+        Ok(Self { line: line.with_faults(faults), path })
+    }
+
+    fn port(&self, baud: u32) -> PortConfig {
+        PortConfig { path: self.path.clone(), baud }
+    }
+}
+
+/// Runs the host for its time, lets it come to rest, and records what it tells.
+fn drive(
+    config: &CellConfig,
+    teleop: TeleopConfig,
+    clock: Clock,
+    progress: &ProgressBar,
+) -> Result<(HostRecord, Duration)> {
+    // The devices keep the traces.
+    let off = TraceArgs::off();
+    let traces = Traces { robot: off.start("robot"), ball: off.start("ball"), viewer: off.start("viewer") };
+    let host = Teleop::start(teleop, clock, &traces)?;
+    let mut record = HostRecord::default();
+    progress.set_length(u64::try_from(config.time.as_millis() / timing::CYCLE.as_millis())?);
+    let end = clock.now() + config.time;
+    let mut next_stall = clock.now() + STALL_EVERY;
+    while clock.now() < end {
+        if config.faults && clock.now() >= next_stall {
+            next_stall += STALL_EVERY;
+            record.stalls += 1;
+            host.order(Order::Stall(STALL));
+        }
+        if let Some((at, told)) = host.wait(Duration::from_millis(20)) {
+            record.take(at, &told, progress);
+        }
+    }
+    let stopped_at = clock.now();
+    host.order(Order::Stop);
+    let patience = stopped_at + Duration::from_secs(2);
+    while clock.now() < patience {
+        let Some((at, told)) = host.wait(Duration::from_millis(20)) else { continue };
+        record.take(at, &told, progress);
+        if told == Told::State(HostState::Idle) {
+            break;
+        }
+    }
+    Ok((record, stopped_at))
+}
+
+impl HostRecord {
+    fn take(&mut self, at: Duration, told: &Told, progress: &ProgressBar) {
+        match told {
+            Told::Start(_) => self.starts += 1,
+            Told::Reply { demand, values, thinking } => {
+                self.cycles.push(Cycle { at, session: self.starts, demand: *demand, values: *values });
+                self.thinking.add(*thinking);
+                progress.inc(1);
+            }
+            Told::End(_) => self.ends += 1,
+            Told::Missed => self.missed += 1,
+            Told::Damaged(_) => self.damaged += 1,
+            Told::Clamp(exception, Ok(())) => self.clamps.push(*exception == Exception::CloseGripper),
+            Told::Clamp(_, Err(_)) => self.clamps_refused += 1,
+            Told::Ball(packet, took) => {
+                let count = if packet.status == Status::Fresh { &mut self.fresh } else { &mut self.old };
+                *count += 1;
+                self.exchange.add(*took);
+            }
+            Told::BallMissed => self.ball_missed += 1,
+            Told::BallDamaged(_) => self.ball_damaged += 1,
+            Told::BallStale => self.ball_stale += 1,
+            Told::Pose => self.poses += 1,
+            _ => {}
+        }
+    }
+}

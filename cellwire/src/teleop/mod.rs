@@ -1,0 +1,248 @@
+//! The host computer of the teleoperation cell: a control ball steers a robot over ALTER, and a workstation draws it.
+//!
+//! ```text
+//!             ┌───────────── host ──────────────┐
+//!  ball ◀────▶│ ball thread ──orders──▶ robot thread │◀────▶ robot        each thread blocks on its own port;
+//!             │                 └──poses──▶ viewer thread │◀────▶ viewer   what they tell goes one way, to the caller
+//!             └───────┴─────── told ──┴────▶ screen, demo, records
+//! ```
+//!
+//! The robot thread alone answers the controller. It takes no lock and waits for nobody: orders come to it through a channel that
+//! it empties before each reply, and what it has to tell leaves through another after the reply.
+
+mod ball;
+pub mod cell;
+mod mapping;
+mod robot;
+pub mod verdict;
+mod viewer;
+
+pub use mapping::Mapping;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use anyhow::Result;
+use isra_ball::Packet;
+use val2_alter::{
+    AXES, End, ErrorCode, Exception, HostConfig, HostState, Limits, Motion, Policy, SessionError, Start,
+};
+
+use crate::line::Clock;
+use crate::trace::Trace;
+
+/// A serial port by its path.
+#[derive(Debug, Clone)]
+pub struct PortConfig {
+    /// The path or name.
+    pub path: String,
+    /// The baud rate.
+    pub baud: u32,
+}
+
+/// What the host is to do.
+#[derive(Debug, Clone)]
+pub struct TeleopConfig {
+    /// The robot's port.
+    pub robot: PortConfig,
+    /// The ball's port.
+    pub ball: PortConfig,
+    /// The workstation's port.
+    pub viewer: Option<PortConfig>,
+    /// The ALTER session.
+    pub alter: HostConfig,
+    /// The polls of the ball.
+    pub polls: isra_ball::Config,
+    /// What the ball's forces mean.
+    pub mapping: Mapping,
+}
+
+/// What the robot thread is told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Order {
+    /// A packet of the ball.
+    Ball(Packet),
+    /// The ball gives no new values: come to rest.
+    BallStale,
+    /// How start messages are answered.
+    Policy(Policy),
+    /// Come to rest, then fall silent.
+    Stop,
+    /// The gripper on the ball's keys, on or off.
+    Clamp(bool),
+    /// Sleep, as a host does that has too much to do: a fault for the demo.
+    Stall(Duration),
+}
+
+/// What the threads of the host tell, each with its time.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Told {
+    /// A port is open (again).
+    PortOpen(&'static str, String),
+    /// A port is gone; it is tried again.
+    PortLost(&'static str, String),
+    /// A start message.
+    Start(Start),
+    /// A standard message.
+    Motion(Motion),
+    /// A reply has left.
+    Reply {
+        /// What the ball asked for.
+        demand: [i16; AXES],
+        /// What the limits made of it.
+        values: [i16; AXES],
+        /// From the last byte read to the reply written.
+        thinking: Duration,
+    },
+    /// ALTER is over.
+    End(End),
+    /// The reply came too late to be sent.
+    Missed,
+    /// The controller could not read a reply.
+    Rejected(ErrorCode),
+    /// Bytes from the robot that are no message.
+    Damaged(val2_alter::DecodeError),
+    /// The robot fell silent.
+    Lost,
+    /// The values are zero after [`Order::Stop`]; no message is answered any more.
+    Stopped,
+    /// The session's state after something happened.
+    State(HostState),
+    /// A key of the gripper was pressed, and what became of it.
+    Clamp(Exception, Result<(), SessionError>),
+    /// A packet of the ball, and how long after the poll it was whole.
+    Ball(Packet, Duration),
+    /// A poll of the ball without a packet.
+    BallMissed,
+    /// Damaged bytes from the ball.
+    BallDamaged(isra_ball::DecodeError),
+    /// No new values from the ball.
+    BallStale,
+    /// The workstation was sent a pose.
+    Pose,
+    /// A trace was written.
+    Trace(PathBuf),
+}
+
+/// The running host. It ends when it is dropped.
+#[derive(Debug)]
+pub struct Teleop {
+    orders: Sender<Order>,
+    told: Receiver<(Duration, Told)>,
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+/// The traces of the host's own ends of the lines.
+#[derive(Debug, Clone)]
+pub struct Traces {
+    /// The robot's line.
+    pub robot: Trace,
+    /// The ball's line.
+    pub ball: Trace,
+    /// The workstation's line.
+    pub viewer: Trace,
+}
+
+impl Teleop {
+    /// Opens the ports and begins. `told` receives everything that happens; nobody needs to listen.
+    ///
+    /// # Errors
+    /// When a port cannot be opened, or the ball cannot be polled that fast.
+    pub fn start(config: TeleopConfig, clock: Clock, traces: &Traces) -> Result<Self> {
+        let (orders, orders_in) = channel();
+        let (tell, told) = channel();
+        let (poses, poses_in) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        let context = |trace: &Trace| Context {
+            clock,
+            tell: tell.clone(),
+            stop: Arc::clone(&stop),
+            trace: trace.clone(),
+        };
+        let robot = robot::Robot::open(&config, context(&traces.robot), orders_in, poses)?;
+        let ball = ball::Ball::open(&config, context(&traces.ball), orders.clone())?;
+        let viewer = match &config.viewer {
+            Some(port) => Some(viewer::Feed::open(port, context(&traces.viewer), poses_in)?),
+            None => None,
+        };
+        let mut threads = vec![thread::spawn(|| robot.run()), thread::spawn(|| ball.run())];
+        threads.extend(viewer.map(|viewer| thread::spawn(|| viewer.run())));
+        Ok(Self { orders, told, stop, threads })
+    }
+
+    /// Gives the robot thread an order. It is done within 20 ms, or before the next reply.
+    pub fn order(&self, order: Order) {
+        // A robot thread that is gone has told why.
+        let _ = self.orders.send(order);
+    }
+
+    /// What has been told since the last call, in order of telling.
+    pub fn told(&self) -> impl Iterator<Item = (Duration, Told)> {
+        self.told.try_iter()
+    }
+
+    /// Waits for the next thing told.
+    pub fn wait(&self, timeout: Duration) -> Option<(Duration, Told)> {
+        self.told.recv_timeout(timeout).ok()
+    }
+}
+
+impl Drop for Teleop {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What every thread of the host has.
+struct Context {
+    clock: Clock,
+    tell: Sender<(Duration, Told)>,
+    stop: Arc<AtomicBool>,
+    trace: Trace,
+}
+
+impl Context {
+    fn tell(&self, told: Told) {
+        let _ = self.tell.send((self.clock.now(), told));
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Writes the trace of a session that ended.
+    fn end_trace(&self, why: &str) {
+        tell_trace(&self.trace, why, &self.tell, self.clock);
+    }
+
+    /// The same, while the next session may begin already: a file system keeps nobody waiting.
+    fn end_trace_aside(&self, why: String) {
+        let (trace, tell, clock) = (self.trace.clone(), self.tell.clone(), self.clock);
+        thread::spawn(move || tell_trace(&trace, &why, &tell, clock));
+    }
+}
+
+fn tell_trace(trace: &Trace, why: &str, tell: &Sender<(Duration, Told)>, clock: Clock) {
+    match trace.session_ended(why) {
+        Ok(Some(path)) => drop(tell.send((clock.now(), Told::Trace(path)))),
+        Ok(None) => {}
+        Err(error) => drop(tell.send((clock.now(), Told::PortLost("trace", format!("{error:#}"))))),
+    }
+}
+
+/// The session's defaults for a computer with an operating system: bytes that came together may be read far apart.
+pub fn host_config() -> HostConfig {
+    HostConfig { gap: None, ..HostConfig::default() }
+}
+
+/// Limits at which the source's Figure 9 is easily seen: 100 mm/s and 30 °/s, reached in a third of a second.
+pub const LIMITS: Limits =
+    Limits { velocity: [90, 90, 90, 150, 150, 150], acceleration: [8, 8, 8, 13, 13, 13] };

@@ -1,0 +1,209 @@
+//! The thread that answers the robot controller.
+
+use std::io::{ErrorKind, Read, Write};
+use std::sync::mpsc::{Receiver, Sender};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use isra_ball::Packet;
+use serialport::SerialPort;
+use val2_alter::{AXES, Clamp, Host, HostEvent, HostState, Mode, Transform};
+
+use super::{Context, Mapping, Order, PortConfig, TeleopConfig, Told};
+use crate::serial;
+use crate::trace::Way;
+
+/// Orders are looked at this often while the robot is silent.
+const IDLE: Duration = Duration::from_millis(20);
+/// A port that is gone is tried again this often.
+const REOPEN: Duration = Duration::from_millis(500);
+
+pub(super) struct Robot {
+    context: Context,
+    config: PortConfig,
+    port: Option<Box<dyn SerialPort>>,
+    host: Host,
+    mapping: Mapping,
+    clamp: Clamp,
+    packet: Option<Packet>,
+    orders: Receiver<Order>,
+    poses: Sender<Pose>,
+    /// Told after the reply has left.
+    later: Vec<Told>,
+    last_read: Duration,
+    state: HostState,
+}
+
+/// What the workstation is to show.
+pub(super) enum Pose {
+    /// ALTER begins anew.
+    Restart,
+    /// The arm is here.
+    At(Transform),
+}
+
+impl Robot {
+    pub(super) fn open(
+        config: &TeleopConfig,
+        context: Context,
+        orders: Receiver<Order>,
+        poses: Sender<Pose>,
+    ) -> Result<Self> {
+        let port = serial::open(&config.robot.path, config.robot.baud)?;
+        context.tell(Told::PortOpen("robot", config.robot.path.clone()));
+        Ok(Self {
+            context,
+            config: config.robot.clone(),
+            port: Some(port),
+            host: Host::new(config.alter),
+            mapping: config.mapping,
+            clamp: Clamp::default(),
+            packet: None,
+            orders,
+            poses,
+            later: Vec::with_capacity(32),
+            last_read: Duration::ZERO,
+            state: HostState::Idle,
+        })
+    }
+
+    pub(super) fn run(mut self) {
+        while !self.context.is_stopped() {
+            self.read();
+            self.obey();
+            let now = self.context.clock.now();
+            self.host.handle_timeout(now);
+            self.collect();
+            self.reply();
+            self.tell_later();
+        }
+        self.context.end_trace("the host ends");
+    }
+
+    /// Waits for bytes, at most until the session wants to be called.
+    fn read(&mut self) {
+        let Some(port) = &mut self.port else { return self.reopen() };
+        let now = self.context.clock.now();
+        let due = self.host.poll_timeout().map_or(IDLE, |due| due.saturating_sub(now).min(IDLE));
+        let mut buffer = [0; 256];
+        let outcome = port
+            .set_timeout(due.max(Duration::from_micros(50)))
+            .map_err(std::io::Error::from)
+            .and_then(|()| port.read(&mut buffer));
+        match outcome {
+            Ok(n) => {
+                let bytes = buffer.get(..n).unwrap_or_default();
+                self.last_read = self.context.clock.now();
+                self.context.trace.add(self.last_read, Way::Received, bytes);
+                self.host.handle_input(self.last_read, bytes);
+            }
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(e) => self.lose_port(&e),
+        }
+    }
+
+    fn obey(&mut self) {
+        while let Ok(order) = self.orders.try_recv() {
+            match order {
+                Order::Ball(packet) => {
+                    if let Some(exception) = self.clamp.keys(packet.keys.0) {
+                        let outcome = self.host.exception(exception);
+                        self.later.push(Told::Clamp(exception, outcome));
+                    }
+                    self.packet = Some(packet);
+                }
+                Order::BallStale => self.packet = None,
+                Order::Policy(policy) => self.host.set_policy(policy),
+                Order::Stop => self.host.stop(),
+                Order::Clamp(on) => {
+                    self.clamp.set_enabled(on);
+                    self.host.set_subroutine(on);
+                }
+                Order::Stall(time) => thread::sleep(time),
+            }
+        }
+    }
+
+    /// Takes the session's events; they are told when the reply has left.
+    fn collect(&mut self) {
+        while let Some(event) = self.host.poll_event() {
+            self.later.push(match event {
+                HostEvent::Start(start) => {
+                    let _ = self.poses.send(Pose::Restart);
+                    Told::Start(start)
+                }
+                HostEvent::Motion(motion) => Told::Motion(motion),
+                HostEvent::End(end) => Told::End(end),
+                HostEvent::Damaged(error) => Told::Damaged(error),
+                HostEvent::Missed => Told::Missed,
+                HostEvent::Rejected(code) => Told::Rejected(code),
+                HostEvent::Stopped => Told::Stopped,
+                HostEvent::Lost => Told::Lost,
+                _ => continue,
+            });
+        }
+    }
+
+    fn reply(&mut self) {
+        let demand = self.demand(self.host.mode());
+        self.host.set_target(demand);
+        let mut out = [0; Host::MAX_TRANSMIT];
+        let replies = self.host.stats().replies;
+        let now = self.context.clock.now();
+        let Some(length) = self.host.poll_transmit(now, &mut out) else { return };
+        let Some(port) = &mut self.port else { return };
+        let bytes = out.get(..length).unwrap_or_default();
+        if let Err(e) = port.write_all(bytes) {
+            return self.lose_port(&e);
+        }
+        let written = self.context.clock.now();
+        self.context.trace.add(written, Way::Sent, bytes);
+        if self.host.stats().replies > replies {
+            let thinking = written.saturating_sub(self.last_read);
+            self.later.push(Told::Reply { demand, values: self.host.values(), thinking });
+        }
+    }
+
+    /// What the ball asks for. Without new values from it: rest.
+    fn demand(&self, mode: Mode) -> [i16; AXES] {
+        self.packet.map_or([0; AXES], |packet| self.mapping.target(&packet, mode))
+    }
+
+    fn tell_later(&mut self) {
+        let mut ended = None;
+        for told in self.later.drain(..) {
+            match &told {
+                Told::Motion(motion) => {
+                    if let Some(transform) = motion.transform {
+                        let _ = self.poses.send(Pose::At(transform));
+                    }
+                }
+                Told::End(end) => ended = Some(format!("ALTER ended with error {}", u8::from(end.error))),
+                Told::Lost => ended = Some("the robot fell silent".into()),
+                _ => {}
+            }
+            self.context.tell(told);
+        }
+        if self.state != self.host.state() {
+            self.state = self.host.state();
+            self.context.tell(Told::State(self.state));
+        }
+        if let Some(why) = ended {
+            self.context.end_trace_aside(why);
+        }
+    }
+
+    fn lose_port(&mut self, error: &std::io::Error) {
+        self.port = None;
+        self.later.push(Told::PortLost("robot", error.to_string()));
+    }
+
+    fn reopen(&mut self) {
+        thread::sleep(REOPEN);
+        if let Ok(port) = serial::open(&self.config.path, self.config.baud) {
+            self.port = Some(port);
+            self.later.push(Told::PortOpen("robot", self.config.path.clone()));
+        }
+    }
+}

@@ -269,7 +269,7 @@ impl<const N: usize> Client<N> {
         let index = self.first_in(|state| state == State::Queued)?;
         let (config, slot) = (self.config, self.slots.get_mut(index)?);
         let transaction = config.framing.has_transactions().then_some(slot.transaction);
-        let len = Frame { transaction, unit: slot.unit, pdu: slot.pdu }.encode(out).ok()?;
+        let len = Frame { transaction, unit: slot.unit, pdu: slot.pdu.as_bytes() }.encode(out).ok()?;
         if config.broadcast && slot.unit == 0 {
             slot.apply(state::Event::Announce);
             self.quiet_until = now + config.turnaround;

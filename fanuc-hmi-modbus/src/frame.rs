@@ -3,6 +3,7 @@
 use crate::crc::crc16;
 use crate::error::{DecodeError, EncodeError};
 use crate::message::{Pdu, PduBuf, Reply, Request, function, limit};
+use crate::registers::{Registers, serve};
 
 /// A frame ("ADU"): who is spoken to, and a PDU as raw bytes, a [`Request`], a [`Reply`] or a [`PduBuf`].
 ///
@@ -137,6 +138,24 @@ impl<'a> Frame<&'a [u8]> {
         Ok(Frame { transaction: self.transaction, unit: self.unit, pdu: Reply::decode(self.pdu)? })
     }
 
+    /// Carries the request in this frame out, and writes the frame that answers it to the beginning of `out`; gives its length, or
+    /// `None` when `out` has no room for the longest frame: then nothing is done. See [`serve`](crate::serve).
+    #[inline]
+    pub fn serve<R: Registers + ?Sized>(&self, registers: &mut R, out: &mut [u8]) -> Option<usize> {
+        if let Some(transaction) = self.transaction {
+            let (head, rest) = out.split_first_chunk_mut()?;
+            let len = serve(self.pdu, registers, rest.first_chunk_mut()?);
+            *head = mbap(transaction, self.unit, len);
+            Some(MBAP + len)
+        } else {
+            let out = out.get_mut(..Frame::MAX_RTU_LEN)?;
+            let (unit, rest) = out.split_first_mut()?;
+            *unit = self.unit;
+            let len = serve(self.pdu, registers, rest.first_chunk_mut()?);
+            seal(out, 1 + len)
+        }
+    }
+
     /// A copy that borrows nothing.
     ///
     /// # Errors
@@ -165,25 +184,30 @@ impl<P: Pdu> Frame<P> {
     ///
     /// # Errors
     /// When the specification does not allow the message, or `out` is too small: then nothing of use is in `out`.
-    #[inline]
+    #[inline(always)] // a message that is known where it is encoded costs its own few stores and no more
     pub fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
-        let space = |available| EncodeError::Space { needed: self.encoded_len(), available };
+        let Some(transaction) = self.transaction else { return self.encode_rtu(out) };
         let available = out.len();
-        let in_frame = |error| match error {
-            EncodeError::Space { .. } => space(available),
-            error => error,
+        let Some((head, rest)) = out.split_first_chunk_mut() else {
+            return Err(EncodeError::Space { needed: self.encoded_len(), available });
         };
-        if let Some(transaction) = self.transaction {
-            let (head, rest) = out.split_first_chunk_mut().ok_or(space(available))?;
-            let len = self.pdu.encode(rest).map_err(in_frame)?;
-            *head = mbap(transaction, self.unit, len);
-            Ok(MBAP + len)
-        } else {
-            let (unit, rest) = out.split_first_mut().ok_or(space(available))?;
-            *unit = self.unit;
-            let len = self.pdu.encode(rest).map_err(in_frame)?;
-            seal(out, 1 + len).ok_or(space(available))
+        match self.pdu.encode(rest) {
+            Ok(len) => {
+                *head = mbap(transaction, self.unit, len);
+                Ok(MBAP + len)
+            }
+            Err(error) => Err(in_frame(error, MBAP, available)),
         }
+    }
+
+    fn encode_rtu(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let available = out.len();
+        let Some((unit, rest)) = out.split_first_mut() else {
+            return Err(EncodeError::Space { needed: self.encoded_len(), available });
+        };
+        let len = self.pdu.encode(rest).map_err(|error| in_frame(error, RTU, available))?;
+        *unit = self.unit;
+        seal(out, 1 + len).ok_or(EncodeError::Space { needed: RTU + len, available })
     }
 
     /// Appends the frame, and says how many bytes it took.
@@ -202,9 +226,18 @@ impl<P: Pdu> Frame<P> {
     }
 }
 
+/// The error of a PDU as that of its frame, which takes `around` bytes more.
+#[cold]
+fn in_frame(error: EncodeError, around: usize, available: usize) -> EncodeError {
+    match error {
+        EncodeError::Space { needed, .. } => EncodeError::Space { needed: around + needed, available },
+        error => error,
+    }
+}
+
 /// The header in front of a PDU of `pdu` bytes.
 #[inline]
-pub(crate) fn mbap(transaction: u16, unit: u8, pdu: usize) -> [u8; MBAP] {
+fn mbap(transaction: u16, unit: u8, pdu: usize) -> [u8; MBAP] {
     let [t0, t1] = transaction.to_be_bytes();
     let [l0, l1] = u16::try_from(1 + pdu).unwrap_or(u16::MAX).to_be_bytes(); // at most 254
     [t0, t1, 0, 0, l0, l1, unit]
@@ -212,7 +245,7 @@ pub(crate) fn mbap(transaction: u16, unit: u8, pdu: usize) -> [u8; MBAP] {
 
 /// Puts the CRC behind the first `len` bytes, and says how many there are then; `None` without room for it.
 #[inline]
-pub(crate) fn seal(out: &mut [u8], len: usize) -> Option<usize> {
+fn seal(out: &mut [u8], len: usize) -> Option<usize> {
     let (body, rest) = out.split_at_mut_checked(len)?;
     *rest.first_chunk_mut()? = crc16(body).to_le_bytes();
     Some(len + 2)

@@ -4,9 +4,9 @@ use core::time::Duration;
 
 use crate::decoder::{Decoder, Framing};
 use crate::error::DecodeError;
-use crate::frame::{Frame, Side, mbap, seal};
-use crate::message::{Exception, function, limit};
-use crate::registers::{Registers, serve};
+use crate::frame::{Frame, Side};
+use crate::message::{Exception, function};
+use crate::registers::Registers;
 use crate::timing;
 
 /// How a server is reached.
@@ -148,27 +148,18 @@ impl Server {
             if !broadcast && self.config.unit.is_some_and(|unit| unit != frame.unit) {
                 continue;
             }
-            let (head, rest) = out.split_first_chunk_mut::<{ Frame::MAX_LEN - limit::PDU }>()?;
-            let pdu = rest.first_chunk_mut()?;
-            let len = serve(frame.pdu, registers, pdu);
-            let exception = match *pdu {
-                [code, exception, ..] if len == 2 && code >= function::EXCEPTION => Some(exception.into()),
-                _ => None,
-            };
+            let Some(len) = frame.serve(registers, out) else { continue };
             let (transaction, unit) = (frame.transaction, frame.unit);
             let function = frame.pdu.first().copied().unwrap_or_default();
+            let reply = if transaction.is_some() { out.get(7..len) } else { out.get(1..len - 2) };
+            let exception = match reply {
+                Some([code, exception]) if *code >= function::EXCEPTION => Some((*exception).into()),
+                _ => None,
+            };
             self.events.push(Event::Served { transaction, unit, function, exception });
-            if broadcast {
-                continue;
+            if !broadcast {
+                return Some(len);
             }
-            if let Some(transaction) = transaction {
-                *head = mbap(transaction, unit, len);
-                return Some(head.len() + len);
-            }
-            // The PDU stands where TCP wants it; an RTU frame has one byte in front of it.
-            out.copy_within(head_len()..head_len() + len, 1);
-            *out.first_mut()? = unit;
-            return seal(out, 1 + len);
         }
     }
 
@@ -195,10 +186,6 @@ impl Server {
             self.events.push(Event::Damaged(error));
         }
     }
-}
-
-const fn head_len() -> usize {
-    Frame::MAX_LEN - limit::PDU
 }
 
 /// The last events that nobody polled yet.

@@ -27,3 +27,17 @@ pub const fn line_time(bytes: usize, baud: u32) -> Duration {
     let baud = if baud == 0 { 1 } else { baud as u64 };
     Duration::from_nanos(bytes as u64 * CHARACTER_BITS as u64 * 1_000_000_000 / baud)
 }
+
+/// How long it takes on a serial line to read `registers` in one request: the request, the reply, and the silence behind each.
+///
+/// ```
+/// use fanuc_hmi_modbus::timing::read_time;
+///
+/// // The telemetry block every 8 ms needs a fast line, or TCP.
+/// assert!(read_time(37, 115_200).as_millis() >= 8);
+/// assert!(read_time(37, 230_400).as_millis() < 8);
+/// ```
+pub const fn read_time(registers: u16, baud: u32) -> Duration {
+    let reply = line_time(5 + 2 * registers as usize, baud);
+    line_time(8, baud).saturating_add(reply).saturating_add(silence(baud)).saturating_add(silence(baud))
+}

@@ -164,21 +164,31 @@ const fn coil_word(value: bool) -> u16 {
 #[inline]
 fn check_run(function: u8, address: u16, quantity: usize, max: u16) -> Result<u16, EncodeError> {
     match u16::try_from(quantity) {
-        Ok(quantity) if (1..=max).contains(&quantity) => {
-            if address.checked_add(quantity - 1).is_none() {
-                return Err(EncodeError::Address { address, quantity });
-            }
-            Ok(quantity)
-        }
-        _ => Err(EncodeError::Quantity { function, found: quantity, max }),
+        Ok(run @ 1..) if run <= max && address <= u16::MAX - (run - 1) => Ok(run),
+        _ => Err(no_run(function, address, quantity, max)),
     }
 }
 
-/// A code that may travel as `Other`.
-fn check_other(function: u8, data: &[u8]) -> Result<(), EncodeError> {
+#[cold]
+fn no_run(function: u8, address: u16, found: usize, max: u16) -> EncodeError {
+    match u16::try_from(found) {
+        Ok(quantity @ 1..) if quantity <= max => EncodeError::Address { address, quantity },
+        _ => EncodeError::Quantity { function, found, max },
+    }
+}
+
+/// Writes a function code that may travel as `Other`, and its bytes.
+fn put_other(out: &mut [u8], function: u8, data: &[u8]) -> Result<usize, EncodeError> {
     if function == 0 || function >= function::EXCEPTION || function::is_typed(function) {
         return Err(EncodeError::Function { found: function });
     }
-    let length = data.len() + 1;
-    if length > limit::PDU { Err(EncodeError::PduLength { found: length }) } else { Ok(()) }
+    let found = data.len() + 1;
+    if found > limit::PDU {
+        return Err(EncodeError::PduLength { found });
+    }
+    if let Some((first, rest)) = room(out, found)?.split_first_mut() {
+        *first = function;
+        rest.copy_from_slice(data);
+    }
+    Ok(found)
 }

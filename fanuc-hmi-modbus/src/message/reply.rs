@@ -1,6 +1,6 @@
 use super::{
-    Bits, Exception, Pdu, Request, Words, check_other, check_run, coil, coil_word, exactly, function, limit,
-    mask, pair, put_mask, put_pair, room, room_for,
+    Bits, Exception, Pdu, Request, Words, check_run, coil, coil_word, exactly, function, limit, mask, pair,
+    put_mask, put_other, put_pair, room, room_for,
 };
 use crate::error::{DecodeError, EncodeError, Mismatch};
 
@@ -40,7 +40,7 @@ impl<'a> Reply<'a> {
     ///
     /// # Errors
     /// When the bytes are not a reply that the specification allows.
-    #[inline]
+    #[inline(always)] // small: what is done with the registers is built in behind it
     pub fn decode(pdu: &'a [u8]) -> Result<Self, DecodeError> {
         let (&function, body) = pdu.split_first().ok_or(DecodeError::Empty)?;
         Ok(match function {
@@ -48,6 +48,14 @@ impl<'a> Reply<'a> {
             function::READ_INPUT_REGISTERS => Self::InputRegisters(words(function, body)?),
             function::READ_COILS => Self::Coils(bits(function, body)?),
             function::READ_DISCRETE_INPUTS => Self::DiscreteInputs(bits(function, body)?),
+            function::READ_WRITE_REGISTERS => Self::ReadWriteRegisters(words(function, body)?),
+            _ => return Self::decode_short(function, body),
+        })
+    }
+
+    /// Every other reply: apart, so that the reads stay small enough to be built in where they are decoded.
+    fn decode_short(function: u8, body: &'a [u8]) -> Result<Self, DecodeError> {
+        Ok(match function {
             function::WRITE_COIL => {
                 let (address, value) = pair(function, body)?;
                 Self::WriteCoil { address, value: coil(value)? }
@@ -68,7 +76,6 @@ impl<'a> Reply<'a> {
                 let (address, and, or) = mask(body)?;
                 Self::MaskWriteRegister { address, and, or }
             }
-            function::READ_WRITE_REGISTERS => Self::ReadWriteRegisters(words(function, body)?),
             0 | function::EXCEPTION => return Err(DecodeError::Function { found: function }),
             function::EXCEPTION.. => {
                 let [code] = *exactly(function, body)?;
@@ -175,15 +182,9 @@ impl Pdu for Reply<'_> {
     fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
         let function = self.function();
         match *self {
-            Self::Coils(bits) | Self::DiscreteInputs(bits) => {
-                check_run(function, 0, bits.len(), limit::READ_BITS)?;
-                bits.write(put_head(out, function, bits.byte_len())?);
-                Ok(self.encoded_len())
-            }
+            Self::Coils(bits) | Self::DiscreteInputs(bits) => put_bits(out, function, bits),
             Self::HoldingRegisters(words) | Self::InputRegisters(words) | Self::ReadWriteRegisters(words) => {
-                check_run(function, 0, words.len(), limit::READ_REGISTERS)?;
-                words.write(put_head(out, function, 2 * words.len())?);
-                Ok(self.encoded_len())
+                put_words(out, function, words)
             }
             Self::WriteCoil { address, value } => put_pair(out, function, address, coil_word(value)),
             Self::WriteRegister { address, value } => put_pair(out, function, address, value),
@@ -203,15 +204,7 @@ impl Pdu for Reply<'_> {
                 *room_for(out)? = [function | function::EXCEPTION, exception.into()];
                 Ok(2)
             }
-            Self::Other { function, data } => {
-                check_other(function, data)?;
-                let out = room(out, 1 + data.len())?;
-                if let Some((first, rest)) = out.split_first_mut() {
-                    *first = function;
-                    rest.copy_from_slice(data);
-                }
-                Ok(1 + data.len())
-            }
+            Self::Other { function, data } => put_other(out, function, data),
         }
     }
 }
@@ -259,7 +252,18 @@ fn written(function: u8, body: &[u8], max: u16) -> Result<(u16, u16), DecodeErro
     }
 }
 
-#[inline]
+fn put_bits(out: &mut [u8], function: u8, bits: Bits<'_>) -> Result<usize, EncodeError> {
+    check_run(function, 0, bits.len(), limit::READ_BITS)?;
+    bits.write(put_head(out, function, bits.byte_len())?);
+    Ok(2 + bits.byte_len())
+}
+
+fn put_words(out: &mut [u8], function: u8, words: Words<'_>) -> Result<usize, EncodeError> {
+    check_run(function, 0, words.len(), limit::READ_REGISTERS)?;
+    words.write(put_head(out, function, 2 * words.len())?);
+    Ok(2 + 2 * words.len())
+}
+
 fn put_head(out: &mut [u8], function: u8, count: usize) -> Result<&mut [u8], EncodeError> {
     let (head, data) = room(out, 2 + count)?.split_at_mut(2);
     head.copy_from_slice(&[function, u8::try_from(count).unwrap_or(u8::MAX)]); // at most 250: checked

@@ -1,6 +1,6 @@
 use super::{
-    Bits, Pdu, Words, check_other, check_run, coil, coil_word, function, limit, mask, pair, put_mask,
-    put_pair, room,
+    Bits, Pdu, Words, check_run, coil, coil_word, function, limit, mask, pair, put_mask, put_other, put_pair,
+    room,
 };
 use crate::error::{DecodeError, EncodeError};
 
@@ -130,7 +130,7 @@ impl Pdu for Request<'_> {
         }
     }
 
-    #[inline]
+    #[inline(always)] // the kind is mostly known where it is encoded: one arm is left of the match
     fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
         let function = self.function();
         match *self {
@@ -145,35 +145,14 @@ impl Pdu for Request<'_> {
             }
             Self::WriteCoil { address, value } => put_pair(out, function, address, coil_word(value)),
             Self::WriteRegister { address, value } => put_pair(out, function, address, value),
-            Self::WriteCoils { address, values } => {
-                let quantity = check_run(function, address, values.len(), limit::WRITE_BITS)?;
-                let data = put_head(out, &[address, quantity], function, values.byte_len())?;
-                values.write(data);
-                Ok(self.encoded_len())
-            }
-            Self::WriteRegisters { address, values } => {
-                let quantity = check_run(function, address, values.len(), limit::WRITE_REGISTERS)?;
-                let data = put_head(out, &[address, quantity], function, 2 * values.len())?;
-                values.write(data);
-                Ok(self.encoded_len())
-            }
             Self::MaskWriteRegister { address, and, or } => put_mask(out, address, and, or),
+            Self::WriteCoils { address, values } => put_coils(out, address, values),
+            Self::WriteRegisters { address, values } => put_words(out, &[address], values),
             Self::ReadWriteRegisters { address, quantity, write_address, values } => {
                 check_run(function, address, quantity.into(), limit::READ_REGISTERS)?;
-                let written = check_run(function, write_address, values.len(), limit::READ_WRITE_REGISTERS)?;
-                let head = [address, quantity, write_address, written];
-                values.write(put_head(out, &head, function, 2 * values.len())?);
-                Ok(self.encoded_len())
+                put_words(out, &[address, quantity, write_address], values)
             }
-            Self::Other { function, data } => {
-                check_other(function, data)?;
-                let out = room(out, 1 + data.len())?;
-                if let Some((first, rest)) = out.split_first_mut() {
-                    *first = function;
-                    rest.copy_from_slice(data);
-                }
-                Ok(1 + data.len())
-            }
+            Self::Other { function, data } => put_other(out, function, data),
         }
     }
 }
@@ -230,20 +209,53 @@ fn data(
     Ok((quantity, data))
 }
 
-/// Writes the words in front of a byte count and the count itself, and gives the room for the data.
-#[inline]
-fn put_head<'o, const N: usize>(
-    out: &'o mut [u8],
+// The messages of variable length are written by functions of their own: small enough to be built in where a request is
+// known, the rest then costs nothing.
+
+fn put_coils(out: &mut [u8], address: u16, values: Bits<'_>) -> Result<usize, EncodeError> {
+    let function = function::WRITE_COILS;
+    let quantity = check_run(function, address, values.len(), limit::WRITE_BITS)?;
+    let (data, len) = put_head(out, function, &[address, quantity], values.byte_len())?;
+    values.write(data);
+    Ok(len)
+}
+
+/// A write of registers, or a read and write: the last of the words in front is the address of the first register written.
+fn put_words<const N: usize>(
+    out: &mut [u8],
     words: &[u16; N],
+    values: Words<'_>,
+) -> Result<usize, EncodeError> {
+    let (function, max) = match N {
+        1 => (function::WRITE_REGISTERS, limit::WRITE_REGISTERS),
+        _ => (function::READ_WRITE_REGISTERS, limit::READ_WRITE_REGISTERS),
+    };
+    let address = words.last().copied().unwrap_or_default();
+    let quantity = check_run(function, address, values.len(), max)?;
+    let head = [quantity];
+    let (data, len) = put_head(out, function, words.iter().chain(&head), 2 * values.len())?;
+    values.write(data);
+    Ok(len)
+}
+
+/// Writes the function, the words in front of a byte count and the count itself; gives the room for the data and the length of
+/// the whole.
+fn put_head<'o, 'w>(
+    out: &'o mut [u8],
     function: u8,
+    words: impl IntoIterator<Item = &'w u16, IntoIter: Clone>,
     count: usize,
-) -> Result<&'o mut [u8], EncodeError> {
-    let out = room(out, 2 + 2 * N + count)?;
-    let (head, data) = out.split_at_mut(2 + 2 * N);
+) -> Result<(&'o mut [u8], usize), EncodeError> {
+    let words = words.into_iter();
+    let head = 2 + 2 * words.clone().count();
+    let (head, data) = room(out, head + count)?.split_at_mut(head);
+    let len = head.len() + data.len();
     if let [first, pairs @ .., last] = head {
         *first = function;
-        super::WordsMut::from_wire(pairs).copy_from(words);
+        for (pair, word) in pairs.as_chunks_mut().0.iter_mut().zip(words) {
+            *pair = word.to_be_bytes();
+        }
         *last = u8::try_from(count).unwrap_or(u8::MAX); // at most 246: the quantity was checked
     }
-    Ok(data)
+    Ok((data, len))
 }

@@ -713,7 +713,7 @@ fn run_over(seed: u64, faults: Faults, checksum: Width, cuts: u32, count: &mut C
                 other => panic!("{other:?}"),
             };
             for ticket in first..first + u64::from(number) {
-                assert_eq!(status[ticket as usize].replace(known), None, "reported twice");
+                assert_eq!(status[usize::try_from(ticket).unwrap()].replace(known), None, "reported twice");
             }
         }
         cell.host.resume();

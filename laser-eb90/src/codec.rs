@@ -59,10 +59,11 @@ impl tokio_util::codec::Decoder for Codec {
     }
 
     fn decode_eof(&mut self, src: &mut BytesMut) -> io::Result<Option<Self::Item>> {
-        match self.decode(src)? {
-            Some(item) => Ok(Some(item)),
-            None => Ok(self.decoder.finish().map(Err)),
+        if let Some(item) = self.decode(src)? {
+            return Ok(Some(item));
         }
+        self.decoder.finish();
+        self.decode(src)
     }
 }
 

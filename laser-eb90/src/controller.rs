@@ -130,7 +130,8 @@ where
             return;
         }
         self.silent_at = None;
-        if let Some(DecodeError::Incomplete { held }) = self.decoder.finish()
+        self.decoder.finish();
+        if let Some(Err(DecodeError::Incomplete { held })) = self.decoder.next_frame()
             && held >= Frame::MIN_LEN
         {
             self.damage(Refusal::BadFrame);

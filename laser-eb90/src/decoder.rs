@@ -8,7 +8,8 @@ use crate::profile::Profile;
 /// Cuts a stream into frames.
 ///
 /// Call [`push`](Self::push) with what was read, then [`next_frame`](Self::next_frame) until it gives `None`; push the
-/// rest when `push` did not take everything. The same bytes give the same frames and errors however they are cut.
+/// rest when `push` did not take everything. At the end of the stream, or when the line has fallen silent, call
+/// [`finish`](Self::finish) and `next_frame` again. The same bytes give the same frames and errors however they are cut.
 ///
 /// After an error the stream goes on at the next head within the bytes that were looked at, so a frame behind a damaged
 /// one, or behind a false head, is not lost. The items of a frame have been read over once: its [`Items`] give no error.
@@ -25,6 +26,7 @@ pub struct Decoder {
     scan: Scan,
     payload: [u8; MAX_PAYLOAD],
     position: u64,
+    finished: bool,
 }
 
 impl Decoder {
@@ -39,6 +41,7 @@ impl Decoder {
             scan: Scan::default(),
             payload: [0; MAX_PAYLOAD],
             position: 0,
+            finished: false,
         }
     }
 
@@ -55,6 +58,7 @@ impl Decoder {
             slot.copy_from_slice(bytes);
         }
         self.end += taken;
+        self.finished = false;
         taken
     }
 
@@ -67,7 +71,7 @@ impl Decoder {
             let begin = self.hunted + find_head(held.get(self.hunted..).unwrap_or_default());
             if begin < MAX_PAYLOAD && !has_head(held.get(begin..).unwrap_or_default()) {
                 self.hunted = begin;
-                return None;
+                return self.incomplete();
             }
             let skipped = begin.min(MAX_PAYLOAD);
             self.consume(skipped);
@@ -83,7 +87,7 @@ impl Decoder {
             }
         });
         match found {
-            Ok(None) => None,
+            Ok(None) => self.incomplete(),
             Ok(Some((len, used))) => {
                 self.consume(used);
                 Some(Ok(Frame::new(self.payload.get(..len).unwrap_or_default(), &self.profile)))
@@ -96,11 +100,15 @@ impl Decoder {
         }
     }
 
-    /// Says that the line fell silent or the input ended: what is held is no whole frame, and is forgotten.
-    pub fn finish(&mut self) -> Option<DecodeError> {
-        let held = self.end - self.start;
-        self.consume(held);
-        if held == 0 { None } else { Some(DecodeError::Incomplete { held }) }
+    /// Says that the line fell silent or the input ended: what is held is no whole frame, and `next_frame` gives it as
+    /// [`DecodeError::Incomplete`] when nothing else is left.
+    pub fn finish(&mut self) {
+        self.finished = true;
+    }
+
+    /// Forgets what is held.
+    pub(crate) fn clear(&mut self) {
+        self.consume(self.end - self.start);
     }
 
     /// Whether no byte waits for the rest of a frame.
@@ -111,6 +119,15 @@ impl Decoder {
     /// The stream offset just behind what was returned last.
     pub fn position(&self) -> u64 {
         self.position
+    }
+
+    fn incomplete(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
+        let held = self.end - self.start;
+        if !self.finished || held == 0 {
+            return None;
+        }
+        self.clear();
+        Some(Err(DecodeError::Incomplete { held }))
     }
 
     fn consume(&mut self, bytes: usize) {

@@ -240,7 +240,10 @@ impl Host {
         if self.state != HostState::Awaiting || now < self.deadline {
             return;
         }
-        self.fault = self.decoder.finish().or(self.fault);
+        self.decoder.finish();
+        if let Some(Err(error)) = self.decoder.next_frame() {
+            self.fault = Some(error);
+        }
         let again = self.config.resend_on_silence && self.backup.resends < self.config.resends;
         if again {
             self.backup.resends += 1;
@@ -266,7 +269,7 @@ impl Host {
             self.full_since = None;
         }
         // Whatever came before this frame is no answer to it.
-        self.decoder.finish();
+        self.decoder.clear();
         self.fault = None;
         let timeout = match self.backup.class {
             Class::Interpreted => self.config.answer_timeout,

@@ -22,6 +22,12 @@ pub const fn exchange_time(frame: usize, answer: usize, baud: u32, tick: Duratio
     transmission_time(frame + answer, baud).saturating_add(tick)
 }
 
+/// From one answer to the next when the host sends the next frame at once: frame and answer on the line, then the end of
+/// the cycle. What batches gain follows from it.
+pub const fn period(frame: usize, answer: usize, baud: u32, tick: Duration) -> Duration {
+    end_of_tick(transmission_time(frame + answer, baud), tick)
+}
+
 /// The end of the cycle that `now` falls into; `now` itself when a cycle ends just then, or has no length.
 pub const fn end_of_tick(now: Duration, tick: Duration) -> Duration {
     let Some(over) = now.as_nanos().checked_rem(tick.as_nanos()) else { return now };

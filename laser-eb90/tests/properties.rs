@@ -91,6 +91,15 @@ fn encode(items: &[Owned], profile: &Profile) -> Vec<u8> {
 
 /// Frames as items, errors as they are; checks that they tile the stream.
 fn decode(stream: &[u8], cuts: &[usize], profile: &Profile) -> Vec<Result<Vec<Owned>, DecodeError>> {
+    fn drain(decoder: &mut Decoder, found: &mut Vec<Result<Vec<Owned>, DecodeError>>) -> bool {
+        let count = found.len();
+        loop {
+            let before = decoder.position();
+            let Some(result) = decoder.next_frame() else { return found.len() > count };
+            found.push(result.and_then(|frame| frame.items().map(|item| item.map(Owned::from)).collect()));
+            assert!(decoder.position() > before, "a result that takes no bytes");
+        }
+    }
     let mut decoder = Decoder::new(profile);
     let mut found = Vec::new();
     let mut from = 0;
@@ -101,19 +110,11 @@ fn decode(stream: &[u8], cuts: &[usize], profile: &Profile) -> Vec<Result<Vec<Ow
         while from < end {
             let taken = decoder.push(&stream[from..end]);
             from += taken;
-            let mut drained = 0;
-            loop {
-                let before = decoder.position();
-                let Some(result) = decoder.next_frame() else { break };
-                found
-                    .push(result.and_then(|frame| frame.items().map(|item| item.map(Owned::from)).collect()));
-                assert!(decoder.position() > before, "a result that takes no bytes");
-                drained += 1;
-            }
-            assert!(taken > 0 || drained > 0, "the decoder stands still");
+            assert!(drain(&mut decoder, &mut found) || taken > 0, "the decoder stands still");
         }
     }
-    found.extend(decoder.finish().map(Err));
+    decoder.finish();
+    drain(&mut decoder, &mut found);
     assert_eq!(decoder.position(), stream.len() as u64);
     found
 }

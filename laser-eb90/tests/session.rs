@@ -660,6 +660,9 @@ fn a_cycle_ends_at_its_multiples() {
     assert_eq!(timing::transmission_time(217, 9600).as_micros(), 226_041);
     assert_eq!(timing::exchange_time(217, 11, 9600, timing::TICK).as_micros(), 253_500);
     assert_eq!(timing::transmission_time(1, 0), Duration::MAX);
+    // An instruction of 30 bytes at 9600 baud: 64 ms alone, 240 ms for seven.
+    assert_eq!(timing::period(37, 11, 9600, timing::TICK), MS * 64);
+    assert_eq!(timing::period(217, 11, 9600, timing::TICK), MS * 240);
 }
 
 /// What the host says of an instruction.

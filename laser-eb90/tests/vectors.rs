@@ -19,23 +19,25 @@ fn object(serializable: &impl serde::Serialize) -> Value {
 
 /// Message and error objects with their lengths, and the error of the rest.
 fn decode(profile: &Profile, chunks: &[&[u8]]) -> Vec<(Result<Value, Value>, u64)> {
+    fn drain(decoder: &mut Decoder, found: &mut Vec<(Result<Value, Value>, u64)>) {
+        loop {
+            let before = decoder.position();
+            let Some(frame) = decoder.next_frame() else { return };
+            let content = frame.map(|f| object(&f)).map_err(|e| object(&e));
+            found.push((content, decoder.position() - before));
+        }
+    }
     let mut decoder = Decoder::new(profile);
     let mut found = Vec::new();
-    let mut before = 0;
     for mut chunk in chunks.iter().copied() {
         while !chunk.is_empty() {
             let taken = decoder.push(chunk);
             chunk = &chunk[taken..];
-            while let Some(frame) = decoder.next_frame() {
-                let content = frame.map(|f| object(&f)).map_err(|e| object(&e));
-                found.push((content, decoder.position() - before));
-                before = decoder.position();
-            }
+            drain(&mut decoder, &mut found);
         }
     }
-    if let Some(error) = decoder.finish() {
-        found.push((Err(object(&error)), decoder.position() - before));
-    }
+    decoder.finish();
+    drain(&mut decoder, &mut found);
     found
 }
 

@@ -173,6 +173,11 @@ impl Samples {
         self.0.saturating_record(u64::try_from(time.as_micros()).unwrap_or(u64::MAX).max(1));
     }
 
+    /// Adds those of another.
+    pub fn merge(&mut self, other: &Self) {
+        self.0 += &other.0;
+    }
+
     /// How many there are.
     pub fn count(&self) -> u64 {
         self.0.len()

@@ -1,6 +1,7 @@
 //! The links that the tool knows, one folder each: its codec, its demo, its simulators.
 
 pub mod isra_ball;
+pub mod laser_eb90;
 pub mod val2_alter;
 
 use anyhow::{Result, bail};
@@ -20,6 +21,8 @@ pub enum Link {
     Val2Alter,
     /// The ISRA Robot Command Teach Ball
     IsraBall,
+    /// A laser machining robot, EB 90 frames; settings: the fields of its Profile
+    LaserEb90,
 }
 
 impl Link {
@@ -33,6 +36,7 @@ impl Link {
         match self {
             Self::Val2Alter => "val2-alter",
             Self::IsraBall => "isra-ball",
+            Self::LaserEb90 => "laser-eb90",
         }
     }
 
@@ -41,6 +45,7 @@ impl Link {
         match self {
             Self::Val2Alter => &["robot", "host"],
             Self::IsraBall => &["ball"],
+            Self::LaserEb90 => &["host", "controller"],
         }
     }
 
@@ -48,8 +53,9 @@ impl Link {
     pub fn sender(self, is_client: bool, _server_port: u16) -> &'static str {
         match self {
             // Serial device servers listen: the robot is behind one.
-            Self::Val2Alter if is_client => "host",
+            Self::Val2Alter | Self::LaserEb90 if is_client => "host",
             Self::Val2Alter => "robot",
+            Self::LaserEb90 => "controller",
             Self::IsraBall => "ball",
         }
     }
@@ -63,6 +69,7 @@ impl Link {
         match self {
             Self::Val2Alter => val2_alter::codec(side, options),
             Self::IsraBall => isra_ball::codec(options),
+            Self::LaserEb90 => laser_eb90::codec(options),
         }
     }
 
@@ -74,6 +81,7 @@ impl Link {
         match self {
             Self::Val2Alter => val2_alter::demo(options),
             Self::IsraBall => isra_ball::demo(options),
+            Self::LaserEb90 => laser_eb90::demo(options),
         }
     }
 
@@ -128,6 +136,8 @@ pub enum Device {
     Ball,
     /// The graphics workstation that draws the PUMA; settings: baud
     Viewer,
+    /// The controller of a laser robot; settings: baud, queue, execution_ms, and the fields of its Profile
+    Laser,
 }
 
 impl Device {
@@ -140,6 +150,7 @@ impl Device {
             Self::Puma => val2_alter::puma::simulate(options),
             Self::Viewer => val2_alter::workstation::simulate(options),
             Self::Ball => isra_ball::ball::simulate(options),
+            Self::Laser => laser_eb90::controller::simulate(options),
         }
     }
 }

@@ -1,0 +1,285 @@
+//! The simulated laser robot: its controller on a line, and the motion task behind the queue.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use laser_eb90::{
+    Controller, ControllerConfig, ControllerEvent, Frame, Instruction, Item, Items, Profile, Refusal, timing,
+};
+use robot_work_queue::Reader;
+use serde_json::{Value, json};
+
+use crate::device::serve;
+use crate::line::{Clock, Line};
+use crate::report::Samples;
+use crate::settings::Settings;
+use crate::simulate::{SimulateOptions, log};
+
+/// Executes nothing until [`GO_ON`].
+pub const HALT: u16 = 0x0201;
+/// Executes again.
+pub const GO_ON: u16 = 0x0202;
+/// Empties the queue.
+pub const CLEAR: u16 = 0x0203;
+/// Answers three shorts: how often the controller has started, how many instructions its queue holds at most, and how many it
+/// holds now.
+pub const STATUS: u16 = 0x0301;
+/// Answers the floats of the instruction that was executed last.
+pub const POSITION: u16 = 0x0302;
+
+/// How a simulated robot behaves.
+#[derive(Debug, Clone, Copy)]
+pub struct Robot {
+    /// How frames are written.
+    pub profile: Profile,
+    /// How many instructions the queue holds.
+    pub queue: usize,
+    /// How long an instruction takes to execute.
+    pub execution: Duration,
+    /// How often it has been started, this time included.
+    pub boot: i16,
+}
+
+impl Default for Robot {
+    fn default() -> Self {
+        Self { profile: Profile::default(), queue: 64, execution: Duration::from_millis(1), boot: 1 }
+    }
+}
+
+/// An interpreted instruction, as it came.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Job {
+    /// The command word.
+    pub word: u16,
+    /// The items behind it, unstuffed.
+    pub parameters: Vec<u8>,
+}
+
+impl From<Instruction<'_>> for Job {
+    fn from(instruction: Instruction<'_>) -> Self {
+        Self { word: instruction.word, parameters: instruction.parameters.as_bytes().to_vec() }
+    }
+}
+
+/// What a robot has done.
+#[derive(Debug, Default)]
+pub struct RobotCounts {
+    /// Error codes sent.
+    pub refused: u64,
+    /// From the end of the cycle to the answer on the line.
+    pub answer: Samples,
+}
+
+impl RobotCounts {
+    /// Adds what was counted before or after a restart.
+    pub fn add(&mut self, other: &Self) {
+        self.refused += other.refused;
+        self.answer.merge(&other.answer);
+    }
+}
+
+/// `cellwire simulate laser`.
+///
+/// # Errors
+/// When the endpoint cannot be opened, or a setting is none of this device's.
+pub fn simulate(options: &SimulateOptions) -> Result<()> {
+    let mut fields = options.settings.clone();
+    let own = ["baud", "queue", "execution_ms"];
+    let own = fields.keys().filter(|name| own.contains(&name.as_str())).cloned().collect::<Vec<_>>();
+    let own = own.into_iter().filter_map(|name| fields.remove_entry(&name)).collect();
+    let settings = Settings::new("laser", &own, &["baud", "queue", "execution_ms"])?;
+    let robot = Robot {
+        profile: super::profile(&fields)?,
+        queue: settings.number("queue", 64u16)?.into(),
+        execution: Duration::from_millis(settings.number("execution_ms", 20u32)?.into()),
+        boot: 1,
+    };
+    serve("laser", "laser", options, settings.number("baud", timing::BAUD)?, |line, clock| {
+        run(robot, line, clock, &Switch::default(), |event| log(&event), &Mutex::default())?;
+        Ok(())
+    })
+}
+
+/// How a robot is stopped.
+#[derive(Debug, Default)]
+pub struct Switch {
+    off: AtomicBool,
+    killed: AtomicBool,
+}
+
+impl Switch {
+    /// It hears nothing more, and executes what is queued.
+    pub fn turn_off(&self) {
+        self.off.store(true, Ordering::Relaxed);
+    }
+
+    /// It stops in the middle of everything and forgets what is queued.
+    pub fn kill(&self) {
+        self.killed.store(true, Ordering::Relaxed);
+        self.turn_off();
+    }
+
+    fn is_off(&self) -> bool {
+        self.off.load(Ordering::Relaxed)
+    }
+}
+
+/// Answers frames and executes what is queued until it is switched off, or until the connection is gone. `executed` takes what
+/// was executed, in that order.
+///
+/// # Errors
+/// When an event cannot be told, or the queue cannot be as long as asked.
+pub fn run(
+    robot: Robot,
+    line: &mut Line,
+    clock: Clock,
+    switch: &Switch,
+    tell: impl FnMut(Value) -> Result<()>,
+    executed: &Mutex<Vec<Job>>,
+) -> Result<RobotCounts> {
+    let (writer, reader) = robot_work_queue::boxed::<Job>(robot.queue, 9999)?;
+    let config = ControllerConfig { profile: robot.profile, ..ControllerConfig::default() };
+    let (halted, done) = (AtomicBool::new(false), AtomicBool::new(false));
+    let motion = Motion { robot, switch, halted: &halted, done: &done, executed };
+    let mut task = Communication {
+        motion,
+        controller: Controller::new(config, writer),
+        tell,
+        counts: RobotCounts::default(),
+    };
+    thread::scope(|scope| {
+        let motion = scope.spawn(move || motion.run(reader));
+        let outcome = task.run(line, clock);
+        done.store(true, Ordering::Relaxed);
+        if let Err(panic) = motion.join() {
+            std::panic::resume_unwind(panic);
+        }
+        outcome
+    })?;
+    Ok(task.counts)
+}
+
+/// The communication task: the controller's session on the line.
+struct Communication<'a, F> {
+    motion: Motion<'a>,
+    controller: Controller<'static, Job>,
+    tell: F,
+    counts: RobotCounts,
+}
+
+impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
+    fn run(&mut self, line: &mut Line, clock: Clock) -> Result<()> {
+        let mut out = [0; Frame::MAX_LEN];
+        loop {
+            let latest = clock.now() + Duration::from_millis(50);
+            let due = self.controller.poll_timeout().unwrap_or(latest);
+            if self.motion.switch.is_off() || !line.wait(due.min(latest)) {
+                return Ok(());
+            }
+            let now = clock.now();
+            while let Some((at, byte)) = line.receive() {
+                self.controller.handle_input(at, &[byte]);
+            }
+            self.controller.handle_timeout(now);
+            self.take_events(now)?;
+            let due = self.controller.poll_timeout().unwrap_or(now);
+            if let Some(n) = self.controller.poll_transmit(now, &mut out) {
+                line.send(out.get(..n).unwrap_or_default());
+                self.counts.answer.add(clock.now().saturating_sub(due));
+            }
+        }
+    }
+
+    fn take_events(&mut self, now: Duration) -> Result<()> {
+        while let Some(event) = self.controller.poll_event() {
+            match event {
+                ControllerEvent::Queued { count } => (self.tell)(json!({"event": "queued", "count": count}))?,
+                ControllerEvent::Refused(refusal) => {
+                    self.counts.refused += 1;
+                    (self.tell)(json!({"event": "refused", "refusal": refusal}))?;
+                }
+                ControllerEvent::Execute { class, instruction: Instruction { word, parameters } } => {
+                    (self.tell)(json!({"event": class, "word": word, "items": parameters}))?;
+                    self.execute(now, word)?;
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Executes an immediate instruction or a query, and has it answered.
+    fn execute(&mut self, now: Duration, word: u16) -> Result<()> {
+        let controller = &mut self.controller;
+        match word {
+            HALT | GO_ON => {
+                self.motion.halted.store(word == HALT, Ordering::Relaxed);
+                controller.answer(now, |_| Ok(()))?;
+            }
+            CLEAR => {
+                controller.queue().clear();
+                controller.answer(now, |_| Ok(()))?;
+            }
+            STATUS => {
+                let queue = controller.queue();
+                let [capacity, held] = [queue.capacity(), queue.capacity() - queue.free()].map(short);
+                let status = [self.motion.robot.boot, capacity, held];
+                controller.answer(now, |values| values.i16(&status).map(drop))?;
+            }
+            POSITION => {
+                let at = self.motion.position();
+                controller.answer(now, |values| values.f32(&at).map(drop))?;
+            }
+            _ => controller.refuse(now, Refusal::UnknownCommand)?,
+        }
+        Ok(())
+    }
+}
+
+/// The motion task: executes one instruction after the other.
+#[derive(Clone, Copy)]
+struct Motion<'a> {
+    robot: Robot,
+    switch: &'a Switch,
+    halted: &'a AtomicBool,
+    /// The communication task has ended: nothing more is queued.
+    done: &'a AtomicBool,
+    executed: &'a Mutex<Vec<Job>>,
+}
+
+impl Motion<'_> {
+    fn run(self, mut reader: Reader<'_, Job>) {
+        while !self.switch.killed.load(Ordering::Relaxed) {
+            let done = self.done.load(Ordering::Relaxed);
+            let halted = self.halted.load(Ordering::Relaxed);
+            match if halted { None } else { reader.take() } {
+                Some(job) => {
+                    thread::sleep(self.robot.execution);
+                    if let Ok(mut executed) = self.executed.lock() {
+                        executed.push(job.complete());
+                    }
+                }
+                None if done => return,
+                None => thread::sleep(Duration::from_millis(1)),
+            }
+        }
+    }
+
+    /// The floats of the instruction that was executed last.
+    fn position(&self) -> Vec<f32> {
+        let Ok(executed) = self.executed.lock() else { return Vec::new() };
+        let parameters = executed.last().map(|job| job.parameters.as_slice()).unwrap_or_default();
+        let floats = Items::new(parameters, &self.robot.profile).flatten().filter_map(|item| match item {
+            Item::F32(values) => Some(values.iter()),
+            _ => None,
+        });
+        floats.flatten().collect()
+    }
+}
+
+fn short(count: usize) -> i16 {
+    i16::try_from(count).unwrap_or(i16::MAX)
+}

@@ -1,0 +1,217 @@
+//! `cellwire demo laser-eb90`.
+
+use std::sync::Mutex;
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use laser_eb90::{HostConfig, Profile, timing};
+
+use super::controller::{self, Job, Robot, RobotCounts, Switch};
+use super::host::Cutter;
+use super::path::{self, Cut, SHEET};
+use super::tally::Tally;
+use crate::demo::DemoOptions;
+use crate::drawing::{self, Point};
+use crate::line::{Clock, Line, LineFaults};
+use crate::report::{Budget, Report};
+use crate::serial;
+
+/// The simulated baud rate. The source names none; at this one a short run shows some hundred instructions.
+const BAUD: u32 = 115_200;
+
+/// With `--faults` one byte in a thousand is damaged: turned over, lost, or preceded by noise.
+const FAULT_RATE: f64 = 0.001 / 3.0;
+
+/// How long the robot is off when it restarts.
+const RESTART: Duration = Duration::from_millis(300);
+
+/// The bytes of a frame of one instruction, of seven, and of an answer.
+const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
+
+/// A host sends a cutting path to the simulated robot over a pseudo-terminal whose bytes take their time: for a third of the
+/// run one instruction in a frame, then seven.
+///
+/// # Errors
+/// When there is no pseudo-terminal, or the picture cannot be written.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let seconds = options.seconds.unwrap_or(Duration::from_secs(6));
+    let path = path::path()?;
+    let (device, port) = serial::pair()?;
+    let clock = Clock::start();
+    let mut line = Line::over_port(device, clock, BAUD, options.trace.start("laser"))?;
+    if options.faults {
+        line = line.with_faults(LineFaults::with_rate(FAULT_RATE, options.seed));
+    }
+    let executed = Mutex::new(Vec::new());
+    let (first, second) = (Switch::default(), Switch::default());
+    options.progress.set_length(path.len() as u64);
+
+    let (robot, cut) = thread::scope(|scope| {
+        let robot = scope.spawn(|| restarting(&mut line, clock, [&first, &second], &executed));
+        let cut = cut(&port, clock, &path, seconds, options, &first);
+        first.turn_off();
+        second.turn_off();
+        (robot.join(), cut)
+    });
+    let robot = robot.map_err(|_| anyhow::anyhow!("the simulated robot panicked"))??;
+    let (cutter, rates) = cut?;
+    let executed = executed.into_inner()?;
+    let cuts: Vec<Option<Cut>> = executed.iter().map(|job| Cut::of(job, &Profile::default())).collect();
+    let tally = Tally::new(&path, &cutter.known, &cuts);
+    if let Some(file) = &options.out {
+        drawing::write_svg(file, SHEET, &lines(&cuts))?;
+    }
+    Ok(report(options, &path, &line, &cutter, &robot, tally, rates))
+}
+
+/// The host's run: instructions a second one by one, and seven in a frame.
+fn cut<'a>(
+    port: &str,
+    clock: Clock,
+    path: &'a [Cut],
+    seconds: Duration,
+    options: &DemoOptions,
+    robot: &Switch,
+) -> Result<(Cutter<'a>, [f64; 2])> {
+    let config = HostConfig {
+        baud: BAUD,
+        batch: 1,
+        execution_timeout: Duration::from_millis(500), // the simulated robot executes immediate instructions at once
+        ..HostConfig::default()
+    };
+    let mut cutter = Cutter::new(serial::open(port, BAUD)?, clock, path, config);
+    let start = clock.now();
+    let rate = |cutter: &mut Cutter<'a>, end: Duration| -> Result<f64> {
+        let begin = clock.now();
+        let queued = cutter.cut(end, |position| options.progress.set_position(position))?;
+        Ok(queued as f64 / (clock.now() - begin).as_secs_f64())
+    };
+    let one = rate(&mut cutter, start + seconds / 3)?;
+    cutter.set(HostConfig { batch: 7, ..config });
+    let seven = thread::scope(|scope| {
+        if options.faults {
+            scope.spawn(|| {
+                thread::sleep(seconds / 3);
+                robot.kill();
+            });
+        }
+        rate(&mut cutter, start + seconds)
+    })?;
+    Ok((cutter, [one, seven]))
+}
+
+/// A robot that is started again when it was killed. Without faults it never is.
+fn restarting(
+    line: &mut Line,
+    clock: Clock,
+    switches: [&Switch; 2],
+    executed: &Mutex<Vec<Job>>,
+) -> Result<RobotCounts> {
+    let mut counts = RobotCounts::default();
+    for (boot, switch) in (1..).zip(switches) {
+        let robot = Robot { boot, ..Robot::default() };
+        counts.add(&controller::run(robot, line, clock, switch, |_| Ok(()), executed)?);
+        let on_again = clock.now() + RESTART;
+        while clock.now() < on_again && line.wait(on_again) {
+            while line.receive().is_some() {} // it hears nothing while it is off
+        }
+    }
+    Ok(counts)
+}
+
+fn lines(cuts: &[Option<Cut>]) -> Vec<drawing::Line> {
+    let mut at = Point { x: 0, y: 0 };
+    let cuts = cuts.iter().flatten().map(|cut| {
+        let (from, to) = (at, cut.end());
+        at = to;
+        drawing::Line { draws: cut.word == path::CUT, from, to }
+    });
+    cuts.collect()
+}
+
+fn report(
+    options: &DemoOptions,
+    path: &[Cut],
+    line: &Line,
+    cutter: &Cutter<'_>,
+    robot: &RobotCounts,
+    tally: Tally,
+    [one, seven]: [f64; 2],
+) -> Report {
+    let [single, batch, answer] = FRAME_LENGTHS;
+    let gain = |baud| {
+        let one = timing::period(single, answer, baud, timing::TICK).as_secs_f64();
+        let seven = timing::period(batch, answer, baud, timing::TICK).as_secs_f64() / 7.0;
+        percent(one / seven)
+    };
+    let mut report = Report::new(
+        "laser-eb90",
+        format!("a host cuts a path of {} instructions, at {BAUD} baud and a cycle of 16 ms", path.len()),
+    );
+    report.jobs(tally.jobs());
+    if tally.unknown > 0 {
+        report.fact("unknown_executed", "of these executed", tally.unknown_executed);
+    }
+    report.fact("unseen", "executed damaged: the checksum cannot see it", tally.unseen);
+    report.fact("resent", "frames sent again after an error code", cutter.counts.resent);
+    report.fact("refused", "frames refused after all resends, sent later", cutter.counts.refused);
+    report.fact("error_codes", "error codes sent by the robot", robot.refused);
+    report.fact("restarts", "restarts of the robot, noticed", cutter.counts.restarts);
+    report.fact("line_faults", "bytes damaged by the line", line.faults());
+    report.fact("single_rate", "instructions a second, one in a frame", tenths(one));
+    report.fact("batch_rate", "instructions a second, seven in a frame", tenths(seven));
+    report.fact("gain", "seven are faster by", format!("{} %", percent(seven / one)));
+    report.fact("gain_calculated", "by calculation, without faults", format!("{} %", gain(BAUD)));
+    report.fact(
+        "gain_slow",
+        "by calculation, at 9600 and 1200 baud",
+        format!("{} %, {} %", gain(9600), gain(1200)),
+    );
+    report.fact("gain_source", "in the source, at a rate it does not name", "about 37 %");
+    report.timing("exchange", "frame to answer", &cutter.counts.exchange, None);
+    let cycle = Budget { time: timing::TICK, source: "§4.1: the next cycle" };
+    report.timing("answer", "end of the cycle to the answer", &robot.answer, Some(cycle));
+    report.require(tally.executed_once > 0, || "nothing was cut".into());
+    report.require(!options.faults || cutter.counts.restarts == 1, || {
+        format!("the robot restarted once, {} restarts were noticed", cutter.counts.restarts)
+    });
+    report.require(options.faults || tally.unknown == 0, || "a clean line left outcomes unknown".into());
+    report
+}
+
+fn percent(ratio: f64) -> i64 {
+    #[expect(clippy::cast_possible_truncation, reason = "a float saturates when cast to an integer")]
+    let percent = ((ratio - 1.0) * 100.0).round() as i64;
+    percent
+}
+
+fn tenths(rate: f64) -> f64 {
+    (rate * 10.0).round() / 10.0
+}
+
+#[cfg(test)]
+#[cfg(unix)]
+mod tests {
+    use super::*;
+    use crate::trace::TraceArgs;
+    use indicatif::ProgressBar;
+
+    /// Noise, and a robot that is killed and started again in the middle of it.
+    #[test]
+    fn over_a_bad_line_nothing_is_lost_unreported_or_repeated() {
+        let options = DemoOptions {
+            seconds: Some(Duration::from_secs(3)),
+            faults: true,
+            seed: 5,
+            out: None,
+            trace: TraceArgs::off(),
+            progress: ProgressBar::hidden(),
+        };
+        let object = demo(&options).unwrap().to_json();
+        assert_eq!((&object["lost"], &object["repeated"]), (&0.into(), &0.into()), "{object}");
+        assert_eq!(object["restarts"], 1, "{object}");
+        assert!(object["executed_once"].as_u64() > Some(20), "{object}");
+        assert!(object["unknown"].as_u64() > Some(0), "the restart leaves outcomes unknown: {object}");
+    }
+}

@@ -102,7 +102,7 @@ impl Frame {
     /// A frame around `data`.
     pub fn new(data: &[u8]) -> Result<Self, EncodeError> {
         let mut frame = Self::empty();
-        if frame.push_slice(data, Self::MAX_DATA) {
+        if frame.push_run(data, Self::MAX_DATA) {
             Ok(frame)
         } else {
             Err(EncodeError::TooLong { found: data.len(), limit: Self::MAX_DATA })
@@ -127,13 +127,13 @@ impl Frame {
         loop {
             let rest = bytes.get(at..).unwrap_or_default();
             let run = find_dle(rest);
-            if !frame.push_slice(rest.get(..run).unwrap_or_default(), limit) {
+            if !frame.push_run(rest.get(..run).unwrap_or_default(), limit) {
                 return Err(DecodeError::TooLong { offset: 0, limit });
             }
             at += run + 2;
             match rest.get(run + 1) {
                 None => return Ok(None),
-                Some(&DLE) if frame.push_slice(&[DLE], limit) => {}
+                Some(&DLE) if frame.push_run(&[DLE], limit) => {}
                 Some(&DLE) => return Err(DecodeError::TooLong { offset: 0, limit }),
                 Some(&ETX) => break,
                 Some(&found) => return Err(DecodeError::EndMark { offset: at - 1, found }),
@@ -157,36 +157,34 @@ impl Frame {
 
     /// Writes the frame and returns its length.
     pub fn encode(&self, framing: Framing, out: &mut [u8]) -> Result<usize, EncodeError> {
-        let needed = self.encoded_len(framing);
+        let (doubled, checksum) = (self.doubled(), self.checksum(framing));
+        let needed = self.len_with(doubled, checksum, framing);
         let available = out.len();
         let Some(out) = out.get_mut(..needed) else {
             return Err(EncodeError::BufferTooSmall { needed, available });
         };
-        let checksum = self.checksum(framing);
         let mut out = Cursor { out };
-        out.put(match framing.leading_dle {
-            LeadingDle::One => &[DLE, STX],
-            LeadingDle::Two => &[DLE, DLE, STX],
-        });
+        match framing.leading_dle {
+            LeadingDle::One => out.put([DLE, STX]),
+            LeadingDle::Two => out.put([DLE, DLE, STX]),
+        }
         let mut rest = self.data();
-        while let Some((run, behind)) = rest.split_at_checked(find_dle(rest)) {
-            out.put(run);
-            let Some((_, behind)) = behind.split_first() else { break };
-            out.put(&[DLE, DLE]);
-            rest = behind;
+        for _ in 0..doubled {
+            let run = find_dle(rest);
+            out.put_slice(rest.get(..run).unwrap_or_default());
+            out.put([DLE, DLE]);
+            rest = rest.get(run + 1..).unwrap_or_default();
         }
-        out.put(&[DLE, ETX, checksum]);
-        if framing.stuffed_checksum && checksum == DLE {
-            out.put(&[DLE]);
-        }
+        out.put_slice(rest);
+        out.put([DLE, ETX, checksum]);
+        // One byte is left when the checksum is doubled.
+        out.put([DLE]);
         Ok(needed)
     }
 
     /// The length on the line, doubled DLEs included.
     pub fn encoded_len(&self, framing: Framing) -> usize {
-        let doubled = self.data.iter().filter(|byte| **byte == DLE).count();
-        let checksum = if framing.stuffed_checksum && self.checksum(framing) == DLE { 2 } else { 1 };
-        framing.leading_dle.count() + 1 + self.len + doubled + 2 + checksum
+        self.len_with(self.doubled(), self.checksum(framing), framing)
     }
 
     /// The data bytes, at most [`Frame::MAX_DATA`].
@@ -200,16 +198,41 @@ impl Frame {
         if framing.negated_sum { sum.wrapping_neg() } else { sum }
     }
 
+    /// The DLEs in the data.
+    fn doubled(&self) -> usize {
+        usize::from(self.data.iter().fold(0, |count, byte| count + u8::from(*byte == DLE)))
+    }
+
+    fn len_with(&self, doubled: usize, checksum: u8, framing: Framing) -> usize {
+        let checksum_len = if framing.stuffed_checksum && checksum == DLE { 2 } else { 1 };
+        framing.leading_dle.count() + 1 + self.len + doubled + 2 + checksum_len
+    }
+
     pub(crate) fn empty() -> Self {
         Self { data: [0; Self::ROOM], len: 0 }
     }
 
-    /// Appends `bytes`; false, and nothing appended, when they would make more than `limit`.
-    pub(crate) fn push_slice(&mut self, bytes: &[u8], limit: usize) -> bool {
-        let end = self.len + bytes.len();
+    /// Appends bytes for which there is room: messages are shorter than [`Frame::MAX_DATA`] by their types.
+    #[inline]
+    pub(crate) fn push<const N: usize>(&mut self, bytes: [u8; N]) {
+        self.push_if(true, bytes);
+    }
+
+    /// The same without a branch: bytes that are not wanted are zero, and stand behind the end.
+    #[inline]
+    pub(crate) fn push_if<const N: usize>(&mut self, wanted: bool, bytes: [u8; N]) {
+        if let Some(room) = self.data.get_mut(self.len..).and_then(<[u8]>::first_chunk_mut) {
+            *room = bytes;
+            self.len += if wanted { N } else { 0 };
+        }
+    }
+
+    /// Appends `run`; false, and nothing appended, when there were then more than `limit` bytes.
+    fn push_run(&mut self, run: &[u8], limit: usize) -> bool {
+        let end = self.len + run.len();
         match self.data.get_mut(self.len..end) {
             Some(room) if end <= limit => {
-                room.copy_from_slice(bytes);
+                room.copy_from_slice(run);
                 self.len = end;
                 true
             }
@@ -234,7 +257,7 @@ pub(crate) fn find_dle(bytes: &[u8]) -> usize {
     const HIGH: u64 = 0x8080_8080_8080_8080;
     let mut at = 0;
     let mut rest = bytes;
-    while let Some((word, behind)) = rest.split_first_chunk::<8>() {
+    while let Some((word, behind)) = rest.split_first_chunk() {
         // The lowest zero byte of `x` has the lowest high bit that survives.
         let x = u64::from_le_bytes(*word) ^ (ONES * DLE as u64);
         let zeros = x.wrapping_sub(ONES) & !x & HIGH;
@@ -253,7 +276,14 @@ struct Cursor<'a> {
 }
 
 impl Cursor<'_> {
-    fn put(&mut self, bytes: &[u8]) {
+    fn put<const N: usize>(&mut self, bytes: [u8; N]) {
+        if let Some((head, tail)) = core::mem::take(&mut self.out).split_first_chunk_mut() {
+            *head = bytes;
+            self.out = tail;
+        }
+    }
+
+    fn put_slice(&mut self, bytes: &[u8]) {
         if let Some((head, tail)) = core::mem::take(&mut self.out).split_at_mut_checked(bytes.len()) {
             head.copy_from_slice(bytes);
             self.out = tail;

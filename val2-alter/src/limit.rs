@@ -3,7 +3,7 @@
 use crate::message::AXES;
 
 /// The limits of each axis, in units of its words: a unit is 1/32 mm or 360/65536 degrees, and a cycle is 28 ms, so that one
-/// unit a cycle is 1.116 mm/s or 0.196 °/s.
+/// unit a cycle is 1.116 mm/s or 0.196 °/s. More than 32767 counts as 32767.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// The most that a value may move the arm in one cycle.
@@ -13,7 +13,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// No limit but the range of a word.
+    /// As good as none: a meter, or half a turn, in each cycle.
     pub const NONE: Self = Self { velocity: [u16::MAX; AXES], acceleration: [u16::MAX; AXES] };
 
     /// 100 mm/s and 30 °/s, reached in ten cycles. The source gives no numbers: these are ours, and gentle.
@@ -40,60 +40,67 @@ impl Default for Limits {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limiter {
     limits: Limits,
-    speed: [i32; AXES],
-    position: [i32; AXES],
+    most: [i16; AXES],
+    change: [i16; AXES],
+    speed: [i16; AXES],
+    position: [i16; AXES],
 }
 
 impl Limiter {
     /// At rest on the path.
-    pub const fn new(limits: Limits) -> Self {
-        Self { limits, speed: [0; AXES], position: [0; AXES] }
+    pub fn new(limits: Limits) -> Self {
+        let words = |limits: [u16; AXES]| limits.map(|limit| i16::try_from(limit).unwrap_or(i16::MAX));
+        Self {
+            limits,
+            most: words(limits.velocity),
+            change: words(limits.acceleration),
+            speed: [0; AXES],
+            position: [0; AXES],
+        }
     }
 
     /// The next values of cumulative ALTER, where a value is a speed: as near to `target` as the limits allow.
     pub fn speeds(&mut self, target: [i16; AXES]) -> [i16; AXES] {
-        let Limits { velocity, acceleration } = &self.limits;
-        for (((speed, target), most), change) in
-            self.speed.iter_mut().zip(target).zip(velocity).zip(acceleration)
-        {
-            *speed = approach(*speed, i32::from(target), *most, *change);
+        let limits = self.most.iter().zip(&self.change);
+        for ((speed, target), (most, change)) in self.speed.iter_mut().zip(&target).zip(limits) {
+            *speed = approach(*speed, *target, *most, *change);
         }
-        self.speed.map(narrow)
+        self.speed
     }
 
     /// The next values of non-cumulative ALTER, where a value is an offset from the path: on the way to `target` with a
     /// speed from which it can stop there. A target that comes nearer than the arm can brake is passed and come back to. At
     /// the ends of a word (±1024 mm) the arm stops at once.
     pub fn positions(&mut self, target: [i16; AXES]) -> [i16; AXES] {
-        let Limits { velocity, acceleration } = &self.limits;
-        let axes = self.speed.iter_mut().zip(&mut self.position).zip(target);
-        for (((speed, position), target), (most, change)) in axes.zip(velocity.iter().zip(acceleration)) {
-            let way = i32::from(target) - *position;
-            let wanted = way.signum() * braking_speed(way.unsigned_abs(), u32::from(*change));
-            *speed = approach(*speed, wanted, *most, *change);
-            let moved = i32::from(narrow(*position + *speed));
-            *speed = moved - *position;
-            *position = moved;
+        let limits = self.most.iter().zip(&self.change);
+        let axes = self.speed.iter_mut().zip(&mut self.position);
+        for (((speed, position), target), (most, change)) in axes.zip(target).zip(limits) {
+            let way = i32::from(target) - i32::from(*position);
+            let wanted = braking_speed(way.unsigned_abs(), u32::from(change.unsigned_abs()));
+            *speed = approach(*speed, if way < 0 { -wanted } else { wanted }, *most, *change);
+            let next = position.saturating_add(*speed);
+            *speed = next.saturating_sub(*position);
+            *position = next;
         }
-        self.position.map(narrow)
+        self.position
     }
 
     /// The controller could not read the last value: the arm did not move by it, and stands.
     pub fn rejected(&mut self) {
         for (position, speed) in self.position.iter_mut().zip(&mut self.speed) {
-            *position = i32::from(narrow(*position - *speed));
+            *position = position.saturating_sub(*speed);
             *speed = 0;
         }
     }
 
     /// Begins anew, at rest on the path.
     pub fn restart(&mut self) {
-        *self = Self::new(self.limits);
+        (self.speed, self.position) = ([0; AXES], [0; AXES]);
     }
 
     /// The offset of each axis: the last result of [`Limiter::positions`].
     pub fn position(&self) -> [i16; AXES] {
-        self.position.map(narrow)
+        self.position
     }
 
     /// Whether no axis moves.
@@ -107,22 +114,18 @@ impl Limiter {
     }
 }
 
-fn approach(speed: i32, target: i32, most: u16, change: u16) -> i32 {
-    let (most, change) = (i32::from(most), i32::from(change));
-    target.clamp(-most, most).clamp(speed - change, speed + change)
+/// Not `clamp`: it checks its arguments, which keeps the axes from being done at once.
+fn approach(speed: i16, target: i16, most: i16, change: i16) -> i16 {
+    let wanted = target.max(-most).min(most);
+    wanted.max(speed.saturating_sub(change)).min(speed.saturating_add(change))
 }
 
 /// The highest speed from which `change` a cycle stops within `way`, this cycle's move included.
 ///
 /// From n·change + r, with r < change, the moves add up to change·n(n+1)/2 + (n+1)·r.
-fn braking_speed(way: u32, change: u32) -> i32 {
+fn braking_speed(way: u32, change: u32) -> i16 {
     let Some(ratio) = way.checked_div(change) else { return 0 };
     let n = ((8 * ratio + 1).isqrt() - 1) / 2;
     let r = (way - change * (n * (n + 1) / 2)) / (n + 1);
-    i32::try_from(n * change + r).unwrap_or(i32::MAX)
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "clamped to the range of a word")]
-fn narrow(value: i32) -> i16 {
-    value.clamp(i32::from(i16::MIN), i32::from(i16::MAX)) as i16
+    i16::try_from(n * change + r).unwrap_or(i16::MAX)
 }

@@ -4,7 +4,8 @@
 mod fanuc_hmi_modbus;
 mod isra_ball;
 mod laser_eb90;
+mod val2_alter;
 
 fn main() {
-    benches::main(&[fanuc_hmi_modbus::LINK, isra_ball::LINK, laser_eb90::LINK]);
+    benches::main(&[fanuc_hmi_modbus::LINK, isra_ball::LINK, laser_eb90::LINK, val2_alter::LINK]);
 }

@@ -30,11 +30,12 @@ impl Message for HostMessage {
         }
     }
 
+    #[inline]
     fn frame(&self) -> Frame {
         match self {
             Self::StartReply(code) => {
                 let mut frame = Frame::empty();
-                frame.push_slice(&[u8::from(*code)], Self::MAX_DATA);
+                frame.push([u8::from(*code)]);
                 frame
             }
             Self::Reply(reply) => reply.frame(),
@@ -100,11 +101,12 @@ impl Reply {
         Ok(Self { exception: Exception::from(exception), values })
     }
 
+    #[inline]
     fn frame(&self) -> Frame {
         let mut frame = Frame::empty();
-        frame.push_slice(&[u8::from(self.exception), self.select()], HostMessage::MAX_DATA);
-        for value in self.values.into_iter().flatten() {
-            frame.push_slice(&value.to_le_bytes(), HostMessage::MAX_DATA);
+        frame.push([u8::from(self.exception), self.select()]);
+        for value in &self.values {
+            frame.push_if(value.is_some(), value.unwrap_or_default().to_le_bytes());
         }
         frame
     }

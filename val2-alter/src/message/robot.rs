@@ -38,9 +38,7 @@ impl Message for RobotMessage {
         match self {
             Self::Start(start) => start.fill(&mut frame),
             Self::Motion(motion) => motion.fill(&mut frame),
-            Self::End(end) => {
-                frame.push_slice(&[end.control()], Self::MAX_DATA);
-            }
+            Self::End(end) => frame.push([end.control()]),
         }
         frame
     }
@@ -94,9 +92,9 @@ impl Start {
     }
 
     fn fill(&self, frame: &mut Frame) {
-        frame.push_slice(&[self.control(), self.mode.0], Frame::MAX_DATA);
+        frame.push([self.control(), self.mode.0]);
         for word in self.data.words() {
-            frame.push_slice(&word.to_le_bytes(), Frame::MAX_DATA);
+            frame.push(word.to_le_bytes());
         }
     }
 }
@@ -206,10 +204,9 @@ impl Motion {
         let [segment_low, segment_high] = self.segment.to_le_bytes();
         let [percent_low, percent_high] = self.percent.to_le_bytes();
         let status = u8::from(self.segment_status);
-        let head = [self.control(), status, segment_low, segment_high, percent_low, percent_high];
-        frame.push_slice(&head, Frame::MAX_DATA);
+        frame.push([self.control(), status, segment_low, segment_high, percent_low, percent_high]);
         if let Some(transform) = &self.transform {
-            frame.push_slice(&transform.to_bytes(), Frame::MAX_DATA);
+            frame.push(transform.to_bytes());
         }
     }
 }

@@ -1,0 +1,145 @@
+//! val2-alter: a request in, six limited axes out, within the window of 15 or 17 ms.
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use benches::{Budget, Count, Link};
+use val2_alter::{
+    Accumulation, Decoder, ErrorCode, Frame, Framing, Host, HostConfig, HostMessage, Limiter, Limits,
+    Message, Motion, MotionPhase, Reply, RobotMessage, SegmentStatus, Transform, timing,
+};
+
+pub const LINK: Link = Link { name: "val2-alter", counts: COUNTS, budgets };
+
+const COUNTS: &[Count] = &[
+    Count {
+        what: "turn-around: decode a 36-byte request, limit six axes, encode six values",
+        goal: Some(600.0),
+        units: 1.0,
+        unit: "op",
+        run: turn_around,
+    },
+    Count {
+        what: "the same with every DLE that can be: 64 bytes in, 33 out",
+        goal: None,
+        units: 1.0,
+        unit: "op",
+        run: worst_turn_around,
+    },
+    Count {
+        what: "the same from a stream, through the decoder that rescans",
+        goal: None,
+        units: 1.0,
+        unit: "op",
+        run: stream,
+    },
+    Count {
+        what: "the same through the host session, with its deadline and its events",
+        goal: None,
+        units: 1.0,
+        unit: "op",
+        run: session,
+    },
+];
+
+/// 30 data bytes without a DLE: 36 bytes on the line.
+const REQUEST: [u8; 36] = [
+    0x10, 0x10, 0x02, 0x80, 0x02, 0x01, 0x00, 0x00, 0x20, 0x00, 0x40, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,
+    0x00, 0xC0, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0xC0, 0x00, 0x32, 0x30, 0xED, 0x20, 0x00, 0x10,
+    0x03, 0xD2,
+];
+const START: [u8; 8] = [0x10, 0x10, 0x02, 0xA0, 0x17, 0x10, 0x03, 0xB7];
+const TARGET: [i16; 6] = [80, -80, 0, 182, -182, 5];
+
+fn turn_around(rounds: u64) {
+    turn(&REQUEST, TARGET, rounds);
+}
+
+fn worst_turn_around(rounds: u64) {
+    let request = RobotMessage::Motion(Motion {
+        phase: MotionPhase::Running,
+        error: ErrorCode::None,
+        segment_status: SegmentStatus::Normal,
+        segment: 0x1010,
+        percent: 0x1010,
+        transform: Some(Transform([0x1010; 12])),
+    });
+    let mut bytes = [0; Frame::MAX_LEN];
+    let len = request.encode(Framing::DEFAULT, &mut bytes).expect("it fits");
+    assert_eq!(len, timing::max_request_len(true, Framing::DEFAULT));
+    turn(&bytes[..len], [0x1010; 6], rounds);
+}
+
+fn turn(request: &[u8], target: [i16; 6], rounds: u64) {
+    let mut limiter = Limiter::new(black_box(Limits::NONE));
+    let mut out = [0; Frame::MAX_LEN];
+    for _ in 0..rounds {
+        let Ok(Some((frame, _))) = Frame::decode(black_box(request), Framing::DEFAULT) else {
+            panic!("a good request")
+        };
+        black_box(&RobotMessage::decode(frame.data(), Framing::DEFAULT).expect("a standard message"));
+        let values = limiter.speeds(black_box(target));
+        let reply = HostMessage::Reply(Reply::all(values));
+        black_box(reply.encode(Framing::DEFAULT, black_box(&mut out)).expect("it fits"));
+    }
+}
+
+fn stream(rounds: u64) {
+    let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
+    let mut limiter = Limiter::new(black_box(Limits::GENTLE));
+    let mut out = [0; Frame::MAX_LEN];
+    for _ in 0..rounds {
+        decoder.push(black_box(&REQUEST));
+        black_box(&decoder.next_frame().expect("a whole request").expect("a good request"));
+        let reply = HostMessage::Reply(Reply::all(limiter.speeds(black_box(TARGET))));
+        black_box(reply.encode(Framing::DEFAULT, black_box(&mut out)).expect("it fits"));
+    }
+}
+
+fn session(rounds: u64) {
+    let mut host = Host::new(HostConfig::default());
+    let mut out = [0; Frame::MAX_LEN];
+    let mut now = Duration::ZERO;
+    host.handle_input(now, &START);
+    host.poll_transmit(now, &mut out).expect("accepted");
+    host.poll_event();
+    for _ in 0..rounds {
+        now += timing::CYCLE;
+        host.handle_input(now, black_box(&REQUEST));
+        host.set_target(black_box(TARGET));
+        black_box(host.poll_event().expect("a standard message"));
+        black_box(host.poll_transmit(now, black_box(&mut out)).expect("a reply"));
+    }
+}
+
+fn budgets() -> Vec<Budget> {
+    let row = |accumulation, baud, reply_len, what: &str| Budget {
+        what: format!("{what}, {accumulation:?}, at {baud} baud"),
+        takes: timing::transmission(reply_len, baud),
+        window: timing::window(accumulation),
+        source: "§3.4",
+    };
+    let longest = timing::max_reply_len(6, Framing::DEFAULT);
+    let mut rows = Vec::new();
+    for accumulation in [Accumulation::Cumulative, Accumulation::NonCumulative] {
+        for baud in [38_400, 19_200] {
+            rows.push(row(accumulation, baud, 20, "six values without doubled DLEs"));
+        }
+        rows.push(row(accumulation, 38_400, longest, "the longest reply"));
+    }
+    // At 19200 baud the longest reply does not fit the cumulative window: send changed values only.
+    rows.push(row(
+        Accumulation::Cumulative,
+        19_200,
+        timing::max_reply_len(4, Framing::DEFAULT),
+        "the longest reply of four values",
+    ));
+    let tight = timing::Budget::worst_case(Accumulation::Cumulative, 38_400, true, 6, Framing::DEFAULT);
+    rows.push(Budget {
+        what: "the longest reply in what the longest request leaves of 28 ms, at 38400 baud".into(),
+        takes: tight.reply,
+        window: tight.window,
+        source: "§3.4",
+    });
+    rows
+}

@@ -21,7 +21,7 @@ pub enum Link {
     Val2Alter,
     /// The ISRA Robot Command Teach Ball
     IsraBall,
-    /// A laser machining robot, EB 90 frames; settings: the fields of its Profile
+    /// A laser machining robot, EB 90 frames; settings: the fields of its Profile, of the demo baud
     LaserEb90,
 }
 

@@ -16,8 +16,10 @@ use crate::drawing::{self, Point};
 use crate::line::{Clock, Line, LineFaults};
 use crate::report::{Budget, Report};
 use crate::serial;
+use crate::settings::Settings;
 
-/// The simulated baud rate. The source names none; at this one a short run shows some hundred instructions.
+/// The simulated baud rate, unless `--set baud=…` says another. The source names none; at this one a short run shows some
+/// hundred instructions.
 const BAUD: u32 = 115_200;
 
 /// With `--faults` one byte in a thousand is damaged: turned over, lost, or preceded by noise.
@@ -36,10 +38,11 @@ const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
 /// When there is no pseudo-terminal, or the picture cannot be written.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let seconds = options.seconds.unwrap_or(Duration::from_secs(6));
+    let baud = Settings::new("laser-eb90", &options.settings, &["baud"])?.number("baud", BAUD)?;
     let path = path::path()?;
     let (device, port) = serial::pair()?;
     let clock = Clock::start();
-    let mut line = Line::over_port(device, clock, BAUD, options.trace.start("laser"))?;
+    let mut line = Line::over_port(device, clock, baud, options.trace.start("laser"))?;
     if options.faults {
         line = line.with_faults(LineFaults::with_rate(FAULT_RATE, options.seed));
     }
@@ -49,7 +52,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
 
     let (robot, cut) = thread::scope(|scope| {
         let robot = scope.spawn(|| restarting(&mut line, clock, [&first, &second], &executed));
-        let cut = cut(&port, clock, &path, seconds, options, &first);
+        let cut = cut((&port, baud), clock, &path, seconds, options, &first);
         first.turn_off();
         second.turn_off();
         (robot.join(), cut)
@@ -62,12 +65,12 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     if let Some(file) = &options.out {
         drawing::write_svg(file, SHEET, &lines(&cuts))?;
     }
-    Ok(report(options, &path, &line, &cutter, &robot, tally, rates))
+    Ok(report((options, baud), path.len(), &line, &cutter, &robot, tally, rates))
 }
 
 /// The host's run: instructions a second one by one, and seven in a frame.
 fn cut<'a>(
-    port: &str,
+    (port, baud): (&str, u32),
     clock: Clock,
     path: &'a [Cut],
     seconds: Duration,
@@ -75,12 +78,12 @@ fn cut<'a>(
     robot: &Switch,
 ) -> Result<(Cutter<'a>, [f64; 2])> {
     let config = HostConfig {
-        baud: BAUD,
+        baud,
         batch: 1,
         execution_timeout: Duration::from_millis(500), // the simulated robot executes immediate instructions at once
         ..HostConfig::default()
     };
-    let mut cutter = Cutter::new(serial::open(port, BAUD)?, clock, path, config);
+    let mut cutter = Cutter::new(serial::open(port, baud)?, clock, path, config);
     let start = clock.now();
     let rate = |cutter: &mut Cutter<'a>, end: Duration| -> Result<f64> {
         let begin = clock.now();
@@ -131,8 +134,8 @@ fn lines(cuts: &[Option<Cut>]) -> Vec<drawing::Line> {
 }
 
 fn report(
-    options: &DemoOptions,
-    path: &[Cut],
+    (options, baud): (&DemoOptions, u32),
+    path: usize,
     line: &Line,
     cutter: &Cutter<'_>,
     robot: &RobotCounts,
@@ -147,7 +150,7 @@ fn report(
     };
     let mut report = Report::new(
         "laser-eb90",
-        format!("a host cuts a path of {} instructions, at {BAUD} baud and a cycle of 16 ms", path.len()),
+        format!("a host cuts a path of {path} instructions, at {baud} baud and a cycle of 16 ms"),
     );
     report.jobs(tally.jobs());
     if tally.unknown > 0 {
@@ -162,7 +165,11 @@ fn report(
     report.fact("single_rate", "instructions a second, one in a frame", tenths(one));
     report.fact("batch_rate", "instructions a second, seven in a frame", tenths(seven));
     report.fact("gain", "seven are faster by", format!("{} %", percent(seven / one)));
-    report.fact("gain_calculated", "by calculation, without faults", format!("{} %", gain(BAUD)));
+    report.fact(
+        "gain_calculated",
+        "by calculation at this rate, without faults",
+        format!("{} %", gain(baud)),
+    );
     report.fact(
         "gain_slow",
         "by calculation, at 9600 and 1200 baud",
@@ -206,6 +213,7 @@ mod tests {
             seed: 5,
             out: None,
             trace: TraceArgs::off(),
+            settings: serde_json::Map::new(),
             progress: ProgressBar::hidden(),
         };
         let object = demo(&options).unwrap().to_json();

@@ -1,7 +1,9 @@
 //! A stream of bytes in, messages out, whatever the reads and the string elements cut.
 
 use crate::error::DecodeError;
+use crate::job::Job;
 use crate::message::Message;
+use crate::plain::{Next, PlainJobs, WINDOW};
 use crate::value::{Charset, START};
 
 /// Finds the messages in a stream of bytes.
@@ -21,7 +23,8 @@ use crate::value::{Charset, START};
 /// ```
 #[derive(Debug, Clone)]
 pub struct Decoder {
-    buffer: [u8; Message::MAX_LEN],
+    /// The bytes behind the longest message are only looked at, eight at a time, never filled.
+    buffer: [u8; Message::MAX_LEN + WINDOW],
     charset: Charset,
     cursor: Cursor,
 }
@@ -29,19 +32,19 @@ pub struct Decoder {
 impl Decoder {
     /// An empty decoder at the beginning of a stream.
     pub const fn new(charset: Charset) -> Self {
-        Self { buffer: [0; Message::MAX_LEN], charset, cursor: Cursor::START }
+        Self { buffer: [0; Message::MAX_LEN + WINDOW], charset, cursor: Cursor::START }
     }
 
     /// Takes bytes and says how many: fewer than there are when the buffer is full, which
     /// [`next_frame`](Self::next_frame) empties.
     pub fn push(&mut self, bytes: &[u8]) -> usize {
         let Self { buffer, cursor, .. } = self;
-        if cursor.start > 0 && cursor.end + bytes.len() > buffer.len() {
+        if cursor.start > 0 && cursor.end + bytes.len() > Message::MAX_LEN {
             buffer.copy_within(cursor.start..cursor.end, 0);
             cursor.end -= cursor.start;
             cursor.start = 0;
         }
-        let taken = bytes.len().min(buffer.len() - cursor.end);
+        let taken = bytes.len().min(Message::MAX_LEN - cursor.end);
         let place = buffer.get_mut(cursor.end..cursor.end + taken);
         if let (Some(place), Some(bytes)) = (place, bytes.get(..taken)) {
             place.copy_from_slice(bytes);
@@ -71,6 +74,31 @@ impl Decoder {
         }
         cursor.advance(1);
         cursor.find_start(buffer).flatten().map(Err)
+    }
+
+    /// Gives the plain jobs that come next to `take`, until it refuses one or one is not plain.
+    #[inline(always)]
+    pub(crate) fn plain_jobs(
+        &mut self,
+        plain: &PlainJobs,
+        next: &mut Next,
+        mut take: impl FnMut(Job) -> bool,
+    ) {
+        let Self { buffer, cursor, .. } = self;
+        if cursor.position != cursor.offset {
+            return;
+        }
+        let mut at = cursor.start;
+        while let Some(window) = buffer.get(at..).and_then(|rest| rest.first_chunk()) {
+            let Some((job, used)) = plain.read(window, next) else { break };
+            if at + used > cursor.end || !take(job) {
+                break;
+            }
+            at += used;
+            next.advance();
+        }
+        cursor.advance(at - cursor.start);
+        cursor.position = cursor.offset;
     }
 
     /// Says that the stream or the datagram has ended: [`next_frame`](Self::next_frame) gives what is left over as errors,

@@ -15,6 +15,7 @@ mod number;
 mod numbering;
 mod packet;
 mod pc;
+mod plain;
 mod robot;
 pub mod state;
 mod statistics;

@@ -73,20 +73,20 @@ impl<'a> Message<'a> {
         if needed > Self::MAX_LEN {
             return Err(EncodeError::TooLong { length: needed, limit: Self::MAX_LEN });
         }
-        let mut sink = Sink { out, length: 0 };
-        self.write(charset, &mut sink)?;
         if needed > available {
             return Err(EncodeError::BufferTooSmall { needed, available });
         }
-        Ok(sink.length)
+        let mut writer = Writer { out, length: 0 };
+        writer.message(self, charset)?;
+        Ok(writer.length)
     }
 
     /// How many bytes [`encode`](Self::encode) writes.
     pub fn encoded_len(&self) -> usize {
-        let mut sink = Sink { out: &mut [], length: 0 };
-        // Latin-1 refuses what ASCII refuses and no more; what cannot be written has no length that matters.
-        let _ = self.write(Charset::Latin1, &mut sink);
-        sink.length
+        let header: usize = self.header.iter().map(|value| value.wire_len() + 1).sum();
+        let data = self.fields.wire_len();
+        // Five marks and the separator before the length.
+        self.name.wire_len() + header + decimal_len(data) + data + "<$##>".len()
     }
 
     /// Appends the message to a growing buffer.
@@ -101,27 +101,6 @@ impl<'a> Message<'a> {
             return Err(EncodeError::BufferTooSmall { needed: length, available: out.remaining_mut() });
         }
         out.put_slice(wire.get(..length).unwrap_or_default());
-        Ok(())
-    }
-
-    fn write(&self, charset: Charset, sink: &mut Sink<'_>) -> Result<(), EncodeError> {
-        if self.name.is_empty() {
-            return Err(EncodeError::NoName);
-        }
-        sink.push(START);
-        sink.value(&self.name, charset)?;
-        for value in self.header.iter() {
-            sink.push(SEPARATOR);
-            sink.value(&value, charset)?;
-        }
-        sink.push(SEPARATOR);
-        let mut data = Sink { out: &mut [], length: 0 };
-        data.fields(&self.fields, charset)?;
-        sink.put(Digits::new(i32::try_from(data.length).unwrap_or(i32::MAX)).as_bytes());
-        sink.push(DATA);
-        sink.fields(&self.fields, charset)?;
-        sink.push(DATA);
-        sink.push(END);
         Ok(())
     }
 }
@@ -212,31 +191,40 @@ impl nom::error::ParseError<&[u8]> for Fault {
     }
 }
 
-/// Counts what is written, also past the end of the buffer: the length and the bytes come from the same code.
-struct Sink<'o> {
+/// Writes one message into a buffer that is long enough.
+struct Writer<'o> {
     out: &'o mut [u8],
     length: usize,
 }
 
-impl Sink<'_> {
-    fn push(&mut self, byte: u8) {
-        if let Some(place) = self.out.get_mut(self.length) {
-            *place = byte;
+impl Writer<'_> {
+    fn message(&mut self, message: &Message<'_>, charset: Charset) -> Result<(), EncodeError> {
+        if message.name.is_empty() {
+            return Err(EncodeError::NoName);
         }
-        self.length += 1;
-    }
-
-    fn put(&mut self, bytes: &[u8]) {
-        let end = self.length + bytes.len();
-        if let Some(place) = self.out.get_mut(self.length..end) {
-            place.copy_from_slice(bytes);
+        self.push(START);
+        self.value(&message.name, charset)?;
+        for value in message.header.iter() {
+            self.push(SEPARATOR);
+            self.value(&value, charset)?;
         }
-        self.length = end;
+        self.push(SEPARATOR);
+        self.number(decimal(message.fields.wire_len()));
+        self.push(DATA);
+        for (i, value) in message.fields.iter().enumerate() {
+            if i > 0 {
+                self.push(SEPARATOR);
+            }
+            self.value(&value, charset)?;
+        }
+        self.push(DATA);
+        self.push(END);
+        Ok(())
     }
 
     fn value(&mut self, value: &Value<'_>, charset: Charset) -> Result<(), EncodeError> {
         if let Value::Number(number) = value {
-            self.put(Digits::new(*number).as_bytes());
+            self.number(*number);
             return Ok(());
         }
         value.bytes(charset).try_for_each(|byte| {
@@ -245,12 +233,28 @@ impl Sink<'_> {
         })
     }
 
-    fn fields(&mut self, fields: &Values<'_>, charset: Charset) -> Result<(), EncodeError> {
-        fields.iter().enumerate().try_for_each(|(i, value)| {
-            if i > 0 {
-                self.push(SEPARATOR);
-            }
-            self.value(&value, charset)
-        })
+    fn number(&mut self, number: i32) {
+        let digits = Digits::new(number);
+        let (text, end) = (digits.as_bytes(), self.length + digits.as_bytes().len());
+        if let Some(place) = self.out.get_mut(self.length..end) {
+            place.copy_from_slice(text);
+            self.length = end;
+        }
     }
+
+    fn push(&mut self, byte: u8) {
+        if let Some(place) = self.out.get_mut(self.length) {
+            *place = byte;
+            self.length += 1;
+        }
+    }
+}
+
+/// A length as a number to write.
+fn decimal(length: usize) -> i32 {
+    i32::try_from(length).unwrap_or(i32::MAX)
+}
+
+fn decimal_len(length: usize) -> usize {
+    number::len(decimal(length))
 }

@@ -22,6 +22,12 @@ pub(crate) fn parse(text: &[u8]) -> Option<i32> {
     })
 }
 
+/// How many bytes a number is.
+pub(crate) fn len(number: i32) -> usize {
+    let digits = number.unsigned_abs().checked_ilog10().unwrap_or(0);
+    digits as usize + 1 + usize::from(number < 0)
+}
+
 /// The decimal digits of a number, first to last.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Digits {
@@ -94,6 +100,7 @@ mod tests {
     fn digits_are_the_number() {
         for number in [0, 7, -7, 10, 99999, i32::MAX, i32::MIN] {
             assert_eq!(Digits::new(number).as_bytes(), number.to_string().as_bytes());
+            assert_eq!(len(number), number.to_string().len());
             assert_eq!(Digits::new(number).collect::<Vec<_>>(), number.to_string().into_bytes());
         }
     }

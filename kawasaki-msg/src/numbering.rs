@@ -38,13 +38,14 @@ impl Numbering {
 #[derive(Debug, Clone)]
 pub(crate) struct NumberSet {
     bits: [u64; Self::WORDS],
+    count: u32,
 }
 
 impl NumberSet {
     const WORDS: usize = 10_000usize.div_ceil(64);
 
     pub(crate) const fn new() -> Self {
-        Self { bits: [0; Self::WORDS] }
+        Self { bits: [0; Self::WORDS], count: 0 }
     }
 
     pub(crate) fn contains(&self, number: u16) -> bool {
@@ -56,6 +57,7 @@ impl NumberSet {
         let new = !self.contains(number);
         if let Some(word) = self.bits.get_mut(usize::from(number / 64)) {
             *word |= 1 << (number % 64);
+            self.count += u32::from(new);
         }
         new
     }
@@ -65,12 +67,17 @@ impl NumberSet {
         let there = self.contains(number);
         if let Some(word) = self.bits.get_mut(usize::from(number / 64)) {
             *word &= !(1 << (number % 64));
+            self.count -= u32::from(there);
         }
         there
     }
 
     pub(crate) fn clear(&mut self) {
         *self = Self::new();
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.count == 0
     }
 
     /// The least number in the set.
@@ -84,6 +91,7 @@ impl NumberSet {
 
     pub(crate) fn add_all(&mut self, other: &Self) {
         self.bits.iter_mut().zip(&other.bits).for_each(|(a, b)| *a |= b);
+        self.count = self.bits.iter().map(|word| word.count_ones()).sum();
     }
 }
 

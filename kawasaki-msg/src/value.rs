@@ -85,6 +85,16 @@ impl<'a> Value<'a> {
         digits.chain(text.chars()).chain(wire.iter().map(|b| char::from(*b)))
     }
 
+    /// How many bytes it is on the wire, if it can be written at all.
+    pub(crate) fn wire_len(&self) -> usize {
+        match *self {
+            Value::Number(n) => number::len(n),
+            Value::Text(text) if text.is_ascii() => text.len(),
+            Value::Text(text) => text.chars().count(),
+            Value::Wire(bytes) => bytes.len(),
+        }
+    }
+
     /// The bytes on the wire; the first character that cannot stand there is an error.
     pub(crate) fn bytes(&self, charset: Charset) -> impl Iterator<Item = Result<u8, EncodeError>> + use<'a> {
         self.chars().map(move |c| charset.byte(c))
@@ -160,6 +170,14 @@ impl<'a> Values<'a> {
         };
         let wire = wire.into_iter().flat_map(|bytes| bytes.split(|b| *b == SEPARATOR)).map(Value::Wire);
         wire.chain(list.iter().copied())
+    }
+
+    /// How many bytes they are on the wire, with the separators between them.
+    pub(crate) fn wire_len(&self) -> usize {
+        match *self {
+            Values::Wire(bytes) => bytes.len(),
+            Values::List(list) => list.iter().map(|v| v.wire_len() + 1).sum::<usize>().saturating_sub(1),
+        }
     }
 
     /// How many values there are.

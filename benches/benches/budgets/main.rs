@@ -3,9 +3,16 @@
 
 mod fanuc_hmi_modbus;
 mod isra_ball;
+mod kawasaki_msg;
 mod laser_eb90;
 mod val2_alter;
 
 fn main() {
-    benches::main(&[fanuc_hmi_modbus::LINK, isra_ball::LINK, laser_eb90::LINK, val2_alter::LINK]);
+    benches::main(&[
+        fanuc_hmi_modbus::LINK,
+        isra_ball::LINK,
+        kawasaki_msg::LINK,
+        laser_eb90::LINK,
+        val2_alter::LINK,
+    ]);
 }

@@ -49,6 +49,16 @@ impl Core<'_> {
         Ok(())
     }
 
+    /// Queues the plain jobs that come next, as far as there is room. The next message, whatever it is, is read the general way.
+    pub(super) fn on_plain_jobs(&mut self, decoder: &mut Decoder) {
+        let Some(plain) = self.plain.filter(|_| self.phase == Phase::Active) else { return };
+        let queued = self.intake.offer_plain(decoder, &plain);
+        self.statistics.queued += u64::from(queued);
+        if let Cycle::Waiting { answered, .. } = &mut self.cycle {
+            *answered |= queued > 0;
+        }
+    }
+
     /// The first failure of a cycle is told and acted on; the rest of the packet follows from it and is discarded.
     #[cold]
     fn on_job_error(&mut self, now: Duration, error: MessageError) {
@@ -134,6 +144,7 @@ impl Core<'_> {
             self.go(OrderEvent::Start);
             self.intake.begin();
             self.order = order;
+            self.plain = PlainJobs::new(&self.config.dialect, &self.config.bounds, order);
             (self.acked, self.full, self.recovery) = (0, false, Recovery::default());
             self.unacked.clear();
             self.hold_until = Duration::ZERO;

@@ -2,9 +2,11 @@
 
 use robot_work_queue::Writer;
 
+use crate::decoder::Decoder;
 use crate::error::{MessageError, SessionError};
 use crate::job::Job;
 use crate::numbering::{NumberSet, Numbering};
+use crate::plain::{Next, PlainJobs};
 
 /// The queue's writer and the numbers around it.
 ///
@@ -73,6 +75,24 @@ impl<'q> Intake<'q> {
         claim.push(job);
         self.count_queued();
         Ok(())
+    }
+
+    /// Queues the plain jobs that come next in the stream, as far as there is room; how many there were.
+    #[inline(never)] // by itself it fits the registers
+    pub(crate) fn offer_plain(&mut self, decoder: &mut Decoder, plain: &PlainJobs) -> u32 {
+        if self.pending.is_some() || !self.done.is_empty() {
+            return 0;
+        }
+        let (mut next, mut queued) = (Next::new(self.expected, self.numbering.max()), 0);
+        decoder.plain_jobs(plain, &mut next, |job| {
+            let Ok(claim) = self.writer.claim() else { return false };
+            claim.push(job);
+            queued += 1;
+            true
+        });
+        self.queued += queued;
+        self.expected = next.number();
+        queued
     }
 
     fn count_queued(&mut self) {

@@ -17,6 +17,7 @@ use crate::job::Job;
 use crate::message::Message;
 use crate::numbering::NumberSet;
 use crate::packet::{Packet, Room};
+use crate::plain::PlainJobs;
 use crate::state::{Link, LinkEvent, OrderEvent, Phase};
 use crate::statistics::Statistics;
 
@@ -65,6 +66,8 @@ struct Core<'q> {
     phase: Phase,
     /// The active order; 0 for none.
     order: u16,
+    /// How its jobs are read in one pass; `None` where they cannot be.
+    plain: Option<PlainJobs>,
     /// The order that ended last.
     ended: Option<u16>,
     cycle: Cycle,
@@ -135,6 +138,7 @@ impl<'q> Robot<'q> {
             link: Link::Disconnected,
             phase: Phase::Idle,
             order: 0,
+            plain: None,
             ended: None,
             cycle: Cycle::Ready(Duration::ZERO),
             connect_at: Duration::ZERO,
@@ -185,17 +189,24 @@ impl<'q> Robot<'q> {
             if bytes.is_empty() && self.core.config.datagrams {
                 self.decoder.finish();
             }
-            while let Some(frame) = self.decoder.next_frame() {
-                match frame {
-                    Ok(message) => self.core.on_message(now, &message),
-                    Err(error) => self.core.on_damage(error),
-                }
-            }
+            self.read(now);
             if bytes.is_empty() {
                 break;
             }
         }
         self.core.end_cycle(now, self.decoder.is_inside_message());
+    }
+
+    /// Everything that the decoder has: plain jobs in one pass, the rest message by message.
+    fn read(&mut self, now: Duration) {
+        loop {
+            self.core.on_plain_jobs(&mut self.decoder);
+            match self.decoder.next_frame() {
+                Some(Ok(message)) => self.core.on_message(now, &message),
+                Some(Err(error)) => self.core.on_damage(error),
+                None => break,
+            }
+        }
     }
 
     /// Looks at the clock and at the queue. Call it in every pass of the loop: a settled queue has no other way to be seen.
@@ -370,6 +381,7 @@ impl Core<'_> {
     /// The queue is empty, and the order is forgotten.
     fn over(&mut self) {
         let order = core::mem::take(&mut self.order);
+        self.plain = None;
         self.go(OrderEvent::Over);
         (self.full, self.ended, self.owed.end_ack) = (false, Some(order), Some(order));
         // The end says it for those before.

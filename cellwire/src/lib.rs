@@ -4,6 +4,7 @@
 
 #![allow(clippy::std_instead_of_core, reason = "the tool is a program with std")]
 
+pub mod alter;
 pub mod capture;
 pub mod codec;
 pub mod decode;
@@ -51,6 +52,7 @@ enum Command {
     Encode(encode::Args),
     Simulate(simulate::Args),
     Vectors(vectors::Args),
+    Alter(alter::Args),
 }
 
 /// Does what the command line says. Exit status: 0 all is well, 1 damage or a broken promise, 2 it could not be done.
@@ -61,6 +63,7 @@ pub fn main() -> ExitCode {
         Command::Encode(args) => encode::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Vectors(args) => vectors::run(&args),
+        Command::Alter(args) => alter::run(&args),
     };
     match outcome {
         Ok(true) => ExitCode::SUCCESS,

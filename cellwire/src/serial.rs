@@ -1,7 +1,8 @@
 //! Serial ports and pseudo-terminals, raw and without flow control.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 use serialport::{FlowControl, SerialPort};
@@ -23,6 +24,30 @@ pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
         };
         anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
     })
+}
+
+/// Listens at a baud rate for so long. The port stays at that rate.
+///
+/// # Errors
+/// When the port does not know the rate, or is gone.
+pub fn listen(
+    port: &mut dyn SerialPort,
+    baud: u32,
+    time: Duration,
+    heard: &mut dyn FnMut(&[u8]),
+) -> Result<()> {
+    port.set_baud_rate(baud)?;
+    port.set_timeout(Duration::from_millis(20))?;
+    let end = Instant::now() + time;
+    let mut buffer = [0; 64];
+    while Instant::now() < end {
+        match port.read(&mut buffer) {
+            Ok(n) => heard(buffer.get(..n).unwrap_or_default()),
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(e) => return Err(e.into()),
+        }
+    }
+    Ok(())
 }
 
 /// A link to a pseudo-terminal under a path of the caller's choice; gone when dropped.

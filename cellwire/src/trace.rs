@@ -29,7 +29,15 @@ pub struct TraceArgs {
 impl TraceArgs {
     /// A trace of the line called `name`; one that keeps nothing without `--trace`.
     pub fn start(&self, name: &str) -> Trace {
-        Trace::new(name, self.trace.map_or(0, |bytes| bytes as usize), &self.trace_dir)
+        Trace::new(name, self.trace.map_or(0, |bytes| bytes as usize), Some(&self.trace_dir))
+    }
+
+    /// A trace to look at while it runs; it writes files only with `--trace`.
+    pub fn start_kept(&self, name: &str) -> Trace {
+        match self.trace {
+            Some(_) => self.start(name),
+            None => Trace::new(name, DEFAULT_BYTES, None),
+        }
     }
 
     /// No trace.
@@ -53,7 +61,7 @@ pub enum Way {
 #[derive(Debug, Clone)]
 pub struct Trace {
     name: String,
-    dir: PathBuf,
+    dir: Option<PathBuf>,
     bytes: usize,
     kept: Arc<Mutex<Kept>>,
 }
@@ -66,9 +74,9 @@ struct Kept {
 }
 
 impl Trace {
-    /// A trace of `bytes` each way; with 0 it keeps and writes nothing.
-    pub fn new(name: &str, bytes: usize, dir: &Path) -> Self {
-        Self { name: name.into(), dir: dir.into(), bytes, kept: Arc::default() }
+    /// A trace of `bytes` each way; with 0 it keeps nothing, without a folder it writes nothing.
+    pub fn new(name: &str, bytes: usize, dir: Option<&Path>) -> Self {
+        Self { name: name.into(), dir: dir.map(Path::to_owned), bytes, kept: Arc::default() }
     }
 
     /// Keeps bytes that went one way.
@@ -91,6 +99,7 @@ impl Trace {
     /// # Errors
     /// When the file cannot be written.
     pub fn session_ended(&self, why: &str) -> Result<Option<PathBuf>> {
+        let Some(dir) = &self.dir else { return Ok(None) };
         let (sent, received, number) = {
             let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
             if kept.sent.is_empty() && kept.received.is_empty() {
@@ -99,7 +108,7 @@ impl Trace {
             kept.files += 1;
             (std::mem::take(&mut kept.sent), std::mem::take(&mut kept.received), kept.files)
         };
-        let path = self.dir.join(format!("{}-{number}.trace", self.name));
+        let path = dir.join(format!("{}-{number}.trace", self.name));
         let mut text = Vec::new();
         writeln!(text, "# {}: {why}", self.name)?;
         write_lines(&mut text, &sent, &received)?;
@@ -154,7 +163,7 @@ mod tests {
 
     #[test]
     fn the_last_bytes_each_way_stand_in_their_order() {
-        let trace = Trace::new("x", 3, Path::new("."));
+        let trace = Trace::new("x", 3, None);
         trace.add(MS, Way::Sent, &[1, 2]);
         trace.add(MS * 5, Way::Received, &[0xA0]);
         trace.add(MS * 6, Way::Sent, &[3, 4]);
@@ -174,7 +183,7 @@ mod tests {
     fn each_session_that_ends_leaves_a_file() {
         let dir = std::env::temp_dir().join(format!("cellwire-trace-{}", std::process::id()));
         std::fs::create_dir_all(&dir).unwrap();
-        let trace = Trace::new("robot", DEFAULT_BYTES, &dir);
+        let trace = Trace::new("robot", DEFAULT_BYTES, Some(&dir));
         assert_eq!(trace.session_ended("nothing").unwrap(), None);
         trace.add(MS, Way::Sent, &[0x10]);
         trace.session_ended("a timeout").unwrap().unwrap();

@@ -1,12 +1,12 @@
 //! The thread that polls the ball.
 
 use std::io::{ErrorKind, Read, Write};
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{Receiver, Sender};
 use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use isra_ball::{Host, HostEvent};
+use isra_ball::{Config, Decoder, ENQ, Host, HostEvent, timing};
 use serialport::SerialPort;
 
 use super::{Context, Order, PortConfig, TeleopConfig, Told};
@@ -22,26 +22,30 @@ pub(super) struct Ball {
     port: Option<Box<dyn SerialPort>>,
     host: Host,
     orders: Sender<Order>,
+    probe: Receiver<()>,
+    polls: Config,
     asked: Duration,
 }
 
 impl Ball {
-    pub(super) fn open(config: &TeleopConfig, context: Context, orders: Sender<Order>) -> Result<Self> {
+    pub(super) fn open(
+        config: &TeleopConfig,
+        context: Context,
+        orders: Sender<Order>,
+        probe: Receiver<()>,
+    ) -> Result<Self> {
         let port = serial::open(&config.ball.path, config.ball.baud)?;
         context.tell(Told::PortOpen("ball", config.ball.path.clone()));
         let host = Host::new(config.polls)?;
-        Ok(Self {
-            context,
-            config: config.ball.clone(),
-            port: Some(port),
-            host,
-            orders,
-            asked: Duration::ZERO,
-        })
+        let (config, polls) = (config.ball.clone(), config.polls);
+        Ok(Self { context, config, port: Some(port), host, orders, probe, polls, asked: Duration::ZERO })
     }
 
     pub(super) fn run(mut self) {
         while !self.context.is_stopped() {
+            if self.probe.try_recv().is_ok() {
+                self.probe();
+            }
             self.poll();
             self.collect();
             self.read();
@@ -100,6 +104,34 @@ impl Ball {
             }
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(e) => self.lose_port(&e),
+        }
+    }
+
+    /// Polls ten times at each rate. The robot thread comes to rest meanwhile: it gets no new values.
+    fn probe(&mut self) {
+        self.order(Order::BallStale);
+        let Some(port) = &mut self.port else { return };
+        for baud in [4800, 9600, 19_200] {
+            let period = self.polls.period.max(timing::min_period(baud));
+            let (mut good, mut damaged) = (0, 0);
+            let mut decoder = Decoder::new();
+            for _ in 0..10 {
+                let asked = port.set_baud_rate(baud).is_ok() && port.write_all(&[ENQ]).is_ok();
+                let heard = serial::listen(port.as_mut(), baud, period, &mut |bytes| {
+                    decoder.push(bytes);
+                });
+                if !asked || heard.is_err() {
+                    break;
+                }
+                decoder.finish();
+                while let Some(outcome) = decoder.next_frame() {
+                    *if outcome.is_ok() { &mut good } else { &mut damaged } += 1;
+                }
+            }
+            self.context.tell(Told::Probed { port: "ball", baud, good, damaged });
+        }
+        if let Err(e) = port.set_baud_rate(self.config.baud) {
+            self.lose_port(&e.into());
         }
     }
 

@@ -74,6 +74,8 @@ pub enum Order {
     Stop,
     /// The gripper on the ball's keys, on or off.
     Clamp(bool),
+    /// Listen at several baud rates, unless ALTER runs.
+    Probe,
     /// Sleep, as a host does that has too much to do: a fault for the demo.
     Stall(Duration),
 }
@@ -122,8 +124,23 @@ pub enum Told {
     BallDamaged(isra_ball::DecodeError),
     /// No new values from the ball.
     BallStale,
+    /// The workstation asked for a pose.
+    PoseAsked,
     /// The workstation was sent a pose.
     Pose,
+    /// What was heard at a port at one baud rate.
+    Probed {
+        /// The port.
+        port: &'static str,
+        /// The rate.
+        baud: u32,
+        /// Good messages.
+        good: u32,
+        /// Damaged ones.
+        damaged: u32,
+    },
+    /// ALTER runs: no port is tested.
+    ProbeRefused,
     /// A trace was written.
     Trace(PathBuf),
 }
@@ -132,6 +149,7 @@ pub enum Told {
 #[derive(Debug)]
 pub struct Teleop {
     orders: Sender<Order>,
+    probes: Vec<Sender<()>>,
     told: Receiver<(Duration, Told)>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
@@ -164,21 +182,31 @@ impl Teleop {
             stop: Arc::clone(&stop),
             trace: trace.clone(),
         };
+        let (ball_probe, ball_probe_in) = channel();
+        let (viewer_probe, viewer_probe_in) = channel();
         let robot = robot::Robot::open(&config, context(&traces.robot), orders_in, poses)?;
-        let ball = ball::Ball::open(&config, context(&traces.ball), orders.clone())?;
+        let ball = ball::Ball::open(&config, context(&traces.ball), orders.clone(), ball_probe_in)?;
         let viewer = match &config.viewer {
-            Some(port) => Some(viewer::Feed::open(port, context(&traces.viewer), poses_in)?),
+            Some(port) => Some(viewer::Feed::open(port, context(&traces.viewer), poses_in, viewer_probe_in)?),
             None => None,
         };
         let mut threads = vec![thread::spawn(|| robot.run()), thread::spawn(|| ball.run())];
         threads.extend(viewer.map(|viewer| thread::spawn(|| viewer.run())));
-        Ok(Self { orders, told, stop, threads })
+        Ok(Self { orders, probes: vec![ball_probe, viewer_probe], told, stop, threads })
     }
 
     /// Gives the robot thread an order. It is done within 20 ms, or before the next reply.
     pub fn order(&self, order: Order) {
         // A robot thread that is gone has told why.
         let _ = self.orders.send(order);
+    }
+
+    /// Listens at every port at several baud rates, the operator's port test (§10.6). Not while ALTER runs.
+    pub fn probe(&self) {
+        self.order(Order::Probe);
+        for probe in &self.probes {
+            let _ = probe.send(());
+        }
     }
 
     /// What has been told since the last call, in order of telling.

@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Result;
 use isra_ball::Packet;
 use serialport::SerialPort;
-use val2_alter::{AXES, Clamp, Host, HostEvent, HostState, Mode, Transform};
+use val2_alter::{AXES, Clamp, Decoder, Framing, Host, HostEvent, HostState, Mode, RobotMessage, Transform};
 
 use super::{Context, Mapping, Order, PortConfig, TeleopConfig, Told};
 use crate::serial;
@@ -16,6 +16,8 @@ use crate::trace::Way;
 
 /// Orders are looked at this often while the robot is silent.
 const IDLE: Duration = Duration::from_millis(20);
+/// The port test listens so long at each rate.
+const LISTEN: Duration = Duration::from_millis(1200);
 /// A port that is gone is tried again this often.
 const REOPEN: Duration = Duration::from_millis(500);
 
@@ -120,6 +122,7 @@ impl Robot {
                     self.clamp.set_enabled(on);
                     self.host.set_subroutine(on);
                 }
+                Order::Probe => self.probe(),
                 Order::Stall(time) => thread::sleep(time),
             }
         }
@@ -191,6 +194,30 @@ impl Robot {
         }
         if let Some(why) = ended {
             self.context.end_trace_aside(why);
+        }
+    }
+
+    /// Listens for the controller's messages at each rate. It starts its program about once a second.
+    fn probe(&mut self) {
+        if self.host.state() != HostState::Idle {
+            return self.later.push(Told::ProbeRefused);
+        }
+        let Some(port) = &mut self.port else { return };
+        for baud in [9600, 19_200, 38_400] {
+            let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
+            let (mut good, mut damaged) = (0, 0);
+            let heard = serial::listen(port.as_mut(), baud, LISTEN, &mut |bytes| {
+                decoder.push(bytes);
+                while let Some(outcome) = decoder.next_frame() {
+                    *if outcome.is_ok() { &mut good } else { &mut damaged } += 1;
+                }
+            });
+            if heard.is_ok() {
+                self.later.push(Told::Probed { port: "robot", baud, good, damaged });
+            }
+        }
+        if let Err(e) = port.set_baud_rate(self.config.baud) {
+            self.lose_port(&e.into());
         }
     }
 

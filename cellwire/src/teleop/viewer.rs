@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use serialport::SerialPort;
-use val2_alter::viewer::{PoseFeed, PosePacket};
+use val2_alter::viewer::{ENQ, PoseFeed, PosePacket};
 
 use super::robot::Pose;
 use super::{Context, PortConfig, Told};
@@ -16,6 +16,8 @@ use crate::trace::Way;
 
 /// New poses are looked at this often.
 const IDLE: Duration = Duration::from_millis(20);
+/// The port test listens so long at each rate.
+const LISTEN: Duration = Duration::from_secs(1);
 /// A port that is gone is tried again this often.
 const REOPEN: Duration = Duration::from_millis(500);
 
@@ -25,17 +27,33 @@ pub(super) struct Feed {
     port: Option<Box<dyn SerialPort>>,
     feed: PoseFeed,
     poses: Receiver<Pose>,
+    probe: Receiver<()>,
 }
 
 impl Feed {
-    pub(super) fn open(config: &PortConfig, context: Context, poses: Receiver<Pose>) -> Result<Self> {
+    pub(super) fn open(
+        config: &PortConfig,
+        context: Context,
+        poses: Receiver<Pose>,
+        probe: Receiver<()>,
+    ) -> Result<Self> {
         let port = serial::open(&config.path, config.baud)?;
         context.tell(Told::PortOpen("viewer", config.path.clone()));
-        Ok(Self { context, config: config.clone(), port: Some(port), feed: PoseFeed::default(), poses })
+        Ok(Self {
+            context,
+            config: config.clone(),
+            port: Some(port),
+            feed: PoseFeed::default(),
+            poses,
+            probe,
+        })
     }
 
     pub(super) fn run(mut self) {
         while !self.context.is_stopped() {
+            if self.probe.try_recv().is_ok() {
+                self.probe();
+            }
             self.read();
             while let Ok(pose) = self.poses.try_recv() {
                 match pose {
@@ -58,6 +76,9 @@ impl Feed {
                 let bytes = buffer.get(..n).unwrap_or_default();
                 self.context.trace.add(self.context.clock.now(), Way::Received, bytes);
                 self.feed.handle_input(bytes);
+                if bytes.contains(&ENQ) {
+                    self.context.tell(Told::PoseAsked);
+                }
             }
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(e) => self.lose_port(&e),
@@ -75,6 +96,25 @@ impl Feed {
         }
         self.context.trace.add(now, Way::Sent, bytes);
         self.context.tell(Told::Pose);
+    }
+
+    /// Listens for requests at each rate.
+    fn probe(&mut self) {
+        let Some(port) = &mut self.port else { return };
+        for baud in [9600, 19_200, 38_400] {
+            let (mut good, mut damaged) = (0, 0);
+            let heard = serial::listen(port.as_mut(), baud, LISTEN, &mut |bytes| {
+                for byte in bytes {
+                    *if *byte == ENQ { &mut good } else { &mut damaged } += 1;
+                }
+            });
+            if heard.is_ok() {
+                self.context.tell(Told::Probed { port: "viewer", baud, good, damaged });
+            }
+        }
+        if let Err(e) = port.set_baud_rate(self.config.baud) {
+            self.lose_port(&e.into());
+        }
     }
 
     fn lose_port(&mut self, error: &std::io::Error) {

@@ -49,9 +49,11 @@ pub fn grip(now: Duration) -> Grip {
         }
         _ => {}
     }
+    // Every other round the other way, so that the arm comes back.
+    let way = if (now.as_secs() / PERIOD.as_secs()).is_multiple_of(2) { 1.0 } else { -1.0 };
     // The springs never stand quite still.
     let tremble = (2.0 * PI * 11.0 * t).sin().round();
-    let [x, y, z, mx, my, mz] = axes.map(|axis| count(axis + tremble));
+    let [x, y, z, mx, my, mz] = axes.map(|axis| count(way * axis + tremble));
     Grip { force: [x, y, z], moment: [mx, my, mz], keys }
 }
 

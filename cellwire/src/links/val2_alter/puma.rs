@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{
     AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Frame, Mode,
-    Pose, SegmentStatus,
+    Motion, Pose, SegmentStatus,
 };
 
 use crate::device::serve;
@@ -34,7 +34,8 @@ pub struct PumaConfig {
 impl Default for PumaConfig {
     /// `ALTER(0, 23, clamp2, 127)`.
     fn default() -> Self {
-        let controller = ControllerConfig { subroutine: true, ..ControllerConfig::default() };
+        // Bytes that came together may be read apart on a busy machine: no gap ends a frame.
+        let controller = ControllerConfig { subroutine: true, gap: None, ..ControllerConfig::default() };
         Self { controller, restart: Duration::from_secs(1) }
     }
 }
@@ -148,7 +149,9 @@ pub fn run(
             puma.receive(at.saturating_sub(stood), byte);
         }
         let now = clock.now() - stood;
-        puma.pass_time(now, line.is_connected());
+        puma.controller.handle_timeout(now);
+        puma.collect(now);
+        puma.operate(now, line.is_connected());
         if let Some(length) = puma.controller.poll_transmit(now, &mut out) {
             let arrived = line.send(out.get(..length).unwrap_or_default());
             puma.sent(arrived.saturating_sub(stood), length);
@@ -227,8 +230,8 @@ impl Puma {
         self.controller.handle_input(at, &[byte]);
     }
 
-    fn pass_time(&mut self, now: Duration, connected: bool) {
-        self.controller.handle_timeout(now);
+    /// What the robot's program and its operator do: the subroutine returns, the program starts, its segments go by.
+    fn operate(&mut self, now: Duration, connected: bool) {
         if self.resume_at.is_some_and(|at| at <= now) {
             self.resume_at = None;
             self.controller.resume();
@@ -242,13 +245,10 @@ impl Puma {
             // It cannot have been started already: it is off.
             let _ = self.controller.start(now);
         }
-        let segments = now.as_millis() / SEGMENT.as_millis();
-        let part = f64::from(u32::try_from(now.as_millis() % SEGMENT.as_millis()).unwrap_or_default())
-            / SEGMENT.as_millis() as f64;
-        let number = u16::try_from(1 + segments % u128::from(u16::MAX)).unwrap_or(1);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "part is in 0..1")]
-        let percent = (part * f64::from(val2_alter::Motion::DONE)) as u16;
-        self.controller.set_segment(SegmentStatus::Normal, number, percent);
+        let number = now.as_millis() / SEGMENT.as_millis() % u128::from(u16::MAX);
+        let done = now.as_millis() % SEGMENT.as_millis() * u128::from(Motion::DONE) / SEGMENT.as_millis();
+        let [number, done] = [1 + number, done].map(|word| u16::try_from(word).unwrap_or_default());
+        self.controller.set_segment(SegmentStatus::Normal, number, done);
     }
 
     /// A message was sent; its last byte arrives at `arrived`.

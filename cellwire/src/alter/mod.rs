@@ -1,0 +1,122 @@
+//! `cellwire alter`: the operator's screen of the teleoperation host.
+
+mod model;
+mod screen;
+
+use std::io::IsTerminal;
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+use ratatui::crossterm::event::{self, Event, KeyEventKind};
+
+use crate::line::Clock;
+use crate::links::val2_alter::workstation;
+use crate::teleop::{LIMITS, Mapping, Order, PortConfig, Teleop, TeleopConfig, Traces, host_config};
+use crate::trace::TraceArgs;
+use model::{Command, Model, Ports};
+
+/// A picture is drawn this often.
+const PICTURE: Duration = Duration::from_millis(50);
+
+/// Steers a robot with a control ball over ALTER: the operator's screen.
+///
+/// ALTER is answered after A, until Esc. The screen is drawn by a thread of its own and never delays a reply. Try it against
+/// `cellwire simulate puma`, `simulate ball` and `simulate viewer`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The robot controller's port
+    #[arg(long, value_name = "PORT")]
+    robot: String,
+    /// The control ball's port
+    #[arg(long, value_name = "PORT")]
+    ball: String,
+    /// The graphics workstation's port
+    #[arg(long, value_name = "PORT")]
+    viewer: Option<String>,
+    /// The baud rate of the robot's port
+    #[arg(long, value_name = "N", default_value_t = val2_alter::timing::BAUD)]
+    robot_baud: u32,
+    /// The baud rate of the ball's port
+    #[arg(long, value_name = "N", default_value_t = isra_ball::timing::BAUD)]
+    ball_baud: u32,
+    /// The baud rate of the workstation's port
+    #[arg(long, value_name = "N", default_value_t = workstation::BAUD)]
+    viewer_baud: u32,
+    /// The speed that full force asks for, in percent of 100 mm/s and 30 °/s
+    #[arg(long, value_name = "PERCENT", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=100))]
+    speed: u16,
+    /// The robot's program names a subroutine for the gripper: keys 1 and 2 of the ball close and open it
+    #[arg(long)]
+    clamp: bool,
+    #[command(flatten)]
+    trace: TraceArgs,
+}
+
+/// Runs until the operator quits.
+///
+/// # Errors
+/// When there is no terminal, or a port cannot be opened.
+pub fn run(args: &Args) -> Result<bool> {
+    ensure!(std::io::stdout().is_terminal(), "the operator's screen needs a terminal");
+    let clock = Clock::start();
+    let ports = Ports {
+        robot: PortConfig { path: args.robot.clone(), baud: args.robot_baud },
+        ball: PortConfig { path: args.ball.clone(), baud: args.ball_baud },
+        viewer: args.viewer.clone().map(|path| PortConfig { path, baud: args.viewer_baud }),
+    };
+    let config = TeleopConfig {
+        robot: ports.robot.clone(),
+        ball: ports.ball.clone(),
+        viewer: ports.viewer.clone(),
+        alter: val2_alter::HostConfig {
+            baud: args.robot_baud,
+            limits: LIMITS,
+            subroutine: args.clamp,
+            policy: val2_alter::Policy::Ignore,
+            ..host_config()
+        },
+        polls: isra_ball::Config { baud: args.ball_baud, ..isra_ball::Config::default() },
+        mapping: Mapping::for_limits(&LIMITS, args.speed),
+    };
+    let start = |name| args.trace.start_kept(name);
+    let traces =
+        Traces { robot: start("host-robot"), ball: start("host-ball"), viewer: start("host-viewer") };
+    let teleop = Teleop::start(config, clock, &traces)?;
+    teleop.order(Order::Clamp(args.clamp));
+    let mut model = Model::new(ports, traces, args.clamp);
+    let mut terminal = ratatui::try_init()?;
+    let outcome = show(&mut terminal, &mut model, &teleop, clock);
+    ratatui::restore();
+    outcome.map(|()| true)
+}
+
+fn show(
+    terminal: &mut ratatui::DefaultTerminal,
+    model: &mut Model,
+    teleop: &Teleop,
+    clock: Clock,
+) -> Result<()> {
+    loop {
+        for (at, told) in teleop.told() {
+            model.take(at, told);
+        }
+        model.pass_time(clock.now());
+        terminal.draw(|frame| screen::draw(frame, model, clock.now()))?;
+        model.drawn += 1;
+        if model.may_quit() {
+            return Ok(());
+        }
+        if !event::poll(PICTURE)? {
+            continue;
+        }
+        let Event::Key(key) = event::read()? else { continue };
+        if key.kind != KeyEventKind::Press {
+            continue;
+        }
+        match model.key(key, clock.now()) {
+            Some(Command::Order(order)) => teleop.order(order),
+            Some(Command::Probe) => teleop.probe(),
+            None => {}
+        }
+    }
+}

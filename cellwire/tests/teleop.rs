@@ -1,0 +1,111 @@
+//! The teleoperation cell over pseudo-terminals: what must hold whatever the machine does meanwhile.
+#![cfg(unix)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::std_instead_of_core
+)]
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+use std::time::Duration;
+
+use cellwire::line::{Clock, Line};
+use cellwire::links::isra_ball::ball;
+use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
+use cellwire::serial;
+use cellwire::teleop::cell::{self, CellConfig};
+use cellwire::teleop::verdict::Extremes;
+use cellwire::teleop::{LIMITS, Mapping, PortConfig, Teleop, TeleopConfig, Traces, host_config};
+use cellwire::trace::TraceArgs;
+use indicatif::ProgressBar;
+use val2_alter::{ErrorCode, HostConfig, Mode, Pose};
+
+fn wait_for<T>(events: &Receiver<PumaEvent>, pick: impl Fn(PumaEvent) -> Option<T>) -> T {
+    loop {
+        let event = events.recv_timeout(Duration::from_secs(20)).expect("the robot tells something");
+        if let Some(found) = pick(event) {
+            return found;
+        }
+    }
+}
+
+fn started(event: PumaEvent) -> Option<Pose> {
+    if let PumaEvent::Started(pose) = event { Some(pose) } else { None }
+}
+
+fn ended(event: PumaEvent) -> Option<(ErrorCode, Pose)> {
+    if let PumaEvent::Ended(error, pose) = event { Some((error, pose)) } else { None }
+}
+
+/// §3.3.3: "da die Robotersteuerung bei Ausbleiben von Antwortpaketen den ALTER-Betrieb beendet".
+#[test]
+fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes_over() {
+    let clock = Clock::start();
+    let off = TraceArgs::off();
+    let stop = Arc::new(AtomicBool::new(false));
+    let (robot_port, robot) = serial::pair().unwrap();
+    let (ball_port, ball) = serial::pair().unwrap();
+    let (tell, events) = channel();
+    let config = PumaConfig { restart: Duration::from_millis(200), ..PumaConfig::default() };
+    let mut line = Line::over_port(robot_port, clock, 38_400, off.start("robot")).unwrap();
+    let stopped = Arc::clone(&stop);
+    let robot_thread = thread::spawn(move || {
+        puma::run(&mut line, clock, config, &stopped, |_, event| {
+            let _ = tell.send(event);
+            Ok(())
+        })
+    });
+    let mut line = Line::over_port(ball_port, clock, 9600, off.start("ball")).unwrap();
+    let stopped = Arc::clone(&stop);
+    let ball_thread = thread::spawn(move || ball::run(&mut line, clock, &stopped, |_| Ok(())));
+
+    let host = || {
+        let config = TeleopConfig {
+            robot: PortConfig { path: robot.clone(), baud: 38_400 },
+            ball: PortConfig { path: ball.clone(), baud: 9600 },
+            viewer: None,
+            alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
+            polls: isra_ball::Config::default(),
+            mapping: Mapping::for_limits(&LIMITS, 150),
+        };
+        let traces = Traces { robot: off.start("r"), ball: off.start("b"), viewer: off.start("v") };
+        Teleop::start(config, clock, &traces).unwrap()
+    };
+    let first = host();
+    let begin = wait_for(&events, started);
+    thread::sleep(Duration::from_millis(1500)); // the hand pushes in every second and a half of its round
+    drop(first); // without a word: no ramp, no end
+    let (error, stands) = wait_for(&events, ended);
+    assert_eq!(error, ErrorCode::Timeout);
+    assert_ne!(stands.p, begin.p, "the arm had moved");
+    let second = host();
+    assert_eq!(wait_for(&events, started), stands, "the arm stood still meanwhile");
+    drop(second);
+    stop.store(true, Ordering::Relaxed);
+    let record = robot_thread.join().unwrap().unwrap();
+    assert_eq!((record.starts >= 2, record.drift), (true, 0.0));
+    ball_thread.join().unwrap().unwrap();
+}
+
+/// §9.2: "so daß in keinem Fall höhere Beschleunigungen auftreten", however the lines and the host misbehave.
+#[test]
+fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
+    let config = CellConfig {
+        time: Duration::from_millis(4500),
+        baud: 38_400,
+        mode: Mode::CUMULATIVE_23,
+        faults: true,
+        seed: 5,
+        trace: TraceArgs::off(),
+    };
+    let record = cell::run(&config, &ProgressBar::hidden()).unwrap();
+    assert!(record.puma.starts > 0 && record.host.stalls > 0, "{record:?}");
+    let sent = Extremes::of(&record.puma.replies);
+    assert!(sent.keeps(&LIMITS), "{sent:?}");
+    assert_eq!((record.puma.drift, record.drawn.most_at_once <= 1), (0.0, true));
+}

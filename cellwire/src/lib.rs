@@ -51,6 +51,7 @@ enum Command {
     Decode(decode::Args),
     Encode(encode::Args),
     Simulate(simulate::Args),
+    Modbus(links::fanuc_hmi_modbus::client::Args),
     Vectors(vectors::Args),
     Alter(alter::Args),
 }
@@ -62,6 +63,7 @@ pub fn main() -> ExitCode {
         Command::Decode(args) => decode::run(&args),
         Command::Encode(args) => encode::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Modbus(args) => links::fanuc_hmi_modbus::client::run(&args),
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
     };

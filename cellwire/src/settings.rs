@@ -40,6 +40,15 @@ impl<'a> Settings<'a> {
         let Some(value) = self.values.get(name) else { return Ok(default) };
         value.as_bool().with_context(|| format!("{name}={value} is neither true nor false"))
     }
+
+    /// A text.
+    ///
+    /// # Errors
+    /// When the value is none.
+    pub fn text(&self, name: &str) -> Result<Option<&'a str>> {
+        let Some(value) = self.values.get(name) else { return Ok(None) };
+        value.as_str().map(Some).with_context(|| format!("{name}={value} is no text"))
+    }
 }
 
 /// The parser of `--set`: a value that is JSON is taken as JSON, any other as text.

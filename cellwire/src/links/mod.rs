@@ -1,5 +1,6 @@
 //! The links that the tool knows, one folder each: its codec, its demo, its simulators.
 
+pub mod fanuc_hmi_modbus;
 pub mod isra_ball;
 pub mod laser_eb90;
 pub mod val2_alter;
@@ -21,6 +22,8 @@ pub enum Link {
     Val2Alter,
     /// The ISRA Robot Command Teach Ball
     IsraBall,
+    /// FANUC's HMI Device Communication, Modbus; settings: framing, view, word_order
+    FanucHmiModbus,
     /// A laser machining robot, EB 90 frames; settings: the fields of its Profile, of the demo baud
     LaserEb90,
 }
@@ -36,6 +39,7 @@ impl Link {
         match self {
             Self::Val2Alter => "val2-alter",
             Self::IsraBall => "isra-ball",
+            Self::FanucHmiModbus => "fanuc-hmi-modbus",
             Self::LaserEb90 => "laser-eb90",
         }
     }
@@ -45,6 +49,7 @@ impl Link {
         match self {
             Self::Val2Alter => &["robot", "host"],
             Self::IsraBall => &["ball"],
+            Self::FanucHmiModbus => &["client", "server"],
             Self::LaserEb90 => &["host", "controller"],
         }
     }
@@ -57,6 +62,8 @@ impl Link {
             Self::Val2Alter => "robot",
             Self::LaserEb90 => "controller",
             Self::IsraBall => "ball",
+            Self::FanucHmiModbus if is_client => "client",
+            Self::FanucHmiModbus => "server",
         }
     }
 
@@ -69,6 +76,7 @@ impl Link {
         match self {
             Self::Val2Alter => val2_alter::codec(side, options),
             Self::IsraBall => isra_ball::codec(options),
+            Self::FanucHmiModbus => fanuc_hmi_modbus::codec(side, options),
             Self::LaserEb90 => laser_eb90::codec(options),
         }
     }
@@ -81,6 +89,7 @@ impl Link {
         match self {
             Self::Val2Alter => val2_alter::demo(options),
             Self::IsraBall => isra_ball::demo(options),
+            Self::FanucHmiModbus => fanuc_hmi_modbus::demo(options),
             Self::LaserEb90 => laser_eb90::demo(options),
         }
     }
@@ -118,12 +127,24 @@ pub struct CodecArgs {
     /// A setting of the link other than its default, such as leading_dle=1; the link's page lists them
     #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
     set: Vec<(String, Value)>,
+    /// fanuc-hmi-modbus: tcp or rtu, the same as --set framing=… [default: tcp]
+    #[arg(long, value_name = "FRAMING")]
+    framing: Option<String>,
+    /// fanuc-hmi-modbus: telemetry shows 37 registers as the telemetry block, the same as --set view=…
+    #[arg(long, value_name = "VIEW")]
+    view: Option<String>,
 }
 
 impl CodecArgs {
     /// What the arguments say.
     pub fn options(&self) -> CodecOptions {
-        CodecOptions { from: self.from.clone(), settings: self.set.iter().cloned().collect() }
+        let mut settings: Map<String, Value> = self.set.iter().cloned().collect();
+        for (name, value) in [("framing", &self.framing), ("view", &self.view)] {
+            if let Some(value) = value {
+                settings.insert(name.into(), value.as_str().into());
+            }
+        }
+        CodecOptions { from: self.from.clone(), settings }
     }
 }
 
@@ -136,6 +157,8 @@ pub enum Device {
     Ball,
     /// The graphics workstation that draws the PUMA; settings: baud
     Viewer,
+    /// A FANUC controller with a moving robot, over Modbus; settings: framing, unit, and on a serial line baud
+    Fanuc,
     /// The controller of a laser robot; settings: baud, queue, execution_ms, and the fields of its Profile
     Laser,
 }
@@ -150,6 +173,7 @@ impl Device {
             Self::Puma => val2_alter::puma::simulate(options),
             Self::Viewer => val2_alter::workstation::simulate(options),
             Self::Ball => isra_ball::ball::simulate(options),
+            Self::Fanuc => fanuc_hmi_modbus::simulate::simulate(options),
             Self::Laser => laser_eb90::controller::simulate(options),
         }
     }

@@ -1,0 +1,99 @@
+use anyhow::{Result, bail, ensure};
+use fanuc_hmi_modbus::{
+    DecodeError, Decoder, Frame, Framing, PduBuf, Reply, Side, TelemetryBlock, WordOrder,
+};
+use serde_json::Value;
+
+use super::{framing, json};
+use crate::codec::Codec;
+use crate::links::CodecOptions;
+use crate::settings::Settings;
+
+/// The settings: `framing` is `tcp` or `rtu`; `view=telemetry` shows a reply of 37 registers as the telemetry block, whose
+/// `word_order` is `low_first` or `high_first`.
+///
+/// # Errors
+/// When a setting is none of these.
+pub fn codec(side: &str, options: &CodecOptions) -> Result<Box<dyn Codec>> {
+    let settings = Settings::new("fanuc-hmi-modbus", &options.settings, &["framing", "view", "word_order"])?;
+    let framing = framing(&settings)?;
+    let side = if side == "client" { Side::Client } else { Side::Server };
+    let order = match settings.text("word_order")? {
+        None | Some("low_first") => WordOrder::LowFirst,
+        Some("high_first") => WordOrder::HighFirst,
+        Some(other) => bail!("word_order={other} is neither low_first nor high_first"),
+    };
+    let view = match settings.text("view")? {
+        None => None,
+        Some("telemetry") => Some(order),
+        Some(other) => bail!("view={other} is not telemetry, the only one"),
+    };
+    Ok(Box::new(Modbus { decoder: Decoder::new(framing, side), framing, side, view }))
+}
+
+struct Modbus {
+    decoder: Decoder,
+    framing: Framing,
+    side: Side,
+    /// Whether the telemetry block is shown as one, and in which word order.
+    view: Option<WordOrder>,
+}
+
+impl Modbus {
+    fn message(&self, frame: Frame<&[u8]>) -> Result<Value, DecodeError> {
+        if self.side == Side::Client {
+            return frame.request().map(json);
+        }
+        let frame = frame.reply()?;
+        let mut message = json(frame);
+        if let (Some(order), Reply::HoldingRegisters(words)) = (self.view, frame.pdu)
+            && words.len() == usize::from(TelemetryBlock::QUANTITY)
+            && let (Some(block), Value::Object(message)) =
+                (TelemetryBlock::from_words(&words, order), &mut message)
+        {
+            message.remove("registers");
+            message.insert("telemetry".into(), json(block));
+        }
+        Ok(message)
+    }
+}
+
+impl Codec for Modbus {
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        self.decoder.push(bytes)
+    }
+
+    fn next(&mut self) -> Option<Result<Value, Value>> {
+        let frame = self.decoder.next_frame()?.map(Frame::to_owned);
+        let message = match &frame {
+            Ok(Ok(frame)) => self.message(frame.as_ref()),
+            Ok(Err(error)) => return Some(Err(json(error))),
+            Err(error) => Err(*error),
+        };
+        Some(message.map_err(json))
+    }
+
+    fn finish(&mut self) {
+        self.decoder.finish();
+    }
+
+    fn position(&self) -> u64 {
+        self.decoder.position()
+    }
+
+    fn encode(&self, mut message: Value) -> Result<Vec<u8>> {
+        if let (Some(order), Value::Object(message)) = (self.view, &mut message)
+            && let Some(block) = message.remove("telemetry")
+        {
+            let block: TelemetryBlock = serde_json::from_value(block)?;
+            message.insert("registers".into(), block.to_registers(order).as_slice().into());
+        }
+        let frame: Frame<PduBuf> = serde_json::from_value(message)?;
+        let tcp = self.framing == Framing::Tcp;
+        ensure!(tcp || frame.transaction.is_none(), "an RTU frame has no transaction; use --framing tcp");
+        ensure!(!tcp || frame.transaction.is_some(), "a key is missing: transaction, or use --framing rtu");
+        let mut bytes = vec![0; frame.encoded_len()];
+        frame.encode(&mut bytes)?;
+        Ok(bytes)
+    }
+}

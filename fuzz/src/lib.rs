@@ -4,6 +4,7 @@
 //! the same bytes, a session keeps its invariants.
 
 pub mod isra_ball;
+pub mod laser_eb90;
 
 /// A target's body.
 pub type Target = fn(&[u8]);
@@ -12,4 +13,7 @@ pub type Target = fn(&[u8]);
 pub const TARGETS: &[(&str, Target)] = &[
     ("isra_ball_decoder", isra_ball::isra_ball_decoder),
     ("isra_ball_session", isra_ball::isra_ball_session),
+    ("laser_eb90_decoder", laser_eb90::laser_eb90_decoder),
+    ("laser_eb90_host", laser_eb90::laser_eb90_host),
+    ("laser_eb90_controller", laser_eb90::laser_eb90_controller),
 ];

@@ -44,8 +44,9 @@ pub struct Controller<'q, T> {
     len: usize,
     word: u16,
     class: Class,
-    /// Damage that has not been answered.
+    /// Damage that has not been answered, and the bytes heard since the last frame, answer or silence.
     fault: Option<Refusal>,
+    heard: usize,
     /// When the line counts as silent; `None` when it does.
     silent_at: Option<Duration>,
     /// When the answer may leave.
@@ -105,6 +106,7 @@ where
             word: 0,
             class: Class::Interpreted,
             fault: None,
+            heard: 0,
             silent_at: None,
             due: Duration::ZERO,
             event: None,
@@ -116,6 +118,7 @@ where
         while !bytes.is_empty() {
             self.silent_at = Some(now.saturating_add(self.config.silence));
             let taken = self.decoder.push(bytes);
+            self.heard += taken;
             bytes = bytes.get(taken..).unwrap_or_default();
             self.drain(now);
             if taken == 0 && self.state == ControllerState::Executing {
@@ -131,12 +134,11 @@ where
         }
         self.silent_at = None;
         self.decoder.finish();
-        if let Some(Err(DecodeError::Incomplete { held })) = self.decoder.next_frame()
-            && held >= Frame::MIN_LEN
+        self.drain(now);
+        let heard = core::mem::take(&mut self.heard);
+        if let Some(refusal) = self.fault.take()
+            && heard >= Frame::MIN_LEN
         {
-            self.damage(Refusal::BadFrame);
-        }
-        if let Some(refusal) = self.fault.take() {
             self.decide(now, ControllerInput::Damaged, Err(refusal));
         }
     }
@@ -151,6 +153,7 @@ where
         let payload = self.payload.get(..self.len)?;
         let len = Frame::new(payload, &self.config.profile).encode(out).ok()?;
         (self.state, _) = self.state.on(ControllerInput::Sent);
+        self.heard = 0;
         Some(len)
     }
 
@@ -234,7 +237,7 @@ where
             let Some(frame) = self.decoder.next_frame() else { return };
             match frame {
                 Ok(frame) => {
-                    self.fault = None;
+                    (self.fault, self.heard) = (None, 0);
                     match judge(frame.items(), &self.config, &mut self.queue) {
                         Ok(Verdict::Queued { word, count }) => {
                             self.decide(now, ControllerInput::Decided, Ok((word, count)));

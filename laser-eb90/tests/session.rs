@@ -527,6 +527,7 @@ fn a_stretch_of_bytes_is_answered_once() {
     assert_eq!(queued(&[&junk]), (Some(echo(0xE002)), 0));
     assert_eq!(queued(&[&good[..good.len() - 1]]), (Some(echo(0xE002)), 0));
     assert_eq!(queued(&[&junk[..Frame::MIN_LEN - 1]]), (None, 0), "too short for a frame");
+    assert_eq!(queued(&[&[0xEB, 0x90, 0x82, 0x00]]), (None, 0), "a false head in noise");
 }
 
 #[test]

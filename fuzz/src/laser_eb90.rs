@@ -1,0 +1,206 @@
+//! The laser robot: its stream decoder under any profile, and both sessions on any line at any time.
+
+use core::time::Duration;
+
+use laser_eb90::{
+    ByteOrder, Class, Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, Flag, Frame, Host,
+    HostConfig, HostEvent, Instruction, MAX_PAYLOAD, Profile, Refusal, SessionError, Tags, Tail, Width,
+};
+
+/// A frame's payload or an error, and the stream offset behind it.
+type Item = (Result<Vec<u8>, DecodeError>, u64);
+
+/// Two bytes say how the frames are written and how long the reads are, the rest is the stream.
+pub fn laser_eb90_decoder(data: &[u8]) {
+    let [settings, size, stream @ ..] = data else { return };
+    let profile = profile(*settings);
+    let items = decode(stream, usize::from(*size).max(1), &profile);
+    assert_eq!(items, decode(stream, usize::MAX, &profile), "how the stream is cut changes nothing");
+    let mut at = 0;
+    for (item, end) in items {
+        let bytes = &stream[at..usize::try_from(end).unwrap()];
+        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
+        if let Ok(payload) = item {
+            let mut buffer = [0; MAX_PAYLOAD];
+            let (frame, used) = Frame::decode(bytes, &mut buffer, &profile).unwrap().unwrap();
+            assert_eq!((frame.payload(), used), (&payload[..], bytes.len()));
+            let mut again = vec![0; frame.encoded_len()];
+            assert_eq!(frame.encode(&mut again), Ok(bytes.len()));
+            if profile.tail != Tail::Either {
+                assert_eq!(again, bytes, "an accepted frame encodes to its bytes");
+            }
+        }
+        at += bytes.len();
+    }
+    assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+fn profile(settings: u8) -> Profile {
+    let pick = |bit: u8| settings & (1 << bit) != 0;
+    Profile {
+        tail: match settings & 3 {
+            0 | 1 => Tail::Printed,
+            2 => Tail::Etx,
+            _ => Tail::Either,
+        },
+        flag: if pick(2) { Flag::FirstTag } else { Flag::Separate },
+        tags: if pick(3) { Tags::new(0xF0, 0xF2, 0xF1, 0xF3).unwrap() } else { Tags::default() },
+        checksum: match settings >> 4 & 3 {
+            0 | 1 => Width::U8,
+            2 => Width::U16Le,
+            _ => Width::U16Be,
+        },
+        checksum_negated: pick(6),
+        checksum_with_flag: pick(7),
+        byte_order: if pick(3) { ByteOrder::Big } else { ByteOrder::Little },
+    }
+}
+
+fn decode(stream: &[u8], size: usize, profile: &Profile) -> Vec<Item> {
+    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
+        while let Some(item) = decoder.next_frame() {
+            let item = item.map(|frame| {
+                assert_eq!(frame.items().check(), Ok(()), "the decoder has read the items over");
+                frame.payload().to_vec()
+            });
+            items.push((item, decoder.position()));
+        }
+    }
+    let (mut decoder, mut items) = (Decoder::new(profile), Vec::new());
+    for mut chunk in stream.chunks(size) {
+        while !chunk.is_empty() {
+            chunk = &chunk[decoder.push(chunk)..];
+            drain(&mut decoder, &mut items);
+        }
+    }
+    decoder.finish();
+    drain(&mut decoder, &mut items);
+    items
+}
+
+/// Steps of an action, a pause, a length, and so many bytes from the line.
+pub fn laser_eb90_host(mut data: &[u8]) {
+    let Some((&settings, rest)) = data.split_first() else { return };
+    data = rest;
+    let mut host = Host::new(HostConfig { resend_on_silence: settings & 1 != 0, ..HostConfig::default() });
+    let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
+    let (mut submitted, mut reported, mut taken_back, mut on_its_way) = (0, 0, 0, false);
+    while let [action, pause, length, rest @ ..] = data {
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        now += Duration::from_millis(u64::from(*pause) * 8);
+        match action % 8 {
+            0..=3 => {
+                let word = [0x0101, 0x0201, 0x0301, 0x7777][usize::from(action % 4)];
+                match host.submit(word, |parameters| parameters.u8(bytes).map(drop)) {
+                    Ok(ticket) => {
+                        assert_eq!(ticket, submitted, "numbers have no gaps");
+                        submitted += 1;
+                    }
+                    Err(SessionError::Full | SessionError::UnknownWord { word: 0x7777 }) => {}
+                    Err(error) => panic!("{error}"),
+                }
+            }
+            4 => host.resume(),
+            5 => taken_back += u64::from(host.take_back()),
+            _ => host.handle_input(now, bytes),
+        }
+        host.handle_timeout(now);
+        if let Some(event) = host.poll_event() {
+            assert!(on_its_way, "an event without a frame");
+            on_its_way = false;
+            let (first, count) = match event {
+                HostEvent::Done { first, count, unanswered, .. } => {
+                    assert!(unanswered == 0 || settings & 1 != 0);
+                    (first, count)
+                }
+                HostEvent::Answer { ticket, values } => {
+                    assert_eq!(values.check(), Ok(()));
+                    (ticket, 1)
+                }
+                HostEvent::Refused { first, count, .. } | HostEvent::Unknown { first, count, .. } => {
+                    (first, count)
+                }
+            };
+            assert_eq!(first, reported, "every instruction is reported once, in order");
+            reported += u64::from(count);
+        }
+        assert_eq!(host.poll_event(), None, "one event a frame");
+        if !on_its_way {
+            // They were submitted behind what was on its way, and have no event.
+            reported += core::mem::take(&mut taken_back);
+        }
+        assert!(reported <= submitted);
+        if let Some(n) = host.poll_transmit(now, &mut out) {
+            let mut payload = [0; MAX_PAYLOAD];
+            let (frame, used) = Frame::decode(&out[..n], &mut payload, &Profile::default()).unwrap().unwrap();
+            assert_eq!((used, frame.items().check()), (n, Ok(())));
+            on_its_way = true;
+            assert_eq!(host.poll_transmit(now, &mut out), None, "one frame at a time");
+        }
+        assert!(host.poll_timeout().is_some() || host.is_held() || !on_its_way);
+    }
+}
+
+/// An interpreted instruction whatever its parameters are, unless they begin with a byte of 13.
+struct Job;
+
+impl TryFrom<Instruction<'_>> for Job {
+    type Error = ();
+
+    fn try_from(instruction: Instruction<'_>) -> Result<Self, ()> {
+        assert_eq!(instruction.parameters.check(), Ok(()));
+        if instruction.parameters.as_bytes().get(2) == Some(&13) { Err(()) } else { Ok(Self) }
+    }
+}
+
+/// Steps of an action, a pause, a length, and so many bytes from the line.
+pub fn laser_eb90_controller(mut data: &[u8]) {
+    let (writer, mut reader) = robot_work_queue::boxed::<Job>(10, 9999).unwrap();
+    let mut controller = Controller::new(ControllerConfig::default(), writer);
+    let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
+    let (mut heard, mut answers, mut executing) = (0, 0, false);
+    while let [action, pause, length, rest @ ..] = data {
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        now += Duration::from_millis((*pause).into());
+        match action % 4 {
+            0 => drop(reader.take().map(|job| job.complete())),
+            1 => {
+                let outcome = controller.answer(now, |values| values.u8(bytes).map(drop));
+                assert_eq!(outcome.is_ok(), executing);
+                executing = false;
+            }
+            2 => {
+                let outcome = controller.refuse(now, Refusal::BadParameters);
+                assert_eq!(outcome.is_ok(), executing);
+                executing = false;
+            }
+            _ => {
+                heard += bytes.len();
+                controller.handle_input(now, bytes);
+            }
+        }
+        controller.handle_timeout(now);
+        while let Some(event) = controller.poll_event() {
+            if let ControllerEvent::Execute { class, instruction } = event {
+                assert_ne!(class, Class::Interpreted);
+                assert_eq!(instruction.parameters.check(), Ok(()));
+                executing = true;
+            }
+        }
+        if let Some(n) = controller.poll_transmit(now, &mut out) {
+            assert!(!executing, "executed first, then answered");
+            answers += 1;
+            let mut payload = [0; MAX_PAYLOAD];
+            let (frame, used) = Frame::decode(&out[..n], &mut payload, &Profile::default()).unwrap().unwrap();
+            assert_eq!(used, n);
+            Instruction::single(frame.items()).expect("an answer begins with a word");
+            assert_eq!(controller.poll_transmit(now, &mut out), None, "one answer");
+        }
+        assert!(answers * Frame::MIN_LEN <= heard, "it speaks only when spoken to");
+        assert!(reader.len() <= 10);
+        // Whatever is waiting can be waited for.
+        assert!(controller.poll_timeout().is_none_or(|at| at <= now + Duration::from_millis(66)));
+    }
+}

@@ -5,6 +5,7 @@
 
 pub mod isra_ball;
 pub mod laser_eb90;
+pub mod mmacell_proto;
 
 /// A target's body.
 pub type Target = fn(&[u8]);
@@ -16,4 +17,9 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("laser_eb90_decoder", laser_eb90::laser_eb90_decoder),
     ("laser_eb90_host", laser_eb90::laser_eb90_host),
     ("laser_eb90_controller", laser_eb90::laser_eb90_controller),
+    ("mmacell_proto_command", mmacell_proto::mmacell_proto_command),
+    ("mmacell_proto_reply", mmacell_proto::mmacell_proto_reply),
+    ("mmacell_proto_controller", mmacell_proto::mmacell_proto_controller),
+    ("mmacell_proto_device", mmacell_proto::mmacell_proto_device),
+    ("mmacell_proto_task", mmacell_proto::mmacell_proto_task),
 ];

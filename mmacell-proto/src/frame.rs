@@ -17,6 +17,7 @@ impl<'a> Line<'a> {
     ///
     /// # Errors
     /// [`DecodeError::TooLong`] when the first [`MAX_LEN`](Self::MAX_LEN) bytes hold no end.
+    #[inline]
     pub fn decode(bytes: &'a [u8], dialect: &Dialect) -> Result<Option<(Self, usize)>, DecodeError> {
         let window = bytes.get(..Self::MAX_LEN).unwrap_or(bytes);
         match find_end(window, dialect) {
@@ -33,33 +34,32 @@ impl<'a> Line<'a> {
 }
 
 /// What stands before the first end of a line, and the bytes up to and with that end.
+///
+/// Question and answer: what has arrived is mostly one line and no more.
+#[inline(always)]
 pub(crate) fn find_end<'a>(bytes: &'a [u8], dialect: &Dialect) -> Option<(&'a [u8], usize)> {
-    let mut from = 0;
-    loop {
-        let feed = from + line_feed(bytes.get(from..)?)?;
-        let before = bytes.get(..feed)?;
-        match before.strip_suffix(b"\r") {
-            Some(content) => return Some((content, feed + 1)),
-            None if dialect.lone_lf => return Some((before, feed + 1)),
-            None => from = feed + 1,
-        }
+    match bytes.strip_suffix(b"\r\n") {
+        Some(content) if !has_line_feed(content) => Some((content, bytes.len())),
+        _ => find_end_within(bytes, dialect),
     }
 }
 
-/// The place of the first line feed, eight bytes at a time.
-fn line_feed(bytes: &[u8]) -> Option<usize> {
-    const ONES: u64 = u64::MAX / 0xFF;
-    let (words, rest) = bytes.as_chunks::<8>();
-    for (i, word) in words.iter().enumerate() {
-        let feeds = u64::from_le_bytes(*word) ^ (ONES * b'\n' as u64);
-        // The lowest zero byte gets its high bit; only bytes above it may get one wrongly.
-        let zeros = feeds.wrapping_sub(ONES) & !feeds & (ONES << 7);
-        if zeros != 0 {
-            return Some(8 * i + (zeros.trailing_zeros() / 8) as usize);
-        }
-    }
-    let tail = rest.iter().position(|b| *b == b'\n')?;
-    Some(8 * words.len() + tail)
+#[cold]
+fn find_end_within<'a>(bytes: &'a [u8], dialect: &Dialect) -> Option<(&'a [u8], usize)> {
+    let mut feeds = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n');
+    feeds.find_map(|(at, _)| {
+        let before = bytes.get(..at)?;
+        let content = before.strip_suffix(b"\r").or(dialect.lone_lf.then_some(before))?;
+        Some((content, at + 1))
+    })
+}
+
+/// Sixteen bytes are compared at a time, without a branch for each.
+#[inline(always)]
+fn has_line_feed(bytes: &[u8]) -> bool {
+    let (blocks, rest) = bytes.as_chunks::<16>();
+    let has = |block: &[u8; 16]| block.iter().fold(false, |any, byte| any | (*byte == b'\n'));
+    blocks.iter().any(has) || rest.contains(&b'\n')
 }
 
 #[cfg(test)]
@@ -69,17 +69,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_feed_is_found_wherever_it_stands() {
-        for len in 0..40 {
-            for at in 0..len {
+    fn an_end_is_found_wherever_it_stands() {
+        for len in 2..40 {
+            for at in 1..len {
                 for filler in [0u8, 0x0B, 0x8A, 0xFF] {
                     let mut bytes = vec![filler; len];
+                    assert_eq!(find_end(&bytes, &Dialect::STRICT), None);
                     bytes[at] = b'\n';
-                    assert_eq!(line_feed(&bytes), Some(at), "{bytes:?}");
-                    bytes[at..].fill(b'\n');
-                    assert_eq!(line_feed(&bytes), Some(at), "{bytes:?}");
-                    bytes.fill(filler);
-                    assert_eq!(line_feed(&bytes), None, "{bytes:?}");
+                    assert_eq!(find_end(&bytes, &Dialect::STRICT), None);
+                    assert_eq!(find_end(&bytes, &Dialect::TOLERANT), Some((&bytes[..at], at + 1)));
+                    bytes[at - 1] = b'\r';
+                    for _ in 0..2 {
+                        assert_eq!(find_end(&bytes, &Dialect::STRICT), Some((&bytes[..at - 1], at + 1)));
+                        assert_eq!(find_end(&bytes, &Dialect::TOLERANT), Some((&bytes[..at - 1], at + 1)));
+                        bytes.extend_from_slice(b"\r\n");
+                    }
                 }
             }
         }

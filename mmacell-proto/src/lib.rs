@@ -13,6 +13,7 @@ pub mod device;
 mod dialect;
 mod error;
 mod fields;
+mod format;
 mod frame;
 mod message;
 mod outgoing;

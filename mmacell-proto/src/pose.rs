@@ -1,4 +1,4 @@
-use crate::fields::{Reader, Writer};
+use crate::fields::{PLATFORM, ROBOT, Reader, Writer};
 use crate::{Angle, DecodeError, EncodeError, Expected, Length};
 
 /// Where the axes of one kind of device stand. Which messages there are, and how long they are, follows from it.
@@ -149,15 +149,13 @@ pub(crate) mod sealed {
 }
 
 impl sealed::Axes for RobotPose {
+    #[inline(always)]
     fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
-        Ok(Self { x: reader.length()?, y: reader.length()?, z: reader.length()?, c: reader.angle()? })
+        reader.coordinates(&ROBOT).map(Self::from_units)
     }
 
     fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
-        writer.length(self.x)?;
-        writer.length(self.y)?;
-        writer.length(self.z)?;
-        writer.angle(self.c)
+        writer.coordinates(&ROBOT, self.units())
     }
 
     fn encoded_len(&self) -> usize {
@@ -166,13 +164,13 @@ impl sealed::Axes for RobotPose {
 }
 
 impl sealed::Axes for PlatformPose {
+    #[inline(always)]
     fn read(reader: &mut Reader<'_>) -> Result<Self, DecodeError> {
-        Ok(Self { a: reader.angle()?, b: reader.angle()? })
+        reader.coordinates(&PLATFORM).map(Self::from_units)
     }
 
     fn write(&self, writer: &mut Writer<'_>) -> Result<(), EncodeError> {
-        writer.angle(self.a)?;
-        writer.angle(self.b)
+        writer.coordinates(&PLATFORM, self.units())
     }
 
     fn encoded_len(&self) -> usize {

@@ -5,6 +5,7 @@ mod fanuc_hmi_modbus;
 mod isra_ball;
 mod kawasaki_msg;
 mod laser_eb90;
+mod mmacell_proto;
 mod val2_alter;
 
 fn main() {
@@ -13,6 +14,7 @@ fn main() {
         isra_ball::LINK,
         kawasaki_msg::LINK,
         laser_eb90::LINK,
+        mmacell_proto::LINK,
         val2_alter::LINK,
     ]);
 }

@@ -70,22 +70,23 @@ impl<P: Pose> Reply<P> {
     ///
     /// # Errors
     /// The line is no reply of such a device.
+    #[inline]
     pub fn decode(line: Line<'_>, dialect: &Dialect) -> Result<Self, DecodeError> {
         let mut reader = Reader::new(line.content(), dialect);
-        let reply = match reader.take::<2>(Expected::Reply)? {
-            b"OK" if reader.rest().is_empty() => Self::Ok,
-            b"OK" => Self::Status(Status {
-                moving: reader.flag()?,
-                pose: P::read(&mut reader)?,
-                servo: reader.flag()?,
-                percent: reader.percent()?,
-                error: reader.integer()?.into(),
-            }),
-            b"ER" => match reader.integer()?.into() {
+        let head = reader.take(Expected::Reply)?;
+        let reply = if head == b"OK" && reader.rest().is_empty() {
+            Self::Ok
+        } else if head == b"OK" {
+            let (moving, pose, servo) = (reader.flag()?, P::read(&mut reader)?, reader.flag()?);
+            let (percent, error) = reader.percent_and_integer()?;
+            Self::Status(Status { moving, pose, servo, percent, error: error.into() })
+        } else if head == b"ER" {
+            match reader.integer()?.into() {
                 ErrorCode::None => return Err(DecodeError::ErrorZero),
                 error => Self::Error { error },
-            },
-            found => return Err(DecodeError::UnknownReply { found: *found }),
+            }
+        } else {
+            return Err(DecodeError::UnknownReply { found: *head });
         };
         reader.end()?;
         Ok(reply)

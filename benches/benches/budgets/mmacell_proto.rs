@@ -1,0 +1,97 @@
+use core::time::Duration;
+use std::hint::black_box;
+
+use benches::{Count, Link};
+use mmacell_proto::controller::Config;
+use mmacell_proto::{Command, Controller, Decoder, Device, Dialect, Line, Mode, Reply, RobotPose};
+
+const STATUS: &[u8; 50] = b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n";
+const MOVE: &[u8; 38] = b"MOVA+010.000-002.000+005.999-01.2322\r\n";
+
+pub const LINK: Link = Link {
+    name: "mmacell-proto",
+    counts: &[
+        Count {
+            what: "a line of 48 characters into a status",
+            goal: Some(250.0),
+            units: 1.0,
+            unit: "op",
+            run: parse,
+        },
+        Count {
+            what: "the same, its end found: 50 characters",
+            goal: None,
+            units: 1.0,
+            unit: "op",
+            run: find_and_parse,
+        },
+        Count { what: "the same from the stream", goal: None, units: 1.0, unit: "op", run: stream },
+        Count { what: "parse a robot's motion", goal: None, units: 1.0, unit: "op", run: parse_motion },
+        Count { what: "encode a robot's motion", goal: None, units: 1.0, unit: "op", run: encode },
+        Count { what: "device: hear STA, tell the status", goal: None, units: 1.0, unit: "op", run: serve },
+        Count { what: "controller: ask STA, hear the status", goal: None, units: 1.0, unit: "op", run: ask },
+    ],
+    // The source gives no figure to keep: a reply comes "immediately" (§3).
+    budgets: Vec::new,
+};
+
+fn parse(rounds: u64) {
+    let (line, _) = Line::decode(STATUS, &Dialect::STRICT).expect("short").expect("whole");
+    for _ in 0..rounds {
+        assert!(black_box(&Reply::<RobotPose>::decode(black_box(line), &Dialect::STRICT)).is_ok());
+    }
+}
+
+fn find_and_parse(rounds: u64) {
+    for _ in 0..rounds {
+        let bytes: &[u8] = black_box(STATUS);
+        let Ok(Some((line, _))) = Line::decode(bytes, &Dialect::STRICT) else { panic!("a whole line") };
+        assert!(black_box(&Reply::<RobotPose>::decode(line, &Dialect::STRICT)).is_ok());
+    }
+}
+
+fn stream(rounds: u64) {
+    let mut decoder = Decoder::new(Dialect::STRICT);
+    for _ in 0..rounds {
+        assert_eq!(decoder.push(black_box(STATUS)), 50);
+        let line = decoder.next_frame().expect("whole").expect("short");
+        assert!(black_box(&Reply::<RobotPose>::decode(line, &Dialect::STRICT)).is_ok());
+    }
+}
+
+fn parse_motion(rounds: u64) {
+    for _ in 0..rounds {
+        let bytes: &[u8] = black_box(MOVE);
+        let Ok(Some((line, _))) = Line::decode(bytes, &Dialect::STRICT) else { panic!("a whole line") };
+        assert!(black_box(&Command::<RobotPose>::decode(line, &Dialect::STRICT)).is_ok());
+    }
+}
+
+fn encode(rounds: u64) {
+    let pose = RobotPose::from_mm_rad(10.0, -2.0, 5.999, -1.2322);
+    let mut buffer = [0; 38];
+    for _ in 0..rounds {
+        let command = black_box(Command::Move { mode: Mode::Absolute, pose });
+        command.encode(black_box(&mut buffer)).expect("it fits");
+    }
+}
+
+fn serve(rounds: u64) {
+    let mut device = Device::new(RobotPose::from_mm_rad(10.0, -2.0, 5.999, -1.2322), Dialect::STRICT);
+    let mut buffer = [0; 64];
+    for _ in 0..rounds {
+        assert_eq!(device.handle_input(Duration::ZERO, black_box(b"STA\r\n")), 5);
+        assert_eq!(device.poll_transmit(Duration::ZERO, black_box(&mut buffer)), Some(50));
+    }
+}
+
+fn ask(rounds: u64) {
+    let mut controller = Controller::<RobotPose>::new(Config::DEFAULT);
+    let mut buffer = [0; 64];
+    for _ in 0..rounds {
+        controller.send(black_box(Command::Status)).expect("idle");
+        assert_eq!(controller.poll_transmit(Duration::ZERO, black_box(&mut buffer)), Some(5));
+        controller.handle_input(Duration::ZERO, black_box(STATUS));
+        black_box(controller.poll_event().expect("the status"));
+    }
+}

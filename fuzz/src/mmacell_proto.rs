@@ -1,0 +1,276 @@
+//! The MM&A cell: both decoders, both sessions, and the pick-and-place task, whatever they hear and in whatever order.
+
+use core::time::Duration;
+
+use mmacell_proto::controller::{self, Controller};
+use mmacell_proto::state::Connection;
+use mmacell_proto::task::{self, Failure, Output, Step, Task};
+use mmacell_proto::{
+    AnyPose, BLOW, Command, DecodeError, Decoder, Device, Dialect, ErrorCode, Line, Mode, PlatformPose, Pose,
+    Reply, RobotPose, VACUUM,
+};
+
+/// The first byte is how long the reads are, the second the dialect, the rest the stream.
+pub fn mmacell_proto_command(data: &[u8]) {
+    messages(data, |line, dialect| {
+        let Ok(command) = Command::<AnyPose>::decode(line, dialect) else { return };
+        let mut buffer = [0; Command::<AnyPose>::MAX_LEN];
+        match command.encode(&mut buffer) {
+            Ok(len) => {
+                assert_eq!(len, command.encoded_len());
+                let again = Line::new(&buffer[..len - 2]);
+                assert_eq!(Command::decode(again, &Dialect::STRICT), Ok(command));
+                check_strict(line, again, dialect);
+            }
+            Err(error) => assert!(dialect.wide_integers, "{error}"),
+        }
+    });
+}
+
+/// The first byte is how long the reads are, the second the dialect, the rest the stream.
+pub fn mmacell_proto_reply(data: &[u8]) {
+    fn check<P: Pose>(line: Line<'_>, dialect: &Dialect) {
+        let Ok(reply) = Reply::<P>::decode(line, dialect) else { return };
+        let mut buffer = [0; 50];
+        match reply.encode(&mut buffer) {
+            Ok(len) => {
+                assert_eq!(len, reply.encoded_len());
+                let again = Line::new(&buffer[..len - 2]);
+                assert_eq!(Reply::decode(again, &Dialect::STRICT), Ok(reply));
+                check_strict(line, again, dialect);
+            }
+            Err(error) => assert!(dialect.wide_integers, "{error}"),
+        }
+    }
+    messages(data, |line, dialect| {
+        check::<RobotPose>(line, dialect);
+        check::<PlatformPose>(line, dialect);
+        check::<AnyPose>(line, dialect);
+    });
+}
+
+/// Steps of an operation, a pause, a length, and so many bytes from the line.
+pub fn mmacell_proto_controller(mut data: &[u8]) {
+    let mut session = Controller::<RobotPose>::new(controller::Config::DEFAULT);
+    let (mut now, mut buffer) = (Duration::ZERO, [0; 64]);
+    let mut outstanding = None;
+    let mut closed = false;
+    while let [operation, pause, length, rest @ ..] = data {
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        now += Duration::from_millis((*pause).into());
+        let command = any_command(*operation);
+        if session.send(command).is_ok() {
+            assert_eq!(outstanding.replace(command), None, "one command at a time");
+        }
+        let room = buffer.len().min(usize::from(operation >> 4) * 4);
+        while session.poll_transmit(now, &mut buffer[..room]).is_some() {}
+        session.handle_input(now, bytes);
+        session.handle_timeout(now);
+        if *operation == 0xFF {
+            session.handle_disconnect();
+        }
+        assert!(session.poll_timeout().is_none_or(|at| at > now));
+        while let Some(event) = session.poll_event() {
+            assert!(!closed, "nothing comes behind the end");
+            match event {
+                controller::Event::Done { command } | controller::Event::Refused { command, .. } => {
+                    assert_eq!(outstanding.take(), Some(command));
+                }
+                controller::Event::Status { .. } => assert_eq!(outstanding.take(), Some(Command::Status)),
+                controller::Event::Closed { unknown, .. } => {
+                    assert_eq!(outstanding.take(), unknown, "what was under way is handed back");
+                    closed = true;
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+        assert_eq!(closed, session.connection() == Connection::Closed);
+    }
+}
+
+/// Steps of an operation, a length, and so many bytes from the line.
+pub fn mmacell_proto_device(mut data: &[u8]) {
+    let mut device = Device::new(RobotPose::ORIGIN, Dialect::STRICT);
+    let (now, mut buffer) = (Duration::ZERO, [0; 64]);
+    let (mut lines, mut replies) = (0, Vec::new());
+    let mut open = true;
+    while let [operation, length, rest @ ..] = data {
+        let (mut bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        match operation % 8 {
+            0 => device.arrived(),
+            1 => device.fail(ErrorCode::from(i32::from(*operation))),
+            2 => device.set_pose(RobotPose::from_units([i32::from(*operation) * 1000; 4])),
+            _ => {}
+        }
+        while !bytes.is_empty() {
+            let taken = device.handle_input(now, bytes);
+            assert!(taken > 0, "nothing waits");
+            bytes = &bytes[taken..];
+            let before = replies.len();
+            while let Some(len) = device.poll_transmit(now, &mut buffer[..1 + usize::from(operation >> 4)]) {
+                replies.extend_from_slice(&buffer[..len]);
+            }
+            if replies.len() > before {
+                lines += 1;
+                assert!(replies.ends_with(b"\r\n"));
+                let line = Line::new(&replies[before..replies.len() - 2]);
+                Reply::<RobotPose>::decode(line, &Dialect::STRICT)
+                    .expect("a reply that a controller can read");
+                assert!(open, "nothing is said behind the end");
+            }
+            open &= device.poll_event() != Some(mmacell_proto::device::Event::Closed);
+            assert_eq!(device.poll_event(), None);
+        }
+        assert_eq!(replies.iter().filter(|byte| **byte == b'\n').count(), lines, "one reply a line");
+    }
+}
+
+/// A byte an event: what the cell tells the task, in any order.
+pub fn mmacell_proto_task(data: &[u8]) {
+    const DEVICES: [task::Device; 5] = [
+        task::Device::Robot,
+        task::Device::Platform,
+        task::Device::Conditioning,
+        task::Device::Vision,
+        task::Device::Gripper,
+    ];
+    let mut task = Task::new(task::Config::DEFAULT);
+    let mut now = Duration::ZERO;
+    let mut step: Option<Step> = None;
+    let mut busy = [false; 5];
+    let mut vacuum = false;
+    for &byte in data {
+        let device = DEVICES[usize::from(byte >> 4) % 5];
+        let index = device as usize;
+        now += Duration::from_millis(1);
+        let event = match byte & 15 {
+            0..=3 => task::Event::Done(device),
+            4 | 5 => task::Event::Status { device, moving: byte & 1 == 1 },
+            6 => task::Event::Failed { device, failure: Failure::Lost },
+            7 => task::Event::Failed { device, failure: Failure::Refused(ErrorCode::Generic) },
+            8 => task::Event::Switch { high: byte >> 7 == 1 },
+            9 => task::Event::PartFound { platform: PlatformPose::ORIGIN, pick: RobotPose::ORIGIN },
+            10 => task::Event::SlotFound { place: RobotPose::ORIGIN },
+            11 => task::Event::NotFound,
+            12 => task::Event::Ready(device),
+            13 => task::Event::Next,
+            14 => task::Event::Recover,
+            _ => task::Event::Finish,
+        };
+        match event {
+            task::Event::Done(_) | task::Event::Status { .. } | task::Event::Failed { .. } => {
+                busy[index] = false
+            }
+            task::Event::PartFound { .. } | task::Event::SlotFound { .. } | task::Event::NotFound => {
+                busy[3] = false
+            }
+            _ => {}
+        }
+        task.handle_event(now, event);
+        task.handle_timeout(now);
+        for outputs in 0.. {
+            assert!(outputs < 32, "the orders of a step are few");
+            let Some(output) = task.poll_output(now) else { break };
+            let device = match output {
+                Output::Entered(entered) => {
+                    let from = step.replace(entered);
+                    let legal = |from: Step| from.transitions().iter().any(|(_, to)| *to == entered);
+                    assert!(from.is_none_or(legal), "{from:?} -> {entered:?}");
+                    let again = matches!(entered, Step::GoCamera1 | Step::ServosOn | Step::Placed);
+                    assert!(!(again && vacuum), "{entered:?} with the vacuum on");
+                    continue;
+                }
+                Output::Robot(_) => 0,
+                Output::Platform(_) => 1,
+                Output::Conditioning(_) => 2,
+                Output::Acquire { .. } => 3,
+                Output::Grip { gripper, open } => {
+                    assert!(gripper == VACUUM || gripper == BLOW);
+                    vacuum = if gripper == VACUUM { open } else { vacuum };
+                    4
+                }
+                other => panic!("{other:?}"),
+            };
+            assert!(!core::mem::replace(&mut busy[device], true), "{output:?} before the last was answered");
+        }
+        assert_eq!(step, Some(task.step()));
+    }
+}
+
+/// Every line of a stream in its dialect, however it is cut; the items tile the stream.
+fn messages(data: &[u8], check: impl Fn(Line<'_>, &Dialect)) {
+    let [size, bits, stream @ ..] = data else { return };
+    let dialect = any_dialect(*bits);
+    let items = lines(stream, usize::from(*size).max(1), dialect);
+    assert_eq!(items, lines(stream, usize::MAX, dialect), "how the stream is cut changes nothing");
+    let mut at = 0;
+    for (item, end) in items {
+        assert!(end > at, "the decoder stands still at byte {at}");
+        let bytes = &stream[usize::try_from(at).unwrap()..usize::try_from(end).unwrap()];
+        if let Ok(content) = item {
+            let line = Line::new(&content);
+            assert_eq!(Line::decode(bytes, &dialect), Ok(Some((line, bytes.len()))));
+            check(line, &dialect);
+        }
+        at = end;
+    }
+    assert_eq!(at, stream.len() as u64, "every byte is in one item");
+}
+
+fn lines(stream: &[u8], size: usize, dialect: Dialect) -> Vec<(Result<Vec<u8>, DecodeError>, u64)> {
+    let (mut decoder, mut items) = (Decoder::new(dialect), Vec::new());
+    let mut drain = |decoder: &mut Decoder| {
+        while let Some(line) = decoder.next_frame() {
+            let line = line.map(|line| line.content().to_vec());
+            items.push((line, decoder.position()));
+        }
+    };
+    for mut chunk in stream.chunks(size) {
+        while !chunk.is_empty() {
+            chunk = &chunk[decoder.push(chunk)..];
+            drain(&mut decoder);
+        }
+    }
+    decoder.finish();
+    drain(&mut decoder);
+    items
+}
+
+/// What is accepted strictly encodes to its bytes, but for a zero with a minus.
+fn check_strict(line: Line<'_>, again: Line<'_>, dialect: &Dialect) {
+    if *dialect == Dialect::STRICT && line != again {
+        let (content, again) = (line.content(), again.content());
+        assert_eq!(content.len(), again.len());
+        let differences = content.iter().zip(again).filter(|(a, b)| a != b);
+        differences.for_each(|pair| assert_eq!(pair, (&b'-', &b'+')));
+    }
+}
+
+fn any_dialect(bits: u8) -> Dialect {
+    let bit = |n: u8| bits >> n & 1 == 1;
+    Dialect {
+        itr: bit(0),
+        ovrd: bit(1),
+        clos: bit(2),
+        off: bit(3),
+        lone_lf: bit(4),
+        blank: bit(5),
+        wide_integers: bit(6),
+    }
+}
+
+fn any_command(choice: u8) -> Command<RobotPose> {
+    match choice & 7 {
+        0 | 1 => Command::Status,
+        2 => Command::Servo { on: choice & 8 == 0 },
+        3 => Command::Override { percent: choice },
+        4 | 5 => {
+            let mode = if choice & 1 == 0 { Mode::Absolute } else { Mode::Relative };
+            Command::Move { mode, pose: RobotPose::from_units([i32::from(choice) * 5_000; 4]) }
+        }
+        6 => Command::Stop,
+        _ => Command::Close,
+    }
+}

@@ -1,0 +1,237 @@
+/// Why a text is not an LS program, and where.
+///
+/// Lines and columns count from 1, columns in characters (a tab is one).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
+#[error("line {line}, column {column}: {reason}")]
+pub struct DecodeError {
+    /// What was expected there.
+    #[cfg_attr(feature = "serde", serde(rename = "kind"))]
+    pub reason: Reason,
+    /// The line of the text, from 1.
+    pub line: usize,
+    /// The column in that line, from 1, in characters.
+    pub column: usize,
+    /// The byte in the text, from 0.
+    pub offset: usize,
+}
+
+impl DecodeError {
+    /// The error at `at`, which is a slice of `text`.
+    pub(crate) fn new(text: &str, at: &str, reason: Reason) -> Self {
+        let offset = (at.as_ptr() as usize).saturating_sub(text.as_ptr() as usize).min(text.len());
+        let before = text.get(..offset).unwrap_or(text);
+        let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+        Self {
+            reason,
+            line: before.matches('\n').count() + 1,
+            column: before.get(line_start..).map_or(0, |head| head.chars().count()) + 1,
+            offset,
+        }
+    }
+}
+
+/// What a [`DecodeError`] found missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Reason {
+    /// The text does not begin with `/PROG`.
+    #[error("expected `/PROG` and the program's name")]
+    Program,
+    /// Something that is no attribute between `/ATTR` and the next section.
+    #[error("expected an attribute, `NAME = value;`, or the next section")]
+    Attribute,
+    /// An attribute, or an item of one, without a value.
+    #[error("expected `=` and a value")]
+    AttributeValue,
+    /// An attribute without its end.
+    #[error("the attribute is not closed with `;`")]
+    AttributeEnd,
+    /// The section with the instructions is missing.
+    #[error("expected the section `/MN`")]
+    Main,
+    /// A line of `/MN` that does not begin with its number.
+    #[error("expected a line number and `:`")]
+    LineNumber,
+    /// An instruction that neither ends in `;` nor goes on in the next line.
+    #[error("the instruction is not closed with `;`, and the next line does not continue it with `:`")]
+    InstructionEnd,
+    /// A motion instruction without a target.
+    #[error("expected a target such as `P[1]` or `PR[1]`")]
+    Target,
+    /// A target or a register without its end.
+    #[error("expected `]`")]
+    Bracket,
+    /// A motion instruction without a speed.
+    #[error("expected a speed such as `100mm/sec`, `50%`, `R[1]mm/sec` or `max_speed`")]
+    Speed,
+    /// A speed without a unit that the controller knows.
+    #[error("expected a unit: %, sec, msec, mm/sec, cm/min, inch/min or deg/sec")]
+    SpeedUnit,
+    /// A smoothness outside 0..=100.
+    #[error("expected CNT with 0 to 100, or with a register")]
+    Continuous,
+    /// Something in `/POS` that is no position.
+    #[error("expected a position, `P[1]{{`, or `/END`")]
+    Position,
+    /// A position without its end.
+    #[error("expected a motion group such as `GP1:`, or `}};` to close the position")]
+    Group,
+    /// A motion group without its frames.
+    #[error("expected `UF : n, UT : n,`")]
+    Frames,
+    /// A configuration without its text.
+    #[error("expected a configuration such as `CONFIG : 'N U T, 0, 0, 0',`")]
+    Configuration,
+    /// Something that is no axis.
+    #[error("expected an axis: X, Y, Z, W, P, R, J1 to J9 or E1 to E9, and `=`")]
+    Axis,
+    /// Something that is no number.
+    #[error("expected a number such as `-108.435`, `.582` or `********`")]
+    Number,
+    /// A coordinate without a unit.
+    #[error("expected `deg` or `mm`")]
+    AxisUnit,
+    /// The text ends before `/END`.
+    #[error("expected `/END`")]
+    End,
+    /// Something stands behind `/END`.
+    #[error("expected nothing behind `/END`: one program is one file")]
+    Trailing,
+}
+
+/// Why a program cannot be written: the caller's fault. `line` is the instruction's number, from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// A program's name is letters, digits and `_`, and begins with a letter or `_`.
+    #[error("the program's name must be letters, digits and `_`, and not begin with a digit")]
+    Name,
+    /// The name is longer than [`Rules::name_limit`](crate::Rules::name_limit).
+    #[error("the program's name has {found} characters, the limit is {limit}")]
+    NameLength {
+        /// The name's length.
+        found: usize,
+        /// The limit that was set.
+        limit: usize,
+    },
+    /// The comment does not fit its 16 characters; [`CommentRule::Truncate`](crate::CommentRule) would cut it.
+    #[error("COMMENT has {found} characters, the controller keeps 16")]
+    CommentLength {
+        /// The comment's length.
+        found: usize,
+    },
+    /// An attribute's name or value would not be read again as the same.
+    #[error(
+        "attribute {index} (counted from 1) cannot be written: its name or value would read as something else"
+    )]
+    Attribute {
+        /// Its place among the attributes, from 1.
+        index: usize,
+    },
+    /// A line of `/APPL` would be read as something else.
+    #[error("line {index} of /APPL cannot be written: it begins with `/MN` or holds a line end")]
+    Application {
+        /// Its place in the section, from 1.
+        index: usize,
+    },
+    /// An instruction's text would not be read again as the same instruction.
+    #[error("instruction {line} cannot be written: its text would read as something else")]
+    Instruction {
+        /// The instruction's number.
+        line: usize,
+    },
+    /// A speed outside its unit's range; see [`SpeedUnit::range`](crate::SpeedUnit::range).
+    #[error("the speed of instruction {line} is outside the range of its unit")]
+    Speed {
+        /// The instruction's number.
+        line: usize,
+    },
+    /// CNT above 100.
+    #[error("CNT of instruction {line} is {found}, the range is 0 to 100")]
+    Continuous {
+        /// The instruction's number.
+        line: usize,
+        /// The value.
+        found: u8,
+    },
+    /// C goes through one point to another, every other motion to one point.
+    #[error("instruction {line}: C needs a point to go through, the other motions have none")]
+    Via {
+        /// The instruction's number.
+        line: usize,
+    },
+    /// A position without a group, or with a number, name, configuration or coordinate that cannot be written.
+    #[error("P[{number}] cannot be written: it needs a group, plain text, and coordinates that are finite")]
+    Position {
+        /// The position's number.
+        number: u32,
+    },
+    /// The caller's writer failed.
+    #[error("the text could not be written out")]
+    Write,
+}
+
+impl From<core::fmt::Error> for EncodeError {
+    fn from(_: core::fmt::Error) -> Self {
+        Self::Write
+    }
+}
+
+/// Something in a program that a controller accepts and its author probably did not mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Warning {
+    /// No motion goes to this position.
+    #[error("P[{number}] is not used")]
+    UnusedPosition {
+        /// The position's number.
+        number: u32,
+    },
+    /// A motion goes to a position that `/POS` does not define.
+    #[error("instruction {line} goes to P[{number}], which /POS does not define")]
+    UndefinedPosition {
+        /// The instruction's number.
+        line: usize,
+        /// The position's number.
+        number: u32,
+    },
+    /// Two positions have the same number.
+    #[error("P[{number}] is defined more than once")]
+    RepeatedPosition {
+        /// The position's number.
+        number: u32,
+    },
+    /// A coordinate is not set: `********`.
+    #[error("P[{number}] holds a coordinate that was never taught")]
+    UntaughtPosition {
+        /// The position's number.
+        number: u32,
+    },
+    /// The numbers of the lines do not count up one by one; a line may be missing.
+    #[error("instruction {expected} is numbered {found}")]
+    LineNumber {
+        /// The number by order.
+        expected: usize,
+        /// The number in the text.
+        found: usize,
+    },
+    /// LINE_COUNT is neither 0 nor the number of instructions.
+    #[error("LINE_COUNT says {expected}, the program has {found}")]
+    LineCount {
+        /// What LINE_COUNT says.
+        expected: usize,
+        /// The instructions there are.
+        found: usize,
+    },
+    /// The comment is longer than the controller keeps.
+    #[error("COMMENT has {found} characters, the controller keeps 16")]
+    CommentLength {
+        /// The comment's length.
+        found: usize,
+    },
+}

@@ -1,0 +1,150 @@
+use alloc::string::String;
+use core::fmt;
+
+use crate::error::Reason;
+use crate::motion::MotionKind;
+use crate::text::{Fault, join_lines};
+use crate::{EncodeError, Motion};
+
+/// One instruction of `/MN`. The writer numbers them; a TP program jumps to labels, never to numbers.
+///
+/// In texts, a line feed stands for a line end that the controller continues with `:`.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Instruction {
+    /// A line with nothing in it.
+    Empty,
+    /// `!` and what follows it, a leading space included.
+    Comment(String),
+    /// `UFRAME_NUM=`: the user frame of what follows.
+    UserFrame(u16),
+    /// `UTOOL_NUM=`: the tool frame of what follows.
+    UserTool(u16),
+    /// A motion.
+    Motion(Motion),
+    /// Any other instruction as it stands, without the spaces around it.
+    Other(String),
+    /// A line of the block that belongs to the motion above it (`TB`, `TA`), to the letter: it has a number of its own,
+    /// or none, and at least five spaces before it.
+    Nested(String),
+}
+
+impl Instruction {
+    /// Any instruction by its text, such as `CALL WELD_ON` or `!comment`: what a controller would read behind `1:`.
+    /// None when it is a motion that cannot be read.
+    pub fn from_text(text: &str) -> Option<Self> {
+        Self::decode(text).ok()
+    }
+
+    /// Reads what stands between the line's `:` and its `;`.
+    pub(crate) fn decode(input: &str) -> Result<Self, Fault<'_>> {
+        let body = input.trim_matches([' ', '\t', '\r', '\n']);
+        if body.is_empty() {
+            return Ok(Self::Empty);
+        }
+        if let Some(comment) = body.strip_prefix('!') {
+            let leading: String = comment.chars().take_while(|c| matches!(c, ' ' | '\t')).collect();
+            return Ok(Self::Comment(leading + &join_lines(comment)));
+        }
+        if is_motion(body) {
+            return match Motion::decode(body) {
+                Ok((_, motion)) => Ok(Self::Motion(motion)),
+                Err(nom::Err::Error(fault) | nom::Err::Failure(fault)) => Err(fault),
+                Err(nom::Err::Incomplete(_)) => Err(Fault { at: body, reason: Reason::InstructionEnd }),
+            };
+        }
+        let number = |name| body.strip_prefix(name).and_then(|rest: &str| plain_number(rest));
+        Ok(match (number("UFRAME_NUM="), number("UTOOL_NUM=")) {
+            (Some(frame), _) => Self::UserFrame(frame),
+            (_, Some(tool)) => Self::UserTool(tool),
+            _ => Self::Other(join_lines(body)),
+        })
+    }
+
+    /// Writes what stands from behind the line's `:` to before its ` ;`.
+    pub(crate) fn encode(&self, out: &mut impl fmt::Write) -> fmt::Result {
+        match self {
+            Self::Empty => write!(out, "  "),
+            Self::Comment(text) => encode_lines(out, "  !", text),
+            Self::UserFrame(number) => write!(out, "  UFRAME_NUM={number}"),
+            Self::UserTool(number) => write!(out, "  UTOOL_NUM={number}"),
+            Self::Motion(motion) => motion.encode(out),
+            // An alternative of the SELECT above it.
+            Self::Other(text) if text.starts_with('=') => encode_lines(out, "         ", text),
+            Self::Other(text) => encode_lines(out, "  ", text),
+            Self::Nested(text) => out.write_str(text),
+        }
+    }
+
+    /// Refuses what would be read again as something else. `line` is the number that it gets, or for a nested line the
+    /// number of the line above it.
+    pub(crate) fn check(&self, line: usize, in_block: bool) -> Result<(), EncodeError> {
+        let readable = match self {
+            Self::Motion(motion) => return motion.check(line),
+            Self::Empty | Self::UserFrame(_) | Self::UserTool(_) => true,
+            Self::Comment(text) | Self::Other(text) => {
+                is_plain(text) && {
+                    let mut written = String::new();
+                    self.encode(&mut written)?;
+                    Self::decode(&written).is_ok_and(|again| again == *self || self.is_padded(&again))
+                }
+            }
+            Self::Nested(text) => {
+                text.trim_end() == text && !text.contains(char::is_control) && is_nested(text, line, in_block)
+            }
+        };
+        if readable { Ok(()) } else { Err(EncodeError::Instruction { line }) }
+    }
+
+    /// Blanks at the end are not written: `again` may differ in them.
+    fn is_padded(&self, again: &Self) -> bool {
+        match (self, again) {
+            (Self::Comment(a), Self::Comment(b)) | (Self::Other(a), Self::Other(b)) => a.trim_end() == b,
+            _ => false,
+        }
+    }
+}
+
+/// A line of a block: deeper than the four columns of a line number, and not simply the next line of a program whose
+/// numbers are all that deep. `number` is that of the last line that is not in a block.
+pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
+    let body = line.trim_start_matches(' ');
+    if line.len() - body.len() < 5 || body.is_empty() {
+        return false;
+    }
+    let digits = body.len() - body.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    let own = body.get(..digits).and_then(|digits| digits.parse::<usize>().ok());
+    number > 0 && (in_block || own != Some(number + 1))
+}
+
+/// Nothing that ends a line but `\n`, and no line before the last that would close the instruction.
+pub(crate) fn is_plain(text: &str) -> bool {
+    let mut lines = text.split('\n').rev();
+    let control = |line: &str| line.contains(|c: char| c.is_control() && c != '\t');
+    lines.next().is_some_and(|last| !control(last))
+        && lines.all(|line| !control(line) && !line.trim_end().ends_with(';'))
+}
+
+/// A motion letter, a space, and a target.
+fn is_motion(body: &str) -> bool {
+    let mut chars = body.chars();
+    let letter = chars.next().is_some_and(|c| MotionKind::from_letter(c).is_some());
+    letter && chars.next().is_some_and(|c| c == ' ' || c == '\t')
+}
+
+fn plain_number(text: &str) -> Option<u16> {
+    let text = text.trim_start_matches([' ', '\t']);
+    text.chars().all(|c| c.is_ascii_digit()).then(|| text.parse().ok()).flatten()
+}
+
+fn encode_lines(out: &mut impl fmt::Write, before: &str, text: &str) -> fmt::Result {
+    out.write_str(before)?;
+    for (index, line) in text.trim_end().split('\n').enumerate() {
+        if index > 0 {
+            out.write_str("\r\n    :  ")?;
+        }
+        out.write_str(line)?;
+    }
+    Ok(())
+}

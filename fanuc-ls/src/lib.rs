@@ -1,0 +1,20 @@
+#![doc = include_str!("../README.md")]
+#![no_std]
+#![forbid(unsafe_code)]
+
+extern crate alloc;
+
+mod attribute;
+mod error;
+mod instruction;
+mod motion;
+mod position;
+mod program;
+mod text;
+
+pub use attribute::{Attribute, AttributeValue};
+pub use error::{DecodeError, EncodeError, Reason, Warning};
+pub use instruction::Instruction;
+pub use motion::{Motion, MotionKind, Speed, SpeedUnit, Target, Termination};
+pub use position::{Axis, AxisName, AxisUnit, Configuration, Group, Position};
+pub use program::{COMMENT_LENGTH, CommentRule, Program, Rules};

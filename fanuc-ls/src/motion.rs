@@ -1,0 +1,365 @@
+use alloc::format;
+use alloc::string::{String, ToString};
+use core::fmt;
+
+use crate::EncodeError;
+use crate::error::Reason;
+use crate::instruction::is_plain;
+use crate::text::{
+    Read, Reference, decimal, fail, join_lines, joint, or_fail, reference, shortest, unsigned,
+};
+
+/// A motion instruction, such as `S P[2] 10mm/sec CNT100`.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Motion {
+    /// How the robot moves.
+    pub kind: MotionKind,
+    /// For [`MotionKind::Circular`]: the point on the arc before the target.
+    pub via: Option<Target>,
+    /// Where the robot moves to.
+    pub target: Target,
+    /// How fast.
+    pub speed: Speed,
+    /// How close the robot comes to the target before it goes on. Some applications leave it out.
+    pub termination: Option<Termination>,
+    /// What follows, as it stands: `ACC50 Offset,PR[3]`. Empty when there is nothing.
+    pub options: String,
+}
+
+impl Motion {
+    /// A motion without a point to go through and without options.
+    pub fn new(kind: MotionKind, target: Target, speed: Speed, termination: Termination) -> Self {
+        Self { kind, via: None, target, speed, termination: Some(termination), options: String::new() }
+    }
+
+    /// Reads what stands between the line's `:` and `;`.
+    pub(crate) fn decode(input: &str) -> Read<'_, Self> {
+        let mut letters = input.chars();
+        let Some(kind) = letters.next().and_then(MotionKind::from_letter) else {
+            return fail(input, Reason::Target);
+        };
+        let (mut rest, mut target) = Target::decode(joint(letters.as_str()))?;
+        let mut via = None;
+        if kind == MotionKind::Circular {
+            via = Some(target);
+            (rest, target) = Target::decode(joint(rest))?;
+        }
+        let (rest, speed) = Speed::decode(joint(rest))?;
+        let (rest, termination) = Termination::decode(joint(rest))?;
+        let options = join_lines(joint(rest));
+        Ok(("", Self { kind, via, target, speed, termination, options }))
+    }
+
+    /// Writes what [`decode`](Self::decode) reads, with the controller's spaces before the `;`.
+    pub(crate) fn encode(&self, out: &mut impl fmt::Write) -> fmt::Result {
+        write!(out, "{}", self.kind.letter())?;
+        if let Some(via) = &self.via {
+            write!(out, " {via}    \r\n    : ")?;
+        }
+        write!(out, " {} {}", self.target, self.speed)?;
+        if let Some(termination) = &self.termination {
+            write!(out, " {termination}")?;
+        }
+        if !self.options.is_empty() {
+            write!(out, " {}", self.options.replace('\n', "\r\n    :  "))?;
+        }
+        write!(out, "   ")
+    }
+
+    /// Refuses what a controller would not take, or what would be read again as something else.
+    pub(crate) fn check(&self, line: usize) -> Result<(), EncodeError> {
+        if self.via.is_some() != (self.kind == MotionKind::Circular) {
+            return Err(EncodeError::Via { line });
+        }
+        if let Some(Termination::Continuous(found)) = self.termination
+            && found > 100
+        {
+            return Err(EncodeError::Continuous { line, found });
+        }
+        if let Speed::Fixed { value, unit } = self.speed
+            && !unit.range().contains(&value)
+        {
+            return Err(EncodeError::Speed { line });
+        }
+        // The texts inside may hold anything: what is read back must be what was meant.
+        let mut text = String::new();
+        self.encode(&mut text)?;
+        let same = Self::decode(text.trim_end()).is_ok_and(|(_, again)| again.same_texts(self));
+        if same && is_plain(&text.replace("\r\n", "\n")) {
+            Ok(())
+        } else {
+            Err(EncodeError::Instruction { line })
+        }
+    }
+
+    /// Equal but for the decimals of the speed that are not printed.
+    fn same_texts(&self, other: &Self) -> bool {
+        let speed = match (&self.speed, &other.speed) {
+            (Speed::Fixed { unit: a, .. }, Speed::Fixed { unit: b, .. }) => a == b,
+            (a, b) => a == b,
+        };
+        speed
+            && (self.kind, &self.via, &self.target) == (other.kind, &other.via, &other.target)
+            && (&self.termination, &self.options) == (&other.termination, &other.options)
+    }
+}
+
+/// How the robot moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum MotionKind {
+    /// `J`: every joint arrives at the same time; the path is nobody's business.
+    Joint,
+    /// `L`: a straight line.
+    Linear,
+    /// `C`: an arc through one point to another.
+    Circular,
+    /// `A`: an arc through the neighbouring A points.
+    Arc,
+    /// `S`: the Spline Motion option. The curve between the points is the controller's secret.
+    Spline,
+}
+
+impl MotionKind {
+    /// The letter behind the line's number.
+    pub fn letter(self) -> char {
+        match self {
+            Self::Joint => 'J',
+            Self::Linear => 'L',
+            Self::Circular => 'C',
+            Self::Arc => 'A',
+            Self::Spline => 'S',
+        }
+    }
+
+    pub(crate) fn from_letter(letter: char) -> Option<Self> {
+        Some(match letter {
+            'J' => Self::Joint,
+            'L' => Self::Linear,
+            'C' => Self::Circular,
+            'A' => Self::Arc,
+            'S' => Self::Spline,
+            _ => return None,
+        })
+    }
+}
+
+/// Where a motion goes.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Target {
+    /// `P[3]` or `P[3:name]`: a position of this program.
+    Position {
+        /// Its number.
+        number: u32,
+        /// Its name, if it has one. Not quoted here; in `/POS` it is.
+        name: Option<String>,
+    },
+    /// `PR[3]` or `PR[3:name]`: a position register.
+    Register {
+        /// Its number.
+        number: u32,
+        /// Its name, if it has one.
+        name: Option<String>,
+    },
+    /// Another one as it stands, such as `P[R[1]]` or `PR[GP1:3]`.
+    Other(String),
+}
+
+impl Target {
+    /// `P[number]`.
+    pub fn position(number: u32) -> Self {
+        Self::Position { number, name: None }
+    }
+
+    /// `PR[number]`.
+    pub fn register(number: u32) -> Self {
+        Self::Register { number, name: None }
+    }
+
+    fn decode(input: &str) -> Read<'_, Self> {
+        let (rest, Reference { letters, inside, .. }) = reference(input, Reason::Target)?;
+        let (number, name) = match inside.split_once(':') {
+            Some((number, name)) => (number, Some(name.trim().to_string())),
+            None => (inside, None),
+        };
+        let target = match (letters, number.trim().parse::<u32>()) {
+            ("P", Ok(number)) => Self::Position { number, name },
+            ("PR", Ok(number)) => Self::Register { number, name },
+            _ => Self::Other(format!("{letters}[{inside}]")),
+        };
+        Ok((rest, target))
+    }
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (letters, number, name) = match self {
+            Self::Position { number, name } => ("P", number, name),
+            Self::Register { number, name } => ("PR", number, name),
+            Self::Other(text) => return f.write_str(text),
+        };
+        match name {
+            Some(name) => write!(f, "{letters}[{number}:{name}]"),
+            None => write!(f, "{letters}[{number}]"),
+        }
+    }
+}
+
+/// How fast a motion is.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Speed {
+    /// `100mm/sec`.
+    Fixed {
+        /// The number. Written with up to three decimals.
+        value: f64,
+        /// Its unit.
+        unit: SpeedUnit,
+    },
+    /// `R[23:slow]mm/sec`: the number is in a register.
+    Register {
+        /// The register as it stands.
+        register: String,
+        /// The unit of its number.
+        unit: SpeedUnit,
+    },
+    /// `max_speed`, `WELD_SPEED`: a speed that has a name.
+    Named(String),
+}
+
+impl Speed {
+    /// A share of the greatest joint speed, in %, for [`MotionKind::Joint`].
+    pub fn percent(value: u8) -> Self {
+        Self::Fixed { value: f64::from(value), unit: SpeedUnit::Percent }
+    }
+
+    /// A path speed in mm/s.
+    pub fn mm_per_sec(value: f64) -> Self {
+        Self::Fixed { value, unit: SpeedUnit::MmPerSec }
+    }
+
+    fn decode(input: &str) -> Read<'_, Self> {
+        let letters = input.find(|c: char| !(c.is_ascii_alphabetic() || c == '_')).unwrap_or(input.len());
+        let (word, behind) = input.split_at_checked(letters).unwrap_or(("", input));
+        if !word.is_empty() && behind.starts_with('[') {
+            let (rest, register) = reference(input, Reason::Speed)?;
+            let (rest, unit) = SpeedUnit::decode(joint(rest))?;
+            return Ok((rest, Self::Register { register: register.text.to_string(), unit }));
+        }
+        let alone = behind.is_empty() || behind.starts_with([' ', '\t', '\r', '\n']);
+        if !word.is_empty() && alone && Termination::decode(input).is_ok_and(|(_, found)| found.is_none()) {
+            return Ok((behind, Self::Named(word.to_string())));
+        }
+        let (rest, value) = or_fail(input, Reason::Speed, decimal)?;
+        let (rest, unit) = SpeedUnit::decode(joint(rest))?;
+        Ok((rest, Self::Fixed { value, unit }))
+    }
+}
+
+impl fmt::Display for Speed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fixed { value, unit } => write!(f, "{}{unit}", shortest(*value)),
+            Self::Register { register, unit } => write!(f, "{register}{unit}"),
+            Self::Named(name) => f.write_str(name),
+        }
+    }
+}
+
+/// The unit of a speed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[allow(missing_docs, reason = "they are what they say")]
+pub enum SpeedUnit {
+    Percent,
+    Sec,
+    Msec,
+    MmPerSec,
+    CmPerMin,
+    InchPerMin,
+    DegPerSec,
+}
+
+impl SpeedUnit {
+    const ALL: [(Self, &'static str); 7] = [
+        (Self::Percent, "%"),
+        (Self::Sec, "sec"),
+        (Self::Msec, "msec"),
+        (Self::MmPerSec, "mm/sec"),
+        (Self::CmPerMin, "cm/min"),
+        (Self::InchPerMin, "inch/min"),
+        (Self::DegPerSec, "deg/sec"),
+    ];
+
+    /// The numbers that can be written with this unit: above 0 to 100 for %, above 0 to 100 000 for the others (a
+    /// controller's own limits are narrower and depend on the robot).
+    pub fn range(self) -> core::ops::RangeInclusive<f64> {
+        match self {
+            Self::Percent => 0.001..=100.0,
+            _ => 0.001..=100_000.0,
+        }
+    }
+
+    fn decode(input: &str) -> Read<'_, Self> {
+        for (unit, text) in Self::ALL {
+            if let Some(rest) = input.strip_prefix(text)
+                && (unit == Self::Percent || !rest.starts_with(|c: char| c.is_alphanumeric() || c == '/'))
+            {
+                return Ok((rest, unit));
+            }
+        }
+        fail(input, Reason::SpeedUnit)
+    }
+}
+
+impl fmt::Display for SpeedUnit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = Self::ALL.iter().find(|(unit, _)| unit == self).map_or("", |(_, text)| text);
+        f.write_str(text)
+    }
+}
+
+/// How close a motion comes to its target before the next one begins.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Termination {
+    /// `FINE`: stops at the target.
+    Fine,
+    /// `CNT0` to `CNT100`: passes by the target; what exactly the number does is not published.
+    Continuous(u8),
+    /// `CNT R[1]`: the number is in a register, given as it stands.
+    ContinuousRegister(String),
+}
+
+impl Termination {
+    /// None when something else follows, which is then an option.
+    fn decode(input: &str) -> Read<'_, Option<Self>> {
+        let ends = |rest: &str| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_');
+        if let Some(rest) = input.strip_prefix("FINE").filter(|rest| ends(rest)) {
+            return Ok((rest, Some(Self::Fine)));
+        }
+        let Some(rest) = input.strip_prefix("CNT") else { return Ok((input, None)) };
+        let number = joint(rest);
+        if number.starts_with(|c: char| c.is_ascii_alphabetic()) {
+            let (rest, register) = reference(number, Reason::Continuous)?;
+            return Ok((rest, Some(Self::ContinuousRegister(register.text.to_string()))));
+        }
+        let (after, value) = or_fail(number, Reason::Continuous, unsigned::<u8>)?;
+        if value > 100 || !ends(after) {
+            return fail(number, Reason::Continuous);
+        }
+        Ok((after, Some(Self::Continuous(value))))
+    }
+}
+
+impl fmt::Display for Termination {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fine => f.write_str("FINE"),
+            Self::Continuous(value) => write!(f, "CNT{value}"),
+            Self::ContinuousRegister(register) => write!(f, "CNT {register}"),
+        }
+    }
+}

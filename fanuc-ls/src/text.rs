@@ -1,0 +1,165 @@
+//! What every part of the grammar needs: white space, numbers, and an error that knows its place.
+
+use alloc::format;
+use alloc::string::String;
+
+use nom::bytes::complete::{tag, take_while, take_while1};
+use nom::error::{ErrorKind, ParseError};
+use nom::{IResult, Parser};
+
+use crate::error::Reason;
+
+/// What is still to be read, and what was read.
+pub(crate) type Read<'a, T> = IResult<&'a str, T, Fault<'a>>;
+
+/// Where reading stopped, and why. Becomes a [`DecodeError`](crate::DecodeError) once the whole text is at hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Fault<'a> {
+    pub(crate) at: &'a str,
+    pub(crate) reason: Reason,
+}
+
+impl<'a> ParseError<&'a str> for Fault<'a> {
+    // The combinators' own kinds never leave this crate: `or_fail` puts the reason in their place.
+    fn from_error_kind(at: &'a str, _: ErrorKind) -> Self {
+        Self { at, reason: Reason::Program }
+    }
+
+    fn append(_: &'a str, _: ErrorKind, other: Self) -> Self {
+        other
+    }
+}
+
+/// The failure at `at`.
+pub(crate) fn fail<T>(at: &str, reason: Reason) -> Read<'_, T> {
+    Err(nom::Err::Failure(Fault { at, reason }))
+}
+
+/// What `parser` reads, or the failure at this place, for this reason.
+pub(crate) fn or_fail<'a, T>(
+    input: &'a str,
+    reason: Reason,
+    mut parser: impl Parser<&'a str, Output = T, Error = Fault<'a>>,
+) -> Read<'a, T> {
+    match parser.parse(input) {
+        Err(nom::Err::Error(_)) => fail(input, reason),
+        other => other,
+    }
+}
+
+/// Spaces, tabs and line ends.
+pub(crate) fn space(input: &str) -> &str {
+    input.trim_start_matches([' ', '\t', '\r', '\n'])
+}
+
+/// Spaces, tabs, and the line end with `:` that continues an instruction.
+pub(crate) fn joint(input: &str) -> &str {
+    let mut rest = input.trim_start_matches([' ', '\t']);
+    while let Some(next) = rest.trim_start_matches('\r').strip_prefix('\n') {
+        let Some(next) = next.trim_start_matches([' ', '\t']).strip_prefix(':') else { break };
+        rest = next.trim_start_matches([' ', '\t']);
+    }
+    rest
+}
+
+/// `word`, or the failure.
+pub(crate) fn expect<'a>(input: &'a str, word: &'static str, reason: Reason) -> Read<'a, &'a str> {
+    or_fail(input, reason, tag(word))
+}
+
+/// A word of letters, digits and `_`.
+pub(crate) fn word(input: &str) -> Read<'_, &str> {
+    take_while1(|c: char| c.is_alphanumeric() || c == '_').parse(input)
+}
+
+/// A whole number without a sign.
+pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
+    nom::combinator::map_opt(nom::character::complete::digit1, |digits: &str| digits.parse().ok())
+        .parse(input)
+}
+
+/// A decimal number; the zero before the point may be missing, the point as well.
+pub(crate) fn decimal(input: &str) -> Read<'_, f64> {
+    let unsigned = input.strip_prefix(['-', '+']).unwrap_or(input);
+    let digits = |input| -> Read<'_, &str> { take_while(|c: char| c.is_ascii_digit()).parse(input) };
+    let (rest, whole) = digits(unsigned)?;
+    let (rest, fraction) = match rest.strip_prefix('.') {
+        Some(rest) => digits(rest)?,
+        None => (rest, ""),
+    };
+    let length = input.len().saturating_sub(rest.len());
+    let value = input.get(..length).and_then(|text| text.parse::<f64>().ok()).filter(|v| v.is_finite());
+    match value {
+        Some(value) if !(whole.is_empty() && fraction.is_empty()) => Ok((rest, value)),
+        _ => Err(nom::Err::Error(Fault::from_error_kind(input, ErrorKind::Float))),
+    }
+}
+
+/// What stands for a register or a position: letters and brackets, `R[1]`, `PR[GP1:3]`, `P[R[1]]`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reference<'a> {
+    pub(crate) text: &'a str,
+    pub(crate) letters: &'a str,
+    pub(crate) inside: &'a str,
+}
+
+/// A reference, or the failure for this reason.
+pub(crate) fn reference(input: &str, reason: Reason) -> Read<'_, Reference<'_>> {
+    let (behind, letters) = or_fail(input, reason, take_while1(|c: char| c.is_ascii_alphabetic()))?;
+    let (inner, _) = or_fail(behind, reason, tag("["))?;
+    let mut depth = 0usize;
+    for (at, c) in inner.char_indices() {
+        match c {
+            '[' => depth += 1,
+            ']' if depth > 0 => depth -= 1,
+            ']' => {
+                let (inside, rest) = inner.split_at_checked(at).unwrap_or((inner, ""));
+                let text = input.get(..letters.len() + at + 2).unwrap_or(input);
+                return Ok((rest.strip_prefix(']').unwrap_or(rest), Reference { text, letters, inside }));
+            }
+            '\r' | '\n' => break,
+            _ => {}
+        }
+    }
+    fail(inner, Reason::Bracket)
+}
+
+/// The text of an instruction without the marks that continue it: one line for each line, trimmed.
+pub(crate) fn join_lines(input: &str) -> String {
+    let mut text = String::new();
+    for (index, line) in input.trim_matches([' ', '\t', '\r', '\n']).split('\n').enumerate() {
+        let line = line.trim_matches([' ', '\t', '\r']);
+        if index > 0 {
+            text.push('\n');
+        }
+        text.push_str(if index > 0 {
+            line.strip_prefix(':').unwrap_or(line).trim_start_matches([' ', '\t'])
+        } else {
+            line
+        });
+    }
+    text
+}
+
+/// `value` with three decimals as controllers print it: without the zero before the point, but zero is `0.000`. What
+/// rounds to zero from below keeps its sign, `-.000`, and is read again as the negative zero.
+pub(crate) fn fixed(value: f64) -> String {
+    let text = format!("{value:.3}");
+    if text == "0.000" { text } else { without_leading_zero(text) }
+}
+
+/// `value` with as many decimals as it has, three at most: `10`, `10.5`, `.5`.
+pub(crate) fn shortest(value: f64) -> String {
+    let mut text = format!("{value:.3}");
+    text.truncate(text.trim_end_matches('0').trim_end_matches('.').len());
+    if text == "0" { text } else { without_leading_zero(text) }
+}
+
+fn without_leading_zero(mut text: String) -> String {
+    if text.starts_with("0.") {
+        text.remove(0);
+    } else if text.starts_with("-0.") {
+        text.remove(1);
+    }
+    text
+}

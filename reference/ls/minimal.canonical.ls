@@ -1,0 +1,4 @@
+/PROG  A
+/MN
+/POS
+/END

@@ -1,0 +1,3 @@
+/PROG A
+/MN
+/END

@@ -6,6 +6,7 @@
 pub mod isra_ball;
 pub mod laser_eb90;
 pub mod mmacell_proto;
+pub mod val2_alter;
 
 /// A target's body.
 pub type Target = fn(&[u8]);
@@ -22,4 +23,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("mmacell_proto_controller", mmacell_proto::mmacell_proto_controller),
     ("mmacell_proto_device", mmacell_proto::mmacell_proto_device),
     ("mmacell_proto_task", mmacell_proto::mmacell_proto_task),
+    ("val2_alter_controller", val2_alter::val2_alter_controller),
+    ("val2_alter_decoder", val2_alter::val2_alter_decoder),
+    ("val2_alter_host", val2_alter::val2_alter_host),
 ];

@@ -1,4 +1,4 @@
-//! Codec for VAL II ALTER.
+#![doc = include_str!("../README.md")]
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -6,6 +6,8 @@
 extern crate std;
 
 mod clamp;
+#[cfg(feature = "tokio")]
+mod codec;
 mod controller;
 mod decoder;
 mod error;
@@ -22,6 +24,8 @@ mod transform;
 pub mod viewer;
 
 pub use clamp::Clamp;
+#[cfg(feature = "tokio")]
+pub use codec::Codec;
 pub use controller::{Controller, ControllerConfig, ControllerEvent, ControllerStats};
 pub use decoder::{Decoder, Received};
 pub use error::{DecodeError, EncodeError, SessionError};

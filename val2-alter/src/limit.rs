@@ -87,10 +87,15 @@ impl Limiter {
 
     /// The controller could not read the last value: the arm did not move by it, and stands.
     pub fn rejected(&mut self) {
-        for (position, speed) in self.position.iter_mut().zip(&mut self.speed) {
+        for (position, speed) in self.position.iter_mut().zip(&self.speed) {
             *position = position.saturating_sub(*speed);
-            *speed = 0;
         }
+        self.rest();
+    }
+
+    /// The controller had no value in the last cycle: the arm stands where it is.
+    pub fn rest(&mut self) {
+        self.speed = [0; AXES];
     }
 
     /// Begins anew, at rest on the path.

@@ -521,7 +521,7 @@ fn an_exception_that_was_not_read_is_sent_again() {
 }
 
 #[test]
-fn after_a_rejected_reply_the_arm_begins_again_from_rest() {
+fn after_a_cycle_in_which_it_stood_the_arm_begins_again_from_rest() {
     let limits = Limits { velocity: [50; 6], acceleration: [20; 6] };
     let mut host = Host::new(HostConfig { limits, ..HostConfig::default() });
     let mut out = [0; Frame::MAX_LEN];
@@ -529,13 +529,14 @@ fn after_a_rejected_reply_the_arm_begins_again_from_rest() {
     host.poll_transmit(MS, &mut out).unwrap();
     host.set_target(x(50));
     let mut values = Vec::new();
-    for error in [0, 0, 0, 1, 0, 0, 0] {
+    let mut now = MS;
+    for (error, late) in [(0, 0), (0, 0), (0, 0), (1, 0), (0, 0), (0, 12), (0, 0), (0, 0)] {
         let frame = [0x10, 0x10, 0x02, 0x80 | error, 2, 1, 0, 0, 32, 0x10, 0x03, 0xA3 + error];
-        host.handle_input(MS, &frame);
-        host.poll_transmit(MS, &mut out).unwrap();
-        values.push(host.values()[0]);
+        now += CYCLE;
+        host.handle_input(now, &frame);
+        values.push(host.poll_transmit(now + MS * late, &mut out).map_or(0, |_| host.values()[0]));
     }
-    assert_eq!(values, [20, 40, 50, 20, 40, 50, 50]);
+    assert_eq!(values, [20, 40, 50, 20, 40, 0, 20, 40]);
 }
 
 #[test]

@@ -20,9 +20,9 @@ pub struct HostConfig {
     /// What the controller makes of a value that is not transmitted; matters for [`Select::Needed`] alone.
     pub unselected: Unselected,
     /// Whether the ALTER instruction names an exception subroutine. Without one an exception aborts the robot's program,
-    /// and [`Host::exception`] refuses it.
+    /// and [`Host::exception`](crate::Host::exception) refuses it.
     pub subroutine: bool,
-    /// How start messages are answered; [`Host::set_policy`] changes it.
+    /// How start messages are answered; [`Host::set_policy`](crate::Host::set_policy) changes it.
     pub policy: Policy,
     /// How often in a row a damaged start message is asked for again. The controller gives up after its third attempt.
     pub repeats: u8,
@@ -112,7 +112,7 @@ pub enum HostEvent {
     Missed,
     /// The controller could not read the last reply, and said why. (An exception in it will be sent again.)
     Rejected(ErrorCode),
-    /// [`Host::stop`] is done: the values are zero, and no message is answered any more.
+    /// [`Host::stop`](crate::Host::stop) is done: the values are zero, and no message is answered any more.
     Stopped,
     /// Nothing was heard for several cycles.
     Lost,

@@ -371,8 +371,10 @@ impl Host {
         Some(len)
     }
 
+    /// The arm stands for want of a reply: should ALTER go on all the same, it begins again from rest.
     fn miss(&mut self) {
         self.due = None;
+        self.limiter.rest();
         self.stats.missed += 1;
         self.tell(HostEvent::Missed);
     }

@@ -1,0 +1,28 @@
+//! A start, a standard message and its reply through both ends.
+#![no_std]
+#![no_main]
+
+use core::time::Duration;
+
+use no_std as _;
+use val2_alter::{Controller, ControllerConfig, Frame, Host, HostConfig, Limits, timing};
+
+#[unsafe(no_mangle)]
+extern "C" fn main() -> i32 {
+    i32::from(run() != Some(402.5))
+}
+
+fn run() -> Option<f64> {
+    let mut controller = Controller::new(ControllerConfig::default());
+    let mut host = Host::new(HostConfig { limits: Limits::NONE, ..HostConfig::default() });
+    let mut buf = [0; Frame::MAX_LEN];
+    controller.start(Duration::ZERO).ok()?;
+    for now in [Duration::ZERO, timing::CYCLE] {
+        let n = controller.poll_transmit(now, &mut buf)?;
+        host.handle_input(now, buf.get(..n)?);
+        let n = host.poll_transmit(now, &mut buf)?;
+        controller.handle_input(now, buf.get(..n)?);
+        host.set_target([80, 0, 0, 0, 0, 0]);
+    }
+    Some(controller.pose().p[0])
+}

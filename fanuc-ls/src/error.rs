@@ -150,6 +150,12 @@ pub enum EncodeError {
         /// The instruction's number.
         line: usize,
     },
+    /// A speed in a unit that its motion does not take; see [`SpeedUnit::fits`](crate::SpeedUnit::fits).
+    #[error("the speed of instruction {line} has a unit that its motion does not take")]
+    SpeedUnit {
+        /// The instruction's number.
+        line: usize,
+    },
     /// CNT above 100.
     #[error("CNT of instruction {line} is {found}, the range is 0 to 100")]
     Continuous {
@@ -170,6 +176,12 @@ pub enum EncodeError {
         /// The position's number.
         number: u32,
     },
+    /// The registers of a background task overlap, or are not in 1..=65535.
+    #[error("the registers of the background task overlap, or are outside 1 to 65535")]
+    Registers,
+    /// A period of a background task that is not 1 ms to 999 s in whole ms.
+    #[error("the period of the background task must be 1 ms to 999 s, in whole ms")]
+    Period,
     /// The caller's writer failed.
     #[error("the text could not be written out")]
     Write,
@@ -227,6 +239,12 @@ pub enum Warning {
         expected: usize,
         /// The instructions there are.
         found: usize,
+    },
+    /// A speed in a unit that its motion does not take, such as `J P[1] 100mm/sec`.
+    #[error("instruction {line} gives its speed in a unit that its motion does not take")]
+    SpeedUnit {
+        /// The instruction's number.
+        line: usize,
     },
     /// The comment is longer than the controller keeps.
     #[error("COMMENT has {found} characters, the controller keeps 16")]

@@ -77,6 +77,9 @@ impl Motion {
         {
             return Err(EncodeError::Continuous { line, found });
         }
+        if !self.speed.unit().is_none_or(|unit| unit.fits(self.kind)) {
+            return Err(EncodeError::SpeedUnit { line });
+        }
         if let Speed::Fixed { value, unit } = self.speed
             && !unit.range().contains(&value)
         {
@@ -240,6 +243,14 @@ impl Speed {
         Self::Fixed { value, unit: SpeedUnit::MmPerSec }
     }
 
+    /// The unit, unless the speed is a name.
+    pub fn unit(&self) -> Option<SpeedUnit> {
+        match self {
+            Self::Fixed { unit, .. } | Self::Register { unit, .. } => Some(*unit),
+            Self::Named(_) => None,
+        }
+    }
+
     fn decode(input: &str) -> Read<'_, Self> {
         let letters = input.find(|c: char| !(c.is_ascii_alphabetic() || c == '_')).unwrap_or(input.len());
         let (word, behind) = input.split_at_checked(letters).unwrap_or(("", input));
@@ -299,6 +310,15 @@ impl SpeedUnit {
         match self {
             Self::Percent => 0.001..=100.0,
             _ => 0.001..=100_000.0,
+        }
+    }
+
+    /// Joint motions take %, sec and msec; the others take everything but %.
+    pub fn fits(self, kind: MotionKind) -> bool {
+        match self {
+            Self::Percent => kind == MotionKind::Joint,
+            Self::Sec | Self::Msec => true,
+            Self::MmPerSec | Self::CmPerMin | Self::InchPerMin | Self::DegPerSec => kind != MotionKind::Joint,
         }
     }
 

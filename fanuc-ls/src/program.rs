@@ -192,6 +192,9 @@ impl Program {
             line += usize::from(!matches!(instruction, Instruction::Nested(_)));
             match instruction {
                 Instruction::Motion(motion) => {
+                    if !motion.speed.unit().is_none_or(|unit| unit.fits(motion.kind)) {
+                        warnings.push(Warning::SpeedUnit { line });
+                    }
                     for target in [motion.via.as_ref(), Some(&motion.target)].into_iter().flatten() {
                         match target {
                             Target::Position { number, .. } => {

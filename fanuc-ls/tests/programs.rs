@@ -168,6 +168,7 @@ fn what_is_suspicious_is_told() {
     assert_eq!(used("  PR[2]=PR[1]"), [Warning::UnusedPosition { number: 1 }]);
     assert_eq!(used("  PR[2]=P[1]"), []);
     assert_eq!(used("J P[R[3]] 5% FINE"), []);
+    assert_eq!(used("J P[1] 5mm/sec FINE"), [Warning::SpeedUnit { line: 1 }]);
 }
 
 #[test]
@@ -202,7 +203,10 @@ fn what_a_controller_would_not_take_is_not_written() {
     for value in [0.0, 0.0004, -5.0, f64::NAN, f64::INFINITY] {
         assert_eq!(motion(&|m| m.speed = Speed::mm_per_sec(value)), EncodeError::Speed { line: 1 });
     }
-    assert_eq!(motion(&|m| m.speed = Speed::percent(101)), EncodeError::Speed { line: 1 });
+    assert_eq!(motion(&|m| m.speed = Speed::percent(5)), EncodeError::SpeedUnit { line: 1 });
+    assert_eq!(motion(&|m| m.kind = MotionKind::Joint), EncodeError::SpeedUnit { line: 1 });
+    let fast = |m: &mut Motion| (m.kind, m.speed) = (MotionKind::Joint, Speed::percent(101));
+    assert_eq!(motion(&fast), EncodeError::Speed { line: 1 });
     assert_eq!(motion(&|m| m.target = Target::Other("P[1".into())), EncodeError::Instruction { line: 1 });
     assert_eq!(motion(&|m| m.options = "ACC50 ;\nX".into()), EncodeError::Instruction { line: 1 });
     for text in ["", "!x", "L P[1] 5mm/sec FINE", "UTOOL_NUM=3", "a\r\nb", "a ;\nb", " a", "a\u{1a}"] {

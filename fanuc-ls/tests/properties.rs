@@ -34,14 +34,15 @@ fn target(rng: &mut Rng) -> Target {
 fn motion(rng: &mut Rng) -> Motion {
     use MotionKind::{Arc, Circular, Joint, Linear, Spline};
     let kind = pick(rng, &[Joint, Linear, Circular, Arc, Spline]);
-    let units = [SpeedUnit::Sec, SpeedUnit::Msec, SpeedUnit::MmPerSec, SpeedUnit::CmPerMin];
-    let more = [SpeedUnit::InchPerMin, SpeedUnit::DegPerSec];
-    let unit = pick(rng, &[&units[..], &more].concat());
+    use SpeedUnit::{CmPerMin, DegPerSec, InchPerMin, MmPerSec, Msec, Percent, Sec};
+    let units = [Sec, Msec, Percent, MmPerSec, CmPerMin, InchPerMin, DegPerSec];
+    let fitting: Vec<SpeedUnit> = units.into_iter().filter(|unit| unit.fits(kind)).collect();
+    let unit = pick(rng, &fitting);
     let speed = match rng.below(6) {
         0 => Speed::Register { register: pick(rng, &["R[23:slow]", "AR[2]", "R[R[1]]"]).to_string(), unit },
         1 => Speed::Named(pick(rng, &["max_speed", "WELD_SPEED"]).to_string()),
-        2 => Speed::percent(1 + rng.below(100) as u8),
-        3 => Speed::Fixed { value: f64::from(1 + rng.below(4000) as u32), unit },
+        _ if unit == Percent => Speed::percent(1 + rng.below(100) as u8),
+        2 => Speed::Fixed { value: f64::from(1 + rng.below(4000) as u32), unit },
         _ => Speed::Fixed { value: f64::from(1 + rng.below(2_000_000) as u32) / 1000.0, unit },
     };
     let termination = match rng.below(4) {
@@ -212,8 +213,7 @@ proptest! {
 
     #[test]
     fn a_byte_changed_anywhere_gives_a_program_or_an_error_with_a_place(at in 0usize..3000, to in any::<char>()) {
-        let path = format!("{}/../reference/ls/controller.ls", env!("CARGO_MANIFEST_DIR"));
-        let mut text: Vec<char> = std::fs::read_to_string(path).unwrap().chars().collect();
+        let mut text: Vec<char> = include_str!("../../reference/ls/controller.ls").chars().collect();
         let at = at % text.len();
         text[at] = to;
         let text: String = text.into_iter().collect();

@@ -1,0 +1,170 @@
+use alloc::vec::Vec;
+
+use crate::text::decimal;
+
+/// Where the six joints are over time.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Trajectory {
+    samples: Vec<Sample>,
+}
+
+/// Where the six joints are at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Sample {
+    /// In seconds, from any beginning.
+    pub time: f64,
+    /// J1 to J6 in degrees, J3 from the horizontal.
+    pub joints: [f64; 6],
+}
+
+impl Trajectory {
+    /// A trajectory of two samples at least, in the order of their times.
+    pub fn new(samples: Vec<Sample>) -> Result<Self, TrajectoryError> {
+        let mut last = f64::NEG_INFINITY;
+        for (line, sample) in (1..).zip(&samples) {
+            let finite = sample.time.is_finite() && sample.joints.iter().all(|joint| joint.is_finite());
+            if !finite {
+                return Err(TrajectoryError { line, column: 1, reason: TrajectoryReason::Number });
+            }
+            if sample.time <= last {
+                return Err(TrajectoryError { line, column: 1, reason: TrajectoryReason::Time });
+            }
+            last = sample.time;
+        }
+        if samples.len() < 2 {
+            let line = samples.len() + 1;
+            return Err(TrajectoryError { line, column: 1, reason: TrajectoryReason::Short });
+        }
+        Ok(Self { samples })
+    }
+
+    /// Reads lines of seven numbers: the time in seconds, J1 to J6 in degrees. Between them stands a comma, a semicolon
+    /// or a tab; a decimal point is a point. A first line of names is passed over, as are empty lines and those that begin
+    /// with `#`.
+    pub fn from_csv(text: &str) -> Result<Self, TrajectoryError> {
+        let mut samples = Vec::new();
+        let mut lines = Vec::new();
+        let mut last = None;
+        for (line, row) in (1..).zip(text.strip_prefix('\u{feff}').unwrap_or(text).lines()) {
+            let content = row.trim();
+            if content.is_empty() || content.starts_with('#') {
+                continue;
+            }
+            if samples.is_empty() && lines.is_empty() && content.starts_with(char::is_alphabetic) {
+                lines.push(line);
+                continue;
+            }
+            let sample =
+                decode_row(row).map_err(|(column, reason)| TrajectoryError { line, column, reason })?;
+            if last.is_some_and(|last| sample.time <= last) {
+                return Err(TrajectoryError { line, column: 1, reason: TrajectoryReason::Time });
+            }
+            last = Some(sample.time);
+            samples.push(sample);
+        }
+        if samples.len() < 2 {
+            let line = text.lines().count() + 1;
+            return Err(TrajectoryError { line, column: 1, reason: TrajectoryReason::Short });
+        }
+        Ok(Self { samples })
+    }
+
+    /// The same trajectory, when J3 in it counts from the upper arm: J3 - J2 counts from the horizontal.
+    #[must_use]
+    pub fn from_upper_arm(mut self) -> Self {
+        for Sample { joints: [_, j2, j3, ..], .. } in &mut self.samples {
+            *j3 -= *j2;
+        }
+        self
+    }
+
+    /// Its samples, in the order of their times.
+    pub fn samples(&self) -> &[Sample] {
+        &self.samples
+    }
+
+    /// The time of the first and of the last sample, in seconds.
+    pub fn span(&self) -> (f64, f64) {
+        let time = |sample: Option<&Sample>| sample.map_or(0.0, |sample| sample.time);
+        (time(self.samples.first()), time(self.samples.last()))
+    }
+
+    /// The joints at a time, on the straight line between the samples beside it; the first or the last outside the span.
+    pub fn at(&self, time: f64) -> [f64; 6] {
+        let next = self.samples.partition_point(|sample| sample.time <= time);
+        let (Some(a), b) = (self.samples.get(next.saturating_sub(1)), self.samples.get(next)) else {
+            return [0.0; 6];
+        };
+        let Some(b) = b.filter(|_| next > 0) else { return a.joints };
+        let share = (time - a.time) / (b.time - a.time);
+        let mut joints = a.joints;
+        for (joint, to) in joints.iter_mut().zip(b.joints) {
+            *joint += (to - *joint) * share;
+        }
+        joints
+    }
+}
+
+/// Why a table is not a trajectory. Lines and columns count from 1, columns in characters; without a text, `line` is
+/// the sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[error("line {line}, column {column}: {reason}")]
+#[non_exhaustive]
+pub struct TrajectoryError {
+    /// What was wrong there.
+    #[cfg_attr(feature = "serde", serde(rename = "kind"))]
+    pub reason: TrajectoryReason,
+    /// The line, from 1.
+    pub line: usize,
+    /// The column, from 1.
+    pub column: usize,
+}
+
+/// What a [`TrajectoryError`] found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum TrajectoryReason {
+    /// Not seven columns.
+    #[error("expected seven columns: time in s, J1 to J6 in degrees; found {found}")]
+    Columns {
+        /// The columns there are.
+        found: usize,
+    },
+    /// Not a number.
+    #[error("expected a number such as `-108.435`")]
+    Number,
+    /// Not later than the sample before it.
+    #[error("expected a time that is later than the one before")]
+    Time,
+    /// Fewer than two samples.
+    #[error("expected two samples at least")]
+    Short,
+}
+
+fn decode_row(row: &str) -> Result<Sample, (usize, TrajectoryReason)> {
+    let mut values = [0.0; 7];
+    let mut found = 0;
+    let mut column = 1;
+    for field in row.split([',', ';', '\t']) {
+        let number = exponent(field.trim());
+        if let Some(value) = values.get_mut(found) {
+            let blanks = field.chars().take_while(|c| c.is_whitespace()).count();
+            *value = number.ok_or((column + blanks, TrajectoryReason::Number))?;
+        }
+        found += 1;
+        column += field.chars().count() + 1;
+    }
+    let [time, joints @ ..] = values;
+    if found == 7 { Ok(Sample { time, joints }) } else { Err((1, TrajectoryReason::Columns { found })) }
+}
+
+/// A number as spreadsheets and MATLAB write it: `1.5`, `.5`, `1.5e-3`.
+fn exponent(text: &str) -> Option<f64> {
+    let (rest, _) = decimal(text).ok()?;
+    let plain = rest.is_empty() || rest.starts_with(['e', 'E']);
+    text.parse::<f64>().ok().filter(|value| plain && value.is_finite())
+}

@@ -3,6 +3,7 @@
 //! Oracles, not only "no panic": decode(encode(x)) = x, any chunking gives the same frames, an accepted frame encodes to
 //! the same bytes, a session keeps its invariants.
 
+pub mod fanuc_hmi_modbus;
 pub mod isra_ball;
 pub mod laser_eb90;
 pub mod mmacell_proto;
@@ -13,6 +14,9 @@ pub type Target = fn(&[u8]);
 
 /// Every target by the name of its corpus folder.
 pub const TARGETS: &[(&str, Target)] = &[
+    ("fanuc_hmi_modbus_client", fanuc_hmi_modbus::fanuc_hmi_modbus_client),
+    ("fanuc_hmi_modbus_decoder", fanuc_hmi_modbus::fanuc_hmi_modbus_decoder),
+    ("fanuc_hmi_modbus_server", fanuc_hmi_modbus::fanuc_hmi_modbus_server),
     ("isra_ball_decoder", isra_ball::isra_ball_decoder),
     ("isra_ball_session", isra_ball::isra_ball_session),
     ("laser_eb90_decoder", laser_eb90::laser_eb90_decoder),

@@ -1,0 +1,240 @@
+//! Modbus: the stream decoder over both framings and from both sides, and both sessions on any transport at any time.
+
+use core::time::Duration;
+use std::collections::BTreeSet;
+
+use fanuc_hmi_modbus::client::{Client, Config, Event, Ticket};
+use fanuc_hmi_modbus::{
+    Bits, BitsMut, DecodeError, Decoder, Exception, Frame, Framing, Pdu, PduBuf, Registers, Reply, Request,
+    Server, Side, Words, WordsMut, limit, server,
+};
+
+/// A frame's PDU or an error, and the stream offset behind it.
+type Item = (Result<Vec<u8>, DecodeError>, u64);
+
+/// Two bytes say which framing and side, and how long the reads are; the rest is the stream.
+pub fn fanuc_hmi_modbus_decoder(data: &[u8]) {
+    let [settings, size, stream @ ..] = data else { return };
+    let framing = if settings & 1 == 0 { Framing::Tcp } else { Framing::RTU_OVER_TCP };
+    let side = if settings & 2 == 0 { Side::Client } else { Side::Server };
+    let items = decode(framing, side, stream, usize::from(*size).max(1));
+    assert_eq!(items, decode(framing, side, stream, usize::MAX), "how the stream is cut changes nothing");
+    let mut at = 0;
+    for (item, end) in items {
+        let bytes = &stream[at..usize::try_from(end).unwrap()];
+        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
+        if let Ok(pdu) = item {
+            let frame = match framing {
+                Framing::Tcp => {
+                    let (frame, used) = Frame::decode_tcp(bytes).unwrap().unwrap();
+                    assert_eq!(used, bytes.len());
+                    frame
+                }
+                _ => Frame::decode_rtu_whole(bytes).unwrap(),
+            };
+            assert_eq!(frame.pdu, pdu);
+            assert_eq!(encoded(&frame), bytes, "an accepted frame encodes to its bytes");
+            messages(&pdu);
+        }
+        at += bytes.len();
+    }
+    assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+/// What a PDU says encodes to its bytes again, but for the unused bits of a request; a server answers it with a reply that a
+/// client takes.
+fn messages(pdu: &[u8]) {
+    let mut out = [0; limit::PDU];
+    if let Ok(reply) = Reply::decode(pdu)
+        && let Ok(len) = reply.encode(&mut out)
+    {
+        assert_eq!(&out[..len], pdu);
+        assert_eq!(len, reply.encoded_len());
+    }
+    let request = Request::decode(pdu);
+    if let Ok(request) = request
+        && let Ok(len) = request.encode(&mut out)
+    {
+        assert_eq!((len, Request::decode(&out[..len])), (pdu.len(), Ok(request)));
+    }
+    let mut out = [0; limit::PDU];
+    let len = fanuc_hmi_modbus::serve(pdu, &mut Bank, &mut out);
+    if let Ok(request) = request {
+        let reply = Reply::decode(&out[..len]).expect("a server's reply is one");
+        assert_eq!(reply.answers(&request), Ok(()));
+    }
+}
+
+/// Steps of an action, a pause in milliseconds, a length, and so many bytes from the server.
+pub fn fanuc_hmi_modbus_client(data: &[u8]) {
+    let Some((settings, mut data)) = data.split_first() else { return };
+    let mut config = match settings & 3 {
+        0 | 1 => Config::tcp(),
+        2 => Config::rtu(19_200),
+        _ => Config::rtu_over_tcp(),
+    };
+    config.in_flight = usize::from(settings >> 2 & 7);
+    config.any_unit = settings & 0x20 != 0;
+    config.broadcast = settings & 0x40 != 0;
+    let mut client = Client::<4>::new(config);
+    let (mut now, mut open, mut out) = (Duration::ZERO, BTreeSet::<Ticket>::new(), [0; 260]);
+    while let [action, pause, length, rest @ ..] = data {
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        now += Duration::from_millis((*pause).into());
+        let mut rest = bytes;
+        match action & 7 {
+            0 | 1 => {
+                if let Ok(request) = Request::decode(bytes)
+                    && let Ok(ticket) = client.request(action >> 3, &request)
+                {
+                    assert!(open.insert(ticket), "a ticket is given once");
+                    assert!(open.len() <= 4, "there are four places");
+                }
+                rest = &[];
+            }
+            2 => client.handle_disconnect(),
+            3 => client.handle_timeout(now),
+            _ => {}
+        }
+        let mut input = true;
+        while core::mem::take(&mut input) {
+            let taken = client.handle_input(now, rest);
+            rest = &rest[taken..];
+            let mut events = 0;
+            while let Some(event) = client.poll_event() {
+                events += 1;
+                assert!(events < 2000, "events without end");
+                input |= !rest.is_empty();
+                match event {
+                    Event::Reply { ticket, .. }
+                    | Event::Announced { ticket }
+                    | Event::Failed { ticket, .. } => assert!(open.remove(&ticket), "{ticket:?} ended twice"),
+                    _ => {}
+                }
+            }
+            assert!(input || rest.is_empty() || taken > 0, "the session stands still");
+            input |= !rest.is_empty() && taken > 0;
+        }
+        while let Some(len) = client.poll_transmit(now, &mut out) {
+            assert!(len <= out.len());
+        }
+        let most = if settings & 2 == 0 { config.in_flight.max(1) } else { 1 };
+        assert!(client.in_flight() <= most);
+    }
+    // Whatever is still open ends when its time is over.
+    for _ in 0..20 {
+        now += Duration::from_secs(2);
+        while client.poll_transmit(now, &mut out).is_some() {}
+        now += Duration::from_secs(2);
+        client.handle_timeout(now);
+        while let Some(event) = client.poll_event() {
+            if let Event::Reply { ticket, .. } | Event::Announced { ticket } | Event::Failed { ticket, .. } =
+                event
+            {
+                assert!(open.remove(&ticket), "{ticket:?} ended twice");
+            }
+        }
+    }
+    assert!(open.is_empty(), "{open:?} never ended");
+}
+
+/// Steps of a pause in milliseconds, a length, and so many bytes from the client.
+pub fn fanuc_hmi_modbus_server(data: &[u8]) {
+    let Some((settings, mut data)) = data.split_first() else { return };
+    let config = match settings & 3 {
+        0 | 1 => server::Config::tcp(),
+        2 => server::Config::rtu(1, 19_200),
+        _ => server::Config::rtu_over_tcp(1),
+    };
+    let mut server = Server::new(config);
+    let (mut now, mut out) = (Duration::ZERO, [0; Server::MAX_TRANSMIT]);
+    while let [pause, length, rest @ ..] = data {
+        let (mut bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        now += Duration::from_millis((*pause).into());
+        for _ in 0..4 {
+            bytes = &bytes[server.handle_input(now, bytes)..];
+            let mut replies = 0;
+            while let Some(len) = server.poll_transmit(now, &mut Bank, &mut out) {
+                replies += 1;
+                assert!(replies < 300, "replies without end");
+                let frame = match config.framing {
+                    Framing::Tcp => {
+                        let (frame, used) = Frame::decode_tcp(&out[..len]).unwrap().unwrap();
+                        assert_eq!(used, len);
+                        frame
+                    }
+                    _ => Frame::decode_rtu_whole(&out[..len]).unwrap(),
+                };
+                assert!(config.unit.is_none_or(|unit| unit == frame.unit), "it answers for another unit");
+            }
+            assert!(core::iter::from_fn(|| server.poll_event()).count() <= 8, "the queue is bounded");
+        }
+        if let Some(at) = server.poll_timeout() {
+            server.handle_timeout(at);
+            while server.poll_transmit(at, &mut Bank, &mut out).is_some() {}
+            assert_eq!(server.poll_timeout(), None, "after the silence nothing waits");
+            now = now.max(at);
+        }
+    }
+}
+
+/// Every table at every address: a register holds its address.
+struct Bank;
+
+impl Registers for Bank {
+    fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        out.fill_with(|i| (usize::from(address) + i) % 2 == 0);
+        Ok(())
+    }
+    fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.read_coils(address, out)
+    }
+    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        out.fill_with(|i| u16::try_from(usize::from(address) + i).expect("within the table"));
+        Ok(())
+    }
+    fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.read_holding_registers(address, out)
+    }
+    fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
+        assert!(usize::from(address) + values.iter().count() <= 65_536);
+        Ok(())
+    }
+    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+        assert!(usize::from(address) + values.iter().count() <= 65_536);
+        Ok(())
+    }
+    fn other(&mut self, _: u8, data: &[u8], out: &mut [u8]) -> Result<usize, Exception> {
+        out.get_mut(..data.len()).ok_or(Exception::ServerDeviceFailure)?.copy_from_slice(data);
+        Ok(data.len())
+    }
+}
+
+fn encoded(frame: &Frame<&[u8]>) -> Vec<u8> {
+    let mut out = [0; Frame::MAX_LEN];
+    let len = frame.encode(&mut out).unwrap();
+    assert_eq!(len, frame.encoded_len());
+    assert_eq!(PduBuf::new(&frame.pdu).unwrap().as_bytes(), frame.pdu);
+    out[..len].to_vec()
+}
+
+fn decode(framing: Framing, side: Side, stream: &[u8], size: usize) -> Vec<Item> {
+    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
+        while let Some(item) = decoder.next_frame() {
+            let item = item.map(|frame| frame.pdu.to_vec());
+            items.push((item, decoder.position()));
+        }
+    }
+    let (mut decoder, mut items) = (Decoder::new(framing, side), Vec::new());
+    for mut chunk in stream.chunks(size) {
+        while !chunk.is_empty() {
+            chunk = &chunk[decoder.push(chunk)..];
+            drain(&mut decoder, &mut items);
+        }
+    }
+    decoder.finish();
+    drain(&mut decoder, &mut items);
+    items
+}

@@ -14,6 +14,7 @@ pub mod drawing;
 pub mod encode;
 pub mod line;
 pub mod links;
+pub mod priority;
 pub mod report;
 pub mod serial;
 pub mod settings;

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use serialport::SerialPort;
 
+use crate::priority::{self, Rank};
 use crate::serial::READ_TIMEOUT;
 use crate::trace::{Trace, Way};
 
@@ -126,7 +127,10 @@ impl Line {
         let connected = Arc::new(AtomicBool::new(false));
         let shared = Arc::clone(&connected);
         // It ends with the line: nobody else holds `connected` then.
-        thread::spawn(move || read(reader, clock, &sender, &shared, reopens));
+        thread::spawn(move || {
+            priority::raise(Rank::Hardware);
+            read(reader, clock, &sender, &shared, reopens);
+        });
         Self {
             clock,
             byte_time: Duration::from_secs_f64(10.0 / f64::from(baud)),

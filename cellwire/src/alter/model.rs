@@ -139,6 +139,8 @@ impl Model {
         match told {
             Told::PortOpen(name, path) => self.say(format!("PORT {name}: {path} opened")),
             Told::PortLost(name, why) => self.say(format!("PORT {name}: {why}")),
+            Told::Priority(true) => self.say("replies at real-time priority".into()),
+            Told::Priority(false) => self.say("replies at normal priority: no right to more".into()),
             Told::Start(start) => {
                 self.control = ("starting", start.control(), error_text(start.error));
                 self.start = Some(start);

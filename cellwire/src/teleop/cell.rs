@@ -68,6 +68,8 @@ pub struct HostRecord {
     pub cycles: Vec<Cycle>,
     /// From the last byte read to the reply written, by the host's own clock.
     pub thinking: Samples,
+    /// Whether the reply thread ran before all others.
+    pub has_priority: bool,
     /// Times that ALTER was accepted.
     pub starts: u32,
     /// Ends of ALTER that the robot told.
@@ -231,6 +233,7 @@ fn drive(
 impl HostRecord {
     fn take(&mut self, at: Duration, told: &Told, progress: &ProgressBar) {
         match told {
+            Told::Priority(raised) => self.has_priority = *raised,
             Told::Start(_) => self.starts += 1,
             Told::Reply { demand, values, thinking } => {
                 self.cycles.push(Cycle { at, session: self.starts, demand: *demand, values: *values });

@@ -87,6 +87,8 @@ pub enum Told {
     PortOpen(&'static str, String),
     /// A port is gone; it is tried again.
     PortLost(&'static str, String),
+    /// Whether the reply thread runs before all others.
+    Priority(bool),
     /// A start message.
     Start(Start),
     /// A standard message.

@@ -11,6 +11,7 @@ use serialport::SerialPort;
 use val2_alter::{AXES, Clamp, Decoder, Framing, Host, HostEvent, HostState, Mode, RobotMessage, Transform};
 
 use super::{Context, Mapping, Order, PortConfig, TeleopConfig, Told};
+use crate::priority::{self, Rank};
 use crate::serial;
 use crate::trace::Way;
 
@@ -71,6 +72,7 @@ impl Robot {
     }
 
     pub(super) fn run(mut self) {
+        self.context.tell(Told::Priority(priority::raise(Rank::Reply)));
         while !self.context.is_stopped() {
             self.read();
             self.obey();
@@ -83,8 +85,16 @@ impl Robot {
         self.context.end_trace("the host ends");
     }
 
-    /// Waits for bytes, at most until the session wants to be called.
+    /// Waits for bytes, at most until the session wants to be called. Takes all that there are: a reply that is late would be
+    /// taken for the answer to the next request, so none is written while that one waits to be read.
     fn read(&mut self) {
+        self.read_once();
+        while self.port.as_ref().is_some_and(|port| port.bytes_to_read().is_ok_and(|waiting| waiting > 0)) {
+            self.read_once();
+        }
+    }
+
+    fn read_once(&mut self) {
         let Some(port) = &mut self.port else { return self.reopen() };
         let now = self.context.clock.now();
         let due = self.host.poll_timeout().map_or(IDLE, |due| due.saturating_sub(now).min(IDLE));

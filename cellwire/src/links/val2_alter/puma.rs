@@ -13,6 +13,7 @@ use val2_alter::{
 
 use crate::device::serve;
 use crate::line::{Clock, Line};
+use crate::priority::{self, Rank};
 use crate::report::Samples;
 use crate::settings::Settings;
 use crate::simulate::{SimulateOptions, log};
@@ -79,6 +80,8 @@ pub struct Taken {
 pub struct PumaRecord {
     /// From the last byte of a request to the last byte of its reply.
     pub turn_around: Samples,
+    /// When there was a cycle without a good reply.
+    pub without: Vec<Duration>,
     /// The part of it that the host took, until it wrote the reply.
     pub thinking: Samples,
     /// What was left of the window.
@@ -99,6 +102,8 @@ pub struct PumaRecord {
     pub ends: Vec<(Duration, ErrorCode)>,
     /// The gripper's moves: true closes.
     pub gripper: Vec<bool>,
+    /// Bytes thrown away because they came while a request was leaving.
+    pub early: u64,
     /// How long the simulator itself was late.
     pub stood: Duration,
     /// How far the arm was from its place at the end of ALTER when ALTER began again, in mm: it stands still in between.
@@ -139,6 +144,7 @@ pub fn run(
     stop: &AtomicBool,
     mut tell: impl FnMut(Duration, PumaEvent) -> Result<()>,
 ) -> Result<PumaRecord> {
+    priority::raise(Rank::Hardware);
     let mut puma = Puma::new(config);
     let mut out = [0; Frame::MAX_LEN];
     // When this process gets no processor, a request leaves late through no fault of the host: the robot's clock stands still.
@@ -224,6 +230,11 @@ impl Puma {
 
     fn receive(&mut self, at: Duration, byte: u8) {
         if let Some(request) = &mut self.request {
+            // What comes before the request has left is late, and an answer to the one before: there are no numbers to tell.
+            if at < request.arrived {
+                self.record.early += 1;
+                return;
+            }
             request.first_byte.get_or_insert(at);
             request.last_byte = at;
         }
@@ -271,7 +282,12 @@ impl Puma {
                 ControllerEvent::Refused => self.off(PumaEvent::Refused),
                 ControllerEvent::GaveUp => self.off(PumaEvent::GaveUp),
                 ControllerEvent::Reply(reply) => self.measure(reply.values.map(Option::unwrap_or_default)),
-                ControllerEvent::BadReply(code) => self.events.push(PumaEvent::BadReply(code)),
+                ControllerEvent::BadReply(code) => {
+                    if !matches!(self.controller.state(), ControllerState::Starting | ControllerState::Off) {
+                        self.record.without.push(now);
+                    }
+                    self.events.push(PumaEvent::BadReply(code));
+                }
                 ControllerEvent::Exception(exception) => {
                     self.resume_at =
                         Some(self.request.as_ref().map_or(Duration::ZERO, |r| r.last_byte) + SUBROUTINE);

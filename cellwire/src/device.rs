@@ -16,7 +16,7 @@ pub fn serve(
     trace: &str,
     options: &SimulateOptions,
     baud: u32,
-    mut device: impl FnMut(&mut Line, Clock) -> Result<()>,
+    device: impl FnOnce(&mut Line, Clock) -> Result<()>,
 ) -> Result<()> {
     let clock = Clock::start();
     let trace = options.trace.start(trace);
@@ -30,10 +30,7 @@ pub fn serve(
         Endpoint::Listen(address) => {
             let listener = tcp::listen(address)?;
             ready(name, "listen", &listener.local_addr()?.to_string())?;
-            for stream in listener.incoming() {
-                device(&mut Line::over_tcp(stream?, clock, baud, trace.clone())?, clock)?;
-            }
-            Ok(())
+            device(&mut Line::over_tcp(listener, clock, baud, trace), clock)
         }
         Endpoint::Connect(_) => anyhow::bail!("{name} is on a serial line: use --pty or --listen"),
     }

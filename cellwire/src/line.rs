@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
-use std::net::TcpStream;
-use std::sync::Arc;
+use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -102,17 +102,14 @@ impl Line {
     /// When the port cannot be shared between reader and writer.
     pub fn over_port(port: Box<dyn SerialPort>, clock: Clock, baud: u32, trace: Trace) -> Result<Self> {
         let reader = port.try_clone()?;
-        Ok(Self::new(Box::new(reader), Box::new(port), clock, baud, trace, true))
+        Ok(Self::new(Box::new(reader), Box::new(port), clock, baud, trace))
     }
 
-    /// Over a TCP connection, as a serial device server makes it.
-    ///
-    /// # Errors
-    /// When the connection is gone.
-    pub fn over_tcp(stream: TcpStream, clock: Clock, baud: u32, trace: Trace) -> Result<Self> {
-        stream.set_nodelay(true)?;
-        stream.set_read_timeout(Some(READ_TIMEOUT))?;
-        Ok(Self::new(Box::new(stream.try_clone()?), Box::new(stream), clock, baud, trace, false))
+    /// Over TCP, as a serial device server does it: one client at a time, and the device runs on when it goes.
+    pub fn over_tcp(listener: TcpListener, clock: Clock, baud: u32, trace: Trace) -> Self {
+        let client = Arc::new(Mutex::new(None));
+        let server = Server { listener, client: Arc::clone(&client) };
+        Self::new(Box::new(server), Box::new(Client(client)), clock, baud, trace)
     }
 
     fn new(
@@ -121,7 +118,6 @@ impl Line {
         clock: Clock,
         baud: u32,
         trace: Trace,
-        reopens: bool,
     ) -> Self {
         let (sender, incoming) = channel();
         let connected = Arc::new(AtomicBool::new(false));
@@ -129,7 +125,7 @@ impl Line {
         // It ends with the line: nobody else holds `connected` then.
         thread::spawn(move || {
             priority::raise(Rank::Hardware);
-            read(reader, clock, &sender, &shared, reopens);
+            read(reader, clock, &sender, &shared);
         });
         Self {
             clock,
@@ -247,18 +243,59 @@ impl Direction {
     }
 }
 
-/// Passes on what the client writes, with the time when it came, until the connection or the line is gone.
+/// Reads from the client that is connected, or waits for one.
+struct Server {
+    listener: TcpListener,
+    client: Arc<Mutex<Option<TcpStream>>>,
+}
+
+impl Read for Server {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let client = lock(&self.client).as_ref().map(TcpStream::try_clone).transpose()?;
+        let Some(mut client) = client else {
+            let (stream, _) = self.listener.accept()?;
+            stream.set_nodelay(true)?;
+            stream.set_read_timeout(Some(READ_TIMEOUT))?;
+            *lock(&self.client) = Some(stream);
+            return Err(ErrorKind::TimedOut.into());
+        };
+        match client.read(buffer) {
+            Ok(0) => {
+                *lock(&self.client) = None;
+                Err(ErrorKind::BrokenPipe.into())
+            }
+            outcome => outcome,
+        }
+    }
+}
+
+/// Writes to the client that is connected.
+struct Client(Arc<Mutex<Option<TcpStream>>>);
+
+impl Write for Client {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        lock(&self.0).as_mut().map_or(Ok(bytes.len()), |stream| stream.write(bytes))
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Passes on what clients write, with the time when it came, for as long as the line is there.
 fn read(
     mut reader: Box<dyn Read + Send>,
     clock: Clock,
     sender: &Sender<(Duration, Vec<u8>)>,
     connected: &Arc<AtomicBool>,
-    reopens: bool,
 ) {
     let mut buffer = [0; 256];
     while Arc::strong_count(connected) > 1 {
         match reader.read(&mut buffer) {
-            Ok(0) => return,
             Ok(n) => {
                 connected.store(true, Ordering::Relaxed);
                 let bytes = buffer.get(..n).unwrap_or_default().to_vec();
@@ -270,12 +307,11 @@ fn read(
                 connected.store(true, Ordering::Relaxed);
             }
             Err(e) if e.kind() == ErrorKind::Interrupted => {}
-            // Nobody has the pseudo-terminal open.
-            Err(_) if reopens => {
+            // Nobody has the other end open.
+            Err(_) => {
                 connected.store(false, Ordering::Relaxed);
                 thread::sleep(Duration::from_millis(5));
             }
-            Err(_) => return,
         }
     }
 }
@@ -342,6 +378,33 @@ mod tests {
             let mut byte = [0];
             client.read_exact(&mut byte).unwrap();
             assert_eq!(byte, [round]);
+            drop(client);
+            while line.is_connected() {
+                assert!(line.wait(clock.now() + MS));
+            }
+        }
+    }
+
+    #[test]
+    fn over_tcp_the_device_outlives_its_clients() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        let clock = Clock::start();
+        let mut line = Line::over_tcp(listener, clock, 115_200, TraceArgs::off().start("x"));
+        for round in 1..4u8 {
+            let mut client = TcpStream::connect(address).unwrap();
+            client.write_all(&[round]).unwrap();
+            let byte = loop {
+                assert!(line.wait(clock.now() + 50 * MS));
+                if let Some((_, byte)) = line.receive() {
+                    break byte;
+                }
+            };
+            line.send(&[byte, byte]);
+            assert!(line.wait(clock.now() + 5 * MS));
+            let mut echo = [0; 2];
+            client.read_exact(&mut echo).unwrap();
+            assert_eq!(echo, [round, round]);
             drop(client);
             while line.is_connected() {
                 assert!(line.wait(clock.now() + MS));

@@ -1,10 +1,15 @@
 //! What the robot says, and what it means for the order.
 
+use core::time::Duration;
+
 use super::{Core, PcEvent, Takeover};
 use crate::dialect::{Field, Params, Role};
 use crate::error::MessageError;
 use crate::message::Message;
 use crate::state::{OrderEvent, Phase};
+
+/// For how long, over datagrams, the robot has to seem to be out of our order before it is. Far above any delay of a datagram.
+const CONFIRMATION: Duration = Duration::from_secs(1);
 
 impl<S> Core<S> {
     pub(super) fn on_message(&mut self, message: &Message<'_>) {
@@ -44,9 +49,19 @@ impl<S> Core<S> {
     }
 
     /// Whether the robot speaks of our order, and can.
-    fn check_order(&self, found: u16) -> Result<(), MessageError> {
+    fn check_order(&mut self, found: u16) -> Result<(), MessageError> {
         let active = if self.phase == Phase::Idle { 0 } else { self.order.number };
-        if found == active && active != 0 { Ok(()) } else { Err(MessageError::WrongOrder { active, found }) }
+        if found != active || active == 0 {
+            return Err(MessageError::WrongOrder { active, found });
+        }
+        self.doubt = None;
+        Ok(())
+    }
+
+    /// Whether the robot has left our order, and not only an old datagram says so.
+    fn has_left(&mut self) -> bool {
+        let since = *self.doubt.get_or_insert(self.heard_at);
+        !self.config.datagrams || self.heard_at >= since + CONFIRMATION
     }
 
     fn on_job_ack(&mut self, order: u16, number: u16) -> Result<(), MessageError> {
@@ -109,7 +124,7 @@ impl<S> Core<S> {
             if self.order.sent == 0 {
                 // It has jobs of an order of the same number that is not this one.
                 self.go(OrderEvent::Foreign);
-                self.foreign = Some(order);
+                self.on_refusal(order);
             }
             return Err(MessageError::OutOfOrder {
                 expected: self.numbering.next(self.order.sent),
@@ -132,11 +147,16 @@ impl<S> Core<S> {
         if self.phase != Phase::Starting || self.foreign.is_some() {
             return;
         }
-        let order = self.order.number;
-        if active == order {
+        if active == self.order.number {
             self.accepted();
-            return;
+        } else {
+            self.on_refusal(active);
         }
+    }
+
+    /// The robot is in another order, or cannot take any: 0.
+    fn on_refusal(&mut self, active: u16) {
+        let order = self.order.number;
         let never = active != 0 && self.config.takeover == Takeover::Never;
         self.refusals = self.refusals.saturating_add(u16::from(active == 0));
         let given_up = never || self.refusals > self.config.start_retries;
@@ -157,12 +177,12 @@ impl<S> Core<S> {
         self.go(event);
         self.before = self.order.number;
         self.order.source = None;
-        (self.foreign, self.refusals, self.owed.jobs) = (None, 0, None);
+        (self.foreign, self.refusals, self.owed.jobs, self.doubt) = (None, 0, None, None);
     }
 
     fn on_ended(&mut self, ended: u16, active: u16, executed: Option<u16>) -> Result<(), MessageError> {
         if self.phase == Phase::Starting {
-            self.foreign = self.foreign.filter(|_| active != 0);
+            self.foreign = self.foreign.filter(|foreign| *foreign == active);
             return Ok(());
         }
         if self.phase == Phase::Idle || ended != self.order.number || active == ended {
@@ -196,18 +216,19 @@ impl<S> Core<S> {
         match self.phase {
             Phase::Idle | Phase::Other(_) => Ok(()),
             Phase::Starting => {
-                if self.foreign.is_some() {
-                    self.foreign = self.foreign.filter(|_| active != 0);
-                } else if active == order {
+                if self.foreign.is_some_and(|foreign| foreign != active) {
+                    self.foreign = None;
+                } else if self.foreign.is_none() && active == order {
                     // The acknowledgement was lost with its connection. Jobs in the queue are another order's.
                     match queued {
                         None => self.accepted(),
-                        Some(_) => self.foreign = Some(order),
+                        Some(_) => self.on_refusal(order),
                     }
                 }
                 Ok(())
             }
             Phase::Active | Phase::Ending | Phase::Interrupted | Phase::Alarm if active == order => {
+                self.doubt = None;
                 if let Some(number) = executed {
                     let count = self.count(number)?;
                     self.on_executed(count);
@@ -215,6 +236,9 @@ impl<S> Core<S> {
                 self.on_queued(queued)
             }
             Phase::Active | Phase::Ending | Phase::Interrupted | Phase::Alarm => {
+                if !self.has_left() {
+                    return Ok(());
+                }
                 if params.number(Field::Ended) == Some(order) && active == 0 {
                     return self.over(executed);
                 }

@@ -58,6 +58,8 @@ struct Core<S> {
     foreign: Option<u16>,
     refusals: u16,
     owed: Owed,
+    /// Since when the robot, over datagrams, seems not to be in our order: it may be an old one that was overtaken.
+    doubt: Option<Duration>,
     heard_at: Duration,
     disconnect: bool,
     commands: [Option<(u8, i32)>; COMMANDS],
@@ -126,6 +128,7 @@ impl<S: JobSource> Pc<S> {
             foreign: None,
             refusals: 0,
             owed: Owed::default(),
+            doubt: None,
             heard_at: Duration::ZERO,
             disconnect: false,
             commands: [None; COMMANDS],

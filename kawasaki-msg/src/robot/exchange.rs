@@ -76,7 +76,7 @@ impl Core<'_> {
         self.events.push_report(RobotEvent::Rejected(error));
         match error {
             MessageError::QueueFull { .. } => self.pause(),
-            _ if self.phase == Phase::Active => self.recover(now),
+            _ if self.phase == Phase::Active && !self.intake.is_resetting() => self.recover(now),
             _ => {}
         }
     }
@@ -158,6 +158,8 @@ impl Core<'_> {
             self.order
         };
         self.owed.order_ack = Some(answer);
+        // A refusal alone does not say how far the active order is.
+        self.owed.status |= !accepted;
         if !accepted && !again {
             self.events.push(RobotEvent::OrderRefused { order, active: self.order });
         }

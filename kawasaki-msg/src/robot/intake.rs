@@ -65,7 +65,6 @@ impl<'q> Intake<'q> {
         if self.done.contains(job.number) {
             // Executed ahead of the others before the list was cleared.
             self.count_queued();
-            self.settle_executed();
             return Ok(());
         }
         if self.pending.is_some() {
@@ -129,10 +128,14 @@ impl<'q> Intake<'q> {
         Ok(())
     }
 
-    /// Moves the frontier over what was executed ahead of it.
+    /// Moves the frontier over what was executed ahead of it, also past what was queued again after the list was cleared.
     fn settle_executed(&mut self) {
-        while self.executed < self.queued && self.done.remove(self.numbering.next(self.executed)) {
+        while self.done.remove(self.numbering.next(self.executed)) {
             self.executed += 1;
+        }
+        if self.queued < self.executed {
+            self.queued = self.executed;
+            self.expected = self.numbering.next(self.queued);
         }
     }
 

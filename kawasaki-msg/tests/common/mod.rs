@@ -19,6 +19,18 @@ pub fn line(order: u16, index: u32) -> Line {
     Line { kind, start: Point::new(x, y), end: Point::new(x + 7, y - 13) }
 }
 
+/// The first lines of the picture of an order.
+pub fn expected(order: u16, jobs: u32) -> Vec<Line> {
+    (0..jobs).map(|index| line(order, index)).collect()
+}
+
+/// The messages of this name in packets.
+pub fn sent(packets: &[Vec<u8>], name: &str) -> Vec<String> {
+    let all = String::from_utf8(packets.concat()).unwrap();
+    let messages = all.split_inclusive('>').filter(|m| m.starts_with(&format!("<{name}$")));
+    messages.map(String::from).collect()
+}
+
 pub type Source = Box<dyn FnMut(u32) -> Supply>;
 
 /// An order of `jobs` lines.
@@ -94,20 +106,33 @@ impl Rig {
         let motion = self.motion.map(|_| self.motion_at);
         let next = times.into_iter().flatten().chain(motion).filter(|at| *at > self.now).min();
         // A pass may have made something due at once.
-        self.now = next.map_or(self.now + MS, |at| at.min(self.now + 10 * MS));
+        self.now = next.map_or(self.now + MS, |at| at.min(self.now + 20 * MS));
     }
 
     pub fn run_until(&mut self, limit: Duration, mut done: impl FnMut(&Self) -> bool) {
         while !done(self) {
-            assert!(
-                self.now < limit,
-                "still not there at {limit:?}: {:#?}\n{:?}\n{:?}",
-                self.robot,
-                self.robot_events,
-                self.pc_events
-            );
+            assert!(self.now < limit, "still not there at {limit:?}: {}", self.summary());
             self.step();
         }
+    }
+
+    pub fn summary(&self) -> String {
+        let (robot, pc) = (&self.robot, &self.pc);
+        format!(
+            "robot {:?} {:?} {}/{}, PC {:?} {:?} {}/{}/{}, {:?}\n{:?}\n{:?}",
+            robot.order(),
+            robot.phase(),
+            robot.executed(),
+            robot.queued(),
+            pc.order(),
+            pc.phase(),
+            pc.executed(),
+            pc.queued(),
+            pc.sent(),
+            robot.statistics(),
+            self.robot_events,
+            self.pc_events
+        )
     }
 
     pub fn run_for(&mut self, time: Duration) {
@@ -131,7 +156,7 @@ impl Rig {
                 None => self.reader.take(),
             };
             let Some(job) = taken else {
-                self.motion_at = self.motion_at.max(self.now + MS);
+                self.motion_at = self.motion_at.max(self.now + 5 * MS);
                 return;
             };
             self.executed.push(*job);

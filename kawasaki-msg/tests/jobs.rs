@@ -1,0 +1,363 @@
+//! Jobs: what is wrong with them, what is done about it, flow control, acknowledgements. The PC here says exactly what a test
+//! wants it to say.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation
+)]
+
+use core::num::NonZeroU16;
+use core::time::Duration;
+
+use kawasaki_msg::{
+    Acks, Bounds, DecodeError, Job, Ladder, MessageError, Phase, Point, Robot, RobotConfig, RobotEvent, Rung,
+    SessionError,
+};
+use robot_work_queue::Reader;
+
+const MS: Duration = Duration::from_millis(1);
+
+/// A robot in order 50 whose PC is the test.
+struct Bench {
+    now: Duration,
+    robot: Robot<'static>,
+    reader: Reader<'static, Job>,
+}
+
+impl Bench {
+    fn new(config: RobotConfig, capacity: usize, max_number: u16) -> Self {
+        let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+        let mut bench = Self { now: Duration::ZERO, robot: Robot::new(config, writer).unwrap(), reader };
+        bench.robot.handle_timeout(bench.now);
+        assert_eq!(bench.events(), [RobotEvent::Connect]);
+        bench.robot.handle_connected(bench.now);
+        assert_eq!(bench.cycle(b"<TilausAlkaa$4#50$1#>"), "<Tila$6#0$0$$$#>");
+        let started = "<TilausKuittaus$2#50#><Tila$7#50$2$$$#><TyoPyynto$4#50$1#>";
+        assert_eq!(bench.cycle(b""), started);
+        assert_eq!(bench.events(), [RobotEvent::OrderStarted { order: 50 }]);
+        bench
+    }
+
+    /// Tells what the robot sends in this cycle, and answers it.
+    fn cycle(&mut self, answer: &[u8]) -> String {
+        self.now += Duration::from_secs(1);
+        self.robot.handle_timeout(self.now);
+        let mut out = [0; 4096];
+        let length = self.robot.poll_transmit(self.now, &mut out).expect("a packet in every cycle");
+        assert_eq!(self.robot.poll_transmit(self.now, &mut out), None, "one packet in a cycle");
+        self.robot.handle_input(self.now + 3 * MS, answer);
+        String::from_utf8(out[..length].to_vec()).unwrap()
+    }
+
+    fn events(&mut self) -> Vec<RobotEvent> {
+        let all = core::iter::from_fn(|| self.robot.poll_event());
+        all.filter(|e| !matches!(e, RobotEvent::NoReply | RobotEvent::PeerStatus { .. })).collect()
+    }
+
+    /// Executes the job that waits longest.
+    fn execute(&mut self) -> u16 {
+        let job = self.reader.take().expect("a job waits");
+        let number = job.number;
+        self.robot.job_done(self.now, number).unwrap();
+        job.complete();
+        number
+    }
+
+    fn queued_numbers(&self) -> Vec<u16> {
+        self.reader.iter().map(|(_, job)| job.number).collect()
+    }
+}
+
+/// A job as the default table writes it.
+fn job(number: u16) -> String {
+    job_to(number, 100)
+}
+
+fn job_to(number: u16, x: i32) -> String {
+    let data = format!("50${number}$1$0$0${x}$100");
+    format!("<Tyo${}#{data}#>", data.len())
+}
+
+fn jobs(numbers: impl IntoIterator<Item = u16>) -> Vec<u8> {
+    numbers.into_iter().map(job).collect::<String>().into_bytes()
+}
+
+fn rejected(events: &[RobotEvent]) -> Vec<MessageError> {
+    let errors = events.iter().filter_map(|e| match e {
+        RobotEvent::Rejected(error) => Some(*error),
+        _ => None,
+    });
+    errors.collect()
+}
+
+/// §7.2: of five messages three fit: "the rest of the packet is destroyed, and after the queue has drained a resend is asked for".
+#[test]
+fn a_full_queue_discards_the_rest_and_asks_again_when_it_has_drained() {
+    let mut bench = Bench::new(RobotConfig { low_water: Some(1), ..RobotConfig::TCP }, 3, 9999);
+    bench.cycle(&jobs(1..=5));
+    assert_eq!(bench.queued_numbers(), [1, 2, 3]);
+    assert_eq!(
+        bench.events(),
+        [
+            RobotEvent::Rejected(MessageError::QueueFull { number: 4 }),
+            RobotEvent::QueueFull { last: Some(3) }
+        ]
+    );
+    assert_eq!(bench.robot.statistics().discarded, 2);
+    assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Tila$8#50$2$3$$#><TyoTauko$4#50$3#>");
+    assert_eq!(bench.execute(), 1);
+    assert!(!bench.cycle(b"<Huuhaa$0##>").contains("TyoPyynto"), "two are left");
+    assert_eq!(bench.execute(), 2);
+    assert!(bench.cycle(&jobs(4..=5)).ends_with("<TyoPyynto$4#50$4#>"), "last + 1");
+    assert_eq!(bench.events(), [RobotEvent::QueueDrained { next: 4 }]);
+    assert_eq!(bench.queued_numbers(), [3, 4, 5]);
+}
+
+/// n = 3, highest number 5: jobs 1, 2, 3; full; 4, 5 and then 1 again in the slots that became free.
+#[test]
+fn numbers_wrap_in_the_ring() {
+    let mut bench = Bench::new(RobotConfig { low_water: Some(2), ..RobotConfig::TCP }, 3, 5);
+    bench.cycle(&jobs(1..=4));
+    for next in [4, 5, 1] {
+        bench.execute();
+        bench.cycle(&jobs([next]));
+        assert_eq!(bench.queued_numbers().last(), Some(&next));
+    }
+    assert_eq!(bench.queued_numbers(), [4, 5, 1]);
+    assert_eq!(bench.robot.queued(), 6);
+}
+
+#[test]
+fn a_repeated_job_is_dropped_without_harm() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    bench.cycle(&jobs([1, 2, 2, 1, 3]));
+    assert_eq!(bench.queued_numbers(), [1, 2, 3]);
+    let error = MessageError::Repeated { expected: 3, found: 2 };
+    assert_eq!(bench.events(), [RobotEvent::Rejected(error)], "once a cycle, and no recovery");
+    assert_eq!(error.to_string(), "job 2 came again, job 3 is the next");
+    assert_eq!(bench.robot.statistics().repeated, 2);
+}
+
+#[test]
+fn a_job_out_of_order_is_asked_for_again() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    bench.cycle(&jobs([1, 3, 4, 5]));
+    let error = MessageError::OutOfOrder { expected: 2, found: 3 };
+    let recovery = RobotEvent::Recovery { rung: Rung::Resend, next: 2 };
+    assert_eq!(bench.events(), [RobotEvent::Rejected(error), recovery]);
+    assert_eq!(error.to_string(), "job 3 came out of order, job 2 is the next");
+    assert!(bench.cycle(&jobs([2, 3])).ends_with("<TyoPyynto$4#50$2#>"));
+    assert_eq!(bench.queued_numbers(), [1, 2, 3]);
+}
+
+#[test]
+fn a_coordinate_out_of_range_is_refused() {
+    let bounds = Bounds { min: Point::new(0, 0), max: Point::new(1000, 1000) };
+    let mut bench = Bench::new(RobotConfig { bounds, ..RobotConfig::TCP }, 8, 9999);
+    let packet = [job(1), job_to(2, 1000), job_to(3, 1001), job(4)].concat();
+    bench.cycle(packet.as_bytes());
+    assert_eq!(bench.queued_numbers(), [1, 2]);
+    let error = MessageError::OutOfRange { field: 5, found: 1001, min: 0, max: 1000 };
+    assert_eq!(rejected(&bench.events()), [error]);
+    assert_eq!(error.to_string(), "field 5 is 1001, not from 0 to 1000");
+    bench.cycle(job_to(3, -1).as_bytes());
+    assert_eq!(
+        rejected(&bench.events()),
+        [MessageError::OutOfRange { field: 5, found: -1, min: 0, max: 1000 }]
+    );
+    bench.cycle(&jobs([3, 4]));
+    assert_eq!(bench.queued_numbers(), [1, 2, 3, 4], "the session goes on");
+}
+
+#[test]
+fn a_job_whose_parameters_are_incomplete_is_refused() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    for (message, error) in [
+        ("<Tyo$10#50$1$1$0$0#>", MessageError::FieldCount { expected: 7, found: 5 }),
+        ("<Tyo$16#50$1$1$0$0$0$0$0#>", MessageError::FieldCount { expected: 7, found: 8 }),
+        ("<Tyo$13#50$1$1$0$$0$0#>", MessageError::NotANumber { field: 4 }),
+        ("<Tyo$16#50$1$1$0$0.5$0$0#>", MessageError::NotANumber { field: 4 }),
+        ("<Tyo$14#50$1$3$0$0$0$0#>", MessageError::OutOfRange { field: 2, found: 3, min: 1, max: 2 }),
+        ("<Tyo$14#50$0$1$0$0$0$0#>", MessageError::OutOfRange { field: 1, found: 0, min: 1, max: 9999 }),
+        ("<Tyo$14#51$1$1$0$0$0$0#>", MessageError::WrongOrder { active: 50, found: 51 }),
+    ] {
+        bench.cycle(message.as_bytes());
+        assert_eq!(rejected(&bench.events()), [error], "{message}");
+        assert_eq!(bench.queued_numbers(), []);
+        bench.cycle(b"<Huuhaa$0##>");
+        assert_eq!(bench.events(), []);
+    }
+}
+
+#[test]
+fn blanks_around_numbers_are_no_error() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    bench.cycle(b"<Tyo$ 19 # 50$ 1$1$ 0$-5 $0$0#>");
+    assert_eq!(bench.events(), []);
+    assert_eq!(bench.reader.take().unwrap().line.start, Point::new(0, -5));
+}
+
+#[test]
+fn damage_is_told_and_what_is_around_it_is_used() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    let wrong_length = b"<Tyo$15#50$9$1$0$0$0$0#>".as_slice();
+    let unknown = b"<Tuntematon$1#1#>";
+    bench.cycle(&[&jobs([1]), wrong_length, unknown, &jobs([2])].concat());
+    let events = bench.events();
+    assert!(matches!(events[0], RobotEvent::Damaged(DecodeError::Length { expected: 15, found: 14, .. })));
+    let RobotEvent::Rejected(error @ MessageError::UnknownName { name }) = events[1] else {
+        panic!("{events:?}")
+    };
+    assert_eq!((name.to_string(), events.len()), ("Tuntematon".into(), 2));
+    assert_eq!(error.to_string(), "there is no message named 'Tuntematon'");
+    assert_eq!(bench.queued_numbers(), [1, 2]);
+}
+
+#[test]
+fn a_message_of_the_wrong_side_is_told() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    bench.cycle(b"<TyoKuittaus$4#50$1#>");
+    assert_eq!(rejected(&bench.events()), [MessageError::NotExpected { role: kawasaki_msg::Role::JobAck }]);
+}
+
+/// §6.3: resend, pause, clear the queue; "if the error cannot be mended in the background program, the motion program is told".
+#[test]
+fn the_ladder_of_recovery_ends_in_an_alarm() {
+    let ladder = Ladder { resends: 2, pauses: 1, clears: 1 };
+    let pause = Duration::from_millis(2500);
+    let mut bench = Bench::new(RobotConfig { ladder, pause, ..RobotConfig::TCP }, 8, 9999);
+    let bad = [job(1), job(2), job_to(3, 99_999_999)].concat();
+    let mut rungs = Vec::new();
+    let mut packets = Vec::new();
+    for _ in 0..12 {
+        packets.push(bench.cycle(bad.as_bytes()));
+        for event in bench.events() {
+            if let RobotEvent::Recovery { rung, next } = event {
+                assert_eq!(next, 3);
+                rungs.push(rung);
+            }
+            if let RobotEvent::Alarm { order, next } = event {
+                assert_eq!((order, next), (50, 3));
+                rungs.push(Rung::Alarm);
+            }
+            if event == (RobotEvent::QueueCleared { next: 1 }) {
+                assert!(rungs.ends_with(&[Rung::Clear]), "nothing was executed: all comes again");
+            }
+        }
+        // An idle motion task looks at its queue: that sweeps it.
+        let _ = bench.reader.is_empty();
+        if bench.robot.phase() == Phase::Alarm {
+            break;
+        }
+        if rungs.ends_with(&[Rung::Clear]) {
+            assert!(bench.reader.take().is_none());
+        }
+    }
+    assert_eq!(rungs, [Rung::Resend, Rung::Resend, Rung::Pause, Rung::Clear, Rung::Alarm]);
+    let pauses = packets.iter().filter(|packet| packet.contains("TyoTauko")).count();
+    assert_eq!(pauses, 1, "{packets:#?}");
+    // In alarm nothing is asked for; the status says so: phase 5.
+    let packet = bench.cycle(&jobs([3]));
+    assert!(packet.contains("<Tila$8#50$5$2$$#>") && !packet.contains("TyoPyynto"), "{packet}");
+    assert_eq!(rejected(&bench.events()), [MessageError::NotExpected { role: kawasaki_msg::Role::Job }]);
+    // The motion program clears the queue when the cause is mended.
+    bench.robot.clear_queue().unwrap();
+    assert!(bench.reader.take().is_none());
+    bench.cycle(b"<Huuhaa$0##>");
+    bench.cycle(b"<Huuhaa$0##>");
+    assert!(bench.cycle(&jobs(1..=3)).ends_with("<TyoPyynto$4#50$1#>"));
+    assert_eq!(bench.queued_numbers(), [1, 2, 3]);
+}
+
+#[test]
+fn what_is_executed_is_not_asked_for_again_when_the_queue_is_cleared() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    bench.cycle(&jobs(1..=6));
+    bench.execute();
+    bench.execute();
+    bench.robot.clear_queue().unwrap();
+    assert!(bench.reader.take().is_none());
+    bench.cycle(b"<Huuhaa$0##>");
+    bench.cycle(b"<Huuhaa$0##>");
+    assert!(bench.cycle(&jobs(3..=8)).ends_with("<TyoPyynto$4#50$3#>"));
+    assert_eq!(bench.queued_numbers(), [3, 4, 5, 6, 7, 8]);
+}
+
+#[test]
+fn every_job_is_acknowledged_or_every_third() {
+    let every = |every| Acks::Cumulative { every: NonZeroU16::new(every).unwrap() };
+    let mut bench = Bench::new(RobotConfig { acks: every(1), ..RobotConfig::TCP }, 8, 9999);
+    bench.cycle(&jobs(1..=4));
+    (0..3).for_each(|_| _ = bench.execute());
+    assert!(
+        bench
+            .cycle(b"<Huuhaa$0##>")
+            .starts_with("<TyoKuittaus$4#50$1#><TyoKuittaus$4#50$2#><TyoKuittaus$4#50$3#><Tila")
+    );
+
+    let mut bench = Bench::new(RobotConfig { acks: every(3), ..RobotConfig::TCP }, 8, 9999);
+    bench.cycle(&jobs(1..=8));
+    (0..7).for_each(|_| _ = bench.execute());
+    let packet = bench.cycle(b"<Huuhaa$0##>");
+    assert!(packet.starts_with("<TyoKuittaus$4#50$3#><TyoKuittaus$4#50$6#><Tila"), "{packet}");
+}
+
+/// §11.2: "at least when it has nothing else to send".
+#[test]
+fn what_is_left_is_acknowledged_when_there_is_nothing_else_to_send() {
+    let acks = Acks::Cumulative { every: NonZeroU16::new(10).unwrap() };
+    let config = RobotConfig { acks, status_period: Duration::from_secs(1000), ..RobotConfig::TCP };
+    let mut bench = Bench::new(config, 4, 9999);
+    bench.cycle(&jobs(1..=5));
+    bench.cycle(b"<Huuhaa$0##>"); // pause
+    bench.execute();
+    assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<TyoKuittaus$4#50$1#>");
+    assert_eq!(bench.cycle(b"<Huuhaa$0##>"), "<Huuhaa$0##>");
+}
+
+#[test]
+fn jobs_that_overtake_are_acknowledged_one_by_one() {
+    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..RobotConfig::TCP }, 4, 9999);
+    bench.cycle(&jobs(1..=4));
+    let job = bench.reader.take_where(|_, job| job.number == 3).unwrap();
+    bench.robot.job_done(bench.now, job.number).unwrap();
+    job.complete();
+    assert_eq!(bench.robot.executed(), 0, "1 and 2 are not");
+    assert!(bench.cycle(b"<Huuhaa$0##>").starts_with("<TyoKuittaus$4#50$3#><Tila$8#50$2$4$$#>"));
+    // After a new connection it is told again: the first telling may be lost.
+    bench.robot.handle_closed(bench.now);
+    bench.now += Duration::from_secs(2);
+    bench.robot.handle_timeout(bench.now);
+    bench.robot.handle_connected(bench.now);
+    assert!(bench.cycle(b"<Huuhaa$0##>").starts_with("<TyoKuittaus$4#50$3#><Tila$8#50$2$4$$#>"));
+    bench.execute();
+    bench.execute();
+    assert_eq!(bench.robot.executed(), 3);
+}
+
+#[test]
+fn a_job_is_done_once_and_only_if_it_was_queued() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    bench.cycle(&jobs(1..=3));
+    assert_eq!(bench.execute(), 1);
+    for number in [0, 1, 4, 9999] {
+        assert_eq!(bench.robot.job_done(bench.now, number), Err(SessionError::NotQueued { number }));
+    }
+    assert_eq!(bench.robot.statistics().executed, 1);
+}
+
+#[test]
+fn acknowledgements_that_do_not_fit_wait_for_the_next_cycle() {
+    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..RobotConfig::TCP }, 400, 9999);
+    let all = jobs(1..=400);
+    for packet in all.chunks(4000) {
+        bench.cycle(packet);
+    }
+    (0..400).for_each(|_| _ = bench.execute());
+    let packets: Vec<String> = (0..4).map(|_| bench.cycle(b"<Huuhaa$0##>")).collect();
+    let acks: Vec<usize> = packets.iter().map(|p| p.matches("TyoKuittaus").count()).collect();
+    assert_eq!(acks.iter().sum::<usize>(), 400, "{acks:?}");
+    assert!(acks[0] > 170 && acks[1] > 170 && packets.iter().all(|p| p.len() <= 4096), "{acks:?}");
+}

@@ -1,0 +1,297 @@
+//! Orders: start, refusal, takeover, end, interruption, the two resets, and what happens when an end restarts.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation
+)]
+
+mod common;
+
+use core::time::Duration;
+
+use common::{MS, Rig, expected, picture, sent};
+use kawasaki_msg::{PcConfig, PcEvent, Phase, RobotConfig, RobotEvent, SessionError, Takeover};
+use testkit::link::Faults;
+
+const LIMIT: Duration = Duration::from_secs(100);
+
+/// A rig whose robot is in the middle of an order of 1000 jobs.
+fn in_the_middle(pc: PcConfig, robot: RobotConfig) -> Rig {
+    let mut rig = Rig::with(1, Faults::NONE, 64, pc.max_number, robot, pc);
+    rig.pc.start(50, picture(50, 1000)).unwrap();
+    rig.run_until(LIMIT, |rig| rig.executed.len() == 100);
+    rig
+}
+
+#[test]
+fn start_and_end_are_acknowledged() {
+    let mut rig = Rig::new(1, Faults::NONE, 64, 9999);
+    rig.pc.start(50, picture(50, 3)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(sent(&rig.from_pc, "TilausAlkaa"), ["<TilausAlkaa$4#50$1#>"]);
+    assert_eq!(sent(&rig.from_robot, "TilausKuittaus"), ["<TilausKuittaus$2#50#>"]);
+    assert_eq!(sent(&rig.from_robot, "LoppuKuittaus"), ["<LoppuKuittaus$6#50$0$3#>"]);
+    assert_eq!((rig.pc.phase(), rig.robot.phase()), (Phase::Idle, Phase::Idle));
+    assert_eq!((rig.pc.order(), rig.robot.order()), (None, None));
+}
+
+#[test]
+fn an_order_without_jobs_begins_and_ends() {
+    let mut rig = Rig::new(1, Faults::NONE, 1, 2);
+    rig.pc.start(1, picture(1, 0)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 1, executed: 0, complete: true }));
+}
+
+#[test]
+fn one_order_at_a_time() {
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    assert_eq!(rig.pc.start(51, picture(51, 1)), Err(SessionError::OrderActive { active: 50 }));
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.pc.start(0, picture(0, 1)), Err(SessionError::OrderZero));
+    rig.pc_events.clear();
+    rig.pc.start(51, picture(51, 20)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines(), [expected(50, 1000), expected(51, 20)].concat());
+}
+
+#[test]
+fn an_interrupted_order_ends_after_the_job_that_is_being_executed() {
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    rig.pc.interrupt().unwrap();
+    let before = rig.executed.len();
+    rig.run_until(LIMIT, Rig::is_over);
+    let executed = rig.executed.len() as u32;
+    assert!(executed < before as u32 + 64, "the queue was cleared: {executed}");
+    let over = PcEvent::OrderOver { order: 50, executed, complete: false };
+    assert!(rig.pc_events.contains(&over), "{:?}", rig.pc_events);
+    assert!(rig.robot_events.contains(&RobotEvent::OrderOver { order: 50, executed }));
+    assert_eq!(rig.lines(), expected(50, executed));
+    // "After the interruption the drawing cannot go on" (thesis, section 11.1): the same picture begins anew.
+    rig.pc_events.clear();
+    rig.pc.start(50, picture(50, 10)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines()[executed as usize..], expected(50, 10));
+    assert_eq!(rig.pc.interrupt(), Err(SessionError::NoOrder));
+}
+
+#[test]
+fn an_order_ended_early_executes_what_is_queued() {
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    rig.pc.end().unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    let executed = rig.executed.len() as u32;
+    assert!((100..1000).contains(&executed));
+    assert_eq!(rig.robot.queued(), executed);
+    assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 50, executed, complete: false }));
+}
+
+/// The PC program is started again: it knows nothing of the order that the robot is in.
+fn restart_pc(rig: &mut Rig, pc: PcConfig) {
+    rig.link.disconnect(rig.now);
+    rig.pc = kawasaki_msg::Pc::new(pc).unwrap();
+    rig.pc_events.clear();
+}
+
+#[test]
+fn another_order_is_interrupted_before_ours_begins() {
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    restart_pc(&mut rig, PcConfig::TCP);
+    rig.pc.start(51, picture(51, 10)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    let refused = PcEvent::OrderRefused { order: 51, active: 50, given_up: false };
+    let place = |event: &PcEvent| rig.pc_events.iter().position(|e| e == event);
+    assert!(place(&refused) < place(&PcEvent::OrderStarted { order: 51 }), "{:?}", rig.pc_events);
+    assert!(place(&refused).is_some());
+    assert!(rig.robot_events.contains(&RobotEvent::OrderRefused { order: 51, active: 50 }));
+    let first = rig.executed.len() - 10;
+    assert_eq!(rig.lines()[first..], expected(51, 10));
+    assert_eq!(rig.lines()[..first], expected(50, first as u32));
+    assert!(!sent(&rig.from_pc, "TilausKeskeytyy").is_empty());
+}
+
+#[test]
+fn another_order_can_be_let_end_by_itself() {
+    let pc = PcConfig { takeover: Takeover::End, ..PcConfig::TCP };
+    let mut rig = in_the_middle(pc, RobotConfig::TCP);
+    let queued = rig.robot.queued();
+    restart_pc(&mut rig, pc);
+    rig.pc.start(51, picture(51, 10)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    let first = rig.executed.len() - 10;
+    assert!(first >= queued as usize, "what was queued is executed");
+    assert_eq!(rig.lines()[..first], expected(50, first as u32));
+    assert!(sent(&rig.from_pc, "TilausKeskeytyy").is_empty());
+}
+
+#[test]
+fn another_order_is_left_alone_where_that_is_wished() {
+    let pc = PcConfig { takeover: Takeover::Never, ..PcConfig::TCP };
+    let mut rig = in_the_middle(pc, RobotConfig::TCP);
+    restart_pc(&mut rig, pc);
+    rig.pc.start(51, picture(51, 10)).unwrap();
+    rig.run_for(Duration::from_secs(10));
+    assert!(rig.pc_events.contains(&PcEvent::OrderRefused { order: 51, active: 50, given_up: true }));
+    assert_eq!((rig.pc.phase(), rig.robot.order()), (Phase::Idle, Some(50)));
+}
+
+#[test]
+fn another_order_of_the_same_number_is_not_taken_for_ours() {
+    // The restarted PC begins order 50 anew while the robot is in the middle of the old one: "50" is no acceptance.
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    restart_pc(&mut rig, PcConfig::TCP);
+    rig.pc.start(50, picture(50, 500)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    let first = rig.executed.len() - 500;
+    assert_eq!(rig.lines()[first..], expected(50, 500), "from its first job on");
+    assert_eq!(rig.lines()[..first], expected(50, first as u32));
+}
+
+#[test]
+fn the_same_without_a_status_in_time() {
+    // The acknowledgement alone looks like acceptance; the first request shows that it is not.
+    for refuse_repeated_start in [false, true] {
+        let robot = RobotConfig { refuse_repeated_start, ..RobotConfig::TCP };
+        let mut rig = in_the_middle(PcConfig::TCP, robot);
+        rig.pc = kawasaki_msg::Pc::new(PcConfig::TCP).unwrap();
+        rig.pc_events.clear();
+        rig.pc.handle_connected(rig.now);
+        rig.pc.start(50, picture(50, 500)).unwrap();
+        rig.run_until(LIMIT, Rig::is_over);
+        let first = rig.executed.len() - 500;
+        assert_eq!(rig.lines()[first..], expected(50, 500), "from its first job on");
+        assert_eq!(rig.lines()[..first], expected(50, first as u32));
+        let zero = sent(&rig.from_robot, "TilausKuittaus").contains(&"<TilausKuittaus$1#0#>".to_string());
+        assert_eq!(zero, refuse_repeated_start);
+    }
+}
+
+#[test]
+fn a_robot_without_a_motion_task_takes_no_order() {
+    let pc = PcConfig { start_retries: 3, ..PcConfig::TCP };
+    let mut rig = Rig::with(1, Faults::NONE, 4, 9999, RobotConfig::TCP, pc);
+    let (_, other) = robot_work_queue::boxed(4, 9999).unwrap();
+    drop(core::mem::replace(&mut rig.reader, other));
+    assert!(rig.robot.is_abandoned());
+    rig.pc.start(50, picture(50, 3)).unwrap();
+    rig.run_for(Duration::from_secs(3));
+    let refused: Vec<_> =
+        rig.pc_events.iter().filter(|e| matches!(e, PcEvent::OrderRefused { active: 0, .. })).collect();
+    assert_eq!(refused.len(), 4, "{refused:?}");
+    assert!(matches!(refused[3], PcEvent::OrderRefused { given_up: true, .. }));
+    assert_eq!(rig.pc.phase(), Phase::Idle);
+}
+
+#[test]
+fn a_restarted_robot_leaves_the_outcome_unknown() {
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    common::restart(&mut rig, 64, 9999);
+    rig.run_until(LIMIT, Rig::is_over);
+    let Some(&PcEvent::OutcomeUnknown { order: 50, executed, sent }) =
+        rig.pc_events.iter().find(|e| matches!(e, PcEvent::OutcomeUnknown { .. }))
+    else {
+        panic!("{:?}", rig.pc_events)
+    };
+    assert!(executed as usize <= rig.executed.len() && rig.executed.len() <= sent as usize);
+    assert!(executed < sent);
+    assert_eq!((rig.pc.phase(), rig.pc.executed(), rig.pc.sent()), (Phase::Idle, executed, sent));
+    // Whoever called decides: here the picture begins anew.
+    rig.pc_events.clear();
+    rig.executed.clear();
+    rig.pc.start(50, picture(50, 10)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines(), expected(50, 10));
+}
+
+#[test]
+fn an_order_that_ended_while_nobody_was_connected_is_not_unknown() {
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    rig.reachable = false;
+    rig.link.disconnect(rig.now);
+    rig.run_for(20 * MS);
+    rig.robot.reset_order().unwrap();
+    rig.run_for(Duration::from_secs(1));
+    rig.reachable = true;
+    rig.run_until(LIMIT, Rig::is_over);
+    let executed = rig.executed.len() as u32;
+    let over = PcEvent::OrderOver { order: 50, executed, complete: false };
+    assert!(rig.pc_events.contains(&over), "{:?}", rig.pc_events);
+}
+
+#[test]
+fn the_first_reset_clears_the_list_and_what_was_in_it_comes_again() {
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    rig.motion = None;
+    rig.run_for(200 * MS);
+    assert!(rig.robot.queued() > rig.robot.executed());
+    rig.robot.clear_queue().unwrap();
+    rig.motion = Some(MS);
+    rig.run_until(LIMIT, Rig::is_over);
+    assert!(rig.robot_events.contains(&RobotEvent::QueueCleared { next: 101 }), "{:?}", rig.robot_events);
+    assert_eq!(rig.lines(), expected(50, 1000));
+    assert_eq!(rig.robot.clear_queue(), Err(SessionError::NoOrder));
+}
+
+#[test]
+fn a_job_that_is_being_executed_is_not_pulled_away_by_a_reset() {
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    rig.motion = None;
+    let (now, Rig { reader, robot, executed, .. }) = (rig.now, &mut rig);
+    let (job, queued) = (reader.take().unwrap(), robot.queued());
+    robot.clear_queue().unwrap();
+    for i in 0..10 {
+        robot.handle_timeout(now + i * MS);
+    }
+    assert_eq!(robot.queued(), queued, "not yet: the job is being executed");
+    // It is reported before it is completed, and is not asked for again.
+    let number = job.number;
+    executed.push(*job);
+    job.complete();
+    assert_eq!(number, 101);
+    robot.job_done(now, number).unwrap();
+    rig.motion = Some(MS);
+    rig.run_until(LIMIT, Rig::is_over);
+    assert!(rig.robot_events.contains(&RobotEvent::QueueCleared { next: 102 }), "{:?}", rig.robot_events);
+    assert_eq!(rig.lines(), expected(50, 1000));
+}
+
+#[test]
+fn the_second_reset_forgets_the_order() {
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    rig.robot.reset_order().unwrap();
+    assert_eq!(rig.robot.phase(), Phase::Interrupted);
+    assert_eq!(rig.robot.reset_order(), Err(SessionError::NoOrder), "it is on its way");
+    rig.run_until(LIMIT, Rig::is_over);
+    let executed = rig.executed.len() as u32;
+    assert!(rig.pc_events.contains(&PcEvent::OrderOver { order: 50, executed, complete: false }));
+    assert_eq!(rig.robot.order(), None);
+}
+
+#[test]
+fn an_order_that_the_pc_does_not_know_can_end_by_itself() {
+    let robot = RobotConfig { end_foreign_order: true, ..RobotConfig::TCP };
+    let mut rig = in_the_middle(PcConfig::TCP, robot);
+    restart_pc(&mut rig, PcConfig::TCP);
+    rig.run_for(Duration::from_secs(5));
+    assert_eq!(rig.robot.order(), None, "the PC's status says 0");
+    let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
+    restart_pc(&mut rig, PcConfig::TCP);
+    rig.run_for(Duration::from_secs(5));
+    assert_eq!(rig.robot.order(), Some(50), "not unless it is wished");
+}
+
+#[test]
+fn an_order_waits_for_a_robot() {
+    let mut rig = Rig::new(1, Faults::NONE, 64, 9999);
+    rig.reachable = false;
+    rig.pc.start(50, picture(50, 10)).unwrap();
+    rig.run_for(Duration::from_secs(10));
+    assert_eq!(rig.pc.phase(), Phase::Starting);
+    let tries = rig.robot_events.iter().filter(|e| **e == RobotEvent::Connect).count();
+    assert_eq!(tries, 10, "one a second");
+    rig.reachable = true;
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines(), expected(50, 10));
+}

@@ -266,7 +266,9 @@ impl Decoder {
     /// Where the frame begins that ends first. Each beginning is tried once, when its end has come.
     fn next_rtu(&self, damage: Damage, limit: usize) -> Option<usize> {
         let mut first: Option<(usize, usize)> = None;
-        for start in damage.from..limit {
+        // What begins earlier than this has ended before, and was tried.
+        let from = damage.from.max((damage.tried + 1).saturating_sub(Frame::MAX_RTU_LEN));
+        for start in from..limit {
             let data = self.buffer.get(start..limit).unwrap_or_default();
             let RtuLen::Known(len) = RtuLen::of(data, self.side) else { continue };
             let end = start + len;

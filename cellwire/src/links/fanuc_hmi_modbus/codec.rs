@@ -97,3 +97,73 @@ impl Codec for Modbus {
         Ok(bytes)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::Stream;
+    use serde_json::{Map, json};
+
+    fn options(from: &str, settings: &[(&str, &str)]) -> CodecOptions {
+        let settings = settings.iter().map(|(name, value)| ((*name).into(), (*value).into()));
+        CodecOptions { from: Some(from.into()), settings: settings.collect::<Map<_, _>>() }
+    }
+
+    #[test]
+    fn the_telemetry_view_shows_the_block_and_encodes_it_again() {
+        for (order, counter) in [("low_first", 0x0001_86A0), ("high_first", 0x86A0_0001_u32)] {
+            let options = options("server", &[("view", "telemetry"), ("word_order", order)]);
+            let mut registers = vec![0; 37];
+            registers[..5].copy_from_slice(&[0x86A0, 0x0001, 100, 0xE979, 0x42F6]);
+            let plain = json!({"transaction": 1, "unit": 1, "function": 3, "registers": registers});
+            let bytes = codec("server", &options).unwrap().encode(plain).unwrap();
+            let mut items = Vec::new();
+            let mut stream = Stream::new(codec("server", &options).unwrap());
+            stream
+                .push(&bytes, |item| {
+                    items.push(item);
+                    Ok(())
+                })
+                .unwrap();
+            let message = items.pop().unwrap().content.unwrap();
+            assert_eq!(message["telemetry"]["life_counter"], counter);
+            assert_eq!(message["telemetry"]["override"], 100);
+            assert_eq!(message.get("registers"), None);
+            assert_eq!(codec("server", &options).unwrap().encode(message).unwrap(), bytes);
+        }
+    }
+
+    #[test]
+    fn other_replies_look_the_same_in_every_view() {
+        let reply = json!({"unit": 1, "function": 3, "registers": [1, 2]});
+        let options = options("server", &[("view", "telemetry"), ("framing", "rtu")]);
+        let codec = |_| codec("server", &options).unwrap();
+        let mut stream = Stream::new(codec(0));
+        let mut items = Vec::new();
+        let bytes = codec(1).encode(reply.clone()).unwrap();
+        stream
+            .push(&bytes, |item| {
+                items.push(item.content);
+                Ok(())
+            })
+            .unwrap();
+        assert_eq!(items, [Ok(reply)]);
+    }
+
+    #[test]
+    fn what_is_asked_wrongly_is_said() {
+        let error = |options: &CodecOptions| codec("client", options).err().unwrap().to_string();
+        assert_eq!(
+            error(&options("client", &[("framing", "ascii")])),
+            "framing=ascii is neither tcp nor rtu"
+        );
+        assert_eq!(error(&options("client", &[("view", "x")])), "view=x is not telemetry, the only one");
+        let request = json!({"unit": 1, "function": 3, "address": 0, "quantity": 37});
+        let tcp = codec("client", &options("client", &[])).unwrap();
+        let error = tcp.encode(request).unwrap_err().to_string();
+        assert_eq!(error, "a key is missing: transaction, or use --framing rtu");
+        let request = json!({"transaction": 1, "unit": 1, "function": 3, "address": 0, "quantity": 126});
+        let error = tcp.encode(request).unwrap_err().to_string();
+        assert_eq!(error, "quantity 126 in function 3 is not within 1 to 125");
+    }
+}

@@ -1,0 +1,169 @@
+//! What the telemetry blocks say about the motion: time from the life counter, speeds without the controller's jumps.
+
+use core::time::Duration;
+
+use crate::TelemetryBlock;
+use crate::orientation::Quaternion;
+
+/// Turns telemetry blocks, in the order in which they were read, into samples of the motion.
+///
+/// The background task counts its runs. The difference of two counts, modulo 2³², times the period is the time between
+/// two blocks, however late they were read; a block that was read twice is no sample. Where the source's task divides by
+/// its fixed period and jumps when `Q_1` passes zero (a false speed of -250 /s), this one divides by the time that passed,
+/// and gives each quaternion the sign that follows the one before.
+///
+/// ```
+/// use fanuc_hmi_modbus::TelemetryBlock;
+/// use fanuc_hmi_modbus::telemetry::{Observation, Tracker};
+///
+/// let mut tracker = Tracker::new();
+/// let block = |life_counter, x| TelemetryBlock { life_counter, position: [x, 0.0, 0.0], quaternion: [1.0, 0.0, 0.0, 0.0], ..Default::default() };
+/// assert_eq!(tracker.push(&block(u32::MAX, 0.0)), Observation::First);
+/// let Observation::Sample(sample) = tracker.push(&block(1, 1.6)) else { panic!() };
+/// assert_eq!((sample.missed, sample.time.as_millis()), (1, 16)); // run 0 was not read
+/// assert!((sample.velocity[0] - 100.0).abs() < 1e-5); // 1.6 mm in 16 ms
+/// ```
+#[derive(Debug, Clone)]
+pub struct Tracker {
+    period: Duration,
+    last: Option<Last>,
+    counts: Counts,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    counter: u32,
+    runs: u64,
+    position: [f64; 3],
+    orientation: Quaternion,
+}
+
+/// What a block adds to the blocks before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Observation {
+    /// The first block: there is nothing to compare it with. (The controller's own first speeds are differences from
+    /// registers that nobody has set.)
+    First,
+    /// The life counter has not moved: the same run, read twice.
+    Repeated,
+    /// The life counter has gone back: the controller was started anew, and this is a first block.
+    Restarted,
+    /// A sample.
+    Sample(Sample),
+}
+
+/// The motion at a run of the background task.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Sample {
+    /// The time since the first block, by the life counter.
+    pub time: Duration,
+    /// The runs since the block before that were not read.
+    pub missed: u32,
+    /// X, Y, Z in mm.
+    pub position: [f64; 3],
+    /// The orientation; its sign follows the sample before.
+    pub orientation: Quaternion,
+    /// In mm/s, from the block before to this one.
+    pub velocity: [f64; 3],
+    /// The quaternion's derivative a second, from the block before to this one.
+    pub quaternion_rate: [f64; 4],
+    /// The angular velocity about the world's axes, in degrees a second.
+    pub angular_velocity_world: [f64; 3],
+    /// The angular velocity about the tool's axes, in degrees a second.
+    pub angular_velocity_body: [f64; 3],
+}
+
+/// How regularly the blocks were read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Counts {
+    /// Blocks that were compared with one before them.
+    pub samples: u64,
+    /// Blocks that were read twice.
+    pub repeated: u64,
+    /// Times that runs were missed.
+    pub gaps: u64,
+    /// Runs that were missed.
+    pub missed: u64,
+    /// Times that the controller was started anew.
+    pub restarts: u64,
+}
+
+impl Tracker {
+    /// A tracker for a task that runs every 8 ms.
+    pub fn new() -> Self {
+        Self::with_period(Duration::from_millis(8))
+    }
+
+    /// A tracker for a task that runs with this period, which is not zero.
+    pub fn with_period(period: Duration) -> Self {
+        Self { period, last: None, counts: Counts::default() }
+    }
+
+    /// Takes the next block.
+    pub fn push(&mut self, block: &TelemetryBlock) -> Observation {
+        let position = block.position.map(f64::from);
+        let orientation = Quaternion::normalised(block.quaternion.map(f64::from));
+        let first = Last { counter: block.life_counter, runs: 0, position, orientation };
+        let Some(last) = self.last else {
+            self.last = Some(first);
+            return Observation::First;
+        };
+        let step = block.life_counter.wrapping_sub(last.counter);
+        if step == 0 {
+            self.counts.repeated += 1;
+            return Observation::Repeated;
+        }
+        if step > u32::MAX / 2 {
+            self.counts.restarts += 1;
+            self.last = Some(first);
+            return Observation::Restarted;
+        }
+        let orientation = orientation.near(last.orientation);
+        let runs = last.runs + u64::from(step);
+        self.last = Some(Last { runs, orientation, ..first });
+        self.counts.samples += 1;
+        self.counts.gaps += u64::from(step > 1);
+        self.counts.missed += u64::from(step - 1);
+
+        let seconds = f64::from(step) * self.period.as_secs_f64();
+        let rotation = last.orientation.rotation_to(orientation);
+        let world = rotation.map(|part| part / seconds);
+        Observation::Sample(Sample {
+            time: span(self.period, runs),
+            missed: step - 1,
+            position,
+            orientation,
+            velocity: rates(last.position, position, seconds),
+            quaternion_rate: rates(last.orientation.to_array(), orientation.to_array(), seconds),
+            angular_velocity_world: world,
+            angular_velocity_body: orientation.conjugate().rotate(world),
+        })
+    }
+
+    /// How regularly the blocks came.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+}
+
+impl Default for Tracker {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+fn rates<const N: usize>(from: [f64; N], mut to: [f64; N], seconds: f64) -> [f64; N] {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = (*to - from) / seconds;
+    }
+    to
+}
+
+/// So many periods; there are more of them than a `u32` counts before a controller is switched off.
+fn span(period: Duration, runs: u64) -> Duration {
+    let nanos = period.as_nanos().saturating_mul(u128::from(runs));
+    Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
+}

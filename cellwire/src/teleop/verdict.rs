@@ -1,8 +1,59 @@
 //! Whether the recorded values kept the limits.
 
-use val2_alter::{AXES, Limits};
+use val2_alter::{AXES, Accumulation, Limits};
 
+use super::cell::Cycle;
 use crate::links::val2_alter::puma::Taken;
+
+/// A record of values over a run of ALTER.
+pub trait Recorded: Copy {
+    /// Which ALTER it belongs to.
+    fn session(&self) -> u64;
+    /// The values that mean offsets in non-cumulative ALTER.
+    fn values(&mut self) -> Vec<&mut [i16; AXES]>;
+}
+
+impl Recorded for Taken {
+    fn session(&self) -> u64 {
+        self.session
+    }
+
+    fn values(&mut self) -> Vec<&mut [i16; AXES]> {
+        vec![&mut self.values]
+    }
+}
+
+impl Recorded for Cycle {
+    fn session(&self) -> u64 {
+        self.session.into()
+    }
+
+    fn values(&mut self) -> Vec<&mut [i16; AXES]> {
+        vec![&mut self.demand, &mut self.values]
+    }
+}
+
+/// The records with speeds in units a cycle: cumulative values are speeds, non-cumulative ones are offsets that begin at zero.
+pub fn speeds<R: Recorded>(records: &[R], accumulation: Accumulation) -> Vec<R> {
+    let mut speeds = records.to_vec();
+    if accumulation == Accumulation::Cumulative {
+        return speeds;
+    }
+    let mut last: Option<R> = None;
+    for record in &mut speeds {
+        let here = *record;
+        let mut before = last.filter(|last| last.session() == here.session());
+        let before = before.as_mut().map(R::values).unwrap_or_default();
+        let offsets = before.into_iter().map(|values| *values).chain(core::iter::repeat([0; AXES]));
+        for (values, offsets) in record.values().into_iter().zip(offsets) {
+            for (value, offset) in values.iter_mut().zip(offsets) {
+                *value = value.saturating_sub(offset);
+            }
+        }
+        last = Some(here);
+    }
+    speeds
+}
 
 /// The most that was seen, each axis by itself, in units of its words.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -14,7 +65,7 @@ pub struct Extremes {
 }
 
 impl Extremes {
-    /// Of cumulative values as the robot took them. Each ALTER begins from rest, and the arm stands where a reply is missing: what
+    /// Of speeds as the robot took them. Each ALTER begins from rest, and the arm stands where a reply is missing: what
     /// comes behind the gap begins from rest too.
     pub fn of(replies: &[Taken]) -> Self {
         let mut extremes = Self::default();
@@ -67,6 +118,14 @@ mod tests {
         assert!(!Extremes::of(&[taken(1, 1, 10), taken(1, 2, -1)]).keeps(&LIMITS), "letting go");
         let fast = [taken(1, 1, 10), taken(1, 2, 20), taken(1, 3, 21)];
         assert!(!Extremes::of(&fast).keeps(&LIMITS), "velocity");
+    }
+
+    #[test]
+    fn offsets_become_speeds_from_the_path_on() {
+        let offsets = [taken(1, 1, 10), taken(1, 2, 30), taken(1, 4, 40), taken(2, 5, -10)];
+        let x = |taken: Vec<Taken>| taken.iter().map(|t| t.values[0]).collect::<Vec<_>>();
+        assert_eq!(x(speeds(&offsets, Accumulation::NonCumulative)), [10, 20, 10, -10]);
+        assert_eq!(x(speeds(&offsets, Accumulation::Cumulative)), [10, 30, 40, -10]);
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::report::{Budget, Report};
 use crate::settings::Settings;
 use crate::teleop::LIMITS;
 use crate::teleop::cell::{self, CellConfig, CellRecord};
-use crate::teleop::verdict::Extremes;
+use crate::teleop::verdict::{Extremes, speeds};
 
 /// The hand's whole round, and a little more.
 const OWN_RUN: Duration = Duration::from_millis(6500);
@@ -26,7 +26,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let config = cell_config("val2-alter", options)?;
     let record = cell::run(&config, &options.progress)?;
     if let Some(path) = &options.out {
-        plot::draw(path, &record.host.cycles, &LIMITS)?;
+        plot::draw(path, &speeds(&record.host.cycles, config.mode.accumulation()), &LIMITS)?;
     }
     Ok(report(&config, &record))
 }
@@ -79,7 +79,7 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
     report.fact("turn_around_p999_us", "turn-around p99.9, a missed cycle being 28000, µs", p999);
     report.fact("least_margin_us", "least left of the window, µs", micros(puma.margin.at(0.0)));
 
-    limits(&mut report, record);
+    limits(&mut report, config, record);
 
     let pressed = |closes| host.clamps.iter().filter(|clamp| **clamp == closes).count();
     let moved = |closes| puma.gripper.iter().filter(|grip| **grip == closes).count();
@@ -133,16 +133,17 @@ fn ends(record: &CellRecord) -> String {
 }
 
 /// What the hand asked for, what the robot got, and the limits, along X in physical units; judged in every axis.
-fn limits(report: &mut Report, record: &CellRecord) {
+fn limits(report: &mut Report, config: &CellConfig, record: &CellRecord) {
+    let accumulation = config.mode.accumulation();
     let mut asked = Extremes::default();
-    for pair in record.host.cycles.windows(2) {
+    for pair in speeds(&record.host.cycles, accumulation).windows(2) {
         if let [before, after] = pair
             && before.session == after.session
         {
             asked.add(before.demand, after.demand);
         }
     }
-    let sent = Extremes::of(&record.puma.replies);
+    let sent = Extremes::of(&speeds(&record.puma.replies, accumulation));
     let cycle = timing::CYCLE.as_secs_f64();
     let mm = |units: u32, per: f64| (f64::from(units) / Scale::PUMA_562.per_mm / per).round();
     let row = |asked: u32, sent: u32, limit: u16, per: f64| {

@@ -60,13 +60,22 @@ impl Decoder {
             return Some(Err(error));
         }
         let bytes = buffer.get(cursor.start..cursor.end)?;
+        let whole = cursor.finished || bytes.len() >= Message::MAX_LEN;
+        let new = bytes.get(cursor.scanned..).filter(|_| cursor.scanned > 0 && !whole);
+        if new.is_some_and(|new| !new.iter().any(|byte| charset.ends_text(*byte))) {
+            cursor.scanned = bytes.len();
+            return None;
+        }
         match Message::decode(bytes, *charset) {
             Ok(Some((message, used))) => {
                 cursor.advance(used);
                 cursor.position = cursor.offset;
                 return Some(Ok(message));
             }
-            Ok(None) if !cursor.finished => return None,
+            Ok(None) if !cursor.finished => {
+                cursor.scanned = bytes.len();
+                return None;
+            }
             Ok(None) => {
                 cursor.damage = Some(DecodeError::Incomplete { offset: cursor.offset, found: bytes.len() });
             }
@@ -126,9 +135,11 @@ impl Decoder {
 /// Where the decoder is, apart from its bytes.
 #[derive(Debug, Clone)]
 struct Cursor {
-    /// What is in the buffer and not yet looked at: `start..end`.
+    /// What is in the buffer and not yet used: `start..end`.
     start: usize,
     end: usize,
+    /// How much of it is known to be the beginning of a message, which only a mark can end.
+    scanned: usize,
     /// The stream's offset of `start`.
     offset: usize,
     /// The stream's offset behind what was returned last.
@@ -139,17 +150,22 @@ struct Cursor {
 }
 
 impl Cursor {
-    const START: Self = Self { start: 0, end: 0, offset: 0, position: 0, damage: None, finished: false };
+    const START: Self =
+        Self { start: 0, end: 0, scanned: 0, offset: 0, position: 0, damage: None, finished: false };
 
     fn advance(&mut self, bytes: usize) {
         self.start += bytes;
+        self.scanned = 0;
         self.offset = self.offset.wrapping_add(bytes);
     }
 
     /// Goes to the next `<`: `None` if there is none yet, else the error that covers what was skipped.
     fn find_start(&mut self, buffer: &[u8]) -> Option<Option<DecodeError>> {
         let waiting = buffer.get(self.start..self.end)?;
-        self.advance(waiting.iter().position(|byte| *byte == START).unwrap_or(waiting.len()));
+        let skipped = waiting.iter().position(|byte| *byte == START).unwrap_or(waiting.len());
+        if skipped > 0 {
+            self.advance(skipped);
+        }
         let ended = self.start == self.end;
         if ended && !self.finished {
             return None;

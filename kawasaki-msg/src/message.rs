@@ -69,6 +69,9 @@ impl<'a> Message<'a> {
     /// # Errors
     /// See [`EncodeError`]; nothing of use is in `out` then.
     pub fn encode(&self, charset: Charset, out: &mut [u8]) -> Result<usize, EncodeError> {
+        if self.name.is_empty() {
+            return Err(EncodeError::NoName);
+        }
         let (needed, available) = (self.encoded_len(), out.len());
         if needed > Self::MAX_LEN {
             return Err(EncodeError::TooLong { length: needed, limit: Self::MAX_LEN });
@@ -143,7 +146,7 @@ fn split_header(header: &[u8]) -> Result<(&[u8], Values<'_>, usize), DecodeError
 
 /// Everything up to a mark that ends a part, or a byte that is no character.
 fn text<'a>(charset: Charset) -> impl FnMut(&'a [u8]) -> Parsed<'a, &'a [u8]> {
-    take_till(move |byte| matches!(byte, START | END | DATA) || !charset.has(byte))
+    take_till(move |byte| charset.ends_text(byte))
 }
 
 /// One mark. A wrong byte in its place says what the damage is.
@@ -199,9 +202,6 @@ struct Writer<'o> {
 
 impl Writer<'_> {
     fn message(&mut self, message: &Message<'_>, charset: Charset) -> Result<(), EncodeError> {
-        if message.name.is_empty() {
-            return Err(EncodeError::NoName);
-        }
         self.push(START);
         self.value(&message.name, charset)?;
         for value in message.header.iter() {

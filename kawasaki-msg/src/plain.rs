@@ -65,8 +65,8 @@ impl PlainJobs {
             None => self.point(window, at + 2, SEPARATOR)?,
         };
         let (end, at) = self.point(window, end_at, DATA)?;
-        let length = LENGTHS.get(at - 1 - data_at)?;
-        if bytes(window, length_at)? != length || *bytes(window, at)? != [END] {
+        let length = u32::from_le_bytes(*bytes(window, length_at)?) & 0xFF_FFFF;
+        if length != *LENGTHS.get(at - 1 - data_at)? || *bytes(window, at)? != [END] {
             return None;
         }
         next.start = PointText::new(end, window, end_at, at - 1)?;
@@ -266,13 +266,13 @@ fn bytes<const N: usize>(window: &Window, at: usize) -> Option<&[u8; N]> {
     window.get(at..)?.first_chunk()
 }
 
-/// The two digits of every length below 100.
-const LENGTHS: [[u8; 2]; 100] = {
-    let mut table = [[b'0'; 2]; 100];
-    let mut rest: &mut [[u8; 2]] = &mut table;
+/// Every length below 100 with the mark behind it, as three bytes of the wire.
+const LENGTHS: [u32; 100] = {
+    let mut table = [0; 100];
+    let mut rest: &mut [u32] = &mut table;
     let (mut tens, mut ones) = (b'0', b'0');
     while let [first, others @ ..] = rest {
-        *first = [tens, ones];
+        *first = u32::from_le_bytes([tens, ones, DATA, 0]);
         rest = others;
         ones += 1;
         if ones > b'9' {
@@ -281,3 +281,140 @@ const LENGTHS: [[u8; 2]; 100] = {
     }
     table
 };
+
+#[cfg(test)]
+mod tests {
+    use std::format;
+    use std::string::String;
+    use std::vec::Vec;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::message::Message;
+    use crate::value::Charset;
+
+    const BOUNDS: Bounds =
+        Bounds { min: Point::new(-500_000, -9_999_999), max: Point::new(9_999_999, 500_000) };
+
+    fn wire(order: u16, Job { number, line }: Job) -> String {
+        let Line { kind, start, end } = line;
+        let kind = kind.code();
+        let data = format!("{order}${number}${kind}${}${}${}${}", start.x, start.y, end.x, end.y);
+        format!("<Tyo${}#{data}#>", data.len())
+    }
+
+    fn read(bytes: &[u8], next: &mut Next) -> Option<(Job, usize)> {
+        let mut window = [0; WINDOW];
+        let length = bytes.len().min(WINDOW);
+        window[..length].copy_from_slice(&bytes[..length]);
+        let (job, used) = PlainJobs::new(&Dialect::DEFAULT, &BOUNDS, 50).unwrap().read(&window, next)?;
+        (used <= bytes.len()).then_some((job, used))
+    }
+
+    /// The general way.
+    fn reread(bytes: &[u8]) -> (u16, Job, usize) {
+        let (message, used) = Message::decode(bytes, Charset::Ascii).unwrap().unwrap();
+        let (role, params) = Dialect::DEFAULT.read(&message).unwrap();
+        assert_eq!(role, Role::Job);
+        let job = params.job(&Dialect::DEFAULT, &BOUNDS).unwrap();
+        (params.number(Field::Order).unwrap(), job, used)
+    }
+
+    fn point() -> impl Strategy<Value = Point> {
+        let near = (-500_000..=500_000, -500_000..=500_000);
+        prop_oneof![4 => near, 1 => (-500_000..=9_999_999, -9_999_999..=500_000)]
+            .prop_map(|(x, y)| Point { x, y })
+    }
+
+    fn kind() -> impl Strategy<Value = JobKind> {
+        prop_oneof![Just(JobKind::Draw), Just(JobKind::Move)]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn what_is_read_in_one_pass_is_what_the_general_way_reads(
+            number in 1u16..=9999,
+            kind in kind(),
+            start in point(),
+            end in point(),
+            changes in prop::collection::vec((any::<prop::sample::Index>(), prop_oneof![
+                3 => prop::sample::select(b"0123456789-$#<> ".to_vec()),
+                1 => any::<u8>(),
+            ]), 0..3),
+            cut in any::<prop::sample::Index>(),
+            cuts: bool,
+        ) {
+            let job = Job { number, line: Line { kind, start, end } };
+            let mut bytes = wire(50, job).into_bytes();
+            for (at, byte) in &changes {
+                let at = at.index(bytes.len());
+                bytes[at] = *byte;
+            }
+            if cuts {
+                bytes.truncate(cut.index(bytes.len()));
+            }
+            let found = read(&bytes, &mut Next::new(number, 9999));
+            if let Some((job, used)) = found {
+                prop_assert_eq!(reread(&bytes), (50, job, used));
+                prop_assert_eq!(job.number, number);
+            }
+            // Not everything may be left to the general way.
+            let plain = format!("{}${}", end.x, end.y).len() <= 16;
+            if changes.is_empty() && !cuts && plain {
+                prop_assert_eq!(found, Some((job, bytes.len())));
+            }
+        }
+
+        #[test]
+        fn lines_that_begin_where_the_last_one_ended_and_others(
+            first in 1u16..=120,
+            max in 120u16..=1234,
+            points in prop::collection::vec((point(), kind(), any::<bool>()), 2..60),
+        ) {
+            let (mut next, mut number, mut last) = (Next::new(first, max), first, Point::new(0, 0));
+            let mut jobs = Vec::new();
+            for (end, kind, joined) in points {
+                let start = if joined { last } else { Point::new(end.y / 2, end.x / 30) };
+                if format!("{}${}", end.x, end.y).len() > 16 || !(-500_000..=500_000).contains(&start.x) {
+                    continue;
+                }
+                last = end;
+                let job = Job { number, line: Line { kind, start, end } };
+                let bytes = wire(50, job).into_bytes();
+                prop_assert_eq!(read(&bytes, &mut next), Some((job, bytes.len())));
+                jobs.push(job);
+                next.advance();
+                number = if number == max { 1 } else { number + 1 };
+                prop_assert_eq!(next.number(), number);
+            }
+        }
+    }
+
+    #[test]
+    fn a_dialect_of_its_own_is_read_the_general_way() {
+        let mut table = Dialect::DEFAULT.entries().to_vec();
+        let job = table.iter_mut().find(|entry| entry.role == Role::Job).unwrap();
+        job.name = "Piirros";
+        let long = Dialect::new(table.clone().leak()).unwrap();
+        assert!(PlainJobs::new(&long, &BOUNDS, 50).is_none());
+        let job = table.iter_mut().find(|entry| entry.role == Role::Job).unwrap();
+        job.name = "Piirto";
+        let short = Dialect::new(table.leak()).unwrap();
+        assert!(PlainJobs::new(&short, &BOUNDS, 50).is_some());
+        assert!(PlainJobs::new(&short, &BOUNDS, 0).is_none());
+    }
+
+    #[test]
+    fn texts_of_numbers() {
+        for number in [1, 9, 10, 99, 100, 999, 1000, 9999, 10_000, 65_535] {
+            let text = Text::number(number);
+            let expected = format!("{number}$");
+            assert_eq!(&text.word.to_le_bytes()[..text.length], expected.as_bytes());
+            assert_eq!(text.length, expected.len());
+            assert_eq!(text.mask, text.mask & (u64::MAX >> (64 - 8 * text.length)));
+        }
+    }
+}

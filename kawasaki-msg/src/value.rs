@@ -38,6 +38,11 @@ impl Charset {
         matches!(self, Charset::Latin1) || byte.is_ascii()
     }
 
+    /// Whether this byte cannot be in the text of a header or a data part: a mark that ends one, or no character.
+    pub(crate) const fn ends_text(self, byte: u8) -> bool {
+        matches!(byte, START | END | DATA) || !self.has(byte)
+    }
+
     fn byte(self, found: char) -> Result<u8, EncodeError> {
         let byte = u8::try_from(found).map_err(|_| EncodeError::Character { found })?;
         if !self.has(byte) {

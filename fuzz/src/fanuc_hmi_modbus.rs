@@ -238,3 +238,46 @@ fn decode(framing: Framing, side: Side, stream: &[u8], size: usize) -> Vec<Item>
     drain(&mut decoder, &mut items);
     items
 }
+
+/// Blocks of telemetry, 37 registers each, and speeds for DPM: whatever the registers hold, orientations are unit
+/// quaternions that follow one another, and no offset passes a limit.
+pub fn fanuc_hmi_modbus_motion(data: &[u8]) {
+    use fanuc_hmi_modbus::dpm::{Axis, Config, Modifier};
+    use fanuc_hmi_modbus::telemetry::{Observation, Tracker};
+    use fanuc_hmi_modbus::{Quaternion, TelemetryBlock, WordOrder};
+
+    let axis = Some(Axis::new(0.001));
+    let mut modifier = Modifier::new(Config::new([axis; 6])).unwrap();
+    let (mut tracker, mut before, mut now) = (Tracker::new(), None::<Quaternion>, Duration::ZERO);
+    let (mut samples, mut path) = (0, [0i64; 6]);
+    for bytes in data.chunks_exact(74) {
+        let mut registers = [0u16; 37];
+        for (register, word) in registers.iter_mut().zip(bytes.chunks_exact(2)) {
+            *register = u16::from_be_bytes([word[0], word[1]]);
+        }
+        let block = TelemetryBlock::from_registers(&registers, WordOrder::LowFirst);
+        match tracker.push(&block) {
+            Observation::Sample(sample) => {
+                samples += 1;
+                let [w, x, y, z] = sample.orientation.to_array();
+                assert!((w * w + x * x + y * y + z * z - 1.0).abs() < 1e-9);
+                if let Some(before) = before.replace(sample.orientation) {
+                    assert_eq!(sample.orientation.near(before), sample.orientation, "no jump of the sign");
+                }
+            }
+            Observation::Repeated => {}
+            _ => before = None,
+        }
+        now += Duration::from_millis((block.life_counter % 32).into());
+        let [x, y, z] = block.velocity.map(f64::from);
+        let [w, p, r] = block.position.map(f64::from);
+        let refused = modifier.demand(now, [x, y, z, w, p, r]).is_err();
+        assert_eq!(refused, ![x, y, z, w, p, r].iter().all(|speed| speed.is_finite()));
+        let offsets = modifier.next_period(now);
+        for (path, count) in path.iter_mut().zip(offsets.counts) {
+            *path += i64::from(count);
+            assert!(count.abs() <= 200 && path.abs() <= 10_000 && !(offsets.lost && count != 0));
+        }
+    }
+    assert_eq!(tracker.counts().samples, samples);
+}

@@ -4,6 +4,7 @@
 //! the same bytes, a session keeps its invariants.
 
 pub mod fanuc_hmi_modbus;
+pub mod fanuc_ls;
 pub mod isra_ball;
 pub mod laser_eb90;
 pub mod mmacell_proto;
@@ -16,7 +17,10 @@ pub type Target = fn(&[u8]);
 pub const TARGETS: &[(&str, Target)] = &[
     ("fanuc_hmi_modbus_client", fanuc_hmi_modbus::fanuc_hmi_modbus_client),
     ("fanuc_hmi_modbus_decoder", fanuc_hmi_modbus::fanuc_hmi_modbus_decoder),
+    ("fanuc_hmi_modbus_motion", fanuc_hmi_modbus::fanuc_hmi_modbus_motion),
     ("fanuc_hmi_modbus_server", fanuc_hmi_modbus::fanuc_hmi_modbus_server),
+    ("fanuc_ls_program", fanuc_ls::fanuc_ls_program),
+    ("fanuc_ls_trajectory", fanuc_ls::fanuc_ls_trajectory),
     ("isra_ball_decoder", isra_ball::isra_ball_decoder),
     ("isra_ball_session", isra_ball::isra_ball_session),
     ("laser_eb90_decoder", laser_eb90::laser_eb90_decoder),

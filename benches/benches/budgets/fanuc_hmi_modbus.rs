@@ -7,9 +7,10 @@ use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
 use benches::{Budget, Count, Link};
+use fanuc_hmi_modbus::telemetry::Tracker;
 use fanuc_hmi_modbus::{
     Client, Exception, Frame, Registers, Reply, Request, Server, TelemetryBlock, Words, WordsMut, client,
-    server, timing,
+    dpm, server, timing,
 };
 use modbus_core::tcp as core_tcp;
 use rmodbus::client::ModbusRequest;
@@ -37,6 +38,8 @@ pub const LINK: Link = Link {
         row("– tokio-modbus 0.17, its codec being private", None, exchange_tokio_modbus),
         row("the server session: input, transmit", None, server_session),
         row("the telemetry block from its registers", None, telemetry),
+        row("a sample of the motion from a block", None, track),
+        row("DPM offsets of six axes for a period", None, offsets),
     ],
     budgets,
 };
@@ -286,4 +289,22 @@ fn budgets() -> Vec<Budget> {
         source: "Background Task, Table 2",
     };
     vec![row(230_400, Duration::from_millis(8)), row(460_800, Duration::from_millis(8))]
+}
+
+fn track(rounds: u64) {
+    let mut tracker = Tracker::new();
+    for counter in 0..rounds {
+        let quaternion = [0.9, 0.1, 0.2, 0.3 + (counter % 7) as f32 * 1e-4];
+        let block = TelemetryBlock { life_counter: counter as u32, quaternion, ..Default::default() };
+        black_box(tracker.push(black_box(&block)));
+    }
+}
+
+fn offsets(rounds: u64) {
+    let axis = Some(dpm::Axis { max_per_path: 1e9, ..dpm::Axis::new(0.001) });
+    let mut modifier = dpm::Modifier::new(dpm::Config::new([axis; 6])).expect("a good axis");
+    for _ in 0..rounds {
+        modifier.demand(Duration::ZERO, black_box([1.5, -2.5, 3.5, 0.1, -0.2, 0.3])).expect("numbers");
+        black_box(modifier.next_period(black_box(Duration::ZERO)));
+    }
 }

@@ -2,6 +2,7 @@
 //! A file a link.
 
 mod fanuc_hmi_modbus;
+mod fanuc_ls;
 mod isra_ball;
 mod kawasaki_msg;
 mod laser_eb90;
@@ -11,6 +12,7 @@ mod val2_alter;
 fn main() {
     benches::main(&[
         fanuc_hmi_modbus::LINK,
+        fanuc_ls::LINK,
         isra_ball::LINK,
         kawasaki_msg::LINK,
         laser_eb90::LINK,

@@ -1,0 +1,37 @@
+use std::hint::black_box;
+
+use benches::{Budget, Count, Link};
+use fanuc_ls::{Arm, Kinematics, Program, Rules};
+
+const TEXT: &str = include_str!("../../../reference/ls/figure-4.canonical.ls");
+/// A const divides by it: the length as the table wants it.
+const BYTES: f64 = TEXT.len() as f64;
+
+pub const LINK: Link = Link {
+    name: "fanuc-ls",
+    counts: &[
+        Count { what: "read the source's listing", goal: None, units: BYTES, unit: "byte", run: read },
+        Count { what: "write it", goal: None, units: BYTES, unit: "byte", run: write },
+        Count { what: "forward kinematics", goal: None, units: 1.0, unit: "op", run: forward },
+    ],
+    budgets: || -> Vec<Budget> { Vec::new() },
+};
+
+fn read(rounds: u64) {
+    for _ in 0..rounds {
+        black_box(Program::decode(black_box(TEXT)).expect("the listing reads"));
+    }
+}
+
+fn write(rounds: u64) {
+    let program = Program::decode(TEXT).expect("the listing reads");
+    for _ in 0..rounds {
+        black_box(black_box(&program).to_text(&Rules::default()).expect("it can be written"));
+    }
+}
+
+fn forward(rounds: u64) {
+    for _ in 0..rounds {
+        black_box(Arm::LR_MATE_200ID.forward(black_box(&[10.0, 20.0, 30.0, 40.0, 50.0, 60.0])));
+    }
+}

@@ -169,7 +169,9 @@ proptest! {
         let got: Vec<_> = read::<RobotMessage>(Framing::DEFAULT, &stream, &[stream.len()])
             .into_iter().flatten().map(|received| received.message).collect();
         prop_assert_eq!(got.first(), Some(&messages[0]));
-        prop_assert_eq!(got.last(), Some(&messages[2]));
+        // An 8-bit sum lets some damage through: then there is a message that nobody sent.
+        let unseen = got.iter().any(|message| !messages.contains(message));
+        prop_assert!(unseen || got.last() == Some(&messages[2]), "{got:?}");
     }
 }
 
@@ -230,6 +232,38 @@ fn a_frame_behind_a_cut_one_is_recovered() {
     println!("{recovered} of {TRIALS} recovered, {wrong} wrong");
     assert!(recovered >= TRIALS * 999 / 1000, "{recovered} of {TRIALS} recovered");
     assert!(wrong <= TRIALS / 10_000, "{wrong} wrong frames in {TRIALS}");
+}
+
+/// A frame that is found inside a damaged one has passed only an 8-bit sum: it must also name known codes.
+#[test]
+fn a_second_reading_believes_only_known_codes() {
+    fn second<M: Message>(message: M) -> bool {
+        let frame = encoded(&message, Framing::DEFAULT);
+        let [alone] = read::<M>(Framing::DEFAULT, &frame, &[80])[..] else { panic!() };
+        assert_eq!(alone.map(|received| received.message), Ok(message));
+        // Cut off behind its third data byte, or its second.
+        let cut: &[u8] =
+            if M::MAX_DATA == 30 { b"\x10\x10\x02\x80\x02\x01" } else { b"\x10\x10\x02\x00\x01" };
+        let got = read::<M>(Framing::DEFAULT, &[cut, &frame].concat(), &[80]);
+        assert!(got[0].is_err());
+        got.iter().flatten().any(|received| received.message == message)
+    }
+    let motion = |status: u8| {
+        RobotMessage::Motion(Motion {
+            phase: MotionPhase::Running,
+            error: 0.into(),
+            segment_status: status.into(),
+            segment: 1,
+            percent: 2,
+            transform: None,
+        })
+    };
+    let start = |mode, marked| RobotMessage::Start(Start { marked, ..Start::new(Mode(mode), List::EMPTY) });
+    let reply = |exception: u8| HostMessage::Reply(Reply { exception: exception.into(), ..Reply::NOTHING });
+    assert_eq!([1, 13, 14, 0].map(|status| second(motion(status))), [true, true, false, false]);
+    assert_eq!([(31, true), (32, true)].map(|(mode, marked)| second(start(mode, marked))), [true, false]);
+    assert_eq!([0, 253, 254, 5].map(|exception| second(reply(exception))), [true, true, true, false]);
+    assert!(!start(23, false).is_plausible());
 }
 
 #[test]

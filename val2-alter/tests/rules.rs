@@ -111,6 +111,10 @@ fn words_are_millimetres_and_degrees() {
     assert_eq!((scale.millimetres(i16::MIN), scale.degrees(i16::MIN)), (-1024.0, -180.0));
     assert_eq!((scale.translation(-1024.0), scale.rotation(-180.0)), (Ok(i16::MIN), Ok(i16::MIN)));
     assert_eq!((scale.translation(0.5), scale.rotation(1.0)), (Ok(16), Ok(182)));
+    // To the nearest word, also at the end of the range.
+    assert_eq!([0.51, 0.52, -0.52].map(|mm| scale.translation(mm)), [Ok(16), Ok(17), Ok(-17)]);
+    assert_eq!(scale.translation(1023.98), Ok(32767));
+    assert_eq!(scale.translation(1023.99), Err(EncodeError::Range { found: 32768 }));
     assert_eq!(scale.rotation(180.0), Err(EncodeError::Range { found: 32768 }));
     assert_eq!(scale.translation(f64::NAN), Err(EncodeError::Range { found: i32::MAX }));
     assert_eq!(scale.translation(f64::NEG_INFINITY), Err(EncodeError::Range { found: i32::MIN }));

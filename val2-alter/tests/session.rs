@@ -203,11 +203,19 @@ fn a_damaged_start_message_is_asked_for_again() {
     // Enough: the controller has given up after its third attempt.
     host.handle_input(MS, damaged);
     assert_eq!(host.poll_transmit(MS, &mut out), None);
+    // Bytes outside any frame are no start message.
+    host.set_policy(Policy::Accept);
+    let mut other = Host::new(HostConfig::default());
+    other.handle_input(MS, b"noise\x10\x10\x02");
+    assert_eq!((other.stats().damaged, other.poll_transmit(MS, &mut out)), (1, None));
     // A good one begins anew.
     host.handle_input(MS, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
     assert_eq!(host.poll_transmit(MS, &mut out), Some(7));
     assert_eq!(&out[..7], b"\x10\x10\x02\x00\x10\x03\x00");
     assert_eq!(host.state(), HostState::Running);
+    host.handle_input(MS, b"\x10\x10\x02\xE0\x10\x03\xE0");
+    host.handle_input(MS, damaged);
+    assert_eq!(host.poll_transmit(MS, &mut out), Some(7));
 }
 
 #[test]
@@ -512,12 +520,12 @@ fn an_exception_that_was_not_read_is_sent_again() {
     );
     host.exception(Exception::OpenGripper).unwrap();
     let mut exceptions = Vec::new();
-    for bytes in [good, rejected, rejected, good, good] {
+    for bytes in [good, rejected, rejected, good, rejected] {
         let HostMessage::Reply(reply) = turn(&mut host, bytes) else { panic!() };
         exceptions.push(u8::from(reply.exception));
     }
     assert_eq!(exceptions, [254, 254, 254, 0, 0]);
-    assert_eq!(host.stats().rejected, 2);
+    assert_eq!(host.stats().rejected, 3);
 }
 
 #[test]
@@ -598,6 +606,149 @@ fn the_program_may_end_alter() {
     cell.cycles(2);
     assert_eq!(cell.sent.last().unwrap().1, b"\x10\x10\x02\xE0\x10\x03\xE0");
     assert_eq!(cell.host_events.last(), Some(&HostEvent::End(End { error: ErrorCode::None })));
+}
+
+#[test]
+fn a_new_start_begins_on_the_path_at_rest_and_without_a_target() {
+    let limits = Limits { velocity: [50; 6], acceleration: [20; 6] };
+    for mode in [Mode::NON_CUMULATIVE_22, Mode::CUMULATIVE_23] {
+        let (host, controller) = plain();
+        let mut cell = running(HostConfig { limits, ..host }, ControllerConfig { mode, ..controller });
+        cell.host.set_target(x(50));
+        cell.cycles(6);
+        assert_eq!(cell.host.values(), x(50));
+        cell.controller.finish();
+        cell.cycles(2);
+        let pose = cell.controller.pose();
+        cell.start();
+        cell.cycles(4);
+        assert_eq!((cell.host.state(), cell.host.values()), (HostState::Running, [0; 6]), "{mode:?}");
+        assert_eq!(cell.controller.pose(), pose, "{mode:?}");
+        cell.host.set_target(x(50));
+        cell.cycles(1);
+        assert_eq!(cell.host.values(), x(20), "{mode:?}");
+    }
+}
+
+#[test]
+fn an_offset_is_held_while_the_subroutine_runs() {
+    let limits = Limits { velocity: [50; 6], acceleration: [20; 6] };
+    let (host, controller) = plain();
+    let controller = ControllerConfig { mode: Mode::NON_CUMULATIVE_22, subroutine: true, ..controller };
+    let mut cell = running(HostConfig { limits, subroutine: true, ..host }, controller);
+    cell.host.set_target(x(300));
+    cell.cycles(8);
+    cell.host.exception(Exception::CloseGripper).unwrap();
+    cell.cycles(8);
+    assert_eq!((cell.host.state(), cell.host.values()), (HostState::Interrupted, x(300)));
+    assert_eq!(cell.controller.values(), x(300));
+}
+
+#[test]
+fn after_a_rejected_reply_all_six_values_are_sent() {
+    let config = HostConfig {
+        select: Select::Needed,
+        unselected: Unselected::Hold,
+        limits: Limits::NONE,
+        ..HostConfig::default()
+    };
+    let mut host = Host::new(config);
+    let mut out = [0; Frame::MAX_LEN];
+    host.handle_input(MS, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
+    host.poll_transmit(MS, &mut out).unwrap();
+    host.set_target(x(80));
+    let mut lengths = Vec::new();
+    for error in [0, 0, 1, 0] {
+        let frame = [0x10, 0x10, 0x02, 0x80 | error, 2, 1, 0, 0, 32, 0x10, 0x03, 0xA3 + error];
+        host.handle_input(MS, &frame);
+        lengths.push(host.poll_transmit(MS, &mut out).unwrap());
+    }
+    assert_eq!(lengths, [10, 8, 20, 8]);
+}
+
+#[test]
+fn a_late_controller_keeps_its_raster_and_every_window() {
+    let reply = b"\x10\x10\x02\x00\x00\x10\x03\x00";
+    let mut out = [0; Frame::MAX_LEN];
+    let mut sent = Vec::new();
+    let mut controller = in_first_cycle(ControllerConfig { mode: Mode(19), ..Default::default() });
+    // It is late by 3 ms, then by 20 ms.
+    for late in [3, 0, 20, 0, 0] {
+        controller.handle_input(controller.poll_timeout().unwrap() - MS, reply);
+        let now = controller.poll_timeout().unwrap() + MS * late;
+        controller.poll_transmit(now, &mut out).unwrap();
+        sent.push(now.as_micros() / 1000);
+    }
+    // 132 ms and a window of 15 ms behind 12 bytes are 150 ms: later than the raster, which goes on from there.
+    assert_eq!(sent, [59, 84, 132, 150, 178]);
+}
+
+#[test]
+fn the_controller_takes_the_first_good_reply_and_reports_the_first_damage() {
+    let mut out = [0; Frame::MAX_LEN];
+    let good = |value: u8| [0x10, 0x10, 0x02, 0, 1, value, 0, 0x10, 0x03, 1 + value];
+    let bad_sum = b"\x10\x10\x02\x00\x00\x10\x03\x01";
+    let bad_format = b"\x10\x10\x02\x00\x40\x10\x03\x40";
+
+    let mut controller = in_first_cycle(ControllerConfig::default());
+    controller.handle_input(CYCLE + 12 * MS, &[good(32), good(64)].concat());
+    assert_eq!((controller.values(), controller.stats().replies), (x(32), 1));
+    controller.poll_transmit(CYCLE * 2, &mut out).unwrap();
+    controller.handle_input(CYCLE * 2 + 12 * MS, &[bad_sum.as_slice(), bad_format].concat());
+    controller.poll_transmit(CYCLE * 3, &mut out).unwrap();
+    assert_eq!((out[3], controller.values()), (0x81, [0; 6]));
+    controller.handle_input(CYCLE * 3 + 12 * MS, &good(64));
+    controller.poll_transmit(CYCLE * 4, &mut out).unwrap();
+    assert_eq!((out[3], controller.values()), (0x80, x(64)));
+
+    // A gap breaks a reply off; the next one in the same window counts.
+    controller.handle_input(CYCLE * 4 + 11 * MS, b"\x10\x10\x02\x00\x01");
+    let whole = controller.clone();
+    for (gap, value) in [(5, 32), (1, 96)] {
+        let mut controller = whole.clone();
+        let rest = b"\x60\x00\x10\x03\x61\x10\x10\x02\x00\x01\x20\x00\x10\x03\x21";
+        controller.handle_input(CYCLE * 4 + (11 + gap) * MS, rest);
+        assert_eq!(controller.values(), x(value), "{gap} ms");
+    }
+
+    // The program ends ALTER in the window: what comes then moves nothing.
+    let mut controller = whole.clone();
+    let pose = controller.pose();
+    controller.finish();
+    controller.handle_input(CYCLE * 4 + 12 * MS, &good(96));
+    assert_eq!((controller.pose(), controller.values()), (pose, [0; 6]));
+    assert_eq!(controller.state(), ControllerState::Ending);
+}
+
+#[test]
+fn the_first_standard_message_knows_nothing_of_the_attempts() {
+    let mut controller = Controller::new(ControllerConfig::default());
+    let mut out = [0; Frame::MAX_LEN];
+    controller.start(Duration::ZERO).unwrap();
+    controller.poll_transmit(Duration::ZERO, &mut out).unwrap();
+    controller.poll_transmit(CYCLE, &mut out).unwrap();
+    assert_eq!(out[3], 0xA6);
+    controller.handle_input(CYCLE + 3 * MS, b"\x10\x10\x02\x00\x10\x03\x00");
+    controller.poll_transmit(CYCLE * 2, &mut out).unwrap();
+    assert_eq!(out[3], 0x80);
+}
+
+#[test]
+fn words_are_zero_at_first_in_every_start() {
+    let config = ControllerConfig { unselected: Unselected::Hold, ..Default::default() };
+    let mut controller = in_first_cycle(config);
+    let mut out = [0; Frame::MAX_LEN];
+    controller.handle_input(CYCLE + MS, b"\x10\x10\x02\x00\x01\x50\x00\x10\x03\x51");
+    assert_eq!(controller.values(), x(80));
+    controller.finish();
+    controller.poll_transmit(CYCLE * 2, &mut out).unwrap();
+    controller.start(CYCLE * 3).unwrap();
+    assert_eq!(controller.values(), [0; 6]);
+    controller.poll_transmit(CYCLE * 3, &mut out).unwrap();
+    controller.handle_input(CYCLE * 3 + MS, b"\x10\x10\x02\x00\x10\x03\x00");
+    controller.poll_transmit(CYCLE * 4, &mut out).unwrap();
+    controller.handle_input(CYCLE * 4 + MS, b"\x10\x10\x02\x00\x00\x10\x03\x00");
+    assert_eq!((controller.values(), controller.stats().replies), ([0; 6], 2));
 }
 
 #[test]

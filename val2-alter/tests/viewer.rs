@@ -118,6 +118,8 @@ fn a_pile_of_requests_is_answered_once_behind_a_restart() {
     let restart = 60_000 * MS;
     feed.restart(restart);
     assert_eq!(feed.poll_transmit(restart, &mut out), None);
+    let later = feed.clone().poll_transmit(restart + PoseFeed::INTERVAL, &mut out);
+    assert_eq!(later, None, "the pose of before is not sent");
     feed.set_pose(POSE);
     let mut answers = Vec::new();
     for step in 0..1000 {

@@ -27,8 +27,7 @@ impl Message for RobotMessage {
             STARTING => Start::decode(body, marked, error).map(Self::Start),
             RUNNING if marked => Motion::decode(body, MotionPhase::Running, error).map(Self::Motion),
             INTERRUPTED if marked => Motion::decode(body, MotionPhase::Interrupted, error).map(Self::Motion),
-            // The source gives only the control byte; what may follow it is nothing that a host needs.
-            ENDED if marked => Ok(Self::End(End { error })),
+            ENDED if marked => End::decode(body, error).map(Self::End),
             _ => Err(DecodeError::Control { offset: 0, found: control }),
         }
     }
@@ -232,6 +231,15 @@ impl End {
     /// The control byte as it is written.
     pub fn control(&self) -> u8 {
         MARK | ENDED | u8::from(self.error) & ERROR
+    }
+
+    /// The source gives only the control byte. It may stand in front of what a standard message has, which is nothing that a
+    /// host needs; any other length is a frame whose end mark was lost.
+    fn decode(body: &[u8], error: ErrorCode) -> Result<Self, DecodeError> {
+        match body.len() {
+            0 | 5 | 29 => Ok(Self { error }),
+            len => Err(DecodeError::Length { offset: 0, found: 1 + len }),
+        }
     }
 }
 

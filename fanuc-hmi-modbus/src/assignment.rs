@@ -389,6 +389,7 @@ mod tests {
         let rest = Assignment { address: 38, size: 16_347, ..Assignment::FACTORY };
         let [a, b, c] = Assignment::TELEMETRY;
         assert_eq!(check(&[a, b, c, rest]), Ok(()));
+        assert_eq!(check(&[rest, c, b, a]), Ok(()), "in any order");
         let touching = Assignment { address: 37, ..rest };
         assert_eq!(check(&[c, touching]), Err(AssignmentError::Overlap { first: 1, second: 2, address: 37 }));
         assert_eq!(check(&[rest; 81]), Err(AssignmentError::Slots { found: 81 }));

@@ -186,6 +186,26 @@ fn a_late_reply_is_dropped_and_told_and_shifts_nothing() {
 }
 
 #[test]
+fn a_transaction_that_may_still_be_answered_is_not_given_again() {
+    let mut client: Client<2> = Client::new(tcp(1));
+    let late = client.request(1, &read(0, 1)).unwrap();
+    assert_eq!(sent(&mut client, MS)[0][..2], [0, 1]);
+    client.handle_timeout(2000 * MS);
+    assert_eq!(all(&mut client), [Told::Failed(late, Failure::TimedOut)]);
+    for _ in 0..=u16::MAX {
+        client.request(1, &read(0, 1)).unwrap();
+        let out = sent(&mut client, 2000 * MS);
+        let transaction = u16::from_be_bytes([out[0][0], out[0][1]]);
+        assert_ne!(transaction, 1);
+        let reply = bytes(Some(transaction), 1, Reply::HoldingRegisters((&[7]).into()));
+        client.handle_input(2000 * MS, &reply);
+        assert!(matches!(all(&mut client)[..], [Told::Registers(..)]));
+    }
+    client.handle_input(3000 * MS, &bytes(Some(1), 1, Reply::HoldingRegisters((&[7]).into())));
+    assert_eq!(all(&mut client), [Told::Stray { function: 3, late: Some(late), mismatch: None }]);
+}
+
+#[test]
 fn a_reply_that_arrived_before_the_timeout_was_told_is_taken() {
     let mut client: Client = Client::new(tcp(1));
     let ticket = client.request(1, &read(0, 1)).unwrap();
@@ -216,7 +236,9 @@ fn several_requests_are_out_at_once_and_their_replies_may_change_places() {
 fn a_reply_of_another_unit_function_length_or_echo_is_refused() {
     let words = |n: usize| Reply::HoldingRegisters(Words::from(&[0; 9][..n]));
     let write = Request::WriteRegister { address: 1, value: 2 };
-    let cases: [(Request<'_>, u8, Reply<'_>, Mismatch); 5] = [
+    let coils = Request::WriteCoils { address: 1, values: (&[true, false]).into() };
+    let registers = Request::WriteRegisters { address: 1, values: (&[1, 2]).into() };
+    let cases: [(Request<'_>, u8, Reply<'_>, Mismatch); 12] = [
         (read(0, 2), 2, words(2), Mismatch::Unit { expected: 1, found: 2 }),
         (
             read(0, 2),
@@ -225,7 +247,29 @@ fn a_reply_of_another_unit_function_length_or_echo_is_refused() {
             Mismatch::Function { expected: 3, found: 4 },
         ),
         (read(0, 2), 1, words(3), Mismatch::Quantity { expected: 4, found: 6 }),
+        (
+            Request::ReadCoils { address: 0, quantity: 9 },
+            1,
+            Reply::Coils(Bits::from(&[true; 8])),
+            Mismatch::Quantity { expected: 2, found: 1 },
+        ),
         (write, 1, Reply::WriteRegister { address: 1, value: 3 }, Mismatch::Echo),
+        (write, 1, Reply::WriteRegister { address: 2, value: 2 }, Mismatch::Echo),
+        (
+            Request::WriteCoil { address: 1, value: true },
+            1,
+            Reply::WriteCoil { address: 1, value: false },
+            Mismatch::Echo,
+        ),
+        (coils, 1, Reply::WriteCoils { address: 1, quantity: 3 }, Mismatch::Echo),
+        (registers, 1, Reply::WriteRegisters { address: 2, quantity: 2 }, Mismatch::Echo),
+        (registers, 1, Reply::WriteRegisters { address: 1, quantity: 1 }, Mismatch::Echo),
+        (
+            Request::MaskWriteRegister { address: 1, and: 2, or: 3 },
+            1,
+            Reply::MaskWriteRegister { address: 1, and: 2, or: 4 },
+            Mismatch::Echo,
+        ),
         (
             read(0, 2),
             1,
@@ -412,6 +456,24 @@ fn what_cannot_be_served_gets_its_exception() {
         assert_eq!(answer(bank, pdu), reply, "{pdu:x?}");
     }
     assert_eq!(bank.writes, [], "a refused request changes nothing");
+    // Registers are never asked for what lies beyond 65535.
+    struct Everything;
+    impl Registers for Everything {
+        fn read_holding_registers(&mut self, _: u16, _: &mut WordsMut<'_>) -> Result<(), Exception> {
+            Ok(())
+        }
+        fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+            panic!("{address} {values:?}")
+        }
+    }
+    let mut out = [0; limit::PDU];
+    for pdu in
+        [&[23, 0, 0, 0, 1, 0xFF, 0xFF, 0, 2, 4, 0, 0, 0, 0][..], &[16, 0xFF, 0xFF, 0, 2, 4, 0, 0, 0, 0]]
+    {
+        assert_eq!(serve(pdu, &mut Everything, &mut out), 2);
+        assert_eq!(out[..2], [pdu[0] | function::EXCEPTION, 2]);
+    }
+    assert_eq!(serve(&[3, 0xFF, 0xFF, 0, 1], &mut Everything, &mut out), 4, "the last address is one");
     struct Nothing;
     impl Registers for Nothing {}
     for code in [1, 2, 3, 4, 5, 6, 22] {

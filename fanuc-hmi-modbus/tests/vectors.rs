@@ -189,6 +189,23 @@ fn damage_is_known_at_once() {
 }
 
 #[test]
+fn two_silences_may_come_before_the_frames_are_drained() {
+    let mut frame = vec![1, 65, 7];
+    frame.extend(fanuc_hmi_modbus::crc::crc16(&frame).to_le_bytes());
+    let mut decoder = Decoder::new(Framing::RTU_OVER_TCP, Side::Client);
+    decoder.push(&[0x55]);
+    decoder.finish();
+    decoder.push(&frame);
+    assert_eq!(decoder.pending(), 6);
+    decoder.finish();
+    let cut = DecodeError::Cut { expected: 4, found: 1 };
+    assert_eq!(decoder.next_frame(), Some(Err(cut)));
+    assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, [65, 7]);
+    assert_eq!(decoder.next_frame(), None);
+    assert_eq!(decoder.pending(), 0);
+}
+
+#[test]
 fn an_endless_stream_of_noise_is_tiled_by_errors() {
     for (framing, byte) in [(Framing::Tcp, 0xFF), (Framing::RTU_OVER_TCP, 0x10)] {
         let noise = vec![byte; 5000];

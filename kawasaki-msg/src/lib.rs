@@ -1,10 +1,12 @@
-//! The text messages between a Kawasaki robot and a PC.
+#![doc = include_str!("../README.md")]
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(test)]
+#[cfg(any(test, feature = "tokio"))]
 extern crate std;
 
+#[cfg(feature = "tokio")]
+mod codec;
 mod decoder;
 mod dialect;
 mod error;
@@ -22,6 +24,8 @@ mod statistics;
 pub mod timing;
 mod value;
 
+#[cfg(feature = "tokio")]
+pub use codec::{Codec, Frame};
 pub use decoder::Decoder;
 pub use dialect::{Dialect, Entry, Field, Params, Role};
 pub use error::{ConfigError, DecodeError, EncodeError, MessageError, Name, SessionError};

@@ -288,3 +288,39 @@ proptest! {
         prop_assert_eq!(queue_of("Tyo", &answer), queue_of("TyoYleisesti", &answer));
     }
 }
+
+/// A transport of tokio's gives the same messages and the same damage, and writes what was read.
+#[test]
+fn the_codec_reads_and_writes_the_stream() {
+    use kawasaki_msg::Codec;
+    use tokio_util::codec::{Decoder as _, Encoder as _};
+    let stream = b"<TilausAlkaa$4#50$1#>roskaa<X$2#1#><Huuhaa$ 0##><Til";
+    let mut codec = Codec::new(Charset::Ascii);
+    let (mut said, mut src, mut written) = (Vec::new(), BytesMut::new(), BytesMut::new());
+    for byte in stream {
+        src.put_u8(*byte);
+        while let Some(item) = codec.decode(&mut src).unwrap() {
+            said.push(item);
+        }
+    }
+    while let Some(item) = codec.decode_eof(&mut src).unwrap() {
+        said.push(item);
+    }
+    let messages: Vec<_> = said.iter().flatten().collect();
+    for frame in &messages {
+        codec.encode(&frame.message(), &mut written).unwrap();
+    }
+    assert_eq!(&written[..], b"<TilausAlkaa$4#50$1#><Huuhaa$0##>");
+    assert_eq!(messages[0].as_bytes(), b"<TilausAlkaa$4#50$1#>");
+    let errors: Vec<_> = said.iter().filter_map(|item| item.as_ref().err()).collect();
+    assert_eq!(
+        errors,
+        [
+            &DecodeError::Garbage { offset: 21, length: 6 },
+            &DecodeError::Length { offset: 32, expected: 2, found: 1 },
+            &DecodeError::Incomplete { offset: 48, found: 4 },
+        ]
+    );
+    let bad = Message::new("a$b", &[]);
+    assert!(codec.encode(&bad, &mut written).is_err());
+}

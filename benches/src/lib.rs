@@ -131,7 +131,8 @@ fn collect(link: &str, row: usize, rounds: u64) -> i64 {
     collected.1.trim().parse().expect("a number of instructions")
 }
 
-fn table<const N: usize>(head: [&str; N]) -> Table {
+/// An empty table with this head.
+pub fn table<const N: usize>(head: [&str; N]) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(head);
     table

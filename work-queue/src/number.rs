@@ -1,14 +1,12 @@
 //! The numbers of jobs: 1 to the highest, then 1 again. The queue's own rule, so that both ends of a link count alike.
 
-use core::num::NonZeroU16;
-
 use crate::error::{ConfigError, NumberError};
 
-const FIRST: NonZeroU16 = NonZeroU16::MIN;
+const FIRST: u16 = 1;
 
 #[derive(Debug)]
 pub(crate) struct Numbering {
-    next: NonZeroU16,
+    next: u16,
     max: u16,
     /// Whether the number before 1 is the highest one, and not none at all.
     wrapped: bool,
@@ -26,35 +24,35 @@ impl Numbering {
 
     #[inline(always)]
     pub(crate) fn check(&self, found: u16) -> Result<(), NumberError> {
-        if found == self.next.get() { Ok(()) } else { Err(self.refuse(found)) }
+        if found == self.next { Ok(()) } else { Err(self.refuse(found)) }
     }
 
     #[cold]
+    #[inline(never)]
     fn refuse(&self, found: u16) -> NumberError {
         match self.last() {
             Some(last) if last == found => NumberError::Repeated { number: found },
-            _ => NumberError::Unexpected { expected: self.next.get(), found },
+            _ => NumberError::Unexpected { expected: self.next, found },
         }
     }
 
     #[inline(always)]
     pub(crate) fn advance(&mut self) {
-        self.next = match self.next.checked_add(1) {
-            Some(next) if next.get() <= self.max => next,
-            _ => {
-                self.wrapped = true;
-                FIRST
-            }
-        };
+        if self.next < self.max {
+            self.next += 1;
+        } else {
+            self.next = FIRST;
+            self.wrapped = true;
+        }
     }
 
     #[inline(always)]
-    pub(crate) const fn next(&self) -> NonZeroU16 {
+    pub(crate) const fn next(&self) -> u16 {
         self.next
     }
 
     pub(crate) const fn last(&self) -> Option<u16> {
-        match self.next.get() {
+        match self.next {
             1 if self.wrapped => Some(self.max),
             1 => None,
             next => Some(next - 1),

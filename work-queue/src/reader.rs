@@ -85,7 +85,7 @@ impl<T> Taken<'_, T> {
     /// The number of the job: `1..=max_number`.
     #[inline]
     pub fn number(&self) -> u16 {
-        self.held.number().get()
+        self.held.number()
     }
 
     /// The job was executed: frees its slot and returns what was in it.
@@ -119,7 +119,7 @@ impl<'a, T> Iterator for Iter<'a, T> {
     type Item = (u16, &'a T);
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.waiting.next().map(|(_, number, job)| (number.get(), job))
+        self.waiting.next().map(|(_, number, job)| (number, job))
     }
 }
 

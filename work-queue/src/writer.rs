@@ -58,7 +58,7 @@ impl<T> Writer<'_, T> {
 
     /// The number that the next job must have: `1..=max_number`.
     pub fn next_number(&self) -> u16 {
-        self.numbering.next().get()
+        self.numbering.next()
     }
 
     /// The number of the job queued last; `None` before the first, never 0.
@@ -116,7 +116,7 @@ pub struct Claim<'a, T> {
 impl<T> Claim<'_, T> {
     /// The number that the job must have.
     pub fn number(&self) -> u16 {
-        self.numbering.next().get()
+        self.numbering.next()
     }
 
     /// Queues `job`.
@@ -154,7 +154,7 @@ impl<T> Claim<'_, T> {
         let number = self.numbering.next();
         self.slot.fill(number, job);
         self.numbering.advance();
-        number.get()
+        number
     }
 }
 

@@ -8,6 +8,7 @@ mod kawasaki_msg;
 mod laser_eb90;
 mod mmacell_proto;
 mod val2_alter;
+mod work_queue;
 
 fn main() {
     benches::main(&[
@@ -18,5 +19,6 @@ fn main() {
         laser_eb90::LINK,
         mmacell_proto::LINK,
         val2_alter::LINK,
+        work_queue::LINK,
     ]);
 }

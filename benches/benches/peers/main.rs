@@ -1,0 +1,18 @@
+//! `cargo bench -p benches --bench peers [-- NAME]`: races against other crates that do the same work. A file a subject.
+//!
+//! Times are told as ratios within one run: contenders take turns, their order rotates, and medians are compared.
+
+mod queue;
+
+fn main() {
+    let filter = std::env::args().skip(1).find(|argument| !argument.starts_with("--")).unwrap_or_default();
+    let subjects: [(&str, fn()); 1] = [("queue", queue::race)];
+    let chosen: Vec<_> = subjects.iter().filter(|(name, _)| name.contains(&filter)).collect();
+    if chosen.is_empty() {
+        eprintln!("nothing is called {filter:?}; there are {:?}", subjects.map(|(name, _)| name));
+        std::process::exit(2);
+    }
+    for (_, race) in chosen {
+        race();
+    }
+}

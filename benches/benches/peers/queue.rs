@@ -1,0 +1,384 @@
+//! The queue against other rings of one writer and one reader.
+//!
+//! Both threads are pinned. Before each sample of two threads a cache line is sent to and fro: if that is much faster than on
+//! the slowest half of these probes, the two processors were hyper-threads of one core, and the sample is discarded.
+
+use std::hint::{black_box, spin_loop};
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread;
+use std::time::Instant;
+
+use benches::table;
+use core_affinity::CoreId;
+use ringbuf::traits::{Consumer as _, Producer as _, Split as _};
+
+const ROUNDS: usize = 31;
+const ROUND_TRIPS: u64 = 20_000;
+const STREAMED: u64 = 200_000;
+const PAIRS: u64 = 200_000;
+
+/// One end fills what `job` makes, and says whether there was space.
+trait Write<T>: Send + 'static {
+    fn write(&mut self, job: impl FnOnce() -> T) -> bool;
+
+    /// What is done before the next try when there was no space.
+    fn wait(&mut self) {
+        spin_loop();
+    }
+}
+
+/// The other end executes the oldest job, and says whether there was one.
+trait Read<T>: Send + 'static {
+    fn read(&mut self, execute: impl FnOnce(&T)) -> bool;
+}
+
+impl<T: Send + 'static> Write<T> for robot_work_queue::Writer<'static, T> {
+    fn write(&mut self, job: impl FnOnce() -> T) -> bool {
+        let Ok(claim) = self.claim() else { return false };
+        let number = claim.number();
+        claim.commit_with(number, job).is_ok()
+    }
+}
+
+impl<T: Send + 'static> Read<T> for robot_work_queue::Reader<'static, T> {
+    fn read(&mut self, execute: impl FnOnce(&T)) -> bool {
+        let Some(job) = self.take() else { return false };
+        execute(&job);
+        job.complete();
+        true
+    }
+}
+
+/// The same, but when it was full it fills again when half of it has drained, as a task should.
+struct LowWater<T: 'static>(robot_work_queue::Writer<'static, T>);
+
+impl<T: Send + 'static> Write<T> for LowWater<T> {
+    fn write(&mut self, job: impl FnOnce() -> T) -> bool {
+        self.0.write(job)
+    }
+
+    fn wait(&mut self) {
+        while !self.0.drained(self.0.capacity() / 2) {
+            for _ in 0..20 {
+                spin_loop();
+            }
+        }
+    }
+}
+
+impl<T: Send + 'static> Write<T> for rtrb::Producer<T> {
+    fn write(&mut self, job: impl FnOnce() -> T) -> bool {
+        !self.is_full() && self.push(job()).is_ok()
+    }
+}
+
+impl<T: Send + 'static> Read<T> for rtrb::Consumer<T> {
+    fn read(&mut self, execute: impl FnOnce(&T)) -> bool {
+        self.pop().map(|job| execute(&job)).is_ok()
+    }
+}
+
+impl<T: Send + 'static> Write<T> for ringbuf::HeapProd<T> {
+    fn write(&mut self, job: impl FnOnce() -> T) -> bool {
+        self.try_push(job()).is_ok()
+    }
+}
+
+impl<T: Send + 'static> Read<T> for ringbuf::HeapCons<T> {
+    fn read(&mut self, execute: impl FnOnce(&T)) -> bool {
+        self.try_pop().map(|job| execute(&job)).is_some()
+    }
+}
+
+impl<T: Send + 'static> Write<T> for heapless::spsc::Producer<'static, T> {
+    fn write(&mut self, job: impl FnOnce() -> T) -> bool {
+        self.enqueue(job()).is_ok()
+    }
+}
+
+impl<T: Send + 'static> Read<T> for heapless::spsc::Consumer<'static, T> {
+    fn read(&mut self, execute: impl FnOnce(&T)) -> bool {
+        self.dequeue().map(|job| execute(&job)).is_some()
+    }
+}
+
+impl<T: Send + 'static> Write<T> for Arc<crossbeam_queue::ArrayQueue<T>> {
+    fn write(&mut self, job: impl FnOnce() -> T) -> bool {
+        self.push(job()).is_ok()
+    }
+}
+
+impl<T: Send + 'static> Read<T> for Arc<crossbeam_queue::ArrayQueue<T>> {
+    fn read(&mut self, execute: impl FnOnce(&T)) -> bool {
+        self.pop().map(|job| execute(&job)).is_some()
+    }
+}
+
+impl<T: Send + 'static> Write<T> for gil::spsc::Sender<T> {
+    fn write(&mut self, job: impl FnOnce() -> T) -> bool {
+        self.try_send(job()).is_ok()
+    }
+}
+
+impl<T: Send + 'static> Read<T> for gil::spsc::Receiver<T> {
+    fn read(&mut self, execute: impl FnOnce(&T)) -> bool {
+        self.try_recv().map(|job| execute(&job)).is_some()
+    }
+}
+
+impl<T: Send + 'static> Write<T> for nexus_queue::spsc::Producer<T> {
+    fn write(&mut self, job: impl FnOnce() -> T) -> bool {
+        self.push(job()).is_ok()
+    }
+}
+
+impl<T: Send + 'static> Read<T> for nexus_queue::spsc::Consumer<T> {
+    fn read(&mut self, execute: impl FnOnce(&T)) -> bool {
+        self.pop().map(|job| execute(&job)).is_some()
+    }
+}
+
+/// What is passed: made from its number, and checked by what it says.
+trait Job: Copy + Send + 'static {
+    fn make(n: u64) -> Self;
+    fn sum(&self) -> u64;
+}
+
+impl Job for u64 {
+    fn make(n: u64) -> Self {
+        n
+    }
+
+    fn sum(&self) -> u64 {
+        *self
+    }
+}
+
+impl<const WORDS: usize> Job for [u64; WORDS] {
+    fn make(n: u64) -> Self {
+        std::array::from_fn(|word| n + word as u64)
+    }
+
+    fn sum(&self) -> u64 {
+        self.iter().fold(0, |sum, word| sum ^ word)
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Course {
+    /// Two threads, one job there and back.
+    RoundTrip,
+    /// Two threads, as fast as it goes.
+    Stream(usize),
+    /// One thread, one job in and out.
+    Pair,
+}
+
+const COURSES: [(Course, &str); 4] = [
+    (Course::RoundTrip, "round trip"),
+    (Course::Stream(64), "stream, capacity 64"),
+    (Course::Stream(1024), "stream, capacity 1024"),
+    (Course::Pair, "one thread"),
+];
+
+/// Nanoseconds for each job; `None` if the processors were not what they should be.
+type Sample = fn(Course, &Cores) -> Option<f64>;
+
+fn contenders<J: Job>() -> [(&'static str, Sample); 8] {
+    fn heapless<J: Job, const N: usize>()
+    -> (heapless::spsc::Producer<'static, J>, heapless::spsc::Consumer<'static, J>) {
+        Box::leak(Box::new(heapless::spsc::Queue::<J, N>::new())).split()
+    }
+    [
+        ("rtrb", |course, cores| sample::<J, _, _>(course, cores, rtrb::RingBuffer::new)),
+        ("robot-work-queue", |course, cores| {
+            sample::<J, _, _>(course, cores, |n| robot_work_queue::boxed(n, 9999).unwrap())
+        }),
+        ("– with low water", |course, cores| {
+            sample::<J, _, _>(course, cores, |n| {
+                let (writer, reader) = robot_work_queue::boxed(n, 9999).unwrap();
+                (LowWater(writer), reader)
+            })
+        }),
+        ("ringbuf", |course, cores| sample::<J, _, _>(course, cores, |n| ringbuf::HeapRb::new(n).split())),
+        ("heapless", |course, cores| match course {
+            Course::Stream(1024) => sample::<J, _, _>(course, cores, |_| heapless::<J, 1025>()),
+            _ => sample::<J, _, _>(course, cores, |_| heapless::<J, 65>()),
+        }),
+        ("crossbeam", |course, cores| {
+            sample::<J, _, _>(course, cores, |n| {
+                let queue = Arc::new(crossbeam_queue::ArrayQueue::new(n));
+                (queue.clone(), queue)
+            })
+        }),
+        ("gil", |course, cores| {
+            sample::<J, _, _>(course, cores, |n| gil::spsc::channel(NonZeroUsize::new(n).unwrap()))
+        }),
+        ("nexus-queue", |course, cores| sample::<J, _, _>(course, cores, nexus_queue::spsc::ring_buffer)),
+    ]
+}
+
+pub(crate) fn race() {
+    let Some(cores) = Cores::find() else {
+        println!("queue: no race, for there are not two processors");
+        return;
+    };
+    println!(
+        "queue: medians of {ROUNDS} rounds; a cache line there and back takes {:.0} ns (median)",
+        median(&mut (0..ROUNDS).map(|_| cores.cache_line()).collect::<Vec<_>>()).unwrap_or(f64::NAN)
+    );
+    race_of("u64", contenders::<u64>(), &cores);
+    race_of("56 bytes", contenders::<[u64; 7]>(), &cores);
+    race_of("64 bytes", contenders::<[u64; 8]>(), &cores);
+}
+
+fn race_of(job: &str, contenders: [(&str, Sample); 8], cores: &Cores) {
+    let mut samples = vec![vec![Vec::new(); COURSES.len()]; contenders.len()];
+    for round in 0..ROUNDS {
+        for turn in 0..contenders.len() {
+            let contender = (round + turn) % contenders.len();
+            for (course, samples) in COURSES.iter().zip(&mut samples[contender]) {
+                samples.extend(contenders[contender].1(course.0, cores));
+            }
+        }
+    }
+    let medians: Vec<Vec<Option<f64>>> =
+        samples.iter_mut().map(|courses| courses.iter_mut().map(|samples| median(samples)).collect()).collect();
+    let mut table = table([job, COURSES[0].1, COURSES[1].1, COURSES[2].1, COURSES[3].1]);
+    for ((name, _), times) in contenders.iter().zip(&medians) {
+        let cells = times.iter().zip(&medians[0]).map(|(time, rtrb)| match (time, rtrb) {
+            (Some(time), Some(rtrb)) => format!("{:.2} ({time:.1} ns)", time / rtrb),
+            _ => "–".into(),
+        });
+        table.add_row(std::iter::once((*name).to_owned()).chain(cells));
+    }
+    println!("{table}");
+}
+
+fn median(samples: &mut [f64]) -> Option<f64> {
+    samples.sort_by(f64::total_cmp);
+    samples.get(samples.len() / 2).copied()
+}
+
+fn sample<J: Job, W: Write<J>, R: Read<J>>(
+    course: Course,
+    cores: &Cores,
+    ring: impl Fn(usize) -> (W, R),
+) -> Option<f64> {
+    match course {
+        Course::RoundTrip => cores.are_two().then(|| round_trip(cores, ring(64), ring(64))),
+        Course::Stream(capacity) => cores.are_two().then(|| stream(cores, ring(capacity))),
+        Course::Pair => Some(pair(cores, ring(64))),
+    }
+}
+
+fn round_trip<J: Job, W: Write<J>, R: Read<J>>(cores: &Cores, there: (W, R), back: (W, R)) -> f64 {
+    let (mut ping, mut there) = there;
+    let (mut pong, mut back) = back;
+    let echo = cores.second(move || {
+        for n in 0..ROUND_TRIPS {
+            while !there.read(|job| assert_eq!(job.sum(), J::make(n).sum())) {
+                spin_loop();
+            }
+            pong.write(|| J::make(n));
+        }
+    });
+    let start = Instant::now();
+    for n in 0..ROUND_TRIPS {
+        ping.write(|| J::make(n));
+        while !back.read(|job| assert_eq!(job.sum(), J::make(n).sum())) {
+            spin_loop();
+        }
+    }
+    let time = start.elapsed();
+    echo.join().unwrap();
+    time.as_nanos() as f64 / ROUND_TRIPS as f64
+}
+
+fn stream<J: Job, W: Write<J>, R: Read<J>>(cores: &Cores, (mut writer, mut reader): (W, R)) -> f64 {
+    let start = Instant::now();
+    let writing = cores.second(move || {
+        for n in 0..STREAMED {
+            while !writer.write(|| J::make(n)) {
+                writer.wait();
+            }
+        }
+    });
+    for n in 0..STREAMED {
+        while !reader.read(|job| assert_eq!(job.sum(), J::make(n).sum())) {
+            spin_loop();
+        }
+    }
+    let time = start.elapsed();
+    writing.join().unwrap();
+    time.as_nanos() as f64 / STREAMED as f64
+}
+
+fn pair<J: Job, W: Write<J>, R: Read<J>>(_: &Cores, (mut writer, mut reader): (W, R)) -> f64 {
+    let start = Instant::now();
+    for n in 0..PAIRS {
+        let n = black_box(n);
+        assert!(black_box(&mut writer).write(|| J::make(n)));
+        assert!(black_box(&mut reader).read(|job| {
+            black_box(job.sum());
+        }));
+    }
+    start.elapsed().as_nanos() as f64 / PAIRS as f64
+}
+
+/// Two processors; this thread is on the first.
+struct Cores {
+    second: CoreId,
+    /// Nanoseconds of a cache line's way there and back, below which the two are no two cores.
+    least: f64,
+}
+
+impl Cores {
+    fn find() -> Option<Self> {
+        let ids = core_affinity::get_core_ids()?;
+        let (&first, &second) = (ids.first()?, ids.get(1)?);
+        core_affinity::set_for_current(first);
+        let mut cores = Cores { second, least: 0.0 };
+        let mut probes: Vec<f64> = (0..ROUNDS).map(|_| cores.cache_line()).collect();
+        cores.least = median(&mut probes)? / 2.0;
+        Some(cores)
+    }
+
+    fn second<R: Send + 'static>(&self, run: impl FnOnce() -> R + Send + 'static) -> thread::JoinHandle<R> {
+        let core = self.second;
+        thread::spawn(move || {
+            core_affinity::set_for_current(core);
+            run()
+        })
+    }
+
+    fn are_two(&self) -> bool {
+        self.cache_line() >= self.least
+    }
+
+    fn cache_line(&self) -> f64 {
+        const TURNS: u64 = 2_000;
+        let ball = Arc::new(AtomicU64::new(0));
+        let wall = ball.clone();
+        let echo = self.second(move || {
+            for turn in 0..TURNS {
+                while wall.load(Ordering::Acquire) != 2 * turn + 1 {
+                    spin_loop();
+                }
+                wall.store(2 * turn + 2, Ordering::Release);
+            }
+        });
+        let start = Instant::now();
+        for turn in 0..TURNS {
+            ball.store(2 * turn + 1, Ordering::Release);
+            while ball.load(Ordering::Acquire) != 2 * turn + 2 {
+                spin_loop();
+            }
+        }
+        let time = start.elapsed();
+        echo.join().unwrap();
+        time.as_nanos() as f64 / TURNS as f64
+    }
+}

@@ -1,0 +1,229 @@
+use core::fmt;
+
+use super::{Hold, Ring, Slot};
+use crate::position::{Position, Stamp};
+
+/// The end that takes jobs and completes them.
+pub(crate) struct ReadEnd<T> {
+    pub(super) hold: Hold<T>,
+    front: Front,
+}
+
+/// Where the reader stands.
+#[derive(Debug)]
+struct Front {
+    head: Position,
+    /// How far the head moves on slot by slot: to the end of its lap, or nowhere if `ahead` is not 0.
+    plain_until: Position,
+    /// How many slots behind the head were completed out of order.
+    ahead: usize,
+}
+
+// SAFETY: the end receives jobs from another thread, and by 1 to 4 never touches one that the other end owns.
+unsafe impl<T: Send> Send for ReadEnd<T> {}
+
+impl<T> ReadEnd<T> {
+    pub(super) fn new(hold: Hold<T>, start: Position) -> Self {
+        let plain_until = start.end_of_lap(hold.ring().capacity());
+        ReadEnd { hold, front: Front { head: start, plain_until, ahead: 0 } }
+    }
+
+    /// The oldest job.
+    #[inline(always)]
+    pub(crate) fn take(&mut self) -> Option<Held<'_, T>> {
+        self.obey_watermark();
+        let (ring, front) = (self.hold.ring(), &mut self.front);
+        let position = front.head;
+        // SAFETY: a head is the position of a slot.
+        let slot = unsafe { ring.slot(position) };
+        match slot.observe(position) {
+            Stamp::Job(number) => Some(Held { ring, front, position, number, is_oldest: true }),
+            _ => None, // by 5 it is free
+        }
+    }
+
+    /// The oldest job that is `wanted`.
+    pub(crate) fn find(&mut self, mut wanted: impl FnMut(u16, &T) -> bool) -> Option<Held<'_, T>> {
+        self.obey_watermark();
+        let (ring, front) = (self.hold.ring(), &mut self.front);
+        let mut waiting = front.waiting(ring);
+        let (position, number) = loop {
+            let (position, number, job) = waiting.next()?;
+            if wanted(number, job) {
+                break (position, number);
+            }
+        };
+        let is_oldest = position == front.head;
+        Some(Held { ring, front, position, number, is_oldest })
+    }
+
+    /// The jobs that were not completed yet, oldest first; those that a reset discards are not among them.
+    pub(crate) fn waiting(&self) -> Waiting<'_, T> {
+        self.front.waiting(self.hold.ring())
+    }
+
+    pub(crate) fn capacity(&self) -> usize {
+        self.hold.ring().capacity()
+    }
+
+    pub(crate) fn is_abandoned(&self) -> bool {
+        self.hold.is_abandoned()
+    }
+
+    #[inline(always)]
+    fn obey_watermark(&mut self) {
+        let watermark = self.hold.ring().watermark();
+        if self.front.head.is_before(watermark) {
+            self.discard_before(watermark);
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn discard_before(&mut self, watermark: Position) {
+        self.front.discard_before(watermark, self.hold.ring());
+    }
+}
+
+impl Front {
+    fn waiting<'a, T>(&self, ring: &'a Ring<[Slot<T>]>) -> Waiting<'a, T> {
+        let watermark = ring.watermark();
+        let position = if self.head.is_before(watermark) { watermark } else { self.head };
+        Waiting { ring, position, end: self.head.lap_after() }
+    }
+
+    /// The acquire load of the watermark has taken over every slot before it: their stamps need no ordering of their own.
+    fn discard_before<T>(&mut self, watermark: Position, ring: &Ring<[Slot<T>]>) {
+        while self.head.is_before(watermark) {
+            // SAFETY: a head is the position of a slot.
+            let slot = unsafe { ring.slot(self.head) };
+            match slot.look_again(self.head) {
+                Stamp::Job(_) => {
+                    // SAFETY: by 1 and 6 the slot is ours and its job initialised; the head moves over it.
+                    let job = unsafe { slot.move_out() };
+                    self.move_head(ring);
+                    drop(job); // last: should it panic, it has been dropped once and the queue goes on
+                }
+                Stamp::Completed => {
+                    self.ahead -= 1;
+                    self.move_head(ring);
+                }
+                Stamp::Free => return,
+            }
+        }
+    }
+
+    /// Gives the slot at the head, and those behind it that were completed before, back to the writer.
+    #[inline(always)]
+    fn move_head<T>(&mut self, ring: &Ring<[Slot<T>]>) {
+        let next = self.head.step();
+        if next.is_in_lap_before(self.plain_until) {
+            self.head = next;
+        } else {
+            self.begin_lap_or_pass_completed(ring);
+        }
+        ring.set_head(self.head);
+    }
+
+    #[inline]
+    fn begin_lap_or_pass_completed<T>(&mut self, ring: &Ring<[Slot<T>]>) {
+        self.head = self.head.next(ring.capacity());
+        while self.ahead > 0 {
+            // SAFETY: a head is the position of a slot.
+            let slot = unsafe { ring.slot(self.head) };
+            if slot.look_again(self.head) != Stamp::Completed {
+                break;
+            }
+            self.ahead -= 1;
+            self.head = self.head.next(ring.capacity());
+        }
+        self.plain_until =
+            if self.ahead == 0 { self.head.end_of_lap(ring.capacity()) } else { Position::NOWHERE };
+    }
+}
+
+/// A job that is being executed. Dropped, it waits as before.
+pub(crate) struct Held<'a, T> {
+    ring: &'a Ring<[Slot<T>]>,
+    front: &'a mut Front,
+    position: Position,
+    number: u16,
+    /// Whether `position` is the head.
+    is_oldest: bool,
+}
+
+// SAFETY: as for the end, of which it is a part.
+unsafe impl<T: Send> Send for Held<'_, T> {}
+
+impl<T> Held<'_, T> {
+    #[inline(always)]
+    pub(crate) fn job(&self) -> &T {
+        // SAFETY: the stamp had this lap, so by 1 the slot is ours and holds a job, and only `complete`, which takes `self`,
+        // moves it out.
+        self.slot().job.with(|job| unsafe { (*job).assume_init_ref() })
+    }
+
+    #[inline(always)]
+    pub(crate) fn number(&self) -> u16 {
+        self.number
+    }
+
+    /// Moves the job out and frees its slot, for the writer as soon as all before it are free too.
+    #[inline(always)]
+    pub(crate) fn complete(self) -> T {
+        // SAFETY: as in `job`; below, the head moves over the slot or it is marked as completed.
+        let job = unsafe { self.slot().move_out() };
+        if self.is_oldest {
+            self.front.head = self.position; // it is already: now the compiler knows it too
+            self.front.move_head(self.ring);
+        } else {
+            self.slot().mark_completed(self.position);
+            self.front.ahead += 1;
+            self.front.plain_until = Position::NOWHERE;
+        }
+        job
+    }
+
+    #[inline(always)]
+    fn slot(&self) -> &Slot<T> {
+        // SAFETY: a job was found there.
+        unsafe { self.ring.slot(self.position) }
+    }
+}
+
+/// See [`ReadEnd::waiting`].
+pub(crate) struct Waiting<'a, T> {
+    ring: &'a Ring<[Slot<T>]>,
+    position: Position,
+    /// The head, one lap on.
+    end: Position,
+}
+
+impl<'a, T> Waiting<'a, T> {
+    pub(crate) fn next(&mut self) -> Option<(Position, u16, &'a T)> {
+        while self.position != self.end {
+            let position = self.position;
+            // SAFETY: it comes from a head or a watermark by `Position::next`.
+            let slot = unsafe { self.ring.slot(position) };
+            let stamp = slot.observe(position);
+            self.position = position.next(self.ring.capacity());
+            match stamp {
+                Stamp::Job(number) => {
+                    // SAFETY: the stamp has this lap, so by 1 the slot is the reader's and holds a job; moving it out takes
+                    // the end as `&mut`, which is borrowed here, or a `Held`, which there is not yet.
+                    let job = slot.job.with(|job| unsafe { (*job).assume_init_ref() });
+                    return Some((position, number, job));
+                }
+                Stamp::Completed => {}
+                Stamp::Free => return None,
+            }
+        }
+        None
+    }
+}
+
+impl<T> fmt::Debug for ReadEnd<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.front.fmt(f)
+    }
+}

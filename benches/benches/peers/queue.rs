@@ -5,8 +5,8 @@
 
 use std::hint::{black_box, spin_loop};
 use std::num::NonZeroUsize;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::Instant;
 
@@ -14,10 +14,10 @@ use benches::table;
 use core_affinity::CoreId;
 use ringbuf::traits::{Consumer as _, Producer as _, Split as _};
 
-const ROUNDS: usize = 31;
-const ROUND_TRIPS: u64 = 20_000;
-const STREAMED: u64 = 200_000;
-const PAIRS: u64 = 200_000;
+const ROUNDS: usize = 51;
+const ROUND_TRIPS: u64 = 5_000;
+const STREAMED: u64 = 50_000;
+const PAIRS: u64 = 50_000;
 
 /// One end fills what `job` makes, and says whether there was space.
 trait Write<T>: Send + 'static {
@@ -244,8 +244,10 @@ fn race_of(job: &str, contenders: [(&str, Sample); 8], cores: &Cores) {
             }
         }
     }
-    let medians: Vec<Vec<Option<f64>>> =
-        samples.iter_mut().map(|courses| courses.iter_mut().map(|samples| median(samples)).collect()).collect();
+    let medians: Vec<Vec<Option<f64>>> = samples
+        .iter_mut()
+        .map(|courses| courses.iter_mut().map(|samples| median(samples)).collect())
+        .collect();
     let mut table = table([job, COURSES[0].1, COURSES[1].1, COURSES[2].1, COURSES[3].1]);
     for ((name, _), times) in contenders.iter().zip(&medians) {
         let cells = times.iter().zip(&medians[0]).map(|(time, rtrb)| match (time, rtrb) {
@@ -298,7 +300,6 @@ fn round_trip<J: Job, W: Write<J>, R: Read<J>>(cores: &Cores, there: (W, R), bac
 }
 
 fn stream<J: Job, W: Write<J>, R: Read<J>>(cores: &Cores, (mut writer, mut reader): (W, R)) -> f64 {
-    let start = Instant::now();
     let writing = cores.second(move || {
         for n in 0..STREAMED {
             while !writer.write(|| J::make(n)) {
@@ -306,6 +307,7 @@ fn stream<J: Job, W: Write<J>, R: Read<J>>(cores: &Cores, (mut writer, mut reade
             }
         }
     });
+    let start = Instant::now();
     for n in 0..STREAMED {
         while !reader.read(|job| assert_eq!(job.sum(), J::make(n).sum())) {
             spin_loop();
@@ -346,12 +348,17 @@ impl Cores {
         Some(cores)
     }
 
+    /// Runs something on the other processor, and returns when it is about to begin.
     fn second<R: Send + 'static>(&self, run: impl FnOnce() -> R + Send + 'static) -> thread::JoinHandle<R> {
         let core = self.second;
-        thread::spawn(move || {
+        let (is_there, wait) = mpsc::channel();
+        let thread = thread::spawn(move || {
             core_affinity::set_for_current(core);
+            is_there.send(()).unwrap();
             run()
-        })
+        });
+        wait.recv().unwrap();
+        thread
     }
 
     fn are_two(&self) -> bool {

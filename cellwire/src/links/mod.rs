@@ -3,6 +3,7 @@
 pub mod fanuc_hmi_modbus;
 pub mod isra_ball;
 pub mod laser_eb90;
+pub mod mmacell_proto;
 pub mod val2_alter;
 
 use anyhow::{Result, bail};
@@ -26,6 +27,8 @@ pub enum Link {
     FanucHmiModbus,
     /// A laser machining robot, EB 90 frames; settings: the fields of its Profile, of the demo baud
     LaserEb90,
+    /// The MM&A micro-manipulation cell; settings: the fields of its Dialect, of the demo parts, speed
+    MmacellProto,
 }
 
 impl Link {
@@ -41,6 +44,7 @@ impl Link {
             Self::IsraBall => "isra-ball",
             Self::FanucHmiModbus => "fanuc-hmi-modbus",
             Self::LaserEb90 => "laser-eb90",
+            Self::MmacellProto => "mmacell-proto",
         }
     }
 
@@ -51,11 +55,12 @@ impl Link {
             Self::IsraBall => &["ball"],
             Self::FanucHmiModbus => &["client", "server"],
             Self::LaserEb90 => &["host", "controller"],
+            Self::MmacellProto => &["controller", "robot", "platform"],
         }
     }
 
     /// The side that sends, in a capture: the TCP client, or the server on this port.
-    pub fn sender(self, is_client: bool, _server_port: u16) -> &'static str {
+    pub fn sender(self, is_client: bool, server_port: u16) -> &'static str {
         match self {
             // Serial device servers listen: the robot is behind one.
             Self::Val2Alter | Self::LaserEb90 if is_client => "host",
@@ -64,6 +69,9 @@ impl Link {
             Self::IsraBall => "ball",
             Self::FanucHmiModbus if is_client => "client",
             Self::FanucHmiModbus => "server",
+            Self::MmacellProto if is_client => "controller",
+            Self::MmacellProto if server_port == ::mmacell_proto::port::PLATFORM => "platform",
+            Self::MmacellProto => "robot",
         }
     }
 
@@ -78,6 +86,7 @@ impl Link {
             Self::IsraBall => isra_ball::codec(options),
             Self::FanucHmiModbus => fanuc_hmi_modbus::codec(side, options),
             Self::LaserEb90 => laser_eb90::codec(options),
+            Self::MmacellProto => mmacell_proto::codec(side, options),
         }
     }
 
@@ -91,6 +100,7 @@ impl Link {
             Self::IsraBall => isra_ball::demo(options),
             Self::FanucHmiModbus => fanuc_hmi_modbus::demo(options),
             Self::LaserEb90 => laser_eb90::demo(options),
+            Self::MmacellProto => mmacell_proto::demo(options),
         }
     }
 
@@ -161,6 +171,10 @@ pub enum Device {
     Fanuc,
     /// The controller of a laser robot; settings: baud, queue, execution_ms, and the fields of its Profile
     Laser,
+    /// The robot of the MM&A cell; settings: speed, fail_every, mute_every, drop_every, the fields of its Dialect
+    MmaRobot,
+    /// The orientation platform of the MM&A cell; settings: those of mma-robot
+    MmaPlatform,
 }
 
 impl Device {
@@ -175,6 +189,8 @@ impl Device {
             Self::Ball => isra_ball::ball::simulate(options),
             Self::Fanuc => fanuc_hmi_modbus::simulate::simulate(options),
             Self::Laser => laser_eb90::controller::simulate(options),
+            Self::MmaRobot => mmacell_proto::simulate::robot(options),
+            Self::MmaPlatform => mmacell_proto::simulate::platform(options),
         }
     }
 }

@@ -1,0 +1,151 @@
+//! Simulated axes: straight from pose to pose, gently at both ends, as fast as the override says.
+
+use std::time::Duration;
+
+use mmacell_proto::{PlatformPose, Pose, RobotPose};
+
+/// A pose that axes can be moved to.
+pub trait Simulated: Pose + serde::Serialize + Send + 'static {
+    /// The pose after this share of the way, 0 to 1.
+    fn towards(self, to: Self, share: f64) -> Self;
+
+    /// How long the slowest axis takes at its highest speed, in seconds.
+    fn time_to(self, to: Self) -> f64;
+}
+
+impl Simulated for RobotPose {
+    fn towards(self, to: Self, share: f64) -> Self {
+        Self::from_units(blend(self.units(), to.units(), share))
+    }
+
+    /// 250 mm/s and 3 rad/s.
+    fn time_to(self, to: Self) -> f64 {
+        slowest(self.units(), to.units(), [250e3, 250e3, 250e3, 30e3])
+    }
+}
+
+impl Simulated for PlatformPose {
+    fn towards(self, to: Self, share: f64) -> Self {
+        Self::from_units(blend(self.units(), to.units(), share))
+    }
+
+    /// 1.5 rad/s.
+    fn time_to(self, to: Self) -> f64 {
+        slowest(self.units(), to.units(), [15e3; 2])
+    }
+}
+
+/// The axes of one device.
+#[derive(Debug, Clone)]
+pub struct Axes<P> {
+    from: P,
+    to: P,
+    /// How long the motion takes at 100 %, in seconds.
+    duration: f64,
+    /// How much of that time has passed, 0 to 1.
+    progress: f64,
+    percent: u8,
+    now: Duration,
+}
+
+impl<P: Simulated> Axes<P> {
+    /// Axes that stand here.
+    pub fn new(pose: P) -> Self {
+        Self { from: pose, to: pose, duration: 0.0, progress: 1.0, percent: 100, now: Duration::ZERO }
+    }
+
+    /// Begins to move, from wherever the axes are.
+    pub fn go(&mut self, now: Duration, to: P) {
+        self.advance(now);
+        (self.from, self.to, self.progress) = (self.pose(), to, 0.0);
+        // Gently at both ends: the highest speed is one and a half times the mean.
+        self.duration = 1.5 * self.from.time_to(to);
+    }
+
+    /// Stops where the axes are.
+    pub fn stop(&mut self, now: Duration) {
+        self.advance(now);
+        *self = Self { percent: self.percent, now, ..Self::new(self.pose()) };
+    }
+
+    /// Changes the speed, also of a motion that is going on.
+    pub fn set_override(&mut self, now: Duration, percent: u8) {
+        self.advance(now);
+        self.percent = percent;
+    }
+
+    /// Moves on to this time.
+    pub fn advance(&mut self, now: Duration) {
+        let passed = now.saturating_sub(self.now).as_secs_f64() * f64::from(self.percent) / 100.0;
+        self.now = self.now.max(now);
+        self.progress =
+            if self.duration > 0.0 { (self.progress + passed / self.duration).min(1.0) } else { 1.0 };
+    }
+
+    /// Where the axes are.
+    pub fn pose(&self) -> P {
+        let share = self.progress * self.progress * (3.0 - 2.0 * self.progress);
+        self.from.towards(self.to, share)
+    }
+
+    /// Whether they have arrived.
+    pub fn stand(&self) -> bool {
+        self.progress >= 1.0
+    }
+
+    /// How much of the motion's time has passed, 0 to 1.
+    pub fn progress(&self) -> f64 {
+        self.progress
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "between two values of this type")]
+fn blend<const N: usize>(mut from: [i32; N], to: [i32; N], share: f64) -> [i32; N] {
+    for (axis, to) in from.iter_mut().zip(to) {
+        *axis = (f64::from(*axis) + share * f64::from(to - *axis)).round() as i32;
+    }
+    from
+}
+
+fn slowest<const N: usize>(from: [i32; N], to: [i32; N], speeds: [f64; N]) -> f64 {
+    let ways = from.into_iter().zip(to).map(|(from, to)| f64::from(from.abs_diff(to)));
+    ways.zip(speeds).map(|(way, speed)| way / speed).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: Duration = Duration::from_secs(1);
+
+    #[test]
+    fn the_override_sets_the_pace_also_on_the_way() {
+        let mut axes = Axes::new(RobotPose::ORIGIN);
+        let to = RobotPose::from_mm_rad(500.0, -250.0, 0.0, 1.0);
+        axes.go(S, to);
+        axes.advance(S + S * 3 / 2);
+        assert_eq!(axes.pose(), RobotPose::from_mm_rad(250.0, -125.0, 0.0, 0.5), "half of 3 s");
+        axes.set_override(S + S * 3 / 2, 50);
+        axes.advance(S * 5);
+        assert!(!axes.stand());
+        axes.advance(S * 11 / 2);
+        assert!(axes.stand());
+        assert_eq!(axes.pose(), to);
+    }
+
+    #[test]
+    fn a_stop_holds_and_an_override_of_zero_stands_still() {
+        let mut axes = Axes::new(PlatformPose::ORIGIN);
+        axes.go(Duration::ZERO, PlatformPose::from_rad(1.5, 0.0));
+        axes.set_override(S / 2, 0);
+        let there = axes.pose();
+        axes.advance(S * 100);
+        assert_eq!(axes.pose(), there);
+        assert!(!axes.stand());
+        axes.stop(S * 100);
+        assert!(axes.stand());
+        axes.set_override(S * 100, 100);
+        axes.advance(S * 200);
+        assert_eq!(axes.pose(), there);
+    }
+}

@@ -1,0 +1,243 @@
+//! The picture of a run: what each device did, attempt after attempt, until there was a part of every fate.
+
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Result, anyhow};
+use mmacell_proto::task::Step;
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::cell::Cell;
+use super::central::Log;
+use super::workpiece::Outcome;
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+const SIZE: (i32, i32) = (1600, 575);
+const LEFT: i32 = 150;
+const RIGHT: i32 = 30;
+const TOP: i32 = 96;
+const LANE: i32 = 52;
+const LANES: i32 = 8;
+const BAR: i32 = 30;
+
+const INK: RGBColor = RGBColor(40, 44, 52);
+const FAINT: RGBColor = RGBColor(205, 210, 218);
+const STEP: RGBColor = RGBColor(128, 136, 148);
+const ROBOT: RGBColor = RGBColor(66, 113, 174);
+const TO_PART: RGBColor = RGBColor(38, 74, 128);
+const CARRY: RGBColor = RGBColor(46, 138, 120);
+const PLATFORM: RGBColor = RGBColor(126, 106, 176);
+const EYES: RGBColor = RGBColor(216, 150, 40);
+const AIR: RGBColor = RGBColor(120, 170, 210);
+const GOOD: RGBColor = RGBColor(58, 145, 84);
+const BAD: RGBColor = RGBColor(198, 66, 60);
+
+/// A bar in a lane.
+struct Span {
+    from: Duration,
+    to: Duration,
+    color: RGBColor,
+    label: &'static str,
+}
+
+/// Draws the run from its beginning until one part was placed, one missed and one lost, or as far as is readable.
+pub(super) fn draw(path: &Path, log: &Log, cell: &Cell) -> Result<()> {
+    let (from, to) =
+        window(log, cell).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
+    let root = SVGBackend::new(path, (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs())).into_drawing_area();
+    let picture = Picture { area: &root, from, to };
+    picture.draw(log, cell).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
+    root.present().map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))
+}
+
+/// Six attempts: the first in which one part is placed, one missed and one lost, if there are any.
+fn window(log: &Log, cell: &Cell) -> Option<(Duration, Duration)> {
+    const SHOWN: usize = 6;
+    let begins = log.steps.iter().filter(|(_, step)| *step == Step::GoCamera1).map(|(at, _)| *at);
+    let begins: Vec<Duration> = begins.chain([log.steps.last()?.0]).collect();
+    let mut windows =
+        begins.windows(SHOWN.min(begins.len() - 1) + 1).filter_map(|w| Some((*w.first()?, *w.last()?)));
+    let first = windows.clone().next()?;
+    let holds = |(from, to): &(Duration, Duration), fate: Outcome| {
+        cell.parts().record.outcomes.iter().any(|(at, outcome)| *outcome == fate && (from..=to).contains(&at))
+    };
+    let fates = [Outcome::Placed, Outcome::Missed, Outcome::Lost];
+    Some(windows.find(|window| fates.into_iter().all(|fate| holds(window, fate))).unwrap_or(first))
+}
+
+struct Picture<'a, 'b> {
+    area: &'a Area<'b>,
+    from: Duration,
+    to: Duration,
+}
+
+type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+
+impl Picture<'_, '_> {
+    fn draw(&self, log: &Log, cell: &Cell) -> Drawn {
+        let record = &cell.parts().record;
+        self.area.fill(&WHITE)?;
+        self.text((LEFT, 30), "Pick and place: what each device of the cell does", 22, INK, HPos::Left)?;
+        let legend =
+            "one attempt from line to line; a part that is missed or lost is tried again from step 7";
+        self.text((LEFT, 56), legend, 14, INK, HPos::Left)?;
+        self.attempts(log)?;
+        self.axis()?;
+        let lanes = [
+            ("Step", spans(log, numbers)),
+            ("Robot", spans(log, robot)),
+            ("Platform", platform(log)),
+            ("Cameras", spans(log, cameras)),
+            ("Vacuum", levels(&record.vacuum, self.to, AIR)),
+            ("Vacuum switch", levels(&record.switch, self.to, CARRY)),
+            ("Blow", levels(&record.blow, self.to, EYES)),
+        ];
+        for (row, (name, spans)) in lanes.iter().enumerate() {
+            self.lane(i32::try_from(row).unwrap_or_default(), name, spans)?;
+        }
+        self.outcomes(&record.outcomes)
+    }
+
+    fn attempts(&self, log: &Log) -> Drawn {
+        for (at, _) in log.steps.iter().filter(|(at, step)| *step == Step::GoCamera1 && self.shows(*at)) {
+            let x = self.x(*at);
+            self.area.draw(&PathElement::new([(x, TOP - 14), (x, TOP + LANES * LANE)], FAINT))?;
+        }
+        Ok(())
+    }
+
+    fn axis(&self) -> Drawn {
+        let bottom = TOP + LANES * LANE;
+        self.area.draw(&PathElement::new([(LEFT, bottom), (SIZE.0 - RIGHT, bottom)], INK))?;
+        let span = (self.to - self.from).as_secs_f64();
+        let every = [1u32, 2, 5, 10, 20, 50].into_iter().find(|every| span / f64::from(*every) <= 20.0);
+        let seconds =
+            (0u32..).map(|n| n * every.unwrap_or(100)).take_while(|second| f64::from(*second) <= span);
+        for second in seconds {
+            let x = self.x(self.from + Duration::from_secs(second.into()));
+            self.area.draw(&PathElement::new([(x, bottom), (x, bottom + 5)], INK))?;
+            self.text((x, bottom + 16), &format!("{second} s"), 13, INK, HPos::Center)?;
+        }
+        self.text(((LEFT + SIZE.0 - RIGHT) / 2, bottom + 38), "time of the cell", 14, INK, HPos::Center)
+    }
+
+    fn lane(&self, row: i32, name: &str, spans: &[Span]) -> Drawn {
+        let middle = TOP + row * LANE + LANE / 2;
+        self.text((LEFT - 14, middle), name, 15, INK, HPos::Right)?;
+        self.area.draw(&PathElement::new([(LEFT, middle), (SIZE.0 - RIGHT, middle)], FAINT))?;
+        for span in spans.iter().filter(|span| span.to > self.from && span.from < self.to) {
+            // A white line between neighbours.
+            let (left, right) = (self.x(span.from), (self.x(span.to) - 1).max(self.x(span.from) + 2));
+            let corners = [(left, middle - BAR / 2), (right, middle + BAR / 2)];
+            self.area.draw(&Rectangle::new(corners, span.color.filled()))?;
+            let width = i32::try_from(span.label.chars().count()).unwrap_or_default() * 6;
+            if width > 0 && width < right - left {
+                self.text(((left + right) / 2, middle), span.label, 12, WHITE, HPos::Center)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn outcomes(&self, outcomes: &[(Duration, Outcome)]) -> Drawn {
+        let middle = TOP + (LANES - 1) * LANE + LANE / 2;
+        self.text((LEFT - 14, middle), "The part is", 15, INK, HPos::Right)?;
+        for (at, outcome) in outcomes.iter().filter(|(at, _)| self.shows(*at)) {
+            let (color, label) = match outcome {
+                Outcome::Placed => (GOOD, "placed"),
+                Outcome::Missed => (BAD, "missed"),
+                Outcome::Lost => (BAD, "lost"),
+                Outcome::Dropped => (BAD, "dropped"),
+            };
+            let x = self.x(*at);
+            self.area.draw(&PathElement::new([(x, TOP), (x, middle - 8)], color.mix(0.45)))?;
+            self.area.draw(&Circle::new((x, middle), 6, color.filled()))?;
+            self.text((x - 12, middle), label, 14, color, HPos::Right)?;
+        }
+        Ok(())
+    }
+
+    fn text(&self, at: (i32, i32), text: &str, size: i32, color: RGBColor, side: HPos) -> Drawn {
+        let style = TextStyle::from(("sans-serif", size)).color(&color).pos(Pos::new(side, VPos::Center));
+        self.area.draw_text(text, &style, at)
+    }
+
+    fn shows(&self, at: Duration) -> bool {
+        (self.from..=self.to).contains(&at)
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "a coordinate within the picture")]
+    fn x(&self, at: Duration) -> i32 {
+        let share = at.clamp(self.from, self.to).saturating_sub(self.from).as_secs_f64();
+        let share = share / (self.to - self.from).as_secs_f64().max(1e-9);
+        LEFT + (share * f64::from(SIZE.0 - LEFT - RIGHT)) as i32
+    }
+}
+
+/// The spans of the steps that a device has something to do in; neighbours of one label are one.
+fn spans(log: &Log, of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
+    let mut spans: Vec<Span> = Vec::new();
+    for pair in log.steps.windows(2) {
+        let [(from, step), (to, _)] = pair else { continue };
+        let Some((color, label)) = of(*step) else { continue };
+        match spans.last_mut().filter(|last| last.to == *from && last.label == label) {
+            Some(last) => last.to = *to,
+            None => spans.push(Span { from: *from, to: *to, color, label }),
+        }
+    }
+    spans
+}
+
+/// The steps in groups that are long enough to be seen.
+fn numbers(step: Step) -> Option<(RGBColor, &'static str)> {
+    Some(match step.number()? {
+        ..=6 => (STEP, "1–6"),
+        7 | 8 => (STEP, "7–8"),
+        9 => (EYES, "9"),
+        10..=12 => (STEP, "10–12"),
+        13 => (EYES, "13"),
+        14..=16 => (STEP, "14–16"),
+        17 => (CARRY, "17"),
+        18 | 19 => (CARRY, "18–19"),
+        20 => (BAD, "20"),
+        _ => (GOOD, "21"),
+    })
+}
+
+fn robot(step: Step) -> Option<(RGBColor, &'static str)> {
+    Some(match step {
+        Step::GoHome | Step::AwaitHome | Step::Resetting => (ROBOT, "home"),
+        Step::GoCamera1 | Step::AwaitCamera1 => (ROBOT, "camera 1"),
+        Step::GoCamera2 | Step::AwaitCamera2 => (ROBOT, "camera 2"),
+        Step::GoPick | Step::VacuumOn | Step::AwaitPick => (TO_PART, "to part"),
+        Step::StopAtPart => (BAD, ""),
+        Step::GoPlace | Step::AwaitPlace => (CARRY, "to place"),
+        Step::GiveUp | Step::Faulted => (BAD, "stop"),
+        _ => return None,
+    })
+}
+
+fn cameras(step: Step) -> Option<(RGBColor, &'static str)> {
+    Some(match step {
+        Step::FindPart => (EYES, "1"),
+        Step::FindSlot => (EYES, "2"),
+        _ => return None,
+    })
+}
+
+/// The platform turns from step 10 on, and stands at the latest at the end of step 12.
+fn platform(log: &Log) -> Vec<Span> {
+    spans(log, |step| match step {
+        Step::GoHome | Step::AwaitHome | Step::Resetting => Some((PLATFORM, "home")),
+        Step::TurnPlatform | Step::GoCamera2 | Step::AwaitCamera2 => Some((PLATFORM, "turn")),
+        _ => None,
+    })
+}
+
+fn levels(changes: &[(Duration, bool)], end: Duration, color: RGBColor) -> Vec<Span> {
+    let ends = changes.iter().skip(1).map(|(at, _)| *at).chain([end]);
+    let on = changes.iter().zip(ends).filter(|((_, level), _)| *level);
+    on.map(|((from, _), to)| Span { from: *from, to, color, label: "" }).collect()
+}

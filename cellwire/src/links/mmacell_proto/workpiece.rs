@@ -1,0 +1,301 @@
+//! The parts of the simulated cell, and the vacuum that holds them: sometimes one is missed, sometimes one falls on the way.
+
+use std::time::Duration;
+
+use mmacell_proto::{BLOW, PlatformPose, RobotPose, VACUUM};
+
+/// How near the part the gripper has to come: it is soft, and is pressed on by so much at most.
+const CONTACT_UM: f64 = 8_000.0;
+/// How far from its place a part may be put down.
+const PLACE_UM: f64 = 10.0;
+/// How often a part is missed, and how often one falls.
+const MISSED: f64 = 0.08;
+const FALLS: f64 = 0.08;
+
+/// One part after the other: on the feeder, on the gripper, in its place.
+#[derive(Debug)]
+pub struct Workpieces {
+    rng: fastrand::Rng,
+    part: Part,
+    holds: Holds,
+    fate: Fate,
+    vacuum: bool,
+    blow: bool,
+    /// When the part fell whose vacuum is still on.
+    fell: Option<Duration>,
+    /// What happened, for the verdict and the picture.
+    pub record: Record,
+}
+
+/// What happened to the parts.
+#[derive(Debug, Default)]
+pub struct Record {
+    /// Parts put in their place and blown off the gripper.
+    pub placed: u64,
+    /// Attempts in which the part was not caught.
+    pub missed: u64,
+    /// Parts that fell on the way.
+    pub lost: u64,
+    /// Parts that were let go elsewhere than in their place: the task was stopped by a fault.
+    pub dropped: u64,
+    /// Parts that left their place again with the gripper, because nothing blew them off. Never, if step 21 is right.
+    pub carried_off: u64,
+    /// The longest time for which the vacuum was on without its part behind a fall, in cell time.
+    pub vacuum_after_fall: Duration,
+    /// Levels and their beginnings.
+    pub vacuum: Vec<(Duration, bool)>,
+    /// Levels and their beginnings.
+    pub blow: Vec<(Duration, bool)>,
+    /// Levels and their beginnings.
+    pub switch: Vec<(Duration, bool)>,
+    /// What became of each attempt, and when.
+    pub outcomes: Vec<(Duration, Outcome)>,
+}
+
+/// What became of an attempt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// In its place.
+    Placed,
+    /// Not caught.
+    Missed,
+    /// Fallen on the way.
+    Lost,
+    /// Let go because of a fault.
+    Dropped,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    platform: PlatformPose,
+    pick: RobotPose,
+    place: RobotPose,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Holds {
+    /// The part is on the feeder.
+    Nothing,
+    /// It is on the gripper.
+    Part,
+    /// It is in its place, and the gripper still sticks to it.
+    Sticks,
+}
+
+/// What an attempt is going to be like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fate {
+    Good,
+    Missed,
+    /// After this share of the way.
+    Falls(f64),
+}
+
+impl Workpieces {
+    /// Parts whose poses and fates follow from `seed`.
+    pub fn new(seed: u64) -> Self {
+        let mut rng = fastrand::Rng::with_seed(seed);
+        let part = Part::next(&mut rng, 0);
+        let (vacuum, blow, fell) = (false, false, None);
+        Self {
+            rng,
+            part,
+            holds: Holds::Nothing,
+            fate: Fate::Good,
+            vacuum,
+            blow,
+            fell,
+            record: Record::default(),
+        }
+    }
+
+    /// What camera 1 sees: the pose of the platform for this part, and where it lies.
+    pub fn part(&self) -> (PlatformPose, RobotPose) {
+        (self.part.platform, self.part.pick)
+    }
+
+    /// What camera 2 sees: where the part goes.
+    pub fn place(&self) -> RobotPose {
+        self.part.place
+    }
+
+    /// The vacuum switch: high when a part closes the gripper.
+    pub fn switch(&self) -> bool {
+        self.vacuum && self.holds != Holds::Nothing
+    }
+
+    /// Whether the vacuum is on.
+    pub fn vacuum(&self) -> bool {
+        self.vacuum
+    }
+
+    /// The gripper is here now.
+    pub fn move_to(&mut self, now: Duration, gripper: RobotPose) {
+        let (from_pick, from_place) = (distance(gripper, self.part.pick), distance(gripper, self.part.place));
+        match (self.holds, self.fate) {
+            (Holds::Nothing, Fate::Good | Fate::Falls(_))
+                if self.vacuum && self.fell.is_none() && from_pick <= CONTACT_UM =>
+            {
+                self.holds = Holds::Part;
+            }
+            (Holds::Part, Fate::Falls(share))
+                if from_pick >= share * distance(self.part.pick, self.part.place) =>
+            {
+                self.holds = Holds::Nothing;
+                self.record.lost += 1;
+                self.record.outcomes.push((now, Outcome::Lost));
+                self.fell = Some(now);
+            }
+            (Holds::Sticks, _) if from_place > PLACE_UM => {
+                self.holds = Holds::Nothing;
+                self.record.carried_off += 1;
+            }
+            _ => {}
+        }
+        if let Some(fell) = self.fell {
+            self.record.vacuum_after_fall = self.record.vacuum_after_fall.max(now.saturating_sub(fell));
+        }
+        self.note_switch(now);
+    }
+
+    /// A valve is set while the gripper is here.
+    pub fn set_valve(&mut self, now: Duration, valve: i32, open: bool, gripper: RobotPose) {
+        self.move_to(now, gripper);
+        match valve {
+            VACUUM if open && !self.vacuum => {
+                (self.vacuum, self.fell) = (true, None);
+                self.fate = match self.rng.f64() {
+                    chance if chance < MISSED => Fate::Missed,
+                    chance if chance < MISSED + FALLS => Fate::Falls(0.1 + 0.8 * self.rng.f64()),
+                    _ => Fate::Good,
+                };
+                self.record.vacuum.push((now, true));
+            }
+            VACUUM if !open && self.vacuum => {
+                self.vacuum = false;
+                self.let_go(now, gripper);
+                self.record.vacuum.push((now, false));
+            }
+            BLOW if open != self.blow => {
+                self.blow = open;
+                self.record.blow.push((now, open));
+                if open && self.holds == Holds::Sticks {
+                    self.holds = Holds::Nothing;
+                    self.record.placed += 1;
+                    self.record.outcomes.push((now, Outcome::Placed));
+                    self.part = Part::next(&mut self.rng, self.record.placed);
+                }
+            }
+            _ => {}
+        }
+        self.note_switch(now);
+    }
+
+    fn let_go(&mut self, now: Duration, gripper: RobotPose) {
+        if self.fell.take().is_some() {
+            return; // it lies on the feeder again
+        }
+        match self.holds {
+            Holds::Part if distance(gripper, self.part.place) <= PLACE_UM => self.holds = Holds::Sticks,
+            Holds::Part => {
+                self.holds = Holds::Nothing;
+                self.record.dropped += 1;
+                self.record.outcomes.push((now, Outcome::Dropped));
+            }
+            Holds::Nothing => {
+                self.record.missed += 1;
+                self.record.outcomes.push((now, Outcome::Missed));
+            }
+            Holds::Sticks => {}
+        }
+    }
+
+    fn note_switch(&mut self, now: Duration) {
+        let high = self.switch();
+        if self.record.switch.last().map_or(high, |(_, last)| *last != high) {
+            self.record.switch.push((now, high));
+        }
+    }
+}
+
+impl Part {
+    /// Anywhere on the feeder, for the next of 36 places on the fixture.
+    fn next(rng: &mut fastrand::Rng, number: u64) -> Self {
+        let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
+        let platform = PlatformPose::from_rad(between(-0.6, 0.6), between(-0.6, 0.6));
+        let pick =
+            RobotPose::from_mm_rad(between(-150.0, -90.0), between(-50.0, 50.0), 5.0, between(-1.5, 1.5));
+        #[expect(clippy::cast_precision_loss, reason = "0 to 5")]
+        let (column, row) = ((number % 6) as f64, (number / 6 % 6) as f64);
+        let place = RobotPose::from_mm_rad(100.0 + 10.0 * column, -30.0 + 12.0 * row, 8.0, 0.0);
+        Self { platform, pick, place }
+    }
+}
+
+/// How far two poses of the gripper are apart, in micrometres.
+fn distance(a: RobotPose, b: RobotPose) -> f64 {
+    let along = |a: mmacell_proto::Length, b: mmacell_proto::Length| f64::from(a.um() - b.um()).powi(2);
+    (along(a.x, b.x) + along(a.y, b.y) + along(a.z, b.z)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AT: fn(u64) -> Duration = Duration::from_millis;
+
+    fn parts(fate: Fate) -> Workpieces {
+        let mut parts = Workpieces::new(1);
+        let pick = parts.part().1;
+        parts.set_valve(AT(1), VACUUM, true, RobotPose::ORIGIN);
+        parts.fate = fate;
+        parts.move_to(AT(2), pick);
+        parts
+    }
+
+    #[test]
+    fn a_part_is_placed_where_it_belongs_and_only_when_it_is_blown_off() {
+        let mut parts = parts(Fate::Good);
+        assert!(parts.switch());
+        let place = parts.place();
+        parts.move_to(AT(3), place);
+        parts.set_valve(AT(4), VACUUM, false, place);
+        assert_eq!((parts.switch(), parts.record.placed), (false, 0));
+        parts.set_valve(AT(5), BLOW, true, place);
+        assert_eq!(parts.record.placed, 1);
+        assert_ne!(parts.place(), place);
+    }
+
+    #[test]
+    fn a_part_that_nothing_blows_off_leaves_with_the_gripper() {
+        let mut parts = parts(Fate::Good);
+        let place = parts.place();
+        parts.set_valve(AT(4), VACUUM, false, place);
+        parts.move_to(AT(5), RobotPose::ORIGIN);
+        assert_eq!((parts.record.placed, parts.record.carried_off), (0, 1));
+    }
+
+    #[test]
+    fn a_part_falls_on_its_way_and_the_time_until_the_vacuum_is_off_is_known() {
+        let mut parts = parts(Fate::Falls(0.5));
+        let place = parts.place();
+        assert!(parts.switch());
+        parts.move_to(AT(10), place);
+        assert_eq!((parts.switch(), parts.vacuum(), parts.record.lost), (false, true, 1));
+        parts.set_valve(AT(30), VACUUM, false, place);
+        assert_eq!(parts.record.vacuum_after_fall, AT(20));
+        assert_eq!((parts.record.missed, parts.record.dropped), (0, 0));
+    }
+
+    #[test]
+    fn a_part_is_missed_or_dropped() {
+        let mut missed = parts(Fate::Missed);
+        assert!(!missed.switch());
+        missed.set_valve(AT(3), VACUUM, false, RobotPose::ORIGIN);
+        assert_eq!(missed.record.missed, 1);
+        let mut dropped = parts(Fate::Good);
+        dropped.set_valve(AT(3), VACUUM, false, RobotPose::ORIGIN);
+        assert_eq!(dropped.record.dropped, 1);
+        assert_eq!(dropped.record.outcomes, [(AT(3), Outcome::Dropped)]);
+    }
+}

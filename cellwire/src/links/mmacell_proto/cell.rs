@@ -119,7 +119,7 @@ impl Cell {
             && let Some(rng) = &mut self.errors
             && rng.u32(..100) == 0
         {
-            self.robot.fail_motion(0);
+            self.robot.fail_motion();
         }
     }
 }

@@ -24,7 +24,7 @@ const PARTS: u64 = 100;
 /// How many times faster than life the cell runs, unless told otherwise. The protocol's own times are not changed.
 const SPEED: u32 = 200;
 /// How often a read breaks the connection when faults are wanted.
-const BREAKS: f64 = 0.0002;
+const BREAKS: f64 = 0.001;
 /// Longer than this the task is in no step, even when every connection has to be opened again.
 const STANDSTILL: Duration = Duration::from_secs(20);
 
@@ -338,4 +338,60 @@ fn durations(log: &super::central::Log) -> Vec<(Step, Samples)> {
     }
     all.retain(|(_, samples)| samples.count() > 0);
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use indicatif::ProgressBar;
+    use serde_json::json;
+
+    use super::*;
+    use crate::settings;
+    use crate::trace::TraceArgs;
+
+    fn options(faults: bool, set: &[&str]) -> DemoOptions {
+        DemoOptions {
+            seconds: None,
+            faults,
+            seed: 7,
+            out: None,
+            trace: TraceArgs::off(),
+            settings: set.iter().filter_map(|text| settings::parse(text).ok()).collect(),
+            progress: ProgressBar::hidden(),
+        }
+    }
+
+    #[test]
+    fn every_part_is_placed_and_the_picture_shows_it() {
+        let path = std::env::temp_dir().join(format!("cellwire-timeline-{}.svg", std::process::id()));
+        let options = DemoOptions { out: Some(path.clone()), ..options(false, &["parts=12", "speed=400"]) };
+        let object = demo(&options).unwrap().to_json();
+        assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(12)), "{object}");
+        let attempts = 12 + object["missed"].as_u64().unwrap() + object["fallen"].as_u64().unwrap();
+        assert_eq!(object["attempts"], attempts);
+        assert_eq!(object["cycle"]["count"], 12);
+        let picture = std::fs::read_to_string(&path).unwrap();
+        std::fs::remove_file(path).unwrap();
+        for word in ["placed", "Vacuum switch", "to place", "time of the cell"] {
+            assert!(picture.contains(word), "{word}");
+        }
+    }
+
+    #[test]
+    fn over_connections_that_break_every_part_is_placed_too() {
+        let object = demo(&options(true, &["parts=15"])).unwrap().to_json();
+        assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(15)), "{object}");
+        assert_eq!((&object["lost"], &object["repeated"]), (&json!(0), &json!(0)), "{object}");
+    }
+
+    #[test]
+    fn a_setting_out_of_range_is_refused() {
+        for (set, error) in [
+            ("parts=0", "parts=0 leaves nothing to do"),
+            ("speed=0", "speed=0 is outside 1 to 10000"),
+            ("cycles=5", "mmacell-proto has no setting `cycles`: it has parts, speed"),
+        ] {
+            assert_eq!(demo(&options(false, &[set])).unwrap_err().to_string(), error);
+        }
+    }
 }

@@ -41,17 +41,11 @@ fn simulate<P: Simulated>(name: &'static str, home: P, options: &SimulateOptions
     let settings = Settings::new(name, &options.settings, &known)?;
     let speed = settings.number("speed", 1u32)?;
     ensure!((1..=10_000).contains(&speed), "speed={speed} is outside 1 to 10000");
-    let mut faults = Inject {
-        fail: settings.number("fail_every", 0)?,
-        mute: settings.number("mute_every", 0)?,
-        drop: settings.number("drop_every", 0)?,
-        reads: 0,
-    };
+    let mut faults =
+        Inject { mute: settings.number("mute_every", 0)?, drop: settings.number("drop_every", 0)?, reads: 0 };
     let Endpoint::Listen(address) = &options.endpoint else { bail!("{name} is a TCP server: use --listen") };
     let mut station = Station::new(home, dialect(&options.settings)?);
-    if faults.fail > 0 {
-        station.fail_motion(faults.fail);
-    }
+    station.fail_every(settings.number("fail_every", 0)?);
     let listener = tcp::listen(address)?;
     ready(name, "listen", &listener.local_addr()?.to_string())?;
     let clock = Instant::now();
@@ -75,10 +69,9 @@ fn simulate<P: Simulated>(name: &'static str, home: P, options: &SimulateOptions
     Ok(())
 }
 
-/// Every how many motions or reads something goes wrong; 0: never.
+/// Every how many reads something goes wrong; 0: never.
 #[derive(Debug)]
 struct Inject {
-    fail: u64,
     mute: u64,
     drop: u64,
     reads: u64,
@@ -101,11 +94,7 @@ fn serve<P: Simulated>(
         };
         let (at, of_axes) = now();
         trace.add(at, Way::Received, bytes);
-        let motions = station.motions();
         let heard = station.hear(of_axes, bytes);
-        if faults.fail > 0 && motions / faults.fail < station.motions() / faults.fail {
-            station.fail_motion(faults.fail + 1);
-        }
         heard.events.iter().try_for_each(log)?;
         faults.reads += 1;
         let every = |n: u64| n > 0 && faults.reads.is_multiple_of(n);
@@ -121,5 +110,62 @@ fn serve<P: Simulated>(
         if heard.closed {
             return Ok("the controller said CLO");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{BufRead, BufReader};
+    use std::thread;
+
+    use mmacell_proto::Dialect;
+
+    use super::*;
+
+    /// What a robot with these faults answers to these lines, until it ends the connection.
+    fn talk(mut faults: Inject, lines: &[&str]) -> (Vec<String>, &'static str) {
+        let listener = tcp::listen("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let robot = thread::spawn(move || {
+            let mut station = Station::new(RobotPose::ORIGIN, Dialect::STRICT);
+            let clock = Instant::now();
+            let now = || (clock.elapsed(), clock.elapsed());
+            serve(listener.accept().unwrap().0, &mut station, &mut faults, &Trace::new("x", 0, None), now)
+                .unwrap()
+        });
+        let mut stream = tcp::connect(&address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+        let mut reader = BufReader::new(stream.try_clone().unwrap());
+        let mut replies = Vec::new();
+        for line in lines {
+            stream.write_all(line.as_bytes()).unwrap();
+            let mut reply = String::new();
+            match reader.read_line(&mut reply) {
+                Ok(0) => break,
+                Ok(_) => replies.push(reply.trim_end().to_owned()),
+                Err(_) => replies.push("silence".into()),
+            }
+        }
+        drop((stream, reader));
+        (replies, robot.join().unwrap())
+    }
+
+    const NONE: Inject = Inject { mute: 0, drop: 0, reads: 0 };
+
+    #[test]
+    fn a_robot_answers_until_it_is_told_good_bye() {
+        let (replies, why) = talk(NONE, &["SRVON\r\n", "STA\r\n", "PNP\r\n", "CLO\r\n", "STA\r\n"]);
+        let status = "OKF+000.000+000.000+000.000+00.0000T+00100+00000";
+        assert_eq!(replies, ["OK", status, "ER+00001", "OK"]);
+        assert_eq!(why, "the controller said CLO");
+    }
+
+    #[test]
+    fn a_set_fault_mutes_or_drops() {
+        let (replies, _) = talk(Inject { mute: 2, ..NONE }, &["STP\r\n", "STP\r\n", "STP\r\n"]);
+        assert_eq!(replies, ["OK", "silence", "OK"]);
+        let (replies, why) = talk(Inject { drop: 2, ..NONE }, &["STP\r\n", "STP\r\n", "STP\r\n"]);
+        assert_eq!(replies, ["OK"]);
+        assert_eq!(why, "the set fault: the connection is dropped before the reply");
     }
 }

@@ -15,8 +15,10 @@ pub struct Station<P> {
     axes: Axes<P>,
     home: P,
     motions: u64,
-    /// The motion that fails on its way, counted from now.
-    fails_in: Option<u64>,
+    /// The motion that is going on fails half-way.
+    doomed: bool,
+    /// Every how many motions one fails; 0: none.
+    fail_every: u64,
 }
 
 /// What came of some bytes.
@@ -34,7 +36,7 @@ impl<P: Simulated> Station<P> {
     /// A device that stands at home with its servo motors off.
     pub fn new(home: P, dialect: Dialect) -> Self {
         let (device, axes) = (Device::new(home, dialect), Axes::new(home));
-        Self { device, axes, home, motions: 0, fails_in: None }
+        Self { device, axes, home, motions: 0, doomed: false, fail_every: 0 }
     }
 
     /// A new connection; the device stays as it is.
@@ -64,8 +66,8 @@ impl<P: Simulated> Station<P> {
     /// Moves on to this time.
     pub fn advance(&mut self, now: Duration) {
         self.axes.advance(now);
-        if self.fails_in == Some(0) && self.axes.progress() >= 0.5 {
-            self.fails_in = None;
+        if self.doomed && self.axes.progress() >= 0.5 {
+            self.doomed = false;
             self.axes.stop(now);
             self.device.fail(ErrorCode::Servo1);
         }
@@ -75,9 +77,14 @@ impl<P: Simulated> Station<P> {
         }
     }
 
-    /// Lets the `n`-th motion from now on fail on its way, with an error of servo motor 1.
-    pub fn fail_motion(&mut self, n: u64) {
-        self.fails_in = Some(n);
+    /// Lets the motion that is going on fail half-way, with an error of servo motor 1.
+    pub fn fail_motion(&mut self) {
+        self.doomed = true;
+    }
+
+    /// Lets every `n`-th motion fail so; 0: none.
+    pub fn fail_every(&mut self, n: u64) {
+        self.fail_every = n;
     }
 
     /// Where it is.
@@ -99,12 +106,16 @@ impl<P: Simulated> Station<P> {
         match event {
             Event::Move { target } => {
                 self.motions += 1;
-                self.fails_in = self.fails_in.map(|n| n.saturating_sub(1));
+                self.doomed = self.fail_every > 0 && self.motions.is_multiple_of(self.fail_every);
                 self.axes.go(now, target);
                 heard.events.push(json!({"event": "move", "to": target}));
             }
-            Event::Stop => self.axes.stop(now),
+            Event::Stop => {
+                self.doomed = false;
+                self.axes.stop(now);
+            }
             Event::Home => {
+                self.doomed = false;
                 self.axes.go(now, self.home);
                 heard.events.push(json!({"event": "home"}));
             }
@@ -159,10 +170,11 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_that_fails_stops_half_way_until_a_reset_brings_it_home() {
+    fn every_second_motion_stops_half_way_until_a_reset_brings_it_home() {
         let mut robot = Station::new(RobotPose::ORIGIN, Dialect::STRICT);
-        robot.fail_motion(1);
-        says(&mut robot, S, "SRVON\r\nMOVA+250.000+000.000+000.000+00.0000\r\n");
+        robot.fail_every(2);
+        says(&mut robot, S, "SRVON\r\nMOVA+000.000+000.000+000.000+00.0000\r\n");
+        says(&mut robot, S, "MOVA+250.000+000.000+000.000+00.0000\r\n");
         assert_eq!(
             says(&mut robot, S * 2, "STA\r\n"),
             "OKF+185.185+000.000+000.000+00.0000F+00100+00002\r\n"

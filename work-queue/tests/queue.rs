@@ -306,17 +306,20 @@ fn jobs_that_are_left_are_dropped_once() {
     assert_eq!(Rc::strong_count(&count), 1);
 }
 
+/// A job that panics when it is dropped, if armed.
+struct Bomb {
+    armed: bool,
+    _count: Rc<()>,
+}
+
+impl Drop for Bomb {
+    fn drop(&mut self) {
+        assert!(!self.armed, "a job that panics when dropped");
+    }
+}
+
 #[test]
-fn a_job_whose_drop_panics_is_dropped_once_and_the_queue_goes_on() {
-    struct Bomb {
-        armed: bool,
-        _count: Rc<()>,
-    }
-    impl Drop for Bomb {
-        fn drop(&mut self) {
-            assert!(!self.armed, "a job that panics when dropped");
-        }
-    }
+fn a_job_whose_drop_panics_in_a_reset_is_dropped_once_and_the_queue_goes_on() {
     let count = Rc::new(());
     let (mut writer, mut reader) = boxed::<Bomb>(3, 9).unwrap();
     for armed in [true, false, false] {
@@ -328,6 +331,21 @@ fn a_job_whose_drop_panics_is_dropped_once_and_the_queue_goes_on() {
     assert_eq!((Rc::strong_count(&count), writer.free()), (3, 1));
     assert!(reader.take().is_none());
     assert_eq!((Rc::strong_count(&count), writer.free()), (1, 3));
+}
+
+#[test]
+fn a_job_whose_drop_panics_among_those_left_is_dropped_once() {
+    let count = Rc::new(());
+    let mut queue: WorkQueue<Bomb, 3> = WorkQueue::new(9).unwrap();
+    let (mut writer, _) = queue.split();
+    for armed in [false, true, false] {
+        writer.claim().unwrap().push(Bomb { armed, _count: count.clone() });
+    }
+    let split = AssertUnwindSafe(|| drop(queue.split()));
+    std::panic::catch_unwind(split).unwrap_err();
+    assert_eq!(Rc::strong_count(&count), 2);
+    drop(queue);
+    assert_eq!(Rc::strong_count(&count), 1);
 }
 
 #[test]

@@ -89,7 +89,7 @@ impl Front {
     fn waiting<'a, T>(&self, ring: &'a Ring<[Slot<T>]>) -> Waiting<'a, T> {
         let watermark = ring.watermark();
         let position = if self.head.is_before(watermark) { watermark } else { self.head };
-        Waiting { ring, position, end: self.head.lap_after() }
+        Waiting { ring, position }
     }
 
     /// The acquire load of the watermark has taken over every slot before it: their stamps need no ordering of their own.
@@ -195,30 +195,27 @@ impl<T> Held<'_, T> {
 pub(crate) struct Waiting<'a, T> {
     ring: &'a Ring<[Slot<T>]>,
     position: Position,
-    /// The head, one lap on.
-    end: Position,
 }
 
 impl<'a, T> Waiting<'a, T> {
+    /// Ends at the head one lap on, at the latest: the slot there is one of the lap before, and reads as free.
     pub(crate) fn next(&mut self) -> Option<(Position, u16, &'a T)> {
-        while self.position != self.end {
+        loop {
             let position = self.position;
             // SAFETY: it comes from a head or a watermark by `Position::next`.
             let slot = unsafe { self.ring.slot(position) };
-            let stamp = slot.observe(position);
-            self.position = position.next(self.ring.capacity());
-            match stamp {
+            match slot.observe(position) {
                 Stamp::Job(number) => {
+                    self.position = position.next(self.ring.capacity());
                     // SAFETY: the stamp has this lap, so by 1 the slot is the reader's and holds a job; moving it out takes
                     // the end as `&mut`, which is borrowed here, or a `Held`, which there is not yet.
                     let job = slot.job.with(|job| unsafe { (*job).assume_init_ref() });
                     return Some((position, number, job));
                 }
-                Stamp::Completed => {}
+                Stamp::Completed => self.position = position.next(self.ring.capacity()),
                 Stamp::Free => return None,
             }
         }
-        None
     }
 }
 

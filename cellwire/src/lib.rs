@@ -12,8 +12,10 @@ pub mod demo;
 pub mod device;
 pub mod drawing;
 pub mod encode;
+pub mod fanuc;
 pub mod line;
 pub mod links;
+pub mod ls;
 pub mod priority;
 pub mod report;
 pub mod serial;
@@ -54,6 +56,8 @@ enum Command {
     Encode(encode::Args),
     Simulate(simulate::Args),
     Modbus(links::fanuc_hmi_modbus::client::Args),
+    Fanuc(fanuc::Args),
+    Ls(ls::Args),
     Vectors(vectors::Args),
     Alter(alter::Args),
 }
@@ -66,6 +70,8 @@ pub fn main() -> ExitCode {
         Command::Encode(args) => encode::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Modbus(args) => links::fanuc_hmi_modbus::client::run(&args),
+        Command::Fanuc(args) => fanuc::run(&args),
+        Command::Ls(args) => ls::run(&args),
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
     };

@@ -97,6 +97,11 @@ impl Report {
         self.failures.is_empty()
     }
 
+    /// The title and the tables without the verdict, for what promises nothing.
+    pub fn figures(&self) -> impl fmt::Display + '_ {
+        Figures(self)
+    }
+
     /// The report as one object.
     pub fn to_json(&self) -> Value {
         let mut object = self.object.clone();
@@ -108,17 +113,31 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}", self.title)?;
-        if !self.facts.is_empty() {
+        write!(f, "{}", self.figures())?;
+        if self.is_good() {
+            return writeln!(f, "every promise kept");
+        }
+        self.failures.iter().try_for_each(|failure| writeln!(f, "FAILED: {failure}"))
+    }
+}
+
+/// The title and the tables of a report.
+struct Figures<'a>(&'a Report);
+
+impl fmt::Display for Figures<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let report = self.0;
+        writeln!(f, "{}", report.title)?;
+        if !report.facts.is_empty() {
             let mut table = Table::new();
             table.load_style(UTF8_FULL_CONDENSED);
-            for (label, value) in &self.facts {
+            for (label, value) in &report.facts {
                 table.add_row([label, value]);
             }
             right_align(&mut table, 1);
             writeln!(f, "{table}")?;
         }
-        if !self.timings.is_empty() {
+        if !report.timings.is_empty() {
             let mut table = Table::new();
             table.load_style(UTF8_FULL_CONDENSED).set_header([
                 "time",
@@ -128,16 +147,13 @@ impl fmt::Display for Report {
                 "budget",
                 "margin at p99",
             ]);
-            for row in &self.timings {
+            for row in &report.timings {
                 table.add_row(row);
             }
             (1..6).for_each(|column| right_align(&mut table, column));
             writeln!(f, "{table}")?;
         }
-        if self.is_good() {
-            return writeln!(f, "every promise kept");
-        }
-        self.failures.iter().try_for_each(|failure| writeln!(f, "FAILED: {failure}"))
+        Ok(())
     }
 }
 

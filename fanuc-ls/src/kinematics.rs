@@ -36,6 +36,12 @@ impl Pose {
         Self { orientation, ..Self::IDENTITY }
     }
 
+    /// From X, Y, Z in mm and W, P, R in degrees, as a tool frame or a Cartesian position gives them: turns about the
+    /// fixed axes X, Y, Z in this order.
+    pub fn from_xyzwpr([x, y, z, w, p, r]: [f64; 6]) -> Self {
+        Self::shift(x, y, z).then(Self::turn(2, r)).then(Self::turn(1, p)).then(Self::turn(0, w))
+    }
+
     /// `next`, seen from this frame.
     #[must_use]
     pub fn then(self, next: Self) -> Self {

@@ -169,7 +169,7 @@ impl Program {
         if found > COMMENT_LENGTH {
             warnings.push(Warning::CommentLength { found });
         }
-        let found = self.instructions.iter().filter(|i| !matches!(i, Instruction::Nested(_))).count();
+        let found = self.line_count();
         let counted = self.attribute("LINE_COUNT").and_then(|text| text.parse().ok());
         if let Some(expected) = counted.filter(|&count| count != 0 && count != found) {
             warnings.push(Warning::LineCount { expected, found });
@@ -247,6 +247,11 @@ impl Program {
     /// Sets COMMENT.
     pub fn set_comment(&mut self, comment: &str) {
         self.set_attribute("COMMENT", &format!("\"{comment}\""));
+    }
+
+    /// The numbered lines of `/MN`: every instruction but the nested ones.
+    pub fn line_count(&self) -> usize {
+        self.instructions.iter().filter(|i| !matches!(i, Instruction::Nested(_))).count()
     }
 
     /// How many motions there are of a kind.

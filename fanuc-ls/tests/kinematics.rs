@@ -138,6 +138,16 @@ fn a_tool_moves_with_the_flange() {
 }
 
 #[test]
+fn w_p_r_turn_about_fixed_axes_x_first() {
+    // The zero pose as controllers show it.
+    let shown = Pose::from_xyzwpr([465.0, 0.0, 365.0, 180.0, -90.0, 0.0]);
+    close(shown.rotation_to(&ARM.forward(&[0.0; 6])), [0.0; 3], 1e-9);
+    let [w, x, y, z] = Pose::from_xyzwpr([0.0, 0.0, 0.0, 10.0, 20.0, 30.0]).orientation;
+    assert!((w - 0.951_548_5).abs() < 5e-8);
+    close([x, y, z], [0.038_134_6, 0.189_307_9, 0.239_298_3], 5e-8);
+}
+
+#[test]
 fn rotation_vectors_name_the_shorter_way() {
     let turned = |degrees| Pose::IDENTITY.rotation_to(&Pose::turn(1, degrees));
     close(turned(0.0), [0.0; 3], 0.0);

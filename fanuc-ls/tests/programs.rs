@@ -25,7 +25,7 @@ fn read(name: &str) -> (Program, Vec<Warning>) {
 
 #[test]
 fn each_listing_is_written_as_its_canonical_form_which_reads_as_the_same() {
-    for name in ["figure-4", "controller", "post-processor", "minimal"] {
+    for name in ["figure-4", "figure-8", "controller", "post-processor", "minimal"] {
         let (program, _) = read(name);
         let written = program.to_text(&cutting()).unwrap();
         assert_eq!(written, text(&format!("{name}.canonical")), "{name}");

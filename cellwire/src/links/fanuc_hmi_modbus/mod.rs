@@ -4,6 +4,10 @@ pub mod client;
 mod codec;
 pub mod controller;
 mod demo;
+pub mod logger;
+pub mod plot;
+pub mod recording;
+mod robot;
 pub mod simulate;
 
 use anyhow::{Result, bail};

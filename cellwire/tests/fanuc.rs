@@ -1,0 +1,246 @@
+//! `cellwire ls` and `cellwire fanuc` from outside: what they print, what they write, and how they end.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::std_instead_of_core, reason = "a test of a program")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::{Arc, Mutex};
+use std::thread;
+
+use cellwire::line::Clock;
+use cellwire::links::fanuc_hmi_modbus::controller::{Controller, circle};
+use cellwire::links::fanuc_hmi_modbus::simulate::serve_tcp;
+use cellwire::trace::TraceArgs;
+use fanuc_hmi_modbus::{WordOrder, server};
+use serde_json::Value;
+
+/// A folder of its own, removed when the test ends.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("cellwire-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    fn write(&self, name: &str, text: &[u8]) {
+        std::fs::write(self.0.join(name), text).unwrap();
+    }
+
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.0.join(name)).unwrap()
+    }
+
+    fn run(&self, arguments: &str) -> Output {
+        let arguments = arguments.split_whitespace();
+        Command::new(env!("CARGO_BIN_EXE_cellwire")).args(arguments).current_dir(&self.0).output().unwrap()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        drop(std::fs::remove_dir_all(&self.0));
+    }
+}
+
+fn out(output: &Output) -> &str {
+    std::str::from_utf8(&output.stdout).unwrap()
+}
+
+fn err(output: &Output) -> &str {
+    std::str::from_utf8(&output.stderr).unwrap()
+}
+
+fn reference(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference/ls").join(name)
+}
+
+/// 2 s along X and about Z of a robot, every 8 ms.
+fn trajectory() -> String {
+    let row = |k: u32| {
+        let t = f64::from(k) * 0.008;
+        let s = (1.0 - (t * core::f64::consts::PI / 2.0).cos()) / 2.0;
+        format!("{t:.3},{:.4},{:.4},-10,5,-80,{:.4}\n", 15.0 * s, 10.0 * s, 30.0 * s)
+    };
+    String::from("time,J1,J2,J3,J4,J5,J6\n") + &(0..=250).map(row).collect::<String>()
+}
+
+#[test]
+fn check_tells_what_is_wrong_and_where() {
+    let folder = Folder::new("check");
+    folder.write("BAD.LS", b"/PROG  BAD\r\n/MN\r\n   1:J P[1] 100% CNT101    ;\r\n/END\r\n");
+    let output = folder.run("ls check BAD.LS");
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(
+        out(&output),
+        "BAD.LS:3:21: expected CNT with 0 to 100, or with a register\n \
+         3 |    1:J P[1] 100% CNT101    ;\n   |                     ^\n"
+    );
+    let output = folder.run("ls check --json BAD.LS");
+    let object: Value = serde_json::from_str(out(&output)).unwrap();
+    assert_eq!((&object["ok"], &object["error"]["kind"]), (&Value::from(false), &Value::from("continuous")));
+    assert_eq!(folder.run("ls check NONE.LS").status.code(), Some(2));
+}
+
+#[test]
+fn check_tells_what_is_suspicious_and_lets_it_pass() {
+    let folder = Folder::new("warn");
+    std::fs::copy(reference("figure-4.ls"), folder.0.join("FANUCTEST2_TDMAX05TDMIN005.LS")).unwrap();
+    // A comment in Latin-1, as a controller set to German writes it.
+    folder.write("GRUEN.LS", b"/PROG  GRUEN\r\n/MN\r\n   1:  !gr\xFCn ;\r\n/POS\r\n/END\r\n");
+    let output = folder.run("ls check FANUCTEST2_TDMAX05TDMIN005.LS GRUEN.LS");
+    assert_eq!(output.status.code(), Some(0), "{}", out(&output));
+    let lines: Vec<&str> = out(&output).lines().collect();
+    assert_eq!(
+        lines,
+        [
+            "FANUCTEST2_TDMAX05TDMIN005.LS: FanucTest2_tdMax05tdMin005 \"FanucTest2_tdMax05tdMin005\", \
+             5 instructions (1 J, 2 S), 5 positions",
+            "  warning: COMMENT has 26 characters, the controller keeps 16",
+            "  warning: P[4] is not used",
+            "  warning: P[5] is not used",
+            "GRUEN.LS: GRUEN, 1 instructions (no motions), 0 positions",
+            "  note: not UTF-8; read as Latin-1",
+        ]
+    );
+    assert_eq!(folder.run("ls check --name-limit 4 GRUEN.LS").status.code(), Some(1));
+}
+
+#[test]
+fn make_writes_a_program_that_checks_in_every_mode() {
+    let folder = Folder::new("make");
+    folder.write("path.csv", trajectory().as_bytes());
+    // The path is 123.8 mm long and turns by 45°; a rest of less than half a step joins the step before it.
+    for (mode, moves) in [
+        ("distance --mm 10", 12),
+        ("distance --deg 5", 9),
+        ("time --step 0.25", 8),
+        ("dynamic --min 0.05 --max 0.5 --by translation --speed tenth", 15),
+    ] {
+        let output = folder.run(&format!("ls make path.csv --mode {mode} --comment a_path --utool 3"));
+        assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+        let first = err(&output).lines().next().unwrap().to_owned();
+        assert_eq!(first, format!("PATH.LS: {moves} spline moves from 251 samples"), "{mode}");
+        assert!(err(&output).contains("rounding   of the speeds: "));
+        let output = folder.run("ls check PATH.LS");
+        let positions = moves + 1;
+        let summary = format!(
+            "PATH.LS: PATH \"a_path\", {} instructions (1 J, {moves} S), {positions} positions\n",
+            positions + 2
+        );
+        assert_eq!(out(&output), summary, "{mode}");
+        assert!(folder.read("PATH.LS").contains("   1:  UTOOL_NUM=3 ;\r\n"));
+    }
+}
+
+#[test]
+fn make_refuses_what_does_not_fit_together() {
+    let folder = Folder::new("refuse");
+    folder.write("path.csv", trajectory().as_bytes());
+    folder.write("short.csv", b"time,J1\n0,1\n");
+    for (arguments, message) in [
+        ("path.csv --mode time", "error: --mode time needs --step"),
+        ("path.csv --mode distance", "error: --mode distance needs --mm or --deg"),
+        ("path.csv --mode time --step 1 --mm 5", "error: --mm belongs to another --mode"),
+        (
+            "path.csv --mode time --step 0",
+            "error: a step must be above zero, and the shortest no longer than the longest",
+        ),
+        (
+            "path.csv --mode time --step 1 --tool 1,2,3",
+            "error: --tool needs six numbers, with commas between them",
+        ),
+        (
+            "path.csv --mode time --step 1 --comment seventeen-letters",
+            "error: COMMENT has 17 characters, the controller keeps 16",
+        ),
+        (
+            "short.csv --mode time --step 1",
+            "error: short.csv: line 2, column 1: expected seven columns: time in s, J1 to J6 in degrees; found 2",
+        ),
+    ] {
+        let output = folder.run(&format!("ls make {arguments}"));
+        assert_eq!((output.status.code(), err(&output).trim_end()), (Some(2), message), "{arguments}");
+    }
+    assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 2, "nothing was written");
+}
+
+#[test]
+fn background_writes_the_sources_task() {
+    let folder = Folder::new("background");
+    let output = folder.run("ls background --out -");
+    assert_eq!(out(&output), std::fs::read_to_string(reference("figure-8.canonical.ls")).unwrap());
+    assert_eq!(err(&output), "standard output: R[1] to R[19] every 8 ms; R[30] to R[42] are its own\n");
+    assert_eq!(folder.run("ls background --first 20").status.code(), Some(2));
+}
+
+/// A controller on a free port of this machine; it ends with the test's process.
+fn controller(order: WordOrder) -> String {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let shared = Arc::new(Mutex::new(Controller::new(Box::new(circle), order)));
+    thread::spawn(move || {
+        serve_tcp(
+            &listener,
+            &shared,
+            Clock::start(),
+            server::Config::tcp(),
+            &TraceArgs::off().start("fanuc"),
+            |_| {},
+        )
+    });
+    address
+}
+
+#[test]
+fn log_finds_the_word_order_and_writes_what_the_controller_says() {
+    for (order, name) in [(WordOrder::LowFirst, "low_first"), (WordOrder::HighFirst, "high_first")] {
+        let folder = Folder::new(name);
+        let output = folder.run(&format!("fanuc log {} --csv run.csv --seconds 1 --json", controller(order)));
+        assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+        let object: Value = serde_json::from_str(out(&output)).unwrap();
+        assert_eq!(object["word_order"], name);
+        let table = folder.read("run.csv");
+        let rows: Vec<Vec<f64>> =
+            table.lines().skip(1).map(|row| row.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+        assert_eq!(object["samples"], rows.len());
+        assert!(rows.len() > 20, "{} rows", rows.len());
+        for row in &rows {
+            assert_eq!(row.len(), 31);
+            // The circle of the simulated controller: 100 mm about X 500, at 100 mm/s.
+            let radius = (row[4] - 500.0).hypot(row[5]);
+            assert!((radius - 100.0).abs() < 0.01, "{row:?}");
+            let speed = row[21].hypot(row[22]);
+            assert!((speed - 100.0).abs() < 0.5, "{row:?}");
+        }
+    }
+}
+
+#[test]
+fn log_says_when_there_is_nothing_to_log() {
+    let folder = Folder::new("nothing");
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let output = folder.run(&format!("fanuc log {free} --csv run.csv"));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(err(&output).starts_with(&format!("error: cannot connect to {free}")), "{}", err(&output));
+}
+
+#[test]
+fn a_log_is_compared_with_its_trajectory() {
+    let folder = Folder::new("evaluate");
+    let demo = folder.run("demo fanuc-hmi-modbus --seconds 2.5 --out made --json");
+    let told: Value = serde_json::from_str(out(&demo)).unwrap();
+    let output = folder.run("fanuc evaluate made/trajectory.csv made/recording.csv --out plots --json");
+    assert_eq!(output.status.code(), Some(0), "{}", err(&output));
+    let object: Value = serde_json::from_str(out(&output)).unwrap();
+    assert_eq!(object["compared"], told["compared"]);
+    for file in ["position.svg", "position-errors.svg", "orientation.svg", "orientation-errors.svg"] {
+        let drawn = folder.read(&format!("plots/{file}"));
+        assert!(drawn.starts_with("<svg") && drawn.contains("time since the motion began, s"), "{file}");
+        assert!(folder.0.join("made").join(file).exists());
+    }
+    assert_eq!(folder.run("ls check made/DEMO_SPLINE.LS made/BG_TELEMETRY.LS").status.code(), Some(0));
+    let swapped = folder.run("fanuc evaluate made/trajectory.csv made/trajectory.csv");
+    assert!(err(&swapped).contains("the first line has no column time_s"), "{}", err(&swapped));
+}

@@ -1,0 +1,63 @@
+/PROG  BG_TELEMETRY
+/ATTR
+COMMENT		= "Modbus telemetry";
+DEFAULT_GROUP	= *,*,*,*,*;
+/MN
+   1:  ! Sign of life counter ;
+   2:  R[1:Life counter]=(R[1:Life counter]+1) ;
+   3:   ;
+   4:  ! Actual Override ;
+   5:  R[2:Override]=($MCR.$GENOVERRIDE) ;
+   6:   ;
+   7:  ! Cartesian pos WORLD ;
+   8:  R[3:POS_X]=($SCR_GRP[1].$MCH_POS_X) ;
+   9:  R[4:POS_Y]=($SCR_GRP[1].$MCH_POS_Y) ;
+  10:  R[5:POS_Z]=($SCR_GRP[1].$MCH_POS_Z) ;
+  11:  R[6:POS_W]=($SCR_GRP[1].$MCH_POS_W) ;
+  12:  R[7:POS_P]=($SCR_GRP[1].$MCH_POS_P) ;
+  13:  R[8:POS_R]=($SCR_GRP[1].$MCH_POS_R) ;
+  14:   ;
+  15:  !Quaternions ;
+  16:  R[31:sy]=R[8:POS_R]*.5 ;
+  17:  R[30:cy]=(COS[R[31]]) ;
+  18:  R[31:sy]=(SIN[R[31]]) ;
+  19:  R[33:sp]=R[7:POS_P]*.5 ;
+  20:  R[32:cp]=(COS[R[33]]) ;
+  21:  R[33:sp]=(SIN[R[33]]) ;
+  22:  R[35:sr]=R[6:POS_W]*.5 ;
+  23:  R[34:cr]=(COS[R[35]]) ;
+  24:  R[35:sr]=(SIN[R[35]]) ;
+  25:  R[9:Q_1]=(R[34:cr]*R[32:cp]*R[30:cy]+R[35:sr]*R[33:sp]*R[31:sy]) ;
+  26:  R[10:Q_2]=(R[35:sr]*R[32:cp]*R[30:cy]-R[34:cr]*R[33:sp]*R[31:sy]) ;
+  27:  R[11:Q_3]=(R[34:cr]*R[33:sp]*R[30:cy]+R[35:sr]*R[32:cp]*R[31:sy]) ;
+  28:  R[12:Q_4]=(R[34:cr]*R[32:cp]*R[31:sy]-R[35:sr]*R[33:sp]*R[30:cy]) ;
+  29:   ;
+  30:  !Q1 > 0 ;
+  31:  IF (R[9:Q_1]<0) THEN ;
+  32:  R[9:Q_1]=(0-R[9:Q_1]) ;
+  33:  R[10:Q_2]=(0-R[10:Q_2]) ;
+  34:  R[11:Q_3]=(0-R[11:Q_3]) ;
+  35:  R[12:Q_4]=(0-R[12:Q_4]) ;
+  36:  ENDIF ;
+  37:   ;
+  38:  ! Cartesian axes speed calc ;
+  39:  R[13:SPD_X]=(($SCR_GRP[1].$MCH_POS_X-R[36:POS_PREV_X])/.008) ;
+  40:  R[14:SPD_Y]=(($SCR_GRP[1].$MCH_POS_Y-R[37:POS_PREV_Y])/.008) ;
+  41:  R[15:SPD_Z]=(($SCR_GRP[1].$MCH_POS_Z-R[38:POS_PREV_Z])/.008) ;
+  42:   ;
+  43:  !Quaternions difference calc ;
+  44:  R[16:SPD_Q1]=((R[9:Q_1]-R[39:POS_PREV_Q1])/.008) ;
+  45:  R[17:SPD_Q2]=((R[10:Q_2]-R[40:POS_PREV_Q2])/.008) ;
+  46:  R[18:SPD_Q3]=((R[11:Q_3]-R[41:POS_PREV_Q3])/.008) ;
+  47:  R[19:SPD_Q4]=((R[12:Q_4]-R[42:POS_PREV_Q4])/.008) ;
+  48:   ;
+  49:  ! Store positions for speed calc ;
+  50:  R[36:POS_PREV_X]=($SCR_GRP[1].$MCH_POS_X) ;
+  51:  R[37:POS_PREV_Y]=($SCR_GRP[1].$MCH_POS_Y) ;
+  52:  R[38:POS_PREV_Z]=($SCR_GRP[1].$MCH_POS_Z) ;
+  53:  R[39:POS_PREV_Q1]=(R[9:Q_1]) ;
+  54:  R[40:POS_PREV_Q2]=(R[10:Q_2]) ;
+  55:  R[41:POS_PREV_Q3]=(R[11:Q_3]) ;
+  56:  R[42:POS_PREV_Q4]=(R[12:Q_4]) ;
+/POS
+/END

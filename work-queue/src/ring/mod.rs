@@ -11,14 +11,14 @@
 //! ```
 //!
 //! 1. The slots from `head` to `tail` belong to the reader: their stamp is of their position's lap, their job is
-//!    initialised. The reader reads the job and moves it out.
+//!    initialised (but see 5). The reader reads the job and moves it out.
 //! 2. The slots from `tail` to `head` + 1 lap belong to the writer: their stamp is of the lap before, their job is not
 //!    initialised. The writer writes the job, then the stamp.
 //! 3. `tail` is the writer's own and is stored nowhere. The release store of a **stamp** of this lap moves it over one slot
 //!    and hands that slot to the reader, whose acquire load of the same stamp takes it over.
 //! 4. `head` is stored by the reader alone. The release store of **head** hands every slot before it back to the writer,
-//!    whose acquire load of `head` takes them over. The writer knows `limit`, a `head` that it has seen, plus one lap: the
-//!    slots from `tail` to `limit` are certainly its own, and at `tail == limit` it must look at `head` again.
+//!    whose acquire load of `head` takes them over. The writer remembers as `space` a `head` that it has seen,
+//!    plus one lap: the slots from `tail` to `space` are its own, and at `tail == space` it must look at `head` again.
 //! 5. When a job is completed out of order, it is moved out, and the reader marks its stamp as completed: the slot remains
 //!    the reader's. `head` moves over such slots, `ahead` of them, when it reaches them, and never rests on one.
 //! 6. The **watermark** is stored by the writer alone, and is a `tail` of the past: the release store tells the reader, whose
@@ -251,7 +251,6 @@ pub(crate) fn boxed<T>(capacity: usize, start: Position) -> (WriteEnd<T>, ReadEn
     use alloc::alloc::{Layout, alloc, handle_alloc_error};
     use core::ptr;
 
-    type Ends<T> = (WriteEnd<T>, ReadEnd<T>);
     let offset = core::mem::offset_of!(Ring<[Slot<T>; 0]>, slots);
     let layout = Layout::array::<Slot<T>>(capacity)
         .and_then(|slots| Layout::from_size_align(offset + slots.size(), align_of::<Ring<[Slot<T>; 0]>>()));
@@ -275,7 +274,7 @@ pub(crate) fn boxed<T>(capacity: usize, start: Position) -> (WriteEnd<T>, ReadEn
         alloc::boxed::Box::from_raw(ring)
     };
     debug_assert_eq!(Layout::for_value(&*ring), layout);
-    let (mut write, mut read): Ends<T> = ring.restart(start);
+    let (mut write, mut read) = ring.restart(start);
     // SAFETY: the leaked box is not used again; the ends that point to it are now its owners.
     let ring = unsafe { NonNull::new_unchecked(alloc::boxed::Box::into_raw(ring)) };
     (write.hold.ring, write.hold.owned) = (ring, true);

@@ -17,6 +17,8 @@ struct Front {
     plain_until: Position,
     /// How many slots behind the head were completed out of order.
     ahead: usize,
+    /// Of the ring; here, where only the slow path loads it.
+    capacity: usize,
 }
 
 // SAFETY: the end receives jobs from another thread, and by 1 to 4 never touches one that the other end owns.
@@ -24,8 +26,9 @@ unsafe impl<T: Send> Send for ReadEnd<T> {}
 
 impl<T> ReadEnd<T> {
     pub(super) fn new(hold: Hold<T>, start: Position) -> Self {
-        let plain_until = start.end_of_lap(hold.ring().capacity());
-        ReadEnd { hold, front: Front { head: start, plain_until, ahead: 0 } }
+        let capacity = hold.ring().capacity();
+        let plain_until = start.end_of_lap(capacity);
+        ReadEnd { hold, front: Front { head: start, plain_until, ahead: 0, capacity } }
     }
 
     /// The oldest job.
@@ -127,7 +130,7 @@ impl Front {
 
     #[inline]
     fn begin_lap_or_pass_completed<T>(&mut self, ring: &Ring<[Slot<T>]>) {
-        self.head = self.head.next(ring.capacity());
+        self.head = self.head.next(self.capacity);
         while self.ahead > 0 {
             // SAFETY: a head is the position of a slot.
             let slot = unsafe { ring.slot(self.head) };
@@ -135,10 +138,10 @@ impl Front {
                 break;
             }
             self.ahead -= 1;
-            self.head = self.head.next(ring.capacity());
+            self.head = self.head.next(self.capacity);
         }
         self.plain_until =
-            if self.ahead == 0 { self.head.end_of_lap(ring.capacity()) } else { Position::NOWHERE };
+            if self.ahead == 0 { self.head.end_of_lap(self.capacity) } else { Position::NOWHERE };
     }
 }
 

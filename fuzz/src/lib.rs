@@ -6,6 +6,7 @@
 pub mod fanuc_hmi_modbus;
 pub mod fanuc_ls;
 pub mod isra_ball;
+pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod mmacell_proto;
 pub mod val2_alter;
@@ -23,6 +24,9 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("fanuc_ls_trajectory", fanuc_ls::fanuc_ls_trajectory),
     ("isra_ball_decoder", isra_ball::isra_ball_decoder),
     ("isra_ball_session", isra_ball::isra_ball_session),
+    ("kawasaki_msg_decoder", kawasaki_msg::kawasaki_msg_decoder),
+    ("kawasaki_msg_pc", kawasaki_msg::kawasaki_msg_pc),
+    ("kawasaki_msg_robot", kawasaki_msg::kawasaki_msg_robot),
     ("laser_eb90_decoder", laser_eb90::laser_eb90_decoder),
     ("laser_eb90_host", laser_eb90::laser_eb90_host),
     ("laser_eb90_controller", laser_eb90::laser_eb90_controller),

@@ -4,7 +4,7 @@ use crate::error::DecodeError;
 use crate::job::Job;
 use crate::message::Message;
 use crate::plain::{Next, PlainJobs, WINDOW};
-use crate::value::{Charset, START};
+use crate::value::{Charset, DATA, START};
 
 /// Finds the messages in a stream of bytes.
 ///
@@ -60,9 +60,11 @@ impl Decoder {
             return Some(Err(error));
         }
         let bytes = buffer.get(cursor.start..cursor.end)?;
-        let whole = cursor.finished || bytes.len() >= Message::MAX_LEN;
-        let new = bytes.get(cursor.scanned..).filter(|_| cursor.scanned > 0 && !whole);
-        if new.is_some_and(|new| !new.iter().any(|byte| charset.ends_text(*byte))) {
+        if let Some(new) = bytes.get(cursor.scanned..)
+            && cursor.scanned > 0
+            && !(cursor.finished || bytes.len() == Message::MAX_LEN)
+            && !new.iter().any(|byte| charset.ends_text(*byte))
+        {
             cursor.scanned = bytes.len();
             return None;
         }
@@ -73,7 +75,8 @@ impl Decoder {
                 return Some(Ok(message));
             }
             Ok(None) if !cursor.finished => {
-                cursor.scanned = bytes.len();
+                // Behind a `#` any byte may end it.
+                cursor.scanned = if bytes.last() == Some(&DATA) { 0 } else { bytes.len() };
                 return None;
             }
             Ok(None) => {
@@ -138,7 +141,7 @@ struct Cursor {
     /// What is in the buffer and not yet used: `start..end`.
     start: usize,
     end: usize,
-    /// How much of it is known to be the beginning of a message, which only a mark can end.
+    /// How much of it is known to be the beginning of a message that only a mark can end.
     scanned: usize,
     /// The stream's offset of `start`.
     offset: usize,

@@ -158,6 +158,18 @@ fn an_answer_within_the_time_begins_the_next_cycle_after_32_ms() {
 }
 
 #[test]
+fn a_damaged_end_does_not_hold_the_answer_up() {
+    for (tail, rest) in [("<X$1#1#", "x"), ("<X$1", "#1#>?"), ("<X$1#1", ">"), ("<X$1#", "<Huuhaa$0##>")] {
+        let mut pc = pc(PcConfig::TCP);
+        pc.handle_input(Duration::ZERO, b"<Huuhaa$0##>");
+        pc.handle_input(Duration::ZERO, tail.as_bytes());
+        assert_eq!(answer(&mut pc, 10 * MS), None, "{tail} may still become whole");
+        pc.handle_input(10 * MS, rest.as_bytes());
+        assert_eq!(answer(&mut pc, 20 * MS).unwrap(), "<Huuhaa$0##>", "{tail}{rest}");
+    }
+}
+
+#[test]
 fn a_silent_robot_is_given_up() {
     let mut pc = pc(PcConfig::TCP);
     assert_eq!(pc.poll_timeout(), Some(Duration::from_secs(10)));

@@ -1,0 +1,357 @@
+//! Kawasaki: the stream of messages, and both sessions at the mercy of whatever is at the other end.
+
+use core::time::Duration;
+
+use kawasaki_msg::{
+    Acks, Bounds, Charset, DecodeError, Decoder, Dialect, Job, JobKind, Line, Message, Params, Pc, PcConfig,
+    PcEvent, Point, Robot, RobotConfig, RobotEvent, Role, Supply,
+};
+use robot_work_queue::Reader;
+
+/// The bytes of a message as it is written, or an error, and the stream offset behind it.
+type Item = (Result<Vec<u8>, DecodeError>, u64);
+
+/// The first byte is how long the reads are and which character set it is, the rest the stream.
+pub fn kawasaki_msg_decoder(data: &[u8]) {
+    let Some((&first, stream)) = data.split_first() else { return };
+    let charset = if first & 0x80 == 0 { Charset::Ascii } else { Charset::Latin1 };
+    let items = decode(charset, stream, usize::from(first & 0x7F).max(1));
+    assert_eq!(items, decode(charset, stream, usize::MAX), "how the stream is cut changes nothing");
+    let mut at = 0;
+    for (item, end) in items {
+        let bytes = &stream[at..usize::try_from(end).unwrap()];
+        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
+        if let Ok(written) = item {
+            let (message, used) = Message::decode(bytes, charset).unwrap().unwrap();
+            assert_eq!(used, bytes.len());
+            let (again, _) = Message::decode(&written, charset).unwrap().unwrap();
+            assert_eq!(again, message, "what is written is what was read");
+            assert!(written.len() <= bytes.len(), "only blanks and zeros around the length are left out");
+            let _ = Dialect::DEFAULT.read(&message);
+        }
+        at += bytes.len();
+    }
+    assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+fn decode(charset: Charset, stream: &[u8], size: usize) -> Vec<Item> {
+    fn drain(decoder: &mut Decoder, charset: Charset, items: &mut Vec<Item>) {
+        while let Some(frame) = decoder.next_frame() {
+            let item = frame.map(|message| {
+                let mut written = vec![0; message.encoded_len()];
+                assert_eq!(message.encode(charset, &mut written), Ok(written.len()));
+                written
+            });
+            items.push((item, decoder.position()));
+        }
+    }
+    let (mut decoder, mut items) = (Decoder::new(charset), Vec::new());
+    for mut chunk in stream.chunks(size.min(stream.len().max(1))) {
+        while !chunk.is_empty() {
+            let taken = decoder.push(chunk);
+            chunk = &chunk[taken..];
+            let before = decoder.position();
+            drain(&mut decoder, charset, &mut items);
+            assert!(taken > 0 || decoder.position() > before, "a full decoder makes progress");
+        }
+    }
+    decoder.finish();
+    drain(&mut decoder, charset, &mut items);
+    items
+}
+
+/// What a script of the fuzzer's does next.
+struct Script<'a>(&'a [u8]);
+
+impl<'a> Script<'a> {
+    fn byte(&mut self) -> Option<u8> {
+        let (first, rest) = self.0.split_first()?;
+        self.0 = rest;
+        Some(*first)
+    }
+
+    fn bytes(&mut self) -> &'a [u8] {
+        let length = usize::from(self.byte().unwrap_or(0));
+        let (bytes, rest) = self.0.split_at(length.min(self.0.len()));
+        self.0 = rest;
+        bytes
+    }
+}
+
+/// A table in which a job has a name too long to be read in one pass.
+fn wordy() -> Dialect {
+    static TABLE: std::sync::OnceLock<Dialect> = std::sync::OnceLock::new();
+    *TABLE.get_or_init(|| {
+        let mut table = Dialect::DEFAULT.entries().to_vec();
+        table
+            .iter_mut()
+            .filter(|entry| entry.role == Role::Job)
+            .for_each(|entry| entry.name = "TyoYleisesti");
+        Dialect::new(table.leak()).unwrap()
+    })
+}
+
+/// A robot and its motion task, which may execute no job twice and leave none out.
+struct Motion {
+    robot: Robot<'static>,
+    reader: Reader<'static, Job>,
+    /// The jobs of the active order that were executed.
+    executed: u32,
+    max_number: u16,
+}
+
+impl Motion {
+    fn new(config: RobotConfig, capacity: usize, max_number: u16) -> Self {
+        let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+        Self { robot: Robot::new(config, writer).unwrap(), reader, executed: 0, max_number }
+    }
+
+    fn execute(&mut self, now: Duration) {
+        let Some(job) = self.reader.take() else { return };
+        let expected = self.executed % u32::from(self.max_number) + 1;
+        assert_eq!(u32::from(job.number), expected, "no job is executed twice, and none is left out");
+        assert!(self.robot.order().is_some(), "a job without an order");
+        self.executed += 1;
+        self.robot.job_done(now, job.number).unwrap();
+        job.complete();
+    }
+
+    /// One pass of the loop; what is sent.
+    fn pass(&mut self, now: Duration, connects: bool) -> (Vec<u8>, Vec<RobotEvent>) {
+        self.robot.handle_timeout(now);
+        let mut events = Vec::new();
+        while let Some(event) = self.robot.poll_event() {
+            assert!(events.len() < 40, "the queue of events is bounded");
+            match event {
+                RobotEvent::Connect if connects => self.robot.handle_connected(now),
+                RobotEvent::Connect | RobotEvent::Disconnect => self.robot.handle_closed(now),
+                RobotEvent::OrderStarted { .. } => self.executed = 0,
+                _ => {}
+            }
+            events.push(event);
+        }
+        let mut out = [0; 4096];
+        let sent =
+            self.robot.poll_transmit(now, &mut out).map_or(Vec::new(), |length| out[..length].to_vec());
+        assert_eq!(self.robot.poll_transmit(now, &mut out), None, "one packet in a cycle");
+        let next = self.robot.poll_timeout();
+        assert!(next.is_none_or(|at| at > now), "the loop would spin: {next:?} at {now:?}");
+        assert!(self.robot.executed() <= self.robot.queued());
+        check_packet(&sent);
+        (sent, events)
+    }
+}
+
+/// A packet of ours is whole messages of the table.
+fn check_packet(packet: &[u8]) -> Vec<(Role, Params)> {
+    let (mut decoder, mut messages) = (Decoder::new(Charset::Ascii), Vec::new());
+    assert_eq!(decoder.push(packet), packet.len());
+    while let Some(frame) = decoder.next_frame() {
+        messages.push(Dialect::DEFAULT.read(&frame.unwrap()).unwrap());
+    }
+    assert_eq!(decoder.position(), packet.len() as u64);
+    messages
+}
+
+/// Steps of the clock, answers good and bad, executed jobs, resets and lost connections, for a robot that reads jobs in one pass
+/// and one that reads them the general way: both do the same.
+pub fn kawasaki_msg_robot(data: &[u8]) {
+    let mut script = Script(data);
+    let bounds = Bounds { min: Point::new(-100, -100), max: Point::new(100_000, 100) };
+    let first = script.byte().unwrap_or(0);
+    let (capacity, max_number) = [(1, 2), (3, 5), (7, 40), (64, 9999)][usize::from(first % 4)];
+    let acks = if first & 4 == 0 { Acks::Individual } else { RobotConfig::TCP.acks };
+    let (refuse_repeated_start, end_foreign_order) = (first & 8 != 0, first & 16 != 0);
+    let config = RobotConfig { bounds, acks, refuse_repeated_start, end_foreign_order, ..RobotConfig::TCP };
+    let mut quick = Motion::new(config, capacity, max_number);
+    let mut slow = Motion::new(RobotConfig { dialect: wordy(), ..config }, capacity, max_number);
+    let mut now = Duration::ZERO;
+    while let Some(action) = script.byte() {
+        let answer = match action {
+            0..=49 => script.bytes().to_vec(),
+            50..=149 => jobs(&mut script, &quick.robot, action),
+            150..=169 => b"<TilausAlkaa$4#50$1#>".to_vec(),
+            170..=174 => b"<TilausKeskeytyy$2#50#>".to_vec(),
+            175..=179 => b"<TilausLoppuu$2#50#>".to_vec(),
+            180..=184 => b"<Tila$7#51$2$$$#>".to_vec(),
+            _ => Vec::new(),
+        };
+        for motion in [&mut quick, &mut slow] {
+            match action {
+                185..=224 => (0..=action % 8).for_each(|_| motion.execute(now)),
+                225..=229 => _ = motion.robot.clear_queue(),
+                230..=234 => _ = motion.robot.reset_order(),
+                235..=239 => motion.robot.handle_closed(now),
+                _ => {}
+            }
+        }
+        now += Duration::from_millis(if action >= 240 { 1000 } else { 40 });
+        let connects = action != 255;
+        let (sent, events) = quick.pass(now, connects);
+        let (same, others) = slow.pass(now, connects);
+        assert_eq!(sent, same, "both ways of reading jobs come to the same");
+        let damage = |event: &RobotEvent| matches!(event, RobotEvent::Damaged(_));
+        let known = |events: Vec<RobotEvent>| events.into_iter().filter(|e| !damage(e)).collect::<Vec<_>>();
+        if quick.robot.statistics().missed_events == 0 && slow.robot.statistics().missed_events == 0 {
+            assert_eq!(known(events), known(others));
+        }
+        let answer = if has_long(&answer) { Vec::new() } else { unbroken(answer) };
+        quick.robot.handle_input(now, &answer);
+        slow.robot.handle_input(now, &renamed(&answer));
+        assert_eq!(quick.robot.queued(), slow.robot.queued());
+    }
+}
+
+/// A packet of jobs from about the next one on; the fuzzer's bytes say where it goes wrong.
+fn jobs(script: &mut Script<'_>, robot: &Robot<'_>, action: u8) -> Vec<u8> {
+    let mut number = robot.queued() + 1;
+    let mut packet = Vec::new();
+    for wrong in script.bytes() {
+        let x = if *wrong == 255 { 1_000_000 } else { i32::from(*wrong) };
+        let data = format!("50${number}$1${x}$-7$0$0");
+        let length = data.len() + usize::from(*wrong == 254);
+        packet.extend(format!("<Tyo${length}#{data}#>").bytes());
+        number += match wrong {
+            250 => 2,
+            251 => 0,
+            _ => 1,
+        };
+    }
+    if action == 149 {
+        packet.truncate(packet.len() / 2);
+    }
+    packet
+}
+
+/// Whether a message says that it is so long that the longer name makes it too long.
+fn has_long(answer: &[u8]) -> bool {
+    let long = |w: &[u8]| w[0] == b'$' && w[1] >= b'4' && w[1..].iter().all(u8::is_ascii_digit);
+    answer.windows(5).any(long) || answer.windows(6).any(long)
+}
+
+/// An answer that does not end inside a name: what is renamed has to be whole.
+fn unbroken(mut answer: Vec<u8>) -> Vec<u8> {
+    let name = b"<TyoYleisesti$";
+    if (1..name.len()).any(|length| answer.ends_with(&name[..length])) {
+        answer.push(b'.');
+    }
+    answer
+}
+
+/// The same answer in the wordy table. Every place that looks like the beginning of a job is one.
+fn renamed(answer: &[u8]) -> Vec<u8> {
+    let mut renamed = Vec::new();
+    let mut rest = answer;
+    while let Some((first, tail)) = rest.split_first() {
+        if let Some(tail) = rest.strip_prefix(b"<Tyo$") {
+            renamed.extend(b"<TyoYleisesti$");
+            rest = tail;
+        } else if let Some(tail) = rest.strip_prefix(b"<TyoYleisesti$") {
+            renamed.extend(b"<Tyo$");
+            rest = tail;
+        } else {
+            renamed.push(*first);
+            rest = tail;
+        }
+    }
+    renamed
+}
+
+/// Steps of the clock, messages good and bad, orders and lost connections for a PC.
+pub fn kawasaki_msg_pc(data: &[u8]) {
+    let mut script = Script(data);
+    let first = script.byte().unwrap_or(0);
+    let (max_number, total) = ([2, 5, 40, 9999][usize::from(first % 4)], u32::from(first) * 3);
+    let cumulative_acks = first & 4 == 0;
+    let config = PcConfig {
+        max_number,
+        cumulative_acks,
+        ..if first & 8 == 0 { PcConfig::TCP } else { PcConfig::UDP }
+    };
+    let mut pc = Pc::new(config).unwrap();
+    let source = move |index: u32| if index < total { Supply::Line(line(index)) } else { Supply::End };
+    let (mut now, mut out, mut heard, mut executed) = (Duration::ZERO, [0; 4096], false, 0);
+    pc.handle_connected(now);
+    while let Some(action) = script.byte() {
+        now += Duration::from_millis(u64::from(action));
+        let number = |offset: u32| (pc.executed() + offset) % u32::from(max_number) + 1;
+        let order = pc.order().unwrap_or(50);
+        let message = match action {
+            0..=49 => script.bytes().to_vec(),
+            50..=99 => said("TyoPyynto", &[order.into(), number(script.byte().unwrap_or(0).into())]),
+            100..=149 => said("TyoKuittaus", &[order.into(), number(script.byte().unwrap_or(0).into())]),
+            150..=179 => said("TilausKuittaus", &[order.into()]),
+            180..=184 => said("TilausKuittaus", &[(action % 2).into()]),
+            185..=189 => said("LoppuKuittaus", &[order.into(), 0, number(0)]),
+            190..=199 => said("Tila", &[order.into(), 2, number(1), number(0), 1]),
+            200..=204 => {
+                said("Tila", &[0, 0, number(1), number(0), u32::from(action % 2) * u32::from(order)])
+            }
+            _ => Vec::new(),
+        };
+        match action {
+            205..=234 if pc.start(50 + u16::from(action % 2), source).is_ok() => executed = 0,
+            235..=237 => _ = pc.end(),
+            238..=240 => _ = pc.interrupt(),
+            241..=245 => {
+                pc.handle_closed(now);
+                pc.handle_connected(now);
+                heard = false;
+            }
+            _ => {}
+        }
+        pc.handle_input(now, &message);
+        heard |= !message.is_empty();
+        pc.handle_timeout(now);
+        let mut events = 0;
+        while let Some(event) = pc.poll_event() {
+            events += 1;
+            assert!(events < 50, "the queue of events is bounded");
+            if event == PcEvent::Disconnect {
+                pc.handle_closed(now);
+                pc.handle_connected(now);
+                heard = false;
+            }
+        }
+        assert!(
+            pc.executed() >= executed && pc.executed() <= pc.sent(),
+            "executed is true and never goes back"
+        );
+        assert!(pc.queued() <= pc.sent() && pc.sent() <= total);
+        executed = pc.executed();
+        let at = now + Duration::from_millis(2);
+        if let Some(length) = pc.poll_transmit(at, &mut out) {
+            assert!(heard, "the PC speaks only when it is spoken to");
+            check_jobs(&out[..length], &pc, config);
+            assert_eq!(pc.poll_transmit(at, &mut out), None, "one answer");
+            heard = false;
+        }
+    }
+}
+
+fn said(name: &str, values: &[u32]) -> Vec<u8> {
+    let data = values.iter().map(u32::to_string).collect::<Vec<_>>().join("$");
+    format!("<{name}${}#{data}#>", data.len()).into_bytes()
+}
+
+fn line(index: u32) -> Line {
+    let at = |n: u32| Point::new(i32::try_from(n).unwrap(), 7);
+    Line { kind: JobKind::Draw, start: at(index), end: at(index + 1) }
+}
+
+/// The jobs in an answer follow one another, each under the number of its place.
+fn check_jobs<S: kawasaki_msg::JobSource>(packet: &[u8], pc: &Pc<S>, config: PcConfig) {
+    assert!(!packet.is_empty() && packet.len() <= config.limits.packet);
+    let mut last = None;
+    for (role, params) in check_packet(packet) {
+        if role == Role::Job {
+            let job = params.job(&Dialect::DEFAULT, &Bounds::WIDEST).unwrap();
+            let index = u32::try_from(job.line.start.x).unwrap();
+            assert_eq!(job.line, line(index));
+            assert_eq!(u32::from(job.number), index % u32::from(config.max_number) + 1);
+            assert!(last.is_none_or(|last| index == last + 1), "{index} after {last:?}");
+            assert!(index >= pc.executed() && index < pc.sent(), "{index}");
+            last = Some(index);
+        }
+    }
+}

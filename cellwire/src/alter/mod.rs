@@ -20,8 +20,11 @@ const PICTURE: Duration = Duration::from_millis(50);
 
 /// Steers a robot with a control ball over ALTER: the operator's screen.
 ///
-/// ALTER is answered after A, until Esc. The screen is drawn by a thread of its own and never delays a reply. Try it against
-/// `cellwire simulate puma`, `simulate ball` and `simulate viewer`.
+/// Keys: A answers the robot's ALTER and Esc comes to rest and ends it, V refuses it; K tests the ball, W the workstation, T the
+/// ports at several baud rates; O has the options (ports, ball type, the last bytes of each line, display, gripper); Q quits.
+///
+/// The screen is drawn by a thread of its own and never delays a reply. Try it against `cellwire simulate puma`, `simulate
+/// ball` and `simulate viewer`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The robot controller's port

@@ -5,7 +5,7 @@ use nom::bytes::streaming::take_till;
 
 use crate::error::{DecodeError, EncodeError};
 use crate::number::{self, Digits};
-use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
+use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values, is_mark};
 
 /// One message: what it is called, and its values.
 ///
@@ -72,7 +72,8 @@ impl<'a> Message<'a> {
         if self.name.is_empty() {
             return Err(EncodeError::NoName);
         }
-        let (needed, available) = (self.encoded_len(), out.len());
+        let data = self.fields.wire_len();
+        let (needed, available) = (self.len_with(data), out.len());
         if needed > Self::MAX_LEN {
             return Err(EncodeError::TooLong { length: needed, limit: Self::MAX_LEN });
         }
@@ -80,16 +81,18 @@ impl<'a> Message<'a> {
             return Err(EncodeError::BufferTooSmall { needed, available });
         }
         let mut writer = Writer { out, length: 0 };
-        writer.message(self, charset)?;
+        writer.message(self, data, charset)?;
         Ok(writer.length)
     }
 
     /// How many bytes [`encode`](Self::encode) writes.
     pub fn encoded_len(&self) -> usize {
+        self.len_with(self.fields.wire_len())
+    }
+
+    fn len_with(&self, data: usize) -> usize {
         let header: usize = self.header.iter().map(|value| value.wire_len() + 1).sum();
-        let data = self.fields.wire_len();
-        // Five marks and the separator before the length.
-        self.name.wire_len() + header + decimal_len(data) + data + "<$##>".len()
+        self.name.wire_len() + header + number::len(decimal(data)) + data + "<$##>".len()
     }
 
     /// Appends the message to a growing buffer.
@@ -201,7 +204,8 @@ struct Writer<'o> {
 }
 
 impl Writer<'_> {
-    fn message(&mut self, message: &Message<'_>, charset: Charset) -> Result<(), EncodeError> {
+    /// `data` is the length of the data part.
+    fn message(&mut self, message: &Message<'_>, data: usize, charset: Charset) -> Result<(), EncodeError> {
         self.push(START);
         self.value(&message.name, charset)?;
         for value in message.header.iter() {
@@ -209,7 +213,7 @@ impl Writer<'_> {
             self.value(&value, charset)?;
         }
         self.push(SEPARATOR);
-        self.number(decimal(message.fields.wire_len()));
+        self.number(decimal(data));
         self.push(DATA);
         for (i, value) in message.fields.iter().enumerate() {
             if i > 0 {
@@ -223,21 +227,29 @@ impl Writer<'_> {
     }
 
     fn value(&mut self, value: &Value<'_>, charset: Charset) -> Result<(), EncodeError> {
-        if let Value::Number(number) = value {
-            self.number(*number);
-            return Ok(());
+        match value {
+            Value::Number(number) => self.number(*number),
+            // The same bytes in both character sets, unless one is a mark.
+            Value::Text(text) if text.bytes().all(|byte| byte.is_ascii() && !is_mark(byte)) => {
+                self.put(text.as_bytes());
+            }
+            Value::Text(_) | Value::Wire(_) => {
+                for byte in value.bytes(charset) {
+                    self.push(byte?);
+                }
+            }
         }
-        value.bytes(charset).try_for_each(|byte| {
-            self.push(byte?);
-            Ok(())
-        })
+        Ok(())
     }
 
     fn number(&mut self, number: i32) {
-        let digits = Digits::new(number);
-        let (text, end) = (digits.as_bytes(), self.length + digits.as_bytes().len());
+        self.put(Digits::new(number).as_bytes());
+    }
+
+    fn put(&mut self, bytes: &[u8]) {
+        let end = self.length + bytes.len();
         if let Some(place) = self.out.get_mut(self.length..end) {
-            place.copy_from_slice(text);
+            place.copy_from_slice(bytes);
             self.length = end;
         }
     }
@@ -253,8 +265,4 @@ impl Writer<'_> {
 /// A length as a number to write.
 fn decimal(length: usize) -> i32 {
     i32::try_from(length).unwrap_or(i32::MAX)
-}
-
-fn decimal_len(length: usize) -> usize {
-    number::len(decimal(length))
 }

@@ -235,9 +235,15 @@ fn every_split_point_of_a_full_packet_gives_the_same_messages() {
     let whole = decode(Charset::Ascii, &[bytes]);
     assert_eq!(whole.len() as i32, number + 1);
     assert!(whole.iter().all(|(item, _)| item.is_ok()));
+    let filler = b"<Huuhaa$0##>";
+    let behind_filler: Vec<_> =
+        whole.iter().map(|(item, end)| (item.clone(), end + filler.len() as u64)).collect();
     for at in 1..bytes.len() {
         let (head, tail) = bytes.split_at(at);
         assert_eq!(decode(Charset::Ascii, &[head, tail]), whole, "cut at {at}");
+        // Behind another message the packet no longer fits the buffer as it stands.
+        let said = decode(Charset::Ascii, &[filler, head, tail]);
+        assert_eq!(said[1..], behind_filler, "cut at {at}");
     }
     let elements: Vec<&[u8]> = packet.elements().collect();
     assert_eq!(decode(Charset::Ascii, &elements), whole);
@@ -276,13 +282,14 @@ proptest! {
             -1010..=1010,
             -3..=505,
             prop_oneof![9 => Just(""), 1 => Just(" "), 1 => Just("<"), 1 => Just("$"), 1 => Just("x")],
+            prop_oneof![9 => Just(0), 1 => Just(1), 1 => Just(10)],
         ), 1..20),
     ) {
         let mut number = 0;
-        let messages = jobs.iter().map(|(step, order, kind, x, y, damage)| {
+        let messages = jobs.iter().map(|(step, order, kind, x, y, damage, too_long)| {
             number = if *step == 1 { number % 12 + 1 } else { *step };
             let data = format!("{order}${number}${kind}${x}${y}$0$0{damage}");
-            format!("<Tyo${}#{data}#>", data.len())
+            format!("<Tyo${}#{data}#>", data.len() + too_long)
         });
         let answer: String = messages.collect();
         prop_assert_eq!(queue_of("Tyo", &answer), queue_of("TyoYleisesti", &answer));

@@ -46,6 +46,7 @@ Examples:
   cellwire demo                                        every link end to end, one table each
   cellwire demo kawasaki-msg --faults --out drawn.svg  a picture drawn over a connection that breaks
   cellwire decode kawasaki-msg --format raw capture    what was said, a JSON object a line
+  cellwire ls make path.csv --mode dynamic             a robot program of spline moves from a trajectory
   cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell
   cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against";
 

@@ -139,10 +139,12 @@ impl Program {
             return Err(EncodeError::CommentLength { found });
         }
         for (index, attribute) in (1..).zip(self.attributes.iter().flatten()) {
+            // A comment that was cut may have lost one of its quotes.
+            let attribute = self.fitting(attribute);
             let mut text = String::new();
             attribute.encode(&mut text)?;
             let same =
-                Attribute::decode(&text).is_ok_and(|(rest, again)| rest.is_empty() && again == *attribute);
+                Attribute::decode(&text).is_ok_and(|(rest, again)| rest.is_empty() && again == attribute);
             if !same {
                 return Err(EncodeError::Attribute { index });
             }
@@ -241,7 +243,8 @@ impl Program {
 
     /// COMMENT without its quotes and the blanks that fill it up.
     pub fn comment(&self) -> Option<&str> {
-        Some(self.attribute("COMMENT")?.trim_matches('"').trim_end())
+        let text = self.attribute("COMMENT")?;
+        Some(text.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(text).trim_end())
     }
 
     /// Sets COMMENT.

@@ -191,6 +191,9 @@ fn what_a_controller_would_not_take_is_not_written() {
     assert_eq!(refused(&|p| p.name = "A".repeat(37)), EncodeError::NameLength { found: 37, limit: 36 });
     assert_eq!(refused(&|p| p.kind = Some("Mac\nro".into())), EncodeError::Name);
     assert_eq!(refused(&|p| p.set_comment("seventeen letters")), EncodeError::CommentLength { found: 17 });
+    let mut quoted = base.clone();
+    quoted.set_comment("sixteen letters\"and one quote");
+    assert_eq!(quoted.to_text(&cutting()), Err(EncodeError::Attribute { index: 2 }));
     assert_eq!(refused(&|p| p.set_attribute("OWNER", "A; B = C")), EncodeError::Attribute { index: 1 });
     assert_eq!(refused(&|p| p.application = Some(vec!["/MN".into()])), EncodeError::Application { index: 1 });
     assert_eq!(motion(&|m| m.kind = MotionKind::Circular), EncodeError::Via { line: 1 });

@@ -314,6 +314,14 @@ mod modifier {
         }
     }
 
+    /// 0.3 / 0.1 is a little less than 3.
+    #[test]
+    fn a_limit_of_whole_counts_is_all_of_them() {
+        let mut modifier = x_only(Axis { mm_per_count: 0.1, max_per_period: 0.3, max_per_path: 0.3 });
+        modifier.demand(ms(0), along_x(1000.0)).unwrap();
+        assert_eq!([(); 2].map(|()| modifier.next_period(ms(0)).counts[0]), [3, 0]);
+    }
+
     /// "10.00 mm": at 25 mm/s, after 0.4 s.
     #[test]
     fn the_limit_a_path_is_reached_and_never_passed() {

@@ -146,6 +146,15 @@ fn every_beginning_of_a_listing_is_refused_and_none_is_read_as_another_program()
     }
 }
 
+/// A line of a block is deeper than the four columns of a number; a file whose numbers are all that deep has no blocks.
+#[test]
+fn deep_numbers_that_count_up_are_no_nested_block() {
+    let body: String = (1..=12).map(|n| format!("{n:8}:J P[1] 5% FINE ;\n")).collect();
+    let program =
+        Program::decode(&format!("/PROG A\n/MN\n{body}/POS\nP[1]{{GP1:UF:0,UT:1,J1=0 deg}};\n/END")).unwrap();
+    assert_eq!((program.motions(MotionKind::Joint), program.line_count()), (12, 12));
+}
+
 #[test]
 fn what_is_suspicious_is_told() {
     let warnings = |text: &str| {

@@ -111,6 +111,18 @@ fn dynamic_time_is_dense_where_the_motion_changes() {
 }
 
 #[test]
+fn an_acceleration_ends_a_long_step_where_it_begins_and_no_earlier() {
+    let path =
+        trajectory(2.0, |t| 40.0 * t + if t > 1.0 { 50.0 * (t - 1.0) * (t - 1.0) } else { 0.0 }, |_| 0.0);
+    let sampling = Sampling::Dynamic { min: 0.01, max: 0.5, by: Acceleration::Translation };
+    let (points, _) = moves(&make(&Resampling::new(sampling), &path).0);
+    // Even up to 1 s; seen from 0.01 s before.
+    close(points[1], 20.0, 0.01);
+    assert!((39.5..40.1).contains(&points[2]), "{points:?}");
+    close(points[4] - points[3], 40.0 * 0.01, 0.1);
+}
+
+#[test]
 fn dynamic_time_looks_at_the_acceleration_that_is_asked_for() {
     // The turn speeds up and slows down in the second second only; the path runs evenly.
     let turn = |t: f64| if t < 1.0 { 0.0 } else { 10.0 * (1.0 - (core::f64::consts::TAU * (t - 1.0)).cos()) };

@@ -64,6 +64,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     report.fact("planned", "samples of the trajectory", trajectory.samples().len());
     report.fact("points", "points that the program makes of them", made.moves + 1);
     report.fact("worst_rounding", "greatest rounding of a speed to whole mm/s", percent(made.worst_rounding));
+    let times = format!("{:.3} s   {:.3} s", made.planned_time, made.written_time);
+    report.fact("times", "time of the trajectory, and at the rounded speeds", times);
     let counts = recording.counts();
     report.fact("samples", "telemetry blocks read", counts.samples);
     report.fact("repeated", "runs of the task read twice", counts.repeated);

@@ -1,9 +1,9 @@
 //! The messages of jobs as [`Message::encode`](crate::Message::encode) writes them, read in one pass.
 //!
-//! Thousands of jobs come in packets of nothing else. This reads them at a tenth of the cost of the general way, and only them:
-//! the table's own order of fields, two digits of length, no blanks, no more than seven digits (16 bytes for a point), the active
-//! order, the next number, coordinates within the bounds. Whatever is not exactly so is left to the general way, which gives the same job or
-//! says what is wrong; a property test holds the two together.
+//! Thousands of jobs come in packets of nothing else. This reads them at a tenth of the cost of the general way, and only
+//! them: the default table's order of fields, two digits of length, no blanks, no more than seven digits (16 bytes for a
+//! point), the active order, the next number, coordinates within the bounds. Whatever is not exactly so is left to the general
+//! way, which gives the same job or says what is wrong; property tests and a fuzz target hold the two together.
 //!
 //! What is known beforehand is compared and not parsed: the name, the order, the next number, and where the line begins, which is
 //! where the last one ended: the robot is there.
@@ -30,6 +30,7 @@ pub(crate) struct PlainJobs {
     order: Text,
     x: Range,
     y: Range,
+    swar: Swar,
 }
 
 impl PlainJobs {
@@ -45,7 +46,7 @@ impl PlainJobs {
         entry.name.bytes().try_for_each(|byte| prefix.push(byte))?;
         prefix.push(SEPARATOR)?;
         let (x, y) = (Range::new(bounds.min.x, bounds.max.x), Range::new(bounds.min.y, bounds.max.y));
-        Some(Self { prefix, order: Text::number(order), x, y })
+        Some(Self { prefix, order: Text::number(order), x, y, swar: Swar::CONSTANTS })
     }
 
     /// The job that begins with the first byte of the window, and how many bytes it takes.
@@ -66,17 +67,31 @@ impl PlainJobs {
         };
         let (end, at) = self.point(window, end_at, DATA)?;
         let length = u32::from_le_bytes(*bytes(window, length_at)?) & 0xFF_FFFF;
-        if length != *LENGTHS.get(at - 1 - data_at)? || *bytes(window, at)? != [END] {
+        if length != *LENGTHS.get((at - 1 - data_at) % 128)? || *bytes(window, at)? != [END] {
             return None;
         }
         next.start = PointText::new(end, window, end_at, at - 1)?;
         Some((Job { number: next.number, line: Line { kind, start, end } }, at + 1))
     }
 
+    /// A coordinate and the mark behind it; the place behind the mark.
+    #[inline(always)]
+    fn coordinate(&self, range: &Range, window: &Window, at: usize, end: u8) -> Option<(i32, usize)> {
+        let word = u64::from_le_bytes(*bytes(window, at)?);
+        let (value, at) = if word & 0xFF == u64::from(b'-') {
+            let word = u64::from_le_bytes(*bytes(window, at + 1)?);
+            let (value, at) = self.swar.digits(word, window, at + 1, end)?;
+            (-value, at)
+        } else {
+            self.swar.digits(word, window, at, end)?
+        };
+        (value.wrapping_sub(range.min).cast_unsigned() <= range.span).then_some((value, at))
+    }
+
     #[inline(always)]
     fn point(&self, window: &Window, at: usize, end: u8) -> Option<(Point, usize)> {
-        let (x, at) = self.x.coordinate(window, at, SEPARATOR)?;
-        let (y, at) = self.y.coordinate(window, at, end)?;
+        let (x, at) = self.coordinate(&self.x, window, at, SEPARATOR)?;
+        let (y, at) = self.coordinate(&self.y, window, at, end)?;
         Some((Point { x, y }, at))
     }
 }
@@ -179,43 +194,50 @@ impl Range {
     fn new(min: i32, max: i32) -> Self {
         Self { min, span: max.wrapping_sub(min).cast_unsigned() }
     }
-
-    /// A coordinate and the mark behind it; the place behind the mark.
-    #[inline(always)]
-    fn coordinate(self, window: &Window, at: usize, end: u8) -> Option<(i32, usize)> {
-        let word = u64::from_le_bytes(*bytes(window, at)?);
-        let (value, at) = if word & 0xFF == u64::from(b'-') {
-            let word = u64::from_le_bytes(*bytes(window, at + 1)?);
-            let (value, length) = digits(word, end)?;
-            (-value, at + 1 + length)
-        } else {
-            let (value, length) = digits(word, end)?;
-            (value, at + length)
-        };
-        (value.wrapping_sub(self.min).cast_unsigned() <= self.span).then_some((value, at))
-    }
 }
 
-/// One to seven digits and the mark behind them, all at once: their value, and how many bytes they are with the mark.
-#[inline(always)]
-fn digits(word: u64, end: u8) -> Option<(i32, usize)> {
-    const EACH: u64 = 0x0101_0101_0101_0101;
-    // A digit becomes its value; adding 0x76 reaches the top bit of a byte from 10 on.
-    let values = word ^ (EACH * 0x30);
-    let others = (values.wrapping_add(EACH * 0x76) | values) & (EACH * 0x80);
-    if others == 0 {
-        return None;
+/// What eight bytes are calculated with, as data: every one of these as an immediate would take an instruction more.
+#[derive(Debug, Clone, Copy)]
+struct Swar {
+    zeros: u64,
+    above_nine: u64,
+    tops: u64,
+    pairs: u64,
+    fours: u64,
+    eights: u64,
+}
+
+impl Swar {
+    const CONSTANTS: Self = Self {
+        zeros: 0x3030_3030_3030_3030,
+        above_nine: 0x7676_7676_7676_7676,
+        tops: 0x8080_8080_8080_8080,
+        pairs: 0x00FF_00FF_00FF_00FF,
+        fours: 0x0000_FFFF_0000_FFFF,
+        eights: (10_000 << 32) + 1,
+    };
+
+    /// One to seven digits and the mark behind them, all at once: their value, and the place behind the mark.
+    #[inline(always)]
+    fn digits(&self, word: u64, window: &Window, at: usize, end: u8) -> Option<(i32, usize)> {
+        // A digit becomes its value; the sum reaches the top bit of a byte from 10 on.
+        let values = word ^ self.zeros;
+        let others = (values.wrapping_add(self.above_nine) | values) & self.tops;
+        if others == 0 {
+            return None;
+        }
+        let bits = others.trailing_zeros() & 0x38;
+        let at = at + bits as usize / 8;
+        if bits == 0 || *bytes(window, at)? != [end] {
+            return None;
+        }
+        // First digit lowest, zeros before it: then pairs, fours and eights are joined.
+        let digits = values << (64 - bits);
+        let pairs = (digits.wrapping_mul((10 << 8) + 1) >> 8) & self.pairs;
+        let fours = (pairs.wrapping_mul((100 << 16) + 1) >> 16) & self.fours;
+        let value = (fours.wrapping_mul(self.eights) >> 32) as u32;
+        Some((value.cast_signed(), at + 1))
     }
-    let bits = others.trailing_zeros() & 0x38;
-    if bits == 0 || (word >> bits) & 0xFF != u64::from(end) {
-        return None;
-    }
-    // First digit lowest, zeros before it: then pairs, fours and eights are joined.
-    let digits = values << (64 - bits);
-    let pairs = (digits.wrapping_mul((10 << 8) + 1) >> 8) & 0x00FF_00FF_00FF_00FF;
-    let fours = (pairs.wrapping_mul((100 << 16) + 1) >> 16) & 0x0000_FFFF_0000_FFFF;
-    let value = (fours.wrapping_mul((10_000 << 32) + 1) >> 32) as u32;
-    Some((value.cast_signed(), bits as usize / 8 + 1))
 }
 
 /// Up to eight bytes that are compared at once.
@@ -266,18 +288,15 @@ fn bytes<const N: usize>(window: &Window, at: usize) -> Option<&[u8; N]> {
     window.get(at..)?.first_chunk()
 }
 
-/// Every length below 100 with the mark behind it, as three bytes of the wire.
-const LENGTHS: [u32; 100] = {
-    let mut table = [0; 100];
+/// Every length below 100 with the mark behind it, as three bytes of the wire. No plain job is longer.
+const LENGTHS: [u32; 128] = {
+    let mut table = [0; 128];
     let mut rest: &mut [u32] = &mut table;
     let (mut tens, mut ones) = (b'0', b'0');
-    while let [first, others @ ..] = rest {
+    while let ([first, others @ ..], b'0'..=b'9') = (rest, tens) {
         *first = u32::from_le_bytes([tens, ones, DATA, 0]);
         rest = others;
-        ones += 1;
-        if ones > b'9' {
-            (tens, ones) = (tens + 1, b'0');
-        }
+        (tens, ones) = if ones == b'9' { (tens + 1, b'0') } else { (tens, ones + 1) };
     }
     table
 };

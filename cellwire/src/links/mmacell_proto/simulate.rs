@@ -115,7 +115,7 @@ fn serve<P: Simulated>(
 
 #[cfg(test)]
 mod tests {
-    use std::io::{BufRead, BufReader};
+    use std::io::{BufRead, BufReader, ErrorKind};
     use std::thread;
 
     use mmacell_proto::Dialect;
@@ -138,12 +138,13 @@ mod tests {
         let mut reader = BufReader::new(stream.try_clone().unwrap());
         let mut replies = Vec::new();
         for line in lines {
-            stream.write_all(line.as_bytes()).unwrap();
             let mut reply = String::new();
-            match reader.read_line(&mut reply) {
-                Ok(0) => break,
-                Ok(_) => replies.push(reply.trim_end().to_owned()),
-                Err(_) => replies.push("silence".into()),
+            match stream.write_all(line.as_bytes()).and_then(|()| reader.read_line(&mut reply)) {
+                Ok(1..) => replies.push(reply.trim_end().to_owned()),
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    replies.push("silence".into());
+                }
+                Ok(0) | Err(_) => break, // what is written to a connection that has ended resets it
             }
         }
         drop((stream, reader));

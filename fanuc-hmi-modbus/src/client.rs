@@ -262,7 +262,7 @@ impl<const N: usize> Client<N> {
     ///
     /// `out` has room for [`MAX_TRANSMIT`](Self::MAX_TRANSMIT) bytes: with less, nothing is sent.
     pub fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        if now < self.ready_at() || self.in_flight() >= self.most_in_flight() {
+        if now < self.ready_at() || !self.may_send() {
             return None;
         }
         let out = out.get_mut(..Self::MAX_TRANSMIT)?;
@@ -326,8 +326,7 @@ impl<const N: usize> Client<N> {
         let silence = silence.map(|silence| self.last_input + silence);
         let deadline =
             self.slots.iter().filter(|slot| slot.state == State::Sent).map(|slot| slot.deadline).min();
-        let sends = self.in_flight() < self.most_in_flight()
-            && self.slots.iter().any(|slot| slot.state == State::Queued);
+        let sends = self.may_send() && self.slots.iter().any(|slot| slot.state == State::Queued);
         let sends = sends.then(|| self.ready_at());
         [silence, deadline, sends].into_iter().flatten().min()
     }
@@ -337,9 +336,14 @@ impl<const N: usize> Client<N> {
         self.slots.iter().filter(|slot| slot.state == State::Sent).count()
     }
 
-    /// Off TCP there is no transaction to tell replies apart by.
-    fn most_in_flight(&self) -> usize {
-        if self.config.framing.has_transactions() { self.config.in_flight.max(1) } else { 1 }
+    /// Off TCP there is no transaction to tell replies apart by: one request at a time, and none before the caller has been told
+    /// that the last one timed out.
+    fn may_send(&self) -> bool {
+        if self.config.framing.has_transactions() {
+            self.in_flight() < self.config.in_flight.max(1)
+        } else {
+            !self.slots.iter().any(Slot::waits)
+        }
     }
 
     fn is_broadcast(&self, unit: u8) -> bool {

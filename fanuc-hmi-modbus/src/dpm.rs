@@ -104,6 +104,9 @@ pub struct Offsets {
 
 impl Modifier {
     /// Offsets of zero until there is a demand.
+    ///
+    /// # Errors
+    /// When a scale, a limit or the period is not above zero.
     pub fn new(config: Config) -> Result<Self, Error> {
         for (axis, index) in config.axes.iter().zip(0..) {
             let Some(axis) = axis else { continue };
@@ -119,8 +122,10 @@ impl Modifier {
         Ok(Self { config, demand: None, state: [AxisState::default(); 6] })
     }
 
-    /// The speeds from now on, in mm/s and degrees a second; those of an axis that is not modified are ignored. Refuses
-    /// what is not a number, and keeps what it had, which grows old.
+    /// The speeds from now on, in mm/s and degrees a second; those of an axis that is not modified are ignored.
+    ///
+    /// # Errors
+    /// When one is not a number. What was demanded before stays, and grows old.
     pub fn demand(&mut self, now: Duration, speeds: [f64; 6]) -> Result<(), Error> {
         if let Some(index) = (0..).zip(speeds).find(|(_, speed)| !speed.is_finite()).map(|(index, _)| index) {
             return Err(Error::Speed { index });

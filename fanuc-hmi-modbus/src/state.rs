@@ -3,14 +3,17 @@
 /// Where a place for a request stands.
 ///
 /// ```text
-///              request            transmit            reply
-///      Free ------------> Queued -----------> Sent ----------> Free
-///       ^                  |   \ announce       |  \ deadline
-///       |       disconnect |    v    disconnect |   v       report
-///       |                  |  Announced         |  TimedOut -------> Expired
-///       |                  v    |               v    | reply           | late reply, disconnect: Free
-///       |              NotSent  |             Lost   v                 | request: Queued
-///       +-----<--- report -+----+-----------<---+  Free
+///               request            transmit            reply
+///      Free --------------> Queued ----------> Sent ----------> Free
+///                            |  |               |  |
+///                   announce |  | disconnect    |  | deadline
+///                            v  v    disconnect |  v        reply
+///                    Announced  NotSent   Lost <+- TimedOut ------> Free
+///                            |  |          |         | report
+///                     report v  v report   v report  v  reply, disconnect
+///                            Free         Free     Expired --------> Free
+///                                                    | request
+///                                                    +-------------> Queued
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum State {
@@ -22,7 +25,7 @@ pub enum State {
     Sent,
     /// A broadcast was sent: to be told.
     Announced,
-    /// The reply did not come in time: to be told. It is still taken if it comes before that.
+    /// The reply did not come in time: to be told. It is still taken if it comes before that, on the same connection.
     TimedOut,
     /// The connection broke while the request was out: to be told. Whether it was carried out is unknown.
     Lost,
@@ -89,14 +92,14 @@ pub const fn next(state: State, event: Event) -> Option<State> {
         (S::Queued, E::Disconnect) => Some(S::NotSent),
         (S::Sent | S::TimedOut | S::Expired, E::Reply) => Some(S::Free),
         (S::Sent, E::Deadline) => Some(S::TimedOut),
-        (S::Sent, E::Disconnect) => Some(S::Lost),
+        (S::Sent | S::TimedOut, E::Disconnect) => Some(S::Lost),
         (S::TimedOut, E::Report) => Some(S::Expired),
         (S::Announced | S::Lost | S::NotSent, E::Report) => Some(S::Free),
         (S::Expired, E::Disconnect) => Some(S::Free),
         (S::Free, E::Transmit | E::Announce | E::Reply | E::Deadline | E::Disconnect | E::Report)
         | (S::Queued, E::Request | E::Reply | E::Deadline | E::Report)
         | (S::Sent, E::Request | E::Transmit | E::Announce | E::Report)
-        | (S::TimedOut, E::Request | E::Transmit | E::Announce | E::Deadline | E::Disconnect)
+        | (S::TimedOut, E::Request | E::Transmit | E::Announce | E::Deadline)
         | (
             S::Announced | S::Lost | S::NotSent,
             E::Request | E::Transmit | E::Announce | E::Reply | E::Deadline | E::Disconnect,

@@ -48,6 +48,10 @@ const SCRATCH: u16 = 13;
 
 impl BackgroundTask {
     /// The task as a program without a motion group, which is what a background task must be.
+    ///
+    /// # Errors
+    /// When the registers overlap or are outside 1 to 65535, the period is not within its range, or the name or the comment is
+    /// none by these rules.
     pub fn program(&self, rules: &Rules) -> Result<Program, EncodeError> {
         let (first, scratch) = (u32::from(self.first), u32::from(self.scratch));
         let apart = first + u32::from(PUBLIC) <= scratch || scratch + u32::from(SCRATCH) <= first;

@@ -118,6 +118,9 @@ impl Builder {
     }
 
     /// The program, if a controller would take it.
+    ///
+    /// # Errors
+    /// As [`Program::check`].
     pub fn build(&self, rules: &Rules) -> Result<Program, EncodeError> {
         self.program.check(rules)?;
         Ok(self.program.clone())

@@ -64,12 +64,18 @@ pub enum CommentRule {
 
 impl Program {
     /// Reads an LS file. Tolerant in blanks, line ends, leading zeros and what controllers leave out.
+    ///
+    /// # Errors
+    /// The first place that cannot be read, by line and column.
     pub fn decode(text: &str) -> Result<Self, DecodeError> {
         Self::decode_with(text, |_| ())
     }
 
     /// Like [`decode`](Self::decode), and tells what is suspicious: [`warnings`](Self::warnings), and what only the
     /// text shows, lines whose numbers do not count up.
+    ///
+    /// # Errors
+    /// As [`decode`](Self::decode).
     pub fn decode_with(text: &str, mut warn: impl FnMut(Warning)) -> Result<Self, DecodeError> {
         match decode_program(text, &mut warn) {
             Ok(program) => {
@@ -81,6 +87,9 @@ impl Program {
     }
 
     /// Writes the program the way a controller does. Nothing is written when it cannot be written whole.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check), or when `out` fails.
     pub fn encode(&self, rules: &Rules, out: &mut impl fmt::Write) -> Result<(), EncodeError> {
         self.check(rules)?;
         write!(out, "/PROG  {}", self.name)?;
@@ -122,6 +131,9 @@ impl Program {
     }
 
     /// [`encode`](Self::encode) into a new string.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
     pub fn to_text(&self, rules: &Rules) -> Result<String, EncodeError> {
         let mut text = String::new();
         self.encode(rules, &mut text)?;
@@ -129,6 +141,9 @@ impl Program {
     }
 
     /// Whether the program can be written by these rules; [`encode`](Self::encode) asks the same.
+    ///
+    /// # Errors
+    /// The first thing that a controller would refuse, or that would be read again as something else.
     pub fn check(&self, rules: &Rules) -> Result<(), EncodeError> {
         check_name(&self.name, rules.name_limit)?;
         if self.kind.as_deref().is_some_and(|kind| kind.trim() != kind || kind.is_empty() || !is_line(kind)) {

@@ -78,6 +78,9 @@ impl Resampling {
     /// speed of a move is the length of the tool's path from the point before, by the time that the trajectory takes
     /// for it. How the controller curves between the points is not published: expect what the source measured, 4 mm and 0.5° at
     /// 100 mm/s.
+    ///
+    /// # Errors
+    /// When a step makes no sense, the points are more than a program holds, or the program cannot be written.
     pub fn program(
         &self,
         name: &str,

@@ -21,6 +21,9 @@ pub struct Sample {
 
 impl Trajectory {
     /// A trajectory of two samples at least, in the order of their times.
+    ///
+    /// # Errors
+    /// When there are fewer, a number is not finite, or a time is not later than the one before.
     pub fn new(samples: Vec<Sample>) -> Result<Self, TrajectoryError> {
         let mut last = f64::NEG_INFINITY;
         for (line, sample) in (1..).zip(&samples) {
@@ -43,6 +46,9 @@ impl Trajectory {
     /// Reads lines of seven numbers: the time in seconds, J1 to J6 in degrees. Between them stands a comma, a semicolon
     /// or a tab; a decimal point is a point. A first line of names is passed over, as are empty lines and those that begin
     /// with `#`.
+    ///
+    /// # Errors
+    /// The first line that is not seven numbers, or whose time is not later than the one before.
     pub fn from_csv(text: &str) -> Result<Self, TrajectoryError> {
         let mut samples = Vec::new();
         let mut lines = Vec::new();

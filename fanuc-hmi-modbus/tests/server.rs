@@ -1,0 +1,165 @@
+//! The server's rules, one by one.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::cast_possible_truncation
+)]
+
+mod common;
+
+use core::time::Duration;
+
+use common::{Bank, MS, bytes, read};
+use fanuc_hmi_modbus::{
+    DecodeError, Exception, Registers, Request, Server, Words, WordsMut, function, limit, serve, server,
+};
+
+/// The reply PDU to a request PDU.
+fn answer(bank: &mut Bank, pdu: &[u8]) -> Vec<u8> {
+    let mut out = [0xAA; limit::PDU];
+    let len = serve(pdu, bank, &mut out);
+    out[..len].to_vec()
+}
+
+#[test]
+fn every_function_is_served() {
+    let bank = &mut Bank::new();
+    assert_eq!(answer(bank, &[1, 0, 0, 0, 10]), [1, 2, 0b0100_1001, 0b10]);
+    assert_eq!(answer(bank, &[2, 0, 0, 0, 10]), [2, 2, 0b1011_0110, 0b01]);
+    assert_eq!(answer(bank, &[3, 0, 1, 0, 2]), [3, 4, 0, 7, 0, 14]);
+    assert_eq!(answer(bank, &[4, 0, 1, 0, 1]), [4, 2, 0xFF, 0xF8]);
+    assert_eq!(answer(bank, &[5, 0, 1, 0xFF, 0]), [5, 0, 1, 0xFF, 0]);
+    assert_eq!(answer(bank, &[6, 0, 1, 0x12, 0x34]), [6, 0, 1, 0x12, 0x34]);
+    assert_eq!(answer(bank, &[15, 0, 2, 0, 3, 1, 0b101]), [15, 0, 2, 0, 3]);
+    assert_eq!(bank.coils[1..5], [true, true, false, true]);
+    assert_eq!(answer(bank, &[16, 0, 2, 0, 2, 4, 0, 1, 0, 2]), [16, 0, 2, 0, 2]);
+    assert_eq!(bank.holding[1..4], [0x1234, 1, 2]);
+    assert_eq!(answer(bank, &[22, 0, 1, 0xFF, 0, 0, 0x56]), [22, 0, 1, 0xFF, 0, 0, 0x56]);
+    assert_eq!(bank.holding[1], 0x1256);
+    assert_eq!(answer(bank, &[23, 0, 1, 0, 2, 0, 2, 0, 1, 2, 0xAB, 0xCD]), [23, 4, 0x12, 0x56, 0xAB, 0xCD]);
+    assert_eq!(answer(bank, &[65, 1, 2, 3]), [65, 1, 2, 3]);
+}
+
+#[test]
+fn what_cannot_be_served_gets_its_exception() {
+    let bank = &mut Bank::new();
+    for (pdu, reply) in [
+        (&[7][..], [0x87, 1]),
+        (&[0x83, 2], [0x83, 1]),
+        (&[0, 1], [0x80, 1]),
+        (&[3, 0, 99, 0, 2], [0x83, 2]),
+        (&[3, 0xFF, 0xFF, 0, 2], [0x83, 2]),
+        (&[1, 0xFF, 0xFF, 0, 2], [0x81, 2]),
+        (&[16, 0xFF, 0xFF, 0, 2, 4, 0, 0, 0, 0], [0x90, 2]),
+        (&[15, 0xFF, 0xFF, 0, 2, 1, 0], [0x8F, 2]),
+        (&[23, 0, 0, 0, 1, 0, 99, 0, 2, 4, 0, 0, 0, 0], [0x97, 2]),
+        (&[23, 0, 99, 0, 2, 0, 0, 0, 1, 2, 0xEE, 0xEE], [0x97, 2]),
+        (&[3, 0, 0, 0, 0], [0x83, 3]),
+        (&[3, 0, 0, 0, 126], [0x83, 3]),
+        (&[3, 0, 0], [0x83, 3]),
+        (&[5, 0, 0, 0, 1], [0x85, 3]),
+        (&[16, 0, 0, 0, 5, 2, 0, 1], [0x90, 3]),
+        (&[22, 0, 100, 0, 0, 0, 0], [0x96, 2]),
+    ] {
+        assert_eq!(answer(bank, pdu), reply, "{pdu:x?}");
+    }
+    assert_eq!(bank.writes, [], "a refused request changes nothing");
+    // Registers are never asked for what lies beyond 65535.
+    struct Everything;
+    impl Registers for Everything {
+        fn read_holding_registers(&mut self, _: u16, _: &mut WordsMut<'_>) -> Result<(), Exception> {
+            Ok(())
+        }
+        fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+            panic!("{address} {values:?}")
+        }
+    }
+    let mut out = [0; limit::PDU];
+    for pdu in
+        [&[23, 0, 0, 0, 1, 0xFF, 0xFF, 0, 2, 4, 0, 0, 0, 0][..], &[16, 0xFF, 0xFF, 0, 2, 4, 0, 0, 0, 0]]
+    {
+        assert_eq!(serve(pdu, &mut Everything, &mut out), 2);
+        assert_eq!(out[..2], [pdu[0] | function::EXCEPTION, 2]);
+    }
+    assert_eq!(serve(&[3, 0xFF, 0xFF, 0, 1], &mut Everything, &mut out), 4, "the last address is one");
+    struct Nothing;
+    impl Registers for Nothing {}
+    for code in [1, 2, 3, 4, 5, 6, 22] {
+        let pdu: &[u8] = if code == 22 { &[22, 0, 0, 0, 0, 0, 0] } else { &[code, 0, 0, 0, 1] };
+        let pdu = if code == 5 { &[5, 0, 0, 0, 0][..] } else { pdu };
+        let mut out = [0; limit::PDU];
+        assert_eq!(serve(pdu, &mut Nothing, &mut out), 2);
+        assert_eq!(out[..2], [code | function::EXCEPTION, 1]);
+    }
+}
+
+#[test]
+fn a_server_answers_in_order_and_only_what_is_meant_for_it() {
+    let mut server = Server::new(server::Config::rtu_over_tcp(5));
+    let bank = &mut Bank::new();
+    let mut out = [0; 260];
+    let mut stream = Vec::new();
+    for unit in [5, 6, 0, 5] {
+        stream.extend(bytes(None, unit, Request::WriteRegister { address: unit.into(), value: 9 }));
+    }
+    assert_eq!(server.handle_input(MS, &stream), stream.len());
+    assert_eq!(server.poll_transmit(MS, bank, &mut [0; 259]), None, "too little room: nothing is done");
+    assert_eq!(server.poll_transmit(MS, bank, &mut out), Some(8));
+    assert_eq!(out[..6], [5, 6, 0, 5, 0, 9]);
+    assert_eq!(server.poll_transmit(MS, bank, &mut out), Some(8));
+    assert_eq!(server.poll_transmit(MS, bank, &mut out), None);
+    assert_eq!(bank.writes, [(5, 9), (0, 9), (5, 9)]);
+    let served: Vec<_> = core::iter::from_fn(|| server.poll_event()).collect();
+    let units: Vec<_> = served
+        .iter()
+        .map(|event| match event {
+            server::Event::Served { unit, .. } => *unit,
+            event => panic!("{event:?}"),
+        })
+        .collect();
+    assert_eq!(units, [5, 0, 5]);
+}
+
+#[test]
+fn a_server_on_a_serial_line_answers_after_the_silence() {
+    let mut server = Server::new(server::Config::rtu(1, 9600));
+    let bank = &mut Bank::new();
+    let mut out = [0; 260];
+    let request = bytes(None, 1, read(0, 1));
+    server.handle_input(MS, &[0x55]);
+    assert_eq!(server.poll_timeout(), Some(Duration::from_micros(5010)));
+    server.handle_input(6 * MS, &request);
+    assert_eq!(server.poll_transmit(10 * MS, bank, &mut out), None);
+    assert_eq!(server.poll_transmit(11 * MS, bank, &mut out), Some(7));
+    let error = DecodeError::Cut { expected: 4, found: 1 };
+    assert_eq!(server.poll_event(), Some(server::Event::Damaged(error)));
+    // A function that only the server knows ends with the silence.
+    server.handle_input(20 * MS, &bytes(None, 1, Request::Other { function: 65, data: &[1, 2] }));
+    assert_eq!(server.poll_transmit(25 * MS, bank, &mut out), Some(6));
+    assert_eq!(out[..4], [1, 65, 1, 2]);
+}
+
+#[test]
+fn a_server_keeps_the_last_eight_events_and_says_when_a_client_is_out_of_step() {
+    let mut server = Server::new(server::Config::tcp());
+    let bank = &mut Bank::new();
+    let mut out = [0; 260];
+    for transaction in 0..20 {
+        server.handle_input(MS, &bytes(Some(transaction), 1, read(90, transaction + 1)));
+        assert!(server.poll_transmit(MS, bank, &mut out).is_some());
+    }
+    server.handle_input(MS, b"GET / HTTP/1.1\r\n\r\n");
+    assert_eq!(server.poll_transmit(MS, bank, &mut out), None);
+    let events: Vec<_> = core::iter::from_fn(|| server.poll_event()).collect();
+    assert_eq!(events.len(), 8);
+    let event = |transaction| server::Event::Served {
+        transaction: Some(transaction),
+        unit: 1,
+        function: 3,
+        exception: Some(Exception::IllegalDataAddress),
+    };
+    assert_eq!(events[0], event(13));
+    assert_eq!(events[7], server::Event::Damaged(DecodeError::Protocol { found: 0x5420 }));
+}

@@ -53,7 +53,7 @@ struct LogArgs {
     #[arg(long, value_name = "FILE")]
     csv: PathBuf,
     /// How long to log [default: until interrupted]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seconds: Option<f64>,
     /// The period of the background task, and of the log, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 8, value_parser = clap::value_parser!(u64).range(1..=60_000))]
@@ -113,6 +113,8 @@ pub fn run(args: &Args) -> Result<bool> {
 struct Order {
     known: Option<WordOrder>,
     probe: OrderProbe,
+    /// What the life counter says, where that is not the order in which the blocks are read.
+    contradicted: Option<WordOrder>,
     waiting: Vec<[u16; 37]>,
 }
 
@@ -123,7 +125,9 @@ impl Order {
     /// The blocks that can be read now.
     fn push(&mut self, registers: &[u16; 37]) -> Result<Vec<TelemetryBlock>> {
         let [first, second, ..] = *registers;
-        self.known = self.known.or_else(|| self.probe.watch([first, second]));
+        let found = self.probe.watch([first, second]);
+        self.known = self.known.or(found);
+        self.contradicted = found.filter(|_| found != self.known);
         self.waiting.push(*registers);
         let Some(order) = self.known else {
             ensure!(
@@ -164,7 +168,7 @@ fn log(args: &LogArgs) -> Result<bool> {
         OrderArg::LowFirst => Some(WordOrder::LowFirst),
         OrderArg::HighFirst => Some(WordOrder::HighFirst),
     };
-    let mut order = Order { known, probe: OrderProbe::default(), waiting: Vec::new() };
+    let mut order = Order { known, probe: OrderProbe::default(), contradicted: None, waiting: Vec::new() };
     let (mut recording, mut turn_around) = (Recording::new(period), Samples::default());
     let (mut failed, mut why) = (0u64, None);
     let outcome = logger.run(end, |reading| {
@@ -202,8 +206,14 @@ fn log(args: &LogArgs) -> Result<bool> {
         report.fact("word_order", "word order", json!(found));
     }
     report.timing("turn_around", "request to block", &turn_around, None);
-    print(&report, args.json);
+    print(&report, args.json)?;
     outcome?;
+    if let Some(order) = order.contradicted {
+        let order = json!(order);
+        eprintln!(
+            "warning: the life counter steps as if the word order were {order}: these values are wrong"
+        );
+    }
     if let Some(why) = why.filter(|_| counts.samples == 0) {
         eprintln!("error: not one sample: {why}");
     }
@@ -225,14 +235,16 @@ fn evaluate(args: &EvaluateArgs) -> Result<bool> {
             eprintln!("{}", path.display());
         }
     }
-    print(&report, args.json);
+    print(&report, args.json)?;
     Ok(true)
 }
 
-fn print(report: &Report, as_json: bool) {
+fn print(report: &Report, as_json: bool) -> Result<()> {
+    let mut out = std::io::stdout().lock();
     if as_json {
-        println!("{}", report.to_json());
+        writeln!(out, "{}", report.to_json())?
     } else {
-        print!("{}", report.figures());
+        write!(out, "{}", report.figures())?
     }
+    Ok(())
 }

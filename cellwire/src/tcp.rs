@@ -1,13 +1,13 @@
 //! Loopback TCP: errors that say what to do, and a proxy that commits the faults of a network.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
 /// Listens; the error says what to do about it.
 ///
@@ -35,9 +35,20 @@ pub fn listen(address: &str) -> Result<TcpListener> {
 /// # Errors
 /// When nobody listens there.
 pub fn connect(address: &str) -> Result<TcpStream> {
-    let stream = TcpStream::connect(address).with_context(|| format!("cannot connect to {address}"))?;
+    let stream = TcpStream::connect(address).map_err(|error| {
+        let context = format!("cannot connect to {address}");
+        match error.kind() {
+            ErrorKind::InvalidInput => anyhow::anyhow!("{context}: give HOST:PORT, such as 192.168.0.10:502"),
+            _ => anyhow::Error::new(error).context(context),
+        }
+    })?;
     stream.set_nodelay(true)?;
     Ok(stream)
+}
+
+/// Whether a read failed only because nothing came in its time.
+pub fn is_silence(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
 
 /// What a [`FaultyProxy`] has done so far.
@@ -162,6 +173,10 @@ mod tests {
             )
         );
         assert!(format!("{:#}", listen("nonsense").unwrap_err()).starts_with("cannot listen on nonsense: "));
+        assert_eq!(
+            connect("nonsense").unwrap_err().to_string(),
+            "cannot connect to nonsense: give HOST:PORT, such as 192.168.0.10:502"
+        );
     }
 
     #[test]

@@ -80,7 +80,11 @@ fn check_tells_what_is_wrong_and_where() {
     let output = folder.run("ls check --json BAD.LS");
     let object: Value = serde_json::from_str(out(&output)).unwrap();
     assert_eq!((&object["ok"], &object["error"]["kind"]), (&Value::from(false), &Value::from("continuous")));
-    assert_eq!(folder.run("ls check NONE.LS").status.code(), Some(2));
+    // A file that is not there does not hide what is wrong with the next one.
+    let output = folder.run("ls check NONE.LS BAD.LS");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(out(&output).starts_with("BAD.LS:3:21: "), "{}", out(&output));
+    assert!(err(&output).ends_with("error: 1 of 2 files cannot be read\n"), "{}", err(&output));
 }
 
 #[test]
@@ -105,6 +109,13 @@ fn check_tells_what_is_suspicious_and_lets_it_pass() {
         ]
     );
     assert_eq!(folder.run("ls check --name-limit 4 GRUEN.LS").status.code(), Some(1));
+    // A comment that is too long hides nothing that is worse.
+    let text = "/PROG  A\r\n/ATTR\r\nCOMMENT = \"seventeen letters\";\r\n/MN\r\n   1:J P[1] 0% FINE ;\r\n/POS\r\n/END\r\n";
+    folder.write("B.LS", text.as_bytes());
+    let output = folder.run("ls check --json B.LS");
+    assert_eq!(output.status.code(), Some(1), "{}", out(&output));
+    let object: Value = serde_json::from_str(out(&output)).unwrap();
+    assert_eq!((&object["error"]["kind"], &object["same_name"]), (&"speed".into(), &false.into()));
 }
 
 #[test]
@@ -148,6 +159,14 @@ fn make_refuses_what_does_not_fit_together() {
             "error: a step must be above zero, and the shortest no longer than the longest",
         ),
         (
+            "path.csv --mode distance --mm -5",
+            "error: a step must be above zero, and the shortest no longer than the longest",
+        ),
+        (
+            "path.csv --mode time --step 1 --tool 1,2,3,4,5,6,7",
+            "error: --tool needs six numbers, with commas between them",
+        ),
+        (
             "path.csv --mode time --step 1 --tool 1,2,3",
             "error: --tool needs six numbers, with commas between them",
         ),
@@ -171,7 +190,8 @@ fn background_writes_the_sources_task() {
     let folder = Folder::new("background");
     let output = folder.run("ls background --out -");
     assert_eq!(out(&output), std::fs::read_to_string(reference("figure-8.canonical.ls")).unwrap());
-    assert_eq!(err(&output), "standard output: R[1] to R[19] every 8 ms; R[30] to R[42] are its own\n");
+    let told = "standard output: R[1] to R[19] every 8 ms; R[30] to R[42] are its own\n";
+    assert!(err(&output).starts_with(told), "{}", err(&output));
     assert_eq!(folder.run("ls background --first 20").status.code(), Some(2));
 }
 
@@ -215,6 +235,19 @@ fn log_finds_the_word_order_and_writes_what_the_controller_says() {
             assert!((speed - 100.0).abs() < 0.5, "{row:?}");
         }
     }
+}
+
+#[test]
+fn log_warns_of_a_word_order_that_the_life_counter_contradicts() {
+    let folder = Folder::new("contradicted");
+    let address = controller(WordOrder::LowFirst);
+    let log = |order: &str| {
+        folder.run(&format!("fanuc log {address} --csv run.csv --seconds 0.3 --word-order {order}"))
+    };
+    let warning =
+        "warning: the life counter steps as if the word order were \"low_first\": these values are wrong\n";
+    assert!(err(&log("high-first")).ends_with(warning));
+    assert!(!err(&log("low-first")).contains("warning"));
 }
 
 #[test]

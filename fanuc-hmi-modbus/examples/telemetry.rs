@@ -14,11 +14,6 @@ use fanuc_hmi_modbus::client::{Client, Config, Event};
 use fanuc_hmi_modbus::typed::OrderProbe;
 use fanuc_hmi_modbus::{Reply, TelemetryBlock, WordOrder};
 
-#[allow(
-    clippy::disallowed_methods,
-    clippy::disallowed_types,
-    reason = "the driver loop has the clock and the socket"
-)]
 fn main() -> Result<(), Box<dyn core::error::Error>> {
     let address = std::env::args().nth(1).ok_or("usage: telemetry HOST:PORT")?;
     let mut socket = TcpStream::connect(address)?;

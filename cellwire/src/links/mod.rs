@@ -167,7 +167,7 @@ pub enum Device {
     Ball,
     /// The graphics workstation that draws the PUMA; settings: baud
     Viewer,
-    /// A FANUC controller with a moving robot, over Modbus; settings: framing, unit, and on a serial line baud
+    /// A FANUC controller with a moving robot, over Modbus; settings: framing, unit, word_order, and on a serial line baud
     Fanuc,
     /// The controller of a laser robot; settings: baud, queue, execution_ms, and the fields of its Profile
     Laser,

@@ -1,7 +1,7 @@
 //! `cellwire modbus`: requests as JSON lines to any Modbus server, replies as JSON lines back.
 
 use std::collections::VecDeque;
-use std::io::{self, BufRead, ErrorKind, Read, Write};
+use std::io::{self, BufRead, Read, Write};
 use std::net::TcpStream;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -113,14 +113,7 @@ impl Connection {
             let bytes = match self.transport.read_for(wait, &mut buffer) {
                 Ok(0) => bail!("the server closed the connection"),
                 Ok(n) => buffer.get(..n).unwrap_or_default(),
-                Err(e)
-                    if matches!(
-                        e.kind(),
-                        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
-                    ) =>
-                {
-                    &[]
-                }
+                Err(e) if tcp::is_silence(&e) => &[],
                 Err(e) => return Err(e).context("the connection broke"),
             };
             let mut rest = bytes;

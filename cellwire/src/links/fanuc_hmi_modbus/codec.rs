@@ -4,7 +4,7 @@ use fanuc_hmi_modbus::{
 };
 use serde_json::Value;
 
-use super::{framing, json};
+use super::{framing, json, word_order};
 use crate::codec::Codec;
 use crate::links::CodecOptions;
 use crate::settings::Settings;
@@ -18,11 +18,7 @@ pub fn codec(side: &str, options: &CodecOptions) -> Result<Box<dyn Codec>> {
     let settings = Settings::new("fanuc-hmi-modbus", &options.settings, &["framing", "view", "word_order"])?;
     let framing = framing(&settings)?;
     let side = if side == "client" { Side::Client } else { Side::Server };
-    let order = match settings.text("word_order")? {
-        None | Some("low_first") => WordOrder::LowFirst,
-        Some("high_first") => WordOrder::HighFirst,
-        Some(other) => bail!("word_order={other} is neither low_first nor high_first"),
-    };
+    let order = word_order(&settings)?;
     let view = match settings.text("view")? {
         None => None,
         Some("telemetry") => Some(order),

@@ -1,6 +1,6 @@
 //! Reads the telemetry block of a controller once in every period of its background task.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::thread;
 use std::time::Duration;
@@ -75,14 +75,7 @@ impl Logger {
             let mut bytes = match self.socket.read(&mut buffer) {
                 Ok(0) => bail!("the controller closed the connection"),
                 Ok(n) => buffer.get(..n).unwrap_or_default(),
-                Err(e)
-                    if matches!(
-                        e.kind(),
-                        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
-                    ) =>
-                {
-                    &[]
-                }
+                Err(e) if tcp::is_silence(&e) => &[],
                 Err(e) => return Err(e).context("the connection broke"),
             };
             loop {

@@ -11,7 +11,7 @@ mod robot;
 pub mod simulate;
 
 use anyhow::{Result, bail};
-use fanuc_hmi_modbus::Framing;
+use fanuc_hmi_modbus::{Framing, WordOrder};
 use serde_json::Value;
 
 use crate::settings::Settings;
@@ -30,6 +30,15 @@ fn is_rtu(settings: &Settings<'_>) -> Result<bool> {
 
 fn framing(settings: &Settings<'_>) -> Result<Framing> {
     Ok(if is_rtu(settings)? { Framing::RTU_OVER_TCP } else { Framing::Tcp })
+}
+
+/// The setting `word_order`: `low_first`, the default, or `high_first`.
+fn word_order(settings: &Settings<'_>) -> Result<WordOrder> {
+    match settings.text("word_order")? {
+        None | Some("low_first") => Ok(WordOrder::LowFirst),
+        Some("high_first") => Ok(WordOrder::HighFirst),
+        Some(other) => bail!("word_order={other} is neither low_first nor high_first"),
+    }
 }
 
 /// A value that is only ever made of numbers and names.

@@ -1,17 +1,17 @@
 //! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
 use anyhow::{Result, bail};
 use fanuc_hmi_modbus::server::{Config, Event};
-use fanuc_hmi_modbus::{DecodeError, Server, WordOrder};
+use fanuc_hmi_modbus::{DecodeError, Server};
 use serde_json::{Value, json};
 
 use super::controller::{Controller, circle};
-use super::is_rtu;
+use super::{is_rtu, word_order};
 use crate::device;
 use crate::line::{Clock, Line};
 use crate::serial::READ_TIMEOUT;
@@ -23,14 +23,14 @@ use crate::trace::{Trace, Way};
 /// Who a controller is shared between: every connection sees the same registers.
 pub type Shared = Arc<Mutex<Controller>>;
 
-/// Runs until interrupted. Settings: `framing`, `unit`, `baud`.
+/// Runs until interrupted. Settings: `framing`, `unit`, `baud`, `word_order`.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let settings = Settings::new("fanuc", &options.settings, &["framing", "unit", "baud"])?;
+    let settings = Settings::new("fanuc", &options.settings, &["framing", "unit", "baud", "word_order"])?;
     let unit = settings.number("unit", 1u8)?;
-    let controller = Arc::new(Mutex::new(Controller::new(Box::new(circle), WordOrder::LowFirst)));
+    let controller = Arc::new(Mutex::new(Controller::new(Box::new(circle), word_order(&settings)?)));
     match &options.endpoint {
         Endpoint::Listen(address) => {
             let config = if is_rtu(&settings)? { Config::rtu_over_tcp(unit) } else { Config::tcp() };
@@ -98,14 +98,7 @@ fn serve_stream(
         let mut bytes = match stream.read(&mut input) {
             Ok(0) => return Ok(None),
             Ok(n) => input.get(..n).unwrap_or_default(),
-            Err(e)
-                if matches!(
-                    e.kind(),
-                    ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
-                ) =>
-            {
-                &[]
-            }
+            Err(e) if tcp::is_silence(&e) => &[],
             Err(e) => return Err(e.into()),
         };
         trace.add(clock.now(), Way::Received, bytes);

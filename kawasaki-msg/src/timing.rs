@@ -14,6 +14,9 @@ pub const EXCHANGE: Duration = Duration::from_millis(32);
 /// How long a UDP receive waits unless it is told otherwise (thesis, section 9.4).
 pub const UDP_RECEIVE: Duration = Duration::from_secs(1);
 
+/// How late a datagram may still come, which both ends over UDP are made for. Ours: the source gives none.
+pub const LATEST_DATAGRAM: Duration = Duration::from_secs(1);
+
 /// The mean time to unpack a packet and to queue its jobs (thesis, appendix 2: 13 rounds).
 pub const UNPACK_MEAN: Duration = Duration::from_micros(27_078);
 

@@ -19,7 +19,8 @@ pub enum PcEvent {
     ExecutedAhead { index: u32 },
     /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were told ahead.
     OrderOver { order: u16, executed: u32, complete: bool },
-    /// The robot no longer knows the order: it was restarted, or somebody else has begun another. The jobs before `executed` are
+    /// The robot no longer knows the order: it was restarted, or somebody else has begun another. Or it has broken the order off,
+    /// jobs may overtake one another, and the acknowledgement of one may be lost with its datagram. The jobs before `executed` are
     /// executed; of those from there up to `sent` nobody knows; those from `sent` on are not.
     OutcomeUnknown { order: u16, executed: u32, sent: u32 },
     /// The robot wants no jobs for now.

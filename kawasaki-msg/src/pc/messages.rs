@@ -1,15 +1,11 @@
 //! What the robot says, and what it means for the order.
 
-use core::time::Duration;
-
 use super::{Core, PcEvent, Takeover};
 use crate::dialect::{Field, Params, Role};
 use crate::error::MessageError;
 use crate::message::Message;
 use crate::state::{OrderEvent, Phase};
-
-/// For how long, over datagrams, the robot has to seem to be out of our order before it is. Far above any delay of a datagram.
-const CONFIRMATION: Duration = Duration::from_secs(1);
+use crate::timing::LATEST_DATAGRAM;
 
 impl<S> Core<S> {
     pub(super) fn on_message(&mut self, message: &Message<'_>) {
@@ -61,7 +57,7 @@ impl<S> Core<S> {
     /// Whether the robot has left our order, and not only an old datagram says so.
     fn has_left(&mut self) -> bool {
         let since = *self.doubt.get_or_insert(self.heard_at);
-        !self.config.datagrams || self.heard_at >= since + CONFIRMATION
+        !self.config.datagrams || self.heard_at >= since + LATEST_DATAGRAM
     }
 
     fn on_job_ack(&mut self, order: u16, number: u16) -> Result<(), MessageError> {
@@ -197,9 +193,14 @@ impl<S> Core<S> {
             let count = self.count(number)?;
             self.on_executed(count);
         }
-        let (order, executed) = (self.order.number, self.order.executed);
+        let (order, executed, sent) = (self.order.number, self.order.executed, self.order.sent);
         let complete = self.order.total == Some(executed);
         self.close(OrderEvent::Over);
+        // Of a job that was executed ahead of others only its own acknowledgement told, and that datagram may be lost.
+        if self.config.datagrams && !self.config.cumulative_acks && executed < sent {
+            self.events.push(PcEvent::OutcomeUnknown { order, executed, sent });
+            return Ok(());
+        }
         self.events.push(PcEvent::OrderOver { order, executed, complete });
         Ok(())
     }

@@ -16,7 +16,8 @@ pub struct RobotConfig {
     pub dialect: Dialect,
     /// The limits of a packet.
     pub limits: Limits,
-    /// Every input is a datagram: no message goes on in the next one.
+    /// Every input is a datagram: no message goes on in the next one, and it may come late. The start of an order that has ended
+    /// is refused, and none is heard for [`LATEST_DATAGRAM`](timing::LATEST_DATAGRAM) after the first connection.
     pub datagrams: bool,
     /// The coordinates that the robot can reach.
     pub bounds: Bounds,

@@ -25,7 +25,7 @@ impl Core<'_> {
         let dialect = &self.config.dialect;
         let (role, result) = match dialect.read(message) {
             Ok((Role::Job, params)) => (Some(Role::Job), self.queue_job(&params)),
-            Ok((role, params)) => (Some(role), self.on_other(role, &params)),
+            Ok((role, params)) => (Some(role), self.on_other(now, role, &params)),
             Err(error) => (dialect.find(message.name).map(|entry| entry.role), Err(error)),
         };
         match (role, result) {
@@ -107,10 +107,10 @@ impl Core<'_> {
         self.events.push_report(RobotEvent::Recovery { rung, next });
     }
 
-    fn on_other(&mut self, role: Role, params: &Params) -> Result<(), MessageError> {
+    fn on_other(&mut self, now: Duration, role: Role, params: &Params) -> Result<(), MessageError> {
         let order = params.number(Field::Order).unwrap_or(0);
         match role {
-            Role::OrderStart => return self.on_start(order, params.number(Field::Number)),
+            Role::OrderStart => return self.on_start(now, order, params.number(Field::Number)),
             Role::OrderEnd => {
                 self.owed.end_ack = (order != self.order).then_some(order).or(self.owed.end_ack);
                 if order == self.order && self.phase.on(OrderEvent::End).is_some() {
@@ -137,9 +137,16 @@ impl Core<'_> {
     }
 
     /// "If the order went through, its number is returned, otherwise 0 or the number of the active order" (thesis, section 10.1).
-    fn on_start(&mut self, order: u16, first: Option<u16>) -> Result<(), MessageError> {
-        let accepted =
-            self.phase == Phase::Idle && order != 0 && first == Some(1) && !self.intake.is_abandoned();
+    ///
+    /// A late datagram may say it of an order that is over: one of a number that has just ended is refused. A robot that has just
+    /// been started knows none of them, and hears no start for as long as such a datagram may still come.
+    fn on_start(&mut self, now: Duration, order: u16, first: Option<u16>) -> Result<(), MessageError> {
+        if self.config.datagrams && self.deaf_until.is_none_or(|until| now < until) {
+            return Ok(());
+        }
+        let over = self.config.datagrams && self.ended_before.contains(&order);
+        let possible = self.phase == Phase::Idle && order != 0 && first == Some(1);
+        let accepted = possible && !over && !self.intake.is_abandoned();
         if accepted {
             self.go(OrderEvent::Start);
             self.intake.begin();

@@ -20,6 +20,7 @@ use crate::packet::{Packet, Room};
 use crate::plain::PlainJobs;
 use crate::state::{Link, LinkEvent, OrderEvent, Phase};
 use crate::statistics::Statistics;
+use crate::timing;
 
 pub use config::{Acks, RobotConfig};
 pub use event::RobotEvent;
@@ -70,6 +71,10 @@ struct Core<'q> {
     plain: Option<PlainJobs>,
     /// The order that ended last.
     ended: Option<u16>,
+    /// Over datagrams: the numbers of the orders before, as many as a late datagram can still name; 0 for none.
+    ended_before: [u16; 16],
+    /// Over datagrams: no order begins before.
+    deaf_until: Option<Duration>,
     cycle: Cycle,
     connect_at: Duration,
     asks: Asks,
@@ -140,6 +145,8 @@ impl<'q> Robot<'q> {
             order: 0,
             plain: None,
             ended: None,
+            ended_before: [0; 16],
+            deaf_until: None,
             cycle: Cycle::Ready(Duration::ZERO),
             connect_at: Duration::ZERO,
             asks: Asks::default(),
@@ -331,6 +338,7 @@ impl Core<'_> {
     fn connected(&mut self, now: Duration) {
         let Some(link) = self.link.on(LinkEvent::Opened) else { return };
         self.link = link;
+        self.deaf_until.get_or_insert(now + timing::LATEST_DATAGRAM);
         self.cycle = Cycle::Ready(now);
         self.asks = Asks::default();
         (self.synced, self.silent) = (false, 0);
@@ -381,6 +389,8 @@ impl Core<'_> {
     /// The queue is empty, and the order is forgotten.
     fn over(&mut self) {
         let order = core::mem::take(&mut self.order);
+        self.ended_before.rotate_right(1);
+        self.ended_before[0] = order;
         self.plain = None;
         self.go(OrderEvent::Over);
         (self.full, self.ended, self.owed.end_ack) = (false, Some(order), Some(order));

@@ -1,0 +1,90 @@
+//! Over UDP a datagram may be lost, come twice, and come late: what that must not do to an order.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod common;
+
+use core::time::Duration;
+
+use common::{MS, Rig, expected, picture, sent};
+use kawasaki_msg::{Acks, PcConfig, PcEvent, RobotConfig, RobotEvent};
+use testkit::link::Faults;
+
+const LIMIT: Duration = Duration::from_secs(100);
+
+fn rig(robot: RobotConfig, pc: PcConfig) -> Rig {
+    Rig::with(1, Faults { datagrams: true, ..Faults::NONE }, 64, pc.max_number, robot, pc)
+}
+
+/// The start of an order comes once more when the order is over, and its jobs behind it.
+#[test]
+fn a_late_start_does_not_begin_an_order_again() {
+    let mut rig = rig(RobotConfig::UDP, PcConfig::UDP);
+    for order in 1..=3 {
+        rig.pc_events.clear();
+        rig.pc.start(order, picture(order, 4)).unwrap();
+        rig.run_until(LIMIT, Rig::is_over);
+    }
+    let drawn = rig.lines();
+    assert_eq!(drawn, [expected(1, 4), expected(2, 4), expected(3, 4)].concat());
+    let late: Vec<Vec<u8>> = rig.from_pc.clone();
+    rig.robot_events.clear();
+    for datagram in late {
+        rig.robot.handle_input(rig.now, &datagram);
+        rig.run_for(MS * 100);
+    }
+    assert_eq!(rig.lines(), drawn, "executed again");
+    assert!(rig.robot_events.contains(&RobotEvent::OrderRefused { order: 1, active: 0 }));
+    rig.pc_events.clear();
+    rig.pc.start(4, picture(4, 2)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines().len(), drawn.len() + 2, "a new order is taken");
+    // Over TCP nothing is late, and the same picture may begin anew.
+    let mut rig = Rig::new(1, Faults::NONE, 64, 9999);
+    for _ in 0..2 {
+        rig.pc_events.clear();
+        rig.pc.start(1, picture(1, 4)).unwrap();
+        rig.run_until(LIMIT, Rig::is_over);
+    }
+    assert_eq!(rig.lines(), [expected(1, 4), expected(1, 4)].concat());
+}
+
+/// A robot that has lost its memory cannot know which starts are old.
+#[test]
+fn a_robot_that_was_just_started_hears_no_start_for_a_second() {
+    let mut rig = rig(RobotConfig::UDP, PcConfig::UDP);
+    rig.pc.start(7, picture(7, 2)).unwrap();
+    rig.run_for(MS * 990);
+    assert_eq!((rig.robot.order(), sent(&rig.from_robot, "TilausKuittaus").len()), (None, 0));
+    assert!(sent(&rig.from_pc, "TilausAlkaa").len() > 10, "asked again in each cycle");
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(rig.lines(), expected(7, 2));
+    assert_eq!(sent(&rig.from_robot, "TilausKuittaus")[0], "<TilausKuittaus$1#7#>");
+}
+
+/// The only word of a job that was executed ahead of others is its own acknowledgement.
+#[test]
+fn where_jobs_overtake_one_another_an_order_that_is_broken_off_ends_unknown() {
+    for datagrams in [false, true] {
+        let robot = if datagrams { RobotConfig::UDP } else { RobotConfig::TCP };
+        let pc = if datagrams { PcConfig::UDP } else { PcConfig::TCP };
+        let robot = RobotConfig { acks: Acks::Individual, ..robot };
+        let mut rig = Rig::with(
+            1,
+            Faults { datagrams, ..Faults::NONE },
+            8,
+            999,
+            robot,
+            PcConfig { cumulative_acks: false, max_number: 999, ..pc },
+        );
+        rig.overtakes = true;
+        rig.motion = Some(MS * 30);
+        rig.pc.start(1, picture(1, 40)).unwrap();
+        rig.run_until(LIMIT, |rig| rig.executed.len() == 5);
+        rig.robot.reset_order().unwrap();
+        rig.run_until(LIMIT, Rig::is_over);
+        let (executed, known) = (rig.pc.executed(), rig.pc.sent());
+        assert!(executed < known);
+        let unknown = PcEvent::OutcomeUnknown { order: 1, executed, sent: known };
+        assert_eq!(rig.pc_events.contains(&unknown), datagrams, "{:?}", rig.pc_events);
+    }
+}

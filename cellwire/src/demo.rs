@@ -33,6 +33,9 @@ pub struct Args {
     /// Write what the demo made: a file or a folder, as the link says (one LINK only)
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
+    /// The SVG file to draw, its outlines on an A3 sheet [default: a built-in picture] (kawasaki-msg only)
+    #[arg(long, value_name = "FILE")]
+    drawing: Option<PathBuf>,
     #[command(flatten)]
     trace: TraceArgs,
     /// A setting of the link's demo other than its default, such as baud=19200 (one LINK only)
@@ -51,6 +54,8 @@ pub struct DemoOptions {
     pub seed: u64,
     /// Where to write what the demo made.
     pub out: Option<PathBuf>,
+    /// The SVG file to draw; `None`: a built-in picture.
+    pub drawing: Option<PathBuf>,
     /// What becomes of the bytes of a session that ended, where the link keeps them.
     pub trace: TraceArgs,
     /// Settings other than the demo's defaults.
@@ -66,6 +71,10 @@ pub fn run(args: &Args) -> Result<bool> {
         anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes something else");
         anyhow::ensure!(args.set.is_empty(), "--set needs one LINK: each has other settings");
     }
+    anyhow::ensure!(
+        args.drawing.is_none() || links == [Link::KawasakiMsg],
+        "--drawing is for kawasaki-msg alone: cellwire demo kawasaki-msg --drawing FILE"
+    );
     let mut all = true;
     for link in links {
         let progress = progress_line(link.name(), args.json);
@@ -74,6 +83,7 @@ pub fn run(args: &Args) -> Result<bool> {
             faults: args.faults,
             seed: args.seed,
             out: args.out.clone(),
+            drawing: args.drawing.clone(),
             trace: args.trace.clone(),
             settings: args.set.iter().cloned().collect(),
             progress: progress.clone(),

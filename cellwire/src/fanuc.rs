@@ -21,7 +21,7 @@ use crate::report::{Report, Samples};
 /// The telemetry of a FANUC controller over Modbus TCP (HMI Device Communication).
 ///
 /// The controller runs a background task (`cellwire ls background` writes it) and has the `$SNPX_ASG` lines that show its
-/// registers R[1] to R[19] as 37 Modbus registers from 0. Without a robot: `cellwire simulate fanuc --listen 127.0.0.1:5020`.
+/// registers `R[1]` to `R[19]` as 37 Modbus registers from 0. Without a robot: `cellwire simulate fanuc --listen 127.0.0.1:5020`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {

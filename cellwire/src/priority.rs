@@ -1,6 +1,6 @@
 //! Threads that the processor must not keep waiting.
 //!
-//! The source gives the process that answers the robot a high priority by hand, "setpr [Prozeßnummer] 500" (VAL II thesis, §8.3,
+//! The source gives the process that answers the robot a high priority by hand, `setpr [Prozeßnummer] 500` (VAL II thesis, §8.3,
 //! §10.3). Where the system does not allow it (on Linux: neither root nor `rtprio` in `limits.conf`), the thread runs like any
 //! other, and misses a deadline when the machine is overloaded.
 

@@ -221,6 +221,9 @@ fn micros(time: Duration) -> Value {
 }
 
 fn show(time: Duration) -> String {
+    if time < Duration::from_micros(100) {
+        return format!("{} µs", time.as_micros());
+    }
     format!("{:.2} ms", time.as_secs_f64() * 1e3)
 }
 

@@ -2,6 +2,7 @@
 
 pub mod fanuc_hmi_modbus;
 pub mod isra_ball;
+pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod mmacell_proto;
 pub mod val2_alter;
@@ -19,6 +20,8 @@ use crate::simulate::SimulateOptions;
 /// A link, by the name of its crate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Link {
+    /// A Kawasaki robot and a PC; settings: charset, of the demo port, queue, speed
+    KawasakiMsg,
     /// VAL II ALTER on a Unimation MARK III
     Val2Alter,
     /// The ISRA Robot Command Teach Ball
@@ -40,6 +43,7 @@ impl Link {
     /// The crate's name.
     pub fn name(self) -> &'static str {
         match self {
+            Self::KawasakiMsg => "kawasaki-msg",
             Self::Val2Alter => "val2-alter",
             Self::IsraBall => "isra-ball",
             Self::FanucHmiModbus => "fanuc-hmi-modbus",
@@ -51,6 +55,7 @@ impl Link {
     /// The names of the sides that send, for `--from`; the first is the default.
     pub fn sides(self) -> &'static [&'static str] {
         match self {
+            Self::KawasakiMsg => &["pc", "robot"],
             Self::Val2Alter => &["robot", "host"],
             Self::IsraBall => &["ball"],
             Self::FanucHmiModbus => &["client", "server"],
@@ -62,6 +67,9 @@ impl Link {
     /// The side that sends, in a capture: the TCP client, or the server on this port.
     pub fn sender(self, is_client: bool, server_port: u16) -> &'static str {
         match self {
+            // The robot opens the connection.
+            Self::KawasakiMsg if is_client => "robot",
+            Self::KawasakiMsg => "pc",
             // Serial device servers listen: the robot is behind one.
             Self::Val2Alter | Self::LaserEb90 if is_client => "host",
             Self::Val2Alter => "robot",
@@ -82,6 +90,7 @@ impl Link {
     pub fn codec(self, options: &CodecOptions) -> Result<Box<dyn Codec>> {
         let side = self.side(options.from.as_deref())?;
         match self {
+            Self::KawasakiMsg => kawasaki_msg::codec(options),
             Self::Val2Alter => val2_alter::codec(side, options),
             Self::IsraBall => isra_ball::codec(options),
             Self::FanucHmiModbus => fanuc_hmi_modbus::codec(side, options),
@@ -96,6 +105,7 @@ impl Link {
     /// When the demo cannot be set up: a port in use, a file that does not exist.
     pub fn demo(self, options: &DemoOptions) -> Result<Report> {
         match self {
+            Self::KawasakiMsg => kawasaki_msg::demo(options),
             Self::Val2Alter => val2_alter::demo(options),
             Self::IsraBall => isra_ball::demo(options),
             Self::FanucHmiModbus => fanuc_hmi_modbus::demo(options),
@@ -161,6 +171,10 @@ impl CodecArgs {
 /// A simulated end of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Device {
+    /// A Kawasaki robot that draws what a PC sends; settings: speed, queue, acks, out
+    KawasakiRobot,
+    /// A PC with a picture for a Kawasaki robot; settings: drawing, order, repeat
+    KawasakiPc,
     /// The PUMA 562 on its MARK III; settings: baud, mode, subroutine, attempts, restart_ms
     Puma,
     /// The ISRA Robot Command Teach Ball with a hand on it; settings: baud
@@ -184,6 +198,8 @@ impl Device {
     /// When its endpoint cannot be opened.
     pub fn simulate(self, options: &SimulateOptions) -> Result<()> {
         match self {
+            Self::KawasakiRobot => kawasaki_msg::simulate::robot(options),
+            Self::KawasakiPc => kawasaki_msg::simulate::pc(options),
             Self::Puma => val2_alter::puma::simulate(options),
             Self::Viewer => val2_alter::workstation::simulate(options),
             Self::Ball => isra_ball::ball::simulate(options),

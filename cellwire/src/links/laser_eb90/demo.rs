@@ -212,6 +212,7 @@ mod tests {
             faults: true,
             seed: 5,
             out: None,
+            drawing: None,
             trace: TraceArgs::off(),
             settings: serde_json::Map::new(),
             progress: ProgressBar::hidden(),

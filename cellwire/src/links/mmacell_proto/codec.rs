@@ -16,7 +16,7 @@ pub(super) const DIALECT: [&str; 7] = ["itr", "ovrd", "clos", "off", "lone_lf", 
 /// What a side sends.
 ///
 /// # Errors
-/// When a setting is none of [`DIALECT`].
+/// When a setting is no field of `Dialect`.
 pub fn codec(side: &str, options: &CodecOptions) -> Result<Box<dyn Codec>> {
     Settings::new("mmacell-proto", &options.settings, &DIALECT)?;
     let dialect = dialect(&options.settings)?;

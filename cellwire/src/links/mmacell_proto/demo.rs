@@ -355,6 +355,7 @@ mod tests {
             faults,
             seed: 7,
             out: None,
+            drawing: None,
             trace: TraceArgs::off(),
             settings: set.iter().filter_map(|text| settings::parse(text).ok()).collect(),
             progress: ProgressBar::hidden(),

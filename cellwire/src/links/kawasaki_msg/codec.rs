@@ -1,0 +1,75 @@
+use anyhow::{Context, Result};
+use kawasaki_msg::{Charset, Decoder, Message, Value as Field, Values};
+use serde::Deserialize;
+use serde_json::Value;
+
+use crate::codec::Codec;
+use crate::links::CodecOptions;
+use crate::settings::Settings;
+
+/// Both sides send the same messages. Setting: `charset`, `ascii` (default) or `latin1`.
+///
+/// # Errors
+/// When a setting is another.
+pub fn codec(options: &CodecOptions) -> Result<Box<dyn Codec>> {
+    let settings = Settings::new("kawasaki-msg", &options.settings, &["charset"])?;
+    let charset = match settings.text("charset")? {
+        None | Some("ascii") => Charset::Ascii,
+        Some("latin1") => Charset::Latin1,
+        Some(other) => anyhow::bail!("charset={other} is neither ascii nor latin1"),
+    };
+    Ok(Box::new(Messages { decoder: Decoder::new(charset), charset }))
+}
+
+struct Messages {
+    decoder: Decoder,
+    charset: Charset,
+}
+
+/// A message object.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Object {
+    name: String,
+    #[serde(default)]
+    header: Vec<String>,
+    fields: Vec<String>,
+}
+
+impl Codec for Messages {
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        self.decoder.push(bytes)
+    }
+
+    fn next(&mut self) -> Option<Result<Value, Value>> {
+        Some(match self.decoder.next_frame()? {
+            Ok(message) => Ok(serde_json::to_value(message).unwrap_or_default()),
+            Err(error) => Err(serde_json::to_value(error).unwrap_or_default()),
+        })
+    }
+
+    fn finish(&mut self) {
+        self.decoder.finish();
+    }
+
+    fn position(&self) -> u64 {
+        self.decoder.position()
+    }
+
+    fn encode(&self, message: Value) -> Result<Vec<u8>> {
+        let object: Object = serde_json::from_value(message).context("is no kawasaki-msg message")?;
+        let (header, fields) = (values(&object.header), values(&object.fields));
+        let message = Message {
+            name: Field::Text(&object.name),
+            header: Values::List(&header),
+            fields: Values::List(&fields),
+        };
+        let mut wire = vec![0; message.encoded_len()];
+        message.encode(self.charset, &mut wire)?;
+        Ok(wire)
+    }
+}
+
+fn values(texts: &[String]) -> Vec<Field<'_>> {
+    texts.iter().map(|text| Field::Text(text)).collect()
+}

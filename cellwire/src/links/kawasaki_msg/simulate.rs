@@ -1,0 +1,111 @@
+//! `cellwire simulate kawasaki-pc` and `kawasaki-robot`: an end to test the other one against.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc;
+
+use anyhow::{Result, bail, ensure};
+use kawasaki_msg::{Acks, Line, Pc, PcConfig, PcEvent, RobotConfig, RobotEvent};
+use serde_json::{Value, json};
+
+use super::pc::{self, Program};
+use super::robot::{self, Setup, Stroke};
+use super::{SHEET, drawn, jobs};
+use crate::drawing::{self, Picture};
+use crate::settings::Settings;
+use crate::simulate::{Endpoint, SimulateOptions, log, ready};
+use crate::tcp;
+
+/// The PC until interrupted. Settings: `drawing`, an SVG file [default: a built-in picture]; `order`, the number of the first order;
+/// `repeat`, draw again when it is drawn.
+///
+/// # Errors
+/// When the endpoint cannot be opened, or a setting is none of this device's.
+pub fn pc(options: &SimulateOptions) -> Result<()> {
+    let settings = Settings::new("kawasaki-pc", &options.settings, &["drawing", "order", "repeat"])?;
+    let order: u16 = settings.number("order", 50)?;
+    ensure!(order > 0, "order=0: orders are numbered from 1");
+    let repeat = settings.flag("repeat", false)?;
+    let picture = match settings.text("drawing")? {
+        Some(file) => Picture::from_file(Path::new(file), SHEET)?,
+        None => Picture::built_in(SHEET)?,
+    };
+    let Endpoint::Listen(address) = &options.endpoint else {
+        bail!("kawasaki-pc is a TCP server: use --listen")
+    };
+    let listener = tcp::listen(address)?;
+    let lines = jobs(&picture);
+    ready("kawasaki-pc", "listen", &listener.local_addr()?.to_string())?;
+    let mut program = Orders { lines: &lines, next: Some(order), repeat };
+    pc::run(&listener, PcConfig::TCP, &options.trace.start("kawasaki-pc"), &mut program)?;
+    Ok(())
+}
+
+/// The robot until interrupted. Settings: `speed` of the pen in mm/s, `queue`, how many jobs it holds, `acks`, every how many jobs it
+/// acknowledges, `out`, an SVG file that is written whenever an order is over.
+///
+/// # Errors
+/// When a setting is none of this device's.
+pub fn robot(options: &SimulateOptions) -> Result<()> {
+    let settings = Settings::new("kawasaki-robot", &options.settings, &["acks", "out", "queue", "speed"])?;
+    let speed: u32 = settings.number("speed", 250)?;
+    ensure!(speed > 0, "speed={speed}: give at least 1 mm/s");
+    let every = settings.number("acks", 1u16)?.try_into();
+    let Ok(every) = every else { bail!("acks=0: give 1 to acknowledge every job") };
+    let config = RobotConfig { acks: Acks::Cumulative { every }, ..RobotConfig::TCP };
+    let setup = Setup { config, queue: settings.number("queue", 256)?, speed: f64::from(speed) };
+    let out = settings.text("out")?.map(PathBuf::from);
+    let Endpoint::Connect(address) = &options.endpoint else {
+        bail!("kawasaki-robot is a TCP client, it opens the connection: use --connect")
+    };
+    ready("kawasaki-robot", "connect", address)?;
+    let (sender, strokes) = mpsc::channel::<Stroke>();
+    let trace = options.trace.start("kawasaki-robot");
+    robot::run(&setup, address, &trace, &AtomicBool::new(false), sender, |told| match told {
+        robot::Told::Event(event) => {
+            if let RobotEvent::OrderOver { .. } = event {
+                let lines: Vec<drawing::Line> = drawn(strokes.try_iter().map(|stroke| stroke.job.line));
+                log(&json!({"event": "drawn", "strokes": lines.iter().filter(|line| line.draws).count()}))?;
+                if let Some(file) = &out {
+                    drawing::write_svg(file, SHEET, &lines)?;
+                }
+            }
+            log(&serde_json::to_value(event)?)
+        }
+        robot::Told::Connected(peer) => log(&json!({"event": "connected", "peer": peer})),
+        robot::Told::Disconnected(why) => log(&json!({"event": "disconnected", "why": why})),
+        robot::Told::Traced(path) => log(&json!({"event": "trace", "path": path})),
+    })?;
+    Ok(())
+}
+
+/// The simulated PC's program: an order when there is one to begin.
+struct Orders<'a> {
+    lines: &'a [Line],
+    next: Option<u16>,
+    repeat: bool,
+}
+
+impl<'a> Program<'a> for Orders<'a> {
+    fn step(&mut self, pc: &mut Pc<&'a [Line]>) -> Result<bool> {
+        if let Some(order) = self.next.filter(|_| pc.order().is_none()) {
+            pc.start(order, self.lines)?;
+            self.next = self.repeat.then(|| order.checked_add(1).unwrap_or(1));
+        }
+        Ok(true)
+    }
+
+    fn told(&mut self, told: pc::Told<'_>) -> Result<()> {
+        let line: Value = match told {
+            pc::Told::Event(event @ PcEvent::OrderRefused { given_up: true, order, .. }) => {
+                self.next = self.next.or(Some(order)); // until interrupted
+                serde_json::to_value(event)?
+            }
+            pc::Told::Event(event) => serde_json::to_value(event)?,
+            pc::Told::Connected(peer) => json!({"event": "connected", "peer": peer}),
+            pc::Told::Disconnected(why) => json!({"event": "disconnected", "why": why}),
+            pc::Told::Traced(path) => json!({"event": "trace", "path": path}),
+        };
+        log(&line)
+    }
+}

@@ -26,28 +26,23 @@ pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
     })
 }
 
-/// Listens at a baud rate for so long. The port stays at that rate.
+/// Everything that arrives in so long.
 ///
 /// # Errors
-/// When the port does not know the rate, or is gone.
-pub fn listen(
-    port: &mut dyn SerialPort,
-    baud: u32,
-    time: Duration,
-    heard: &mut dyn FnMut(&[u8]),
-) -> Result<()> {
-    port.set_baud_rate(baud)?;
+/// When the port is gone.
+pub fn listen(port: &mut dyn SerialPort, time: Duration) -> Result<Vec<u8>> {
     port.set_timeout(Duration::from_millis(20))?;
     let end = Instant::now() + time;
+    let mut heard = Vec::new();
     let mut buffer = [0; 64];
     while Instant::now() < end {
         match port.read(&mut buffer) {
-            Ok(n) => heard(buffer.get(..n).unwrap_or_default()),
+            Ok(n) => heard.extend_from_slice(buffer.get(..n).unwrap_or_default()),
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(e) => return Err(e.into()),
         }
     }
-    Ok(())
+    Ok(heard)
 }
 
 /// A link to a pseudo-terminal under a path of the caller's choice; gone when dropped.

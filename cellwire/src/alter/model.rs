@@ -191,6 +191,8 @@ impl Model {
                 self.counts.packets += 1;
                 (self.ball, self.exchange) = (Some(packet), took);
             }
+            // The poll that a late packet answers has been counted as missed.
+            Told::BallLate => {}
             Told::BallMissed => self.counts.ball_missed += 1,
             Told::BallDamaged(error) => {
                 self.counts.ball_damaged += 1;

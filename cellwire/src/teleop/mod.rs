@@ -13,6 +13,7 @@
 mod ball;
 pub mod cell;
 mod mapping;
+mod port;
 mod robot;
 pub mod verdict;
 mod viewer;
@@ -122,6 +123,8 @@ pub enum Told {
     Ball(Packet, Duration),
     /// A poll of the ball without a packet.
     BallMissed,
+    /// A packet of the ball when none was asked for: the answer to the poll before, too late.
+    BallLate,
     /// Damaged bytes from the ball.
     BallDamaged(isra_ball::DecodeError),
     /// No new values from the ball.
@@ -137,9 +140,9 @@ pub enum Told {
         /// The rate.
         baud: u32,
         /// Good messages.
-        good: u32,
+        good: usize,
         /// Damaged ones.
-        damaged: u32,
+        damaged: usize,
     },
     /// ALTER runs: no port is tested.
     ProbeRefused,

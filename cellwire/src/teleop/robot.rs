@@ -1,31 +1,25 @@
 //! The thread that answers the robot controller.
 
-use std::io::{ErrorKind, Read, Write};
 use std::sync::mpsc::{Receiver, Sender};
 use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
 use isra_ball::Packet;
-use serialport::SerialPort;
 use val2_alter::{AXES, Clamp, Decoder, Framing, Host, HostEvent, HostState, Mode, RobotMessage, Transform};
 
-use super::{Context, Mapping, Order, PortConfig, TeleopConfig, Told};
+use super::port::Port;
+use super::{Context, Mapping, Order, TeleopConfig, Told};
 use crate::priority::{self, Rank};
-use crate::serial;
-use crate::trace::Way;
 
 /// Orders are looked at this often while the robot is silent.
 const IDLE: Duration = Duration::from_millis(20);
 /// The port test listens so long at each rate.
 const LISTEN: Duration = Duration::from_millis(1200);
-/// A port that is gone is tried again this often.
-const REOPEN: Duration = Duration::from_millis(500);
 
 pub(super) struct Robot {
     context: Context,
-    config: PortConfig,
-    port: Option<Box<dyn SerialPort>>,
+    port: Port,
     host: Host,
     mapping: Mapping,
     clamp: Clamp,
@@ -53,12 +47,9 @@ impl Robot {
         orders: Receiver<Order>,
         poses: Sender<Pose>,
     ) -> Result<Self> {
-        let port = serial::open(&config.robot.path, config.robot.baud)?;
-        context.tell(Told::PortOpen("robot", config.robot.path.clone()));
         Ok(Self {
+            port: Port::open("robot", &config.robot, &context)?,
             context,
-            config: config.robot.clone(),
-            port: Some(port),
             host: Host::new(config.alter),
             mapping: config.mapping,
             clamp: Clamp::default(),
@@ -88,30 +79,18 @@ impl Robot {
     /// Waits for bytes, at most until the session wants to be called. Takes all that there are: a reply that is late would be
     /// taken for the answer to the next request, so none is written while that one waits to be read.
     fn read(&mut self) {
-        self.read_once();
-        while self.port.as_ref().is_some_and(|port| port.bytes_to_read().is_ok_and(|waiting| waiting > 0)) {
-            self.read_once();
-        }
-    }
-
-    fn read_once(&mut self) {
-        let Some(port) = &mut self.port else { return self.reopen() };
-        let now = self.context.clock.now();
-        let due = self.host.poll_timeout().map_or(IDLE, |due| due.saturating_sub(now).min(IDLE));
         let mut buffer = [0; 256];
-        let outcome = port
-            .set_timeout(due.max(Duration::from_micros(50)))
-            .map_err(std::io::Error::from)
-            .and_then(|()| port.read(&mut buffer));
-        match outcome {
-            Ok(n) => {
-                let bytes = buffer.get(..n).unwrap_or_default();
-                self.last_read = self.context.clock.now();
-                self.context.trace.add(self.last_read, Way::Received, bytes);
-                self.host.handle_input(self.last_read, bytes);
+        loop {
+            let now = self.context.clock.now();
+            let due = self.host.poll_timeout().map_or(IDLE, |due| due.saturating_sub(now).min(IDLE));
+            let (now, bytes) = self.port.read(&self.context, due, &mut buffer);
+            if !bytes.is_empty() {
+                self.last_read = now;
+                self.host.handle_input(now, bytes);
             }
-            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
-            Err(e) => self.lose_port(&e),
+            if !self.port.has_bytes() {
+                return;
+            }
         }
     }
 
@@ -165,13 +144,8 @@ impl Robot {
         let replies = self.host.stats().replies;
         let now = self.context.clock.now();
         let Some(length) = self.host.poll_transmit(now, &mut out) else { return };
-        let Some(port) = &mut self.port else { return };
         let bytes = out.get(..length).unwrap_or_default();
-        if let Err(e) = port.write_all(bytes) {
-            return self.lose_port(&e);
-        }
-        let written = self.context.clock.now();
-        self.context.trace.add(written, Way::Sent, bytes);
+        let Some(written) = self.port.write(&self.context, bytes) else { return };
         if self.host.stats().replies > replies {
             let thinking = written.saturating_sub(self.last_read);
             self.later.push(Told::Reply { demand, values: self.host.values(), thinking });
@@ -212,35 +186,20 @@ impl Robot {
         if self.host.state() != HostState::Idle {
             return self.later.push(Told::ProbeRefused);
         }
-        let Some(port) = &mut self.port else { return };
         for baud in [9600, 19_200, 38_400] {
+            let Some(heard) = self.port.listen(baud, &[], LISTEN) else { continue };
             let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
             let (mut good, mut damaged) = (0, 0);
-            let heard = serial::listen(port.as_mut(), baud, LISTEN, &mut |bytes| {
-                decoder.push(bytes);
+            let mut rest = heard.as_slice();
+            while !rest.is_empty() {
+                let taken = decoder.push(rest);
+                rest = rest.get(taken..).unwrap_or_default();
                 while let Some(outcome) = decoder.next_frame() {
                     *if outcome.is_ok() { &mut good } else { &mut damaged } += 1;
                 }
-            });
-            if heard.is_ok() {
-                self.later.push(Told::Probed { port: "robot", baud, good, damaged });
             }
+            self.later.push(Told::Probed { port: "robot", baud, good, damaged });
         }
-        if let Err(e) = port.set_baud_rate(self.config.baud) {
-            self.lose_port(&e.into());
-        }
-    }
-
-    fn lose_port(&mut self, error: &std::io::Error) {
-        self.port = None;
-        self.later.push(Told::PortLost("robot", error.to_string()));
-    }
-
-    fn reopen(&mut self) {
-        thread::sleep(REOPEN);
-        if let Ok(port) = serial::open(&self.config.path, self.config.baud) {
-            self.port = Some(port);
-            self.later.push(Told::PortOpen("robot", self.config.path.clone()));
-        }
+        self.port.end_listening(&self.context);
     }
 }

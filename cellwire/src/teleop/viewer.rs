@@ -1,30 +1,23 @@
 //! The thread that shows the graphics workstation where the arm is.
 
-use std::io::{ErrorKind, Read, Write};
 use std::sync::mpsc::Receiver;
-use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use serialport::SerialPort;
 use val2_alter::viewer::{ENQ, PoseFeed, PosePacket};
 
+use super::port::Port;
 use super::robot::Pose;
 use super::{Context, PortConfig, Told};
-use crate::serial;
-use crate::trace::Way;
 
 /// New poses are looked at this often.
 const IDLE: Duration = Duration::from_millis(20);
 /// The port test listens so long at each rate.
 const LISTEN: Duration = Duration::from_secs(1);
-/// A port that is gone is tried again this often.
-const REOPEN: Duration = Duration::from_millis(500);
 
 pub(super) struct Feed {
     context: Context,
-    config: PortConfig,
-    port: Option<Box<dyn SerialPort>>,
+    port: Port,
     feed: PoseFeed,
     poses: Receiver<Pose>,
     probe: Receiver<()>,
@@ -37,16 +30,8 @@ impl Feed {
         poses: Receiver<Pose>,
         probe: Receiver<()>,
     ) -> Result<Self> {
-        let port = serial::open(&config.path, config.baud)?;
-        context.tell(Told::PortOpen("viewer", config.path.clone()));
-        Ok(Self {
-            context,
-            config: config.clone(),
-            port: Some(port),
-            feed: PoseFeed::default(),
-            poses,
-            probe,
-        })
+        let port = Port::open("viewer", config, &context)?;
+        Ok(Self { context, port, feed: PoseFeed::default(), poses, probe })
     }
 
     pub(super) fn run(mut self) {
@@ -67,66 +52,30 @@ impl Feed {
     }
 
     fn read(&mut self) {
-        let Some(port) = &mut self.port else { return self.reopen() };
         let mut buffer = [0; 64];
-        let outcome =
-            port.set_timeout(IDLE).map_err(std::io::Error::from).and_then(|()| port.read(&mut buffer));
-        match outcome {
-            Ok(n) => {
-                let bytes = buffer.get(..n).unwrap_or_default();
-                self.context.trace.add(self.context.clock.now(), Way::Received, bytes);
-                self.feed.handle_input(bytes);
-                if bytes.contains(&ENQ) {
-                    self.context.tell(Told::PoseAsked);
-                }
-            }
-            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
-            Err(e) => self.lose_port(&e),
+        let (_, bytes) = self.port.read(&self.context, IDLE, &mut buffer);
+        self.feed.handle_input(bytes);
+        if bytes.contains(&ENQ) {
+            self.context.tell(Told::PoseAsked);
         }
     }
 
     fn answer(&mut self) {
         let mut out = [0; PosePacket::MAX_LEN];
-        let now = self.context.clock.now();
-        let Some(length) = self.feed.poll_transmit(now, &mut out) else { return };
-        let Some(port) = &mut self.port else { return };
-        let bytes = out.get(..length).unwrap_or_default();
-        if let Err(e) = port.write_all(bytes) {
-            return self.lose_port(&e);
+        let Some(length) = self.feed.poll_transmit(self.context.clock.now(), &mut out) else { return };
+        if self.port.write(&self.context, out.get(..length).unwrap_or_default()).is_some() {
+            self.context.tell(Told::Pose);
         }
-        self.context.trace.add(now, Way::Sent, bytes);
-        self.context.tell(Told::Pose);
     }
 
     /// Listens for requests at each rate.
     fn probe(&mut self) {
-        let Some(port) = &mut self.port else { return };
         for baud in [9600, 19_200, 38_400] {
-            let (mut good, mut damaged) = (0, 0);
-            let heard = serial::listen(port.as_mut(), baud, LISTEN, &mut |bytes| {
-                for byte in bytes {
-                    *if *byte == ENQ { &mut good } else { &mut damaged } += 1;
-                }
-            });
-            if heard.is_ok() {
-                self.context.tell(Told::Probed { port: "viewer", baud, good, damaged });
-            }
+            let Some(heard) = self.port.listen(baud, &[], LISTEN) else { continue };
+            let good = heard.iter().filter(|byte| **byte == ENQ).count();
+            let damaged = heard.len() - good;
+            self.context.tell(Told::Probed { port: "viewer", baud, good, damaged });
         }
-        if let Err(e) = port.set_baud_rate(self.config.baud) {
-            self.lose_port(&e.into());
-        }
-    }
-
-    fn lose_port(&mut self, error: &std::io::Error) {
-        self.port = None;
-        self.context.tell(Told::PortLost("viewer", error.to_string()));
-    }
-
-    fn reopen(&mut self) {
-        thread::sleep(REOPEN);
-        if let Ok(port) = serial::open(&self.config.path, self.config.baud) {
-            self.port = Some(port);
-            self.context.tell(Told::PortOpen("viewer", self.config.path.clone()));
-        }
+        self.port.end_listening(&self.context);
     }
 }

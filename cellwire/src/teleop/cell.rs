@@ -24,6 +24,8 @@ const FAULT_RATE: f64 = 0.0001;
 /// With faults: the host has too much to do for `STALL`, once in this time.
 const STALL_EVERY: Duration = Duration::from_millis(2900);
 const STALL: Duration = Duration::from_millis(60);
+/// An ALTER that has just ended is waited for this long at most, to see it taken up again before the run ends.
+const TAKE_UP: Duration = Duration::from_secs(10);
 
 /// How the cell runs.
 #[derive(Debug, Clone)]
@@ -78,8 +80,8 @@ pub struct HostRecord {
     pub missed: u64,
     /// Stretches of damaged bytes from the robot.
     pub damaged: u64,
-    /// Exceptions taken for the gripper's keys: true closes.
-    pub clamps: Vec<bool>,
+    /// Exceptions taken for the gripper's keys, and when: true closes.
+    pub clamps: Vec<(Duration, bool)>,
     /// Keys that did nothing, because ALTER did not run.
     pub clamps_refused: u64,
     /// Packets of the ball with new values, and with old ones.
@@ -90,6 +92,8 @@ pub struct HostRecord {
     pub exchange: Samples,
     /// Polls without a packet.
     pub ball_missed: u64,
+    /// Packets of the ball that came when the next poll had left already.
+    pub ball_late: u64,
     /// Damaged packets of the ball.
     pub ball_damaged: u64,
     /// Times that the ball gave no new values for too long.
@@ -98,6 +102,8 @@ pub struct HostRecord {
     pub poses: u64,
     /// Times that the host was made to sleep.
     pub stalls: u64,
+    /// Whether ALTER runs, as far as the host has heard.
+    pub runs: bool,
 }
 
 /// One reply of the host.
@@ -207,8 +213,8 @@ fn drive(
     progress.set_length(u64::try_from(config.time.as_millis() / timing::CYCLE.as_millis())?);
     let end = clock.now() + config.time;
     let mut next_stall = clock.now() + STALL_EVERY;
-    while clock.now() < end {
-        if config.faults && clock.now() >= next_stall {
+    while clock.now() < end || (!record.runs && clock.now() < end + TAKE_UP) {
+        if config.faults && (next_stall..end).contains(&clock.now()) {
             next_stall += STALL_EVERY;
             record.stalls += 1;
             host.order(Order::Stall(STALL));
@@ -234,16 +240,24 @@ impl HostRecord {
     fn take(&mut self, at: Duration, told: &Told, progress: &ProgressBar) {
         match told {
             Told::Priority(raised) => self.has_priority = *raised,
-            Told::Start(_) => self.starts += 1,
+            Told::Start(_) => {
+                self.starts += 1;
+                self.runs = false;
+            }
+            Told::Motion(_) => self.runs = true,
             Told::Reply { demand, values, thinking } => {
                 self.cycles.push(Cycle { at, session: self.starts, demand: *demand, values: *values });
                 self.thinking.add(*thinking);
                 progress.inc(1);
             }
-            Told::End(_) => self.ends += 1,
+            Told::End(_) => {
+                self.ends += 1;
+                self.runs = false;
+            }
+            Told::Lost => self.runs = false,
             Told::Missed => self.missed += 1,
             Told::Damaged(_) => self.damaged += 1,
-            Told::Clamp(exception, Ok(())) => self.clamps.push(*exception == Exception::CloseGripper),
+            Told::Clamp(exception, Ok(())) => self.clamps.push((at, *exception == Exception::CloseGripper)),
             Told::Clamp(_, Err(_)) => self.clamps_refused += 1,
             Told::Ball(packet, took) => {
                 let count = if packet.status == Status::Fresh { &mut self.fresh } else { &mut self.old };
@@ -251,6 +265,7 @@ impl HostRecord {
                 self.exchange.add(*took);
             }
             Told::BallMissed => self.ball_missed += 1,
+            Told::BallLate => self.ball_late += 1,
             Told::BallDamaged(_) => self.ball_damaged += 1,
             Told::BallStale => self.ball_stale += 1,
             Told::Pose => self.poses += 1,

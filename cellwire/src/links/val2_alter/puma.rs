@@ -151,6 +151,7 @@ pub fn run(
     let mut stood = Duration::ZERO;
     while !stop.load(Ordering::Relaxed) && line.wait(puma.wake(clock.now() - stood) + stood) {
         stood += line.take_lateness();
+        puma.record.stood = stood;
         while let Some((at, byte)) = line.receive() {
             puma.receive(at.saturating_sub(stood), byte);
         }
@@ -176,7 +177,6 @@ pub fn run(
     if let Some(path) = line.trace().session_ended("the run ended")? {
         tell_trace(&path);
     }
-    puma.record.stood = stood;
     Ok(puma.record)
 }
 
@@ -284,7 +284,7 @@ impl Puma {
                 ControllerEvent::Reply(reply) => self.measure(reply.values.map(Option::unwrap_or_default)),
                 ControllerEvent::BadReply(code) => {
                     if !matches!(self.controller.state(), ControllerState::Starting | ControllerState::Off) {
-                        self.record.without.push(now);
+                        self.record.without.push(now + self.record.stood);
                     }
                     self.events.push(PumaEvent::BadReply(code));
                 }
@@ -303,7 +303,7 @@ impl Puma {
                 ControllerEvent::Ended(error) => {
                     let pose = self.controller.pose();
                     self.stands_at = Some(pose);
-                    self.record.ends.push((now, error));
+                    self.record.ends.push((now + self.record.stood, error));
                     self.off(PumaEvent::Ended(error, pose));
                 }
                 _ => {}

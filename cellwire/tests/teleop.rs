@@ -20,26 +20,52 @@ use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
 use cellwire::serial;
 use cellwire::teleop::cell::{self, CellConfig};
 use cellwire::teleop::verdict::Extremes;
-use cellwire::teleop::{LIMITS, Mapping, PortConfig, Teleop, TeleopConfig, Traces, host_config};
+use cellwire::teleop::{LIMITS, Mapping, PortConfig, Teleop, TeleopConfig, Told, Traces, host_config};
 use cellwire::trace::TraceArgs;
 use indicatif::ProgressBar;
-use val2_alter::{ErrorCode, HostConfig, Mode, Pose};
+use val2_alter::{ErrorCode, HostConfig, Mode, Motion, Pose};
 
-fn wait_for<T>(events: &Receiver<PumaEvent>, pick: impl Fn(PumaEvent) -> Option<T>) -> T {
+const PATIENCE: Duration = Duration::from_secs(20);
+
+fn next(events: &Receiver<PumaEvent>) -> PumaEvent {
+    events.recv_timeout(PATIENCE).expect("the robot tells something")
+}
+
+/// Where the arm stands at the beginning of ALTER.
+fn wait_for_start(events: &Receiver<PumaEvent>) -> Pose {
     loop {
-        let event = events.recv_timeout(Duration::from_secs(20)).expect("the robot tells something");
-        if let Some(found) = pick(event) {
-            return found;
+        if let PumaEvent::Started(pose) = next(events) {
+            return pose;
         }
     }
 }
 
-fn started(event: PumaEvent) -> Option<Pose> {
-    if let PumaEvent::Started(pose) = event { Some(pose) } else { None }
+/// Where the arm stands, and why, when the host has gone. A busy machine may have missed a window before.
+fn wait_for_end(events: &Receiver<PumaEvent>) -> (ErrorCode, Pose) {
+    let (mut is_connected, mut end) = (true, None);
+    loop {
+        match next(events) {
+            PumaEvent::Connected(connected) => is_connected = connected,
+            PumaEvent::Started(_) => end = None,
+            PumaEvent::Ended(error, pose) => end = Some((error, pose)),
+            _ => {}
+        }
+        if let (false, Some(end)) = (is_connected, end) {
+            return end;
+        }
+    }
 }
 
-fn ended(event: PumaEvent) -> Option<(ErrorCode, Pose)> {
-    if let PumaEvent::Ended(error, pose) = event { Some((error, pose)) } else { None }
+/// Waits until the robot itself says that it has moved.
+fn wait_for_motion(host: &Teleop) {
+    let mut begin = None;
+    loop {
+        let (_, told) = host.wait(PATIENCE).expect("the host tells something");
+        let Told::Motion(Motion { transform: Some(transform), .. }) = told else { continue };
+        if *begin.get_or_insert(transform) != transform {
+            return;
+        }
+    }
 }
 
 /// §3.3.3: "da die Robotersteuerung bei Ausbleiben von Antwortpaketen den ALTER-Betrieb beendet".
@@ -77,14 +103,14 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
         Teleop::start(config, clock, &traces).unwrap()
     };
     let first = host();
-    let begin = wait_for(&events, started);
-    thread::sleep(Duration::from_millis(1500)); // the hand pushes in every second and a half of its round
+    let begin = wait_for_start(&events);
+    wait_for_motion(&first);
     drop(first); // without a word: no ramp, no end
-    let (error, stands) = wait_for(&events, ended);
+    let (error, stands) = wait_for_end(&events);
     assert_eq!(error, ErrorCode::Timeout);
-    assert_ne!(stands.p, begin.p, "the arm had moved");
+    assert_ne!(stands, begin, "the arm had moved");
     let second = host();
-    assert_eq!(wait_for(&events, started), stands, "the arm stood still meanwhile");
+    assert_eq!(wait_for_start(&events), stands, "the arm stood still meanwhile");
     drop(second);
     stop.store(true, Ordering::Relaxed);
     let record = robot_thread.join().unwrap().unwrap();

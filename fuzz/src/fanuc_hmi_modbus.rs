@@ -3,11 +3,15 @@
 use core::time::Duration;
 use std::collections::BTreeSet;
 
+use arbitrary::Unstructured;
+use fanuc_hmi_modbus::assignment::{self, Slots};
 use fanuc_hmi_modbus::client::{Client, Config, Event, Ticket};
 use fanuc_hmi_modbus::{
     Bits, BitsMut, DecodeError, Decoder, Exception, Frame, Framing, Pdu, PduBuf, Registers, Reply, Request,
-    Server, Side, Words, WordsMut, limit, server,
+    Server, Side, Signal, Table, Words, WordsMut, limit, server,
 };
+
+use crate::written;
 
 /// A frame's PDU or an error, and the stream offset behind it.
 type Item = (Result<Vec<u8>, DecodeError>, u64);
@@ -62,6 +66,112 @@ fn messages(pdu: &[u8]) {
     if let Ok(request) = request {
         let reply = Reply::decode(&out[..len]).expect("a server's reply is one");
         assert_eq!(reply.answers(&request), Ok(()));
+    }
+}
+
+/// Requests and replies of any values: what can be written is read back the same, in both framings.
+pub fn fanuc_hmi_modbus_message(data: &[u8]) {
+    let mut input = Unstructured::new(data);
+    let Ok((kind, address, quantity, a, b)) = input.arbitrary::<(u8, u16, u16, u16, u16)>() else { return };
+    let Ok((bits, words, data)) = input.arbitrary::<(Vec<bool>, Vec<u16>, Vec<u8>)>() else { return };
+    let (bits, words, value) = (Bits::from(&bits[..]), Words::from(&words[..]), a & 1 == 1);
+    let request = match kind {
+        0 => Request::ReadCoils { address, quantity },
+        1 => Request::ReadDiscreteInputs { address, quantity },
+        2 => Request::ReadHoldingRegisters { address, quantity },
+        3 => Request::ReadInputRegisters { address, quantity },
+        4 => Request::WriteCoil { address, value },
+        5 => Request::WriteRegister { address, value: a },
+        6 => Request::WriteCoils { address, values: bits },
+        7 => Request::WriteRegisters { address, values: words },
+        8 => Request::MaskWriteRegister { address, and: a, or: b },
+        9 => Request::ReadWriteRegisters { address, quantity, write_address: a, values: words },
+        function => Request::Other { function, data: &data },
+    };
+    if let Ok(pdu) = written(request.encoded_len(), |out| request.encode(out)) {
+        assert_eq!(Request::decode(&pdu), Ok(request));
+        framed(&pdu, Side::Client, a);
+    }
+    let reply = match kind {
+        0 => Reply::Coils(bits),
+        1 => Reply::DiscreteInputs(bits),
+        2 => Reply::HoldingRegisters(words),
+        3 => Reply::InputRegisters(words),
+        4 => Reply::WriteCoil { address, value },
+        5 => Reply::WriteRegister { address, value: a },
+        6 => Reply::WriteCoils { address, quantity },
+        7 => Reply::WriteRegisters { address, quantity },
+        8 => Reply::MaskWriteRegister { address, and: a, or: b },
+        9 => Reply::ReadWriteRegisters(words),
+        function @ 0x80.. => {
+            Reply::Exception { function: function & 0x7F, exception: Exception::from(data.len() as u8) }
+        }
+        function => Reply::Other { function, data: &data },
+    };
+    if let Ok(pdu) = written(reply.encoded_len(), |out| reply.encode(out)) {
+        match (Reply::decode(&pdu), reply) {
+            // The reply does not say how many of the last byte's bits were asked for: those are 0.
+            (Ok(Reply::Coils(read)), Reply::Coils(bits))
+            | (Ok(Reply::DiscreteInputs(read)), Reply::DiscreteInputs(bits)) => {
+                assert_eq!(read.truncated(bits.len()), bits);
+                assert!(read.iter().skip(bits.len()).all(|bit| !bit));
+            }
+            (read, reply) => assert_eq!(read, Ok(reply)),
+        }
+        framed(&pdu, Side::Server, a);
+    }
+}
+
+/// A PDU in its frames: read whole, and of less of it nothing is read.
+fn framed(pdu: &[u8], side: Side, transaction: u16) {
+    let unit = pdu[0];
+    for transaction in [Some(transaction), None] {
+        let frame = Frame { transaction, unit, pdu };
+        let bytes = encoded(&frame);
+        let framing = if transaction.is_some() { Framing::Tcp } else { Framing::RTU_OVER_TCP };
+        assert_eq!(decode(framing, side, &bytes, 5), [(Ok(pdu.to_vec()), bytes.len() as u64)]);
+        for cut in 0..bytes.len() {
+            let part = match framing {
+                Framing::Tcp => Frame::decode_tcp(&bytes[..cut]),
+                _ => Frame::decode_rtu(&bytes[..cut], side),
+            };
+            assert_eq!(part, Ok(None), "{cut} of {bytes:02X?}");
+        }
+    }
+}
+
+/// A listing of assignments, and the place of every signal: what a slot prints is read back the same.
+pub fn fanuc_hmi_modbus_assignment(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    let slots = match Slots::parse(&text) {
+        Ok(slots) => slots,
+        Err((line, _)) => return assert!((1..=text.lines().count()).contains(&line)),
+    };
+    let used: Vec<_> = slots.used().collect();
+    for (slot, found) in &used {
+        assert!((1..=80).contains(slot));
+        if found.check().is_err() {
+            continue;
+        }
+        let mut printed = String::new();
+        found.print(*slot, &mut printed).unwrap();
+        let again = Slots::parse(&printed).unwrap();
+        let (_, read) = again.used().next().unwrap();
+        assert_eq!((read.address, read.size, read.var_name), (found.address, found.size, found.var_name));
+        let (a, b) = (read.multiply.value(), found.multiply.value());
+        assert!((a - b).abs() <= 1e-6 * b.abs(), "six decimals are printed: {a} for {b}");
+    }
+    let all: Vec<_> = used.iter().map(|(_, found)| **found).collect();
+    if assignment::check(&all).is_ok() {
+        let taken: usize = all.iter().map(|found| found.pdu_range().len()).sum();
+        assert!(taken <= 16_384, "no two overlap");
+    }
+    for address in data.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])) {
+        for table in [Table::Coils, Table::DiscreteInputs, Table::InputRegisters, Table::HoldingRegisters] {
+            if let Some(signal) = Signal::at(table, address) {
+                assert_eq!(signal.place(), Some((table, address)));
+            }
+        }
     }
 }
 
@@ -236,6 +346,11 @@ fn decode(framing: Framing, side: Side, stream: &[u8], size: usize) -> Vec<Item>
     }
     decoder.finish();
     drain(&mut decoder, &mut items);
+    let transaction = matches!(framing, Framing::Tcp).then_some(1);
+    let good = Frame { transaction, unit: 1, pdu: &[6, 0, 1, 2, 3][..] };
+    let bytes = encoded(&good);
+    assert_eq!(decoder.push(&bytes), bytes.len());
+    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what comes behind the silence is read");
     items
 }
 

@@ -44,6 +44,9 @@ pub fn fanuc_ls_trajectory(data: &[u8]) {
     assert_eq!(program.positions.len(), report.moves + 1);
     assert_eq!(program.warnings(), []);
     let (first, last) = (program.positions.first(), program.positions.last());
+    let written = program.to_text(&Rules::default()).expect("what is made can be written");
+    let again = Program::decode(&written).expect("what is written reads");
+    assert_eq!(again.to_text(&Rules::default()), Ok(written));
     let joints = |sample: Option<&fanuc_ls::Sample>| sample.map(|sample| sample.joints);
     assert_eq!(first.and_then(fanuc_ls::Position::joints), joints(trajectory.samples().first()));
     assert_eq!(last.and_then(fanuc_ls::Position::joints), joints(trajectory.samples().last()));

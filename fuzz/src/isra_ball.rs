@@ -1,8 +1,22 @@
-//! The ISRA ball: its stream decoder, and the host on any line at any time.
+//! The ISRA ball: its packets, its stream decoder, and both ends on any line at any time.
 
 use core::time::Duration;
 
-use isra_ball::{Config, DecodeError, Decoder, Frame, Host, HostEvent, timing};
+use arbitrary::Unstructured;
+use isra_ball::{
+    Ball, BallEvent, Config, DecodeError, Decoder, Frame, Host, HostEvent, Keys, Packet, Status, timing,
+};
+
+use crate::written;
+
+const GOOD: Packet = Packet {
+    sensor_type: 1,
+    sensor: 2,
+    status: Status::Fresh,
+    force: [1, -2, 3],
+    moment: [-4, 5, -6],
+    keys: Keys(0x81),
+};
 
 /// A frame's data or an error, and the stream offset behind it.
 type Item = (Result<Vec<u8>, DecodeError>, u64);
@@ -19,6 +33,7 @@ pub fn isra_ball_decoder(data: &[u8]) {
         if let Ok(data) = item {
             let frame = Frame::new(&data).unwrap();
             assert_eq!(Frame::decode(bytes), Ok(Some((frame, bytes.len()))));
+            assert_eq!(frame.encoded_len(), bytes.len());
             if let Ok(packet) = frame.packet() {
                 assert_eq!(packet.to_bytes().unwrap(), bytes, "an accepted packet encodes to its bytes");
             }
@@ -28,8 +43,64 @@ pub fn isra_ball_decoder(data: &[u8]) {
     assert_eq!(at, stream.len(), "every byte is in one item");
 }
 
+/// A packet of any values: what can be written is read back the same.
+pub fn isra_ball_message(data: &[u8]) {
+    let mut input = Unstructured::new(data);
+    let Ok((sensor_type, sensor, status, keys)) = input.arbitrary::<(u8, u8, u8, u8)>() else { return };
+    let Ok([force, moment]) = input.arbitrary::<[[i8; 3]; 2]>() else { return };
+    let statuses = [Status::Fresh, Status::Old, Status::Reserved, Status::Reserved11];
+    let status = statuses[usize::from(status & 3)];
+    let packet = Packet { sensor_type, sensor, status, force, moment, keys: Keys(keys) };
+    match written(packet.encoded_len(), |out| packet.encode(out)) {
+        Ok(bytes) => {
+            let (frame, used) = Frame::decode(&bytes).unwrap().unwrap();
+            assert_eq!((frame.packet(), used), (Ok(packet), bytes.len()));
+            assert_eq!(written(frame.encoded_len(), |out| frame.encode(out)), Ok(bytes));
+        }
+        Err(error) => assert!(sensor_type > 7 || sensor > 7, "{error}"),
+    }
+}
+
+/// Steps of an action, a length, and so many bytes from the line.
+pub fn isra_ball_ball(mut data: &[u8]) {
+    let mut ball = Ball::new(GOOD.sensor_type, GOOD.sensor).unwrap();
+    let (mut out, now) = ([0; Packet::LEN], Duration::ZERO);
+    let (mut asked, mut lost, mut packets) = (0, 0, Vec::new());
+    while let [action, length, rest @ ..] = data {
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        if action & 1 == 1 {
+            ball.measure([action.cast_signed(); 3], [0; 3], Keys(*length));
+        }
+        let before = ball.dropped_events();
+        ball.handle_input(now, bytes);
+        asked += bytes.iter().filter(|byte| **byte == isra_ball::ENQ).count();
+        let told: Vec<_> = core::iter::from_fn(|| ball.poll_event()).collect();
+        let dropped = usize::try_from(ball.dropped_events() - before).unwrap();
+        assert!(told.len() <= 8 && told.len() + dropped == bytes.len(), "a byte, an event");
+        lost += dropped;
+        packets.extend(told.iter().filter_map(|event| match event {
+            BallEvent::Reply(packet) => Some(*packet),
+            _ => None,
+        }));
+        if action & 2 != 0 {
+            continue; // the caller is late
+        }
+        if ball.poll_transmit(now, &mut out).is_some() {
+            assert!(asked > 0, "the ball says nothing unasked");
+            asked = 0;
+            let lost = core::mem::take(&mut lost);
+            let (frame, used) = Frame::decode(&out).unwrap().unwrap();
+            assert_eq!(used, Packet::LEN);
+            let packet = frame.packet().unwrap();
+            assert!(lost > 0 || packets.last() == Some(&packet), "what is sent is what was told");
+        }
+        assert_eq!(ball.poll_transmit(now, &mut out), None, "one reply at a time");
+    }
+}
+
 /// Steps of a pause in milliseconds, a length, and so many bytes from the line.
-pub fn isra_ball_session(mut data: &[u8]) {
+pub fn isra_ball_host(mut data: &[u8]) {
     let mut host = Host::new(Config::default()).unwrap();
     let (mut now, mut last_poll, mut out) = (Duration::ZERO, None, [0; 16]);
     while let [pause, length, rest @ ..] = data {
@@ -72,5 +143,8 @@ fn decode(stream: &[u8], size: usize) -> Vec<Item> {
     }
     decoder.finish();
     drain(&mut decoder, &mut items);
+    assert_eq!(decoder.push(&GOOD.to_bytes().unwrap()), Packet::LEN);
+    let next = decoder.next_frame().unwrap().and_then(|frame| frame.packet());
+    assert_eq!(next, Ok(GOOD), "what comes behind the silence is read");
     items
 }

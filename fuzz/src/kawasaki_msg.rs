@@ -1,12 +1,16 @@
-//! Kawasaki: the stream of messages, and both sessions at the mercy of whatever is at the other end.
+//! Kawasaki: messages and packets, the stream of them, and both sessions at the mercy of whatever is at the other end.
 
 use core::time::Duration;
 
+use arbitrary::Unstructured;
 use kawasaki_msg::{
-    Acks, Bounds, Charset, DecodeError, Decoder, Dialect, Job, JobKind, Line, Message, Params, Pc, PcConfig,
-    PcEvent, Point, Robot, RobotConfig, RobotEvent, Role, Supply,
+    Acks, Bounds, Charset, DecodeError, Decoder, Dialect, EncodeError, Job, JobKind, Limits, Line, Message,
+    Packet, Params, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, Role, Room, Supply, Value,
+    Values,
 };
 use robot_work_queue::Reader;
+
+use crate::written;
 
 /// The bytes of a message as it is written, or an error, and the stream offset behind it.
 type Item = (Result<Vec<u8>, DecodeError>, u64);
@@ -26,12 +30,31 @@ pub fn kawasaki_msg_decoder(data: &[u8]) {
             assert_eq!(used, bytes.len());
             let (again, _) = Message::decode(&written, charset).unwrap().unwrap();
             assert_eq!(again, message, "what is written is what was read");
-            assert!(written.len() <= bytes.len(), "only blanks and zeros around the length are left out");
-            let _ = Dialect::DEFAULT.read(&message);
+            match written.len() < bytes.len() {
+                true => {
+                    assert_eq!(written, plain_length(bytes), "only what is around the length is left out")
+                }
+                false => assert_eq!(written, bytes, "an accepted message encodes to its bytes"),
+            }
+            if let Ok((role, params)) = Dialect::DEFAULT.read(&message) {
+                let mut out = [0; 256];
+                let n =
+                    Dialect::DEFAULT.write(role, &params, |m| m.encode(Charset::Ascii, &mut out)).unwrap();
+                let (again, _) = Message::decode(&out[..n], Charset::Ascii).unwrap().unwrap();
+                assert_eq!(Dialect::DEFAULT.read(&again), Ok((role, params)));
+            }
         }
         at += bytes.len();
     }
     assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+/// The message with its length as we write it.
+fn plain_length(bytes: &[u8]) -> Vec<u8> {
+    let data = bytes.iter().position(|byte| *byte == b'#').unwrap();
+    let length = bytes[..data].iter().rposition(|byte| *byte == b'$').unwrap();
+    let digits = bytes.len() - data - "##>".len();
+    [&bytes[..=length], digits.to_string().as_bytes(), &bytes[data..]].concat()
 }
 
 fn decode(charset: Charset, stream: &[u8], size: usize) -> Vec<Item> {
@@ -57,7 +80,72 @@ fn decode(charset: Charset, stream: &[u8], size: usize) -> Vec<Item> {
     }
     decoder.finish();
     drain(&mut decoder, charset, &mut items);
+    let good = Message::new("TilausAlkaa", &[Value::Number(50), Value::Number(1)]);
+    decoder.push(b"<TilausAlkaa$4#50$1#>");
+    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what comes behind the end is read");
     items
+}
+
+/// A message of any name and values: what can be written is read back the same, alone and many in a packet.
+pub fn kawasaki_msg_message(data: &[u8]) {
+    let mut input = Unstructured::new(data);
+    let Ok((latin1, element, name)) = input.arbitrary::<(bool, u8, String)>() else { return };
+    let Ok((header, fields)) = input.arbitrary::<(Vec<Any>, Vec<Any>)>() else { return };
+    let charset = if latin1 { Charset::Latin1 } else { Charset::Ascii };
+    let (header, fields) = (values(&header), values(&fields));
+    let header = if header.is_empty() { Values::NONE } else { Values::List(&header) };
+    let message = Message { name: Value::Text(&name), header, fields: Values::List(&fields) };
+    match written(message.encoded_len(), |out| message.encode(charset, out)) {
+        Ok(bytes) => {
+            let (again, used) = Message::decode(&bytes, charset).unwrap().unwrap();
+            let read = if fields == [Value::Text("")] {
+                Message { fields: Values::NONE, ..message }
+            } else {
+                message
+            };
+            assert_eq!((again, used), (read, bytes.len()));
+            check_packets(&message, &bytes, Limits { element: element.into(), packet: 1472 }, charset);
+        }
+        Err(EncodeError::NoName) => assert!(name.is_empty()),
+        Err(EncodeError::Forbidden { found }) => assert!(b"<>$#".contains(&found)),
+        Err(EncodeError::Character { found }) => assert!(!charset.has(u8::try_from(found).unwrap_or(255))),
+        Err(EncodeError::TooLong { length, limit }) => assert!(length > limit),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+#[derive(Debug, arbitrary::Arbitrary)]
+enum Any {
+    Number(i32),
+    Text(String),
+}
+
+fn values(any: &[Any]) -> Vec<Value<'_>> {
+    let value = |any| match any {
+        &Any::Number(number) => Value::Number(number),
+        Any::Text(text) => Value::Text(text),
+    };
+    any.iter().map(value).collect()
+}
+
+/// As many of a message as a packet takes: whole ones, in strings that are full but for the last.
+fn check_packets(message: &Message<'_>, bytes: &[u8], limits: Limits, charset: Charset) {
+    let mut buffer = [0; 1500];
+    let mut packet = Packet::new(&mut buffer, limits, charset);
+    let outcome = loop {
+        match packet.push(message) {
+            Ok(Room::Added) => {}
+            outcome => break outcome,
+        }
+    };
+    let fits = limits.packet / bytes.len();
+    let too_long = Err(EncodeError::TooLong { length: bytes.len(), limit: limits.packet });
+    assert_eq!(outcome, if fits > 0 { Ok(Room::Full) } else { too_long });
+    assert_eq!(packet.as_bytes(), bytes.repeat(fits));
+    let element = limits.element.max(1);
+    let strings: Vec<_> = packet.elements().map(<[u8]>::len).collect();
+    assert_eq!(strings.len(), packet.as_bytes().len().div_ceil(element));
+    assert!(strings.iter().rev().skip(1).all(|length| *length == element));
 }
 
 /// What a script of the fuzzer's does next.

@@ -1,11 +1,15 @@
-//! The laser robot: its stream decoder under any profile, and both sessions on any line at any time.
+//! The laser robot: its items and its stream decoder under any profile, and both sessions on any line at any time.
 
 use core::time::Duration;
 
+use arbitrary::Unstructured;
 use laser_eb90::{
-    ByteOrder, Class, Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, Flag, Frame, Host,
-    HostConfig, HostEvent, Instruction, MAX_PAYLOAD, Profile, Refusal, SessionError, Tags, Tail, Width,
+    ByteOrder, Class, Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, EncodeError, Flag,
+    Frame, Host, HostConfig, HostEvent, Instruction, Instructions, Item as Value, MAX_PAYLOAD, Payload,
+    Profile, Refusal, SessionError, Tags, Tail, Width,
 };
+
+use crate::written;
 
 /// A frame's payload or an error, and the stream offset behind it.
 type Item = (Result<Vec<u8>, DecodeError>, u64);
@@ -29,10 +33,93 @@ pub fn laser_eb90_decoder(data: &[u8]) {
             if profile.tail != Tail::Either {
                 assert_eq!(again, bytes, "an accepted frame encodes to its bytes");
             }
+            cut(&frame);
         }
         at += bytes.len();
     }
     assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+/// The instructions of a batch are its payload, cut in pieces that each begin with a word.
+fn cut(frame: &Frame<'_>) {
+    let mut length = 0;
+    for instruction in Instructions::new(frame.items()) {
+        let Ok(instruction) = instruction else { return };
+        length += 4 + instruction.parameters.as_bytes().len();
+        let at = length - instruction.parameters.as_bytes().len();
+        assert_eq!(&frame.payload()[at..length], instruction.parameters.as_bytes());
+    }
+    assert_eq!(length, frame.payload().len());
+}
+
+#[derive(Debug, arbitrary::Arbitrary)]
+enum Any {
+    F32(Vec<u32>),
+    I16(Vec<i16>),
+    U8(Vec<u8>),
+    Char(Vec<u8>),
+    Word(u16),
+}
+
+/// Items of any values in any profile: what finds room is read back the same.
+pub fn laser_eb90_message(data: &[u8]) {
+    let Ok((settings, room, items)) = Unstructured::new(data).arbitrary::<(u8, u16, Vec<Any>)>() else {
+        return;
+    };
+    let (profile, mut buffer) = (profile(settings), vec![0; usize::from(room % 600)]);
+    let mut payload = Payload::new(&mut buffer, &profile);
+    let (mut taken, mut length) = (Vec::new(), 0);
+    for item in &items {
+        let before = payload.as_bytes().to_vec();
+        let (outcome, count, bytes) = match item {
+            Any::F32(bits) => {
+                let values: Vec<_> = bits.iter().copied().map(f32::from_bits).collect();
+                (payload.f32(&values).map(drop), values.len(), 4 * values.len())
+            }
+            Any::I16(values) => (payload.i16(values).map(drop), values.len(), 2 * values.len()),
+            Any::U8(values) => (payload.u8(values).map(drop), values.len(), values.len()),
+            Any::Char(values) => (payload.char(values).map(drop), values.len(), values.len()),
+            Any::Word(word) => (payload.word(*word).map(drop), 1, 2),
+        };
+        let available = usize::from(room % 600).min(MAX_PAYLOAD) - length;
+        let expected = if count > 255 {
+            Err(EncodeError::TooManyValues { count })
+        } else if 2 + bytes > available {
+            Err(EncodeError::BufferTooSmall { needed: 2 + bytes, available })
+        } else {
+            length += 2 + bytes;
+            taken.push(item);
+            Ok(())
+        };
+        assert_eq!(outcome, expected);
+        assert!(outcome.is_ok() || payload.as_bytes() == before, "what fails leaves it as it was");
+    }
+    assert_eq!(payload.as_bytes().len(), length);
+    let frame = match payload.frame() {
+        Ok(frame) => frame,
+        Err(error) => return assert_eq!((error, length), (EncodeError::Empty, 0)),
+    };
+    let bytes = written(frame.encoded_len(), |out| frame.encode(out)).unwrap();
+    let mut again = [0; MAX_PAYLOAD];
+    let (frame, used) = Frame::decode(&bytes, &mut again, &profile).unwrap().unwrap();
+    assert_eq!((frame.payload(), used), (payload.as_bytes(), bytes.len()));
+    let read: Vec<_> = frame.items().map(Result::unwrap).collect();
+    assert_eq!(read.len(), taken.len());
+    assert!(read.iter().zip(taken).all(|(read, item)| same(read, item)));
+    cut(&frame);
+}
+
+/// Floats bit by bit.
+fn same(read: &Value<'_>, item: &Any) -> bool {
+    match (read, item) {
+        (Value::F32(values), Any::F32(bits)) => values.iter().map(f32::to_bits).eq(bits.iter().copied()),
+        (Value::I16(values), Any::I16(expected)) => values.iter().eq(expected.iter().copied()),
+        (Value::I16(values), Any::Word(word)) => values.array() == Some([word.cast_signed()]),
+        (Value::U8(values), Any::U8(expected)) | (Value::Char(values), Any::Char(expected)) => {
+            values == expected
+        }
+        _ => false,
+    }
 }
 
 fn profile(settings: u8) -> Profile {
@@ -75,6 +162,12 @@ fn decode(stream: &[u8], size: usize, profile: &Profile) -> Vec<Item> {
     }
     decoder.finish();
     drain(&mut decoder, &mut items);
+    let (mut buffer, mut out) = ([0; 8], [0; 16]);
+    let mut payload = Payload::new(&mut buffer, profile);
+    let length = payload.word(0x9010).unwrap().frame().unwrap().encode(&mut out).unwrap();
+    decoder.push(&out[..length]);
+    let next = decoder.next_frame().unwrap().map(|frame| frame.payload().to_vec());
+    assert_eq!(next, Ok(payload.as_bytes().to_vec()), "what comes behind the silence is read");
     items
 }
 

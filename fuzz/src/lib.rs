@@ -3,6 +3,7 @@
 //! Oracles, not only "no panic": decode(encode(x)) = x, any chunking gives the same frames, an accepted frame encodes to
 //! the same bytes, a session keeps its invariants.
 
+pub mod codecs;
 pub mod fanuc_hmi_modbus;
 pub mod fanuc_ls;
 pub mod isra_ball;
@@ -16,26 +17,45 @@ pub type Target = fn(&[u8]);
 
 /// Every target by the name of its corpus folder.
 pub const TARGETS: &[(&str, Target)] = &[
+    ("fanuc_hmi_modbus_assignment", fanuc_hmi_modbus::fanuc_hmi_modbus_assignment),
     ("fanuc_hmi_modbus_client", fanuc_hmi_modbus::fanuc_hmi_modbus_client),
     ("fanuc_hmi_modbus_decoder", fanuc_hmi_modbus::fanuc_hmi_modbus_decoder),
+    ("fanuc_hmi_modbus_message", fanuc_hmi_modbus::fanuc_hmi_modbus_message),
     ("fanuc_hmi_modbus_motion", fanuc_hmi_modbus::fanuc_hmi_modbus_motion),
     ("fanuc_hmi_modbus_server", fanuc_hmi_modbus::fanuc_hmi_modbus_server),
     ("fanuc_ls_program", fanuc_ls::fanuc_ls_program),
     ("fanuc_ls_trajectory", fanuc_ls::fanuc_ls_trajectory),
+    ("isra_ball_ball", isra_ball::isra_ball_ball),
     ("isra_ball_decoder", isra_ball::isra_ball_decoder),
-    ("isra_ball_session", isra_ball::isra_ball_session),
+    ("isra_ball_host", isra_ball::isra_ball_host),
+    ("isra_ball_message", isra_ball::isra_ball_message),
     ("kawasaki_msg_decoder", kawasaki_msg::kawasaki_msg_decoder),
+    ("kawasaki_msg_message", kawasaki_msg::kawasaki_msg_message),
     ("kawasaki_msg_pc", kawasaki_msg::kawasaki_msg_pc),
     ("kawasaki_msg_robot", kawasaki_msg::kawasaki_msg_robot),
+    ("laser_eb90_controller", laser_eb90::laser_eb90_controller),
     ("laser_eb90_decoder", laser_eb90::laser_eb90_decoder),
     ("laser_eb90_host", laser_eb90::laser_eb90_host),
-    ("laser_eb90_controller", laser_eb90::laser_eb90_controller),
+    ("laser_eb90_message", laser_eb90::laser_eb90_message),
     ("mmacell_proto_command", mmacell_proto::mmacell_proto_command),
-    ("mmacell_proto_reply", mmacell_proto::mmacell_proto_reply),
     ("mmacell_proto_controller", mmacell_proto::mmacell_proto_controller),
     ("mmacell_proto_device", mmacell_proto::mmacell_proto_device),
+    ("mmacell_proto_message", mmacell_proto::mmacell_proto_message),
+    ("mmacell_proto_reply", mmacell_proto::mmacell_proto_reply),
     ("mmacell_proto_task", mmacell_proto::mmacell_proto_task),
+    ("tokio_codecs", codecs::tokio_codecs),
     ("val2_alter_controller", val2_alter::val2_alter_controller),
     ("val2_alter_decoder", val2_alter::val2_alter_decoder),
     ("val2_alter_host", val2_alter::val2_alter_host),
+    ("val2_alter_message", val2_alter::val2_alter_message),
+    ("val2_alter_viewer", val2_alter::val2_alter_viewer),
 ];
+
+/// What `encode` writes into a buffer of just `len` bytes, which it must fill; a byte less is refused.
+fn written<E>(len: usize, encode: impl Fn(&mut [u8]) -> Result<usize, E>) -> Result<Vec<u8>, E> {
+    let mut out = vec![0; len];
+    assert!(encode(&mut out[..len.saturating_sub(1)]).is_err(), "one byte less is not enough");
+    let filled = encode(&mut out)?;
+    assert_eq!(filled, len, "what is written is as long as it said");
+    Ok(out)
+}

@@ -1,14 +1,17 @@
-//! The MM&A cell: both decoders, both sessions, and the pick-and-place task, whatever they hear and in whatever order.
+//! The MM&A cell: commands and replies, both sessions, and the pick-and-place task, whatever they hear and in whatever order.
 
 use core::time::Duration;
 
+use arbitrary::Unstructured;
 use mmacell_proto::controller::{self, Controller};
 use mmacell_proto::state::Connection;
 use mmacell_proto::task::{self, Failure, Output, Step, Task};
 use mmacell_proto::{
     AnyPose, BLOW, Command, DecodeError, Decoder, Device, Dialect, ErrorCode, Line, Mode, PlatformPose, Pose,
-    Reply, RobotPose, VACUUM,
+    Reply, RobotPose, Status, VACUUM,
 };
+
+use crate::written;
 
 /// The first byte is how long the reads are, the second the dialect, the rest the stream.
 pub fn mmacell_proto_command(data: &[u8]) {
@@ -47,6 +50,67 @@ pub fn mmacell_proto_reply(data: &[u8]) {
         check::<PlatformPose>(line, dialect);
         check::<AnyPose>(line, dialect);
     });
+}
+
+/// Commands and replies of any values: what fits its fields is read back the same, and what does not is refused.
+pub fn mmacell_proto_message(data: &[u8]) {
+    let mut input = Unstructured::new(data);
+    let Ok((kind, percent, number, small)) = input.arbitrary::<(u8, u8, i32, i32)>() else { return };
+    let Ok([x, y, z, c]) = input.arbitrary::<[i32; 4]>() else { return };
+    // Half of the time within the fields.
+    let axes = if kind & 1 == 0 { [x, y, z, c] } else { [x, y, z, c].map(|axis| axis % 1_000_000) };
+    let number = if kind & 2 == 0 { number } else { small % 40_000 };
+    check_message(kind, percent, number, axes, RobotPose::from_units(axes));
+    check_message(
+        kind,
+        percent,
+        number,
+        [axes[0], axes[1], 0, 0],
+        PlatformPose::from_units([axes[0], axes[1]]),
+    );
+}
+
+fn check_message<P: Pose>(kind: u8, percent: u8, number: i32, axes: [i32; 4], pose: P) {
+    let (flag, other) = (kind & 4 != 0, kind & 8 != 0);
+    let pose_fits = axes.iter().all(|axis| axis.unsigned_abs() <= 999_999);
+    let fits = i16::try_from(number).is_ok();
+    let (command, good) = match kind >> 4 {
+        0 => (Command::Status, true),
+        1 => (Command::Servo { on: flag }, true),
+        2 => (Command::Override { percent }, percent <= 100),
+        3 | 4 => {
+            let mode = if flag { Mode::Absolute } else { Mode::Relative };
+            (Command::Move { mode, pose }, pose_fits)
+        }
+        5 => (Command::Stop, true),
+        6 => (Command::Reset, true),
+        7 => (Command::Close, true),
+        8 => (Command::Acquire { camera: number }, fits),
+        _ => (Command::Grip { gripper: number, open: flag }, fits),
+    };
+    let wire = written(command.encoded_len(), |out| command.encode(out));
+    assert_eq!(wire.is_ok(), good, "{command:?}: {wire:?}");
+    if let Ok(bytes) = wire {
+        assert!(bytes.len() <= Command::<P>::MAX_LEN && bytes.ends_with(b"\r\n"));
+        let line = Line::new(&bytes[..bytes.len() - 2]);
+        assert_eq!(Command::decode(line, &Dialect::STRICT), Ok(command));
+    }
+    let error = ErrorCode::from(number);
+    let (reply, good) = match kind >> 4 {
+        0..4 => (Reply::Ok, true),
+        4..8 => (Reply::Error { error }, fits && error != ErrorCode::None),
+        _ => {
+            let status = Status { moving: flag, pose, servo: other, percent, error };
+            (Reply::Status(status), pose_fits && percent <= 100 && fits)
+        }
+    };
+    let wire = written(reply.encoded_len(), |out| reply.encode(out));
+    assert_eq!(wire.is_ok(), good, "{reply:?}: {wire:?}");
+    if let Ok(bytes) = wire {
+        assert!(bytes.len() <= Reply::<P>::MAX_LEN && bytes.ends_with(b"\r\n"));
+        let line = Line::new(&bytes[..bytes.len() - 2]);
+        assert_eq!(Reply::decode(line, &Dialect::STRICT), Ok(reply));
+    }
 }
 
 /// Steps of an operation, a pause, a length, and so many bytes from the line.
@@ -235,6 +299,8 @@ fn lines(stream: &[u8], size: usize, dialect: Dialect) -> Vec<(Result<Vec<u8>, D
     }
     decoder.finish();
     drain(&mut decoder);
+    decoder.push(b"STA\r\n");
+    assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b"STA"))), "what comes behind the end is read");
     items
 }
 

@@ -1,38 +1,48 @@
-//! ALTER: the stream decoder of both sides, and both sessions on any line at any time.
+//! ALTER: the messages and the stream decoder of both sides, both sessions on any line at any time, and the viewer.
 
 use core::time::Duration;
 
+use arbitrary::Unstructured;
+use val2_alter::viewer::{ENQ, PoseFeed, PosePacket, Viewer};
 use val2_alter::{
-    Controller, ControllerConfig, ControllerState, DecodeError, Decoder, Exception, Frame, Framing, Host,
-    HostConfig, HostMessage, HostState, LeadingDle, Limits, Message, Mode, Policy, Received, Reply,
-    RobotMessage, Start,
+    Controller, ControllerConfig, ControllerState, DecodeError, Decoder, End, ErrorCode, Exception, Frame,
+    Framing, Host, HostConfig, HostMessage, HostState, LeadingDle, Limits, List, Message, Mode, Motion,
+    MotionPhase, Policy, Received, Reply, RobotMessage, SegmentStatus, Start, StartCode, Transform,
 };
+
+use crate::written;
 
 /// The first byte is the side and the framing, the second how long the reads are, the rest the stream.
 pub fn val2_alter_decoder(data: &[u8]) {
     let [options, size, stream @ ..] = data else { return };
-    let framing = Framing {
-        leading_dle: if options & 1 == 0 { LeadingDle::Two } else { LeadingDle::One },
-        negated_sum: options & 2 != 0,
-        stuffed_checksum: options & 4 != 0,
-        ignore_spare_select: options & 8 != 0,
-    };
+    let framing = framing(*options);
     let size = usize::from(*size).max(1);
     if options & 16 == 0 {
-        check::<RobotMessage>(framing, stream, size, |message| match message {
+        let end = RobotMessage::End(End { error: ErrorCode::Timeout });
+        check(framing, stream, size, end, |message| match message {
             RobotMessage::Start(Start { marked, .. }) => *marked,
             RobotMessage::Motion(_) => true,
             RobotMessage::End(_) => false, // the source does not say what may follow the control byte
         });
     } else {
-        check::<HostMessage>(framing, stream, size, |_| !framing.ignore_spare_select);
+        let reply = HostMessage::Reply(Reply::all([1, -2, 3, -4, 0x1010, 0x0210]));
+        check(framing, stream, size, reply, |_| !framing.ignore_spare_select);
     }
 }
 
-/// `canonical` messages are written in one way.
-fn check<M: Message>(framing: Framing, stream: &[u8], size: usize, canonical: impl Fn(&M) -> bool) {
-    let items = decode::<M>(framing, stream, size);
-    assert_eq!(items, decode(framing, stream, usize::MAX), "how the stream is cut changes nothing");
+fn framing(options: u8) -> Framing {
+    Framing {
+        leading_dle: if options & 1 == 0 { LeadingDle::Two } else { LeadingDle::One },
+        negated_sum: options & 2 != 0,
+        stuffed_checksum: options & 4 != 0,
+        ignore_spare_select: options & 8 != 0,
+    }
+}
+
+/// `canonical` messages are written in one way. `good` comes after the line has been silent.
+fn check<M: Message>(framing: Framing, stream: &[u8], size: usize, good: M, canonical: impl Fn(&M) -> bool) {
+    let items = decode::<M>(framing, stream, size, good);
+    assert_eq!(items, decode(framing, stream, usize::MAX, good), "how the stream is cut changes nothing");
     let mut at = 0;
     for item in &items {
         let Ok(Received { offset, length, message }) = item else { continue };
@@ -52,7 +62,12 @@ fn check<M: Message>(framing: Framing, stream: &[u8], size: usize, canonical: im
     assert!(!stream.is_empty() || items.is_empty());
 }
 
-fn decode<M: Message>(framing: Framing, stream: &[u8], size: usize) -> Vec<Result<Received<M>, DecodeError>> {
+fn decode<M: Message>(
+    framing: Framing,
+    stream: &[u8],
+    size: usize,
+    good: M,
+) -> Vec<Result<Received<M>, DecodeError>> {
     let mut decoder = Decoder::new(framing);
     let mut items = Vec::new();
     for mut chunk in stream.chunks(size) {
@@ -66,7 +81,122 @@ fn decode<M: Message>(framing: Framing, stream: &[u8], size: usize) -> Vec<Resul
     decoder.flush();
     items.extend(core::iter::from_fn(|| decoder.next_frame()));
     assert_eq!(decoder.pending(), 0);
+    let mut out = [0; Frame::MAX_LEN];
+    let length = good.encode(framing, &mut out).unwrap();
+    assert_eq!(decoder.push(&out[..length]), length);
+    let next = Received { offset: stream.len(), length, message: good };
+    assert_eq!(decoder.next_frame(), Some(Ok(next)), "what comes behind the silence is read");
     items
+}
+
+/// Messages of any values in any framing: what is written is read back the same, alone and one behind the other.
+pub fn val2_alter_message(data: &[u8]) {
+    let mut input = Unstructured::new(data);
+    let Ok((options, code)) = input.arbitrary::<(u8, u8)>() else { return };
+    let (framing, mut wire) = (framing(options), Vec::new());
+    if options & 16 == 0 {
+        let error = ErrorCode::from(code & 7);
+        let Ok((kind, mode, status, segment, percent, transform)) = input.arbitrary::<(u8, _, u8, _, _, _)>()
+        else {
+            return;
+        };
+        let phase = if kind & 16 == 0 { MotionPhase::Running } else { MotionPhase::Interrupted };
+        let Ok(words) = input.arbitrary::<Vec<i16>>() else { return };
+        let message = match (kind % 3, List::new(&words)) {
+            (0, Ok(data)) => RobotMessage::Start(Start { error, ..Start::new(Mode(mode), data) }),
+            (0, Err(_)) => return assert!(words.len() > List::MAX),
+            (1, _) => RobotMessage::Motion(Motion {
+                phase,
+                error,
+                segment_status: SegmentStatus::from(status),
+                segment,
+                percent,
+                transform: Option::map(transform, Transform),
+            }),
+            _ => RobotMessage::End(End { error }),
+        };
+        round_trip(framing, message, &mut wire);
+    } else {
+        let replies = [StartCode::Accept, StartCode::Repeat, StartCode::Refuse];
+        let Ok(values) = input.arbitrary() else { return };
+        let message = match usize::from(options >> 5) {
+            index @ 0..3 => HostMessage::StartReply(replies[index]),
+            _ => HostMessage::Reply(Reply { exception: Exception::from(code), values }),
+        };
+        round_trip(framing, message, &mut wire);
+    }
+}
+
+fn round_trip<M: Message>(framing: Framing, message: M, wire: &mut Vec<u8>) {
+    let bytes = written(message.encoded_len(framing), |out| message.encode(framing, out)).unwrap();
+    let (frame, used) = Frame::decode(&bytes, framing).unwrap().unwrap();
+    assert_eq!((M::decode(frame.data(), framing), used), (Ok(message), bytes.len()));
+    for whole in 0..bytes.len() {
+        assert_eq!(Frame::decode(&bytes[..whole], framing), Ok(None), "{whole} bytes are no frame");
+    }
+    wire.extend(bytes.repeat(3));
+    let items = decode(framing, wire, 7, message);
+    assert!(items.len() == 3 && items.iter().all(|item| item.is_ok_and(|item| item.message == message)));
+}
+
+/// Steps of an action, a pause in units of 50 ms, a length, and so many bytes for the workstation and for the host.
+pub fn val2_alter_viewer(mut data: &[u8]) {
+    let (mut viewer, mut feed) = (Viewer::default(), PoseFeed::default());
+    let (mut now, mut out) = (Duration::ZERO, [0; PosePacket::MAX_LEN]);
+    let (mut last_answer, mut credit, mut last_draw) = (None::<Duration>, true, None::<Duration>);
+    while let [action, pause, length, rest @ ..] = data {
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        now += Duration::from_millis(50 * u64::from(*pause));
+        let mut asked = None;
+        match action % 8 {
+            0 => feed.restart(now),
+            1 => feed.set_pose(Transform([i16::from(*pause) << (action >> 4); 12])),
+            2 => {
+                let ignored = feed.ignored();
+                feed.handle_input(bytes);
+                let others = bytes.iter().filter(|byte| **byte != ENQ).count() as u64;
+                assert_eq!(feed.ignored() - ignored, others);
+            }
+            3 | 4 => viewer.handle_input(bytes),
+            _ => {
+                viewer.draw(now);
+                let paused = last_draw.replace(now).is_none_or(|last| now - last >= Viewer::PAUSE);
+                asked = viewer.poll_transmit(&mut out);
+                assert_eq!(asked.is_some(), paused || credit, "a credit of one");
+                credit &= asked.is_none();
+            }
+        }
+        if asked.is_some() {
+            feed.handle_input(&out[..1]);
+        }
+        assert_eq!(viewer.poll_transmit(&mut out), None, "one request at a time");
+        if let Some(length) = feed.poll_transmit(now, &mut out) {
+            assert!(last_answer.is_none_or(|last| now - last >= PoseFeed::INTERVAL), "answered too fast");
+            last_answer = Some(now);
+            let (packet, used) = PosePacket::decode(&out[..length]).unwrap().unwrap();
+            assert_eq!(used, length);
+            assert_eq!(written(length, |out| packet.encode(out)), Ok(out[..length].to_vec()));
+            if action & 8 == 0 {
+                viewer.handle_input(&out[..length]);
+                let events: Vec<_> = core::iter::from_fn(|| viewer.poll_event()).collect();
+                assert_eq!(events.last(), Some(&Ok(packet)), "what comes behind noise is read");
+                credit = true;
+            }
+        }
+        assert_eq!(feed.poll_transmit(now, &mut out), None, "requests that pile up are answered once");
+        assert!(feed.poll_timeout().is_none_or(|at| at > now));
+        let events = core::iter::from_fn(|| viewer.poll_event()).map(|event| {
+            if let Ok(packet) = event {
+                let mut line = [0; PosePacket::MAX_LEN];
+                let length = packet.encode(&mut line).unwrap();
+                assert_eq!(PosePacket::decode(&line[..length]), Ok(Some((packet, length))));
+            }
+        });
+        let events = events.count();
+        assert!(events <= 4, "the queue is bounded");
+        credit |= events > 0;
+    }
 }
 
 /// Steps of what the caller does, a pause in milliseconds, a length, and so many bytes from the line.

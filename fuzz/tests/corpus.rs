@@ -22,8 +22,10 @@ fn every_target_holds_over_its_corpus() {
 
 #[test]
 fn every_target_has_a_libfuzzer_program() {
+    let manifest = include_str!("../Cargo.toml");
     for (name, _) in TARGETS {
         let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz_targets").join(format!("{name}.rs"));
         assert!(program.exists(), "{} is missing", program.display());
+        assert!(manifest.contains(&format!("name = \"{name}\"")), "{name} is not in the manifest");
     }
 }

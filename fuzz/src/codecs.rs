@@ -1,0 +1,126 @@
+//! The `tokio_util` codecs: whatever the reads are, they give what the decoders give.
+
+use core::fmt::Debug;
+use std::io;
+
+use bytes::{Buf, BytesMut};
+use tokio_util::codec::Decoder as Codec;
+use val2_alter::Message;
+
+/// Three bytes say which link, how it is read, and how long the reads are; the rest is the stream.
+pub fn tokio_codecs(data: &[u8]) {
+    let [link, options, size, stream @ ..] = data else { return };
+    let size = usize::from(*size).max(1);
+    let second = options & 1 == 1;
+    match link % 6 {
+        0 => modbus(second, options & 2 != 0, stream, size),
+        1 => {
+            let mut decoder = isra_ball::Decoder::new();
+            let expected =
+                items(stream, &mut decoder, isra_ball::Decoder::push, isra_ball::Decoder::finish, |d| {
+                    d.next_frame().map(|frame| frame.and_then(|frame| frame.packet()))
+                });
+            assert_eq!(read(&mut isra_ball::Codec::new(), stream, size), expected);
+        }
+        2 => {
+            use kawasaki_msg::{Charset, Codec, Decoder};
+            let charset = if second { Charset::Latin1 } else { Charset::Ascii };
+            let mut decoder = Decoder::new(charset);
+            let written = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
+                d.next_frame().map(|message| {
+                    message.map(|message| {
+                        let mut out = vec![0; message.encoded_len()];
+                        message.encode(charset, &mut out).unwrap();
+                        out
+                    })
+                })
+            });
+            let frames = read(&mut Codec::new(charset), stream, size);
+            let bytes = |frame: kawasaki_msg::Frame| frame.as_bytes().to_vec();
+            assert_eq!(frames.into_iter().map(|frame| frame.map(bytes)).collect::<Vec<_>>(), written);
+        }
+        3 => {
+            use laser_eb90::{Codec, Decoder, Profile};
+            let profile = Profile::default();
+            let mut decoder = Decoder::new(&profile);
+            let payloads = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
+                d.next_frame().map(|frame| frame.map(|frame| frame.payload().to_vec()))
+            });
+            let frames = read(&mut Codec::new(&profile), stream, size);
+            let payload = |frame: laser_eb90::OwnedFrame| frame.frame().payload().to_vec();
+            assert_eq!(frames.into_iter().map(|frame| frame.map(payload)).collect::<Vec<_>>(), payloads);
+        }
+        4 => mmacell(second, stream, size),
+        _ if second => alter::<val2_alter::HostMessage>(stream, size),
+        _ => alter::<val2_alter::RobotMessage>(stream, size),
+    }
+}
+
+fn modbus(tcp: bool, client: bool, stream: &[u8], size: usize) {
+    use fanuc_hmi_modbus::{Codec, Decoder, Framing, Side};
+    let framing = if tcp { Framing::Tcp } else { Framing::RTU_OVER_TCP };
+    let side = if client { Side::Client } else { Side::Server };
+    let mut decoder = Decoder::new(framing, side);
+    let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
+        d.next_frame().map(|frame| frame.map(|frame| frame.to_owned().unwrap()))
+    });
+    assert_eq!(read(&mut Codec::new(framing, side), stream, size), expected);
+}
+
+fn mmacell(device: bool, stream: &[u8], size: usize) {
+    use mmacell_proto::{Command, ControllerCodec, Decoder, DeviceCodec, Dialect, Reply, RobotPose};
+    let dialect = Dialect::STRICT;
+    let mut decoder = Decoder::new(dialect);
+    if device {
+        let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
+            d.next_frame().map(|line| line.and_then(|line| Command::<RobotPose>::decode(line, &dialect)))
+        });
+        assert_eq!(read(&mut DeviceCodec::new(dialect), stream, size), expected);
+    } else {
+        let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
+            d.next_frame().map(|line| line.and_then(|line| Reply::<RobotPose>::decode(line, &dialect)))
+        });
+        assert_eq!(read(&mut ControllerCodec::new(dialect), stream, size), expected);
+    }
+}
+
+fn alter<M: Message>(stream: &[u8], size: usize) {
+    use val2_alter::{Codec, Decoder, Framing};
+    let mut decoder = Decoder::<M>::new(Framing::DEFAULT);
+    let expected = items(stream, &mut decoder, Decoder::push, Decoder::flush, Decoder::next_frame);
+    assert_eq!(read(&mut Codec::<M>::new(Framing::DEFAULT), stream, size), expected);
+}
+
+/// What a decoder gives.
+fn items<D, T>(
+    mut stream: &[u8],
+    decoder: &mut D,
+    push: fn(&mut D, &[u8]) -> usize,
+    finish: fn(&mut D),
+    mut next: impl FnMut(&mut D) -> Option<T>,
+) -> Vec<T> {
+    let mut items = Vec::new();
+    while !stream.is_empty() {
+        stream = &stream[push(decoder, stream)..];
+        items.extend(core::iter::from_fn(|| next(decoder)));
+    }
+    finish(decoder);
+    items.extend(core::iter::from_fn(|| next(decoder)));
+    items
+}
+
+/// What a codec gives, as a framed transport asks it.
+fn read<C>(codec: &mut C, stream: &[u8], size: usize) -> Vec<C::Item>
+where
+    C: Codec<Error = io::Error>,
+    C::Item: Debug,
+{
+    let (mut buffer, mut items) = (BytesMut::new(), Vec::new());
+    for chunk in stream.chunks(size) {
+        buffer.extend_from_slice(chunk);
+        items.extend(core::iter::from_fn(|| codec.decode(&mut buffer).unwrap()));
+        assert!(!buffer.has_remaining(), "the codec keeps what is not whole");
+    }
+    items.extend(core::iter::from_fn(|| codec.decode_eof(&mut buffer).unwrap()));
+    items
+}

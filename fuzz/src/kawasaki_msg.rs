@@ -108,7 +108,9 @@ pub fn kawasaki_msg_message(data: &[u8]) {
         }
         Err(EncodeError::NoName) => assert!(name.is_empty()),
         Err(EncodeError::Forbidden { found }) => assert!(b"<>$#".contains(&found)),
-        Err(EncodeError::Character { found }) => assert!(!charset.has(u8::try_from(found).unwrap_or(255))),
+        Err(EncodeError::Character { found }) => {
+            assert!(!u8::try_from(found).is_ok_and(|byte| charset.has(byte)));
+        }
         Err(EncodeError::TooLong { length, limit }) => assert!(length > limit),
         Err(error) => panic!("{error}"),
     }

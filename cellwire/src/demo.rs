@@ -1,6 +1,6 @@
 //! `cellwire demo`: each link end to end, over real sockets and pseudo-terminals.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Result;
@@ -75,6 +75,10 @@ pub fn run(args: &Args) -> Result<bool> {
         args.drawing.is_none() || links == [Link::KawasakiMsg],
         "--drawing is for kawasaki-msg alone: cellwire demo kawasaki-msg --drawing FILE"
     );
+    if let Some(folder) = args.out.as_deref().and_then(Path::parent).filter(|path| *path != Path::new("")) {
+        // Said now, and not when the run is over and what it made is lost.
+        anyhow::ensure!(folder.is_dir(), "cannot write --out: there is no folder {}", folder.display());
+    }
     let mut all = true;
     for link in links {
         let progress = progress_line(link.name(), args.json);

@@ -47,6 +47,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let port: u16 = settings.number("port", 0)?;
     let (queue, speed) = (settings.number("queue", QUEUE)?, settings.number("speed", SPEED)?);
     ensure!(speed > 0, "speed={speed}: give at least 1 mm/s");
+    ensure!((1..=9998).contains(&queue), "queue={queue}: give 1 to 9998 jobs, less than there are numbers");
     let picture = match &options.drawing {
         Some(file) => Picture::from_file(file, SHEET)?,
         None => Picture::built_in(SHEET)?,
@@ -64,14 +65,16 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let address = proxy.as_ref().map_or(server, FaultyProxy::address).to_string();
     let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
     let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
-    let mut program = Repeat::new(&lines, options, patience);
 
-    let stop = AtomicBool::new(false);
+    let (stop, robot_is_off) = (AtomicBool::new(false), AtomicBool::new(false));
+    let mut program = Repeat::new(&lines, options, patience, &robot_is_off);
     let (sender, strokes) = mpsc::channel();
     let (robot, packets) = thread::scope(|scope| {
         let robot = scope.spawn(|| {
             let trace = options.trace.start("kawasaki-robot");
-            robot::run(&setup, &address, &trace, &stop, sender, |_| Ok(()))
+            let run = robot::run(&setup, &address, &trace, &stop, sender, |_| Ok(()));
+            robot_is_off.store(true, Ordering::Relaxed);
+            run
         });
         let trace = options.trace.start("kawasaki-pc");
         let packets = pc::run(&listener, PcConfig::TCP, &trace, &mut program);
@@ -93,6 +96,7 @@ struct Repeat<'a> {
     start: Instant,
     seconds: Option<Duration>,
     patience: Duration,
+    robot_is_off: &'a AtomicBool,
     progress: &'a ProgressBar,
     outcomes: Vec<Outcome>,
     over: Option<u32>,
@@ -100,13 +104,19 @@ struct Repeat<'a> {
 }
 
 impl<'a> Repeat<'a> {
-    fn new(lines: &'a [Line], options: &'a DemoOptions, patience: Duration) -> Self {
+    fn new(
+        lines: &'a [Line],
+        options: &'a DemoOptions,
+        patience: Duration,
+        robot_is_off: &'a AtomicBool,
+    ) -> Self {
         options.progress.set_length(lines.len() as u64);
         Self {
             lines,
             start: Instant::now(),
             seconds: options.seconds,
             patience,
+            robot_is_off,
             progress: &options.progress,
             outcomes: Vec::new(),
             over: None,
@@ -120,6 +130,9 @@ impl<'a> Program<'a> for Repeat<'a> {
         let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);
         if let Some(executed) = self.over.take() {
             self.outcomes.push(Outcome { sent: pc.sent(), executed });
+        }
+        if self.robot_is_off.load(Ordering::Relaxed) {
+            return Ok(false); // why, it says itself
         }
         if pc.order().is_some() {
             if time_is_up && !self.interrupted {

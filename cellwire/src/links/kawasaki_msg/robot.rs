@@ -150,6 +150,7 @@ impl<T: FnMut(Told<'_>) -> Result<()>> Communication<'_, T> {
                         self.run.connections += 1;
                         self.said.clear();
                         (self.tell)(Told::Connected(address))?;
+                        continue;
                     }
                     Err(error) => return Ok(Err(format!("{error:#}"))),
                 },

@@ -6,7 +6,7 @@ use std::sync::mpsc;
 
 use anyhow::{Result, bail, ensure};
 use kawasaki_msg::{Acks, Line, Pc, PcConfig, PcEvent, RobotConfig, RobotEvent};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::pc::{self, Program};
 use super::robot::{self, Setup, Stroke};
@@ -16,8 +16,8 @@ use crate::settings::Settings;
 use crate::simulate::{Endpoint, SimulateOptions, log, ready};
 use crate::tcp;
 
-/// The PC until interrupted. Settings: `drawing`, an SVG file [default: a built-in picture]; `order`, the number of the first order;
-/// `repeat`, draw again when it is drawn.
+/// The PC until interrupted: a robot that connects gets the picture as an order. Settings: `drawing`, an SVG file [default: a built-in
+/// picture]; `order`, the number of the first order; `repeat`, begin the next order when one is over.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
@@ -36,7 +36,7 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     let listener = tcp::listen(address)?;
     let lines = jobs(&picture);
     ready("kawasaki-pc", "listen", &listener.local_addr()?.to_string())?;
-    let mut program = Orders { lines: &lines, next: Some(order), repeat };
+    let mut program = Orders { lines: &lines, next: order, wanted: false, repeat };
     pc::run(&listener, PcConfig::TCP, &options.trace.start("kawasaki-pc"), &mut program)?;
     Ok(())
 }
@@ -53,7 +53,9 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     let every = settings.number("acks", 1u16)?.try_into();
     let Ok(every) = every else { bail!("acks=0: give 1 to acknowledge every job") };
     let config = RobotConfig { acks: Acks::Cumulative { every }, ..RobotConfig::TCP };
-    let setup = Setup { config, queue: settings.number("queue", 256)?, speed: f64::from(speed) };
+    let queue = settings.number("queue", 256)?;
+    ensure!((1..=9998).contains(&queue), "queue={queue}: give 1 to 9998 jobs, less than there are numbers");
+    let setup = Setup { config, queue, speed: f64::from(speed) };
     let out = settings.text("out")?.map(PathBuf::from);
     let Endpoint::Connect(address) = &options.endpoint else {
         bail!("kawasaki-robot is a TCP client, it opens the connection: use --connect")
@@ -79,30 +81,37 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     Ok(())
 }
 
-/// The simulated PC's program: an order when there is one to begin.
+/// The simulated PC's program: an order for each robot that connects without one.
 struct Orders<'a> {
     lines: &'a [Line],
-    next: Option<u16>,
+    next: u16,
+    wanted: bool,
     repeat: bool,
 }
 
 impl<'a> Program<'a> for Orders<'a> {
     fn step(&mut self, pc: &mut Pc<&'a [Line]>) -> Result<bool> {
-        if let Some(order) = self.next.filter(|_| pc.order().is_none()) {
-            pc.start(order, self.lines)?;
-            self.next = self.repeat.then(|| order.checked_add(1).unwrap_or(1));
+        if std::mem::take(&mut self.wanted) && pc.order().is_none() {
+            pc.start(self.next, self.lines)?;
+            self.next = self.next.checked_add(1).unwrap_or(1);
         }
         Ok(true)
     }
 
     fn told(&mut self, told: pc::Told<'_>) -> Result<()> {
-        let line: Value = match told {
-            pc::Told::Event(event @ PcEvent::OrderRefused { given_up: true, order, .. }) => {
-                self.next = self.next.or(Some(order)); // until interrupted
+        let line = match told {
+            pc::Told::Event(event) => {
+                self.wanted |= match event {
+                    PcEvent::OrderOver { .. } => self.repeat,
+                    PcEvent::OutcomeUnknown { .. } | PcEvent::OrderRefused { given_up: true, .. } => true,
+                    _ => false,
+                };
                 serde_json::to_value(event)?
             }
-            pc::Told::Event(event) => serde_json::to_value(event)?,
-            pc::Told::Connected(peer) => json!({"event": "connected", "peer": peer}),
+            pc::Told::Connected(peer) => {
+                self.wanted = true;
+                json!({"event": "connected", "peer": peer})
+            }
             pc::Told::Disconnected(why) => json!({"event": "disconnected", "why": why}),
             pc::Told::Traced(path) => json!({"event": "trace", "path": path}),
         };

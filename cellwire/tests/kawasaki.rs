@@ -1,0 +1,79 @@
+//! The Kawasaki cell as its user meets it: both ends as processes of their own, over TCP.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, ChildStdout, Command, Stdio};
+
+use serde_json::Value;
+
+/// A running `cellwire simulate`, killed when dropped.
+struct Device {
+    process: Child,
+    lines: std::io::Lines<BufReader<ChildStdout>>,
+}
+
+impl Device {
+    fn start(arguments: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+        let mut process =
+            command.arg("simulate").args(arguments).stdout(Stdio::piped()).spawn().expect("cellwire runs");
+        let lines = BufReader::new(process.stdout.take().unwrap()).lines();
+        Self { process, lines }
+    }
+
+    /// The next line with this field.
+    fn until(&mut self, key: &str, value: Option<&str>) -> Value {
+        loop {
+            let line = self.lines.next().unwrap_or_else(|| panic!("ended before {key} {value:?}")).unwrap();
+            let line: Value = serde_json::from_str(&line).unwrap();
+            if line.get(key).is_some_and(|found| value.is_none_or(|value| found == value)) {
+                return line;
+            }
+        }
+    }
+
+    fn event(&mut self, name: &str) -> Value {
+        self.until("event", Some(name))
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+#[test]
+fn an_order_is_drawn_and_a_robot_that_lost_its_memory_is_noticed() {
+    let mut pc = Device::start(&["kawasaki-pc", "--listen", "127.0.0.1:0"]);
+    let address = pc.until("ready", Some("kawasaki-pc"))["listen"].as_str().unwrap().to_owned();
+
+    // So slow that it is killed in the middle of the picture.
+    let mut slow = Device::start(&["kawasaki-robot", "--connect", &address, "--set", "speed=100"]);
+    slow.event("queue_full");
+    drop(slow);
+    let mut fast = Device::start(&["kawasaki-robot", "--connect", &address, "--set", "speed=10000000"]);
+    let unknown = pc.event("outcome_unknown");
+    assert_eq!(unknown["order"], 50);
+    assert!(unknown["executed"].as_u64() < unknown["sent"].as_u64(), "{unknown}");
+
+    // The next order is for the robot as it is now.
+    assert_eq!(pc.event("order_started")["order"], 51);
+    let over = pc.event("order_over");
+    assert_eq!((&over["order"], &over["complete"]), (&51.into(), &true.into()), "{over}");
+    assert_eq!(fast.event("drawn")["strokes"], 5892);
+}
+
+#[test]
+fn a_device_says_which_way_it_connects() {
+    for (device, wrong, right) in
+        [("kawasaki-pc", "--connect", "--listen"), ("kawasaki-robot", "--listen", "--connect")]
+    {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+        let output = command.args(["simulate", device, wrong, "127.0.0.1:0"]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains(&format!("use {right}")), "{said}");
+    }
+}

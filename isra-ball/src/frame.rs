@@ -26,12 +26,12 @@ impl<'a> Frame<'a> {
     /// [`DecodeError::Header`] as soon as one of the first three bytes is wrong, [`DecodeError::Checksum`].
     #[inline]
     pub fn decode(bytes: &'a [u8]) -> Result<Option<(Self, usize)>, DecodeError> {
-        let Some((header, rest)) = bytes.split_first_chunk::<3>() else {
+        let Some((head, rest)) = bytes.split_first_chunk::<3>() else {
             return check_header(bytes).map(|()| None);
         };
-        let [n, minus_n, xor_n] = *header;
-        if minus_n != n.wrapping_neg() || xor_n != n ^ XOR {
-            return check_header(header).map(|()| None);
+        let [n, ..] = *head;
+        if *head != header(n) {
+            return check_header(head).map(|()| None);
         }
         let Some((data, [found, ..])) = rest.split_at_checked(n.into()) else {
             return Ok(None);
@@ -104,8 +104,8 @@ impl serde::Serialize for Frame<'_> {
 /// Whether up to three bytes can begin a packet.
 #[inline]
 pub(crate) fn check_header(bytes: &[u8]) -> Result<(), DecodeError> {
-    let Some((&n, rest)) = bytes.split_first() else { return Ok(()) };
-    for (offset, (&found, expected)) in (1..).zip(rest.iter().zip([n.wrapping_neg(), n ^ XOR])) {
+    let Some(n) = bytes.first() else { return Ok(()) };
+    for (offset, (&found, expected)) in bytes.iter().zip(header(*n)).enumerate() {
         if found != expected {
             return Err(DecodeError::Header { offset, expected, found });
         }
@@ -113,10 +113,15 @@ pub(crate) fn check_header(bytes: &[u8]) -> Result<(), DecodeError> {
     Ok(())
 }
 
+const fn header(n: u8) -> [u8; 3] {
+    [n, n.wrapping_neg(), n ^ XOR]
+}
+
 pub(crate) fn envelope(data: &[u8; Packet::DATA_LEN]) -> [u8; Packet::LEN] {
-    const N: u8 = 8;
+    const HEADER: [u8; 3] = header(8);
+    let [n, minus_n, xor_n] = HEADER;
     let [id, fx, fy, fz, mx, my, mz, keys] = *data;
-    [N, N.wrapping_neg(), N ^ XOR, id, fx, fy, fz, mx, my, mz, keys, checksum(data)]
+    [n, minus_n, xor_n, id, fx, fy, fz, mx, my, mz, keys, checksum(data)]
 }
 
 /// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).

@@ -46,7 +46,9 @@ fn decode<'a>(chunks: impl IntoIterator<Item = &'a [u8]>) -> Vec<(Item, u64)> {
     let (mut decoder, mut items) = (Decoder::new(), Vec::new());
     for mut chunk in chunks {
         while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
+            let taken = decoder.push(chunk);
+            assert!(taken > 0, "a drained decoder has room");
+            chunk = &chunk[taken..];
             drain(&mut decoder, &mut items);
         }
     }

@@ -1,0 +1,96 @@
+//! The borders: exact lengths, buffers that are one byte short, values at the end of their range.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use core::time::Duration;
+
+use bytes::BytesMut;
+use isra_ball::{
+    Codec, Config, DecodeError, Decoder, ENQ, EncodeError, Frame, Host, HostEvent, Keys, Packet, Status,
+};
+use tokio_util::codec::Encoder as _;
+
+const PACKET: Packet = Packet {
+    sensor_type: 7,
+    sensor: 5,
+    status: Status::Old,
+    force: [127, -128, 0],
+    moment: [1, -1, 17],
+    keys: Keys(0x81),
+};
+/// The same by hand: ID 1·111·0·101, the checksum makes the sum of 8, the data and itself 0 modulo 256.
+const BYTES: [u8; 12] = [0x08, 0xF8, 0x5D, 0xF5, 0x7F, 0x80, 0x00, 0x01, 0xFF, 0x11, 0x81, 0x72];
+
+#[test]
+fn a_packet_fits_twelve_bytes_and_no_fewer() {
+    assert_eq!((Packet::LEN, Frame::MAX_LEN, PACKET.encoded_len()), (12, 259, 12));
+    let (frame, used) = Frame::decode(&BYTES).unwrap().unwrap();
+    assert_eq!((frame.packet(), used, frame.encoded_len()), (Ok(PACKET), 12, 12));
+    let mut out = [0; 12];
+    let short = Err(EncodeError::Buffer { expected: 12, found: 11 });
+    assert_eq!((PACKET.encode(&mut out[..11]), frame.encode(&mut out[..11])), (short, short));
+    assert_eq!((PACKET.encode(&mut out), out), (Ok(12), BYTES));
+    let mut again = [0; 12];
+    assert_eq!((frame.encode(&mut again), again), (Ok(12), BYTES));
+    for (room, expected) in
+        [(11, Err(EncodeError::Buffer { expected: 12, found: 11 })), (12, Ok(12)), (13, Ok(12))]
+    {
+        let mut buffer = [0; 13];
+        assert_eq!(PACKET.append_to(&mut &mut buffer[..room]), expected, "{room}");
+        assert_eq!(buffer[..12] == BYTES, expected.is_ok());
+    }
+}
+
+#[test]
+fn an_identity_of_more_than_three_bits_is_refused_by_the_codec_too() {
+    let packet = Packet { sensor_type: 8, ..PACKET };
+    assert_eq!(packet.to_bytes(), Err(EncodeError::SensorType { found: 8 }));
+    let mut wire = BytesMut::new();
+    let error = Codec::new().encode(packet, &mut wire).unwrap_err();
+    assert_eq!(error.kind(), std::io::ErrorKind::InvalidInput);
+    assert_eq!(error.to_string(), EncodeError::SensorType { found: 8 }.to_string());
+    assert!(wire.is_empty());
+}
+
+#[test]
+fn a_packet_of_one_byte_is_found_behind_noise() {
+    // A length of 1 has a header whose bits the XOR turns off as well as on.
+    let packet = [0x01, 0xFF, 0x54, 0xAA, 0x55];
+    assert_eq!(Frame::decode(&packet).unwrap().unwrap(), (Frame::new(&[0xAA]).unwrap(), 5));
+    let wrong = DecodeError::Header { offset: 2, expected: 0x54, found: 0x55 };
+    assert_eq!(Frame::decode(&[0x01, 0xFF, 0x55]), Err(wrong));
+    let mut decoder = Decoder::default();
+    decoder.push(&[0xAA]);
+    decoder.push(&packet);
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Noise { length: 1 })));
+    assert_eq!(decoder.next_frame(), Some(Ok(Frame::new(&[0xAA]).unwrap())));
+    assert_eq!(decoder.next_frame(), None);
+    assert_eq!(decoder.position(), 6);
+}
+
+#[test]
+fn to_push_nothing_takes_back_no_end() {
+    let mut decoder = Decoder::new();
+    assert_eq!(decoder.push(&BYTES[..5]), 5);
+    decoder.finish();
+    assert_eq!(decoder.push(&[]), 0);
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Incomplete { expected: 12, found: 5 })));
+}
+
+#[test]
+fn a_key_that_is_down_twice_is_down() {
+    assert_eq!(Keys::NONE.with(1).with(8).with(1), Keys(0x81));
+    assert_eq!(Keys(0x81).with(9), Keys(0x81));
+}
+
+#[test]
+fn a_host_counts_the_events_that_nobody_took() {
+    let mut host = Host::new(Config::default()).unwrap();
+    let now = Duration::ZERO;
+    assert_eq!((host.poll_transmit(now, &mut [0; 1]), host.dropped_events()), (Some(1), 0));
+    for _ in 0..9 {
+        host.handle_input(now, &BYTES);
+    }
+    assert_eq!(host.dropped_events(), 1);
+    assert_eq!(host.poll_event(), Some(HostEvent::Unasked(PACKET)), "the reply itself was the oldest");
+    assert_eq!(ENQ, 5);
+}

@@ -1,7 +1,7 @@
 //! Bytes in, frames out; finds its feet again after damage.
 
 use crate::error::DecodeError;
-use crate::frame::{Damage, Frame, MAX_PAYLOAD, Scan, find_head, has_head};
+use crate::frame::{Body, Damage, Frame, MAX_PAYLOAD, Scan, find_head, has_head};
 use crate::message::Items;
 use crate::profile::Profile;
 
@@ -19,46 +19,45 @@ use crate::profile::Profile;
 pub struct Decoder {
     profile: Profile,
     raw: [u8; Frame::MAX_LEN],
+    held: Held,
+    payload: [u8; MAX_PAYLOAD],
+}
+
+/// Which of the raw bytes are held, and what is known of them.
+#[derive(Debug, Clone, Copy, Default)]
+struct Held {
     start: usize,
     end: usize,
     /// Bytes from `start` on that begin no head.
     hunted: usize,
     scan: Scan,
-    payload: [u8; MAX_PAYLOAD],
+    /// The stream offset of `start`.
     position: u64,
+    /// No more bytes will come.
     finished: bool,
 }
 
 impl Decoder {
     /// A decoder at offset 0 of a stream.
     pub fn new(profile: &Profile) -> Self {
-        Self {
-            profile: *profile,
-            raw: [0; Frame::MAX_LEN],
-            start: 0,
-            end: 0,
-            hunted: 0,
-            scan: Scan::default(),
-            payload: [0; MAX_PAYLOAD],
-            position: 0,
-            finished: false,
-        }
+        Self { profile: *profile, raw: [0; Frame::MAX_LEN], held: Held::default(), payload: [0; MAX_PAYLOAD] }
     }
 
     /// Takes bytes; returns how many. When it takes none, its buffer is full and `next_frame` has something to give.
     pub fn push(&mut self, bytes: &[u8]) -> usize {
-        if self.raw.len() - self.end < bytes.len() {
-            self.raw.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
-            self.start = 0;
+        let held = &mut self.held;
+        if self.raw.len() - held.end < bytes.len() {
+            self.raw.copy_within(held.start..held.end, 0);
+            held.end -= held.start;
+            held.start = 0;
         }
-        let room = self.raw.get_mut(self.end..).unwrap_or_default();
+        let room = self.raw.get_mut(held.end..).unwrap_or_default();
         let taken = room.len().min(bytes.len());
         if let (Some(slot), Some(bytes)) = (room.get_mut(..taken), bytes.get(..taken)) {
             slot.copy_from_slice(bytes);
         }
-        self.end += taken;
-        self.finished = false;
+        held.end += taken;
+        held.finished = false;
         taken
     }
 
@@ -66,68 +65,69 @@ impl Decoder {
     ///
     /// Bytes without a head are one error when a head follows them, or when there are [`MAX_PAYLOAD`] of them.
     pub fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
-        let held = self.raw.get(self.start..self.end).unwrap_or_default();
-        if self.scan.is_new() && !has_head(held) {
-            let begin = self.hunted + find_head(held.get(self.hunted..).unwrap_or_default());
-            if begin < MAX_PAYLOAD && !has_head(held.get(begin..).unwrap_or_default()) {
-                self.hunted = begin;
-                return self.incomplete();
+        let held = &mut self.held;
+        let raw = self.raw.get(held.start..held.end).unwrap_or_default();
+        if held.scan.is_new() && !has_head(raw) {
+            let begin = held.hunted + find_head(raw.get(held.hunted..).unwrap_or_default());
+            if begin < MAX_PAYLOAD && !has_head(raw.get(begin..).unwrap_or_default()) {
+                held.hunted = begin;
+                return held.incomplete().map(Err);
             }
             let skipped = begin.min(MAX_PAYLOAD);
-            self.consume(skipped);
+            held.consume(skipped);
             return Some(Err(DecodeError::NoHead { skipped }));
         }
-        let found = self.scan.advance(held, &mut self.payload, &self.profile).and_then(|found| {
-            let Some((len, used)) = found else { return Ok(None) };
-            // A false head can be followed by the right checksum, but hardly by whole items as well.
-            let payload = self.payload.get(..len).unwrap_or_default();
-            match Items::new(payload, &self.profile).check() {
-                Ok(()) => Ok(found),
-                Err(error) => Err(Damage { error, examined: used }),
-            }
-        });
-        match found {
-            Ok(None) => self.incomplete(),
-            Ok(Some((len, used))) => {
-                self.consume(used);
-                Some(Ok(Frame::new(self.payload.get(..len).unwrap_or_default(), &self.profile)))
-            }
-            Err(damage) => {
-                let next = find_head(held.get(1..damage.examined).unwrap_or_default());
-                self.consume(1 + next);
-                Some(Err(damage.error))
-            }
-        }
+        let damage = match held.scan.advance(raw, &mut self.payload, &self.profile) {
+            Ok(None) => return held.incomplete().map(Err),
+            Ok(Some(body)) => match check(body, raw, &self.payload, &self.profile) {
+                Ok(frame) => {
+                    held.consume(body.used);
+                    return Some(Ok(frame));
+                }
+                Err(damage) => damage,
+            },
+            Err(damage) => damage,
+        };
+        let next = find_head(raw.get(1..damage.examined).unwrap_or_default());
+        held.consume(1 + next);
+        Some(Err(damage.error))
     }
 
     /// Says that the line fell silent or the input ended: what is held is no whole frame, and `next_frame` gives it as
     /// [`DecodeError::Incomplete`] when nothing else is left.
     pub fn finish(&mut self) {
-        self.finished = true;
-    }
-
-    /// Forgets what is held.
-    pub(crate) fn clear(&mut self) {
-        self.consume(self.end - self.start);
+        self.held.finished = true;
     }
 
     /// Whether no byte waits for the rest of a frame.
     pub fn is_empty(&self) -> bool {
-        self.start == self.end
+        self.held.len() == 0
     }
 
     /// The stream offset just behind what was returned last.
     pub fn position(&self) -> u64 {
-        self.position
+        self.held.position
     }
 
-    fn incomplete(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
-        let held = self.end - self.start;
+    /// Forgets what is held.
+    pub(crate) fn clear(&mut self) {
+        self.held.consume(self.held.len());
+    }
+}
+
+impl Held {
+    fn len(&self) -> usize {
+        self.end - self.start
+    }
+
+    /// What is held, once no more will come.
+    fn incomplete(&mut self) -> Option<DecodeError> {
+        let held = self.len();
         if !self.finished || held == 0 {
             return None;
         }
-        self.clear();
-        Some(Err(DecodeError::Incomplete { held }))
+        self.consume(held);
+        Some(DecodeError::Incomplete { held })
     }
 
     fn consume(&mut self, bytes: usize) {
@@ -135,5 +135,14 @@ impl Decoder {
         self.position += bytes as u64;
         self.hunted = 0;
         self.scan = Scan::default();
+    }
+}
+
+/// The frame, if it has whole items: a false head can be followed by the right checksum, but hardly by both.
+fn check<'a>(body: Body, raw: &'a [u8], copied: &'a [u8], profile: &Profile) -> Result<Frame<'a>, Damage> {
+    let payload = body.payload(raw, copied);
+    match Items::new(payload, profile).check() {
+        Ok(()) => Ok(Frame::new(payload, profile)),
+        Err(error) => Err(Damage { error, examined: body.used }),
     }
 }

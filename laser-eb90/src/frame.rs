@@ -30,21 +30,23 @@ impl<'a> Frame<'a> {
         Self { payload, profile: *profile }
     }
 
-    /// Reads the frame that `bytes` begin with, and unstuffs it into `payload`: `None` when more bytes are needed, else
-    /// the frame and the bytes that it took.
+    /// Reads the frame that `bytes` begin with: `None` when more bytes are needed, else the frame and the bytes that it took.
     ///
-    /// `payload` limits the length that is taken; [`MAX_PAYLOAD`] bytes hold whatever [`Frame::encode`] writes. The items
-    /// are not looked at yet.
+    /// A frame without doubled bytes stays where it is, any other is unstuffed into `payload`, whose length is also the limit
+    /// of what is taken; [`MAX_PAYLOAD`] bytes hold whatever [`Frame::encode`] writes. The items are not looked at yet.
     ///
     /// # Errors
     /// Everything in [`DecodeError`]. A stream goes on behind the next head: [`Decoder`](crate::Decoder) finds it.
     pub fn decode(
-        bytes: &[u8],
+        bytes: &'a [u8],
         payload: &'a mut [u8],
         profile: &Profile,
     ) -> Result<Option<(Self, usize)>, DecodeError> {
-        let found = Scan::default().advance(bytes, payload, profile).map_err(|damage| damage.error)?;
-        Ok(found.map(|(len, used)| (Self::new(payload.get(..len).unwrap_or_default(), profile), used)))
+        match Scan::default().advance(bytes, payload, profile) {
+            Ok(None) => Ok(None),
+            Ok(Some(body)) => Ok(Some((Self::new(body.payload(bytes, payload), profile), body.used))),
+            Err(damage) => Err(damage.error),
+        }
     }
 
     /// Writes the frame; returns its length.
@@ -114,10 +116,20 @@ impl<'a> Frame<'a> {
 /// How far a frame has been read; goes on where it stopped when more bytes come.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Scan {
+    /// Where the payload begins; 0 as long as nothing has been read.
+    begin: usize,
     /// Bytes of the frame that are done with.
     read: usize,
-    /// Bytes of the payload that are written.
-    written: usize,
+    /// Bytes of the payload, unstuffed. They are copied from the first doubled byte on.
+    len: usize,
+}
+
+/// Where a whole frame has its payload.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Body {
+    scan: Scan,
+    /// The length of the frame.
+    pub(crate) used: usize,
 }
 
 /// What is wrong with a frame, and how many of its bytes were looked at to see it.
@@ -130,69 +142,98 @@ pub(crate) struct Damage {
 impl Scan {
     /// Nothing has been read yet.
     pub(crate) fn is_new(&self) -> bool {
-        self.read == 0
+        self.begin == 0
     }
 
-    /// Reads on in `raw`, which begins with the frame: the payload's length and the frame's when it is whole.
+    /// Reads on in `raw`, which begins with the frame: `None` when more bytes are needed.
     pub(crate) fn advance(
         &mut self,
         raw: &[u8],
         payload: &mut [u8],
         profile: &Profile,
-    ) -> Result<Option<(usize, usize)>, Damage> {
+    ) -> Result<Option<Body>, Damage> {
         if self.is_new() {
             let Some(begin) = begin(raw, profile)? else { return Ok(None) };
-            self.read = begin;
+            (self.begin, self.read) = (begin, begin);
         }
         loop {
             let rest = raw.get(self.read..).unwrap_or_default();
             let (clean, marked) = rest.split_at_checked(find_mark(rest)).unwrap_or((rest, &[]));
-            self.copy(clean, payload)?;
-            match marked {
+            self.take(clean, payload)?;
+            match *marked {
                 [] | [_] => return Ok(None),
                 [_, MARK, ..] => {
-                    self.copy(&[MARK], payload)?;
+                    self.copy_so_far(raw, payload);
                     self.read += 1;
+                    self.take(&[MARK], payload)?;
                 }
-                [_, byte, ..] if profile.tail.ends_with(*byte) => return self.end(raw, payload, profile),
+                [_, byte, ..] if profile.tail.ends_with(byte) => return self.end(raw, payload, profile),
                 [_, found, ..] => {
-                    let error = DecodeError::Stuffing { offset: self.read + 1, found: *found };
+                    let error = DecodeError::Stuffing { offset: self.read + 1, found };
                     return Err(Damage { error, examined: self.read + 2 });
                 }
             }
         }
     }
 
-    /// Copies a stretch of the payload.
-    fn copy(&mut self, clean: &[u8], payload: &mut [u8]) -> Result<(), Damage> {
+    /// Takes a stretch of the payload.
+    fn take(&mut self, stretch: &[u8], payload: &mut [u8]) -> Result<(), Damage> {
         let limit = payload.len();
-        let room = payload.get_mut(self.written..).unwrap_or_default();
-        let Some(slot) = room.get_mut(..clean.len()) else {
-            let offset = self.read + room.len();
-            return Err(Damage { error: DecodeError::TooLong { offset, limit }, examined: offset + 1 });
-        };
-        slot.copy_from_slice(clean);
-        self.written += clean.len();
-        self.read += clean.len();
+        let room = payload.get_mut(self.len..).unwrap_or_default();
+        let copied = self.is_copied();
+        match room.get_mut(..stretch.len()) {
+            Some(slot) if copied => slot.copy_from_slice(stretch),
+            Some(_) => {}
+            None => {
+                let offset = self.read + room.len();
+                return Err(Damage { error: DecodeError::TooLong { offset, limit }, examined: offset + 1 });
+            }
+        }
+        self.len += stretch.len();
+        self.read += stretch.len();
         Ok(())
     }
 
-    /// Checks what stands behind the tail.
-    fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<(usize, usize)>, Damage> {
-        let offset = self.read + 2;
-        let width = profile.checksum;
-        let Some(bytes) = raw.get(offset..offset + width.len()) else { return Ok(None) };
-        let found = match (width, bytes) {
-            (Width::U16Le, &[low, high]) | (Width::U16Be, &[high, low]) => u16::from_le_bytes([low, high]),
-            _ => u16::from(bytes.first().copied().unwrap_or_default()),
-        };
-        let examined = offset + width.len();
-        let expected = checksum(payload.get(..self.written).unwrap_or_default(), profile);
-        if found == expected {
-            Ok(Some((self.written, examined)))
-        } else {
-            Err(Damage { error: DecodeError::Checksum { offset, expected, found }, examined })
+    /// The payload differs from its bytes on the wire from here on.
+    fn copy_so_far(&self, raw: &[u8], payload: &mut [u8]) {
+        if !self.is_copied()
+            && let (Some(slot), Some(bytes)) = (payload.get_mut(..self.len), raw.get(self.begin..self.read))
+        {
+            slot.copy_from_slice(bytes);
         }
+    }
+
+    fn is_copied(&self) -> bool {
+        self.begin + self.len != self.read
+    }
+
+    /// Checks what stands behind the tail.
+    fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<Body>, Damage> {
+        let offset = self.read + 2;
+        let found = match (profile.checksum, raw.get(offset..).unwrap_or_default()) {
+            (Width::U8, &[byte, ..]) => u16::from(byte),
+            (Width::U16Le, &[low, high, ..]) | (Width::U16Be, &[high, low, ..]) => {
+                u16::from_le_bytes([low, high])
+            }
+            _ => return Ok(None),
+        };
+        let body = Body { scan: *self, used: offset + profile.checksum.len() };
+        let expected = checksum(body.payload(raw, payload), profile);
+        if found == expected {
+            Ok(Some(body))
+        } else {
+            let error = DecodeError::Checksum { offset, expected, found };
+            Err(Damage { error, examined: body.used })
+        }
+    }
+}
+
+impl Body {
+    /// The payload, where it stands on the wire or where it has been copied.
+    pub(crate) fn payload<'a>(&self, raw: &'a [u8], copied: &'a [u8]) -> &'a [u8] {
+        let Scan { begin, read, len } = self.scan;
+        let payload = if self.scan.is_copied() { copied.get(..len) } else { raw.get(begin..read) };
+        payload.unwrap_or_default()
     }
 }
 
@@ -236,24 +277,31 @@ pub(crate) fn has_head(bytes: &[u8]) -> bool {
 /// The place of the first 90h; the length if there is none.
 fn find_mark(bytes: &[u8]) -> usize {
     let (blocks, _) = bytes.as_chunks::<64>();
-    let mut rest = bytes.get(64 * blocks.iter().take_while(|b| is_clean(b)).count()..).unwrap_or_default();
-    if let Some((block, behind)) = rest.split_first_chunk::<32>()
-        && is_clean(block)
-    {
-        rest = behind;
+    let far = 64 * blocks.iter().take_while(|block| is_clean(block)).count();
+    let rest = bytes.get(far..).unwrap_or_default();
+    let (words, tail) = rest.as_chunks::<8>();
+    for (index, word) in words.iter().enumerate() {
+        let marks = marks(*word);
+        if marks != 0 {
+            return far + 8 * index + marks.trailing_zeros() as usize / 8;
+        }
     }
-    if let Some((block, behind)) = rest.split_first_chunk::<16>()
-        && is_clean(block)
-    {
-        rest = behind;
-    }
-    bytes.len() - rest.len() + rest.iter().take_while(|&&b| b != MARK).count()
+    bytes.len() - tail.len() + tail.iter().take_while(|&&b| b != MARK).count()
 }
 
 /// No 90h in a block. A minimum over a block of a fixed size is a few vector instructions, where a search is a branch a byte.
 #[inline]
-fn is_clean<const N: usize>(block: &[u8; N]) -> bool {
+fn is_clean(block: &[u8; 64]) -> bool {
     block.iter().fold(u8::MAX, |least, &b| least.min(b ^ MARK)) != 0
+}
+
+/// The lowest bit that is set stands at the top of the first byte that is 90h (Mycroft's test for a zero byte).
+#[inline]
+fn marks(word: [u8; 8]) -> u64 {
+    const ONES: u64 = u64::from_le_bytes([0x01; 8]);
+    const TOPS: u64 = u64::from_le_bytes([0x80; 8]);
+    let zero_at_mark = u64::from_le_bytes(word) ^ u64::from_le_bytes([MARK; 8]);
+    zero_at_mark.wrapping_sub(ONES) & !zero_at_mark & TOPS
 }
 
 /// The check word: the sum of the unstuffed payload, as the profile wants it.

@@ -37,7 +37,21 @@ impl<'a> Frame<'a> {
     ///
     /// # Errors
     /// Everything in [`DecodeError`]. A stream goes on behind the next head: [`Decoder`](crate::Decoder) finds it.
+    #[inline]
     pub fn decode(
+        bytes: &'a [u8],
+        payload: &'a mut [u8],
+        profile: &Profile,
+    ) -> Result<Option<(Self, usize)>, DecodeError> {
+        match in_place(bytes, payload.len(), profile) {
+            Some((payload, used)) => Ok(Some((Self::new(payload, profile), used))),
+            None => Self::decode_in_steps(bytes, payload, profile),
+        }
+    }
+
+    /// Out of line, so that the short way is short.
+    #[inline(never)]
+    fn decode_in_steps(
         bytes: &'a [u8],
         payload: &'a mut [u8],
         profile: &Profile,
@@ -111,6 +125,23 @@ impl<'a> Frame<'a> {
             Width::U16Be => put(&sum.to_be_bytes()),
         }
     }
+}
+
+/// The payload and the length of a whole frame without fault and without doubled bytes, as most are. Any other is looked at a
+/// second time, in steps.
+#[inline]
+fn in_place<'a>(bytes: &'a [u8], limit: usize, profile: &Profile) -> Option<(&'a [u8], usize)> {
+    let mut rest = bytes.strip_prefix(&HEAD)?;
+    if profile.flag == Flag::Separate {
+        rest = rest.strip_prefix(&[FLAG])?;
+    }
+    let (payload, end) = rest.split_at_checked(find_mark(rest))?;
+    let [_, tail, check @ ..] = end else { return None };
+    let good = is_tag(*payload.first()?, &profile.tags)
+        && payload.len() <= limit
+        && profile.tail.ends_with(*tail)
+        && check_word(check, profile)? == checksum(payload, profile);
+    good.then_some((payload, bytes.len() - check.len() + profile.checksum.len()))
 }
 
 /// How far a frame has been read; goes on where it stopped when more bytes come.
@@ -210,13 +241,7 @@ impl Scan {
     /// Checks what stands behind the tail.
     fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<Body>, Damage> {
         let offset = self.read + 2;
-        let found = match (profile.checksum, raw.get(offset..).unwrap_or_default()) {
-            (Width::U8, &[byte, ..]) => u16::from(byte),
-            (Width::U16Le, &[low, high, ..]) | (Width::U16Be, &[high, low, ..]) => {
-                u16::from_le_bytes([low, high])
-            }
-            _ => return Ok(None),
-        };
+        let Some(found) = check_word(raw.get(offset..).unwrap_or_default(), profile) else { return Ok(None) };
         let body = Body { scan: *self, used: offset + profile.checksum.len() };
         let expected = checksum(body.payload(raw, payload), profile);
         if found == expected {
@@ -230,6 +255,7 @@ impl Scan {
 
 impl Body {
     /// The payload, where it stands on the wire or where it has been copied.
+    #[inline]
     pub(crate) fn payload<'a>(&self, raw: &'a [u8], copied: &'a [u8]) -> &'a [u8] {
         let Scan { begin, read, len } = self.scan;
         let payload = if self.scan.is_copied() { copied.get(..len) } else { raw.get(begin..read) };
@@ -274,25 +300,38 @@ pub(crate) fn has_head(bytes: &[u8]) -> bool {
     bytes.starts_with(&HEAD)
 }
 
-/// The place of the first 90h; the length if there is none.
+/// The place of the first 90h; the length if there is none. Blocks of a fixed size become a few vector instructions, where a
+/// search is a branch a byte.
 fn find_mark(bytes: &[u8]) -> usize {
-    let (blocks, _) = bytes.as_chunks::<64>();
-    let far = 64 * blocks.iter().take_while(|block| is_clean(block)).count();
-    let rest = bytes.get(far..).unwrap_or_default();
-    let (words, tail) = rest.as_chunks::<8>();
-    for (index, word) in words.iter().enumerate() {
+    let mut rest = bytes;
+    while let Some((block, behind)) = rest.split_first_chunk::<64>()
+        && is_clean(block)
+    {
+        rest = behind;
+    }
+    while let Some((block, behind)) = rest.split_first_chunk::<16>()
+        && is_clean(block)
+    {
+        rest = behind;
+    }
+    while let Some((word, behind)) = rest.split_first_chunk::<8>() {
         let marks = marks(*word);
         if marks != 0 {
-            return far + 8 * index + marks.trailing_zeros() as usize / 8;
+            return bytes.len() - rest.len() + marks.trailing_zeros() as usize / 8;
         }
+        rest = behind;
     }
-    bytes.len() - tail.len() + tail.iter().take_while(|&&b| b != MARK).count()
+    while let [byte, behind @ ..] = rest
+        && *byte != MARK
+    {
+        rest = behind;
+    }
+    bytes.len() - rest.len()
 }
 
-/// No 90h in a block. A minimum over a block of a fixed size is a few vector instructions, where a search is a branch a byte.
 #[inline]
-fn is_clean(block: &[u8; 64]) -> bool {
-    block.iter().fold(u8::MAX, |least, &b| least.min(b ^ MARK)) != 0
+fn is_clean<const N: usize>(block: &[u8; N]) -> bool {
+    !block.iter().fold(false, |any, &b| any | (b == MARK))
 }
 
 /// The lowest bit that is set stands at the top of the first byte that is 90h (Mycroft's test for a zero byte).
@@ -304,7 +343,19 @@ fn marks(word: [u8; 8]) -> u64 {
     zero_at_mark.wrapping_sub(ONES) & !zero_at_mark & TOPS
 }
 
-/// The check word: the sum of the unstuffed payload, as the profile wants it.
+/// The check word that `bytes` begin with.
+#[inline]
+fn check_word(bytes: &[u8], profile: &Profile) -> Option<u16> {
+    Some(match (profile.checksum, bytes) {
+        (Width::U8, [byte, ..]) => u16::from(*byte),
+        (Width::U16Le, [low, high, ..]) | (Width::U16Be, [high, low, ..]) => {
+            u16::from_le_bytes([*low, *high])
+        }
+        _ => return None,
+    })
+}
+
+/// What it has to be: the sum of the unstuffed payload, as the profile wants it.
 fn checksum(payload: &[u8], profile: &Profile) -> u16 {
     let mut sum = sum(payload);
     if profile.checksum_with_flag && profile.flag == Flag::Separate {
@@ -322,13 +373,12 @@ fn checksum(payload: &[u8], profile: &Profile) -> u16 {
 
 /// The sum of all bytes, in blocks of a fixed size: each becomes a vector sum.
 fn sum(bytes: &[u8]) -> u32 {
-    let (blocks, mut rest) = bytes.as_chunks::<64>();
-    let mut sum = blocks.iter().fold(0, |sum, block| sum + add(block));
-    if let Some((block, behind)) = rest.split_first_chunk::<32>() {
+    let (mut rest, mut sum) = (bytes, 0);
+    while let Some((block, behind)) = rest.split_first_chunk::<64>() {
         sum += add(block);
         rest = behind;
     }
-    if let Some((block, behind)) = rest.split_first_chunk::<16>() {
+    while let Some((block, behind)) = rest.split_first_chunk::<16>() {
         sum += add(block);
         rest = behind;
     }

@@ -65,21 +65,21 @@ impl<'a> Items<'a> {
         }
     }
 
-    /// Cuts `size * count` bytes off behind tag and count.
+    /// Cuts an item off: tag, count and `count` values of `size` bytes.
     #[inline]
     fn values(&mut self, size: usize, count: u8) -> Result<&'a [u8], DecodeError> {
-        let body = self.rest.get(2..).unwrap_or_default();
-        let Some((values, rest)) = body.split_at_checked(size * usize::from(count)) else {
-            return Err(self.cut_short(2 + size * usize::from(count)));
+        let needed = 2 + size * usize::from(count);
+        let Some((item, rest)) = self.rest.split_at_checked(needed) else {
+            return Err(self.cut_short(needed));
         };
         self.rest = rest;
-        Ok(values)
+        Ok(item.get(2..).unwrap_or_default())
     }
 
-    /// Fewer bytes than a tag and a count.
-    fn end(&mut self) -> Option<Result<Item<'a>, DecodeError>> {
-        let tag = *self.rest.first()?;
-        Some(Err(if is_tag(tag, &self.tags) { self.cut_short(2) } else { self.no_tag(tag) }))
+    /// A tag without a count.
+    #[cold]
+    fn no_count(&mut self, tag: u8) -> DecodeError {
+        if is_tag(tag, &self.tags) { self.cut_short(2) } else { self.no_tag(tag) }
     }
 
     #[cold]
@@ -100,8 +100,12 @@ impl<'a> Iterator for Items<'a> {
 
     #[inline]
     fn next(&mut self) -> Option<Result<Item<'a>, DecodeError>> {
-        let Some(&[tag, count]) = self.rest.first_chunk() else { return self.end() };
         let order = self.order;
+        let (tag, count) = match *self.rest {
+            [tag, count, ..] => (tag, count),
+            [tag] => return Some(Err(self.no_count(tag))),
+            [] => return None,
+        };
         Some(match tag {
             t if t == self.tags.f32 => self.values(4, count).map(|v| Item::F32(Values::new(v, order))),
             t if t == self.tags.i16 => self.values(2, count).map(|v| Item::I16(Values::new(v, order))),
@@ -317,7 +321,13 @@ impl<'b> Payload<'b> {
     }
 }
 
-/// Whether a payload can begin with this byte: what tells a head from a false one.
+/// Whether a payload can begin with this byte: what tells a head from a false one. Nearly all begin with a command word.
+#[inline]
 pub(crate) fn is_tag(byte: u8, tags: &Tags) -> bool {
-    [tags.f32, tags.i16, tags.u8, tags.char].contains(&byte)
+    byte == tags.i16 || is_tag_of_values(byte, tags)
+}
+
+#[cold]
+fn is_tag_of_values(byte: u8, tags: &Tags) -> bool {
+    [tags.f32, tags.u8, tags.char].contains(&byte)
 }

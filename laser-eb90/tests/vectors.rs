@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use laser_eb90::{Decoder, Frame, MAX_PAYLOAD, Payload, Profile};
+use laser_eb90::{DecodeError, Decoder, Frame, MAX_PAYLOAD, Payload, Profile};
 use serde::de::DeserializeSeed;
 use serde_json::{Value, json};
 use testkit::chunking::{behind_a_cut, chunkings};
@@ -127,6 +127,31 @@ fn a_frame_decodes_without_a_decoder() {
     assert_eq!((frame.payload(), used), (&b"\xF3\x05HELLO"[..], bytes.len()));
     let error = Frame::decode(&bytes, &mut [0; 6], &Profile::default()).unwrap_err();
     assert_eq!(error.to_string(), "the payload is longer than 6 bytes (at byte 10)");
+}
+
+/// Whatever a decoder finds first is what a frame decodes to by itself; of its items, only the first tag is looked at then.
+#[test]
+fn every_vector_without_a_decoder() {
+    for v in vectors("laser-eb90") {
+        let mut payload = [0; MAX_PAYLOAD];
+        let found = Frame::decode(&v.hex, &mut payload, &profile(&v));
+        let starts_wrong = v.error.as_ref().is_some_and(|e| e["kind"] == "tag" && e["offset"] == 0);
+        assert!(!starts_wrong || found.is_err(), "{}: {found:?}", v.id);
+        let found =
+            found.and_then(|frame| frame.map(|(f, used)| f.items().check().map(|()| (f, used))).transpose());
+        match (found, &v.message, &v.error) {
+            (Ok(Some((frame, used))), Some(message), _) => {
+                assert_eq!((&object(&frame), used), (message, v.hex.len()), "{}", v.id);
+            }
+            (Ok(None), _, Some(error)) => assert_eq!(error["kind"], "incomplete", "{}", v.id),
+            // Without a decoder nothing is skipped: all that is there is no frame.
+            (Err(DecodeError::NoHead { skipped }), _, Some(error)) => {
+                assert_eq!((&error["kind"], skipped), (&json!("no_head"), v.hex.len()), "{}", v.id);
+            }
+            (Err(found), _, Some(error)) => assert!(includes(&object(&found), error), "{}: {found}", v.id),
+            (found, ..) => panic!("{}: {found:?}", v.id),
+        }
+    }
 }
 
 #[test]

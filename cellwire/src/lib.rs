@@ -4,6 +4,10 @@
 
 #![allow(clippy::std_instead_of_core, reason = "the tool is a program with std")]
 
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;
+
 pub mod alter;
 pub mod capture;
 pub mod codec;

@@ -44,9 +44,7 @@ impl Decoder {
             to.copy_from_slice(from);
         }
         self.end += taken;
-        if taken > 0 {
-            self.finished = false;
-        }
+        self.finished &= taken == 0;
         taken
     }
 

@@ -1,0 +1,190 @@
+//! The borders: JSON that is no message, what errors and codes say, poses of which only one side has axes.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use bytes::BytesMut;
+use mmacell_proto::task::{self, Task};
+use mmacell_proto::{
+    AnyPose, Command, ControllerCodec, DecodeError, DeviceCodec, Dialect, EncodeError, ErrorCode, Expected,
+    Line, NoPose, PlatformPose, Pose, Reply, RobotPose, Status, controller,
+};
+use tokio_util::codec::{Decoder as _, Encoder as _};
+
+#[test]
+fn json_without_a_field_names_it() {
+    for (json, field) in [
+        (r#"{"command":"SRV"}"#, "on"),
+        (r#"{"command":"OVR"}"#, "percent"),
+        (r#"{"command":"MOV","axes":[0,0]}"#, "mode"),
+        (r#"{"command":"MOV","mode":"absolute"}"#, "axes"),
+        (r#"{"command":"ACQ"}"#, "camera"),
+        (r#"{"command":"HND","open":true}"#, "gripper"),
+        (r#"{"command":"HND","gripper":1}"#, "open"),
+    ] {
+        let error = serde_json::from_str::<Command<AnyPose>>(json).unwrap_err();
+        assert_eq!(error.to_string(), format!("missing field `{field}`"), "{json}");
+    }
+    for (json, field) in [
+        (r#"{"reply":"error"}"#, "error"),
+        (r#"{"reply":"status","axes":[0,0],"servo":true,"override":1,"error":0}"#, "moving"),
+        (r#"{"reply":"status","moving":true,"servo":true,"override":1,"error":0}"#, "axes"),
+        (r#"{"reply":"status","moving":true,"axes":[0,0],"override":1,"error":0}"#, "servo"),
+        (r#"{"reply":"status","moving":true,"axes":[0,0],"servo":true,"error":0}"#, "override"),
+        (r#"{"reply":"status","moving":true,"axes":[0,0],"servo":true,"override":1}"#, "error"),
+    ] {
+        let error = serde_json::from_str::<Reply<AnyPose>>(json).unwrap_err();
+        assert_eq!(error.to_string(), format!("missing field `{field}`"), "{json}");
+    }
+}
+
+#[test]
+fn json_of_another_shape_says_what_it_should_be() {
+    let axes = |json: &str| serde_json::from_str::<AnyPose>(json).map_err(|error| error.to_string());
+    assert_eq!(axes("[0.5,-1]"), Ok(AnyPose::Platform(PlatformPose::from_units([5_000, -10_000]))));
+    assert_eq!(axes("[1,2,3,4]"), Ok(AnyPose::Robot(RobotPose::from_units([1_000, 2_000, 3_000, 40_000]))));
+    let wanted = "expected four axes (mm, mm, mm, rad) or two (rad, rad)";
+    assert!(axes("[1,2,3]").unwrap_err().starts_with(&format!("invalid length 3, {wanted}")));
+    assert!(axes("[1,2,3,4,5]").unwrap_err().starts_with(&format!("invalid length 5, {wanted}")));
+    assert!(axes("7").unwrap_err().starts_with(&format!("invalid type: integer `7`, {wanted}")));
+    assert!(axes(r#"[1,"2"]"#).unwrap_err().starts_with("invalid type: string \"2\", expected f64"));
+    let none = serde_json::from_str::<NoPose>("[]").unwrap_err();
+    assert!(none.to_string().starts_with("this device has no axes"), "{none}");
+    assert!(
+        serde_json::from_str::<Command<AnyPose>>("7").is_err()
+            && serde_json::from_str::<Reply<AnyPose>>("7").is_err()
+    );
+}
+
+#[test]
+fn what_is_expected_reads_as_a_phrase() {
+    for (expected, phrase) in [
+        (Expected::Command, "a command"),
+        (Expected::Reply, "OK or ER"),
+        (Expected::Sign, "+ or -"),
+        (Expected::Digit, "a digit"),
+        (Expected::Point, "a decimal point"),
+        (Expected::TrueOrFalse, "T or F"),
+        (Expected::AbsoluteOrRelative, "A or R"),
+        (Expected::OnOrOff, "ON or OF"),
+        (Expected::OpenOrClose, "OPEN or CLOSE"),
+        (Expected::NoAxes, "no axis"),
+    ] {
+        assert_eq!(expected.to_string(), phrase);
+    }
+    for (number, phrase) in [
+        (0, "no error"),
+        (1, "generic error (1)"),
+        (2, "error of servo motor 1 (2)"),
+        (3, "error of servo motor 2 (3)"),
+        (-4, "error -4"),
+    ] {
+        assert_eq!(
+            (ErrorCode::from(number).to_string(), i32::from(ErrorCode::from(number))),
+            (phrase.into(), number)
+        );
+    }
+}
+
+#[test]
+fn poses_add_and_compare_within_their_kind() {
+    let robot = |units| AnyPose::Robot(RobotPose::from_units(units));
+    let platform = |units| AnyPose::Platform(PlatformPose::from_units(units));
+    assert_eq!(robot([1, 2, 3, 4]).plus(robot([10, 20, 30, -40])), Some(robot([11, 22, 33, -36])));
+    assert_eq!(platform([999_998, 0]).plus(platform([1, -999_999])), Some(platform([999_999, -999_999])));
+    assert_eq!(platform([999_998, 0]).plus(platform([2, 0])), None, "beyond the field");
+    assert_eq!(robot([i32::MAX, 0, 0, 0]).plus(robot([1, 0, 0, 0])), None);
+    assert_eq!((robot([0; 4]).plus(platform([0; 2])), platform([0; 2]).plus(robot([0; 4]))), (None, None));
+    assert!(robot([0, 0, 0, 5]).is_near(robot([0, 0, 0, 2]), 3));
+    assert!(!robot([0, 0, 0, 5]).is_near(robot([0, 0, 0, 1]), 3));
+    assert!(
+        platform([-2, 0]).is_near(platform([1, 0]), 3) && !platform([-2, 0]).is_near(platform([2, 0]), 3)
+    );
+    assert!(
+        !robot([0; 4]).is_near(platform([0; 2]), u32::MAX) && !platform([0; 2]).is_near(robot([0; 4]), 9)
+    );
+}
+
+#[test]
+fn each_field_is_refused_where_it_goes_wrong() {
+    let command = |line: &[u8]| Command::<RobotPose>::decode(Line::new(line), &Dialect::STRICT);
+    let short = |offset, expected| Err(DecodeError::Short { offset, expected });
+    assert_eq!(command(b"MOV"), short(3, Expected::AbsoluteOrRelative));
+    let found =
+        Err(DecodeError::Unexpected { offset: 3, found: b'B', expected: Expected::AbsoluteOrRelative });
+    assert_eq!(command(b"MOVB"), found);
+    let reply = |line: &[u8]| Reply::<PlatformPose>::decode(Line::new(line), &Dialect::STRICT);
+    assert_eq!(
+        reply(b"OKT+00.5000-00.2500"),
+        Err(DecodeError::Short { offset: 19, expected: Expected::TrueOrFalse })
+    );
+    assert_eq!(
+        reply(b"OKX"),
+        Err(DecodeError::Unexpected { offset: 2, found: b'X', expected: Expected::TrueOrFalse })
+    );
+    let tolerant = Dialect { ovrd: true, ..Dialect::STRICT };
+    assert_eq!(
+        Command::<RobotPose>::decode(Line::new(b"OVRD+00007"), &tolerant),
+        Ok(Command::Override { percent: 7 })
+    );
+}
+
+#[test]
+fn what_does_not_fit_its_field_is_not_written() {
+    let status = Status {
+        moving: true,
+        pose: PlatformPose::ORIGIN,
+        servo: false,
+        percent: 100,
+        error: ErrorCode::None,
+    };
+    let mut out = [0; 50];
+    let mut refused = |reply: Reply<PlatformPose>| reply.encode(&mut out).unwrap_err().to_string();
+    assert_eq!(
+        refused(Reply::Status(Status { percent: 101, ..status })),
+        "the override 101 % is above 100 %"
+    );
+    let wide = refused(Reply::Status(Status { error: ErrorCode::Other(32_768), ..status }));
+    assert_eq!(wide, "the integer 32768 is outside −32768 to 32767");
+    assert_eq!(wide, refused(Reply::Error { error: ErrorCode::Other(32_768) }));
+    let mut grip = [0; 16];
+    let grip = Command::<NoPose>::Grip { gripper: -32_769, open: true }.encode(&mut grip).unwrap_err();
+    assert_eq!(grip.to_string(), "the integer -32769 is outside −32768 to 32767");
+    for (room, outcome) in [(33, Err(EncodeError::Buffer { needed: 34, found: 33 })), (34, Ok(()))] {
+        let mut buffer = [0; 34];
+        assert_eq!(Reply::Status(status).append_to(&mut &mut buffer[..room]), outcome);
+        let mut buffer = [0; 34];
+        let servo = Command::<NoPose>::Servo { on: false }.append_to(&mut &mut buffer[..room - 27]);
+        assert_eq!(
+            (servo, &buffer[..5] == b"SRVOF"),
+            match room {
+                33 => (Err(EncodeError::Buffer { needed: 7, found: 6 }), false),
+                _ => (Ok(()), true),
+            }
+        );
+    }
+    assert_eq!(
+        Reply::Status(Status { percent: 101, ..status })
+            .append_to(&mut BytesMut::new())
+            .unwrap_err()
+            .to_string(),
+        "the override 101 % is above 100 %"
+    );
+}
+
+#[test]
+fn both_codecs_read_on_to_the_end_of_the_stream() {
+    let mut wire = BytesMut::new();
+    DeviceCodec::<NoPose>::new(Dialect::STRICT).encode(Reply::Ok, &mut wire).unwrap();
+    wire.extend_from_slice(b"ER+0");
+    let mut controller = ControllerCodec::<NoPose>::new(Dialect::STRICT);
+    let mut end = || controller.decode_eof(&mut wire).unwrap();
+    assert_eq!((end(), end(), end()), (Some(Ok(Reply::Ok)), Some(Err(DecodeError::Incomplete)), None));
+    let mut device = DeviceCodec::<NoPose>::new(Dialect::STRICT);
+    assert_eq!(device.decode(&mut BytesMut::from("STA\r\n")).unwrap(), Some(Ok(Command::Status)));
+}
+
+#[test]
+fn the_defaults_are_the_documented_ones() {
+    assert_eq!(controller::Config::default(), controller::Config::DEFAULT);
+    assert_eq!(task::Config::default(), task::Config::DEFAULT);
+    assert_eq!(Task::new(task::Config::default()).step(), task::Step::AwaitDevices);
+}

@@ -1,4 +1,5 @@
-//! The harness of the `budgets` bench: instruction counts by callgrind, and timing budgets, as one table beside their goals.
+//! The harness of the `budgets` bench: instruction counts by callgrind, and timing budgets, as one table beside their goals;
+//! and what `peers` shares with it.
 //!
 //! A count is exact and the same on a busy machine: the bench starts itself under callgrind for N and for 2N rounds and
 //! divides the difference by N, so that start-up and preparation cancel out.
@@ -136,6 +137,12 @@ pub fn table<const N: usize>(head: [&str; N]) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(head);
     table
+}
+
+/// The middle of the samples, which it sorts.
+pub fn median(samples: &mut [f64]) -> Option<f64> {
+    samples.sort_by(f64::total_cmp);
+    samples.get(samples.len() / 2).copied()
 }
 
 fn right_align(table: &mut Table, columns: &[usize]) {

@@ -2,11 +2,20 @@
 //!
 //! Times are told as ratios within one run: contenders take turns, their order rotates, and medians are compared.
 
+mod modbus;
 mod queue;
+mod race;
+mod stuffing;
+mod text;
 
 fn main() {
     let filter = std::env::args().skip(1).find(|argument| !argument.starts_with("--")).unwrap_or_default();
-    let subjects: [(&str, fn()); 1] = [("queue", queue::race)];
+    let subjects: [(&str, fn()); 4] = [
+        ("queue", queue::race),
+        ("modbus", modbus::races),
+        ("stuffing", stuffing::races),
+        ("text", text::races),
+    ];
     let chosen: Vec<_> = subjects.iter().filter(|(name, _)| name.contains(&filter)).collect();
     if chosen.is_empty() {
         eprintln!("nothing is called {filter:?}; there are {:?}", subjects.map(|(name, _)| name));

@@ -11,7 +11,7 @@ use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::Instant;
 
-use benches::table;
+use benches::{median, table};
 use core_affinity::CoreId;
 use ringbuf::traits::{Consumer as _, Producer as _, Split as _};
 
@@ -264,11 +264,6 @@ fn race_of(job: &str, contenders: [(&str, Sample); 8], cores: &Cores) {
         median(probes).unwrap_or(f64::NAN)
     );
     probes.clear();
-}
-
-fn median(samples: &mut [f64]) -> Option<f64> {
-    samples.sort_by(f64::total_cmp);
-    samples.get(samples.len() / 2).copied()
 }
 
 fn sample<J: Job, W: Write<J>, R: Read<J>>(

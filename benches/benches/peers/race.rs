@@ -1,0 +1,49 @@
+//! A race on one processor: contenders take turns, their order rotates every round, and the medians are compared.
+
+use std::time::{Duration, Instant};
+
+use benches::{median, table};
+
+const ROUNDS: usize = 51;
+/// What a sample takes at least: preparing for it is nothing beside that.
+const SAMPLE: Duration = Duration::from_millis(1);
+
+/// Who does the work so many times.
+pub(crate) type Contender = (&'static str, fn(u64));
+
+/// Prints what each contender takes, and how often the first one's time that is.
+pub(crate) fn race<const N: usize>(work: &str, contenders: [Contender; N]) {
+    if let Some(&first) = core_affinity::get_core_ids().unwrap_or_default().first() {
+        core_affinity::set_for_current(first);
+    }
+    let repeats = contenders.map(|(_, run)| repeats(run));
+    let mut samples = [const { Vec::new() }; N];
+    for round in 0..ROUNDS {
+        for turn in 0..N {
+            let at = (round + turn) % N;
+            let ((_, run), repeats) = (contenders[at], repeats[at]);
+            samples[at].push(time(run, repeats).as_nanos() as f64 / repeats as f64);
+        }
+    }
+    let medians = samples.map(|mut samples| median(&mut samples).unwrap_or(f64::NAN));
+    let mut table = table([work, "time", "of ours"]);
+    for ((name, _), time) in contenders.iter().zip(medians) {
+        table.add_row([(*name).to_owned(), format!("{time:.1} ns"), format!("{:.2} ×", time / medians[0])]);
+    }
+    println!("{table}");
+}
+
+/// How often the work is done in a sample.
+fn repeats(run: fn(u64)) -> u64 {
+    let mut repeats = 1;
+    while time(run, repeats) < SAMPLE {
+        repeats *= 2;
+    }
+    repeats
+}
+
+fn time(run: fn(u64), repeats: u64) -> Duration {
+    let start = Instant::now();
+    run(repeats);
+    start.elapsed()
+}

@@ -3,8 +3,12 @@
 //! - [`link`]: a link between two sessions on a virtual clock, with the faults that its transport can commit
 //! - [`chunking`]: every way to cut a stream that a decoder must not notice
 //! - [`vectors`]: the reader of `reference/vectors/<link>.json`
+//! - `soak` (feature `soak`, on by default): both ends of every session over bad transports
 
 pub mod chunking;
+mod faults;
 pub mod link;
 pub mod rng;
+#[cfg(feature = "soak")]
+pub mod soak;
 pub mod vectors;

@@ -14,6 +14,7 @@
 use core::time::Duration;
 use std::collections::VecDeque;
 
+pub use crate::faults::{FaultCounts, Faults};
 use crate::rng::Rng;
 
 /// One of the two ends of a [`Link`].
@@ -42,117 +43,6 @@ pub enum Delivery {
     Bytes(Vec<u8>),
     /// The connection is gone: nothing sent before it will still arrive. Call [`Link::reconnect`] to go on.
     Closed,
-}
-
-/// How often a transport commits each fault. A probability is for each byte, or for each call of [`Link::send`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Faults {
-    /// Datagrams keep their borders and may overtake one another; a stream keeps its order and has no borders.
-    pub datagrams: bool,
-    /// The time that a delivery takes without fault.
-    pub latency: Duration,
-    /// The time that each byte occupies the line: 10 bits at the baud rate, zero for a network.
-    pub byte_time: Duration,
-    /// A byte with one bit turned over, for each byte.
-    pub flip: f64,
-    /// A byte lost, for each byte.
-    pub lose_byte: f64,
-    /// A byte of noise inserted, for each byte.
-    pub insert: f64,
-    /// Everything lost, for each send: a datagram, or silence on a line.
-    pub lose: f64,
-    /// A datagram that arrives twice, for each send.
-    pub repeat: f64,
-    /// Cut into up to four deliveries, for each send.
-    pub split: f64,
-    /// Glued to the delivery before it, for each send.
-    pub merge: f64,
-    /// Late by up to `max_delay`, for each send; datagrams overtake one another by it.
-    pub delay: f64,
-    /// The longest extra delay.
-    pub max_delay: Duration,
-    /// The connection breaks, somewhere within these bytes, for each send.
-    pub disconnect: f64,
-}
-
-impl Faults {
-    /// A stream that does nothing wrong, with a latency of 1 ms.
-    pub const NONE: Self = Self {
-        datagrams: false,
-        latency: Duration::from_millis(1),
-        byte_time: Duration::ZERO,
-        flip: 0.0,
-        lose_byte: 0.0,
-        insert: 0.0,
-        lose: 0.0,
-        repeat: 0.0,
-        split: 0.0,
-        merge: 0.0,
-        delay: 0.0,
-        max_delay: Duration::ZERO,
-        disconnect: 0.0,
-    };
-
-    /// What TCP can commit: split, merge, delay, disconnect. It never damages, loses or repeats a byte.
-    pub const TCP: Self = Self {
-        split: 0.3,
-        merge: 0.3,
-        delay: 0.1,
-        max_delay: Duration::from_millis(300),
-        disconnect: 0.01,
-        ..Self::NONE
-    };
-
-    /// What a serial line can commit: flips, losses, insertions, silence, reads that end anywhere.
-    pub const SERIAL: Self = Self {
-        flip: 0.001,
-        lose_byte: 0.001,
-        insert: 0.001,
-        lose: 0.01,
-        split: 0.3,
-        merge: 0.3,
-        delay: 0.05,
-        max_delay: Duration::from_millis(20),
-        ..Self::NONE
-    };
-
-    /// What UDP can commit: loss, repetition, reordering.
-    pub const UDP: Self = Self {
-        datagrams: true,
-        lose: 0.02,
-        repeat: 0.02,
-        delay: 0.1,
-        max_delay: Duration::from_millis(50),
-        ..Self::NONE
-    };
-
-    /// The same faults on a line where each byte takes ten bits at `baud`.
-    pub const fn at_baud(mut self, baud: u32) -> Self {
-        self.byte_time = Duration::from_nanos(10_000_000_000 / baud as u64);
-        self
-    }
-}
-
-/// How many faults of each kind a link has committed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the fields of Faults, counted")]
-pub struct FaultCounts {
-    pub flips: u64,
-    pub lost_bytes: u64,
-    pub inserts: u64,
-    pub losses: u64,
-    pub repeats: u64,
-    pub splits: u64,
-    pub merges: u64,
-    pub delays: u64,
-    pub disconnects: u64,
-}
-
-impl FaultCounts {
-    /// Faults that change or lose bytes; the others only move them in time.
-    pub fn damage(&self) -> u64 {
-        self.flips + self.lost_bytes + self.inserts + self.losses
-    }
 }
 
 /// Two directions of bytes between [`End::A`] and [`End::B`]. The same seed commits the same faults.
@@ -313,7 +203,7 @@ impl Direction {
         rng: &mut Rng,
         counts: &mut FaultCounts,
     ) {
-        let at = self.queue.back().map_or(at, |(last, _)| at.max(*last));
+        let mut at = self.queue.back().map_or(at, |(last, _)| at.max(*last));
         if rng.chance(faults.merge)
             && let Some((_, Delivery::Bytes(last))) = self.queue.back_mut()
         {
@@ -324,10 +214,14 @@ impl Direction {
         let mut rest = bytes.as_slice();
         if rest.len() > 1 && rng.chance(faults.split) {
             counts.splits += 1;
+            let mut pause = faults.pause;
             for _ in 0..1 + rng.below(3) {
                 let (head, tail) = rest.split_at(rng.below(rest.len()));
                 if !head.is_empty() {
                     self.queue.push_back((at, Delivery::Bytes(head.to_vec())));
+                    if !pause.is_zero() {
+                        at += core::mem::take(&mut pause).mul_f64(rng.unit());
+                    }
                 }
                 rest = tail;
             }
@@ -369,6 +263,21 @@ mod tests {
         assert!(!closed);
         assert!(sizes.iter().any(|s| *s < 100) && sizes.iter().any(|s| *s > 100), "{sizes:?}");
         assert_eq!(link.counts().damage(), 0);
+    }
+
+    #[test]
+    fn the_pieces_of_a_send_may_be_apart() {
+        let mut link = Link::new(1, Faults { split: 1.0, pause: 10 * MS, ..Faults::NONE });
+        let (mut at, mut bytes) = (Vec::new(), Vec::new());
+        link.send(End::A, Duration::ZERO, b"0123456789");
+        while let Some(now) = link.next_delivery() {
+            at.push(now);
+            let Some(Delivery::Bytes(piece)) = link.receive(End::B, now) else { panic!() };
+            bytes.extend(piece);
+        }
+        assert_eq!(bytes, b"0123456789");
+        assert!(at.len() > 1 && at.is_sorted() && at[0] == MS, "{at:?}");
+        assert!(at[1] > MS && at.last() <= Some(&(11 * MS)), "{at:?}");
     }
 
     #[test]

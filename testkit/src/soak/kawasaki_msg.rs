@@ -1,0 +1,343 @@
+//! A robot and a PC over TCP and UDP. A job is a line of a picture.
+
+use core::num::NonZeroU16;
+use core::time::Duration;
+
+use kawasaki_msg::{
+    Acks, Job, JobKind, JobSource, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, Supply,
+};
+use robot_work_queue::Reader;
+
+use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
+use crate::link::{Delivery, End, Faults};
+use crate::rng::Rng;
+
+pub(super) const TCP: Row = Row {
+    link: "kawasaki-msg",
+    transport: "tcp",
+    job: "lines",
+    one_in: None,
+    session: |seed, log| session(seed, false, log),
+};
+
+pub(super) const UDP: Row = Row { transport: "udp", session: |seed, log| session(seed, true, log), ..TCP };
+
+const MS: Duration = Duration::from_millis(1);
+/// An order that has not ended by then stands still.
+const LIMIT: Duration = Duration::from_secs(600);
+
+/// The line of a job: it says which one it is.
+fn line(job: usize) -> Line {
+    let kind = if job.is_multiple_of(3) { JobKind::Move } else { JobKind::Draw };
+    let x = job as i32;
+    Line { kind, start: Point::new(x, 7 - x), end: Point::new(x * 3, -x) }
+}
+
+/// An order: so many jobs of the session from `first` on.
+#[derive(Debug, Clone, Copy)]
+struct Picture {
+    first: usize,
+    jobs: u32,
+}
+
+impl JobSource for Picture {
+    fn line(&mut self, index: u32) -> Supply {
+        if index < self.jobs { Supply::Line(line(self.first + index as usize)) } else { Supply::End }
+    }
+}
+
+/// What happens to an order besides the faults of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Mishap {
+    Nothing,
+    PcInterrupts,
+    PcEnds,
+    RobotResets,
+    RobotClears,
+    RobotRestarts,
+    PcRestarts,
+    Disconnect,
+}
+
+struct Cell {
+    now: Duration,
+    log: Log,
+    wire: Wire,
+    ledger: Ledger,
+    invented: u64,
+    config: (RobotConfig, PcConfig),
+    capacity: usize,
+    robot: Robot<'static>,
+    reader: Reader<'static, Job>,
+    pc: Pc<Picture>,
+    /// How long a job takes, and when the next one is taken.
+    pace: Duration,
+    motion_at: Duration,
+    overtakes: bool,
+    reports: Vec<u16>,
+    order: Option<Order>,
+}
+
+/// The order that the PC's user waits for.
+#[derive(Debug)]
+struct Order {
+    picture: Picture,
+    ahead: Vec<u32>,
+}
+
+fn session(seed: u64, datagrams: bool, log: Log) -> Tally {
+    let mut rng = Rng::new(!seed);
+    let mut cell = Cell::new(seed, datagrams, &mut rng, log);
+    for order in 1..=1 + rng.below(3) as u16 {
+        // Over UDP, "give every order a new number".
+        cell.start(order, 1 + rng.below(24) as u32);
+        let mishaps = match rng.below(12) {
+            0 => Mishap::PcInterrupts,
+            1 => Mishap::PcEnds,
+            2 => Mishap::RobotResets,
+            3 => Mishap::RobotClears,
+            4 => Mishap::RobotRestarts,
+            5 => Mishap::PcRestarts,
+            6 => Mishap::Disconnect,
+            _ => Mishap::Nothing,
+        };
+        let at = cell.now + MS * rng.below(700) as u32;
+        let end = cell.now + LIMIT;
+        while cell.order.is_some() && cell.now < at {
+            cell.step();
+        }
+        if cell.order.is_some() {
+            cell.meet(mishaps);
+        }
+        while cell.order.is_some() && cell.now < end {
+            cell.step();
+        }
+    }
+    // What is still queued may not be executed any more, unless nobody knows of it.
+    let end = cell.now + MS * 300;
+    while cell.now < end {
+        cell.step();
+    }
+    let mut tally = Tally { invented: cell.invented, ..Tally::default() };
+    cell.wire.settle(cell.now, &mut tally, 0, |_, _| Check::Nothing);
+    cell.ledger.settle(cell.now, log, &mut tally, |_| false);
+    tally
+}
+
+impl Cell {
+    fn new(seed: u64, datagrams: bool, rng: &mut Rng, log: Log) -> Self {
+        let (robot, pc) = match datagrams {
+            false => (RobotConfig::TCP, PcConfig::TCP),
+            true => (RobotConfig::UDP, PcConfig::UDP),
+        };
+        let (capacity, max_number) = [(1, 2), (3, 5), (10, 17), (32, 200), (32, 9999)][rng.below(5)];
+        // Over datagrams a number must not come again while an old datagram may still name it.
+        let max_number = if datagrams { max_number.max(1000) } else { max_number };
+        let overtakes = rng.chance(0.3);
+        let every = [1, 1, 2, 5, 100][rng.below(5)];
+        let acks = match overtakes {
+            true => Acks::Individual,
+            false => Acks::Cumulative { every: NonZeroU16::new(every).unwrap_or(NonZeroU16::MIN) },
+        };
+        let robot = RobotConfig { acks, ..robot };
+        let pc = PcConfig { cumulative_acks: !overtakes, max_number, ..pc };
+        let bad = rng.unit();
+        let faults = match datagrams {
+            false => Faults { disconnect: 0.08 * bad, pause: 120 * MS, ..Faults::TCP },
+            true => Faults {
+                lose: 0.15 * bad,
+                repeat: 0.15 * bad,
+                delay: 0.2,
+                max_delay: [50 * MS, 490 * MS][rng.below(2)],
+                ..Faults::UDP
+            },
+        };
+        let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+        Self {
+            now: Duration::ZERO,
+            log,
+            wire: Wire::new(seed, faults, ["robot", "PC"], true, log),
+            ledger: Ledger::default(),
+            invented: 0,
+            config: (robot, pc),
+            capacity,
+            robot: Robot::new(robot, writer).unwrap(),
+            reader,
+            pc: Pc::new(pc).unwrap(),
+            pace: [MS / 10, MS, 7 * MS, 40 * MS][rng.below(4)],
+            motion_at: Duration::ZERO,
+            overtakes,
+            reports: Vec::new(),
+            order: None,
+        }
+    }
+
+    fn start(&mut self, order: u16, jobs: u32) {
+        let picture = Picture { first: self.ledger.len(), jobs };
+        self.log.say(self.now, format_args!("order {order} of {jobs} jobs from {}", picture.first));
+        for _ in 0..jobs {
+            self.ledger.send(self.wire.mark());
+        }
+        self.order = Some(Order { picture, ahead: Vec::new() });
+        self.pc.start(order, picture).unwrap();
+    }
+
+    fn meet(&mut self, mishap: Mishap) {
+        if mishap != Mishap::Nothing {
+            self.log.say(self.now, format_args!("{mishap:?}"));
+        }
+        let (robot, pc) = self.config;
+        // What is not possible now is no mishap.
+        match mishap {
+            Mishap::Nothing => {}
+            Mishap::PcInterrupts => _ = self.pc.interrupt(),
+            Mishap::PcEnds => _ = self.pc.end(),
+            Mishap::RobotResets => _ = self.robot.reset_order(),
+            Mishap::RobotClears => _ = self.robot.clear_queue(),
+            Mishap::Disconnect if robot.datagrams => {}
+            Mishap::Disconnect => self.wire.disconnect(self.now),
+            Mishap::RobotRestarts => {
+                self.lose_connection();
+                let (writer, reader) = robot_work_queue::boxed(self.capacity, pc.max_number).unwrap();
+                self.robot = Robot::new(robot, writer).unwrap();
+                self.reader = reader;
+                self.reports.clear();
+            }
+            // Its user knows that it restarted, and nothing else.
+            Mishap::PcRestarts => {
+                self.lose_connection();
+                self.pc = Pc::new(pc).unwrap();
+                if self.config.0.datagrams {
+                    self.pc.handle_connected(self.now);
+                }
+                self.over(0, u32::MAX);
+            }
+        }
+    }
+
+    /// Over datagrams there is none.
+    fn lose_connection(&mut self) {
+        if !self.config.0.datagrams {
+            self.wire.disconnect(self.now);
+        }
+    }
+
+    /// Jobs of the order before `executed` are executed, those from `sent` on are not; of those between nobody knows.
+    fn over(&mut self, executed: u32, sent: u32) {
+        let Some(order) = self.order.take() else { return };
+        self.log.say(self.now, format_args!("over: {executed} executed, unknown up to {sent}"));
+        let mark = self.wire.mark();
+        for index in 0..order.picture.jobs {
+            let told = match index {
+                _ if index < executed || order.ahead.contains(&index) => Told::Done,
+                _ if index < sent => Told::Unknown,
+                _ => Told::NotDone,
+            };
+            self.ledger.tell(order.picture.first + index as usize, told, mark);
+        }
+    }
+
+    fn step(&mut self) {
+        self.motion_task();
+        self.robot_pass();
+        self.pc_pass();
+        let motion = (!self.reader.is_empty()).then_some(self.motion_at);
+        let times = [self.robot.poll_timeout(), self.pc.poll_timeout(), motion];
+        let next = self.wire.next(self.now, times);
+        // A cleared queue is seen in the next pass.
+        self.now = next.min(self.now + 20 * MS);
+    }
+
+    fn motion_task(&mut self) {
+        while self.motion_at <= self.now {
+            let last = self.overtakes.then(|| self.reader.iter().last().map(|(number, _)| number)).flatten();
+            let taken = match last {
+                Some(last) => self.reader.take_where(|number, _| number == last),
+                None => self.reader.take(),
+            };
+            let Some(job) = taken else {
+                self.motion_at = self.now + MS;
+                return;
+            };
+            let number = job.line.start.x as usize;
+            self.log.say(self.now, format_args!("  job {number} (its number {}) is executed", job.number));
+            if job.line != line(number) || !self.ledger.execute(number) {
+                self.log.say(self.now, format_args!("!!! nobody sent {job:?}"));
+                self.invented += 1;
+            }
+            self.reports.push(job.number);
+            job.complete();
+            self.motion_at += self.pace;
+        }
+    }
+
+    fn robot_pass(&mut self) {
+        while let Some(delivery) = self.wire.receive(End::A, self.now) {
+            match delivery {
+                Delivery::Bytes(bytes) => self.robot.handle_input(self.now, &bytes),
+                Delivery::Closed => self.robot.handle_closed(self.now),
+            }
+        }
+        for number in self.reports.drain(..) {
+            self.robot.job_done(self.now, number).unwrap();
+        }
+        self.robot.handle_timeout(self.now);
+        while let Some(event) = self.robot.poll_event() {
+            self.log.say(self.now, format_args!("  robot: {event:?}"));
+            match event {
+                RobotEvent::Connect => {
+                    if !self.config.0.datagrams {
+                        self.wire.reconnect(self.now);
+                        self.pc.handle_closed(self.now);
+                    }
+                    self.pc.handle_connected(self.now);
+                    self.robot.handle_connected(self.now);
+                }
+                RobotEvent::Disconnect => {
+                    self.lose_connection();
+                    self.robot.handle_closed(self.now);
+                }
+                // The motion program deals with it.
+                RobotEvent::Alarm { .. } => self.robot.clear_queue().unwrap(),
+                _ => {}
+            }
+        }
+        let mut out = [0; 4096];
+        while let Some(len) = self.robot.poll_transmit(self.now, &mut out) {
+            self.wire.send(End::A, self.now, &out[..len]);
+        }
+    }
+
+    fn pc_pass(&mut self) {
+        while let Some(delivery) = self.wire.receive(End::B, self.now) {
+            match delivery {
+                Delivery::Bytes(bytes) => self.pc.handle_input(self.now, &bytes),
+                Delivery::Closed => self.pc.handle_closed(self.now),
+            }
+        }
+        self.pc.handle_timeout(self.now);
+        while let Some(event) = self.pc.poll_event() {
+            self.log.say(self.now, format_args!("  PC: {event:?}"));
+            match event {
+                PcEvent::Disconnect => {
+                    self.lose_connection();
+                    self.pc.handle_closed(self.now);
+                    if self.config.0.datagrams {
+                        self.pc.handle_connected(self.now);
+                    }
+                }
+                PcEvent::ExecutedAhead { index } => {
+                    self.order.iter_mut().for_each(|order| order.ahead.push(index));
+                }
+                PcEvent::OrderOver { executed, .. } => self.over(executed, executed),
+                PcEvent::OutcomeUnknown { executed, sent, .. } => self.over(executed, sent),
+                PcEvent::OrderRefused { given_up: true, .. } => self.over(0, 0),
+                _ => {}
+            }
+        }
+        let mut out = [0; 4096];
+        while let Some(len) = self.pc.poll_transmit(self.now, &mut out) {
+            self.wire.send(End::B, self.now, &out[..len]);
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! The soak: both ends of every session over the faults that its transport can commit, from a seed.
+//!
+//! A seed makes one short bad session of each [`Row`]: what is sent, what its users do, and what the line does follow from it.
+//! Every job of it ends in one column of its [`Tally`]. What its sender was told is compared with what was executed; an outcome
+//! that must not be is excused only by damage that is shown to have made a good message out of what was sent.
+
+mod fanuc_hmi_modbus;
+mod isra_ball;
+mod kawasaki_msg;
+mod laser_eb90;
+mod mmacell_proto;
+mod tally;
+mod val2_alter;
+mod viewer;
+mod wire;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+pub use fanuc_hmi_modbus::SABOTAGED;
+pub use tally::{Job, Ledger, Tally, Told};
+pub use wire::{Check, Log, Mark, Unseen, Wire};
+
+/// One link over one transport: a row of the table.
+#[derive(Debug, Clone, Copy)]
+pub struct Row {
+    /// The crate.
+    pub link: &'static str,
+    /// What lies between its two ends.
+    pub transport: &'static str,
+    /// What a job is.
+    pub job: &'static str,
+    /// Of so many messages that damage makes at random, the protocol's own check passes one; `None` where nothing is damaged.
+    pub one_in: Option<u32>,
+    session: fn(u64, Log) -> Tally,
+}
+
+/// Every session of the workspace.
+pub const ROWS: [Row; 10] = [
+    kawasaki_msg::TCP,
+    kawasaki_msg::UDP,
+    val2_alter::SERIAL,
+    viewer::SERIAL,
+    isra_ball::SERIAL,
+    fanuc_hmi_modbus::TCP,
+    fanuc_hmi_modbus::RTU,
+    fanuc_hmi_modbus::RTU_OVER_TCP,
+    laser_eb90::SERIAL,
+    mmacell_proto::TCP,
+];
+
+impl Row {
+    /// `link/transport`
+    pub fn name(&self) -> String {
+        format!("{}/{}", self.link, self.transport)
+    }
+
+    /// Whether `name` names the row, or its link.
+    pub fn is_named(&self, name: &str) -> bool {
+        name == self.link || name == self.name()
+    }
+
+    /// The session of a seed. A panic is counted.
+    pub fn run(&self, seed: u64, log: Log) -> Tally {
+        let session = catch_unwind(AssertUnwindSafe(|| (self.session)(seed, log)));
+        let tally = session.unwrap_or(Tally { panics: 1, ..Tally::default() });
+        Tally { sessions: 1, ..tally }
+    }
+
+    /// How many of the messages that damage has made the check passes, if their bytes were random. Most damage is smaller, and
+    /// no sum misses a single bit.
+    pub fn expected_unseen(&self, tally: &Tally) -> f64 {
+        let made = tally.refused + tally.unseen;
+        self.one_in.map_or(0.0, |one_in| made as f64 / f64::from(one_in))
+    }
+
+    /// Whether so much damage went unseen that the check cannot have been made: twice what random bytes would, and six standard
+    /// deviations more.
+    pub fn sees_too_little(&self, tally: &Tally) -> bool {
+        let expected = self.expected_unseen(tally);
+        tally.unseen as f64 > 2.0 * expected + 6.0 * expected.sqrt() + 6.0
+    }
+}

@@ -1,0 +1,288 @@
+//! The faulty link of a session, what it did to each transmission, and the trace.
+
+use core::fmt::Arguments;
+use core::time::Duration;
+
+use super::tally::Tally;
+use crate::link::{Delivery, End, Faults, Link};
+
+/// Where the trace of a session goes: to standard output, or nowhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Log {
+    on: bool,
+}
+
+impl Log {
+    /// Nowhere.
+    pub const OFF: Self = Self { on: false };
+    /// To standard output.
+    pub const ON: Self = Self { on: true };
+
+    /// A line of the trace.
+    pub fn say(self, now: Duration, what: Arguments<'_>) {
+        if self.on {
+            println!("{:>12.3} ms  {what}", now.as_secs_f64() * 1e3);
+        }
+    }
+}
+
+/// How many transmissions each end, A and B, has made so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Mark(usize, usize);
+
+impl Mark {
+    /// Behind them all.
+    pub const END: Self = Self(usize::MAX, usize::MAX);
+}
+
+/// What some bytes begin with, by the protocol's own check.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Check {
+    /// No whole message.
+    Nothing,
+    /// A message that only the check refuses.
+    Refused,
+    /// A good message of so many bytes.
+    Good(usize),
+}
+
+/// A good message, by the protocol's own check, that nobody sent: damage made it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Unseen {
+    /// Who sent what was damaged.
+    pub from: End,
+    /// The transmissions that it is made of.
+    first: usize,
+    last: usize,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+impl Unseen {
+    /// Whether one of its transmissions lies between two marks.
+    pub fn is_between(&self, from: Mark, to: Mark) -> bool {
+        let (from, to) = match self.from {
+            End::A => (from.0, to.0),
+            End::B => (from.1, to.1),
+        };
+        self.first < to && self.last >= from
+    }
+}
+
+/// A [`Link`] that remembers what it did, and can trace it.
+#[derive(Debug)]
+pub struct Wire {
+    link: Link,
+    log: Log,
+    names: [&'static str; 2],
+    text: bool,
+    sent: [Vec<Transmission>; 2],
+    /// The bytes that have arrived, where the transport changes any.
+    heard: [Vec<u8>; 2],
+    damages: bool,
+}
+
+#[derive(Debug)]
+struct Transmission {
+    /// Empty where the transport changes no bytes.
+    bytes: Vec<u8>,
+    /// What arrives of it, in the stream that its receiver hears.
+    start: usize,
+    end: usize,
+    damaged: bool,
+}
+
+impl Wire {
+    /// A link whose faults follow from `seed`. `names` are those of the ends A and B in the trace; `text` shows bytes as text.
+    pub fn new(seed: u64, faults: Faults, names: [&'static str; 2], text: bool, log: Log) -> Self {
+        let damages = !faults.datagrams && faults.flip + faults.lose_byte + faults.insert > 0.0;
+        let link = Link::new(seed, faults);
+        Self { link, log, names, text, sent: Default::default(), heard: Default::default(), damages }
+    }
+
+    /// As [`Link::send`].
+    pub fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
+        let before = self.link.counts();
+        self.link.send(from, now, bytes);
+        let after = self.link.counts();
+        let missing = after.lost_bytes - before.lost_bytes;
+        let extra = after.inserts - before.inserts;
+        let whole = after.losses > before.losses;
+        let damaged = !whole && after.damage() > before.damage();
+        let sent = &mut self.sent[index(from)];
+        let start = sent.last().map_or(0, |last| last.end);
+        let len = if whole { 0 } else { bytes.len() as u64 + extra - missing };
+        let kept = if self.damages { bytes.to_vec() } else { Vec::new() };
+        sent.push(Transmission { bytes: kept, start, end: start + len as usize, damaged });
+        if self.log.on {
+            let what = if before == after { String::new() } else { format!("  [{}]", after.since(&before)) };
+            let (from, to) = (self.names[index(from)], self.names[index(from.other())]);
+            self.log.say(now, format_args!("{from} -> {to}: {}{what}", self.shown(bytes)));
+        }
+    }
+
+    /// As [`Link::receive`].
+    pub fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
+        let delivery = self.link.receive(at, now)?;
+        if let (Delivery::Bytes(bytes), true) = (&delivery, self.damages) {
+            self.heard[index(at.other())].extend(bytes);
+        }
+        if self.log.on {
+            let at = self.names[index(at)];
+            match &delivery {
+                Delivery::Bytes(bytes) => {
+                    self.log.say(now, format_args!("  {at} hears {}", self.shown(bytes)));
+                }
+                Delivery::Closed => {
+                    self.log.say(now, format_args!("  {at} hears that the connection is gone"))
+                }
+            }
+        }
+        Some(delivery)
+    }
+
+    /// As [`Link::disconnect`].
+    pub fn disconnect(&mut self, now: Duration) {
+        self.log.say(now, format_args!("the connection is closed"));
+        self.link.disconnect(now);
+    }
+
+    /// As [`Link::reconnect`].
+    pub fn reconnect(&mut self, now: Duration) {
+        self.log.say(now, format_args!("a new connection"));
+        self.link.reconnect();
+    }
+
+    /// As [`Link::is_connected`].
+    pub fn is_connected(&self) -> bool {
+        self.link.is_connected()
+    }
+
+    /// The next time at which something happens, behind `now`: a delivery, or one of `timeouts`.
+    pub fn next(&self, now: Duration, timeouts: impl IntoIterator<Item = Option<Duration>>) -> Duration {
+        let times = timeouts.into_iter().chain([self.link.next_delivery()]).flatten();
+        times.min().unwrap_or(now).max(now + Duration::from_micros(50))
+    }
+
+    /// The transmissions up to now.
+    pub fn mark(&self) -> Mark {
+        Mark(self.sent[0].len(), self.sent[1].len())
+    }
+
+    /// Adds the faults, and what was damaged. Gives the good messages that damage made, of at most `longest` bytes.
+    pub fn settle(
+        &self,
+        now: Duration,
+        tally: &mut Tally,
+        longest: usize,
+        check: impl Fn(End, &[u8]) -> Check,
+    ) -> Vec<Unseen> {
+        tally.faults += self.link.counts();
+        let mut found: Vec<Unseen> = Vec::new();
+        for from in [End::A, End::B] {
+            let (sent, heard) = (&self.sent[index(from)], &self.heard[index(from)]);
+            let mut searched = 0;
+            for hurt in sent.iter().filter(|sent| sent.damaged && sent.start < sent.end) {
+                tally.damaged += 1;
+                let first = searched.max(hurt.start.saturating_sub(longest));
+                searched = searched.max(hurt.end);
+                for start in first..hurt.end {
+                    let len = match check(from, heard.get(start..).unwrap_or_default()) {
+                        Check::Nothing => continue,
+                        Check::Refused => {
+                            tally.refused += 1;
+                            continue;
+                        }
+                        Check::Good(len) => len,
+                    };
+                    let end = start + len;
+                    let first = sent.partition_point(|sent| sent.end <= start);
+                    let last = sent.partition_point(|sent| sent.start < end).saturating_sub(1);
+                    let made_of = sent.get(first..=last).unwrap_or_default();
+                    let bytes = heard[start..end].to_vec();
+                    if made_of.iter().any(|sent| sent.damaged)
+                        && made_of.iter().all(|sent| sent.bytes != bytes)
+                    {
+                        found.push(Unseen { from, first, last, bytes });
+                    }
+                }
+            }
+        }
+        tally.unseen += found.len() as u64;
+        for unseen in &found {
+            let (to, shown) = (self.names[index(unseen.from.other())], self.shown(&unseen.bytes));
+            self.log.say(now, format_args!("damage has made a good message for {to}: {shown}"));
+        }
+        found
+    }
+
+    fn shown(&self, bytes: &[u8]) -> String {
+        if self.text { bytes.escape_ascii().to_string() } else { hex(bytes) }
+    }
+}
+
+fn index(end: End) -> usize {
+    match end {
+        End::A => 0,
+        End::B => 1,
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    /// Two equal bytes are a good message.
+    fn pair(_: End, bytes: &[u8]) -> Check {
+        match bytes {
+            [a, b, ..] if a == b => Check::Good(2),
+            [_, _, ..] => Check::Refused,
+            _ => Check::Nothing,
+        }
+    }
+
+    fn run(faults: Faults, messages: usize) -> (Tally, Vec<Unseen>, usize) {
+        let mut wire = Wire::new(5, faults, ["a", "b"], false, Log::OFF);
+        let mut changed = 0;
+        for n in 0..messages {
+            let message = [n as u8, n as u8];
+            wire.send(End::A, MS * n as u32, &message);
+            let mut heard = Vec::new();
+            while let Some(Delivery::Bytes(bytes)) = wire.receive(End::B, Duration::MAX) {
+                heard.extend(bytes);
+            }
+            changed += usize::from(!heard.is_empty() && heard != message);
+        }
+        let mut tally = Tally::default();
+        let unseen = wire.settle(Duration::ZERO, &mut tally, 2, pair);
+        (tally, unseen, changed)
+    }
+
+    #[test]
+    fn damage_that_the_check_cannot_see_is_found_and_other_damage_is_not() {
+        let (tally, unseen, changed) = run(Faults { flip: 0.3, ..Faults::NONE }, 2000);
+        assert_eq!(tally.damaged as usize, changed);
+        // Both bytes are hit in the same place: 9 % of messages, 1 in 8 of them. The last byte of one message and the first
+        // of the next are side by side too, which only damage can make equal.
+        assert!(unseen.len() > 15 && tally.unseen == unseen.len() as u64, "{}", unseen.len());
+        assert!(unseen.iter().all(|unseen| unseen.bytes[0] == unseen.bytes[1]));
+        let both = unseen.iter().find(|unseen| unseen.first == unseen.last).unwrap();
+        let at = both.first;
+        assert!(both.is_between(Mark(at, 0), Mark(at + 1, 0)) && both.is_between(Mark(0, 0), Mark::END));
+        assert!(!both.is_between(Mark(at + 1, 0), Mark::END) && !both.is_between(Mark(0, 9), Mark(at, 9)));
+    }
+
+    #[test]
+    fn a_clean_line_and_whole_losses_make_no_message() {
+        for faults in [Faults::NONE, Faults { lose: 0.3, flip: 1e-12, ..Faults::NONE }] {
+            let (tally, unseen, _) = run(faults, 300);
+            assert_eq!((tally.damaged, unseen), (0, vec![]));
+        }
+    }
+}

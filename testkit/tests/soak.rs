@@ -1,0 +1,73 @@
+//! A few seeds of the soak in every run of the tests, and that it sees what it is for.
+#![cfg(feature = "soak")]
+
+use testkit::soak::{Log, ROWS, Row, SABOTAGED, Tally};
+
+fn run(row: &Row, seeds: core::ops::Range<u64>) -> Tally {
+    seeds.fold(Tally::default(), |mut sum, seed| {
+        sum += row.run(seed, Log::OFF);
+        sum
+    })
+}
+
+#[test]
+fn nothing_is_lost_or_repeated_in_silence() {
+    for row in &ROWS {
+        let (name, tally) = (row.name(), run(row, 0..60));
+        assert!(!tally.is_bad(), "{name}: {tally:?}");
+        assert!(!row.sees_too_little(&tally), "{name}: {tally:?}");
+        // The sessions were bad ones, and every way in which a job may end occurs.
+        let faults = tally.faults;
+        assert_eq!(tally.sessions, 60);
+        assert!(tally.once > 300 && tally.not_done > 20, "{name}: {tally:?}");
+        assert!(tally.unknown > 0 || name == "isra-ball/serial", "{name}: {tally:?}");
+        assert_eq!(tally.once + tally.not_done + tally.unknown + tally.spoilt, tally.jobs, "{name}");
+        if name == "kawasaki-msg/udp" {
+            assert!(faults.losses > 100 && faults.repeats > 100 && faults.delays > 100, "{name}: {faults:?}");
+        } else if row.one_in.is_some() {
+            let damage = [faults.flips, faults.lost_bytes, faults.inserts, faults.losses];
+            assert!(damage.iter().all(|count| *count > 20), "{name}: {faults:?}");
+            assert!(tally.damaged > 60 && tally.refused > 20, "{name}: {tally:?}");
+        } else {
+            let network = [faults.splits, faults.delays, faults.disconnects];
+            assert!(network.iter().all(|count| *count > 20), "{name}: {faults:?}");
+            assert_eq!((faults.damage(), tally.damaged), (0, 0), "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_same_seed_is_the_same_session() {
+    for row in &ROWS {
+        assert_eq!(run(row, 7..12), run(row, 7..12), "{}", row.name());
+        assert_ne!(run(row, 7..12), run(row, 8..13), "{}", row.name());
+    }
+}
+
+/// A server that forgets what it has acknowledged, and a network that repeats what was sent.
+#[test]
+fn a_weak_end_and_a_weak_network_are_found_out() {
+    let [forgets, repeats] = SABOTAGED.map(|row| run(&row, 0..60));
+    assert!(forgets.lost > 10 && forgets.repeated == 0, "{forgets:?}");
+    assert!(repeats.repeated > 100, "{repeats:?}");
+    assert!(forgets.is_bad() && repeats.is_bad());
+}
+
+#[test]
+fn a_check_that_is_not_made_is_found_out() {
+    for row in ROWS.iter().filter(|row| row.one_in.is_some()) {
+        let tally = run(row, 0..60);
+        // As if every message that damage has made were passed, and as if every eighth were.
+        for part in [1, 8] {
+            let passed = tally.refused / part;
+            let blind = Tally { unseen: passed, refused: tally.refused - passed, ..tally };
+            assert!(row.sees_too_little(&blind) || passed < 20, "{}: {blind:?}", row.name());
+        }
+    }
+}
+
+#[test]
+fn rows_have_names() {
+    assert!(ROWS[1].is_named("kawasaki-msg") && ROWS[1].is_named("kawasaki-msg/udp"));
+    assert!(!ROWS[1].is_named("kawasaki-msg/tcp") && !ROWS[1].is_named("udp"));
+}

@@ -1,14 +1,24 @@
 //! Serial ports and pseudo-terminals, raw and without flow control.
 
+use core::ops::RangeInclusive;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use clap::builder::TypedValueParser;
 use serialport::{FlowControl, SerialPort};
 
 /// How long a blocking read waits before it looks whether it should end.
 pub const READ_TIMEOUT: Duration = Duration::from_millis(50);
+
+/// The baud rates that lines have.
+pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
+
+/// The parser of a baud rate on the command line.
+pub fn baud_rate() -> impl TypedValueParser<Value = u32> {
+    clap::value_parser!(u32).range(i64::from(*BAUD_RATES.start())..=i64::from(*BAUD_RATES.end()))
+}
 
 /// Opens a port: 8N1, raw, and no flow control, because these links send binary data that holds XON and XOFF.
 ///

@@ -1,7 +1,12 @@
 //! `--set NAME=VALUE`: the settings of a link or a device other than its defaults.
 
-use anyhow::{Context, Result, bail};
+use core::fmt::Display;
+use core::ops::RangeInclusive;
+
+use anyhow::{Context, Result, bail, ensure};
 use serde_json::{Map, Value};
+
+use crate::serial::BAUD_RATES;
 
 /// Settings whose names are all known.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +35,28 @@ impl<'a> Settings<'a> {
         let Some(value) = self.values.get(name) else { return Ok(default) };
         let number = value.as_i64().and_then(|number| T::try_from(number).ok());
         number.with_context(|| format!("{name}={value} is no number in its range"))
+    }
+
+    /// A whole number within a range that its type does not give.
+    ///
+    /// # Errors
+    /// When the value is none, or outside the range.
+    pub fn number_in<T>(&self, name: &str, default: T, range: RangeInclusive<T>) -> Result<T>
+    where
+        T: TryFrom<i64> + PartialOrd + Display,
+    {
+        let number = self.number(name, default)?;
+        let (least, most) = (range.start(), range.end());
+        ensure!(range.contains(&number), "{name}={number} is not in {least}..={most}");
+        Ok(number)
+    }
+
+    /// The setting `baud`.
+    ///
+    /// # Errors
+    /// When no line has that baud rate.
+    pub fn baud(&self, default: u32) -> Result<u32> {
+        self.number_in("baud", default, BAUD_RATES)
     }
 
     /// `true` or `false`.
@@ -69,7 +96,9 @@ mod tests {
     fn a_setting_is_known_and_in_its_range() {
         let values = Map::from_iter(["baud=19200", "mode=300", "clamp=on"].map(|s| parse(s).unwrap()));
         let settings = Settings::new("puma", &values, &["baud", "mode", "clamp"]).unwrap();
-        assert_eq!(settings.number("baud", 38_400u32).unwrap(), 19_200);
+        assert_eq!(settings.baud(38_400).unwrap(), 19_200);
+        let error = settings.number_in("baud", 9600, 300..=9600).unwrap_err();
+        assert_eq!(error.to_string(), "baud=19200 is not in 300..=9600");
         assert_eq!(settings.number("absent", 7u8).unwrap(), 7);
         let error = settings.number("mode", 0u8).unwrap_err();
         assert_eq!(error.to_string(), "mode=300 is no number in its range");

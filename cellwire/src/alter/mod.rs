@@ -11,6 +11,7 @@ use ratatui::crossterm::event::{self, Event, KeyEventKind};
 
 use crate::line::Clock;
 use crate::links::val2_alter::workstation;
+use crate::serial;
 use crate::teleop::{LIMITS, Mapping, Order, PortConfig, Teleop, TeleopConfig, Traces, host_config};
 use crate::trace::TraceArgs;
 use model::{Command, Model, Ports};
@@ -37,13 +38,13 @@ pub struct Args {
     #[arg(long, value_name = "PORT")]
     viewer: Option<String>,
     /// The baud rate of the robot's port
-    #[arg(long, value_name = "N", default_value_t = val2_alter::timing::BAUD)]
+    #[arg(long, value_name = "N", default_value_t = val2_alter::timing::BAUD, value_parser = serial::baud_rate())]
     robot_baud: u32,
     /// The baud rate of the ball's port
-    #[arg(long, value_name = "N", default_value_t = isra_ball::timing::BAUD)]
+    #[arg(long, value_name = "N", default_value_t = isra_ball::timing::BAUD, value_parser = serial::baud_rate())]
     ball_baud: u32,
     /// The baud rate of the workstation's port
-    #[arg(long, value_name = "N", default_value_t = workstation::BAUD)]
+    #[arg(long, value_name = "N", default_value_t = workstation::BAUD, value_parser = serial::baud_rate())]
     viewer_baud: u32,
     /// The speed that full force asks for, in percent of 100 mm/s and 30 °/s
     #[arg(long, value_name = "PERCENT", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=100))]
@@ -104,7 +105,7 @@ fn show(
             model.take(at, told);
         }
         model.pass_time(clock.now());
-        terminal.draw(|frame| screen::draw(frame, model, clock.now()))?;
+        terminal.draw(|frame| screen::draw(frame, model))?;
         model.drawn += 1;
         if model.may_quit() {
             return Ok(());

@@ -15,7 +15,7 @@ use super::model::{Model, View};
 
 const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];
 
-pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, now: Duration) {
+pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     let rows = Layout::vertical([
         Constraint::Length(1),
         Constraint::Length(7),
@@ -24,7 +24,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, now: Duration) {
         Constraint::Length(3),
     ]);
     let [head, top, middle, lower, command] = rows.areas(frame.area());
-    draw_head(frame, head, model, now);
+    draw_head(frame, head, model);
     let columns = Layout::horizontal([Constraint::Length(24), Constraint::Length(14), Constraint::Min(30)]);
     let [mode, initial, messages] = columns.areas(top);
     window(frame, mode, "ALTER mode", mode_lines(model));
@@ -53,7 +53,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, now: Duration) {
     window(frame, command, "Command", vec![Line::from(text)]);
 }
 
-fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model, now: Duration) {
+fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
     let (text, color) = match (model.state, model.policy) {
         (HostState::Running, _) => ("ALTER runs", Color::Green),
         (HostState::Starting, _) => ("ALTER starts", Color::Yellow),
@@ -67,14 +67,10 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model, now: Duration) {
     let counts = &model.counts;
     let p99 = model.thinking.at(0.99).as_secs_f64() * 1e3;
     let text = Line::from(vec![
-        Span::styled("cellwire alter  ", Style::new().add_modifier(Modifier::BOLD)),
         Span::styled(text, Style::new().fg(color).add_modifier(Modifier::BOLD)),
         Span::raw(format!(
-            "  cycles {}  missed {}  rejected {}  reply p99 {p99:.2} ms  {:.0} s",
-            counts.cycles,
-            counts.missed,
-            counts.rejected,
-            now.as_secs_f64()
+            "  cycles {}  missed {}  rejected {}  reply p99 {p99:.2} ms",
+            counts.cycles, counts.missed, counts.rejected
         )),
     ]);
     frame.render_widget(Paragraph::new(text), area);
@@ -84,11 +80,21 @@ fn window(frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec<Line<'_>>) 
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
 }
 
+/// The last messages, each on as many lines as it needs.
 fn draw_messages(frame: &mut Frame<'_>, area: Rect, model: &Model) {
-    let room = usize::from(area.height.saturating_sub(2));
-    let first = model.messages.len().saturating_sub(room);
-    let lines = model.messages.iter().skip(first);
-    let lines = lines.map(|(at, text)| Line::from(format!("{:7.2} {text}", at.as_secs_f64()))).collect();
+    let [width, room] = [area.width, area.height].map(|cells| usize::from(cells.saturating_sub(2)));
+    let mut lines = Vec::new();
+    for (at, text) in model.messages.iter().rev().take(room).rev() {
+        let mut time = format!("{:7.2} ", at.as_secs_f64());
+        let text: Vec<_> = text.chars().collect();
+        for piece in text.chunks(width.saturating_sub(time.len()).max(1)) {
+            lines.push(Line::from(
+                time.chars().chain(piece.iter().copied().skip_while(|c| *c == ' ')).collect::<String>(),
+            ));
+            time = " ".repeat(time.len());
+        }
+    }
+    lines.drain(..lines.len().saturating_sub(room));
     window(frame, area, "Messages", lines);
 }
 
@@ -249,7 +255,7 @@ mod tests {
 
     fn picture(model: &Model) -> Vec<String> {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
-        terminal.draw(|frame| draw(frame, model, Duration::from_secs(3))).unwrap();
+        terminal.draw(|frame| draw(frame, model)).unwrap();
         let buffer = terminal.backend().buffer();
         let cells: Vec<_> = buffer.content().iter().map(|cell| cell.symbol()).collect();
         cells.chunks(80).map(|row| row.concat()).collect()
@@ -281,15 +287,16 @@ mod tests {
             keys: Keys(0x81),
         };
         model.take(ms(31), Told::Ball(packet, ms(14)));
+        model.take(ms(31), Told::PortLost("viewer", "the port is gone, and is tried again".into()));
         let demand = [90, -90, 0, 0, -75, 10];
         model.take(ms(32), Told::Reply { demand, values: [8, -8, 0, 0, -13, 10], thinking: ms(1) });
         assert_eq!(
             picture(&model),
             [
-                "cellwire alter  ALTER runs  cycles 1  missed 0  rejected 0  reply p99 1.00 ms  3",
+                "ALTER runs  cycles 1  missed 0  rejected 0  reply p99 1.00 ms                   ",
                 "┌ALTER mode────────────┐┌Initial data┐┌Messages────────────────────────────────┐",
-                "│23 = 10111b           ││5           ││                                        │",
-                "│cumulative            ││-1          ││                                        │",
+                "│23 = 10111b           ││5           ││   0.03 viewer: the port is gone, and is│",
+                "│cumulative            ││-1          ││        tried again                     │",
                 "│tool coordinates      ││            ││                                        │",
                 "│transf. of set point  ││            ││                                        │",
                 "│values are used       ││            ││                                        │",

@@ -66,8 +66,10 @@ pub struct CellRecord {
 /// What the host told.
 #[derive(Debug, Default)]
 pub struct HostRecord {
-    /// Each reply.
+    /// Each reply that the robot has not rejected.
     pub cycles: Vec<Cycle>,
+    /// Cycles in which the arm stood for want of a good reply, as far as the host knows.
+    pub stood: u64,
     /// From the last byte read to the reply written, by the host's own clock.
     pub thinking: Samples,
     /// Whether the reply thread ran before all others.
@@ -113,6 +115,8 @@ pub struct Cycle {
     pub at: Duration,
     /// The how many-th ALTER, from 1.
     pub session: u32,
+    /// [`HostRecord::stood`] by then: behind such a cycle the arm begins from rest.
+    pub stood: u64,
     /// What the ball asked for, in units a cycle.
     pub demand: [i16; AXES],
     /// What the limits made of it.
@@ -246,7 +250,8 @@ impl HostRecord {
             }
             Told::Motion(_) => self.runs = true,
             Told::Reply { demand, values, thinking } => {
-                self.cycles.push(Cycle { at, session: self.starts, demand: *demand, values: *values });
+                let (session, stood) = (self.starts, self.stood);
+                self.cycles.push(Cycle { at, session, stood, demand: *demand, values: *values });
                 self.thinking.add(*thinking);
                 progress.inc(1);
             }
@@ -255,7 +260,14 @@ impl HostRecord {
                 self.runs = false;
             }
             Told::Lost => self.runs = false,
-            Told::Missed => self.missed += 1,
+            Told::Missed => {
+                self.missed += 1;
+                self.stood += 1;
+            }
+            Told::Rejected(_) => {
+                self.cycles.pop();
+                self.stood += 1;
+            }
             Told::Damaged(_) => self.damaged += 1,
             Told::Clamp(exception, Ok(())) => self.clamps.push((at, *exception == Exception::CloseGripper)),
             Told::Clamp(_, Err(_)) => self.clamps_refused += 1,

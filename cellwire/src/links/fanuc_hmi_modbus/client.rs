@@ -30,7 +30,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value_t = FramingArg::Tcp)]
     framing: FramingArg,
     /// The baud rate of a serial port
-    #[arg(long, default_value_t = 19_200)]
+    #[arg(long, value_name = "N", default_value_t = 19_200, value_parser = serial::baud_rate())]
     baud: u32,
     /// How long a reply may take, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 1000)]

@@ -40,7 +40,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             serve_tcp(&listener, &controller, Clock::start(), config, &options.trace.start("fanuc"), tell)
         }
         Endpoint::Pty(_) => {
-            let baud = settings.number("baud", 19_200u32)?;
+            let baud = settings.baud(19_200)?;
             device::serve("fanuc", "fanuc", options, baud, |line, clock| {
                 serve_line(line, clock, &controller, Config::rtu(unit, baud))
             })

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::hand::grip;
 use crate::device::serve;
 use crate::line::{Clock, Line};
+use crate::priority::{self, Rank};
 use crate::settings::Settings;
 use crate::simulate::{SimulateOptions, log};
 
@@ -32,7 +33,7 @@ pub struct BallCounts {
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let baud = Settings::new("ball", &options.settings, &["baud"])?.number("baud", timing::BAUD)?;
+    let baud = Settings::new("ball", &options.settings, &["baud"])?.baud(timing::BAUD)?;
     serve("ball", "ball", options, baud, |line, clock| {
         run(line, clock, &AtomicBool::new(false), |event| log(&event))?;
         Ok(())
@@ -49,6 +50,7 @@ pub fn run(
     stop: &AtomicBool,
     mut tell: impl FnMut(Value) -> Result<()>,
 ) -> Result<BallCounts> {
+    priority::raise(Rank::Hardware);
     let mut ball = Ball::new(0, 0)?;
     let mut counts = BallCounts::default();
     let mut out = [0; Packet::LEN];

@@ -97,7 +97,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         execution: Duration::from_millis(settings.number("execution_ms", 20u32)?.into()),
         boot: 1,
     };
-    serve("laser", "laser", options, settings.number("baud", timing::BAUD)?, |line, clock| {
+    serve("laser", "laser", options, settings.baud(timing::BAUD)?, |line, clock| {
         run(robot, line, clock, &Switch::default(), |event| log(&event), &Mutex::default())?;
         Ok(())
     })

@@ -38,7 +38,7 @@ const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
 /// When there is no pseudo-terminal, or the picture cannot be written.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let seconds = options.seconds.unwrap_or(Duration::from_secs(6));
-    let baud = Settings::new("laser-eb90", &options.settings, &["baud"])?.number("baud", BAUD)?;
+    let baud = Settings::new("laser-eb90", &options.settings, &["baud"])?.baud(BAUD)?;
     let path = path::path()?;
     let (device, port) = serial::pair()?;
     let clock = Clock::start();

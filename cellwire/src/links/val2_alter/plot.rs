@@ -13,7 +13,7 @@ const ASKED: RGBColor = RGBColor(200, 90, 40);
 const LIMITED: RGBColor = RGBColor(20, 80, 160);
 const LIMIT: RGBColor = RGBColor(130, 130, 130);
 
-/// One curve: a time in seconds and a value; a new piece for each ALTER.
+/// One curve: a time in seconds and a value; a new piece from rest for each ALTER, and behind each cycle in which the arm stood.
 type Curve = Vec<Vec<(f64, f64)>>;
 
 /// Draws velocity and acceleration along X.
@@ -113,7 +113,7 @@ impl Panel {
 }
 
 fn curve(cycles: &[Cycle], value: impl Fn(&Cycle) -> i16) -> Curve {
-    let pieces = cycles.chunk_by(|a, b| a.session == b.session);
+    let pieces = cycles.chunk_by(|a, b| (a.session, a.stood) == (b.session, b.stood));
     pieces.map(|piece| piece.iter().map(|c| (c.at.as_secs_f64(), value(c).into())).collect()).collect()
 }
 

@@ -1,5 +1,6 @@
 //! The simulated PUMA 562 on its MARK III controller.
 
+use core::ops::RangeInclusive;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -22,6 +23,9 @@ use crate::simulate::{SimulateOptions, log};
 const SUBROUTINE: Duration = Duration::from_millis(120);
 /// The program counts its motion segments at this pace.
 const SEGMENT: Duration = Duration::from_secs(1);
+
+/// The modes of an ALTER instruction: five bits.
+pub const MODES: RangeInclusive<u8> = 0..=31;
 
 /// How the simulated robot behaves.
 #[derive(Debug, Clone, Copy)]
@@ -119,8 +123,8 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = Settings::new("puma", &options.settings, &known)?;
     let default = PumaConfig::default();
     let controller = ControllerConfig {
-        baud: settings.number("baud", default.controller.baud)?,
-        mode: Mode(settings.number("mode", default.controller.mode.0)?),
+        baud: settings.baud(default.controller.baud)?,
+        mode: Mode(settings.number_in("mode", default.controller.mode.0, MODES)?),
         subroutine: settings.flag("subroutine", default.controller.subroutine)?,
         attempts: settings.number("attempts", default.controller.attempts)?,
         ..default.controller

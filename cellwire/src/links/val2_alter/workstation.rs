@@ -10,6 +10,7 @@ use val2_alter::viewer::{PosePacket, Viewer, ViewerError};
 
 use crate::device::serve;
 use crate::line::{Clock, Line};
+use crate::priority::{self, Rank};
 use crate::settings::Settings;
 use crate::simulate::{SimulateOptions, log};
 
@@ -43,7 +44,7 @@ pub struct Drawn {
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let baud = Settings::new("viewer", &options.settings, &["baud"])?.number("baud", BAUD)?;
+    let baud = Settings::new("viewer", &options.settings, &["baud"])?.baud(BAUD)?;
     serve("viewer", "viewer", options, baud, |line, clock| {
         run(line, clock, &AtomicBool::new(false), |event| log(&to_json(&event)))?;
         Ok(())
@@ -60,6 +61,7 @@ pub fn run(
     stop: &AtomicBool,
     mut tell: impl FnMut(Result<PosePacket, ViewerError>) -> Result<()>,
 ) -> Result<Drawn> {
+    priority::raise(Rank::Hardware);
     let mut viewer = Viewer::default();
     let mut drawn = Drawn::default();
     let (mut picture, mut last_count, mut at_once) = (Duration::ZERO, None, 0);

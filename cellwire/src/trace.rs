@@ -13,7 +13,8 @@ pub const DEFAULT_BYTES: usize = 1000;
 
 /// Bytes of one direction closer together than this stand on one line.
 const GAP: Duration = Duration::from_millis(2);
-const BYTES_A_LINE: usize = 24;
+/// So that a line and its time fit a terminal of 80 columns.
+const BYTES_A_LINE: usize = 16;
 
 /// `--trace`: whether, how much and where to.
 #[derive(Debug, Clone, clap::Args)]

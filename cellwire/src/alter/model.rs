@@ -15,6 +15,8 @@ use crate::trace::Trace;
 const MESSAGES: usize = 200;
 /// The tests of ball and workstation take so long.
 const TEST: Duration = Duration::from_secs(3);
+/// Damaged bytes are messages so far apart at least.
+const DAMAGE: Duration = Duration::from_secs(1);
 
 /// The ports, for the operator to read.
 pub(super) struct Ports {
@@ -73,6 +75,7 @@ pub(super) struct Model {
     pub(super) messages: VecDeque<(Duration, String)>,
     pub(super) drawn: u64,
     tests: Vec<Test>,
+    damage_said: Duration,
     quitting: Option<Duration>,
     now: Duration,
 }
@@ -128,6 +131,7 @@ impl Model {
             messages: VecDeque::new(),
             drawn: 0,
             tests: Vec::new(),
+            damage_said: Duration::ZERO,
             quitting: None,
             now: Duration::ZERO,
         }
@@ -135,10 +139,10 @@ impl Model {
 
     /// Takes what the host told.
     pub(super) fn take(&mut self, at: Duration, told: Told) {
-        self.now = at;
+        self.now = self.now.max(at);
         match told {
-            Told::PortOpen(name, path) => self.say(format!("PORT {name}: {path} opened")),
-            Told::PortLost(name, why) => self.say(format!("PORT {name}: {why}")),
+            Told::PortOpen(name, path) => self.say(format!("{name}: {path} opened")),
+            Told::PortLost(name, why) => self.say(format!("{name}: {why}")),
             Told::Priority(true) => self.say("replies at real-time priority".into()),
             Told::Priority(false) => self.say("replies at normal priority: no right to more".into()),
             Told::Start(start) => {
@@ -177,7 +181,7 @@ impl Model {
             }
             Told::Damaged(error) => {
                 self.counts.damaged += 1;
-                self.say(format!("robot: {error}"));
+                self.say_damage(format!("robot: {error}"));
             }
             Told::Lost => self.say("the robot fell silent".into()),
             Told::Stopped => self.say("at rest; no reply any more".into()),
@@ -196,7 +200,7 @@ impl Model {
             Told::BallMissed => self.counts.ball_missed += 1,
             Told::BallDamaged(error) => {
                 self.counts.ball_damaged += 1;
-                self.say(format!("ball: {error}"));
+                self.say_damage(format!("ball: {error}"));
             }
             Told::BallStale => {
                 self.ball_is_stale = true;
@@ -352,6 +356,14 @@ impl Model {
         });
         self.say(format!("{what} test: {} s", TEST.as_secs()));
         None
+    }
+
+    /// A bad line says so once a second; all of it is counted.
+    fn say_damage(&mut self, message: String) {
+        if self.now >= self.damage_said + DAMAGE {
+            self.damage_said = self.now;
+            self.say(message);
+        }
     }
 
     fn say(&mut self, message: String) {

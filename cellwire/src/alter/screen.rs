@@ -1,7 +1,5 @@
 //! The windows of the operator's screen (§10.6).
 
-use std::time::Duration;
-
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -244,6 +242,8 @@ fn bar(force: i8) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use isra_ball::{Keys, Packet, Status};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;

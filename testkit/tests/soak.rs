@@ -19,7 +19,7 @@ fn nothing_is_lost_or_repeated_in_silence() {
         // The sessions were bad ones, and every way in which a job may end occurs.
         let faults = tally.faults;
         assert_eq!(tally.sessions, 60);
-        assert!(tally.once > 300 && tally.not_done > 20, "{name}: {tally:?}");
+        assert!(tally.once > tally.jobs / 3 && tally.not_done > 10, "{name}: {tally:?}");
         assert!(tally.unknown > 0 || name == "isra-ball/serial", "{name}: {tally:?}");
         assert_eq!(tally.once + tally.not_done + tally.unknown + tally.spoilt, tally.jobs, "{name}");
         if name == "kawasaki-msg/udp" {

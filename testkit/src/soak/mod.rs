@@ -4,6 +4,7 @@
 //! Every job of it ends in one column of its [`Tally`]. What its sender was told is compared with what was executed; an outcome
 //! that must not be is excused only by damage that is shown to have made a good message out of what was sent.
 
+mod cell;
 mod fanuc_hmi_modbus;
 mod isra_ball;
 mod kawasaki_msg;
@@ -35,7 +36,7 @@ pub struct Row {
 }
 
 /// Every session of the workspace.
-pub const ROWS: [Row; 10] = [
+pub const ROWS: [Row; 11] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
     val2_alter::SERIAL,
@@ -46,6 +47,7 @@ pub const ROWS: [Row; 10] = [
     fanuc_hmi_modbus::RTU_OVER_TCP,
     laser_eb90::SERIAL,
     mmacell_proto::TCP,
+    cell::TASK,
 ];
 
 impl Row {

@@ -164,6 +164,11 @@ impl Wire {
         times.min().unwrap_or(now).max(now + Duration::from_micros(50))
     }
 
+    /// As [`Link::next_delivery`].
+    pub fn next_delivery(&self) -> Option<Duration> {
+        self.link.next_delivery()
+    }
+
     /// The transmissions up to now.
     pub fn mark(&self) -> Mark {
         Mark(self.sent[0].len(), self.sent[1].len())

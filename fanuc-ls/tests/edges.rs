@@ -1,0 +1,166 @@
+//! The borders: a writer that fails, every kind of motion of a builder, trajectories that are none.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use fanuc_ls::{
+    Arm, AttributeValue, Axis, AxisName, AxisUnit, Builder, CommentRule, Configuration, EncodeError, Group,
+    Motion, MotionKind, Position, Program, Resampling, Rules, Sample, Sampling, Speed, Target, Termination,
+    Trajectory, TrajectoryReason,
+};
+
+/// Takes so many characters, then fails.
+struct Short(usize);
+
+impl core::fmt::Write for Short {
+    fn write_str(&mut self, text: &str) -> core::fmt::Result {
+        self.0 = self.0.checked_sub(text.len()).ok_or(core::fmt::Error)?;
+        Ok(())
+    }
+}
+
+#[test]
+fn a_writer_that_fails_anywhere_is_an_error() {
+    let mut rules = Rules::default();
+    rules.comment = CommentRule::Truncate;
+    for name in ["figure-4", "figure-8", "controller", "post-processor", "minimal"] {
+        let path = format!("{}/../reference/ls/{name}.ls", env!("CARGO_MANIFEST_DIR"));
+        let program = Program::decode(&std::fs::read_to_string(path).unwrap()).unwrap();
+        let whole = program.to_text(&rules).unwrap();
+        for room in 0..whole.len() {
+            assert_eq!(program.encode(&rules, &mut Short(room)), Err(EncodeError::Write), "{name}, {room}");
+        }
+        assert_eq!(program.encode(&rules, &mut Short(whole.len())), Ok(()));
+    }
+}
+
+#[test]
+fn a_builder_makes_every_kind_of_motion() {
+    let flip = Configuration { keyword: "CONFIG".into(), text: "N U T, 0, 0, 0".into() };
+    let mut builder = Builder::new("ARC");
+    builder.user_frame(2).user_tool(3);
+    let via = builder.cartesian([100.0, 0.0, 50.5, 180.0, 0.0, -90.0], flip.clone());
+    let end = builder.joints([0.0; 6]);
+    builder
+        .linear(via.clone(), Speed::mm_per_sec(250.0), Termination::Continuous(50))
+        .circular(via, end, Speed::mm_per_sec(12.5), Termination::Fine)
+        .linear(Target::register(7), Speed::mm_per_sec(1.0), Termination::Fine)
+        .instruction("CALL WELD_ON")
+        .instruction("L P[");
+    let broken = builder.build(&Rules::default()).unwrap_err();
+    assert!(!broken.to_string().is_empty());
+    let mut builder = Builder::new("ARC");
+    builder.user_frame(2).user_tool(3);
+    let via = builder.cartesian([100.0, 0.0, 50.5, 180.0, 0.0, -90.0], flip);
+    let end = builder.joints([0.0; 6]);
+    builder
+        .linear(via.clone(), Speed::mm_per_sec(250.0), Termination::Continuous(50))
+        .circular(via, end, Speed::mm_per_sec(12.5), Termination::Fine)
+        .linear(Target::register(7), Speed::mm_per_sec(1.0), Termination::Fine)
+        .instruction("CALL WELD_ON");
+    let program = builder.build(&Rules::default()).unwrap();
+    let text = program.to_text(&Rules::default()).unwrap();
+    let (_, main) = text.split_once("/MN\r\n").unwrap();
+    let lines: Vec<_> = main.lines().map(str::trim_end).collect();
+    assert_eq!(
+        lines[..8],
+        [
+            "   1:  UFRAME_NUM=2 ;",
+            "   2:  UTOOL_NUM=3 ;",
+            "   3:L P[1] 250mm/sec CNT50    ;",
+            "   4:C P[1]",
+            "    :  P[2] 12.5mm/sec FINE    ;",
+            "   5:L PR[7] 1mm/sec FINE    ;",
+            "   6:  CALL WELD_ON ;",
+            "/POS",
+        ]
+    );
+    assert!(text.contains("GP1:\r\n\tUF : 2, UT : 3,\t\tCONFIG : 'N U T, 0, 0, 0',\r\n"), "{text}");
+    assert!(text.contains("X =   100.000  mm,\tY =     0.000  mm,\tZ =    50.500  mm,"), "{text}");
+    assert!(text.contains("W =   180.000 deg,\tP =     0.000 deg,\tR =   -90.000 deg"), "{text}");
+    assert_eq!(Program::decode(&text).unwrap(), program);
+    assert_eq!((program.positions[0].joints(), program.positions[1].joints()), (None, Some([0.0; 6])));
+}
+
+#[test]
+fn joints_are_six_angles_in_degrees() {
+    let group = Group::joints(0, 1, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    let with = |change: fn(&mut Vec<Axis>)| {
+        let mut group = group.clone();
+        change(&mut group.axes);
+        Position::new(1, group).joints()
+    };
+    assert_eq!(with(|_| ()), Some([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+    assert_eq!(with(|axes| axes.truncate(5)), None);
+    assert_eq!(with(|axes| axes[5].name = AxisName::J(7)), None);
+    assert_eq!(with(|axes| axes[5].unit = AxisUnit::Mm), None);
+    assert_eq!(with(|axes| axes[5].value = None), None);
+    assert_eq!(Position { groups: vec![], ..Position::new(1, group) }.joints(), None);
+}
+
+#[test]
+fn a_trajectory_has_two_samples_in_the_order_of_their_times() {
+    let sample = |time: f64| Sample { time, joints: [time; 6] };
+    let reason = |samples: &[Sample]| {
+        let error = Trajectory::new(samples.to_vec()).unwrap_err();
+        (error.line, error.column, error.reason)
+    };
+    assert_eq!(reason(&[]), (1, 1, TrajectoryReason::Short));
+    assert_eq!(reason(&[sample(0.0)]), (2, 1, TrajectoryReason::Short));
+    assert_eq!(reason(&[sample(0.0), sample(1.0), sample(1.0)]), (3, 1, TrajectoryReason::Time));
+    assert_eq!(reason(&[sample(0.0), sample(f64::NAN)]), (2, 1, TrajectoryReason::Number));
+    let tilted = Sample { joints: [0.0, 0.0, 0.0, 0.0, 0.0, f64::INFINITY], ..sample(1.0) };
+    assert_eq!(reason(&[sample(0.0), tilted]), (2, 1, TrajectoryReason::Number));
+    let whole = Trajectory::new(vec![sample(1.0), sample(3.0)]).unwrap();
+    assert_eq!(
+        (whole.span(), whole.at(0.0)[5], whole.at(1.5)[5], whole.at(9.0)[5]),
+        ((1.0, 3.0), 1.0, 1.5, 3.0)
+    );
+}
+
+#[test]
+fn more_points_than_a_program_holds_are_refused_in_every_way_of_sampling() {
+    let sample = |time: f64| Sample { time, joints: [time, 0.0, 0.0, 0.0, 30.0, time] };
+    let trajectory = Trajectory::new(vec![sample(0.0), sample(80.0)]).unwrap();
+    let (min, max, by) = (1e-5, 1e-5, fanuc_ls::Acceleration::Either);
+    for sampling in [
+        Sampling::Time(1e-5),
+        Sampling::Distance(1e-5),
+        Sampling::Angle(1e-5),
+        Sampling::Dynamic { min, max, by },
+    ] {
+        let made =
+            Resampling::new(sampling).program("A", "", &trajectory, &Arm::LR_MATE_200ID, &Rules::default());
+        let error = made.unwrap_err();
+        assert_eq!(error, fanuc_ls::ResampleError::Points, "{sampling:?}");
+    }
+    for sampling in
+        [Sampling::Time(0.0), Sampling::Angle(f64::NAN), Sampling::Dynamic { min: 2.0, max: 1.0, by }]
+    {
+        let made =
+            Resampling::new(sampling).program("A", "", &trajectory, &Arm::LR_MATE_200ID, &Rules::default());
+        assert_eq!(made.unwrap_err(), fanuc_ls::ResampleError::Step, "{sampling:?}");
+    }
+}
+
+#[test]
+fn a_program_is_read_from_a_str_and_its_lists_are_no_text() {
+    let path = format!("{}/../reference/ls/controller.ls", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(path).unwrap();
+    let program: Program = text.parse().unwrap();
+    assert_eq!(program, Program::decode(&text).unwrap());
+    let list =
+        program.attributes.iter().flatten().find(|a| matches!(a.value, AttributeValue::List(_))).unwrap();
+    assert_eq!(program.attribute(&list.name), None);
+    assert_eq!(program.attribute("NO_SUCH"), None);
+    let motion = Motion::new(MotionKind::Linear, Target::register(3), Speed::percent(10), Termination::Fine);
+    assert_eq!(motion.target, Target::Register { number: 3, name: None });
+}
+
+#[test]
+fn what_stands_in_the_wrong_place_is_named() {
+    let error = |text: &str| Program::decode(text).unwrap_err().to_string();
+    let motion = |body: &str| error(&format!("/PROG  A\n/ATTR\n/MN\n   1:L P[1] {body} ;\n/END\n"));
+    assert_eq!(motion("R[x 10mm/sec FINE"), "line 4, column 15: expected `]`");
+    assert_eq!(motion("R[ FINE"), "line 4, column 15: expected `]`");
+    assert_eq!(motion("10mm/sec CNTR["), "line 4, column 27: expected `]`");
+    assert_eq!(error("/PROG  A\n/ATTR\n/MN x\n/END\n"), "line 3, column 4: expected the section `/MN`");
+}

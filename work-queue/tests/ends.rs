@@ -1,0 +1,62 @@
+//! What the two ends say of themselves, and a queue that starts on another lap.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![cfg(not(loom))]
+
+use robot_work_queue::WorkQueue;
+
+#[test]
+fn both_ends_know_the_sizes_and_print_without_their_jobs() {
+    let mut queue: WorkQueue<u16, 3> = WorkQueue::new(9).unwrap();
+    assert_eq!(format!("{queue:?}"), "WorkQueue { capacity: 3, max_number: 9, .. }");
+    let (mut writer, mut reader) = queue.split();
+    assert_eq!((writer.capacity(), reader.capacity(), writer.max_number()), (3, 3, 9));
+    assert!(reader.is_empty());
+    let claim = writer.claim().unwrap();
+    assert_eq!(format!("{claim:?}"), "Claim { number: 1 }");
+    assert_eq!(claim.push(700), 1);
+    assert!(!reader.is_empty());
+    assert_eq!(format!("{:?}", reader.iter()), "Iter { .. }");
+    assert!(format!("{writer:?}").starts_with("Writer { end: "), "{writer:?}");
+    assert!(format!("{writer:?}").contains("max: 9"), "{writer:?}");
+    assert!(format!("{reader:?}").starts_with("Reader { end: "), "{reader:?}");
+    let job = reader.take().unwrap();
+    assert_eq!(format!("{job:?}"), "Taken { number: 1, job: 700 }");
+    assert_eq!(job.complete(), 700);
+    assert!(reader.is_empty());
+}
+
+#[test]
+fn a_reset_passes_over_a_job_that_was_executed_out_of_turn() {
+    let mut queue: WorkQueue<u16, 4> = WorkQueue::new(9).unwrap();
+    let (mut writer, mut reader) = queue.split();
+    for job in 1..=4 {
+        writer.claim().unwrap().push(job);
+    }
+    assert_eq!(reader.take_where(|number, _| number == 2).unwrap().complete(), 2);
+    writer.reset();
+    assert!(reader.take().is_none());
+    assert_eq!((writer.free(), writer.is_settled(), reader.is_empty()), (4, true, true));
+    for job in 5..=8 {
+        writer.claim().unwrap().push(job);
+    }
+    assert!(writer.is_full());
+    assert_eq!(reader.iter().collect::<Vec<_>>(), [(1, &5), (2, &6), (3, &7), (4, &8)]);
+}
+
+#[test]
+fn a_queue_may_start_on_any_lap_and_wraps_around_them() {
+    let mut queue: WorkQueue<u16, 3> = WorkQueue::new(9).unwrap();
+    for lap in [0, 1, u32::MAX as _] {
+        let (mut writer, mut reader) = queue.split_at_lap(lap);
+        for job in 0..20 {
+            writer.claim().unwrap().push(job);
+            if job == 10 {
+                writer.clear();
+                assert!(reader.take().is_none() && writer.is_settled());
+            } else {
+                assert_eq!(reader.take().unwrap().complete(), job);
+            }
+        }
+        assert_eq!((writer.free(), writer.next_number()), (3, 3));
+    }
+}

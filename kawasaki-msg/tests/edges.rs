@@ -1,0 +1,192 @@
+//! The borders: tables and configurations that cannot work, values that compare, what is shown of a name.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use bytes::BytesMut;
+use kawasaki_msg::{
+    Bounds, Charset, Codec, ConfigError, DecodeError, Decoder, Dialect, EncodeError, Entry, Field, Job,
+    JobKind, JobSource, Ladder, Limits, Line, Message, MessageError, Params, Pc, PcConfig, Point, Robot,
+    RobotConfig, Role, Supply, Value, Values,
+};
+use tokio_util::codec::Decoder as _;
+
+/// The default table, changed.
+fn table(change: impl FnOnce(&mut Vec<Entry>)) -> Result<Dialect, ConfigError> {
+    let mut entries = Dialect::DEFAULT.entries().to_vec();
+    change(&mut entries);
+    Dialect::new(entries.leak())
+}
+
+fn entry(entries: &mut [Entry], role: Role) -> &mut Entry {
+    entries.iter_mut().find(|entry| entry.role == role).unwrap()
+}
+
+#[test]
+fn a_table_has_every_role_once_with_its_fields_and_a_name_of_its_own() {
+    let role = |role| Err(ConfigError::Role { role });
+    assert_eq!(table(|entries| entries.retain(|entry| entry.role != Role::Pause)), role(Role::Pause));
+    assert_eq!(table(|entries| entries.push(entries[0])), role(Role::Job));
+    let fields = |role| Err(ConfigError::Fields { role });
+    assert_eq!(table(|entries| entry(entries, Role::EndAck).fields = &[Field::Ended]), fields(Role::EndAck));
+    const MANY: [Field; 17] = {
+        let mut fields = [Field::Unused; 17];
+        fields[0] = Field::Order;
+        fields[1] = Field::Queued;
+        fields
+    };
+    assert_eq!(table(|entries| entry(entries, Role::Pause).fields = &MANY), fields(Role::Pause));
+    assert!(table(|entries| entry(entries, Role::Pause).fields = MANY.first_chunk::<16>().unwrap()).is_ok());
+    let name = |role| Err(ConfigError::Name { role });
+    assert_eq!(table(|entries| entry(entries, Role::Filler).name = ""), name(Role::Filler));
+    assert_eq!(table(|entries| entry(entries, Role::Filler).name = "Tyo"), name(Role::Job));
+    assert_eq!(Dialect::default(), Dialect::DEFAULT);
+    let latin1 = Dialect::DEFAULT.with_charset(Charset::Latin1);
+    assert_eq!((latin1.charset(), Dialect::DEFAULT.charset()), (Charset::Latin1, Charset::Ascii));
+    assert_eq!(Dialect::DEFAULT.entry(Role::Command(7)).role, Role::Filler, "a command that the table lacks");
+    assert_eq!(Dialect::DEFAULT.find(Value::Text("Tila")).unwrap().role, Role::Status);
+    assert_eq!(Dialect::DEFAULT.find(Value::Wire(b"Tila")).unwrap().role, Role::Status);
+    assert!(Dialect::DEFAULT.find(Value::Number(3)).is_none());
+}
+
+#[test]
+fn a_configuration_that_cannot_work_is_refused() {
+    let robot = |config: RobotConfig, max_number| {
+        let (writer, _reader) = robot_work_queue::boxed::<Job>(4, max_number).unwrap();
+        Robot::new(config, writer).err()
+    };
+    assert_eq!(robot(RobotConfig::default(), 9999), None);
+    assert_eq!(robot(RobotConfig::TCP, 10_000), Some(ConfigError::MaxNumber { found: 10_000 }));
+    let origin = Point::new(0, 0);
+    let bounds = |min, max| RobotConfig { bounds: Bounds { min, max }, ..RobotConfig::TCP };
+    assert_eq!(robot(bounds(origin, origin), 9), None, "a single point");
+    assert_eq!(robot(bounds(Point::new(1, 0), origin), 9), Some(ConfigError::Bounds));
+    assert_eq!(robot(bounds(Point::new(0, 1), origin), 9), Some(ConfigError::Bounds));
+    let limits = |element, packet| PcConfig { limits: Limits { element, packet }, ..PcConfig::default() };
+    type Nothing = fn(u32) -> Supply;
+    let pc = |config| Pc::<Nothing>::new(config).err();
+    assert_eq!(pc(PcConfig::TCP), None);
+    // A job has seven values of up to 12 characters with their `$`.
+    let longest = "Tyo<$####>".len() + 7 * "-2147483648$".len();
+    assert_eq!(pc(limits(1, longest)), None);
+    assert_eq!(pc(limits(1, longest - 1)), Some(ConfigError::Limits { element: 1, packet: longest - 1 }));
+    assert_eq!(pc(limits(0, 4096)), Some(ConfigError::Limits { element: 0, packet: 4096 }));
+    assert_eq!(pc(limits(255, 4097)), Some(ConfigError::Limits { element: 255, packet: 4097 }));
+    for (found, outcome) in [(1, true), (2, false), (9999, false), (10_000, true)] {
+        let error = outcome.then_some(ConfigError::MaxNumber { found });
+        assert_eq!(pc(PcConfig { max_number: found, ..PcConfig::TCP }), error);
+    }
+    assert_eq!(
+        (Limits::default(), Ladder::default()),
+        (Limits::TCP, Ladder { resends: 3, pauses: 3, clears: 1 })
+    );
+}
+
+#[test]
+fn values_are_equal_when_their_characters_are() {
+    assert_eq!(Value::from(50), Value::from("50"));
+    assert_eq!((Value::Number(7), Value::Wire(b"x")), (Value::Number(7), Value::Text("x")));
+    assert!(Value::Number(1) != Value::Number(2) && Value::Wire(b"1") != Value::Wire(b"2"));
+    assert!(Value::Text("a") == *"a" && Value::Wire(b"a") == "a" && Value::Wire(b"a") != "b");
+    assert_eq!(
+        (Value::Number(-3).number(), Value::Text(" -3 ").number(), Value::Wire(b"3x").number()),
+        (Some(-3), Some(-3), None)
+    );
+    assert_eq!(Value::Number(-30).chars().collect::<String>(), "-30");
+    assert_eq!((Value::Text("").is_empty(), Value::Number(0).is_empty()), (true, false));
+    assert_eq!(format!("{:?}", Values::Wire(b"a$$7")), r#"["a", "", "7"]"#);
+    assert_eq!((Values::Wire(b"a$$7").get(2), Values::Wire(b"a$$7").get(3)), (Some(Value::Number(7)), None));
+}
+
+#[test]
+fn a_character_that_no_byte_stands_for_is_refused_with_it() {
+    let text = |text| Message::new("A", &[Value::Text(text)]).encode(Charset::Latin1, &mut [0; 64]);
+    assert_eq!(text("\u{ff}"), Ok(8));
+    assert_eq!(text("\u{100}"), Err(EncodeError::Character { found: '\u{100}' }));
+    let wire = Message::new("A", &[Value::Wire(b"\x80")]);
+    assert_eq!(wire.encode(Charset::Ascii, &mut [0; 64]), Err(EncodeError::Character { found: '\u{80}' }));
+    let mut short = [0; 7];
+    assert_eq!(
+        Message::new("A", &[Value::Text("b")]).append_to(Charset::Ascii, &mut &mut short[..]),
+        Err(EncodeError::BufferTooSmall { needed: 8, available: 7 })
+    );
+    assert_eq!(short, [0; 7], "nothing is appended");
+}
+
+#[test]
+fn bytes_that_begin_no_message_are_told_by_the_message_itself() {
+    let decode = |bytes: &[u8]| Message::decode(bytes, Charset::Ascii).map(drop);
+    assert_eq!(decode(b"abc<A$0##>"), Err(DecodeError::Garbage { offset: 0, length: 3 }));
+    assert_eq!(decode(b"abc"), Err(DecodeError::Garbage { offset: 0, length: 3 }));
+    let long = [b"<".as_slice(), &[b'x'; 4095]].concat();
+    assert_eq!(decode(&long), Err(DecodeError::TooLong { offset: 0, limit: 4096 }));
+    assert_eq!(decode(&long[..4095]), Ok(()), "the next byte may still be a mark");
+}
+
+#[test]
+fn bounds_hold_both_of_their_ends() {
+    let bounds = Bounds { min: Point::new(-1, -2), max: Point::new(3, 4) };
+    for (x, y, within) in
+        [(-1, -2, true), (3, 4, true), (-2, 0, false), (4, 0, false), (0, -3, false), (0, 5, false)]
+    {
+        assert_eq!(bounds.contains(Point::new(x, y)), within, "{x} {y}");
+    }
+    assert_eq!(Bounds::default(), Bounds::WIDEST);
+    assert_eq!(
+        (JobKind::from_code(1), JobKind::from_code(2), JobKind::from_code(3)),
+        (Some(JobKind::Draw), Some(JobKind::Move), None)
+    );
+}
+
+#[test]
+fn a_job_without_one_of_its_values_names_the_place() {
+    let line = Line { kind: JobKind::Move, start: Point::new(1, 2), end: Point::new(3, 4) };
+    let whole = Params::from_job(50, Job { number: 7, line });
+    let read = |params: Params| params.job(&Dialect::DEFAULT, &Bounds::WIDEST);
+    assert_eq!(read(whole), Ok(Job { number: 7, line }));
+    let fields =
+        [Field::Order, Field::Number, Field::Kind, Field::StartX, Field::StartY, Field::EndX, Field::EndY];
+    for (place, missing) in fields.iter().enumerate().skip(1) {
+        let mut params = Params::default();
+        for field in fields.iter().filter(|field| *field != missing) {
+            params.set(*field, whole.get(*field).unwrap());
+        }
+        assert_eq!(read(params), Err(MessageError::NotANumber { field: place }), "{missing:?}");
+    }
+    let mut odd = whole;
+    odd.set(Field::Number, -1);
+    assert_eq!(read(odd), Err(MessageError::NotANumber { field: 1 }));
+}
+
+#[test]
+fn a_name_that_is_not_in_the_table_is_shown() {
+    let message = Message::new("Outo", &[]);
+    let Err(error @ MessageError::UnknownName { name }) = Dialect::DEFAULT.read(&message) else {
+        panic!("known")
+    };
+    assert_eq!((format!("{name}"), format!("{name:?}")), ("Outo".into(), "\"Outo\"".into()));
+    assert_eq!(serde_json::to_string(&name).unwrap(), "\"Outo\"");
+    assert!(error.to_string().contains("Outo"), "{error}");
+}
+
+#[test]
+fn a_slice_is_a_source_of_jobs_until_it_ends() {
+    let line = Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(9, 9) };
+    let lines = [line];
+    let mut source = &lines[..];
+    assert_eq!((source.line(0), source.line(1)), (Supply::Line(line), Supply::End));
+}
+
+#[test]
+fn a_codec_gives_what_is_whole_before_it_gives_up_the_rest() {
+    let mut wire = BytesMut::from("<A$1#b#><C");
+    let mut codec = Codec::new(Charset::Ascii);
+    let mut next =
+        || codec.decode_eof(&mut wire).unwrap().map(|item| item.map(|frame| frame.as_bytes().to_vec()));
+    assert_eq!(next(), Some(Ok(b"<A$1#b#>".to_vec())));
+    assert!(matches!(next(), Some(Err(DecodeError::Incomplete { .. }))));
+    assert_eq!(next(), None);
+    let mut decoder = Decoder::new(Charset::Ascii);
+    decoder.push(b"<A");
+    assert!(decoder.is_inside_message());
+    decoder.clear();
+    assert!(!decoder.is_inside_message());
+}

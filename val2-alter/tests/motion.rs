@@ -166,6 +166,27 @@ fn after_a_rejected_reply_all_six_values_are_sent() {
     assert_eq!(lengths, [10, 8, 20, 8]);
 }
 
+/// Nobody knows whether a controller keeps the words of a reply while its subroutine runs; the one here does not.
+#[test]
+fn after_an_interruption_all_six_values_are_sent() {
+    for (mode, at_rest) in [(Mode(19), [0; 6]), (Mode(18), [7, 5, 0, 0, 0, 0])] {
+        let (host, controller) = plain();
+        let unselected = Unselected::Hold;
+        let host = HostConfig { select: Select::Needed, unselected, subroutine: true, ..host };
+        let mut cell = running(host, ControllerConfig { mode, unselected, subroutine: true, ..controller });
+        cell.host.set_target([7, 5, 0, 0, 0, 0]);
+        cell.cycles(3);
+        cell.host.exception(Exception::CloseGripper).unwrap();
+        cell.cycles(4);
+        assert_eq!((cell.controller.state(), cell.host.values()), (ControllerState::Interrupted, at_rest));
+        cell.host.set_target([9, 0, 0, 0, 0, 0]);
+        cell.controller.resume();
+        cell.cycles(3);
+        assert_eq!(cell.host.values(), [9, 0, 0, 0, 0, 0], "{mode:?}");
+        assert_eq!(cell.controller.values(), cell.host.values(), "{mode:?}: the second axis still moves");
+    }
+}
+
 #[test]
 fn words_are_zero_at_first_in_every_start() {
     let config = ControllerConfig { unselected: Unselected::Hold, ..Default::default() };

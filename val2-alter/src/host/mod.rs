@@ -105,7 +105,7 @@ impl Host {
     pub fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
         let due = self.due?;
         match due.answer {
-            Answer::Motion => self.reply(now, due, out),
+            Answer::Motion(phase) => self.reply(now, due, phase, out),
             Answer::Start => self.answer_start(now, due, out),
             Answer::Repeat => {
                 let len = self.write(now, due, HostMessage::StartReply(StartCode::Repeat), out)?;
@@ -205,8 +205,8 @@ impl Host {
     pub fn reply_by(&self) -> Option<Duration> {
         let due = self.due?;
         let values = match (due.answer, self.config.select) {
-            (Answer::Motion, Select::All) => AXES,
-            (Answer::Motion, Select::Needed) | (Answer::Start | Answer::Repeat, _) => 0,
+            (Answer::Motion(_), Select::All) => AXES,
+            (Answer::Motion(_), Select::Needed) | (Answer::Start | Answer::Repeat, _) => 0,
         };
         let shortest = HostMessage::Reply(Reply { values: [None; AXES], ..Reply::NOTHING });
         let len = shortest.encoded_len(self.config.framing) + 2 * values;
@@ -270,7 +270,7 @@ impl Host {
             }
             self.sent_exception = Exception::None;
             self.stats.cycles += 1;
-            self.due = Some(Due { answer: Answer::Motion, arrived: now, request_len: length });
+            self.due = Some(Due { answer: Answer::Motion(motion.phase), arrived: now, request_len: length });
         }
         self.tell(HostEvent::Motion(motion));
     }
@@ -320,7 +320,7 @@ impl Host {
         Some(len)
     }
 
-    fn reply(&mut self, now: Duration, due: Due, out: &mut [u8]) -> Option<usize> {
+    fn reply(&mut self, now: Duration, due: Due, phase: MotionPhase, out: &mut [u8]) -> Option<usize> {
         let mut limiter = self.limiter;
         let running = self.state == HostState::Running;
         let values = match self.mode.accumulation() {
@@ -335,7 +335,8 @@ impl Host {
         let reply = Reply { exception, values: self.selected(values) };
         let len = self.write(now, due, HostMessage::Reply(reply), out)?;
         self.limiter = limiter;
-        (self.sent, self.sent_is_known) = (values, true);
+        // Nobody knows whether a controller keeps the words that come while its subroutine runs.
+        (self.sent, self.sent_is_known) = (values, phase == MotionPhase::Running);
         if exception != Exception::None {
             (self.sent_exception, self.exception) = (exception, Exception::None);
         }
@@ -393,7 +394,7 @@ impl Host {
 enum Answer {
     Start,
     Repeat,
-    Motion,
+    Motion(MotionPhase),
 }
 
 /// The answer that is due, and what its deadline follows from.

@@ -4,7 +4,8 @@ use core::num::NonZeroU16;
 use core::time::Duration;
 
 use kawasaki_msg::{
-    Acks, Job, JobKind, JobSource, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, Supply,
+    Acks, Job, JobKind, JobSource, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent,
+    Supply, Takeover,
 };
 use robot_work_queue::Reader;
 
@@ -139,8 +140,15 @@ impl Cell {
             true => Acks::Individual,
             false => Acks::Cumulative { every: NonZeroU16::new(every).unwrap_or(NonZeroU16::MIN) },
         };
-        let robot = RobotConfig { acks, ..robot };
-        let pc = PcConfig { cumulative_acks: !overtakes, max_number, ..pc };
+        let robot = RobotConfig {
+            acks,
+            refuse_repeated_start: rng.chance(0.3),
+            end_foreign_order: rng.chance(0.2),
+            ..robot
+        };
+        let takeover = [Takeover::Interrupt, Takeover::Interrupt, Takeover::End, Takeover::Never];
+        let takeover = takeover[rng.below(4)];
+        let pc = PcConfig { cumulative_acks: !overtakes, max_number, takeover, ..pc };
         let bad = rng.unit();
         let faults = match datagrams {
             false => Faults { disconnect: 0.08 * bad, pause: 120 * MS, ..Faults::TCP },

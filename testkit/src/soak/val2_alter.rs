@@ -3,9 +3,9 @@
 use core::time::Duration;
 
 use val2_alter::{
-    Controller, ControllerConfig, ControllerEvent, ControllerState, DecodeError, ErrorCode, Exception, Frame,
-    Framing, Host, HostConfig, HostEvent, HostMessage, HostState, Limits, Message, Mode, MotionPhase,
-    RobotMessage,
+    Accumulation, Controller, ControllerConfig, ControllerEvent, ControllerState, DecodeError, ErrorCode,
+    Exception, Frame, Framing, Host, HostConfig, HostEvent, HostMessage, HostState, Limits, Message, Mode,
+    MotionPhase, RobotMessage, Select, Unselected,
 };
 
 use super::{Check, Ledger, Log, Mark, Row, Tally, Told, Wire};
@@ -20,10 +20,10 @@ const LIMIT: Duration = Duration::from_secs(300);
 
 type Values = [i16; 6];
 
-/// The values of a job: they say which one it is, and are never all zero.
+/// The values of a job: they say which one it is, and are never all zero. Some stay as they were, or are zero.
 fn values(job: usize) -> Values {
     let n = job as i16 + 1;
-    [n, !n, n.wrapping_mul(31), n ^ 0x1010, 0x0210, -n]
+    [n, n / 2, (n / 4).wrapping_mul(31), (n & 1) * 0x1010, 0x0210, -n]
 }
 
 struct Cell {
@@ -35,6 +35,9 @@ struct Cell {
     aliens: Vec<HostMessage>,
     controller: Controller,
     host: Host,
+    /// Whether values are offsets from the path, and which ones hold.
+    holds: bool,
+    applied: Values,
     /// Whether the robot's exception subroutine runs.
     interrupted: bool,
     /// When the robot's program executes ALTER again.
@@ -62,11 +65,18 @@ fn session(seed: u64, log: Log) -> Tally {
         ..Faults::SERIAL
     };
     let config = ControllerConfig {
-        mode: [Mode::CUMULATIVE_23, Mode(19)][rng.below(2)],
+        mode: [Mode::CUMULATIVE_23, Mode(19), Mode::NON_CUMULATIVE_22, Mode(18)][rng.below(4)],
         subroutine: true,
+        unselected: [Unselected::ByMode, Unselected::Hold, Unselected::Zero][rng.below(3)],
         ..ControllerConfig::default()
     };
-    let host = HostConfig { limits: Limits::NONE, subroutine: true, ..HostConfig::default() };
+    let host = HostConfig {
+        limits: Limits::NONE,
+        subroutine: true,
+        select: [Select::All, Select::Needed][rng.below(2)],
+        unselected: config.unselected,
+        ..HostConfig::default()
+    };
     let mut cell = Cell {
         now: Duration::ZERO,
         log,
@@ -75,6 +85,8 @@ fn session(seed: u64, log: Log) -> Tally {
         aliens: Vec::new(),
         controller: Controller::new(config),
         host: Host::new(host),
+        holds: config.mode.accumulation() == Accumulation::NonCumulative,
+        applied: [0; 6],
         interrupted: false,
         again_at: Some(Duration::ZERO),
         cause: Mark::default(),
@@ -107,7 +119,7 @@ impl Cell {
             if again_at <= self.now {
                 self.log.say(self.now, format_args!("the robot's program executes ALTER"));
                 self.controller.start(self.now).unwrap();
-                (self.again_at, self.interrupted) = (None, false);
+                (self.again_at, self.interrupted, self.applied) = (None, false, [0; 6]);
             }
         }
         if self.interrupted && rng.chance(0.1) {
@@ -168,11 +180,14 @@ impl Cell {
             match event {
                 // While the subroutine runs the arm stands.
                 ControllerEvent::Reply(reply) if !self.interrupted => {
-                    let taken = reply.values.map(Option::unwrap_or_default);
+                    let taken = self.controller.values();
                     let job = (0..self.ledger.len()).rposition(|job| values(job) == taken);
+                    // An offset that stays is no job.
+                    let stays = self.holds && taken == self.applied;
+                    self.applied = taken;
                     match job {
+                        _ if stays || taken == [0; 6] => {}
                         Some(job) => _ = self.ledger.execute(job),
-                        None if taken == [0; 6] => {}
                         None => self.aliens.push(HostMessage::Reply(reply)),
                     }
                 }

@@ -13,7 +13,8 @@ use crate::trace::TraceArgs;
 
 /// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
 ///
-/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated and every budget held at p99.
+/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated and every budget held at p99. What a
+/// shared machine costs by taking the processor away is counted, shown and recovered from.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The links to run [default: all]

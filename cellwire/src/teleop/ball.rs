@@ -37,9 +37,8 @@ impl Ball {
                 self.probe();
             }
             self.poll();
-            self.collect();
             self.read();
-            self.host.handle_timeout(self.context.clock.now());
+            self.collect();
         }
         self.context.end_trace("the host ends");
     }

@@ -4,8 +4,9 @@
 use core::time::Duration;
 
 use laser_eb90::{
-    Controller, ControllerConfig, ControllerEvent, DecodeError, EncodeError, ErrorCodes, Frame, Instruction,
-    Item, MAX_PAYLOAD, Payload, Profile, Refusal, SessionError, Tags, Width, Words,
+    Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, EncodeError, ErrorCodes, Frame,
+    Host, HostConfig, HostEvent, Instruction, Item, MAX_PAYLOAD, Payload, Profile, Refusal, SessionError,
+    Tags, Width, Words,
 };
 use serde::de::DeserializeSeed as _;
 
@@ -111,6 +112,7 @@ fn a_payload_without_items_makes_no_frame() {
     assert_eq!(payload.frame(), Err(EncodeError::Empty));
     assert_eq!(payload.word(0x0101).map(drop), Err(EncodeError::BufferTooSmall { needed: 4, available: 3 }));
     assert_eq!(payload.u8(&[7]).map(drop), Ok(()));
+    assert_eq!(Frame::MAX_LEN, 3 + 1 + 1024 + 2 + 2);
     assert_eq!((Frame::MIN_LEN, payload.frame().unwrap().encoded_len()), (8, 10));
 }
 
@@ -119,6 +121,29 @@ fn bytes_that_begin_with_no_head_are_told_by_the_frame_itself() {
     let decode = |bytes: &[u8]| Frame::decode(bytes, &mut [0; 8], &Profile::default()).map(drop);
     assert_eq!(decode(&[0xEB, 0x91, 0x82]), Err(DecodeError::NoHead { skipped: 3 }));
     assert_eq!(decode(&[0xEB, 0x90]), Ok(()));
+}
+
+#[test]
+fn noise_is_an_error_as_soon_as_there_are_512_bytes_of_it() {
+    let mut decoder = Decoder::new(&Profile::default());
+    assert_eq!(decoder.push(&[0x55; 511]), 511);
+    assert_eq!(decoder.next_frame(), None);
+    assert_eq!(decoder.push(&[0x55; 2]), 2);
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::NoHead { skipped: 512 })));
+    assert_eq!(decoder.next_frame(), None);
+    assert_eq!((decoder.position(), decoder.is_empty()), (512, false));
+}
+
+#[test]
+fn what_came_before_a_frame_was_sent_is_no_part_of_its_answer() {
+    let (mut host, now, mut out) = (Host::new(HostConfig::default()), Duration::ZERO, [0; Frame::MAX_LEN]);
+    // The beginning of a frame: with the answer behind it, it would be a damaged one.
+    host.handle_input(now, &word(0x0101)[..6]);
+    assert_eq!(host.submit(0x0101, |_| Ok(())), Ok(0));
+    let length = host.poll_transmit(now, &mut out).unwrap();
+    assert_eq!(out[..length], word(0x0101));
+    host.handle_input(now, &word(0x0101));
+    assert_eq!(host.poll_event(), Some(HostEvent::Done { first: 0, count: 1, resends: 0, unanswered: 0 }));
 }
 
 /// An instruction of any kind.

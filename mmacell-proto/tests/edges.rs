@@ -188,3 +188,32 @@ fn the_defaults_are_the_documented_ones() {
     assert_eq!(task::Config::default(), task::Config::DEFAULT);
     assert_eq!(Task::new(task::Config::default()).step(), task::Step::AwaitDevices);
 }
+
+#[test]
+fn of_steps_that_nobody_asks_for_the_newest_eight_are_kept() {
+    let mut task = Task::new(task::Config::DEFAULT);
+    let now = core::time::Duration::ZERO;
+    for device in [task::Device::Robot, task::Device::Platform, task::Device::Conditioning] {
+        task.handle_event(now, task::Event::Ready(device));
+    }
+    let mut entered = Vec::new();
+    for round in 0..9 {
+        let event = match round % 2 {
+            0 => task::Event::Failed {
+                device: task::Device::Robot,
+                failure: task::Failure::Refused(ErrorCode::Generic),
+            },
+            _ => task::Event::Recover,
+        };
+        task.handle_event(now, event);
+        entered.push(task.step());
+    }
+    let told: Vec<_> = core::iter::from_fn(|| task.poll_output(now))
+        .filter_map(|output| match output {
+            task::Output::Entered(step) => Some(step),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(told, entered[entered.len() - 8..]);
+    assert_eq!(task::Trigger::Failed.label(), "a device failed");
+}

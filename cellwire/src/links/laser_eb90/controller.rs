@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 
 use crate::device::serve;
 use crate::line::{Clock, Line};
+use crate::priority::{self, Rank};
 use crate::report::Samples;
 use crate::settings::Settings;
 use crate::simulate::{SimulateOptions, log};
@@ -69,7 +70,9 @@ impl From<Instruction<'_>> for Job {
 pub struct RobotCounts {
     /// Error codes sent.
     pub refused: u64,
-    /// From the end of the cycle to the answer on the line.
+    /// What the robot does in a cycle, from when it has the processor until its answer is on the line.
+    pub work: Samples,
+    /// From the end of the cycle to the answer on the line: how late the machine gave it the processor.
     pub answer: Samples,
 }
 
@@ -77,26 +80,28 @@ impl RobotCounts {
     /// Adds what was counted before or after a restart.
     pub fn add(&mut self, other: &Self) {
         self.refused += other.refused;
+        self.work.merge(&other.work);
         self.answer.merge(&other.answer);
     }
 }
+
+/// The settings of the simulator beside those of its profile.
+const OWN: [&str; 3] = ["baud", "queue", "execution_ms"];
+
+/// The jobs of the queue are numbered up to this.
+const NUMBERS: u16 = 9999;
 
 /// `cellwire simulate laser`.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
+    let settings = Settings::new("laser", &options.settings, &[&OWN[..], &super::PROFILE].concat())?;
     let mut fields = options.settings.clone();
-    let own = ["baud", "queue", "execution_ms"];
-    let own = fields.keys().filter(|name| own.contains(&name.as_str())).cloned().collect::<Vec<_>>();
-    let own = own.into_iter().filter_map(|name| fields.remove_entry(&name)).collect();
-    let settings = Settings::new("laser", &own, &["baud", "queue", "execution_ms"])?;
-    let robot = Robot {
-        profile: super::profile(&fields)?,
-        queue: settings.number("queue", 64u16)?.into(),
-        execution: Duration::from_millis(settings.number("execution_ms", 20u32)?.into()),
-        boot: 1,
-    };
+    fields.retain(|name, _| !OWN.contains(&name.as_str()));
+    let queue = settings.number_in("queue", 64, 1..=NUMBERS.into())?;
+    let execution = Duration::from_millis(settings.number("execution_ms", 20u32)?.into());
+    let robot = Robot { profile: super::profile(&fields)?, queue, execution, boot: 1 };
     serve("laser", "laser", options, settings.baud(timing::BAUD)?, |line, clock| {
         run(robot, line, clock, &Switch::default(), |event| log(&event), &Mutex::default())?;
         Ok(())
@@ -122,6 +127,11 @@ impl Switch {
         self.turn_off();
     }
 
+    /// Whether it was stopped so.
+    pub fn was_killed(&self) -> bool {
+        self.killed.load(Ordering::Relaxed)
+    }
+
     fn is_off(&self) -> bool {
         self.off.load(Ordering::Relaxed)
     }
@@ -140,7 +150,7 @@ pub fn run(
     tell: impl FnMut(Value) -> Result<()>,
     executed: &Mutex<Vec<Job>>,
 ) -> Result<RobotCounts> {
-    let (writer, reader) = robot_work_queue::boxed::<Job>(robot.queue, 9999)?;
+    let (writer, reader) = robot_work_queue::boxed::<Job>(robot.queue, NUMBERS)?;
     let config = ControllerConfig { profile: robot.profile, ..ControllerConfig::default() };
     let (halted, done) = (AtomicBool::new(false), AtomicBool::new(false));
     let motion = Motion { robot, switch, halted: &halted, done: &done, executed };
@@ -150,6 +160,7 @@ pub fn run(
         tell,
         counts: RobotCounts::default(),
     };
+    priority::raise(Rank::Hardware);
     thread::scope(|scope| {
         let motion = scope.spawn(move || motion.run(reader));
         let outcome = task.run(line, clock);
@@ -188,7 +199,9 @@ impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
             let due = self.controller.poll_timeout().unwrap_or(now);
             if let Some(n) = self.controller.poll_transmit(now, &mut out) {
                 line.send(out.get(..n).unwrap_or_default());
-                self.counts.answer.add(clock.now().saturating_sub(due));
+                let sent = clock.now();
+                self.counts.work.add(sent.saturating_sub(now));
+                self.counts.answer.add(sent.saturating_sub(due));
             }
         }
     }
@@ -252,10 +265,11 @@ struct Motion<'a> {
 
 impl Motion<'_> {
     fn run(self, mut reader: Reader<'_, Job>) {
-        while !self.switch.killed.load(Ordering::Relaxed) {
+        while !self.switch.was_killed() {
             let done = self.done.load(Ordering::Relaxed);
             let halted = self.halted.load(Ordering::Relaxed);
-            match if halted { None } else { reader.take() } {
+            // Halted, it takes nothing, but sees that the queue was emptied.
+            match if halted { reader.take_where(|_, _| false) } else { reader.take() } {
                 Some(job) => {
                     thread::sleep(self.robot.execution);
                     if let Ok(mut executed) = self.executed.lock() {

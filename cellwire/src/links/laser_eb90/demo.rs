@@ -28,11 +28,17 @@ const FAULT_RATE: f64 = 0.001 / 3.0;
 /// How long the robot is off when it restarts.
 const RESTART: Duration = Duration::from_millis(300);
 
+/// Single instructions are sent for a third of the run, but no longer than this: the rest of the path waits.
+const SINGLE: Duration = Duration::from_secs(10);
+
+/// Where nothing can be lost, an answer may take as long as a machine without time for us needs.
+const PATIENCE: Duration = Duration::from_secs(10);
+
 /// The bytes of a frame of one instruction, of seven, and of an answer.
 const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
 
-/// A host sends a cutting path to the simulated robot over a pseudo-terminal whose bytes take their time: for a third of the
-/// run one instruction in a frame, then seven.
+/// A host sends a cutting path to the simulated robot over a pseudo-terminal whose bytes take their time: for the first third of
+/// the run one instruction in a frame, then seven. With faults the robot is killed in the middle of that and started again.
 ///
 /// # Errors
 /// When there is no pseudo-terminal, or the picture cannot be written.
@@ -77,12 +83,13 @@ fn cut<'a>(
     options: &DemoOptions,
     robot: &Switch,
 ) -> Result<(Cutter<'a>, [f64; 2])> {
-    let config = HostConfig {
-        baud,
-        batch: 1,
-        execution_timeout: Duration::from_millis(500), // the simulated robot executes immediate instructions at once
-        ..HostConfig::default()
+    // The simulated robot executes immediate instructions at once.
+    let (answer_timeout, execution_timeout) = if options.faults {
+        (HostConfig::default().answer_timeout, Duration::from_millis(500))
+    } else {
+        (PATIENCE, PATIENCE)
     };
+    let config = HostConfig { baud, batch: 1, answer_timeout, execution_timeout, ..HostConfig::default() };
     let mut cutter = Cutter::new(serial::open(port, baud)?, clock, path, config);
     let start = clock.now();
     let rate = |cutter: &mut Cutter<'a>, end: Duration| -> Result<f64> {
@@ -90,7 +97,7 @@ fn cut<'a>(
         let queued = cutter.cut(end, |position| options.progress.set_position(position))?;
         Ok(queued as f64 / (clock.now() - begin).as_secs_f64())
     };
-    let one = rate(&mut cutter, start + seconds / 3)?;
+    let one = rate(&mut cutter, start + (seconds / 3).min(SINGLE))?;
     cutter.set(HostConfig { batch: 7, ..config });
     let seven = thread::scope(|scope| {
         if options.faults {
@@ -115,6 +122,9 @@ fn restarting(
     for (boot, switch) in (1..).zip(switches) {
         let robot = Robot { boot, ..Robot::default() };
         counts.add(&controller::run(robot, line, clock, switch, |_| Ok(()), executed)?);
+        if !switch.was_killed() {
+            break;
+        }
         let on_again = clock.now() + RESTART;
         while clock.now() < on_again && line.wait(on_again) {
             while line.receive().is_some() {} // it hears nothing while it is off
@@ -177,8 +187,9 @@ fn report(
     );
     report.fact("gain_source", "in the source, at a rate it does not name", "about 37 %");
     report.timing("exchange", "frame to answer", &cutter.counts.exchange, None);
-    let cycle = Budget { time: timing::TICK, source: "§4.1: the next cycle" };
-    report.timing("answer", "end of the cycle to the answer", &robot.answer, Some(cycle));
+    let cycle = Budget { time: timing::TICK, source: "§4.1: all tasks in one cycle" };
+    report.timing("work", "the robot's work in a cycle", &robot.work, Some(cycle));
+    report.timing("answer", "end of the cycle to the answer, with the machine's delay", &robot.answer, None);
     report.require(tally.executed_once > 0, || "nothing was cut".into());
     report.require(!options.faults || cutter.counts.restarts == 1, || {
         format!("the robot restarted once, {} restarts were noticed", cutter.counts.restarts)

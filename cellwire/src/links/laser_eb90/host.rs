@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use laser_eb90::{Frame, Host, HostConfig, HostEvent, Item, SessionError};
 use serialport::SerialPort;
 
@@ -14,6 +14,9 @@ use super::path::Cut;
 use super::tally::Known;
 use crate::line::Clock;
 use crate::report::Samples;
+
+/// How long questions go on when a run is over.
+const GIVE_UP: Duration = Duration::from_secs(60);
 
 /// A host on a port, with the path that it cuts.
 #[allow(missing_debug_implementations, reason = "it holds a port")]
@@ -81,7 +84,7 @@ impl<'a> Cutter<'a> {
         self.tickets.clear();
     }
 
-    /// Cuts until `end` or the end of the path, and lets the last frame find its outcome. Returns how many instructions were
+    /// Cuts until `end` or the end of the path, and lets the last frame find its outcome, if need be by asking. Returns how many instructions were
     /// queued.
     ///
     /// # Errors
@@ -91,12 +94,12 @@ impl<'a> Cutter<'a> {
         let (mut sent_at, mut buffer) = (self.clock.now(), [0; Frame::MAX_LEN]);
         loop {
             let now = self.clock.now();
+            ensure!(now < end + GIVE_UP, "the robot answers no question: please report this as a bug");
+            self.ask()?;
             if now < end {
                 self.fill()?;
-            } else if self.host.is_idle() {
-                break;
             }
-            if self.todo.is_empty() && self.host.is_idle() {
+            if self.host.is_idle() {
                 break;
             }
             if let Some(n) = self.host.poll_transmit(now, &mut buffer) {
@@ -117,17 +120,25 @@ impl<'a> Cutter<'a> {
         Ok(self.counts.queued - before)
     }
 
-    /// Submits what fits into the next frame.
-    fn fill(&mut self) -> Result<()> {
+    /// Submits the question that is open.
+    fn ask(&mut self) -> Result<()> {
         if self.ask {
             match self.host.submit(STATUS, |_| Ok(())) {
                 Ok(_) => {
                     self.tickets.push(None);
                     self.ask = false;
                 }
-                Err(SessionError::Full) => return Ok(()),
+                Err(SessionError::Full) => {}
                 Err(error) => return Err(error.into()),
             }
+        }
+        Ok(())
+    }
+
+    /// Submits what fits into the next frame.
+    fn fill(&mut self) -> Result<()> {
+        if self.ask {
+            return Ok(());
         }
         while let Some(&index) = self.todo.front() {
             let Some(cut) = self.path.get(index) else { break };

@@ -19,6 +19,8 @@ const ROUNDS: usize = 51;
 const ROUND_TRIPS: u64 = 5_000;
 const STREAMED: u64 = 50_000;
 const PAIRS: u64 = 50_000;
+/// A median of fewer samples says nothing.
+const FEWEST: usize = 9;
 
 /// Nanoseconds of a cache line's way there and back below which the two processors share a core.
 const ONE_CORE: f64 = 120.0;
@@ -247,7 +249,10 @@ fn race_of(job: &str, contenders: [(&str, Sample); 8], cores: &Cores) {
     }
     let medians: Vec<Vec<Option<f64>>> = samples
         .iter_mut()
-        .map(|courses| courses.iter_mut().map(|samples| median(samples)).collect())
+        .map(|courses| {
+            let enough = |samples: &&mut Vec<f64>| samples.len() >= FEWEST;
+            courses.iter_mut().map(|samples| Some(samples).filter(enough).and_then(|s| median(s))).collect()
+        })
         .collect();
     let mut table = table([job, COURSES[0].1, COURSES[1].1, COURSES[2].1, COURSES[3].1]);
     for ((name, _), times) in contenders.iter().zip(&medians) {
@@ -260,9 +265,15 @@ fn race_of(job: &str, contenders: [(&str, Sample); 8], cores: &Cores) {
     println!("{table}");
     let (probes, taken) = (&mut cores.probes.borrow_mut(), samples[0][0].len());
     println!(
-        "{taken} of {ROUNDS} samples of rtrb's round trip were taken on two cores; a bare cache line there and back: {:.0} ns\n",
+        "{taken} of {ROUNDS} samples of rtrb's round trip were taken on two cores; a bare cache line there and back: {:.0} ns",
         median(probes).unwrap_or(f64::NAN)
     );
+    if taken < FEWEST {
+        println!(
+            "The two processors are threads of one core at this time: nothing is said of two threads. Run it again later."
+        );
+    }
+    println!();
     probes.clear();
 }
 

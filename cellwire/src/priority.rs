@@ -7,6 +7,8 @@
 /// Which of them is to be asked first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rank {
+    /// Asks a device in a cycle of its own.
+    Poll,
     /// Answers a peer within its deadline.
     Reply,
     /// Stands for a line or a device, which in reality waits for no processor.
@@ -21,6 +23,7 @@ pub fn raise(rank: Rank) -> bool {
         set_thread_priority_and_policy, thread_native_id,
     };
     let value = match rank {
+        Rank::Poll => 10,
         Rank::Reply => 20,
         Rank::Hardware => 30,
     };
@@ -36,6 +39,6 @@ pub fn raise(rank: Rank) -> bool {
 pub fn raise(rank: Rank) -> bool {
     use thread_priority::{ThreadPriority, set_current_thread_priority};
     match rank {
-        Rank::Reply | Rank::Hardware => set_current_thread_priority(ThreadPriority::Max).is_ok(),
+        Rank::Poll | Rank::Reply | Rank::Hardware => set_current_thread_priority(ThreadPriority::Max).is_ok(),
     }
 }

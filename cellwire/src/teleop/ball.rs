@@ -8,6 +8,7 @@ use isra_ball::{Config, Decoder, ENQ, Host, HostEvent, timing};
 
 use super::port::Port;
 use super::{Context, Order, TeleopConfig, Told};
+use crate::priority::{self, Rank};
 
 pub(super) struct Ball {
     context: Context,
@@ -32,6 +33,7 @@ impl Ball {
     }
 
     pub(super) fn run(mut self) {
+        priority::raise(Rank::Poll);
         while !self.context.is_stopped() {
             if self.probe.try_recv().is_ok() {
                 self.probe();

@@ -22,7 +22,7 @@ impl<const N: usize> Outgoing<N> {
     pub(crate) fn take(&mut self, buffer: &mut [u8]) -> Option<usize> {
         let waiting = self.bytes.get(self.start..self.end).filter(|waiting| !waiting.is_empty())?;
         let len = waiting.len().min(buffer.len());
-        buffer.get_mut(..len)?.copy_from_slice(waiting.get(..len)?);
+        buffer.iter_mut().zip(waiting).for_each(|(to, from)| *to = *from);
         self.start += len;
         (len > 0).then_some(len)
     }

@@ -6,7 +6,7 @@ mod common;
 use core::time::Duration;
 
 use common::{MS, Rig, expected, picture, sent};
-use kawasaki_msg::{Acks, PcConfig, PcEvent, RobotConfig, RobotEvent};
+use kawasaki_msg::{Acks, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent};
 use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
@@ -59,6 +59,24 @@ fn a_robot_that_was_just_started_hears_no_start_for_a_second() {
     rig.run_until(LIMIT, Rig::is_over);
     assert_eq!(rig.lines(), expected(7, 2));
     assert_eq!(sent(&rig.from_robot, "TilausKuittaus")[0], "<TilausKuittaus$1#7#>");
+}
+
+/// An empty number of jobs executed would read as none.
+#[test]
+fn a_robot_that_was_just_started_does_not_acknowledge_the_end_of_an_order_that_it_does_not_know() {
+    let mut rig = rig(RobotConfig::UDP, PcConfig::UDP);
+    rig.motion = Some(MS * 10);
+    rig.pc.start(1, picture(1, 40)).unwrap();
+    rig.run_until(LIMIT, |rig| rig.executed.len() == 5);
+    rig.run_for(MS * 5);
+    let (writer, reader) = robot_work_queue::boxed(64, 9999).unwrap();
+    (rig.robot, rig.reader) = (Robot::new(RobotConfig::UDP, writer).unwrap(), reader);
+    rig.from_robot.clear();
+    rig.pc.interrupt().unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    assert_eq!(sent(&rig.from_robot, "LoppuKuittaus"), [""; 0]);
+    let unknown = PcEvent::OutcomeUnknown { order: 1, executed: rig.pc.executed(), sent: 40 };
+    assert!(rig.pc_events.contains(&unknown), "{:?}", rig.pc_events);
 }
 
 /// The only word of a job that was executed ahead of others is its own acknowledgement.

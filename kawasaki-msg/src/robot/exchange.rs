@@ -112,14 +112,14 @@ impl Core<'_> {
         match role {
             Role::OrderStart => return self.on_start(now, order, params.number(Field::Number)),
             Role::OrderEnd => {
-                self.owed.end_ack = (order != self.order).then_some(order).or(self.owed.end_ack);
+                self.owe_end(order);
                 if order == self.order && self.phase.on(OrderEvent::End).is_some() {
                     self.go(OrderEvent::End);
                     self.events.push(RobotEvent::OrderEnding { order });
                 }
             }
             Role::OrderInterrupt => {
-                self.owed.end_ack = (order != self.order).then_some(order).or(self.owed.end_ack);
+                self.owe_end(order);
                 if order == self.order {
                     self.interrupt();
                 }
@@ -175,6 +175,16 @@ impl Core<'_> {
                 Err(MessageError::OutOfRange { field: 1, found: i32::from(first), min: 1, max: 1 })
             }
             _ => Ok(()),
+        }
+    }
+
+    /// The end of an order that is not active is acknowledged again if it was the last one. How far another came is not known here:
+    /// the status says which orders are.
+    fn owe_end(&mut self, order: u16) {
+        if self.ended == Some(order) && order != self.order {
+            self.owed.end_ack = Some(order);
+        } else {
+            self.owed.status |= order != self.order;
         }
     }
 

@@ -25,7 +25,7 @@ pub(super) const UDP: Row = Row { transport: "udp", session: |seed, log| session
 
 const MS: Duration = Duration::from_millis(1);
 /// An order that has not ended by then stands still.
-const LIMIT: Duration = Duration::from_secs(600);
+const LIMIT: Duration = Duration::from_secs(120);
 
 /// The line of a job: it says which one it is.
 fn line(job: usize) -> Line {
@@ -34,23 +34,28 @@ fn line(job: usize) -> Line {
     Line { kind, start: Point::new(x, 7 - x), end: Point::new(x * 3, -x) }
 }
 
-/// An order: so many jobs of the session from `first` on.
-#[derive(Debug, Clone, Copy)]
+/// An order: so many jobs of the session from `first` on. Sometimes the next one is still being worked out.
+#[derive(Debug, Clone)]
 struct Picture {
     first: usize,
     jobs: u32,
+    later: f64,
+    rng: Rng,
 }
 
 impl JobSource for Picture {
     fn line(&mut self, index: u32) -> Supply {
-        if index < self.jobs { Supply::Line(line(self.first + index as usize)) } else { Supply::End }
+        match index {
+            _ if index >= self.jobs => Supply::End,
+            _ if self.rng.chance(self.later) => Supply::Later,
+            _ => Supply::Line(line(self.first + index as usize)),
+        }
     }
 }
 
 /// What happens to an order besides the faults of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Mishap {
-    Nothing,
     PcInterrupts,
     PcEnds,
     RobotResets,
@@ -75,6 +80,8 @@ struct Cell {
     pace: Duration,
     motion_at: Duration,
     overtakes: bool,
+    /// How many attempts to connect fail.
+    unreachable: u32,
     reports: Vec<u16>,
     order: Option<Order>,
 }
@@ -91,27 +98,32 @@ fn session(seed: u64, datagrams: bool, log: Log) -> Tally {
     let mut cell = Cell::new(seed, datagrams, &mut rng, log);
     for order in 1..=1 + rng.below(3) as u16 {
         // Over UDP, "give every order a new number".
-        cell.start(order, 1 + rng.below(24) as u32);
-        let mishaps = match rng.below(12) {
-            0 => Mishap::PcInterrupts,
-            1 => Mishap::PcEnds,
-            2 => Mishap::RobotResets,
-            3 => Mishap::RobotClears,
-            4 => Mishap::RobotRestarts,
-            5 => Mishap::PcRestarts,
-            6 => Mishap::Disconnect,
-            _ => Mishap::Nothing,
-        };
-        let at = cell.now + MS * rng.below(700) as u32;
+        cell.start(order, 1 + rng.below(24) as u32, [0.5, 0.1, 0.0][rng.below(3)]);
         let end = cell.now + LIMIT;
-        while cell.order.is_some() && cell.now < at {
-            cell.step();
-        }
-        if cell.order.is_some() {
-            cell.meet(mishaps);
+        for _ in 0..[0, 1, 1, 3][rng.below(4)] {
+            let mishap = match rng.below(7) {
+                0 => Mishap::PcInterrupts,
+                1 => Mishap::PcEnds,
+                2 => Mishap::RobotResets,
+                3 => Mishap::RobotClears,
+                4 => Mishap::RobotRestarts,
+                5 => Mishap::PcRestarts,
+                _ => Mishap::Disconnect,
+            };
+            let at = cell.now + MS * rng.below(700) as u32;
+            while cell.order.is_some() && cell.now < at {
+                cell.step();
+            }
+            if cell.order.is_some() {
+                cell.meet(mishap);
+            }
         }
         while cell.order.is_some() && cell.now < end {
             cell.step();
+        }
+        if cell.order.is_some() {
+            log.say(cell.now, format_args!("the order stands still"));
+            break;
         }
     }
     // What is still queued may not be executed any more, unless nobody knows of it.
@@ -175,29 +187,28 @@ impl Cell {
             pace: [MS / 10, MS, 7 * MS, 40 * MS][rng.below(4)],
             motion_at: Duration::ZERO,
             overtakes,
+            unreachable: rng.below(3) as u32,
             reports: Vec::new(),
             order: None,
         }
     }
 
-    fn start(&mut self, order: u16, jobs: u32) {
-        let picture = Picture { first: self.ledger.len(), jobs };
+    fn start(&mut self, order: u16, jobs: u32, later: f64) {
+        let rng = Rng::new(u64::from(order) << 32 | self.ledger.len() as u64);
+        let picture = Picture { first: self.ledger.len(), jobs, later, rng };
         self.log.say(self.now, format_args!("order {order} of {jobs} jobs from {}", picture.first));
         for _ in 0..jobs {
             self.ledger.send(self.wire.mark());
         }
-        self.order = Some(Order { picture, ahead: Vec::new() });
+        self.order = Some(Order { picture: picture.clone(), ahead: Vec::new() });
         self.pc.start(order, picture).unwrap();
     }
 
     fn meet(&mut self, mishap: Mishap) {
-        if mishap != Mishap::Nothing {
-            self.log.say(self.now, format_args!("{mishap:?}"));
-        }
+        self.log.say(self.now, format_args!("{mishap:?}"));
         let (robot, pc) = self.config;
         // What is not possible now is no mishap.
         match mishap {
-            Mishap::Nothing => {}
             Mishap::PcInterrupts => _ = self.pc.interrupt(),
             Mishap::PcEnds => _ = self.pc.end(),
             Mishap::RobotResets => _ = self.robot.reset_order(),
@@ -293,6 +304,10 @@ impl Cell {
         while let Some(event) = self.robot.poll_event() {
             self.log.say(self.now, format_args!("  robot: {event:?}"));
             match event {
+                RobotEvent::Connect if self.unreachable > 0 => {
+                    self.unreachable -= 1;
+                    self.robot.handle_closed(self.now);
+                }
                 RobotEvent::Connect => {
                     if !self.config.0.datagrams {
                         self.wire.reconnect(self.now);

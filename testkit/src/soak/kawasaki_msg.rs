@@ -80,6 +80,7 @@ struct Cell {
     pace: Duration,
     motion_at: Duration,
     overtakes: bool,
+    last: Option<usize>,
     /// How many attempts to connect fail.
     unreachable: u32,
     reports: Vec<u16>,
@@ -187,6 +188,7 @@ impl Cell {
             pace: [MS / 10, MS, 7 * MS, 40 * MS][rng.below(4)],
             motion_at: Duration::ZERO,
             overtakes,
+            last: None,
             unreachable: rng.below(3) as u32,
             reports: Vec::new(),
             order: None,
@@ -282,6 +284,10 @@ impl Cell {
             self.log.say(self.now, format_args!("  job {number} (its number {}) is executed", job.number));
             if job.line != line(number) || !self.ledger.execute(number) {
                 self.log.say(self.now, format_args!("!!! nobody sent {job:?}"));
+                self.invented += 1;
+            }
+            if !self.overtakes && self.last.replace(number).is_some_and(|last| last > number) {
+                self.log.say(self.now, format_args!("!!! it has been overtaken"));
                 self.invented += 1;
             }
             self.reports.push(job.number);

@@ -80,17 +80,26 @@ fn window(frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec<Line<'_>>) 
 
 /// The last messages, each on as many lines as it needs.
 fn draw_messages(frame: &mut Frame<'_>, area: Rect, model: &Model) {
+    const TIME: usize = 8;
     let [width, room] = [area.width, area.height].map(|cells| usize::from(cells.saturating_sub(2)));
     let mut lines = Vec::new();
     for (at, text) in model.messages.iter().rev().take(room).rev() {
-        let mut time = format!("{:7.2} ", at.as_secs_f64());
-        let text: Vec<_> = text.chars().collect();
-        for piece in text.chunks(width.saturating_sub(time.len()).max(1)) {
-            lines.push(Line::from(
-                time.chars().chain(piece.iter().copied().skip_while(|c| *c == ' ')).collect::<String>(),
-            ));
-            time = " ".repeat(time.len());
+        let mut line = format!("{:1$.2} ", at.as_secs_f64(), TIME - 1);
+        let mut used = TIME;
+        for word in text.split(' ') {
+            let length = word.chars().count();
+            if used > TIME && used + 1 + length > width {
+                lines.push(Line::from(core::mem::replace(&mut line, " ".repeat(TIME))));
+                used = TIME;
+            }
+            if used > TIME {
+                line.push(' ');
+                used += 1;
+            }
+            line.push_str(word);
+            used += length;
         }
+        lines.push(Line::from(line));
     }
     lines.drain(..lines.len().saturating_sub(room));
     window(frame, area, "Messages", lines);

@@ -297,6 +297,7 @@ impl Controller {
     /// The window closed without a good reply.
     fn on_no_reply(&mut self) {
         let code = self.damage.take().unwrap_or(ErrorCode::Timeout);
+        self.events.push(ControllerEvent::BadReply(code));
         if self.state == ControllerState::Starting {
             self.try_again(code);
         } else if code == ErrorCode::Timeout {
@@ -309,7 +310,6 @@ impl Controller {
             self.on(ControllerInput::BadReply);
         }
         self.stand();
-        self.events.push(ControllerEvent::BadReply(code));
     }
 
     fn try_again(&mut self, code: ErrorCode) {

@@ -87,7 +87,7 @@ fn mmacell(device: bool, stream: &[u8], size: usize) {
 fn alter<M: Message>(stream: &[u8], size: usize) {
     use val2_alter::{Codec, Decoder, Framing};
     let mut decoder = Decoder::<M>::new(Framing::DEFAULT);
-    let expected = items(stream, &mut decoder, Decoder::push, Decoder::flush, Decoder::next_frame);
+    let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, Decoder::next_frame);
     assert_eq!(read(&mut Codec::<M>::new(Framing::DEFAULT), stream, size), expected);
 }
 

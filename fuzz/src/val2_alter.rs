@@ -78,7 +78,7 @@ fn decode<M: Message>(
             items.extend(core::iter::from_fn(|| decoder.next_frame()));
         }
     }
-    decoder.flush();
+    decoder.finish();
     items.extend(core::iter::from_fn(|| decoder.next_frame()));
     assert_eq!(decoder.pending(), 0);
     let mut out = [0; Frame::MAX_LEN];

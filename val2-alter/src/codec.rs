@@ -44,7 +44,7 @@ impl<M: Message> tokio_util::codec::Decoder for Codec<M> {
         if let Some(item) = self.decode(src)? {
             return Ok(Some(item));
         }
-        self.decoder.flush();
+        self.decoder.finish();
         self.decode(src)
     }
 }

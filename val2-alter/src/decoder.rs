@@ -22,14 +22,17 @@ pub struct Received<M> {
 ///
 /// [`push`](Decoder::push) bytes, then call [`next_frame`](Decoder::next_frame) until it gives `None`, and push the rest if
 /// not all were taken: then there is room. When the line falls silent in the middle of a frame, or ends, call
-/// [`flush`](Decoder::flush) before that.
+/// [`finish`](Decoder::finish) before that.
 ///
 /// The start mark is not unique: data `10 02` is doubled to `10 10 02`. When a frame is cut off, the next one looks like
 /// its data, and both would be lost. So when a frame turns out to be damaged, only the first byte of its start mark is
 /// given up, and the rest of its *raw* bytes is searched again. A frame is consumed only once its marks, its checksum and
 /// its message are right; one that was found among the bytes of a damaged frame must also name only codes that the source
-/// names ([`Message::is_plausible`]). Each stretch of damage gives one error. The work is bounded: a byte is looked at once
-/// for each start mark in the [`Frame::MAX_LEN`] bytes before it.
+/// names ([`Message::is_plausible`]). The work is bounded: a byte is looked at once for each start mark in the
+/// [`Frame::MAX_LEN`] bytes before it.
+///
+/// Each stretch of damage gives one error, as soon as it is certain: a host has to ask again within the window. How far the
+/// damage reaches shows when the next message comes, in its [`offset`](Received::offset).
 #[derive(Debug, Clone)]
 pub struct Decoder<M> {
     framing: Framing,
@@ -47,7 +50,7 @@ pub struct Decoder<M> {
     noise_offset: usize,
     /// DLEs between them and `start`: noise, unless a start mark follows.
     spare_dles: usize,
-    flushing: bool,
+    finished: bool,
     side: PhantomData<M>,
 }
 
@@ -67,7 +70,7 @@ impl<M: Message> Decoder<M> {
             noise: 0,
             noise_offset: 0,
             spare_dles: 0,
-            flushing: false,
+            finished: false,
             side: PhantomData,
         }
     }
@@ -92,13 +95,13 @@ impl<M: Message> Decoder<M> {
     pub fn next_frame(&mut self) -> Option<Result<Received<M>, DecodeError>> {
         loop {
             let at_mark = self.seek_mark();
-            if (at_mark || self.flushing)
+            if (at_mark || self.finished)
                 && let Some(noise) = self.take_noise()
             {
                 return Some(Err(noise));
             }
             if !at_mark {
-                self.flushing = false;
+                self.finished = false;
                 return None;
             }
             let second_reading = self.read_before > 0;
@@ -125,8 +128,8 @@ impl<M: Message> Decoder<M> {
 
     /// Says that nothing will follow the bytes pushed so far: until `next_frame` next gives `None`, a frame that is not
     /// complete is damage, and what is left of it is searched for complete ones.
-    pub fn flush(&mut self) {
-        self.flushing = true;
+    pub fn finish(&mut self) {
+        self.finished = true;
     }
 
     /// The number of bytes that wait for more.
@@ -138,7 +141,7 @@ impl<M: Message> Decoder<M> {
     pub fn clear(&mut self) {
         self.consume(self.pending());
         (self.read_before, self.noise, self.spare_dles) = (0, 0, 0);
-        (self.silenced, self.flushing) = (false, false);
+        (self.silenced, self.finished) = (false, false);
     }
 
     /// Reads the frame at `start`. An error comes with the number of bytes that it is about.
@@ -152,7 +155,7 @@ impl<M: Message> Decoder<M> {
                 Ok(message) => Ok(Some((message, length))),
                 Err(error) => Err((error, length)),
             },
-            Ok(None) if self.flushing => {
+            Ok(None) if self.finished => {
                 Err((DecodeError::Incomplete { offset: 0, length: bytes.len() }, bytes.len()))
             }
             Ok(None) => Ok(None),
@@ -177,7 +180,7 @@ impl<M: Message> Decoder<M> {
                     return true;
                 }
                 Some(_) => self.drop_noise(run),
-                None if self.flushing => {
+                None if self.finished => {
                     self.drop_noise(run);
                     return false;
                 }

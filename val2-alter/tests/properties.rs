@@ -93,7 +93,7 @@ fn read<M: Message>(
         rest = &rest[taken..];
         all.extend(fetch(&mut decoder));
     }
-    decoder.flush();
+    decoder.finish();
     all.extend(fetch(&mut decoder));
     all
 }

@@ -28,7 +28,7 @@ fn read<M: Message>(framing: Framing, pieces: &[&[u8]]) -> Outcomes<M> {
             }
         }
     }
-    decoder.flush();
+    decoder.finish();
     while let Some(outcome) = decoder.next_frame() {
         all.push(outcome);
     }

@@ -112,7 +112,7 @@ impl Controller {
         self.handle_timeout(now);
         let silent = now.saturating_sub(self.last_input);
         if self.decoder.pending() > 0 && self.config.gap.is_some_and(|gap| silent > gap) {
-            self.decoder.flush();
+            self.decoder.finish();
             self.read();
         }
         self.last_input = now;
@@ -127,7 +127,7 @@ impl Controller {
     /// Lets time pass: a window that closes without a good reply is a bad or a missing one.
     pub fn handle_timeout(&mut self, now: Duration) {
         if self.window.is_some_and(|closes| now >= closes) {
-            self.decoder.flush();
+            self.decoder.finish();
             self.read();
             if self.window.take().is_some() {
                 self.on_no_reply();

@@ -76,7 +76,7 @@ impl Host {
         self.handle_timeout(now);
         let silent = now.saturating_sub(self.last_input);
         if self.decoder.pending() > 0 && self.config.gap.is_some_and(|gap| silent > gap) {
-            self.decoder.flush();
+            self.decoder.finish();
             self.read(now);
         }
         self.last_input = now;

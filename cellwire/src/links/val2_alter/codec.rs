@@ -98,7 +98,7 @@ impl<M: Message + Serialize + DeserializeOwned> Codec for Side<M> {
     }
 
     fn finish(&mut self) {
-        self.decoder.flush();
+        self.decoder.finish();
         self.finished = true;
     }
 

@@ -68,6 +68,16 @@ impl<P: Simulated> Axes<P> {
         *self = Self { percent: self.percent, now, ..Self::new(self.pose()) };
     }
 
+    /// Stops where the axes were half-way, if they have come so far by now.
+    pub fn stop_half_way(&mut self) -> bool {
+        if self.progress < 0.5 {
+            return false;
+        }
+        self.progress = 0.5;
+        self.stop(self.now);
+        true
+    }
+
     /// Changes the speed, also of a motion that is going on.
     pub fn set_override(&mut self, now: Duration, percent: u8) {
         self.advance(now);
@@ -91,11 +101,6 @@ impl<P: Simulated> Axes<P> {
     /// Whether they have arrived.
     pub fn stand(&self) -> bool {
         self.progress >= 1.0
-    }
-
-    /// How much of the motion's time has passed, 0 to 1.
-    pub fn progress(&self) -> f64 {
-        self.progress
     }
 }
 

@@ -66,9 +66,8 @@ impl<P: Simulated> Station<P> {
     /// Moves on to this time.
     pub fn advance(&mut self, now: Duration) {
         self.axes.advance(now);
-        if self.doomed && self.axes.progress() >= 0.5 {
+        if self.doomed && self.axes.stop_half_way() {
             self.doomed = false;
-            self.axes.stop(now);
             self.device.fail(ErrorCode::Servo1);
         }
         self.device.set_pose(self.axes.pose());
@@ -177,7 +176,7 @@ mod tests {
         says(&mut robot, S, "MOVA+250.000+000.000+000.000+00.0000\r\n");
         assert_eq!(
             says(&mut robot, S * 2, "STA\r\n"),
-            "OKF+185.185+000.000+000.000+00.0000F+00100+00002\r\n"
+            "OKF+125.000+000.000+000.000+00.0000F+00100+00002\r\n"
         );
         assert_eq!(says(&mut robot, S * 2, "RST\r\n"), "OK\r\n");
         assert_eq!(

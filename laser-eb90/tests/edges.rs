@@ -146,6 +146,18 @@ fn damage_costs_the_bytes_that_were_looked_at_and_no_error_more() {
 }
 
 #[test]
+fn a_payload_is_too_long_with_its_513th_byte() {
+    let mut stream = vec![0xEB, 0x90, 0x82, 0xF0];
+    stream.extend([0xF2; 512]);
+    let mut decoder = Decoder::new(&Profile::default());
+    decoder.push(&stream);
+    assert_eq!(decoder.next_frame(), None);
+    decoder.push(&[0xF2; 5]);
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::TooLong { offset: 516, limit: 512 })));
+    assert_eq!(decoder.position(), 517);
+}
+
+#[test]
 fn what_came_before_a_frame_was_sent_is_no_part_of_its_answer() {
     let (mut host, now, mut out) = (Host::new(HostConfig::default()), Duration::ZERO, [0; Frame::MAX_LEN]);
     // The beginning of a frame: with the answer behind it, it would be a damaged one.

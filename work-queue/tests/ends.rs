@@ -10,7 +10,7 @@ fn both_ends_know_the_sizes_and_print_without_their_jobs() {
     assert_eq!(format!("{queue:?}"), "WorkQueue { capacity: 3, max_number: 9, .. }");
     let (mut writer, mut reader) = queue.split();
     assert_eq!((writer.capacity(), reader.capacity(), writer.max_number()), (3, 3, 9));
-    assert!(reader.is_empty());
+    assert!(reader.is_empty() && !writer.is_full());
     let claim = writer.claim().unwrap();
     assert_eq!(format!("{claim:?}"), "Claim { number: 1 }");
     assert_eq!(claim.push(700), 1);

@@ -4,7 +4,8 @@ use core::fmt;
 use core::ops::AddAssign;
 use core::time::Duration;
 
-/// How often a transport commits each fault. A probability is for each byte, or for each call of [`Link::send`].
+/// How often a transport commits each fault. A probability is for each byte, or for each call of
+/// [`Link::send`](crate::link::Link::send).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Faults {
     /// Datagrams keep their borders and may overtake one another; a stream keeps its order and has no borders.

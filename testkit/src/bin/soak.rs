@@ -1,9 +1,11 @@
 //! `soak --seeds N`: both ends of every session over bad transports, and a table of what became of every job.
 
+use core::ops::Range;
 use std::collections::BTreeMap;
+use std::panic;
 use std::process::ExitCode;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -57,6 +59,10 @@ fn main() -> ExitCode {
             row.run(first, Log::ON);
         }
     }
+    if !args.trace {
+        // A session that panics is counted, and its message seen when it is traced.
+        panic::set_hook(Box::new(|_| {}));
+    }
     let begin = Instant::now();
     let jobs = args.jobs.unwrap_or_else(|| thread::available_parallelism().map_or(1, usize::from)).max(1);
     let (tallies, failures) = run(&rows, first, seeds, jobs);
@@ -85,49 +91,46 @@ fn main() -> ExitCode {
 type Results = (Vec<Tally>, BTreeMap<usize, Vec<(String, u64)>>);
 
 fn run(rows: &[Row], first: u64, seeds: u64, jobs: usize) -> Results {
-    /// Sessions that a thread takes at once.
-    const BATCH: u64 = 64;
-    let batches = seeds.div_ceil(BATCH);
-    let work = AtomicUsize::new(0);
-    let done = AtomicU64::new(0);
     let results: Mutex<Results> = Mutex::new((vec![Tally::default(); rows.len()], BTreeMap::new()));
+    let (work, done) = (AtomicU64::new(0), AtomicU64::new(0));
     let bar = ProgressBar::new(seeds * rows.len() as u64).with_style(
         ProgressStyle::with_template("{wide_bar} {pos}/{len} sessions, {per_sec}, {eta} left").unwrap(),
     );
-    thread::scope(|scope| {
-        for _ in 0..jobs {
-            scope.spawn(|| {
-                loop {
-                    let n = work.fetch_add(1, Ordering::Relaxed);
-                    // Row by row within each batch of seeds, so that an early end has seen them all.
-                    let (batch, index) = ((n / rows.len()) as u64, n % rows.len());
-                    let Some(row) = rows.get(index).filter(|_| batch < batches) else { return };
-                    let (mut sum, mut bad) = (Tally::default(), Vec::new());
-                    let begin = first + batch * BATCH;
-                    let end = begin + BATCH.min(seeds - batch * BATCH);
-                    for seed in begin..end {
-                        let tally = row.run(seed, Log::OFF);
-                        if tally.is_bad() {
-                            bad.push((row.name(), seed));
-                        }
-                        sum += tally;
-                    }
-                    done.fetch_add(end - begin, Ordering::Relaxed);
-                    let mut results = results.lock().unwrap();
-                    results.0[index] += sum;
-                    if !bad.is_empty() {
-                        results.1.entry(index).or_default().extend(bad);
-                    }
+    let thread = || {
+        while let Some((index, seeds)) = batch(work.fetch_add(1, Ordering::Relaxed), rows, seeds) {
+            let (row, count) = (&rows[index], seeds.end - seeds.start);
+            let (mut sum, mut bad) = (Tally::default(), Vec::new());
+            for seed in seeds.start + first..seeds.end + first {
+                let tally = row.run(seed, Log::OFF);
+                if tally.is_bad() {
+                    bad.push((row.name(), seed));
                 }
-            });
+                sum += tally;
+            }
+            done.fetch_add(count, Ordering::Relaxed);
+            let mut results = results.lock().unwrap();
+            results.0[index] += sum;
+            if !bad.is_empty() {
+                results.1.entry(index).or_default().extend(bad);
+            }
         }
-        while done.load(Ordering::Relaxed) < seeds * rows.len() as u64 {
+    };
+    thread::scope(|scope| {
+        let threads: Vec<_> = (0..jobs).map(|_| scope.spawn(thread)).collect();
+        while !threads.iter().all(|thread| thread.is_finished()) {
             bar.set_position(done.load(Ordering::Relaxed));
             thread::sleep(Duration::from_millis(50));
         }
     });
     bar.finish_and_clear();
     results.into_inner().unwrap()
+}
+
+/// The `n`-th piece of the work: a row, and some seeds of it. The rows take turns, so that an early end has seen them all.
+fn batch(n: u64, rows: &[Row], seeds: u64) -> Option<(usize, Range<u64>)> {
+    const SIZE: u64 = 64;
+    let begin = n / rows.len() as u64 * SIZE;
+    (begin < seeds).then(|| ((n % rows.len() as u64) as usize, begin..seeds.min(begin + SIZE)))
 }
 
 /// The columns, in order: what was run, what the transport did, what became of the jobs, and what the check could not see.

@@ -90,6 +90,7 @@ pub struct Line {
     receiving: Direction,
     faults: LineFaults,
     trace: Trace,
+    had_client: bool,
 }
 
 /// The bytes on the line in one direction, each with the time when it is whole.
@@ -142,6 +143,7 @@ impl Line {
             receiving: Direction::default(),
             faults: LineFaults::none(),
             trace,
+            had_client: false,
         }
     }
 
@@ -175,6 +177,10 @@ impl Line {
         loop {
             let now = self.clock.now();
             self.carry();
+            let has_client = self.is_connected();
+            if core::mem::replace(&mut self.had_client, has_client) && !has_client {
+                self.end_session("the client went away");
+            }
             if deadline <= now || self.receiving.next().is_some_and(|at| at <= now) {
                 return true;
             }
@@ -207,9 +213,10 @@ impl Line {
         self.faults.count
     }
 
-    /// The trace of this end.
-    pub fn trace(&self) -> &Trace {
-        &self.trace
+    /// Writes the trace of a session that has ended, and says on standard error where. A client that goes, and the end of the
+    /// line, end one anyway.
+    pub fn end_session(&self, why: &str) {
+        self.trace.end_session(why);
     }
 
     /// Writes every byte that is whole by now.
@@ -228,6 +235,12 @@ impl Line {
             // A client that just went takes nothing any more, like a line with nobody at its end.
             let _ = self.writer.write_all(&due);
         }
+    }
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        self.end_session("the run ended");
     }
 }
 
@@ -400,6 +413,33 @@ mod tests {
                 assert!(line.wait(clock.now() + MS));
             }
         }
+    }
+
+    #[test]
+    fn a_client_that_goes_and_the_end_of_the_line_leave_a_trace() {
+        let dir = std::env::temp_dir().join(format!("cellwire-line-{}", std::process::id()));
+        std::fs::create_dir_all(&dir).unwrap();
+        let (device, path) = serial::pair().unwrap();
+        let clock = Clock::start();
+        let trace = Trace::new("x", 10, Some(&dir));
+        let mut line = Line::over_port(device, clock, 115_200, trace).unwrap();
+        for byte in [7, 8] {
+            let mut client = open(&path, 115_200);
+            client.write_all(&[byte]).unwrap();
+            while line.receive().is_none() {
+                assert!(line.wait(clock.now() + 50 * MS));
+            }
+            drop(client);
+            while byte == 7 && line.is_connected() {
+                assert!(line.wait(clock.now() + MS));
+            }
+            assert!(line.wait(clock.now() + MS));
+        }
+        drop(line);
+        let files = [1, 2].map(|n| std::fs::read_to_string(dir.join(format!("x-{n}.trace"))).unwrap());
+        assert!(files[0].starts_with("# x: the client went away\n07 # "), "{files:?}");
+        assert!(files[1].starts_with("# x: ") && files[1].contains("\n08 # "), "{files:?}");
+        std::fs::remove_dir_all(dir).unwrap();
     }
 
     #[test]

@@ -117,6 +117,15 @@ impl Trace {
         Ok(Some(path))
     }
 
+    /// The same, and says on standard error where it stands.
+    pub fn end_session(&self, why: &str) {
+        match self.session_ended(why) {
+            Ok(Some(path)) => eprintln!("trace: {}", path.display()),
+            Ok(None) => {}
+            Err(error) => eprintln!("trace: {error:#}"),
+        }
+    }
+
     /// What is kept as lines of text, the oldest first.
     pub fn lines(&self) -> Vec<String> {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);

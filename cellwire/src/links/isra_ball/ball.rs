@@ -43,7 +43,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// Answers polls until told to stop, or until the connection is gone.
 ///
 /// # Errors
-/// When an event cannot be told, or a trace cannot be written.
+/// When an event cannot be told.
 pub fn run(
     line: &mut Line,
     clock: Clock,
@@ -83,19 +83,7 @@ pub fn run(
         if line.is_connected() != connected {
             connected = line.is_connected();
             tell(json!({"event": if connected { "connected" } else { "disconnected" }}))?;
-            if !connected {
-                leave_trace(line, "the client went away", &mut tell)?;
-            }
         }
     }
-    leave_trace(line, "the run ended", &mut tell)?;
     Ok(counts)
-}
-
-/// Writes the trace of a session that ended, and says where.
-fn leave_trace(line: &Line, why: &str, tell: &mut impl FnMut(Value) -> Result<()>) -> Result<()> {
-    match line.trace().session_ended(why)? {
-        Some(path) => tell(json!({"event": "trace", "path": path})),
-        None => Ok(()),
-    }
 }

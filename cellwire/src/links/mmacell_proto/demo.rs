@@ -18,6 +18,7 @@ use crate::demo::DemoOptions;
 use crate::report::{Jobs, Report, Samples};
 use crate::settings::Settings;
 use crate::tcp::{self, FaultyProxy};
+use crate::trace::{Trace, Way};
 
 /// Parts of a run that is not told how long it is.
 const PARTS: u64 = 100;
@@ -87,7 +88,8 @@ impl Run {
             let listener = tcp::listen("127.0.0.1:0")?;
             let mut address = listener.local_addr()?;
             let cell = Arc::clone(&cell);
-            thread::spawn(move || serve(&listener, which, &cell, clock));
+            let trace = options.trace.start(&format!("mma-{}", format!("{which:?}").to_lowercase()));
+            thread::spawn(move || serve(&listener, which, &cell, clock, &trace));
             if options.faults {
                 let proxy = FaultyProxy::start(address, options.seed + which as u64, BREAKS)?;
                 address = proxy.address();
@@ -231,18 +233,21 @@ impl Drop for Connection {
 }
 
 /// A device behind its port, one controller at a time, for as long as the process runs.
-fn serve(listener: &TcpListener, which: Which, cell: &Mutex<Cell>, clock: Clock) {
+fn serve(listener: &TcpListener, which: Which, cell: &Mutex<Cell>, clock: Clock, trace: &Trace) {
     for mut stream in listener.incoming().flatten() {
         let _ = stream.set_nodelay(true);
         lock(cell).connect(which);
         let mut buffer = [0; 256];
         while let Ok(len @ 1..) = stream.read(&mut buffer) {
             let bytes = buffer.get(..len).unwrap_or_default();
+            trace.add(clock.now().wall, Way::Received, bytes);
             let (reply, closes) = lock(cell).hear(which, clock.now().cell, bytes);
+            trace.add(clock.now().wall, Way::Sent, &reply);
             if stream.write_all(&reply).is_err() || closes {
                 break;
             }
         }
+        trace.end_session("the connection ended");
     }
 }
 

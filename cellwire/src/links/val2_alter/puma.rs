@@ -140,7 +140,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// Runs the robot's program until told to stop, or until the connection is gone.
 ///
 /// # Errors
-/// When an event cannot be told, or a trace cannot be written.
+/// When an event cannot be told.
 pub fn run(
     line: &mut Line,
     clock: Clock,
@@ -170,22 +170,12 @@ pub fn run(
         puma.collect(now);
         for event in puma.events.drain(..) {
             tell(now, event)?;
-            if let PumaEvent::Ended(error, _) = event
-                && let Some(path) =
-                    line.trace().session_ended(&format!("ALTER ended, {}", error_text(error)))?
-            {
-                tell_trace(&path);
+            if let PumaEvent::Ended(error, _) = event {
+                line.end_session(&format!("ALTER ended, {}", error_text(error)));
             }
         }
     }
-    if let Some(path) = line.trace().session_ended("the run ended")? {
-        tell_trace(&path);
-    }
     Ok(puma.record)
-}
-
-fn tell_trace(path: &std::path::Path) {
-    eprintln!("trace: {}", path.display());
 }
 
 /// The controller, its operator, its program and its gripper.

@@ -54,7 +54,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// Draws until told to stop, or until the connection is gone.
 ///
 /// # Errors
-/// When a picture cannot be told, or a trace cannot be written.
+/// When a picture cannot be told.
 pub fn run(
     line: &mut Line,
     clock: Clock,
@@ -103,7 +103,6 @@ pub fn run(
             drawn.asked += 1;
         }
     }
-    line.trace().session_ended("the run ended")?;
     Ok(drawn)
 }
 

@@ -124,6 +124,7 @@ fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
     let config = CellConfig {
         time: Duration::from_millis(4500),
         baud: 38_400,
+        ball_baud: 9600,
         mode: Mode::CUMULATIVE_23,
         faults: true,
         seed: 5,

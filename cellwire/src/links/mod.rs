@@ -22,9 +22,9 @@ use crate::simulate::SimulateOptions;
 pub enum Link {
     /// A Kawasaki robot and a PC; settings: charset, of the demo port, queue, speed
     KawasakiMsg,
-    /// VAL II ALTER on a Unimation MARK III
+    /// VAL II ALTER on a Unimation MARK III; settings: the fields of its Framing, of the demo baud, mode
     Val2Alter,
-    /// The ISRA Robot Command Teach Ball
+    /// The ISRA Robot Command Teach Ball; settings: of the demo baud
     IsraBall,
     /// FANUC's HMI Device Communication, Modbus; settings: framing, view, word_order
     FanucHmiModbus,

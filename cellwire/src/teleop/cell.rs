@@ -11,6 +11,7 @@ use val2_alter::timing::{self, Budget};
 use val2_alter::{AXES, Exception, HostConfig, HostState, Mode, Select};
 
 use super::{LIMITS, Mapping, Order, PortConfig, Teleop, TeleopConfig, Told, Traces};
+use crate::demo::DemoOptions;
 use crate::line::{Clock, Line, LineFaults};
 use crate::links::isra_ball::ball::{self, BallCounts};
 use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
@@ -19,6 +20,8 @@ use crate::report::Samples;
 use crate::serial;
 use crate::trace::TraceArgs;
 
+/// The hand's whole round, and a little more.
+const OWN_RUN: Duration = Duration::from_millis(6500);
 /// With faults: how often each kind of damage is done, for each byte.
 const FAULT_RATE: f64 = 0.0001;
 /// With faults: the host has too much to do for `STALL`, once in this time.
@@ -34,6 +37,8 @@ pub struct CellConfig {
     pub time: Duration,
     /// The robot's line.
     pub baud: u32,
+    /// The ball's line.
+    pub ball_baud: u32,
     /// The mode of its ALTER instruction.
     pub mode: Mode,
     /// Whether lines damage bytes, and the host stalls.
@@ -42,6 +47,21 @@ pub struct CellConfig {
     pub seed: u64,
     /// What becomes of the last bytes of a session.
     pub trace: TraceArgs,
+}
+
+impl CellConfig {
+    /// The source's lines and its cumulative mode.
+    pub fn of(options: &DemoOptions) -> Self {
+        Self {
+            time: options.seconds.unwrap_or(OWN_RUN),
+            baud: timing::BAUD,
+            ball_baud: isra_ball::timing::BAUD,
+            mode: Mode::CUMULATIVE_23,
+            faults: options.faults,
+            seed: options.seed,
+            trace: options.trace.clone(),
+        }
+    }
 }
 
 /// What came of it, as the simulated devices and the host saw it.
@@ -129,7 +149,7 @@ pub struct Cycle {
 /// When there are no pseudo-terminals.
 pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     let clock = Clock::start();
-    let polls = isra_ball::Config::default();
+    let polls = isra_ball::Config { baud: config.ball_baud, ..isra_ball::Config::default() };
     let mut robot = Wire::new("robot", clock, config.baud, 1, config)?;
     let mut ball = Wire::new("ball", clock, polls.baud, 2, config)?;
     let mut viewer = Wire::new("viewer", clock, workstation::BAUD, 3, config)?;

@@ -15,8 +15,6 @@ use crate::teleop::LIMITS;
 use crate::teleop::cell::{self, CellConfig, CellRecord};
 use crate::teleop::verdict::{Extremes, speeds};
 
-/// The hand's whole round, and a little more.
-const OWN_RUN: Duration = Duration::from_millis(6500);
 /// What happens so shortly before the end of a run may stay unanswered.
 const SETTLING: Duration = Duration::from_secs(1);
 
@@ -25,28 +23,17 @@ const SETTLING: Duration = Duration::from_secs(1);
 /// # Errors
 /// When there are no pseudo-terminals, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let config = cell_config("val2-alter", options)?;
+    let settings = Settings::new("val2-alter", &options.settings, &["baud", "mode"])?;
+    let config = CellConfig {
+        baud: settings.baud(timing::BAUD)?,
+        mode: Mode(settings.number_in("mode", Mode::CUMULATIVE_23.0, puma::MODES)?),
+        ..CellConfig::of(options)
+    };
     let record = cell::run(&config, &options.progress)?;
     if let Some(path) = &options.out {
         plot::draw(path, &speeds(&record.host.cycles, config.mode.accumulation()), &LIMITS)?;
     }
     Ok(report(&config, &record))
-}
-
-/// The cell as the command line wants it.
-///
-/// # Errors
-/// When a setting is none of the cell's.
-pub fn cell_config(link: &str, options: &DemoOptions) -> Result<CellConfig> {
-    let settings = Settings::new(link, &options.settings, &["baud", "mode"])?;
-    Ok(CellConfig {
-        time: options.seconds.unwrap_or(OWN_RUN),
-        baud: settings.baud(timing::BAUD)?,
-        mode: Mode(settings.number_in("mode", Mode::CUMULATIVE_23.0, puma::MODES)?),
-        faults: options.faults,
-        seed: options.seed,
-        trace: options.trace.clone(),
-    })
 }
 
 fn report(config: &CellConfig, record: &CellRecord) -> Report {
@@ -200,6 +187,7 @@ mod tests {
         let config = CellConfig {
             time: 10_000 * MS,
             baud: timing::BAUD,
+            ball_baud: 9600,
             mode: Mode::CUMULATIVE_23,
             faults: false,
             seed: 1,

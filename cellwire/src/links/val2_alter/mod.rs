@@ -7,4 +7,4 @@ pub mod puma;
 pub mod workstation;
 
 pub use codec::codec;
-pub use demo::{cell_config, demo};
+pub use demo::demo;

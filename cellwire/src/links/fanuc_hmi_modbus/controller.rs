@@ -54,15 +54,10 @@ impl Controller {
             coils: vec![false; used(Table::Coils)],
             input_registers: numbers(Table::InputRegisters).collect(),
             holding_registers: numbers(Table::HoldingRegisters)
-                .map(
-                    |n| {
-                        if let Some(Signal::R(n)) = Signal::at(Table::HoldingRegisters, n - 1) {
-                            n
-                        } else {
-                            0
-                        }
-                    },
-                )
+                .map(|n| match Signal::at(Table::HoldingRegisters, n - 1) {
+                    Some(Signal::R(n)) => n,
+                    _ => 0,
+                })
                 .collect(),
             order,
         }

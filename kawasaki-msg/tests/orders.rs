@@ -11,8 +11,8 @@ mod common;
 
 use core::time::Duration;
 
-use common::{MS, Rig, expected, picture, sent};
-use kawasaki_msg::{PcConfig, PcEvent, Phase, RobotConfig, RobotEvent, SessionError, Takeover};
+use common::{MS, Rig, Source, expected, picture, sent};
+use kawasaki_msg::{Pc, PcConfig, PcEvent, Phase, RobotConfig, RobotEvent, SessionError, Takeover};
 use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
@@ -35,6 +35,32 @@ fn start_and_end_are_acknowledged() {
     assert_eq!(sent(&rig.from_robot, "LoppuKuittaus"), ["<LoppuKuittaus$6#50$0$3#>"]);
     assert_eq!((rig.pc.phase(), rig.robot.phase()), (Phase::Idle, Phase::Idle));
     assert_eq!((rig.pc.order(), rig.robot.order()), (None, None));
+}
+
+/// The robot may have answered a piece of what was sent, and ask again. A second start that it hears when it has been reset would
+/// begin the order again.
+#[test]
+fn over_a_stream_a_start_is_sent_once() {
+    for config in [PcConfig::TCP, PcConfig::UDP] {
+        let mut pc = Pc::new(config).unwrap();
+        let (mut now, mut out) = (Duration::ZERO, [0; 4096]);
+        pc.start(50, picture(50, 3)).unwrap();
+        let mut starts = |pc: &mut Pc<Source>, seconds: u32, robot: &[u8]| {
+            now += seconds * Duration::from_secs(1);
+            pc.handle_input(now, robot);
+            let length = pc.poll_transmit(now + MS * 2, &mut out).unwrap();
+            sent(&[out[..length].to_vec()], "TilausAlkaa").len()
+        };
+        pc.handle_connected(Duration::ZERO);
+        let repeats = usize::from(config.datagrams);
+        assert_eq!([1, 1, 9, 1].map(|s| starts(&mut pc, s, b"<Huuhaa$0##>")), [1, repeats, 1, repeats]);
+        // Refused, and not by another order: again.
+        assert_eq!(starts(&mut pc, 1, b"<TilausKuittaus$1#0#>"), 1);
+        assert_eq!(starts(&mut pc, 1, b"<Huuhaa$0##>"), repeats);
+        pc.handle_closed(Duration::ZERO);
+        pc.handle_connected(Duration::ZERO);
+        assert_eq!([1, 1].map(|s| starts(&mut pc, s, b"<Huuhaa$0##>")), [1, repeats]);
+    }
 }
 
 #[test]

@@ -155,6 +155,7 @@ impl<S> Core<S> {
         let order = self.order.number;
         let never = active != 0 && self.config.takeover == Takeover::Never;
         self.refusals = self.refusals.saturating_add(u16::from(active == 0));
+        self.start_sent = None;
         let given_up = never || self.refusals > self.config.start_retries;
         if given_up {
             self.close(OrderEvent::Refused);

@@ -57,6 +57,8 @@ struct Core<S> {
     /// The order that has to end before ours can begin.
     foreign: Option<u16>,
     refusals: u16,
+    /// When the start that is not acknowledged yet went out.
+    start_sent: Option<Duration>,
     owed: Owed,
     /// Since when the robot, over datagrams, seems not to be in our order: it may be an old one that was overtaken.
     doubt: Option<Duration>,
@@ -127,6 +129,7 @@ impl<S: JobSource> Pc<S> {
             before: 0,
             foreign: None,
             refusals: 0,
+            start_sent: None,
             owed: Owed::default(),
             doubt: None,
             heard_at: Duration::ZERO,
@@ -144,6 +147,7 @@ impl<S: JobSource> Pc<S> {
         if let Some(link) = core.link.on(LinkEvent::Opened) {
             core.link = link;
             (core.heard_at, core.owed, core.disconnect, core.peer) = (now, Owed::default(), false, None);
+            core.start_sent = None;
             self.decoder.clear();
         }
     }
@@ -198,7 +202,7 @@ impl<S: JobSource> Pc<S> {
         if core.link != Link::Connected || !due || now < core.heard_at + core.config.reply_delay {
             return None;
         }
-        core.answer(out)
+        core.answer(now, out)
     }
 
     /// What has happened.
@@ -236,7 +240,7 @@ impl<S: JobSource> Pc<S> {
         }
         core.go(OrderEvent::Start);
         core.order = Order { number: order, source: Some(source), ..Order::NONE };
-        (core.foreign, core.refusals) = (None, 0);
+        (core.foreign, core.refusals, core.start_sent) = (None, 0, None);
         Ok(())
     }
 

@@ -1,5 +1,7 @@
 //! The answer to everything that has come.
 
+use core::time::Duration;
+
 use super::{Core, JobSource, Owed, Supply, Takeover};
 use crate::dialect::{Field, Params, Role};
 use crate::job::Job;
@@ -7,7 +9,7 @@ use crate::packet::{Packet, Room};
 use crate::state::{OrderEvent, Phase};
 
 impl<S: JobSource> Core<S> {
-    pub(super) fn answer(&mut self, out: &mut [u8]) -> Option<usize> {
+    pub(super) fn answer(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
         let mut packet = Packet::new(out, self.config.limits, self.config.dialect.charset());
         self.finish_when_done();
         // Cleared before the answer is made: what comes later is a new reason to answer.
@@ -20,7 +22,7 @@ impl<S: JobSource> Core<S> {
                 .with(Field::Executed, self.numbering.number(self.order.executed));
             self.send(&mut packet, Role::Status, &params);
         }
-        self.command_robot(&mut packet);
+        self.command_robot(now, &mut packet);
         for i in 0..self.commands.len() {
             let Some(Some((id, value))) = self.commands.get(i).copied() else { continue };
             let mut params = Params::default().with(Field::Order, self.order.number);
@@ -57,11 +59,20 @@ impl<S: JobSource> Core<S> {
     }
 
     /// What the phase asks of the robot, in every answer until it has acknowledged it: told twice, it does no harm.
-    fn command_robot(&self, packet: &mut Packet<'_>) {
+    ///
+    /// But for a start: one that is still under way when the robot has accepted the first and been reset begins the order again.
+    /// A stream loses none, and robots that forget what they have read are told again as late as silent ones are given up.
+    fn command_robot(&mut self, now: Duration, packet: &mut Packet<'_>) {
         let order = Params::default().with(Field::Order, self.order.number);
         match (self.phase, self.foreign) {
             (Phase::Starting, None) => {
-                self.send(packet, Role::OrderStart, &order.with(Field::Number, 1));
+                let patience = self.config.silence;
+                let told = self.start_sent.is_some_and(|at| patience.is_zero() || now < at + patience);
+                if (self.config.datagrams || !told)
+                    && self.send(packet, Role::OrderStart, &order.with(Field::Number, 1))
+                {
+                    self.start_sent = Some(now);
+                }
             }
             (Phase::Starting, Some(foreign)) => {
                 let end = self.config.takeover == Takeover::End;

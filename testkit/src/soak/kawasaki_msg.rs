@@ -164,7 +164,13 @@ impl Cell {
         let pc = PcConfig { cumulative_acks: !overtakes, max_number, takeover, ..pc };
         let bad = rng.unit();
         let faults = match datagrams {
-            false => Faults { disconnect: 0.08 * bad, pause: 120 * MS, ..Faults::TCP },
+            // Some answers come when the robot has begun another cycle.
+            false => Faults {
+                disconnect: 0.08 * bad,
+                pause: 120 * MS,
+                max_delay: [300 * MS, 4000 * MS][rng.below(2)],
+                ..Faults::TCP
+            },
             true => Faults {
                 lose: 0.15 * bad,
                 repeat: 0.15 * bad,

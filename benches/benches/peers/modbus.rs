@@ -5,6 +5,13 @@ mod work;
 
 use crate::race::race;
 
+/// What is the same in these races, and what is not.
+const NOT_THE_SAME: &str = "\
+The same work: bytes in and out of memory, every length checked, the registers in an array.
+tokio-modbus has no codec to call: it is measured through its client, which polls a future. modbus-core serves
+no registers by itself: those lines stand in the bench.
+";
+
 pub(crate) fn races() {
     race(
         "decode a reply of 38 registers, copy them",
@@ -38,9 +45,5 @@ pub(crate) fn races() {
             ("tokio-modbus 0.17, over a transport in memory", work::exchange_tokio_modbus),
         ],
     );
-    println!("The same work: bytes in and out of memory, every length checked, the registers in an array.");
-    println!(
-        "tokio-modbus has no codec to call: it is measured through its client, which polls a future. modbus-core serves"
-    );
-    println!("no registers by itself: those lines stand in the bench.\n");
+    println!("{NOT_THE_SAME}");
 }

@@ -59,17 +59,19 @@ fn batch<T>(take: impl FnOnce(laser_eb90::Frame<'_>) -> T) -> T {
     take(payload.frame().expect("seven instructions"))
 }
 
+/// What is the same in these races, and what is not.
+const NOT_THE_SAME: &str = "\
+Each has the same data and its sum in its own framing, and checks the sum. Not the same: DLE STX and DLE ETX
+around the data for dle-encoder, one byte between frames for SLIP and COBS; COBS escapes nothing, it says where
+the next zero stands. slipspeed returns a new Vec, laser-eb90 leaves a batch without a 90h where it stands, the
+others copy.
+";
+
 pub(crate) fn races() {
     read_and_write::<Plain>("30 bytes", read_alter::<Plain>, write_alter::<Plain>);
     read_and_write::<Escaped>("30 bytes, each escaped", read_alter::<Escaped>, write_alter::<Escaped>);
     read_and_write::<Batch>("a batch of seven moves", read_laser, write_laser);
-    println!(
-        "Each has the same data and its sum in its own framing, and checks the sum. Not the same: DLE STX and DLE ETX around the"
-    );
-    println!(
-        "data for dle-encoder, one byte between frames for SLIP and COBS; COBS escapes nothing, it says where the next zero"
-    );
-    println!("stands. slipspeed returns a new Vec, the others write where they are told.\n");
+    println!("{NOT_THE_SAME}");
 }
 
 fn read_and_write<D: Data>(what: &str, read_ours: fn(u64), write_ours: fn(u64)) {

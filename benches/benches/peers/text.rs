@@ -18,6 +18,13 @@ use nom::{IResult, Parser};
 
 use crate::race::race;
 
+/// What is the same in these races, and what is not.
+const NOT_THE_SAME: &str = "\
+Every contender checks the frame and gives numbers. Not the same: kawasaki-msg finds the message in its table of names
+and checks each number's range, mmacell-proto gives exact numbers of its own scale and refuses any other width, sign or
+order; both say where damage stands. nmea0183-parser checks a sum, which the two links do not have.
+";
+
 pub(crate) fn races() {
     race(
         "read a job: a name and seven numbers, 36 bytes",
@@ -37,15 +44,7 @@ pub(crate) fn races() {
             ("nmea0183-parser 0.3, a sentence with the same fields", status_nmea),
         ],
     );
-    println!(
-        "Every contender checks the frame and gives numbers. Not the same: kawasaki-msg finds the message in its table of names"
-    );
-    println!(
-        "and checks each number's range, mmacell-proto gives exact numbers of its own scale and refuses any other width, sign or"
-    );
-    println!(
-        "order; both say where damage stands. nmea0183-parser checks a sum, which the two links do not have.\n"
-    );
+    println!("{NOT_THE_SAME}");
 }
 
 const JOB: &[u8] = b"<Tyo$26#50$1$1$-3000$550$-2993$537#>";

@@ -68,14 +68,18 @@ others copy.
 ";
 
 pub(crate) fn races() {
-    read_and_write::<Plain>("30 bytes", read_alter::<Plain>, write_alter::<Plain>);
-    read_and_write::<Escaped>("30 bytes, each escaped", read_alter::<Escaped>, write_alter::<Escaped>);
-    read_and_write::<Batch>("a batch of seven moves", read_laser, write_laser);
+    read_and_write::<Plain>("30 bytes", "val2-alter", read_alter::<Plain>, write_alter::<Plain>);
+    read_and_write::<Escaped>(
+        "30 bytes, each escaped",
+        "val2-alter",
+        read_alter::<Escaped>,
+        write_alter::<Escaped>,
+    );
+    read_and_write::<Batch>("a batch of seven moves", "laser-eb90", read_laser, write_laser);
     println!("{NOT_THE_SAME}");
 }
 
-fn read_and_write<D: Data>(what: &str, read_ours: fn(u64), write_ours: fn(u64)) {
-    let ours = if what.starts_with("30") { "val2-alter" } else { "laser-eb90" };
+fn read_and_write<D: Data>(what: &str, ours: &'static str, read_ours: fn(u64), write_ours: fn(u64)) {
     race(
         &format!("read {what}"),
         [

@@ -8,7 +8,7 @@ use val2_alter::{
     MotionPhase, RobotMessage, Select, Unselected,
 };
 
-use super::{Check, Ledger, Log, Mark, Row, Tally, Told, Wire};
+use super::{Check, Ledger, Log, Mark, Row, Tally, Told, Unseen, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 
@@ -44,6 +44,8 @@ struct Cell {
     again_at: Option<Duration>,
     /// Before the message that the host answers next: what it says may be wrong too.
     cause: Mark,
+    /// Whether the controller keeps the words that a reply leaves out: then one that is wrong stays so, up to the next start.
+    keeps: bool,
     /// The reply, and the exception, whose fate is not known yet.
     reply: Option<usize>,
     exception: Option<(usize, Exception)>,
@@ -90,6 +92,7 @@ fn session(seed: u64, log: Log) -> Tally {
         interrupted: false,
         again_at: Some(Duration::ZERO),
         cause: Mark::default(),
+        keeps: host.select == Select::Needed && host.unselected != Unselected::Zero,
         reply: None,
         exception: None,
     };
@@ -166,7 +169,9 @@ impl Cell {
                 self.log.say(self.now, format_args!("job {job}: {:?}", values(job)));
                 self.reply = Some(job);
             }
-            self.cause = self.wire.mark();
+            if !self.keeps {
+                self.cause = self.wire.mark();
+            }
             self.wire.send(End::B, self.now, &out[..len]);
         }
         self.hear();
@@ -221,6 +226,7 @@ impl Cell {
                 }
                 HostEvent::Rejected(_) => Some(Told::NotDone),
                 HostEvent::Start(_) | HostEvent::End(_) | HostEvent::Lost => {
+                    self.cause = mark;
                     if let Some((job, _)) = self.exception.take() {
                         self.ledger.tell(job, Told::Unknown, mark);
                     }
@@ -250,7 +256,8 @@ impl Cell {
             if reads { Check::Good(len) } else { Check::Nothing }
         });
         for alien in self.aliens {
-            if !unseen.iter().any(|unseen| unseen.from == End::B && says(&unseen.bytes, alien)) {
+            let made = |unseen: &Unseen| unseen.from == End::B && (self.keeps || says(&unseen.bytes, alien));
+            if !unseen.iter().any(made) {
                 self.log.say(self.now, format_args!("!!! nobody sent {alien:?}"));
                 tally.invented += 1;
             }

@@ -177,8 +177,9 @@ impl Line {
         loop {
             let now = self.clock.now();
             self.carry();
-            let has_client = self.is_connected();
-            if core::mem::replace(&mut self.had_client, has_client) && !has_client {
+            if self.is_connected() {
+                self.had_client = true;
+            } else if self.receiving.bytes.is_empty() && core::mem::take(&mut self.had_client) {
                 self.end_session("the client went away");
             }
             if deadline <= now || self.receiving.next().is_some_and(|at| at <= now) {
@@ -188,6 +189,8 @@ impl Line {
             let next = next.into_iter().flatten().fold(deadline, Ord::min);
             match self.incoming.recv_timeout(next.saturating_sub(now)) {
                 Ok((at, bytes)) => {
+                    // It may have gone again already.
+                    self.had_client = true;
                     for byte in bytes {
                         self.faults.pass(byte, |byte| self.receiving.put(at, self.byte_time, byte));
                     }

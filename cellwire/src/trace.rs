@@ -23,7 +23,7 @@ pub struct TraceArgs {
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1000", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     trace: Option<u32>,
     /// The folder of the trace files
-    #[arg(long, value_name = "DIR", default_value = ".")]
+    #[arg(long, value_name = "DIR", default_value = ".", value_parser = folder)]
     trace_dir: PathBuf,
 }
 
@@ -45,6 +45,11 @@ impl TraceArgs {
     pub fn off() -> Self {
         Self { trace: None, trace_dir: PathBuf::from(".") }
     }
+}
+
+fn folder(path: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(path);
+    if path.is_dir() { Ok(path) } else { Err("there is no such folder".into()) }
 }
 
 /// Which way a byte went, seen from the end that keeps the trace.

@@ -7,9 +7,9 @@ use bytes::BytesMut;
 use tokio_util::codec::Decoder as _;
 use val2_alter::viewer::{PosePacket, ViewerError};
 use val2_alter::{
-    Codec, Controller, ControllerConfig, DecodeError, End, ErrorCode, Exception, Frame, Framing, Host,
-    HostConfig, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode, Motion, Pose, Received, Reply,
-    RobotMessage, Start, Transform, timing,
+    Codec, Controller, ControllerConfig, DecodeError, EncodeError, End, ErrorCode, Exception, Frame, Framing,
+    Host, HostConfig, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode, Motion, Pose, Received,
+    Reply, RobotMessage, Start, Transform, timing,
 };
 
 #[test]
@@ -95,6 +95,27 @@ fn bytes_that_begin_with_no_mark_are_told_by_the_frame_itself() {
     assert_eq!(Frame::decode(&bytes, Framing::DEFAULT), Err(DecodeError::StartMark { offset: 0, length: 6 }));
     let (frame, used) = Frame::decode(&bytes, one).unwrap().unwrap();
     assert_eq!((frame, used), (Frame::new(&[0xE0]).unwrap(), 6));
+}
+
+#[test]
+fn the_longest_frame_has_every_byte_doubled() {
+    let all = Framing { stuffed_checksum: true, ..Framing::DEFAULT };
+    // 30 times 10h are E0h: the checksum is doubled only when it is a DLE itself.
+    let longest = Frame::new(&[0x10; 30]).unwrap();
+    assert_eq!((Frame::MAX_DATA, Frame::MAX_LEN, longest.encoded_len(all)), (30, 67, 66));
+    let eleven = Frame::new(&[0x10; 17]).unwrap();
+    assert_eq!((eleven.checksum(all), eleven.encoded_len(all)), (0x10, 3 + 34 + 2 + 2));
+    let mut out = [0; 41];
+    assert_eq!(eleven.encode(all, &mut out), Ok(41));
+    assert_eq!(out[36..], [0x10, 0x10, 0x03, 0x10, 0x10][..]);
+    assert_eq!(Frame::decode(&out, all), Ok(Some((eleven, 41))));
+    assert_eq!(Frame::decode(&out[..40], all), Ok(None), "the second half of the checksum");
+    out[40] = 0x11;
+    assert_eq!(Frame::decode(&out, all), Err(DecodeError::EndMark { offset: 40, found: 0x11 }));
+    assert_eq!(Frame::new(&[0; 31]), Err(EncodeError::TooLong { found: 31, limit: 30 }));
+    let short = EncodeError::BufferTooSmall { needed: 41, available: 40 };
+    assert_eq!(eleven.encode(all, &mut [0; 40]), Err(short));
+    assert_eq!(Host::MAX_TRANSMIT, 34);
 }
 
 #[test]

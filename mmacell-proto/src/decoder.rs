@@ -71,7 +71,7 @@ impl Decoder {
 
     fn without_end(&mut self) -> Option<DecodeError> {
         let waiting = self.end - self.start;
-        if waiting == Line::MAX_LEN || self.dropped > 0 {
+        if waiting == Line::MAX_LEN {
             // The end of the line may be cut in two: keep its first half.
             let kept = self.buffer.get(self.start..self.end).is_some_and(|bytes| bytes.ends_with(b"\r"));
             self.start = self.end - usize::from(kept);

@@ -33,9 +33,11 @@ fn a_reset_passes_over_a_job_that_was_executed_out_of_turn() {
         writer.claim().unwrap().push(job);
     }
     assert_eq!(reader.take_where(|number, _| number == 2).unwrap().complete(), 2);
+    assert!(format!("{reader:?}").contains("ahead: 1"), "{reader:?}");
     writer.reset();
     assert!(reader.take().is_none());
     assert_eq!((writer.free(), writer.is_settled(), reader.is_empty()), (4, true, true));
+    assert!(format!("{reader:?}").contains("ahead: 0"), "it goes on lap by lap: {reader:?}");
     for job in 5..=8 {
         writer.claim().unwrap().push(job);
     }

@@ -133,10 +133,13 @@ impl Trace {
 
     /// What is kept as lines of text, the oldest first.
     pub fn lines(&self) -> Vec<String> {
-        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let (sent, received) = {
+            let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+            (kept.sent.clone(), kept.received.clone())
+        };
         let mut text = Vec::new();
         // Writing to memory cannot fail.
-        let _ = write_lines(&mut text, &kept.sent, &kept.received);
+        let _ = write_lines(&mut text, &sent, &received);
         String::from_utf8_lossy(&text).lines().map(str::to_owned).collect()
     }
 }

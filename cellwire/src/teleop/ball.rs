@@ -41,6 +41,7 @@ impl Ball {
             self.poll();
             self.read();
             self.collect();
+            self.port.trace(&self.context);
         }
         self.context.end_trace("the host ends");
     }

@@ -1,14 +1,17 @@
 //! The host computer of the teleoperation cell: a control ball steers a robot over ALTER, and a workstation draws it.
 //!
 //! ```text
-//!             ┌───────────── host ──────────────┐
-//!  ball ◀────▶│ ball thread ──orders──▶ robot thread │◀────▶ robot        each thread blocks on its own port;
-//!             │                 └──poses──▶ viewer thread │◀────▶ viewer   what they tell goes one way, to the caller
-//!             └───────┴─────── told ──┴────▶ screen, demo, records
+//!             ┌────────────────── host ──────────────────┐
+//!  ball ◀────▶│ ball thread ──orders──▶ robot thread     │◀────▶ robot
+//!             │                           │ poses        │
+//!             │                           ▼              │        each thread blocks on its own port;
+//!             │                         viewer thread    │◀────▶ viewer
+//!             └────────────────────┬─────────────────────┘
+//!                                  └─told─▶ screen, demo, records: one way
 //! ```
 //!
-//! The robot thread alone answers the controller. It takes no lock and waits for nobody: orders come to it through a channel that
-//! it empties before each reply, and what it has to tell leaves through another after the reply.
+//! The robot thread alone answers the controller. Before a reply it takes no lock and waits for nobody: orders come to it through
+//! a channel that it empties then, and what it has to tell and to trace leaves after the reply.
 
 mod ball;
 pub mod cell;

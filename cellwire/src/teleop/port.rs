@@ -20,6 +20,8 @@ pub(super) struct Port {
     name: &'static str,
     config: PortConfig,
     open: Option<Box<dyn SerialPort>>,
+    /// What goes to the trace when there is time for its lock.
+    untraced: Vec<(Duration, Way, Vec<u8>)>,
 }
 
 impl Port {
@@ -27,7 +29,7 @@ impl Port {
     pub(super) fn open(name: &'static str, config: &PortConfig, context: &Context) -> Result<Self> {
         let port = serial::open(&config.path, config.baud)?;
         context.tell(Told::PortOpen(name, config.path.clone()));
-        Ok(Self { name, config: config.clone(), open: Some(port) })
+        Ok(Self { name, config: config.clone(), open: Some(port), untraced: Vec::new() })
     }
 
     /// Waits for bytes; empty when none came in that time. A port that is gone is opened again meanwhile.
@@ -54,7 +56,9 @@ impl Port {
                 &[]
             }
         };
-        context.trace.add(now, Way::Received, bytes);
+        if !bytes.is_empty() {
+            self.untraced.push((now, Way::Received, bytes.to_vec()));
+        }
         (now, bytes)
     }
 
@@ -71,8 +75,15 @@ impl Port {
             return None;
         }
         let now = context.clock.now();
-        context.trace.add(now, Way::Sent, bytes);
+        self.untraced.push((now, Way::Sent, bytes.to_vec()));
         Some(now)
+    }
+
+    /// Passes on to the trace what was read and written. The screen may hold its lock: not before a reply.
+    pub(super) fn trace(&mut self, context: &Context) {
+        for (at, way, bytes) in self.untraced.drain(..) {
+            context.trace.add(at, way, &bytes);
+        }
     }
 
     /// Listens at another baud rate for so long, after sending `ask`; what was heard. `None` when the port is gone or does not

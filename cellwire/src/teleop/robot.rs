@@ -71,6 +71,7 @@ impl Robot {
             self.host.handle_timeout(now);
             self.collect();
             self.reply();
+            self.port.trace(&self.context);
             self.tell_later();
         }
         self.context.end_trace("the host ends");

@@ -47,6 +47,7 @@ impl Feed {
                 }
             }
             self.answer();
+            self.port.trace(&self.context);
         }
         self.context.end_trace("the host ends");
     }

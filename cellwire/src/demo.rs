@@ -1,5 +1,6 @@
 //! `cellwire demo`: each link end to end, over real sockets and pseudo-terminals.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -80,7 +81,7 @@ pub fn run(args: &Args) -> Result<bool> {
         // Said now, and not when the run is over and what it made is lost.
         anyhow::ensure!(folder.is_dir(), "cannot write --out: there is no folder {}", folder.display());
     }
-    let mut all = true;
+    let (mut all, mut out) = (true, std::io::stdout());
     for link in links {
         let progress = progress_line(link.name(), args.json);
         let options = DemoOptions {
@@ -97,9 +98,9 @@ pub fn run(args: &Args) -> Result<bool> {
         progress.finish_and_clear();
         all &= report.is_good();
         if args.json {
-            println!("{}", report.to_json());
+            writeln!(out, "{}", report.to_json())?;
         } else {
-            println!("{report}");
+            writeln!(out, "{report}")?;
         }
     }
     Ok(all)

@@ -1,5 +1,6 @@
 //! `cellwire vectors check`: the reference vectors through the codecs that the tool uses.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -67,14 +68,14 @@ fn check_file(path: &Path) -> Result<bool> {
     let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
     let link = Link::from_str(name, false).map_err(|_| anyhow::anyhow!("no link is called {name}"))?;
     let file: File = serde_json::from_str(&std::fs::read_to_string(path)?)?;
-    let mut disagree = 0;
+    let (mut disagree, mut out) = (0, std::io::stdout());
     for vector in &file.vectors {
         if let Err(error) = check(link, vector) {
             disagree += 1;
-            println!("{name} {}: {error:#} ({})", vector.id, vector.comment);
+            writeln!(out, "{name} {}: {error:#} ({})", vector.id, vector.comment)?;
         }
     }
-    println!("{name}: {} vectors, {disagree} disagree", file.vectors.len());
+    writeln!(out, "{name}: {} vectors, {disagree} disagree", file.vectors.len())?;
     Ok(disagree == 0)
 }
 

@@ -17,7 +17,10 @@ fn both_ends_know_the_sizes_and_print_without_their_jobs() {
     assert!(!reader.is_empty());
     assert_eq!(format!("{:?}", reader.iter()), "Iter { .. }");
     assert!(format!("{writer:?}").starts_with("Writer { end: "), "{writer:?}");
-    assert!(format!("{writer:?}").contains("max: 9"), "{writer:?}");
+    assert!(
+        format!("{writer:?}").contains("tail: ") && format!("{writer:?}").contains("max: 9"),
+        "{writer:?}"
+    );
     assert!(format!("{reader:?}").starts_with("Reader { end: "), "{reader:?}");
     let job = reader.take().unwrap();
     assert_eq!(format!("{job:?}"), "Taken { number: 1, job: 700 }");

@@ -69,7 +69,7 @@ impl<'a> Reader<'a> {
     /// An integer: a sign and five digits.
     #[inline(always)]
     pub(crate) fn integer(&mut self) -> Result<i32, DecodeError> {
-        let (value, at) = match self.strict_integer(self.at) {
+        let (value, at) = match self.strict_integer() {
             Some((value, 0)) if i16::try_from(value).is_ok() => (value, self.at + 6),
             _ => self.any_integer()?,
         };
@@ -87,19 +87,18 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The override and an integer behind it, which end a status.
+    /// The override and the number of an error, which end a status. Numbers that the source does not list are looked at a second
+    /// time.
     #[inline(always)]
-    pub(crate) fn percent_and_integer(&mut self) -> Result<(u8, i32), DecodeError> {
-        if let (Some((integer, misfit)), Some((percent, misfit_before))) =
-            (self.strict_integer(self.at + 6), self.strict_integer(self.at))
+    pub(crate) fn percent_and_error(&mut self) -> Result<(u8, i32), DecodeError> {
+        if let Some([(percent, misfit_before), (error, misfit)]) = self.two_strict_integers()
             && misfit | misfit_before == 0
-            && i16::try_from(integer).is_ok()
-            && let 0..=100 = percent
+            && let (0..=100, 0..=3) = (percent, error)
         {
             self.at += 12;
-            return Ok((percent.to_le_bytes()[0], integer));
+            return Ok((percent.to_le_bytes()[0], error));
         }
-        let (values, at) = self.any_percent_and_integer()?;
+        let (values, at) = self.any_percent_and_error()?;
         self.at = at;
         Ok(values)
     }
@@ -108,12 +107,10 @@ impl<'a> Reader<'a> {
     #[inline(always)]
     pub(crate) fn flag(&mut self) -> Result<bool, DecodeError> {
         let offset = self.offset();
-        let &[found] = self.take(Expected::TrueOrFalse)?;
-        let yes = found == b'T';
-        if yes || found == b'F' {
-            Ok(yes)
-        } else {
-            Err(DecodeError::Unexpected { offset, found, expected: Expected::TrueOrFalse })
+        match *self.take(Expected::TrueOrFalse)? {
+            [b'T'] => Ok(true),
+            [b'F'] => Ok(false),
+            [found] => Err(DecodeError::Unexpected { offset, found, expected: Expected::TrueOrFalse }),
         }
     }
 
@@ -147,9 +144,18 @@ impl<'a> Reader<'a> {
     /// An integer that begins here and 0 if its characters fit. Two characters stand before every integer: with them it fills
     /// a word.
     #[inline(always)]
-    fn strict_integer(self, at: usize) -> Option<(i32, u64)> {
-        let word = self.line.get(at.checked_sub(2)?..)?.first_chunk()?;
+    fn strict_integer(self) -> Option<(i32, u64)> {
+        let word = self.line.get(self.at.checked_sub(2)?..)?.first_chunk()?;
         Some(INTEGER.value(u64::from_le_bytes(*word)))
+    }
+
+    /// This integer and the next one.
+    #[inline(always)]
+    fn two_strict_integers(self) -> Option<[(i32, u64); 2]> {
+        let words: &[u8; 14] = self.line.get(self.at.checked_sub(2)?..)?.first_chunk()?;
+        let (first, second) =
+            (u64::from_le_bytes(*words.first_chunk()?), u64::from_le_bytes(*words.last_chunk()?));
+        Some([INTEGER.value(first), INTEGER.value(second)])
     }
 
     /// An integer in any dialect, or the reason why there is none.
@@ -172,7 +178,7 @@ impl<'a> Reader<'a> {
     }
 
     #[cold]
-    fn any_percent_and_integer(mut self) -> Result<((u8, i32), usize), DecodeError> {
+    fn any_percent_and_error(mut self) -> Result<((u8, i32), usize), DecodeError> {
         let values = (self.percent()?, self.integer()?);
         Ok((values, self.at))
     }

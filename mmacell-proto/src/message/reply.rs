@@ -78,13 +78,10 @@ impl<P: Pose> Reply<P> {
             Self::Ok
         } else if head == b"OK" {
             let (moving, pose, servo) = (reader.flag()?, P::read(&mut reader)?, reader.flag()?);
-            let (percent, error) = reader.percent_and_integer()?;
+            let (percent, error) = reader.percent_and_error()?;
             Self::Status(Status { moving, pose, servo, percent, error: error.into() })
         } else if head == b"ER" {
-            match reader.integer()?.into() {
-                ErrorCode::None => return Err(DecodeError::ErrorZero),
-                error => Self::Error { error },
-            }
+            Self::Error { error: read_error(&mut reader)? }
         } else {
             return Err(DecodeError::UnknownReply { found: *head });
         };
@@ -179,5 +176,14 @@ impl core::fmt::Display for ErrorCode {
             Self::Servo2 => f.write_str("error of servo motor 2 (3)"),
             Self::Other(other) => write!(f, "error {other}"),
         }
+    }
+}
+
+/// Out of line, because most replies are `OK`.
+#[cold]
+fn read_error(reader: &mut Reader<'_>) -> Result<ErrorCode, DecodeError> {
+    match reader.integer()?.into() {
+        ErrorCode::None => Err(DecodeError::ErrorZero),
+        error => Ok(error),
     }
 }

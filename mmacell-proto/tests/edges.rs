@@ -4,8 +4,8 @@
 use bytes::BytesMut;
 use mmacell_proto::task::{self, Task};
 use mmacell_proto::{
-    AnyPose, Command, ControllerCodec, DecodeError, DeviceCodec, Dialect, EncodeError, ErrorCode, Expected,
-    Line, NoPose, PlatformPose, Pose, Reply, RobotPose, Status, controller,
+    AnyPose, Command, Controller, ControllerCodec, DecodeError, Decoder, DeviceCodec, Dialect, EncodeError,
+    ErrorCode, Expected, Line, NoPose, PlatformPose, Pose, Reply, RobotPose, Status, controller,
 };
 use tokio_util::codec::{Decoder as _, Encoder as _};
 
@@ -216,4 +216,38 @@ fn of_steps_that_nobody_asks_for_the_newest_eight_are_kept() {
         .collect();
     assert_eq!(told, entered[entered.len() - 8..]);
     assert_eq!(task::Trigger::Failed.label(), "a device failed");
+}
+
+#[test]
+fn the_reply_is_awaited_from_the_last_byte_on() {
+    let mut session = Controller::<RobotPose>::new(controller::Config::DEFAULT);
+    let (now, mut buffer) = (core::time::Duration::from_secs(5), [0; 8]);
+    session.send(Command::Status).unwrap();
+    assert_eq!(session.poll_transmit(now, &mut []), None, "no room, no bytes");
+    assert_eq!((session.poll_transmit(now, &mut buffer[..3]), session.poll_timeout()), (Some(3), None));
+    assert_eq!(session.poll_transmit(now, &mut buffer[3..]), Some(2));
+    assert_eq!(
+        (&buffer[..5], session.poll_timeout()),
+        (&b"STA\r\n"[..], Some(now + controller::Config::DEFAULT.timeout))
+    );
+    assert_eq!(session.poll_transmit(now, &mut buffer), None);
+    let mut session = Controller::<RobotPose>::new(controller::Config::DEFAULT);
+    session.send(Command::Status).unwrap();
+    session.handle_disconnect();
+    assert_eq!(
+        session.poll_transmit(now, &mut buffer),
+        None,
+        "nothing is written to a connection that is gone"
+    );
+}
+
+#[test]
+fn sixteen_ends_in_a_row_are_sixteen_lines() {
+    let mut decoder = Decoder::new(Dialect { lone_lf: true, ..Dialect::STRICT });
+    decoder.push(b"\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\nSTA\r\n");
+    for _ in 0..16 {
+        assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b""))));
+    }
+    assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b"STA"))));
+    assert_eq!(decoder.next_frame(), None);
 }

@@ -77,7 +77,7 @@ impl<M: Message> Decoder<M> {
 
     /// Takes as many of `bytes` as there is room for, and returns how many.
     pub fn push(&mut self, bytes: &[u8]) -> usize {
-        if self.start != 0 && bytes.len() > CAPACITY - self.end {
+        if bytes.len() > CAPACITY - self.end {
             self.buffer.copy_within(self.start..self.end, 0);
             self.end -= self.start;
             self.start = 0;

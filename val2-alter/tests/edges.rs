@@ -7,9 +7,9 @@ use bytes::BytesMut;
 use tokio_util::codec::Decoder as _;
 use val2_alter::viewer::{PosePacket, ViewerError};
 use val2_alter::{
-    Codec, Controller, ControllerConfig, DecodeError, EncodeError, End, ErrorCode, Exception, Frame, Framing,
-    Host, HostConfig, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode, Motion, Pose, Received,
-    Reply, RobotMessage, Start, Transform, timing,
+    Codec, Controller, ControllerConfig, DecodeError, Decoder, EncodeError, End, ErrorCode, Exception, Frame,
+    Framing, Host, HostConfig, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode, Motion, Pose,
+    Received, Reply, RobotMessage, Start, Transform, timing,
 };
 
 #[test]
@@ -173,4 +173,18 @@ fn each_part_of_a_pose_line_is_checked_in_its_place() {
     assert_eq!(with(star + 3, b' '), Err(ViewerError::Format { offset: star + 3 }));
     assert_eq!(with(star + 4, b' '), Err(ViewerError::TooLong { limit: PosePacket::MAX_LEN }));
     assert_eq!(with(6, b'7'), Err(ViewerError::Number { offset: 6 }), "75535 packets");
+}
+
+#[test]
+fn what_is_cleared_is_forgotten_and_offsets_count_on() {
+    let end = RobotMessage::End(End { error: ErrorCode::None });
+    let mut bytes = [0; Frame::MAX_LEN];
+    let length = end.encode(Framing::DEFAULT, &mut bytes).unwrap();
+    let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
+    assert_eq!(decoder.push(&bytes[..5]), 5);
+    assert_eq!((decoder.next_frame(), decoder.pending()), (None, 5));
+    decoder.clear();
+    assert_eq!((decoder.next_frame(), decoder.pending()), (None, 0));
+    assert_eq!(decoder.push(&bytes[..length]), length);
+    assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 5, length, message: end })));
 }

@@ -1,11 +1,7 @@
 //! Cuts a square over a serial line: `cargo run --example cut_square /dev/ttyUSB0`, the port set to raw 9600 8N1 before
 //! (`stty -F /dev/ttyUSB0 raw -echo 9600`). A simulator to try it on: `cellwire simulate laser --pty /tmp/laser`.
 
-#![allow(
-    clippy::disallowed_methods,
-    clippy::indexing_slicing,
-    reason = "the driver owns the clock and the port"
-)]
+#![allow(clippy::disallowed_methods, clippy::indexing_slicing, reason = "the driver owns clock and port")]
 
 use core::time::Duration;
 use std::fs::OpenOptions;
@@ -26,9 +22,7 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
     std::thread::spawn(move || {
         let mut bytes = [0; 256];
         while let Ok(n @ 1..) = reader.read(&mut bytes) {
-            if sender.send(bytes[..n].to_vec()).is_err() {
-                break;
-            }
+            drop(sender.send(bytes[..n].to_vec()));
         }
     });
 

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 
 use benches::{Budget, Count, Link};
-use laser_eb90::{Decoder, Frame, Item, MAX_PAYLOAD, Payload, Profile};
+use laser_eb90::{Decoder, Frame, Item, MAX_PAYLOAD, Payload, Profile, timing};
 
 pub const LINK: Link = Link { name: "laser-eb90", counts: COUNTS, budgets };
 
@@ -12,6 +12,7 @@ const AXES: [f32; 6] = [100.0, -50.5, 250.0, 0.0, 90.0, -45.25];
 /// The third is 00 00 90 41.
 const STUFFED: [f32; 6] = [100.0, -50.5, 18.0, 0.0, 90.0, -45.25];
 const BATCH_LEN: usize = 217;
+const ECHO_LEN: usize = 11;
 
 const COUNTS: &[Count] = &[
     Count {
@@ -119,6 +120,13 @@ fn encode(rounds: u64) {
     }
 }
 
+/// The source gives no time but the controller's cycle: an answer has left before the next one may.
 fn budgets() -> Vec<Budget> {
-    Vec::new()
+    let echo = |baud| Budget {
+        what: format!("an answer without values on the line, at {baud} baud"),
+        takes: timing::transmission_time(ECHO_LEN, baud),
+        window: timing::TICK,
+        source: "§4.1",
+    };
+    vec![echo(timing::BAUD), echo(115_200)]
 }

@@ -187,4 +187,22 @@ fn what_is_cleared_is_forgotten_and_offsets_count_on() {
     assert_eq!((decoder.next_frame(), decoder.pending()), (None, 0));
     assert_eq!(decoder.push(&bytes[..length]), length);
     assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 5, length, message: end })));
+    assert_eq!(decoder.pending(), 0);
+}
+
+#[test]
+fn a_checksum_of_dle_may_begin_the_next_frame_unless_it_is_doubled() {
+    // A0h and 70h make 110h.
+    let message = RobotMessage::Start(Start::new(Mode(0x70), List::EMPTY));
+    for (stuffed_checksum, length, pending) in [(false, 8, 1), (true, 9, 0)] {
+        let framing = Framing { stuffed_checksum, ..Framing::DEFAULT };
+        let mut bytes = [0; Frame::MAX_LEN];
+        assert_eq!(message.encode(framing, &mut bytes), Ok(length));
+        assert_eq!(bytes[length - 1], 0x10);
+        let mut decoder = Decoder::new(framing);
+        decoder.push(&bytes[..length]);
+        assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 0, length, message })));
+        assert_eq!(decoder.pending(), pending);
+        assert_eq!(decoder.next_frame(), None);
+    }
 }

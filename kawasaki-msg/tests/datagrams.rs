@@ -79,6 +79,41 @@ fn a_robot_that_was_just_started_does_not_acknowledge_the_end_of_an_order_that_i
     assert!(rig.pc_events.contains(&unknown), "{:?}", rig.pc_events);
 }
 
+/// A late start may begin an old order before the end of the last one is told: that says what was executed of its own order.
+#[test]
+fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
+    let (writer, mut reader) = robot_work_queue::boxed(8, 99).unwrap();
+    let mut robot = Robot::new(RobotConfig::UDP, writer).unwrap();
+    let (mut now, mut out) = (MS, [0; 1472]);
+    robot.handle_timeout(now);
+    robot.handle_connected(now);
+    let mut say = |robot: &mut Robot<'_>, now, heard: &[u8]| {
+        robot.handle_timeout(now);
+        let length = robot.poll_transmit(now, &mut out).unwrap();
+        robot.handle_input(now + MS, heard);
+        String::from_utf8(out[..length].to_vec()).unwrap()
+    };
+    now += Duration::from_secs(2);
+    say(&mut robot, now, b"<TilausAlkaa$3#3$1#>");
+    say(&mut robot, now + MS * 50, b"<Tyo$13#3$1$1$0$0$1$1#><Tyo$13#3$2$1$1$1$2$2#>");
+    for number in [1, 2] {
+        let job = reader.take().unwrap();
+        robot.job_done(now, number).unwrap();
+        job.complete();
+    }
+    say(&mut robot, now + MS * 100, b"");
+    robot.reset_order().unwrap();
+    for _ in 0..3 {
+        robot.handle_timeout(now + MS * 101);
+        assert!(reader.take().is_none());
+    }
+    assert_eq!(robot.order(), None);
+    robot.handle_input(now + MS * 102, b"<TilausAlkaa$3#2$1#>");
+    assert_eq!(robot.order(), Some(2));
+    let told = say(&mut robot, now + MS * 150, b"");
+    assert!(told.contains("<LoppuKuittaus$5#3$2$2#>"), "{told}");
+}
+
 /// The only word of a job that was executed ahead of others is its own acknowledgement.
 #[test]
 fn where_jobs_overtake_one_another_an_order_that_is_broken_off_ends_unknown() {

@@ -235,9 +235,9 @@ impl Core<'_> {
             self.owed.order_ack = None;
         }
         if let Some(ended) = self.owed.end_ack.filter(|_| all_told) {
-            let executed = self.number(self.intake.executed());
+            // Another order may have begun since.
             let params = Params::default().with(Field::Ended, ended).with(Field::Order, self.order);
-            if self.send(packet, Role::EndAck, &params.with(Field::Executed, executed)) {
+            if self.send(packet, Role::EndAck, &params.with(Field::Executed, self.ended_executed)) {
                 self.owed.end_ack = None;
             }
         }
@@ -299,7 +299,7 @@ impl Core<'_> {
         Params::default().with(Field::Order, self.order)
     }
 
-    fn number(&self, count: u32) -> Option<u16> {
+    pub(super) fn number(&self, count: u32) -> Option<u16> {
         self.intake.numbering().number(count)
     }
 

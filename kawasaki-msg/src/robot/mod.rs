@@ -69,8 +69,9 @@ struct Core<'q> {
     order: u16,
     /// How its jobs are read in one pass; `None` where they cannot be.
     plain: Option<PlainJobs>,
-    /// The order that ended last.
+    /// The order that ended last, and the last job of it that was executed.
     ended: Option<u16>,
+    ended_executed: Option<u16>,
     /// Over datagrams: the numbers of the orders before, as many as a late datagram can still name; 0 for none.
     ended_before: [u16; 16],
     /// Over datagrams: no order begins before.
@@ -145,6 +146,7 @@ impl<'q> Robot<'q> {
             order: 0,
             plain: None,
             ended: None,
+            ended_executed: None,
             ended_before: [0; 16],
             deaf_until: None,
             cycle: Cycle::Ready(Duration::ZERO),
@@ -391,6 +393,7 @@ impl Core<'_> {
         let order = core::mem::take(&mut self.order);
         self.ended_before.rotate_right(1);
         self.ended_before[0] = order;
+        self.ended_executed = self.number(self.intake.executed());
         self.plain = None;
         self.go(OrderEvent::Over);
         (self.full, self.ended, self.owed.end_ack) = (false, Some(order), Some(order));

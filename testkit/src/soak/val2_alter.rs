@@ -256,7 +256,12 @@ impl Cell {
             if reads { Check::Good(len) } else { Check::Nothing }
         });
         for alien in self.aliens {
-            let made = |unseen: &Unseen| unseen.from == End::B && (self.keeps || says(&unseen.bytes, alien));
+            // An exception is sent again by a host that was told, wrongly, that it was not read.
+            let again = matches!(alien, HostMessage::Reply(reply) if reply.exception != Exception::None);
+            let made = |unseen: &Unseen| match unseen.from {
+                End::A => again,
+                End::B => self.keeps || says(&unseen.bytes, alien),
+            };
             if !unseen.iter().any(made) {
                 self.log.say(self.now, format_args!("!!! nobody sent {alien:?}"));
                 tally.invented += 1;

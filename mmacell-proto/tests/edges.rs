@@ -251,3 +251,14 @@ fn sixteen_ends_in_a_row_are_sixteen_lines() {
     assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b"STA"))));
     assert_eq!(decoder.next_frame(), None);
 }
+
+#[test]
+fn an_end_that_is_cut_in_two_ends_a_line_that_is_too_long() {
+    let mut decoder = Decoder::new(Dialect::STRICT);
+    assert_eq!(decoder.push(&[&[b'x'; 63][..], b"\r"].concat()), 64);
+    assert_eq!(decoder.next_frame(), None);
+    assert_eq!(decoder.push(b"\nSTA\r\n"), 6);
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::TooLong { limit: 64 })));
+    assert_eq!(decoder.position(), 65);
+    assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b"STA"))));
+}

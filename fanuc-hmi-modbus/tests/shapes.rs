@@ -152,7 +152,7 @@ fn runs_print_as_lists() {
     assert_eq!(format!("{pdu:?}"), "PduBuf([01, 00, 01, 00, 10])");
     assert_eq!(
         pdu.reply().unwrap_err().to_string(),
-        PduBuf::new(&&pdu.as_bytes()[..]).unwrap().reply().unwrap_err().to_string()
+        PduBuf::new(&pdu.as_bytes()).unwrap().reply().unwrap_err().to_string()
     );
     assert_eq!(pdu, PduBuf::new(&pdu.request().unwrap()).unwrap());
     assert_ne!(pdu, PduBuf::new(&Reply::WriteCoil { address: 1, value: true }).unwrap());

@@ -2,7 +2,8 @@
 //!
 //! The source gives the process that answers the robot a high priority by hand, `setpr [Prozeßnummer] 500` (VAL II thesis, §8.3,
 //! §10.3). Where the system does not allow it (on Linux: neither root nor `rtprio` in `limits.conf`), the thread runs like any
-//! other, and misses a deadline when the machine is overloaded.
+//! other, and misses a deadline when the machine is overloaded. So does a pseudo-terminal, whatever the priority: Linux hands its
+//! bytes over in a kernel thread of normal priority, which may be late by tens of milliseconds when all processors are busy.
 
 /// Which of them is to be asked first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -110,8 +110,8 @@ fn slack(config: &CellConfig) -> Option<Budget> {
     worst.slack().map(|time| Budget { time, source: "§3.4, longest messages" })
 }
 
-/// A machine that takes the processor away may cost single cycles: they are counted, and taken up again from. What must hold
-/// is everything that follows from the host and the robot themselves.
+/// A machine that takes the processor away, from the host or from the kernel thread behind a pseudo-terminal, may cost single
+/// cycles: they are counted, and taken up again from. What must hold is everything that follows from host and robot themselves.
 fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
     let CellRecord { puma, host, drawn, .. } = record;
     report.require(puma.starts > 0, || "ALTER never ran".into());

@@ -22,8 +22,8 @@ pub struct Frame<'a> {
 impl<'a> Frame<'a> {
     /// The shortest frame: one item without values, in five bytes with its tail and the checksum.
     pub const MIN_LEN: usize = HEAD.len() + 5;
-    /// The longest frame: every byte of the longest payload is a 90h.
-    pub const MAX_LEN: usize = HEAD.len() + 1 + 2 * MAX_PAYLOAD + 2 + 2;
+    /// The longest frame: every byte of the longest payload is a 90h; flag, tail and checksum take five.
+    pub const MAX_LEN: usize = HEAD.len() + 2 * MAX_PAYLOAD + 5;
 
     /// The frame of a payload that is known to begin with a tag.
     pub(crate) fn new(payload: &'a [u8], profile: &Profile) -> Self {

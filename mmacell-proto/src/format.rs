@@ -120,6 +120,22 @@ mod tests {
         [LENGTH, ANGLE, INTEGER]
     }
 
+    /// By hand: a digit has room for 9, a point and the bytes in front of a field for nothing and for anything.
+    #[test]
+    fn limits_follow_from_the_zero() {
+        let zeros = [(*b"+000.000", 1000, 1), (*b"+00.0000", 10_000, 10), (*b"\0\0+00000", 10_000, 1)];
+        let limits = [
+            (0, 0x7676_767F_7676_7600, 0x8080_8080_8080_80FD),
+            (0, 0x7676_7676_7F76_7600, 0x8080_8080_8080_80FD),
+            (16, 0x7676_7676_7600_0000, 0x8080_8080_80FD_0000),
+        ];
+        for ((zero, split, scale), expected) in zeros.into_iter().zip(limits) {
+            let format = Format::new(zero, split, scale, &[]);
+            assert_eq!((format.sign_at, format.limit, format.excess), expected, "{}", zero.escape_ascii());
+            assert_eq!(format.zero.to_le_bytes(), zero);
+        }
+    }
+
     #[test]
     fn every_value_has_its_text() {
         for value in (-999_999..=999_999).step_by(37).chain([-999_999_i32, -1, 0, 1, 999_999]) {

@@ -8,6 +8,7 @@ use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Map, Value};
 
+use crate::interrupt;
 use crate::links::Link;
 use crate::settings;
 use crate::trace::TraceArgs;
@@ -81,6 +82,7 @@ pub fn run(args: &Args) -> Result<bool> {
         // Said now, and not when the run is over and what it made is lost.
         anyhow::ensure!(folder.is_dir(), "cannot write --out: there is no folder {}", folder.display());
     }
+    interrupt::wait_for()?;
     let (mut all, mut out) = (true, std::io::stdout());
     for link in links {
         let progress = progress_line(link.name(), args.json);

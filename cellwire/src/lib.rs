@@ -17,6 +17,7 @@ pub mod device;
 pub mod drawing;
 pub mod encode;
 pub mod fanuc;
+pub mod interrupt;
 pub mod line;
 pub mod links;
 pub mod ls;

@@ -9,6 +9,8 @@ use anyhow::{Context, Result};
 use clap::builder::TypedValueParser;
 use serialport::{FlowControl, SerialPort};
 
+use crate::interrupt;
+
 /// How long a blocking read waits before it looks whether it should end.
 pub const READ_TIMEOUT: Duration = Duration::from_millis(50);
 
@@ -75,6 +77,8 @@ impl PtyLink {
         }
         std::os::unix::fs::symlink(&name, path)
             .with_context(|| format!("cannot make the link {} to {name}", path.display()))?;
+        let link = path.to_owned();
+        interrupt::last(move || drop(std::fs::remove_file(link)));
         Ok((Self { path: path.into() }, device))
     }
 

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde_json::{Map, Value, json};
 
+use crate::interrupt;
 use crate::links::Device;
 use crate::settings;
 use crate::trace::TraceArgs;
@@ -71,6 +72,7 @@ pub fn run(args: &Args) -> Result<bool> {
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };
     let settings = args.set.iter().cloned().collect();
+    interrupt::wait_for()?;
     args.device.simulate(&SimulateOptions { endpoint, trace: args.trace.clone(), settings })?;
     Ok(true)
 }

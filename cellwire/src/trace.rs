@@ -8,6 +8,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 
+use crate::interrupt;
+
 /// How many bytes each way the source keeps: "jeweils die letzten 1000 gesendeten und empfangenen Bytes" (VAL II thesis, §9.1).
 pub const DEFAULT_BYTES: usize = 1000;
 
@@ -19,7 +21,7 @@ const BYTES_A_LINE: usize = 16;
 /// `--trace`: whether, how much and where to.
 #[derive(Debug, Clone, clap::Args)]
 pub struct TraceArgs {
-    /// Keep the last N bytes each way with their times, and write them to a file when a session ends
+    /// Keep the last N bytes each way with their times, and write them to a file when a session ends or is interrupted
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1000", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     trace: Option<u32>,
     /// The folder of the trace files
@@ -30,7 +32,10 @@ pub struct TraceArgs {
 impl TraceArgs {
     /// A trace of the line called `name`; one that keeps nothing without `--trace`.
     pub fn start(&self, name: &str) -> Trace {
-        Trace::new(name, self.trace.map_or(0, |bytes| bytes as usize), Some(&self.trace_dir))
+        let trace = Trace::new(name, self.trace.map_or(0, |bytes| bytes as usize), Some(&self.trace_dir));
+        let left = trace.clone();
+        interrupt::last(move || left.end_session("interrupted"));
+        trace
     }
 
     /// A trace to look at while it runs; it writes files only with `--trace`.

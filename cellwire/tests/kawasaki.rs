@@ -77,3 +77,27 @@ fn a_device_says_which_way_it_connects() {
         assert!(said.contains(&format!("use {right}")), "{said}");
     }
 }
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_device_leaves_its_trace_and_takes_its_link_away() {
+    let dir = std::env::temp_dir().join(format!("cellwire-interrupt-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).unwrap();
+    let (link, folder) = (dir.join("ball"), dir.to_str().unwrap());
+    let mut pc = Device::start(&["kawasaki-pc", "--listen", "127.0.0.1:0", "--trace", "--trace-dir", folder]);
+    let address = pc.until("ready", Some("kawasaki-pc"))["listen"].as_str().unwrap().to_owned();
+    let _robot = Device::start(&["kawasaki-robot", "--connect", &address]);
+    pc.event("order_started");
+    let mut ball = Device::start(&["ball", "--pty", link.to_str().unwrap()]);
+    ball.until("ready", Some("ball"));
+    assert!(link.is_symlink());
+    for device in [&mut pc, &mut ball] {
+        let kill = Command::new("kill").arg(device.process.id().to_string()).status().unwrap();
+        assert!(kill.success());
+        assert_eq!(device.process.wait().unwrap().code(), Some(130));
+    }
+    assert!(!link.is_symlink());
+    let trace = std::fs::read_to_string(dir.join("kawasaki-pc-1.trace")).unwrap();
+    assert!(trace.starts_with("# kawasaki-pc: interrupted\n"), "{trace}");
+    std::fs::remove_dir_all(dir).unwrap();
+}

@@ -8,8 +8,8 @@ use core::time::Duration;
 
 use common::{CUT, Event, MS, cut, echo, write_cut};
 use laser_eb90::{
-    Class, DecodeError, Doubt, EncodeError, ErrorCodes, Frame, Host, HostConfig, Refusal, SessionError,
-    Words, timing,
+    Class, DecodeError, Doubt, EncodeError, ErrorCodes, Frame, Host, HostConfig, HostEvent, Refusal,
+    SessionError, Words, timing,
 };
 
 /// §3(5): "只有在确认前一包指令正确应答之后,才可以发下一包指令": the next frame only after the answer to the last.
@@ -107,6 +107,22 @@ fn what_comes_unasked_is_ignored() {
     host.poll_transmit(MS, &mut out).unwrap();
     host.handle_input(MS * 2, &echo(CUT)[7..]);
     assert_eq!(host.poll_event(), None, "half of that answer came before the frame was sent");
+}
+
+#[test]
+fn an_answer_that_comes_twice_is_no_answer_to_the_next_frame() {
+    let mut host = Host::new(HostConfig::default());
+    let mut out = [0; Frame::MAX_LEN];
+    host.submit(CUT, |p| write_cut(p, cut(0))).unwrap();
+    host.poll_transmit(MS, &mut out).unwrap();
+    host.handle_input(MS * 50, &echo(CUT).repeat(2));
+    assert!(matches!(host.poll_event(), Some(HostEvent::Done { first: 0, count: 1, .. })));
+    host.submit(CUT, |p| write_cut(p, cut(1))).unwrap();
+    host.poll_transmit(MS * 100, &mut out).unwrap();
+    host.handle_input(MS * 101, &[0]);
+    assert_eq!(host.poll_event(), None, "the second echo came before the frame was sent");
+    host.handle_input(MS * 150, &echo(CUT));
+    assert!(matches!(host.poll_event(), Some(HostEvent::Done { first: 1, count: 1, .. })));
 }
 
 #[test]

@@ -46,7 +46,7 @@ pub fn connect(address: &str) -> Result<TcpStream> {
     Ok(stream)
 }
 
-/// Whether a read failed only because nothing came in its time.
+/// Whether a read failed only because nothing came in its time, or a signal came first.
 pub fn is_silence(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 use kawasaki_msg::{Line, Pc, PcConfig, PcEvent, START, timing};
 
+use crate::tcp;
 use crate::trace::{Trace, Way};
 
 /// What is due within this time is slept for.
@@ -165,7 +166,7 @@ impl<'a, P: Program<'a>> Server<'_, 'a, P> {
                 self.session.handle_input(now, bytes);
                 Ok(())
             }
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => Ok(()),
+            Err(error) if tcp::is_silence(&error) => Ok(()),
             Err(error) => Err(error.to_string()),
         }
     }

@@ -1,6 +1,6 @@
 //! The simulated robot: the communication task, and in a thread of its own the motion task that draws from the queue.
 
-use std::io::{ErrorKind, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -184,7 +184,7 @@ impl<T: FnMut(Told<'_>) -> Result<()>> Communication<'_, T> {
                 self.unpack(buffer.get(..length).unwrap_or_default());
                 Ok(())
             }
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => Ok(()),
+            Err(error) if tcp::is_silence(&error) => Ok(()),
             Err(error) => Err(error.to_string()),
         }
     }

@@ -110,7 +110,7 @@ impl Instruction {
 /// numbers are all that deep. `number` is that of the last line that is not in a block.
 pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
     let body = line.trim_start_matches(' ');
-    if line.len() - body.len() < 5 || body.is_empty() {
+    if line.len() - body.len() < 5 {
         return false;
     }
     let digits = body.len() - body.trim_start_matches(|c: char| c.is_ascii_digit()).len();

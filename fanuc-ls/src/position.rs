@@ -360,11 +360,10 @@ fn decode_name(input: &str) -> Read<'_, &str> {
     };
     let length = text.find([end, '\r', '\n']).unwrap_or(text.len());
     let (name, rest) = text.split_at_checked(length).unwrap_or((text, ""));
-    match rest.strip_prefix('"') {
-        Some(rest) if end == '"' => Ok((rest, name.trim())),
-        _ if end == ']' && rest.starts_with(']') => Ok((rest, name.trim())),
-        _ => fail(input, Reason::Position),
+    if !rest.starts_with(end) {
+        return fail(input, Reason::Position);
     }
+    Ok((rest.strip_prefix('"').unwrap_or(rest), name.trim()))
 }
 
 fn decode_quoted(input: &str) -> Read<'_, &str> {

@@ -82,16 +82,15 @@ pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
 pub(crate) fn decimal(input: &str) -> Read<'_, f64> {
     let unsigned = input.strip_prefix(['-', '+']).unwrap_or(input);
     let digits = |input| -> Read<'_, &str> { take_while(|c: char| c.is_ascii_digit()).parse(input) };
-    let (rest, whole) = digits(unsigned)?;
-    let (rest, fraction) = match rest.strip_prefix('.') {
-        Some(rest) => digits(rest)?,
-        None => (rest, ""),
-    };
+    let (mut rest, _) = digits(unsigned)?;
+    if let Some(fraction) = rest.strip_prefix('.') {
+        (rest, _) = digits(fraction)?;
+    }
     let length = input.len().saturating_sub(rest.len());
-    let value = input.get(..length).and_then(|text| text.parse::<f64>().ok()).filter(|v| v.is_finite());
-    match value {
-        Some(value) if !(whole.is_empty() && fraction.is_empty()) => Ok((rest, value)),
-        _ => Err(nom::Err::Error(Fault::from_error_kind(input, ErrorKind::Float))),
+    // A sign or a point without digits does not parse.
+    match input.get(..length).and_then(|text| text.parse::<f64>().ok()).filter(|value| value.is_finite()) {
+        Some(value) => Ok((rest, value)),
+        None => Err(nom::Err::Error(Fault::from_error_kind(input, ErrorKind::Float))),
     }
 }
 
@@ -152,7 +151,7 @@ pub(crate) fn fixed(value: f64) -> String {
 pub(crate) fn shortest(value: f64) -> String {
     let mut text = format!("{value:.3}");
     text.truncate(text.trim_end_matches('0').trim_end_matches('.').len());
-    if text == "0" { text } else { without_leading_zero(text) }
+    without_leading_zero(text)
 }
 
 fn without_leading_zero(mut text: String) -> String {

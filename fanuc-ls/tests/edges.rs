@@ -25,6 +25,7 @@ fn a_writer_that_fails_anywhere_is_an_error() {
         let path = format!("{}/../reference/ls/{name}.ls", env!("CARGO_MANIFEST_DIR"));
         let program = Program::decode(&std::fs::read_to_string(path).unwrap()).unwrap();
         let outcome = |pieces| program.encode(&rules, &mut Short(pieces));
+        assert_eq!(outcome(usize::MAX), Ok(()), "{name}");
         let pieces = (0..100_000).find(|pieces| outcome(*pieces) == Ok(())).unwrap();
         assert!(pieces > program.to_text(&rules).unwrap().lines().count(), "{name}");
         assert_eq!(outcome(pieces - 1), Err(EncodeError::Write), "{name}");

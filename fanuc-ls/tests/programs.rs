@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use fanuc_ls::{
-    AxisName, CommentRule, DecodeError, EncodeError, Instruction, Motion, MotionKind, Program, Rules, Speed,
-    SpeedUnit, Target, Termination, Warning,
+    AxisName, CommentRule, Configuration, DecodeError, EncodeError, Group, Instruction, Motion, MotionKind,
+    Position, Program, Rules, Speed, SpeedUnit, Target, Termination, Warning,
 };
 
 fn text(name: &str) -> String {
@@ -121,7 +121,7 @@ fn a_damaged_text_is_refused_with_its_line_and_column() {
     let path = format!("{}/../reference/ls/invalid.json", env!("CARGO_MANIFEST_DIR"));
     let cases: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let cases = cases.as_array().unwrap();
-    assert!(cases.len() >= 28);
+    assert!(cases.len() >= 37);
     for case in cases {
         let error = Program::decode(case["text"].as_str().unwrap()).expect_err(&case["comment"].to_string());
         assert_eq!(serde_json::to_value(error).unwrap(), case["error"], "{}", case["comment"]);
@@ -234,4 +234,79 @@ fn what_a_controller_would_not_take_is_not_written() {
         refused(&|p| p.positions[1].groups[0].axes[0].value = Some(f64::NAN)),
         EncodeError::Position { number: 3 }
     );
+}
+
+#[test]
+fn what_would_be_read_as_something_else_is_not_written() {
+    let refused = |instruction: Instruction| {
+        let mut program = read("minimal").0;
+        program.instructions = vec![instruction];
+        program.to_text(&Rules::default()).err()
+    };
+    let motion = |change: &dyn Fn(&mut Motion)| {
+        let mut motion =
+            Motion::new(MotionKind::Linear, Target::position(1), Speed::mm_per_sec(5.0), Termination::Fine);
+        change(&mut motion);
+        refused(Instruction::Motion(motion))
+    };
+    let error = Some(EncodeError::Instruction { line: 1 });
+    assert_eq!(motion(&|_| ()), None);
+    assert_eq!(motion(&|m| m.target = Target::Other("P[2]".into())), error);
+    assert_eq!(motion(&|m| m.speed = Speed::Named("5mm/sec".into())), error);
+    assert_eq!(motion(&|m| (m.termination, m.options) = (None, "FINE".into())), error);
+    assert_eq!(motion(&|m| (m.termination, m.options) = (None, "FINER".into())), None);
+    // A nested line belongs to the motion above it.
+    let nested = refused(Instruction::Nested("      7:  X ;".into()));
+    assert_eq!(nested, Some(EncodeError::Instruction { line: 0 }));
+}
+
+#[test]
+fn names_and_attributes_are_written_as_they_are_read() {
+    let written = |change: &dyn Fn(&mut Program)| {
+        let mut program = read("minimal").0;
+        change(&mut program);
+        program.to_text(&Rules::default()).err()
+    };
+    assert_eq!(written(&|p| p.name = "A".repeat(36)), None);
+    for kind in ["", " Macro", "Macro\t"] {
+        assert_eq!(written(&|p| p.kind = Some(kind.into())), Some(EncodeError::Name), "{kind:?}");
+    }
+    for text in [" X", "X\r\nY", "X;"] {
+        let refused = written(&|p| p.set_attribute("OWNER", text));
+        assert_eq!(refused, Some(EncodeError::Attribute { index: 1 }), "{text:?}");
+    }
+}
+
+#[test]
+fn a_position_that_would_not_be_read_again_is_not_written() {
+    let written = |change: &dyn Fn(&mut Position)| {
+        let mut program = read("minimal").0;
+        let group = Group::cartesian(0, 1, [0.0; 6], Configuration::new("N U T, 0, 0, 0"));
+        let mut position = Position::new(7, group);
+        change(&mut position);
+        program.positions = vec![position];
+        program.to_text(&Rules::default()).err()
+    };
+    let error = Some(EncodeError::Position { number: 7 });
+    assert_eq!(written(&|_| ()), None);
+    for name in ["a\"b", "a\nb", " a", "a "] {
+        assert_eq!(written(&|p| p.name = Some(name.into())), error, "{name:?}");
+    }
+    let configured = |keyword: &str, text: &str| {
+        let (keyword, text) = (keyword.to_string(), text.to_string());
+        let configuration = Configuration { keyword, text };
+        written(&|p| p.groups[0].configuration = Some(configuration.clone()))
+    };
+    assert_eq!(configured("KONFIG", ""), None);
+    for (keyword, text) in [("CONFIG", "N'T"), ("CONFIG", "N\nT"), ("CON FIG", "N"), ("CF", "N"), ("", "N")] {
+        assert_eq!(configured(keyword, text), error, "{keyword:?} {text:?}");
+    }
+    assert_eq!(written(&|p| p.groups[0].axes.clear()), error);
+    assert_eq!(written(&|p| p.groups[0].axes[0].value = Some(f64::INFINITY)), error);
+    for number in [1, 9] {
+        assert_eq!(written(&|p| p.groups[0].axes[0].name = AxisName::E(number)), None, "E{number}");
+    }
+    for name in [AxisName::J(0), AxisName::J(10), AxisName::E(0), AxisName::E(10)] {
+        assert_eq!(written(&|p| p.groups[0].axes[0].name = name), error, "{name:?}");
+    }
 }

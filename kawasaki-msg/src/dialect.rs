@@ -212,10 +212,7 @@ impl Dialect {
 
     /// The message with this name.
     pub fn find(&self, name: Value<'_>) -> Option<&'static Entry> {
-        match name {
-            Value::Wire(name) => self.entries.iter().find(|entry| entry.name.as_bytes() == name),
-            _ => self.entries.iter().find(|entry| name == *entry.name),
-        }
+        self.entries.iter().find(|entry| name == *entry.name)
     }
 
     /// What a message means, with its values; the number of fields and each value are checked.

@@ -1,0 +1,105 @@
+//! A table of messages: what it reads in the fields, and what is wrong with them.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use kawasaki_msg::{Charset, Dialect, Entry, Field, Message, MessageError, Params, Role};
+
+/// What a table makes of a message with this data part.
+fn read(dialect: &Dialect, name: &str, data: &str) -> Result<(Role, Params), MessageError> {
+    let wire = format!("<{name}${}#{data}#>", data.len());
+    let (message, _) = Message::decode(wire.as_bytes(), dialect.charset()).unwrap().unwrap();
+    dialect.read(&message)
+}
+
+/// The default table and a command with these fields.
+fn with_command(fields: &'static [Field]) -> Dialect {
+    let mut table = Dialect::DEFAULT.entries().to_vec();
+    table.push(Entry { role: Role::Command(1), name: "Nopeus", fields, reply: None, past_queue: true });
+    Dialect::new(table.leak()).unwrap()
+}
+
+/// Empty is only what may be unknown: what was queued, what was executed, which order has ended.
+#[test]
+fn a_value_may_be_empty_only_where_there_may_be_none() {
+    let read = |name, data| read(&Dialect::DEFAULT, name, data).map(|(role, _)| role);
+    let empty = |field| Err(MessageError::NotANumber { field });
+    assert_eq!(read("TilausAlkaa", "$1"), empty(0));
+    assert_eq!(read("TilausAlkaa", "50$"), empty(1));
+    assert_eq!(read("Tila", "$2$$$"), empty(0));
+    assert_eq!(read("Tila", "50$$$$"), empty(1));
+    assert_eq!(read("Tila", "50$2$$$"), Ok(Role::Status));
+    assert_eq!(read("Tyo", "50$1$$0$0$0$0"), empty(2));
+    assert_eq!(read("Tyo", "50$1$1$$0$0$0"), empty(3));
+    assert_eq!(read("TyoTauko", "50$"), Ok(Role::Pause));
+    assert_eq!(read("LoppuKuittaus", "$50$"), Ok(Role::EndAck));
+    assert_eq!(read("LoppuKuittaus", "1$$2"), empty(1));
+}
+
+#[test]
+fn a_message_has_as_many_values_as_its_table_says() {
+    let count = |expected, found| Err(MessageError::FieldCount { expected, found });
+    let default = |name, data| read(&Dialect::DEFAULT, name, data).map(|(role, _)| role);
+    assert_eq!(default("TilausKuittaus", ""), count(1, 0));
+    assert_eq!(default("TilausKuittaus", "0$0"), count(1, 2));
+    assert_eq!(default("Huuhaa", "0"), count(0, 1));
+    assert_eq!(default("LoppuKuittaus", "1$2"), count(3, 2));
+    // No value and one empty value are the same bytes.
+    let one = with_command(&[Field::Queued]);
+    assert_eq!(read(&one, "Nopeus", ""), Ok((Role::Command(1), Params::default())));
+    let two = with_command(&[Field::Queued, Field::Executed]);
+    assert_eq!(read(&two, "Nopeus", "").map(|(role, _)| role), count(2, 0));
+    assert_eq!(read(&two, "Nopeus", "7").map(|(role, _)| role), count(2, 1));
+    assert_eq!(read(&two, "Nopeus", "$"), Ok((Role::Command(1), Params::default())));
+}
+
+#[test]
+fn a_field_that_is_not_used_may_hold_anything() {
+    let dialect = with_command(&[Field::Value, Field::Unused]);
+    for unused in ["", "x", "99999999999"] {
+        let (_, params) = read(&dialect, "Nopeus", &format!("-3${unused}")).unwrap();
+        assert_eq!((params.get(Field::Value), params.get(Field::Unused)), (Some(-3), None));
+    }
+    assert_eq!(read(&dialect, "Nopeus", "$1").map(drop), Err(MessageError::NotANumber { field: 0 }));
+}
+
+#[test]
+fn both_ends_of_a_fields_range_are_in_it() {
+    let limit = |name, data, field, found, min, max| {
+        let error = MessageError::OutOfRange { field, found, min, max };
+        assert_eq!(read(&Dialect::DEFAULT, name, data).map(drop), Err(error), "{name} {data}");
+    };
+    for data in ["0$0$1$1$0", "65535$255$9999$9999$65535"] {
+        assert_eq!(read(&Dialect::DEFAULT, "Tila", data).map(|(role, _)| role), Ok(Role::Status), "{data}");
+    }
+    limit("Tila", "-1$0$1$1$0", 0, -1, 0, 65_535);
+    limit("Tila", "65536$0$1$1$0", 0, 65_536, 0, 65_535);
+    limit("Tila", "0$-1$1$1$0", 1, -1, 0, 255);
+    limit("Tila", "0$256$1$1$0", 1, 256, 0, 255);
+    limit("Tila", "0$0$0$1$0", 2, 0, 1, 9999);
+    limit("Tila", "0$0$10000$1$0", 2, 10_000, 1, 9999);
+    limit("Tila", "0$0$1$0$0", 3, 0, 1, 9999);
+    limit("Tila", "0$0$1$1$65536", 4, 65_536, 0, 65_535);
+    limit("TyoPyynto", "1$10000", 1, 10_000, 1, 9999);
+    limit("Tyo", "1$1$0$0$0$0$0", 2, 0, 1, 2);
+    limit("Tyo", "1$1$3$0$0$0$0", 2, 3, 1, 2);
+    let widest = "1$1$1$-2147483648$2147483647$-2147483648$2147483647";
+    let (_, params) = read(&Dialect::DEFAULT, "Tyo", widest).unwrap();
+    assert_eq!((params.get(Field::StartX), params.get(Field::EndY)), (Some(i32::MIN), Some(i32::MAX)));
+}
+
+/// The thesis is Finnish: its letters are one byte each on the wire, whatever they are in the program.
+#[test]
+fn a_name_is_compared_by_its_characters() {
+    let mut table = Dialect::DEFAULT.entries().to_vec();
+    table.iter_mut().filter(|entry| entry.role == Role::Filler).for_each(|entry| entry.name = "Hölynpöly");
+    let dialect = Dialect::new(table.leak()).unwrap().with_charset(Charset::Latin1);
+    let mut wire = [0; 64];
+    let length = dialect
+        .write(Role::Filler, &Params::default(), |message| message.encode(Charset::Latin1, &mut wire))
+        .unwrap();
+    assert_eq!(&wire[..length], b"<H\xf6lynp\xf6ly$0##>");
+    let (message, _) = Message::decode(&wire[..length], Charset::Latin1).unwrap().unwrap();
+    assert_eq!(dialect.read(&message), Ok((Role::Filler, Params::default())));
+    // The bytes that the name is in the program are other characters.
+    let (message, _) = Message::decode("<Hölynpöly$0##>".as_bytes(), Charset::Latin1).unwrap().unwrap();
+    assert!(matches!(dialect.read(&message), Err(MessageError::UnknownName { .. })));
+}

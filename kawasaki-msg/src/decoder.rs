@@ -39,7 +39,7 @@ impl Decoder {
     /// [`next_frame`](Self::next_frame) empties.
     pub fn push(&mut self, bytes: &[u8]) -> usize {
         let Self { buffer, cursor, .. } = self;
-        if cursor.start > 0 && cursor.end + bytes.len() > Message::MAX_LEN {
+        if cursor.end + bytes.len() > Message::MAX_LEN {
             buffer.copy_within(cursor.start..cursor.end, 0);
             cursor.end -= cursor.start;
             cursor.start = 0;
@@ -60,12 +60,11 @@ impl Decoder {
             return Some(Err(error));
         }
         let bytes = buffer.get(cursor.start..cursor.end)?;
-        if let Some(new) = bytes.get(cursor.scanned..)
-            && cursor.scanned > 0
+        if let Some(new) = cursor.scanned.and_then(|scanned| bytes.get(scanned..))
             && !(cursor.finished || bytes.len() == Message::MAX_LEN)
             && !new.iter().any(|byte| charset.ends_text(*byte))
         {
-            cursor.scanned = bytes.len();
+            cursor.scanned = Some(bytes.len());
             return None;
         }
         match Message::decode(bytes, *charset) {
@@ -76,7 +75,7 @@ impl Decoder {
             }
             Ok(None) if !cursor.finished => {
                 // Behind a `#` any byte may end it.
-                cursor.scanned = if bytes.last() == Some(&DATA) { 0 } else { bytes.len() };
+                cursor.scanned = (bytes.last() != Some(&DATA)).then_some(bytes.len());
                 return None;
             }
             Ok(None) => {
@@ -142,7 +141,7 @@ struct Cursor {
     start: usize,
     end: usize,
     /// How much of it is known to be the beginning of a message that only a mark can end.
-    scanned: usize,
+    scanned: Option<usize>,
     /// The stream's offset of `start`.
     offset: usize,
     /// The stream's offset behind what was returned last.
@@ -154,11 +153,11 @@ struct Cursor {
 
 impl Cursor {
     const START: Self =
-        Self { start: 0, end: 0, scanned: 0, offset: 0, position: 0, damage: None, finished: false };
+        Self { start: 0, end: 0, scanned: None, offset: 0, position: 0, damage: None, finished: false };
 
     fn advance(&mut self, bytes: usize) {
         self.start += bytes;
-        self.scanned = 0;
+        self.scanned = None;
         self.offset = self.offset.wrapping_add(bytes);
     }
 
@@ -183,5 +182,52 @@ impl Cursor {
             return None;
         }
         Some(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::dialect::Dialect;
+    use crate::job::Bounds;
+
+    const JOBS: &[u8] = b"<Tyo$14#50$1$1$0$0$3$4#><Tyo$14#50$2$2$3$4$5$6#><Tyo$14#50$3$1$5$6$7$8#>";
+
+    /// The numbers that a decoder gives one after the other, up to the first that is refused.
+    fn numbers(decoder: &mut Decoder, next: &mut Next, refused: u16) -> Vec<u16> {
+        let plain = PlainJobs::new(&Dialect::DEFAULT, &Bounds::WIDEST, 50).unwrap();
+        let mut numbers = Vec::new();
+        decoder.plain_jobs(&plain, next, |job| {
+            numbers.push(job.number);
+            job.number != refused
+        });
+        numbers
+    }
+
+    #[test]
+    fn plain_jobs_are_given_up_to_the_last_whole_one() {
+        for (length, given) in [(JOBS.len(), 3), (JOBS.len() - 1, 2), (25, 1), (24, 1), (23, 0)] {
+            let mut decoder = Decoder::new(Charset::Ascii);
+            decoder.push(&JOBS[..length]);
+            let next = &mut Next::new(1, 9999);
+            assert_eq!(numbers(&mut decoder, next, 9), [1, 2, 3][..given], "of {length} bytes");
+            assert_eq!((decoder.position(), usize::from(next.number())), (24 * given as u64, given + 1));
+            decoder.push(&JOBS[length..]);
+            assert_eq!(numbers(&mut decoder, next, 9), [1, 2, 3][given..]);
+            assert_eq!((decoder.position(), decoder.is_inside_message()), (72, false));
+        }
+    }
+
+    #[test]
+    fn a_job_that_is_refused_is_the_next_message() {
+        let mut decoder = Decoder::new(Charset::Ascii);
+        decoder.push(JOBS);
+        let next = &mut Next::new(1, 9999);
+        assert_eq!(numbers(&mut decoder, next, 2), [1, 2]);
+        assert_eq!((decoder.position(), next.number()), (24, 2));
+        let message = decoder.next_frame().unwrap().unwrap();
+        assert_eq!(message.fields.get(1).unwrap(), "2");
     }
 }

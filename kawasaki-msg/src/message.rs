@@ -5,7 +5,7 @@ use nom::bytes::streaming::take_till;
 
 use crate::error::{DecodeError, EncodeError};
 use crate::number::{self, Digits};
-use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values, is_mark};
+use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
 
 /// One message: what it is called, and its values.
 ///
@@ -229,13 +229,14 @@ impl Writer<'_> {
     fn value(&mut self, value: &Value<'_>, charset: Charset) -> Result<(), EncodeError> {
         match value {
             Value::Number(number) => self.number(*number),
-            // The same bytes in both character sets, unless one is a mark.
-            Value::Text(text) if text.bytes().all(|byte| byte.is_ascii() && !is_mark(byte)) => {
-                self.put(text.as_bytes());
+            Value::Text(text) => {
+                for c in text.chars() {
+                    self.push(charset.byte(c)?);
+                }
             }
-            Value::Text(_) | Value::Wire(_) => {
-                for byte in value.bytes(charset) {
-                    self.push(byte?);
+            Value::Wire(bytes) => {
+                for byte in *bytes {
+                    self.push(charset.byte(char::from(*byte))?);
                 }
             }
         }

@@ -177,7 +177,7 @@ const MASKS: [u128; 17] = {
     let mut mask = 0;
     while let [first, others @ ..] = rest {
         *first = mask;
-        mask = mask << 8 | 0xFF;
+        mask = (mask << 8) + 0xFF;
         rest = others;
     }
     table
@@ -253,8 +253,11 @@ impl Text {
 
     /// A number of up to five digits and the separator behind it.
     fn number(number: u16) -> Self {
-        let digit = |of: u16| u64::from(number / of % 10 + u16::from(b'0'));
-        let digits = digit(10_000) | digit(1000) << 8 | digit(100) << 16 | digit(10) << 24 | digit(1) << 32;
+        let digit = |of: u16| {
+            let [digit, _] = (number / of % 10).to_le_bytes();
+            b'0' + digit
+        };
+        let digits = [digit(10_000), digit(1000), digit(100), digit(10), digit(1), SEPARATOR, 0, 0];
         let length = match number {
             0..10 => 1,
             10..100 => 2,
@@ -262,7 +265,7 @@ impl Text {
             1000..10_000 => 4,
             10_000.. => 5,
         };
-        let word = digits >> (40 - 8 * length) | u64::from(SEPARATOR) << (8 * length);
+        let word = u64::from_le_bytes(digits) >> (40 - 8 * length);
         Self { word, mask: u64::MAX >> (56 - 8 * length), length: length as usize + 1 }
     }
 
@@ -323,11 +326,15 @@ mod tests {
         format!("<Tyo${}#{data}#>", data.len())
     }
 
-    fn read(bytes: &[u8], next: &mut Next) -> Option<(Job, usize)> {
+    fn window(bytes: &[u8]) -> Window {
         let mut window = [0; WINDOW];
-        let length = bytes.len().min(WINDOW);
-        window[..length].copy_from_slice(&bytes[..length]);
-        let (job, used) = PlainJobs::new(&Dialect::DEFAULT, &BOUNDS, 50).unwrap().read(&window, next)?;
+        window[..bytes.len()].copy_from_slice(bytes);
+        window
+    }
+
+    fn read(bytes: &[u8], next: &mut Next) -> Option<(Job, usize)> {
+        let plain = PlainJobs::new(&Dialect::DEFAULT, &BOUNDS, 50).unwrap();
+        let (job, used) = plain.read(&window(bytes), next)?;
         (used <= bytes.len()).then_some((job, used))
     }
 
@@ -412,6 +419,59 @@ mod tests {
         }
     }
 
+    /// A job that follows one which ended there.
+    fn behind(end: Point) -> Next {
+        let (line, mut next) =
+            (Line { kind: JobKind::Move, start: Point::new(1, 1), end }, Next::new(98, 9999));
+        read(wire(50, Job { number: 98, line }).as_bytes(), &mut next).unwrap();
+        next.advance();
+        next
+    }
+
+    #[test]
+    fn every_other_byte_in_every_place_is_read_as_the_general_way_reads_it_or_left_to_it() {
+        let last = Point::new(-50_012, 499_999);
+        for (start, end) in [(last, Point::new(7, -12_345)), (Point::new(0, 0), Point::new(9_999_999, 9))] {
+            let job = Job { number: 99, line: Line { kind: JobKind::Draw, start, end } };
+            let bytes = wire(50, job).into_bytes();
+            assert_eq!(read(&bytes, &mut behind(last)), Some((job, bytes.len())));
+            for at in 0..bytes.len() {
+                assert_eq!(read(&bytes[..at], &mut behind(last)), None);
+                for byte in 0..=u8::MAX {
+                    let mut bytes = bytes.clone();
+                    bytes[at] = byte;
+                    for mut next in [behind(last), Next::new(99, 9999)] {
+                        if let Some((job, used)) = read(&bytes, &mut next) {
+                            assert_eq!(reread(&bytes), (50, job, used));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_may_begin_at_a_point_that_looks_like_the_end_of_the_last_one() {
+        let last = Point::new(12, 34);
+        for (x, y) in [(12, 34), (12, 3), (12, 345), (1, 34), (1, 234), (-12, 34), (13, 34), (12, 35)] {
+            let line = Line { kind: JobKind::Draw, start: Point { x, y }, end: Point::new(5, 6) };
+            let job = Job { number: 99, line };
+            let bytes = wire(50, job).into_bytes();
+            assert_eq!(read(&bytes, &mut behind(last)), Some((job, bytes.len())));
+        }
+    }
+
+    #[test]
+    fn where_the_last_line_ended_is_compared_with_its_text() {
+        let start = behind(Point::new(-12, 345)).start;
+        assert_eq!(start.skip(&window(b"-12$345$"), 0), Some(8));
+        assert_eq!(start.skip(&window(b"xxx-12$345$"), 3), Some(11));
+        for other in ["-12$345#", "-12$3456$", "-12$34$", "-13$345$", "-22$345$", "12$345$"] {
+            assert_eq!(start.skip(&window(other.as_bytes()), 0), None, "{other}");
+        }
+        assert_eq!(PointText::NONE.skip(&window(b"$"), 0), None);
+    }
+
     #[test]
     fn a_dialect_of_its_own_is_read_the_general_way() {
         let mut table = Dialect::DEFAULT.entries().to_vec();
@@ -432,8 +492,7 @@ mod tests {
             let text = Text::number(number);
             let expected = format!("{number}$");
             assert_eq!(&text.word.to_le_bytes()[..text.length], expected.as_bytes());
-            assert_eq!(text.length, expected.len());
-            assert_eq!(text.mask, text.mask & (u64::MAX >> (64 - 8 * text.length)));
+            assert_eq!((text.length, text.mask), (expected.len(), u64::MAX >> (64 - 8 * expected.len())));
         }
     }
 }

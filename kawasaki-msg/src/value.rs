@@ -43,7 +43,8 @@ impl Charset {
         matches!(byte, START | END | DATA) || !self.has(byte)
     }
 
-    fn byte(self, found: char) -> Result<u8, EncodeError> {
+    /// The byte that a character is on the wire.
+    pub(crate) fn byte(self, found: char) -> Result<u8, EncodeError> {
         let byte = u8::try_from(found).map_err(|_| EncodeError::Character { found })?;
         if !self.has(byte) {
             return Err(EncodeError::Character { found });
@@ -94,25 +95,15 @@ impl<'a> Value<'a> {
     pub(crate) fn wire_len(&self) -> usize {
         match *self {
             Value::Number(n) => number::len(n),
-            Value::Text(text) if text.is_ascii() => text.len(),
             Value::Text(text) => text.chars().count(),
             Value::Wire(bytes) => bytes.len(),
         }
-    }
-
-    /// The bytes on the wire; the first character that cannot stand there is an error.
-    pub(crate) fn bytes(&self, charset: Charset) -> impl Iterator<Item = Result<u8, EncodeError>> + use<'a> {
-        self.chars().map(move |c| charset.byte(c))
     }
 }
 
 impl PartialEq for Value<'_> {
     fn eq(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Value::Number(a), Value::Number(b)) => a == b,
-            (Value::Wire(a), Value::Wire(b)) => a == b,
-            _ => self.chars().eq(other.chars()),
-        }
+        self.chars().eq(other.chars())
     }
 }
 

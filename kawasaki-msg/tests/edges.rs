@@ -109,6 +109,12 @@ fn a_character_that_no_byte_stands_for_is_refused_with_it() {
         Err(EncodeError::BufferTooSmall { needed: 8, available: 7 })
     );
     assert_eq!(short, [0; 7], "nothing is appended");
+    let mut enough = [0; 8];
+    assert_eq!(
+        Message::new("A", &[Value::Text("b")]).append_to(Charset::Ascii, &mut &mut enough[..]),
+        Ok(())
+    );
+    assert_eq!(&enough, b"<A$1#b#>");
 }
 
 #[test]
@@ -119,6 +125,51 @@ fn bytes_that_begin_no_message_are_told_by_the_message_itself() {
     let long = [b"<".as_slice(), &[b'x'; 4095]].concat();
     assert_eq!(decode(&long), Err(DecodeError::TooLong { offset: 0, limit: 4096 }));
     assert_eq!(decode(&long[..4095]), Ok(()), "the next byte may still be a mark");
+}
+
+#[test]
+fn a_message_has_at_most_4096_bytes() {
+    let text = "x".repeat(4087);
+    let encode = |data: usize, out: &mut [u8]| {
+        Message::new("X", &[Value::Text(&text[..data])]).encode(Charset::Ascii, out)
+    };
+    let mut out = [0; 5000];
+    assert_eq!(encode(4086, &mut out), Ok(4096));
+    assert_eq!(encode(4087, &mut out), Err(EncodeError::TooLong { length: 4097, limit: 4096 }));
+    // A length that cannot be kept is told before the data comes, at the name.
+    assert_eq!(Message::decode(b"<X$4086#", Charset::Ascii), Ok(None));
+    let too_long = DecodeError::TooLong { offset: 1, limit: 4096 };
+    assert_eq!(Message::decode(b"<X$4087#", Charset::Ascii), Err(too_long));
+}
+
+#[test]
+fn a_decoder_holds_the_longest_message_and_not_a_byte_more() {
+    let mut decoder = Decoder::new(Charset::Ascii);
+    assert_eq!(decoder.push(&[b'x'; 4000]), 4000);
+    assert_eq!(decoder.push(&[b'x'; 97]), 96);
+    assert_eq!(decoder.push(b"x"), 0);
+    assert!(decoder.next_frame().is_none(), "garbage is told when a message begins");
+    // Its place is free again.
+    assert_eq!(decoder.push(&[b'x'; 5000]), 4096);
+    assert!(decoder.next_frame().is_none());
+    assert_eq!(decoder.push(b"<"), 1);
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Garbage { offset: 0, length: 8192 })));
+}
+
+/// Whatever the reads cut, nothing but the end of the buffer ends it.
+#[test]
+fn a_message_without_an_end_is_given_up_when_the_buffer_is_full() {
+    let mut decoder = Decoder::new(Charset::Ascii);
+    decoder.push(b"<");
+    for _ in 1..4096 {
+        assert!(decoder.next_frame().is_none());
+        assert_eq!(decoder.push(b"x"), 1);
+    }
+    assert!(decoder.next_frame().is_none(), "how much is skipped shows at the next message");
+    assert_eq!(decoder.push(b"<"), 1);
+    let error = DecodeError::TooLong { offset: 0, limit: 4096 };
+    assert_eq!(decoder.next_frame(), Some(Err(error)));
+    assert_eq!(decoder.position(), 4096);
 }
 
 #[test]

@@ -215,6 +215,41 @@ fn damage_is_told_and_what_is_around_it_is_used() {
     assert_eq!(bench.queued_numbers(), [1, 2]);
 }
 
+/// What was skipped is told when the next message begins: in a read of its own, and that may be a job.
+#[test]
+fn garbage_before_a_job_is_told_when_the_job_comes() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    let offset = "<TilausAlkaa$4#50$1#>".len();
+    bench.cycle(b"roskaa");
+    assert_eq!(bench.events(), []);
+    bench.cycle(&jobs([1]));
+    assert_eq!(bench.events(), [RobotEvent::Damaged(DecodeError::Garbage { offset, length: 6 })]);
+    assert_eq!(bench.queued_numbers(), [1]);
+}
+
+/// What was read on the last connection stands where the job is read to.
+#[test]
+fn a_job_that_is_cut_off_is_not_made_whole_by_what_was_read_before() {
+    let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);
+    let reconnect = |bench: &mut Bench| {
+        bench.robot.handle_closed(bench.now);
+        bench.now += Duration::from_secs(2);
+        bench.robot.handle_timeout(bench.now);
+        bench.robot.handle_connected(bench.now);
+        bench.cycle(b"");
+    };
+    reconnect(&mut bench);
+    bench.cycle(job(1).as_bytes());
+    let second = job(2);
+    for cut in 1..second.len() {
+        reconnect(&mut bench);
+        bench.cycle(&second.as_bytes()[..cut]);
+        assert_eq!(bench.queued_numbers(), [1], "after {cut} bytes");
+    }
+    bench.cycle(&second.as_bytes()[second.len() - 1..]);
+    assert_eq!(bench.queued_numbers(), [1, 2]);
+}
+
 #[test]
 fn a_message_of_the_wrong_side_is_told() {
     let mut bench = Bench::new(RobotConfig::TCP, 8, 9999);

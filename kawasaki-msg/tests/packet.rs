@@ -114,6 +114,7 @@ fn a_short_buffer_is_a_lower_limit() {
     assert_eq!(packet.push(&of_length(31)), Err(EncodeError::TooLong { length: 31, limit: 30 }));
     assert_eq!(packet.push(&of_length(20)), Ok(Room::Added));
     assert_eq!(packet.push(&of_length(11)), Ok(Room::Full));
+    assert_eq!(packet.push(&of_length(30)), Ok(Room::Full), "an empty packet would hold it");
 }
 
 #[test]

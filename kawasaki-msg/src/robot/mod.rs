@@ -348,9 +348,8 @@ impl Core<'_> {
         self.peer = None;
         // The status covers what is executed in order; what was executed ahead of it may not have been heard of.
         self.acked = self.intake.executed();
-        self.unacked.clear();
         if self.config.acks == Acks::Individual {
-            self.unacked.add_all(self.intake.done_ahead());
+            self.unacked = self.intake.done_ahead().clone();
         }
     }
 

@@ -144,6 +144,45 @@ fn the_mode_word_is_five_bits() {
     assert_eq!(Mode(0xE0).with_inputs(true), Mode(0xF0), "bits without a name are kept");
 }
 
+/// §3: accumulation, frame, transformation, what it is computed from, inputs.
+#[test]
+fn each_bit_of_the_mode_stands_for_itself_alone() {
+    use CoordinateFrame::{Tool, World};
+    let polarity = Polarity::ToolIsOne;
+    let read = |mode: Mode| {
+        [
+            mode.accumulation() == Cumulative,
+            mode.frame(polarity) == Tool,
+            mode.has_transform(),
+            mode.transform_from_joints(),
+            mode.uses_inputs(),
+        ]
+    };
+    let write = |mode: Mode, on: bool| {
+        [
+            mode.with_accumulation(if on { Cumulative } else { NonCumulative }),
+            mode.with_frame(if on { Tool } else { World }, polarity),
+            mode.with_transform(on),
+            mode.with_transform_from_joints(on),
+            mode.with_inputs(on),
+        ]
+    };
+    let (none, all) = (Mode(0), Mode(0xFF));
+    for (place, bit) in [1, 2, 4, 8, 16].into_iter().enumerate() {
+        let (only, others) = (Mode(bit), Mode(0xFF - bit));
+        let mut alone = [false; 5];
+        alone[place] = true;
+        assert_eq!((read(only), read(others)), (alone, alone.map(|on| !on)));
+        assert_eq!((write(none, true)[place], write(none, false)[place]), (only, none));
+        assert_eq!((write(all, true)[place], write(all, false)[place]), (all, others));
+        assert!(only.is_named());
+    }
+    assert_eq!(
+        [0x1F, 0x20, 0x40, 0x80, 0xFF].map(|mode| Mode(mode).is_named()),
+        [true, false, false, false, false]
+    );
+}
+
 #[test]
 fn a_list_has_up_to_14_words() {
     let list = List::new(&[5; 14]).unwrap();

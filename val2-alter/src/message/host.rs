@@ -72,7 +72,7 @@ impl Reply {
 
     /// The select byte: bit *i* is set when value *i* is transmitted.
     pub fn select(&self) -> u8 {
-        self.values.iter().rev().fold(0, |select, value| select << 1 | u8::from(value.is_some()))
+        self.values.iter().rev().fold(0, |select, value| 2 * select + u8::from(value.is_some()))
     }
 
     fn decode(exception: u8, select: u8, words: &[u8], framing: Framing) -> Result<Self, DecodeError> {

@@ -11,12 +11,12 @@ impl Mode {
     /// `ALTER(0, 23)` of the source's program: cumulative, tool, transformations, inputs used.
     pub const CUMULATIVE_23: Self = Self(23);
 
-    const CUMULATIVE: u8 = 1 << 0;
-    const FRAME: u8 = 1 << 1;
-    const TRANSFORM: u8 = 1 << 2;
-    const FROM_JOINTS: u8 = 1 << 3;
-    const USE_INPUTS: u8 = 1 << 4;
-    const NAMED: u8 = 0x1F;
+    const CUMULATIVE: u8 = 0b0_0001;
+    const FRAME: u8 = 0b0_0010;
+    const TRANSFORM: u8 = 0b0_0100;
+    const FROM_JOINTS: u8 = 0b0_1000;
+    const USE_INPUTS: u8 = 0b1_0000;
+    const NAMED: u8 = 0b1_1111;
 
     /// Bit 0: whether a value moves the arm *by* or *to* its amount (§3.1).
     pub const fn accumulation(self) -> Accumulation {

@@ -58,6 +58,11 @@ const STARTING: u8 = 0x20;
 const INTERRUPTED: u8 = 0x40;
 const ENDED: u8 = 0x60;
 
+/// Three parts of a byte that do not overlap.
+fn control(phase: u8, error: ErrorCode) -> u8 {
+    MARK + phase + (u8::from(error) & ERROR)
+}
+
 /// The start message (§3.2.1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Start {
@@ -80,7 +85,7 @@ impl Start {
 
     /// The control byte as it is written.
     pub fn control(&self) -> u8 {
-        MARK | STARTING | u8::from(self.error) & ERROR
+        control(STARTING, self.error)
     }
 
     fn decode(body: &[u8], marked: bool, error: ErrorCode) -> Result<Self, DecodeError> {
@@ -178,7 +183,7 @@ impl Motion {
             MotionPhase::Running => RUNNING,
             MotionPhase::Interrupted => INTERRUPTED,
         };
-        MARK | phase | u8::from(self.error) & ERROR
+        control(phase, self.error)
     }
 
     fn decode(body: &[u8], phase: MotionPhase, error: ErrorCode) -> Result<Self, DecodeError> {
@@ -230,7 +235,7 @@ pub struct End {
 impl End {
     /// The control byte as it is written.
     pub fn control(&self) -> u8 {
-        MARK | ENDED | u8::from(self.error) & ERROR
+        control(ENDED, self.error)
     }
 
     /// The source gives only the control byte. It may stand in front of what a standard message has, which is nothing that a

@@ -51,7 +51,7 @@ impl PosePacket {
         let summed = line.bytes.get(1..line.at).unwrap_or_default();
         let expected = xor(summed);
         line.expect(b"*")?;
-        let found = line.hex()? << 4 | line.hex()?;
+        let found = 16 * line.hex()? + line.hex()?;
         if found != expected {
             return Err(ViewerError::Checksum { expected, found });
         }

@@ -62,9 +62,9 @@ impl Framing {
 ///
 /// - TCP loses no bytes, so a bad header means that the peer is out of step: best close the connection and [`reset`](Self::reset).
 ///   A caller who goes on gets the next frame whose header can be one; a frame of another protocol is skipped as a whole.
-/// - On RTU, behind a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins. Noise that looks
-///   like the beginning of a long frame is seen through at the latest when the line falls silent. Within damage one run of bytes
-///   in 65536 passes for a frame by chance.
+/// - On RTU, behind a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins; of two that end
+///   together it is the longer. Noise that looks like the beginning of a long frame is seen through at the latest when the line
+///   falls silent. Within damage one run of bytes in 65536 passes for a frame by chance.
 /// - A function without a type of its own has no length that RTU could tell: its frame ends with the silence alone, and is not
 ///   looked for within damage.
 ///
@@ -140,11 +140,8 @@ impl Decoder {
 
     /// Says that what has come so far will not go on: the line is silent, or the stream has ended.
     pub fn finish(&mut self) {
-        match self.finished_at {
-            None => self.finished_at = Some(self.end),
-            Some(at) if at < self.end => self.finished_later = Some(self.end),
-            Some(_) => {}
-        }
+        let at = if self.finished_at.is_none() { &mut self.finished_at } else { &mut self.finished_later };
+        *at = Some(self.end);
     }
 
     /// The offset in the stream just behind the last frame or error that was returned.
@@ -198,15 +195,13 @@ impl Decoder {
                     return Some(Ok(start..self.start));
                 }
                 Err(error) => {
-                    let from = match error {
+                    let skip = match error {
                         // TCP loses nothing: a frame that its connection cuts holds no other.
-                        DecodeError::Cut { .. } if self.framing.has_transactions() => limit,
-                        DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => {
-                            self.start + foreign_len(data)
-                        }
-                        _ => self.start + 1,
+                        DecodeError::Cut { .. } if self.framing.has_transactions() => data.len(),
+                        DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => foreign_len(data),
+                        _ => 1,
                     };
-                    self.damage = Some(Damage { error, from, tried: self.start });
+                    self.damage = Some(Damage { error, from: self.start + skip, tried: self.start });
                 }
             }
         }
@@ -267,7 +262,7 @@ impl Decoder {
     fn next_rtu(&self, damage: Damage, limit: usize) -> Option<usize> {
         let mut first: Option<(usize, usize)> = None;
         // What begins earlier than this has ended before, and was tried.
-        let from = damage.from.max((damage.tried + 1).saturating_sub(Frame::MAX_RTU_LEN));
+        let from = damage.from.max(damage.tried.saturating_sub(Frame::MAX_RTU_LEN));
         for start in from..limit {
             let data = self.buffer.get(start..limit).unwrap_or_default();
             let RtuLen::Known(len) = RtuLen::of(data, self.side) else { continue };

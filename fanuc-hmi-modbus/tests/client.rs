@@ -261,12 +261,17 @@ fn a_timeout_that_was_not_told_takes_no_reply_of_a_later_request() {
 
 #[test]
 fn only_as_many_bits_are_given_as_were_asked_for() {
-    let mut client: Client = Client::new(tcp(1));
-    client.request(1, &Request::ReadCoils { address: 0, quantity: 10 }).unwrap();
-    sent(&mut client, MS);
-    client.handle_input(MS, &[0, 1, 0, 0, 0, 5, 1, 1, 2, 0xFF, 0xFF]);
-    let Some(Event::Reply { reply: Reply::Coils(bits), .. }) = client.poll_event() else { panic!() };
-    assert_eq!(bits, Bits::from(&[true; 10]));
+    let bits = [true; 10];
+    for (request, reply) in [
+        (Request::ReadCoils { address: 0, quantity: 10 }, Reply::Coils((&bits).into())),
+        (Request::ReadDiscreteInputs { address: 0, quantity: 10 }, Reply::DiscreteInputs((&bits).into())),
+    ] {
+        let mut client: Client = Client::new(tcp(1));
+        let ticket = client.request(1, &request).unwrap();
+        sent(&mut client, MS);
+        client.handle_input(MS, &[0, 1, 0, 0, 0, 5, 1, request.function(), 2, 0xFF, 0xFF]);
+        assert_eq!(client.poll_event(), Some(Event::Reply { ticket, unit: 1, reply }));
+    }
 }
 
 #[test]

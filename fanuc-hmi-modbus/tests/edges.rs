@@ -236,6 +236,29 @@ fn runs_of_the_wire_and_of_memory_are_written_the_same() {
 }
 
 #[test]
+fn runs_are_the_same_when_every_value_is() {
+    for other in [&[][..], &[1], &[2, 2], &[1, 3], &[1, 2, 3]] {
+        assert_ne!(Words::from(&[1, 2]), Words::from(other));
+    }
+    for other in [&[][..], &[true], &[false, false], &[true, true], &[true, false, false]] {
+        assert_ne!(Bits::from(&[true, false]), Bits::from(other));
+    }
+}
+
+#[test]
+fn what_a_reply_is_written_into_may_be_empty_and_takes_a_value_twice() {
+    assert!(WordsMut::from_wire(&mut []).is_empty());
+    assert!(WordsMut::from_wire(&mut [1]).is_empty(), "half a register");
+    assert!(BitsMut::from_wire(&mut [], 0).is_empty());
+    let mut wire = [0; 2];
+    let mut bits = BitsMut::from_wire(&mut wire, 10);
+    for (index, bit) in [(0, true), (0, true), (8, true), (8, true), (1, false), (9, true), (9, false)] {
+        bits.set(index, bit);
+    }
+    assert_eq!(wire, [1, 1]);
+}
+
+#[test]
 fn a_codec_gives_what_is_whole_before_it_gives_up_the_rest() {
     let frame = Frame { transaction: Some(7), unit: 1, pdu: &[3, 2, 0, 1][..] };
     let mut wire = BytesMut::new();

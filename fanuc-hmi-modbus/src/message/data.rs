@@ -103,7 +103,7 @@ impl<'a, const N: usize> From<&'a [u16; N]> for Words<'a> {
 
 impl PartialEq for Words<'_> {
     fn eq(&self, other: &Self) -> bool {
-        self.len() == other.len() && self.iter().eq(other.iter())
+        self.iter().eq(other.iter())
     }
 }
 
@@ -224,7 +224,7 @@ impl<'a, const N: usize> From<&'a [bool; N]> for Bits<'a> {
 
 impl PartialEq for Bits<'_> {
     fn eq(&self, other: &Self) -> bool {
-        self.len() == other.len() && self.iter().eq(other.iter())
+        self.iter().eq(other.iter())
     }
 }
 

@@ -5,8 +5,8 @@ use core::time::Duration;
 
 use laser_eb90::{
     Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, EncodeError, ErrorCodes, Frame,
-    Host, HostConfig, HostEvent, Instruction, Item, MAX_PAYLOAD, Payload, Profile, Refusal, SessionError,
-    Tags, Width, Words,
+    Host, HostConfig, HostEvent, Instruction, Instructions, Item, Items, MAX_PAYLOAD, Payload, Profile,
+    Refusal, SessionError, Tags, Width, Words,
 };
 use serde::de::DeserializeSeed as _;
 
@@ -103,6 +103,36 @@ fn values_print_and_compare_by_what_they_are() {
     let Some(Ok(Item::I16(none))) = little.items().nth(1) else { panic!("no shorts") };
     assert_eq!((none.len(), none.is_empty(), none.array::<0>()), (0, true, Some([])));
     assert_eq!((Width::U8.len(), Width::U16Be.len(), Width::U8.is_empty()), (1, 2, false));
+}
+
+#[test]
+fn values_differ_in_a_number_or_in_how_many_there_are() {
+    let floats = |values: &[f32]| {
+        let mut buffer = [0; 32];
+        let mut payload = Payload::new(&mut buffer, &Profile::default());
+        payload.f32(values).unwrap().as_bytes().to_vec()
+    };
+    let (one, other, longer) = (floats(&[1.5]), floats(&[1.25]), floats(&[1.5, 1.5]));
+    let first = |payload| Items::new(payload, &Profile::default()).next().unwrap().unwrap();
+    assert_eq!(first(&one), first(&one));
+    assert_ne!(first(&one), first(&other));
+    assert_ne!(first(&one), first(&longer));
+}
+
+#[test]
+fn the_first_instruction_of_a_batch_is_what_it_is_alone() {
+    let mut buffer = [0; 32];
+    let mut payload = Payload::new(&mut buffer, &Profile::default());
+    payload.word(0x0101).unwrap().u8(&[7]).unwrap();
+    let alone = payload.as_bytes().to_vec();
+    payload.word(0x0102).unwrap();
+    let [alone, batch] = [&alone[..], payload.as_bytes()]
+        .map(|bytes| Instructions::new(Items::new(bytes, &Profile::default())));
+    let (alone, batch): (Vec<_>, Vec<_>) =
+        (alone.map(Result::unwrap).collect(), batch.map(Result::unwrap).collect());
+    assert_eq!((alone.len(), batch.len()), (1, 2));
+    assert_eq!(alone[0], batch[0]);
+    assert_eq!((batch[0].parameters.as_bytes(), batch[1].parameters.is_empty()), (&[0xF2, 1, 7][..], true));
 }
 
 #[test]

@@ -68,9 +68,9 @@ impl Format {
         let misfit = (word | word.wrapping_add(self.limit)) & self.excess;
         let digits = word & (u64::MAX << 8 << self.sign_at);
         // Neighbours are added up in pairs, three times: each lane of a product is a lane and 10, 100 or 1000 times the one before.
-        let pairs = digits.wrapping_mul(10 << 8 | 1) >> 8 & 0x00FF_00FF_00FF_00FF;
-        let fours = pairs.wrapping_mul(100 << 16 | 1) >> 16 & 0x0000_FFFF_0000_FFFF;
-        let magnitude = (fours.wrapping_mul(((self.split / self.scale) as u64) << 32 | 1) >> 32) as i32;
+        let pairs = digits.wrapping_mul((10 << 8) + 1) >> 8 & 0x00FF_00FF_00FF_00FF;
+        let fours = pairs.wrapping_mul((100 << 16) + 1) >> 16 & 0x0000_FFFF_0000_FFFF;
+        let magnitude = (fours.wrapping_mul((((self.split / self.scale) as u64) << 32) + 1) >> 32) as i32;
         let minus = word & PLUS_TO_MINUS << self.sign_at != 0;
         (if minus { magnitude.wrapping_neg() } else { magnitude }, misfit)
     }
@@ -79,7 +79,7 @@ impl Format {
     #[inline(always)]
     pub(crate) const fn text(self, value: i32) -> u64 {
         let magnitude = value.unsigned_abs();
-        let word = four(magnitude / self.split * self.scale) | four(magnitude % self.split) << 32;
+        let word = four(magnitude / self.split * self.scale) + (four(magnitude % self.split) << 32);
         let sign = if value < 0 { PLUS_TO_MINUS << self.sign_at } else { 0 };
         self.zero + word + sign
     }
@@ -92,10 +92,10 @@ impl Format {
 
 /// The four digits of a number below 10000, one a byte, the first one lowest.
 const fn four(number: u32) -> u64 {
-    let pairs = (number % 100) << 16 | (number / 100);
+    let pairs = ((number % 100) << 16) + number / 100;
     // 103 / 1024 is a tenth, near enough for all below 100.
     let tens = ((pairs * 103) >> 10) & 0x000F_000F;
-    ((pairs - 10 * tens) << 8 | tens) as u64
+    (((pairs - 10 * tens) << 8) + tens) as u64
 }
 
 impl Expected {

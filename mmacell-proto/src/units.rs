@@ -80,9 +80,8 @@ fn nearest(value: f64) -> i32 {
     if value.is_nan() {
         return i32::MIN;
     }
-    let half = if value < 0.0 { -0.5 } else { 0.5 };
     #[expect(clippy::cast_possible_truncation, reason = "`as` saturates, and the ends are refused on encode")]
-    let nearest = (value + half) as i32;
+    let nearest = (value + 0.5_f64.copysign(value)) as i32;
     nearest
 }
 

@@ -5,7 +5,7 @@ use bytes::BytesMut;
 use mmacell_proto::task::{self, Task};
 use mmacell_proto::{
     AnyPose, Command, Controller, ControllerCodec, DecodeError, Decoder, DeviceCodec, Dialect, EncodeError,
-    ErrorCode, Expected, Line, NoPose, PlatformPose, Pose, Reply, RobotPose, Status, controller,
+    ErrorCode, Expected, Line, Mode, NoPose, PlatformPose, Pose, Reply, RobotPose, Status, controller,
 };
 use tokio_util::codec::{Decoder as _, Encoder as _};
 
@@ -125,6 +125,61 @@ fn each_field_is_refused_where_it_goes_wrong() {
         Command::<RobotPose>::decode(Line::new(b"OVRD+00007"), &tolerant),
         Ok(Command::Override { percent: 7 })
     );
+}
+
+#[test]
+fn a_word_is_cut_short_or_another_or_goes_on() {
+    let command = |line: &[u8]| Command::<NoPose>::decode(Line::new(line), &Dialect::STRICT);
+    let expected = Expected::OnOrOff;
+    assert_eq!(command(b"SRV"), Err(DecodeError::Short { offset: 3, expected }));
+    assert_eq!(command(b"SRVO"), Err(DecodeError::Short { offset: 4, expected }));
+    assert_eq!(command(b"SRVX"), Err(DecodeError::Unexpected { offset: 3, found: b'X', expected }));
+    assert_eq!(command(b"SRVONX"), Err(DecodeError::Trailing { offset: 5 }));
+    assert_eq!(command(b"SRVOFF"), Err(DecodeError::Trailing { offset: 5 }));
+    assert_eq!(command(b"SRVON"), Ok(Command::Servo { on: true }));
+}
+
+/// A character that does not fit is seen in either number, also where its bits would make a small value, and in both at once.
+#[test]
+fn each_character_of_the_numbers_that_end_a_status_counts() {
+    let reply = |numbers: &[u8]| {
+        let line = [b"OKF+00.5000-00.2500T", numbers].concat();
+        Reply::<PlatformPose>::decode(Line::new(&line), &Dialect::STRICT).map(drop)
+    };
+    let unexpected = |offset, found, expected| Err(DecodeError::Unexpected { offset, found, expected });
+    assert_eq!(reply(b"+00100+00003"), Ok(()));
+    assert_eq!(reply(b",00080+00000"), unexpected(20, b',', Expected::Sign));
+    assert_eq!(reply(b"+00080,00000"), unexpected(26, b',', Expected::Sign));
+    assert_eq!(reply(b",00080,00000"), unexpected(20, b',', Expected::Sign));
+    assert_eq!(reply(b"+000:0+00000"), unexpected(24, b':', Expected::Digit));
+    assert_eq!(reply(b"+00101+00000"), Err(DecodeError::Percent { offset: 20, found: 101 }));
+    assert_eq!(reply(b"-00001+00000"), Err(DecodeError::Percent { offset: 20, found: -1 }));
+    assert_eq!(reply(b"+00080+00000F"), Err(DecodeError::Trailing { offset: 32 }));
+}
+
+#[test]
+fn a_blank_is_allowed_once_behind_the_sign_of_an_integer_where_the_dialect_says_so() {
+    let blank = Dialect { blank: true, ..Dialect::STRICT };
+    let command = |line: &[u8], dialect| Command::<PlatformPose>::decode(Line::new(line), dialect);
+    let unexpected = |offset, found, expected| Err(DecodeError::Unexpected { offset, found, expected });
+    assert_eq!(command(b"ACQ- 00001", &blank), Ok(Command::Acquire { camera: -1 }));
+    assert_eq!(command(b"ACQ- 00001", &Dialect::STRICT), unexpected(4, b' ', Expected::Digit));
+    assert_eq!(command(b"ACQ+ 00x01", &blank), unexpected(7, b'x', Expected::Digit));
+    assert_eq!(command(b"ACQ+  0001", &blank), unexpected(5, b' ', Expected::Digit));
+    assert_eq!(command(b"ACQ+ 000012", &blank), Err(DecodeError::Trailing { offset: 10 }));
+    assert_eq!(
+        command(b"ACQ+ 0000", &blank),
+        Err(DecodeError::Short { offset: 9, expected: Expected::Digit })
+    );
+    assert_eq!(command(b"MOVA+ 0.5000-00.2500", &blank), unexpected(5, b' ', Expected::Digit));
+}
+
+#[test]
+fn an_axis_is_written_to_the_last_of_its_digits() {
+    let mut out = [0; 38];
+    let pose = RobotPose::from_units([999_999, -999_999, 0, -1]);
+    assert_eq!(Command::Move { mode: Mode::Relative, pose }.encode(&mut out), Ok(38));
+    assert_eq!(&out, b"MOVR+999.999-999.999+000.000-00.0001\r\n");
 }
 
 #[test]

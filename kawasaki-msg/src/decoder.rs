@@ -60,11 +60,12 @@ impl Decoder {
             return Some(Err(error));
         }
         let bytes = buffer.get(cursor.start..cursor.end)?;
-        if let Some(new) = cursor.scanned.and_then(|scanned| bytes.get(scanned..))
+        if let Some(new) = bytes.get(cursor.scanned..)
+            && cursor.scanned > 0
             && !(cursor.finished || bytes.len() == Message::MAX_LEN)
             && !new.iter().any(|byte| charset.ends_text(*byte))
         {
-            cursor.scanned = Some(bytes.len());
+            cursor.scanned = bytes.len();
             return None;
         }
         match Message::decode(bytes, *charset) {
@@ -75,7 +76,7 @@ impl Decoder {
             }
             Ok(None) if !cursor.finished => {
                 // Behind a `#` any byte may end it.
-                cursor.scanned = (bytes.last() != Some(&DATA)).then_some(bytes.len());
+                cursor.scanned = if bytes.last() == Some(&DATA) { 0 } else { bytes.len() };
                 return None;
             }
             Ok(None) => {
@@ -141,7 +142,7 @@ struct Cursor {
     start: usize,
     end: usize,
     /// How much of it is known to be the beginning of a message that only a mark can end.
-    scanned: Option<usize>,
+    scanned: usize,
     /// The stream's offset of `start`.
     offset: usize,
     /// The stream's offset behind what was returned last.
@@ -153,11 +154,11 @@ struct Cursor {
 
 impl Cursor {
     const START: Self =
-        Self { start: 0, end: 0, scanned: None, offset: 0, position: 0, damage: None, finished: false };
+        Self { start: 0, end: 0, scanned: 0, offset: 0, position: 0, damage: None, finished: false };
 
     fn advance(&mut self, bytes: usize) {
         self.start += bytes;
-        self.scanned = None;
+        self.scanned = 0;
         self.offset = self.offset.wrapping_add(bytes);
     }
 

@@ -4,8 +4,8 @@ use core::hint::black_box;
 use core::time::Duration;
 
 use benches::{Budget, Count, Link};
-use kawasaki_msg::{Charset, Decoder, Job, JobKind, Limits, Line, Packet, Params, Point, Room};
-use kawasaki_msg::{Dialect, Robot, RobotConfig, Role, timing};
+use kawasaki_msg::{Charset, Decoder, Job, JobKind, Limits, Line, Message, Packet, Params, Point, Room};
+use kawasaki_msg::{Dialect, Robot, RobotConfig, Role, Value, timing};
 use robot_work_queue::Reader;
 
 pub const LINK: Link = Link { name: "kawasaki-msg", counts: COUNTS, budgets };
@@ -35,6 +35,13 @@ const COUNTS: &[Count] = &[
         units: BYTES,
         unit: "byte",
         run: find_messages,
+    },
+    Count {
+        what: "the longest message, which comes byte by byte",
+        goal: Some(200.0),
+        units: 4096.0,
+        unit: "byte",
+        run: grow_a_message,
     },
     Count { what: "the same packet, built", goal: None, units: BYTES, unit: "byte", run: build_packets },
 ];
@@ -90,6 +97,24 @@ fn find_messages(rounds: u64) {
             found += u16::from(black_box(message).is_ok());
         }
         assert_eq!(found, JOBS);
+    }
+}
+
+/// What was looked at is not looked at again: else every byte of it would be, with every byte that comes.
+fn grow_a_message(rounds: u64) {
+    let text = "x".repeat(4086);
+    let fields = [Value::Text(&text)];
+    let mut wire = [0; 4096];
+    let length = Message::new("X", &fields).encode(Charset::Ascii, &mut wire);
+    assert_eq!(length, Ok(wire.len()));
+    let mut decoder = Decoder::new(Charset::Ascii);
+    for _ in 0..rounds {
+        let mut found = 0;
+        for byte in black_box(&wire) {
+            decoder.push(core::slice::from_ref(byte));
+            found += u16::from(decoder.next_frame().is_some());
+        }
+        assert_eq!(found, 1);
     }
 }
 

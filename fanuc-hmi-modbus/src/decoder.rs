@@ -140,8 +140,10 @@ impl Decoder {
 
     /// Says that what has come so far will not go on: the line is silent, or the stream has ended.
     pub fn finish(&mut self) {
-        let at = if self.finished_at.is_none() { &mut self.finished_at } else { &mut self.finished_later };
-        *at = Some(self.end);
+        match self.finished_at {
+            None => self.finished_at = Some(self.end),
+            Some(_) => self.finished_later = Some(self.end),
+        }
     }
 
     /// The offset in the stream just behind the last frame or error that was returned.
@@ -194,15 +196,7 @@ impl Decoder {
                     self.start += len;
                     return Some(Ok(start..self.start));
                 }
-                Err(error) => {
-                    let skip = match error {
-                        // TCP loses nothing: a frame that its connection cuts holds no other.
-                        DecodeError::Cut { .. } if self.framing.has_transactions() => data.len(),
-                        DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => foreign_len(data),
-                        _ => 1,
-                    };
-                    self.damage = Some(Damage { error, from: self.start + skip, tried: self.start });
-                }
+                Err(error) => self.damage = Some(self.damaged(error, data)),
             }
         }
     }
@@ -216,6 +210,18 @@ impl Decoder {
         } else {
             Frame::from_rtu_parts(bytes)
         }
+    }
+
+    /// The damage that `data` begins with.
+    #[cold]
+    fn damaged(&self, error: DecodeError, data: &[u8]) -> Damage {
+        let skip = match error {
+            // TCP loses nothing: a frame that its connection cuts holds no other.
+            DecodeError::Cut { .. } if self.framing.has_transactions() => data.len(),
+            DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => foreign_len(data),
+            _ => 1,
+        };
+        Damage { error, from: self.start + skip, tried: self.start }
     }
 
     /// How many bytes the damage takes, when that is known; the start is then behind them.
@@ -242,7 +248,7 @@ impl Decoder {
                 limit
             }
             None => {
-                self.damage = Some(Damage { tried: window, ..damage });
+                self.damage.as_mut()?.tried = window;
                 return None;
             }
         };

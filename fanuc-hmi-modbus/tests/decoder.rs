@@ -155,15 +155,14 @@ fn a_frame_that_is_whole_when_the_silence_is_told_is_not_cut() {
 }
 
 #[test]
-fn of_two_frames_that_end_together_the_longer_is_found() {
+fn the_frame_behind_damage_is_the_first_to_end_and_the_longest_of_those() {
     // Four registers are written, of which the last three and the CRC are a read of unit 2, and its CRC as well.
     let frame = [1, 16, 0, 0, 0, 4, 8, 0x5D, 0x43, 2, 3, 0, 0, 0, 1, 0x84, 0x39];
-    let stream = [&[0x55][..], &frame].concat();
+    let read = &frame[9..];
+    let stream = [&[0x55][..], &frame, read].concat();
     let items = decode(RTU, Side::Client, &stream);
     assert!(matches!(items[0], (Err(DecodeError::Crc { length: 8, .. }), 1)), "{items:?}");
-    assert_eq!(items[1..], [(pdu(&frame), 18)]);
-    let read = &stream[10..];
-    assert_eq!(decode(RTU, Side::Client, read), [(pdu(read), 8)]);
+    assert_eq!(items[1..], [(pdu(&frame), 18), (pdu(read), 26)]);
 }
 
 #[test]

@@ -29,6 +29,24 @@ fn a_packet_is_a_line_of_text() {
 }
 
 #[test]
+fn every_digit_of_a_number_and_of_the_sum_is_written_as_it_is_read() {
+    let zeros = [0; 12];
+    let round = [0, 1, 9, 10, 99, 100, 999, 1000, 9999, 10_000, -10, -10_000];
+    for (count, words, line) in [
+        (78, zeros, "$POSE,78,0,0,0,0,0,0,0,0,0,0,0,0*2A\r\n"),
+        (28, zeros, "$POSE,28,0,0,0,0,0,0,0,0,0,0,0,0*2F\r\n"),
+        (10, zeros, "$POSE,10,0,0,0,0,0,0,0,0,0,0,0,0*24\r\n"),
+        (0, round, "$POSE,0,0,1,9,10,99,100,999,1000,9999,10000,-10,-10000*24\r\n"),
+    ] {
+        let packet = PosePacket { count, pose: Transform(words) };
+        let mut out = [0; PosePacket::MAX_LEN];
+        let length = packet.encode(&mut out).unwrap();
+        assert_eq!(core::str::from_utf8(&out[..length]), Ok(line));
+        assert_eq!(PosePacket::decode(line.as_bytes()), Ok(Some((packet, line.len()))));
+    }
+}
+
+#[test]
 fn what_is_no_packet_is_refused() {
     let cases: [(&[u8], ViewerError); 9] = [
         (b"POSE,7\r\n", ViewerError::Format { offset: 0 }),

@@ -121,11 +121,19 @@ mod tests {
     #[test]
     fn a_set_holds_every_number() {
         let mut set = NumberSet::new();
-        for number in [1, 63, 64, 9999] {
+        assert!(set.is_empty() && set.first().is_none());
+        let numbers = [1, 63, 65, 128, 9999];
+        for number in numbers {
             assert!(set.insert(number) && !set.insert(number));
+            assert!(set.contains(number) && !set.contains(number - 1) && !set.is_empty());
         }
-        assert_eq!(set.first(), Some(1));
-        assert!(set.remove(1) && !set.remove(1));
-        assert_eq!(set.first(), Some(63));
+        for number in numbers {
+            assert_eq!((set.first(), set.is_empty()), (Some(number), false));
+            assert!(set.remove(number) && !set.remove(number));
+        }
+        assert!(set.is_empty() && set.first().is_none());
+        assert!(set.insert(5000));
+        set.clear();
+        assert!(set.is_empty() && !set.contains(5000));
     }
 }

@@ -191,8 +191,8 @@ pub enum ConfigError {
     #[error("the message of the role {role:?} lacks a field that the session needs, or has more than 16")]
     #[allow(missing_docs, reason = "the sentence says it")]
     Fields { role: Role },
-    /// A name of the dialect's table is empty or stands twice.
-    #[error("the name of the role {role:?} is empty or stands twice")]
+    /// A name of the dialect's table is empty, stands twice, or holds a mark or a letter that its character set does not have.
+    #[error("the name of the role {role:?} is empty, stands twice or cannot be written")]
     #[allow(missing_docs, reason = "the sentence says it")]
     Name { role: Role },
     /// A limit is too small to carry a message, or a string element has no byte.

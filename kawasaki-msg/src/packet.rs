@@ -23,8 +23,14 @@ impl Limits {
 }
 
 impl Limits {
-    /// Whether every message of a table fits, however great its numbers are.
+    /// Whether every message of a table can be written and fits, however great its numbers are.
     pub(crate) fn check(&self, dialect: &Dialect) -> Result<(), ConfigError> {
+        let charset = dialect.charset();
+        for entry in dialect.entries() {
+            if entry.name.chars().any(|c| charset.byte(c).is_err()) {
+                return Err(ConfigError::Name { role: entry.role });
+            }
+        }
         let longest = dialect.entries().iter().map(|entry| {
             let digits = entry.fields.len() * "-2147483648$".len();
             entry.name.len() + digits + "<$####>".len()

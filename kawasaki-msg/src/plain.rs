@@ -43,7 +43,7 @@ impl PlainJobs {
         }
         let mut prefix = Text::EMPTY;
         prefix.push(START)?;
-        entry.name.bytes().try_for_each(|byte| prefix.push(byte))?;
+        entry.name.chars().try_for_each(|c| prefix.push(dialect.charset().byte(c).ok()?))?;
         prefix.push(SEPARATOR)?;
         let (x, y) = (Range::new(bounds.min.x, bounds.max.x), Range::new(bounds.min.y, bounds.max.y));
         Some(Self { prefix, order: Text::number(order), x, y, swar: Swar::CONSTANTS })

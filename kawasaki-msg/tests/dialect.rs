@@ -1,7 +1,12 @@
 //! A table of messages: what it reads in the fields, and what is wrong with them.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use kawasaki_msg::{Charset, Dialect, Entry, Field, Message, MessageError, Params, Role};
+use core::time::Duration;
+
+use kawasaki_msg::{
+    Charset, ConfigError, Dialect, Entry, Field, Message, MessageError, Params, Pc, PcConfig, Robot,
+    RobotConfig, RobotEvent, Role, Supply,
+};
 
 /// What a table makes of a message with this data part.
 fn read(dialect: &Dialect, name: &str, data: &str) -> Result<(Role, Params), MessageError> {
@@ -86,12 +91,17 @@ fn both_ends_of_a_fields_range_are_in_it() {
     assert_eq!((params.get(Field::StartX), params.get(Field::EndY)), (Some(i32::MIN), Some(i32::MAX)));
 }
 
+/// The default table with this name.
+fn with_name(role: Role, name: &'static str) -> Dialect {
+    let mut table = Dialect::DEFAULT.entries().to_vec();
+    table.iter_mut().filter(|entry| entry.role == role).for_each(|entry| entry.name = name);
+    Dialect::new(table.leak()).unwrap()
+}
+
 /// The thesis is Finnish: its letters are one byte each on the wire, whatever they are in the program.
 #[test]
 fn a_name_is_compared_by_its_characters() {
-    let mut table = Dialect::DEFAULT.entries().to_vec();
-    table.iter_mut().filter(|entry| entry.role == Role::Filler).for_each(|entry| entry.name = "Hölynpöly");
-    let dialect = Dialect::new(table.leak()).unwrap().with_charset(Charset::Latin1);
+    let dialect = with_name(Role::Filler, "Hölynpöly").with_charset(Charset::Latin1);
     let mut wire = [0; 64];
     let length = dialect
         .write(Role::Filler, &Params::default(), |message| message.encode(Charset::Latin1, &mut wire))
@@ -102,4 +112,42 @@ fn a_name_is_compared_by_its_characters() {
     // The bytes that the name is in the program are other characters.
     let (message, _) = Message::decode("<Hölynpöly$0##>".as_bytes(), Charset::Latin1).unwrap().unwrap();
     assert!(matches!(dialect.read(&message), Err(MessageError::UnknownName { .. })));
+}
+
+#[test]
+fn so_is_the_name_of_a_job() {
+    let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
+    let dialect = with_name(Role::Job, "Työ").with_charset(Charset::Latin1);
+    let mut robot = Robot::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+    robot.handle_timeout(Duration::ZERO);
+    robot.handle_connected(Duration::ZERO);
+    robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");
+    robot.handle_input(Duration::ZERO, b"<Ty\xf6$14#50$1$1$0$0$1$1#>");
+    assert_eq!(robot.queued(), 1);
+    while robot.poll_event().is_some() {}
+    robot.handle_input(Duration::ZERO, "<Työ$14#50$2$1$1$1$2$2#>".as_bytes());
+    assert_eq!(robot.queued(), 1);
+    let Some(RobotEvent::Rejected(MessageError::UnknownName { name })) = robot.poll_event() else { panic!() };
+    assert_eq!(name.to_string(), "Ty\u{c3}\u{b6}");
+}
+
+/// Else the session could only be silent about it.
+#[test]
+fn a_session_is_not_made_with_a_name_that_it_could_not_write() {
+    for (name, charset, writable) in [
+        ("Työ", Charset::Ascii, false),
+        ("Työ", Charset::Latin1, true),
+        ("Ty\u{142}", Charset::Latin1, false),
+        ("Ty<o", Charset::Ascii, false),
+        ("Tyo", Charset::Ascii, true),
+    ] {
+        let dialect = with_name(Role::Job, name).with_charset(charset);
+        let error = (!writable).then_some(ConfigError::Name { role: Role::Job });
+        let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
+        assert_eq!(Robot::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).err(), error, "{name}");
+        let pc = Pc::<fn(u32) -> Supply>::new(PcConfig { dialect, ..PcConfig::TCP });
+        assert_eq!(pc.err(), error, "{name}");
+    }
+    let sentence = "the name of the role Job is empty, stands twice or cannot be written";
+    assert_eq!(ConfigError::Name { role: Role::Job }.to_string(), sentence);
 }

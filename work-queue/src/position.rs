@@ -140,3 +140,20 @@ impl Position {
         Position(word)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_position_is_left_behind_beyond_a_quarter_of_all_laps() {
+        // Sixteen bits are the index: 2^(n - 16) laps.
+        let quarter = 1 << (Word::BITS - 18);
+        for lap in [0, 1, quarter * 4 - 1] {
+            let older = Position::lap(lap);
+            assert!(!older.has_left_behind(older));
+            assert!(!Position::lap(lap.wrapping_add(quarter)).has_left_behind(older));
+            assert!(Position::lap(lap.wrapping_add(quarter)).step().has_left_behind(older));
+        }
+    }
+}

@@ -61,9 +61,10 @@ impl PlainJobs {
             MOVE => JobKind::Move,
             _ => return None,
         };
-        let (start, end_at) = match next.start.skip(window, at + 2) {
-            Some(at) => (next.start.point, at),
-            None => self.point(window, at + 2, SEPARATOR)?,
+        let at = at + 2;
+        let (start, end_at) = match next.start.skip(window, at) {
+            Some(end_at) => (next.start.point, end_at),
+            None => self.point(window, at, SEPARATOR)?,
         };
         let (end, at) = self.point(window, end_at, DATA)?;
         let length = u32::from_le_bytes(*bytes(window, length_at)?) & 0xFF_FFFF;

@@ -121,6 +121,26 @@ fn a_reply_answers_its_request_alone() {
             Reply::ReadWriteRegisters(Words::from(&[1])),
         ),
         (
+            Request::WriteCoil { address: 1, value: true },
+            Reply::WriteCoil { address: 1, value: true },
+            Reply::WriteCoil { address: 2, value: true },
+        ),
+        (
+            Request::WriteRegister { address: 1, value: 2 },
+            Reply::WriteRegister { address: 1, value: 2 },
+            Reply::WriteRegister { address: 2, value: 2 },
+        ),
+        (
+            Request::WriteCoils { address: 1, values: bits },
+            Reply::WriteCoils { address: 1, quantity: 9 },
+            Reply::WriteCoils { address: 2, quantity: 9 },
+        ),
+        (
+            Request::WriteRegisters { address: 1, values: words },
+            Reply::WriteRegisters { address: 1, quantity: 2 },
+            Reply::WriteRegisters { address: 2, quantity: 2 },
+        ),
+        (
             Request::MaskWriteRegister { address: 1, and: 2, or: 3 },
             Reply::MaskWriteRegister { address: 1, and: 2, or: 3 },
             Reply::MaskWriteRegister { address: 1, and: 2, or: 4 },
@@ -228,6 +248,10 @@ fn runs_of_the_wire_and_of_memory_are_written_the_same() {
     assert_eq!((reply.encode(&mut out), out), (Ok(6), [3, 4, 1, 2, 3, 4]));
     assert_eq!((Words::from_wire(&[1]).is_empty(), Words::from(&[1]).is_empty()), (true, false));
     assert_eq!((Bits::from_wire(&[], 9).is_empty(), Bits::from(&[false]).is_empty()), (true, false));
+    let reply = Reply::Coils(Bits::from_wire(&[0xFF, 0xFF], 10));
+    assert_eq!((reply.encode(&mut out), out), (Ok(4), [1, 2, 0xFF, 0b11, 3, 4]), "the rest of the byte is 0");
+    let bits = Bits::from_wire(&[0xFF, 0xFF], 10);
+    assert_eq!((bits.get(9), bits.get(10)), (Some(true), None));
     let bits = Bits::from(&[true, false, true]);
     assert_eq!((bits.truncated(2), bits.truncated(4)), (Bits::from(&[true, false]), bits));
     assert_eq!((bits.get(2), bits.get(3), bits.byte_len()), (Some(true), None, 1));
@@ -236,7 +260,43 @@ fn runs_of_the_wire_and_of_memory_are_written_the_same() {
 }
 
 #[test]
+fn every_message_says_how_many_bytes_it_takes() {
+    let (bits, words) = (Bits::from(&[true; 17]), Words::from(&[1, 2, 3]));
+    let (address, quantity) = (1, 2);
+    for (request, length) in [
+        (Request::ReadCoils { address, quantity }, 5),
+        (Request::WriteCoil { address, value: true }, 5),
+        (Request::WriteCoils { address, values: bits }, 9),
+        (Request::WriteRegisters { address, values: words }, 12),
+        (Request::MaskWriteRegister { address, and: 2, or: 3 }, 7),
+        (Request::ReadWriteRegisters { address, quantity, write_address: 4, values: words }, 16),
+        (Request::Other { function: 100, data: &[1, 2] }, 3),
+    ] {
+        assert_eq!(request.encoded_len(), length, "{request:?}");
+        assert_eq!(request.encode(&mut [0; 20]), Ok(length), "{request:?}");
+    }
+    let exception = Exception::Acknowledge;
+    for (reply, length) in [
+        (Reply::Coils(bits), 5),
+        (Reply::DiscreteInputs(bits), 5),
+        (Reply::HoldingRegisters(words), 8),
+        (Reply::InputRegisters(words), 8),
+        (Reply::ReadWriteRegisters(words), 8),
+        (Reply::WriteRegister { address, value: 2 }, 5),
+        (Reply::WriteCoils { address, quantity }, 5),
+        (Reply::MaskWriteRegister { address, and: 2, or: 3 }, 7),
+        (Reply::Exception { function: 3, exception }, 2),
+        (Reply::Other { function: 100, data: &[1, 2] }, 3),
+    ] {
+        assert_eq!(reply.encoded_len(), length, "{reply:?}");
+        assert_eq!(reply.encode(&mut [0; 20]), Ok(length), "{reply:?}");
+    }
+}
+
+#[test]
 fn runs_are_the_same_when_every_value_is() {
+    assert_eq!(Words::from(&[1, 0x203]), Words::from_wire(&[0, 1, 2, 3]));
+    assert_eq!(Bits::from(&[true, false]), Bits::from_wire(&[0b01], 2));
     for other in [&[][..], &[1], &[2, 2], &[1, 3], &[1, 2, 3]] {
         assert_ne!(Words::from(&[1, 2]), Words::from(other));
     }

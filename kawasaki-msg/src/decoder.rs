@@ -166,7 +166,7 @@ impl Cursor {
     fn find_start(&mut self, buffer: &[u8]) -> Option<Option<DecodeError>> {
         let waiting = buffer.get(self.start..self.end)?;
         let skipped = waiting.iter().position(|byte| *byte == START).unwrap_or(waiting.len());
-        if skipped > 0 {
+        if skipped != 0 {
             self.advance(skipped);
         }
         let ended = self.start == self.end;

@@ -127,6 +127,16 @@ fn bytes_that_begin_no_message_are_told_by_the_message_itself() {
     assert_eq!(decode(&long[..4095]), Ok(()), "the next byte may still be a mark");
 }
 
+/// Wherever it was cut off: the next one begins there, and is not lost.
+#[test]
+fn a_message_that_the_next_one_cuts_off_says_where() {
+    for (bytes, offset) in [("<<", 1), ("<Til<", 4), ("<Tila$2<", 7), ("<Tila$2#5<", 9), ("<Tila$2#50#<", 11)]
+    {
+        let error = DecodeError::Mark { offset, found: b'<' };
+        assert_eq!(Message::decode(bytes.as_bytes(), Charset::Ascii), Err(error), "{bytes}");
+    }
+}
+
 #[test]
 fn a_message_has_at_most_4096_bytes() {
     let text = "x".repeat(4087);

@@ -92,6 +92,11 @@ fn values_are_equal_when_their_characters_are() {
     );
     assert_eq!(Value::Number(-30).chars().collect::<String>(), "-30");
     assert_eq!((Value::Text("").is_empty(), Value::Number(0).is_empty()), (true, false));
+    let listed = [Value::Text("a"), Value::Text(""), Value::Number(7)];
+    assert_eq!(Values::Wire(b"a$$7"), Values::List(&listed));
+    for other in [b"a$$8".as_slice(), b"a$$", b"a$$7$", b"a"] {
+        assert_ne!(Values::Wire(other), Values::List(&listed));
+    }
     assert_eq!(format!("{:?}", Values::Wire(b"a$$7")), r#"["a", "", "7"]"#);
     assert_eq!((Values::Wire(b"a$$7").get(2), Values::Wire(b"a$$7").get(3)), (Some(Value::Number(7)), None));
 }

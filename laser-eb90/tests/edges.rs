@@ -166,13 +166,20 @@ fn noise_is_an_error_as_soon_as_there_are_512_bytes_of_it() {
 
 #[test]
 fn damage_costs_the_bytes_that_were_looked_at_and_no_error_more() {
-    let mut stream = vec![0xEB, 0x90, 0x82, 0xF0, 0xF2, 2, 1, 0x90, 0x55];
-    stream.extend(word(0x0101));
-    let mut decoder = Decoder::new(&Profile::default());
-    decoder.push(&stream);
-    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Stuffing { offset: 8, found: 0x55 })));
-    assert_eq!(decoder.position(), 9);
-    assert_eq!(decoder.next_frame().unwrap().unwrap().payload(), [0xF1, 1, 1, 1]);
+    for (damaged, error) in [
+        (
+            &[0xEB, 0x90, 0x82, 0xF0, 0xF2, 2, 1, 0x90, 0x55][..],
+            DecodeError::Stuffing { offset: 8, found: 0x55 },
+        ),
+        (&[0xEB, 0x90, 0x82, 0xF0, 0x55], DecodeError::Tag { offset: 0, found: 0x55 }),
+        (&[0xEB, 0x90, 0x82, 0x55], DecodeError::Flag { offset: 3, expected: 0xF0, found: 0x55 }),
+    ] {
+        let mut decoder = Decoder::new(&Profile::default());
+        decoder.push(&[damaged, &word(0x0101)].concat());
+        assert_eq!(decoder.next_frame(), Some(Err(error)));
+        assert_eq!(decoder.position(), damaged.len() as u64);
+        assert_eq!(decoder.next_frame().unwrap().unwrap().payload(), [0xF1, 1, 1, 1]);
+    }
 }
 
 #[test]

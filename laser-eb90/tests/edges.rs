@@ -258,5 +258,9 @@ fn a_set_of_words_keeps_its_codes() {
     let errors = ErrorCodes { queue_full: 0xE0FF, ..ErrorCodes::default() };
     let words = Words::new(&[(0x0400..=0x0400, laser_eb90::Class::Query)], errors).unwrap();
     assert_eq!((words.class(0x0400), words.class(0x0401)), (Some(laser_eb90::Class::Query), None));
-    assert_eq!(words.errors().queue_full, 0xE0FF);
+    assert_eq!(words.errors().code(Refusal::QueueFull), 0xE0FF);
+    assert_eq!(
+        [0xE0FF, 0xE005, 0xE006, 0x0400].map(|code| words.errors().refusal(code)),
+        [Some(Refusal::QueueFull), Some(Refusal::BadParameters), None, None]
+    );
 }

@@ -95,7 +95,7 @@ impl Frame {
     /// The most data bytes in a frame: a standard message with its transformation.
     pub const MAX_DATA: usize = 30;
     /// The longest frame on the line, with every data byte and the checksum doubled.
-    pub const MAX_LEN: usize = 3 + 2 * Self::MAX_DATA + 2 + 2;
+    pub const MAX_LEN: usize = 3 + 2 * (Self::MAX_DATA + 1) + 2;
 
     const ROOM: usize = 32;
 

@@ -261,12 +261,12 @@ fn runs_of_the_wire_and_of_memory_are_written_the_same() {
 
 #[test]
 fn every_message_says_how_many_bytes_it_takes() {
-    let (bits, words) = (Bits::from(&[true; 17]), Words::from(&[1, 2, 3]));
+    let (bits, words) = (Bits::from(&[true; 25]), Words::from(&[1, 2, 3]));
     let (address, quantity) = (1, 2);
     for (request, length) in [
         (Request::ReadCoils { address, quantity }, 5),
         (Request::WriteCoil { address, value: true }, 5),
-        (Request::WriteCoils { address, values: bits }, 9),
+        (Request::WriteCoils { address, values: bits }, 10),
         (Request::WriteRegisters { address, values: words }, 12),
         (Request::MaskWriteRegister { address, and: 2, or: 3 }, 7),
         (Request::ReadWriteRegisters { address, quantity, write_address: 4, values: words }, 16),
@@ -277,8 +277,8 @@ fn every_message_says_how_many_bytes_it_takes() {
     }
     let exception = Exception::Acknowledge;
     for (reply, length) in [
-        (Reply::Coils(bits), 5),
-        (Reply::DiscreteInputs(bits), 5),
+        (Reply::Coils(bits), 6),
+        (Reply::DiscreteInputs(bits), 6),
         (Reply::HoldingRegisters(words), 8),
         (Reply::InputRegisters(words), 8),
         (Reply::ReadWriteRegisters(words), 8),

@@ -91,6 +91,23 @@ fn the_longest_messages_are_longer_than_the_source_counts() {
 }
 
 #[test]
+fn a_segment_is_done_in_parts_of_40000_octal() {
+    let fraction = |percent| {
+        let motion = Motion {
+            phase: MotionPhase::Running,
+            error: 0.into(),
+            segment_status: 2.into(),
+            segment: 1,
+            percent,
+            transform: None,
+        };
+        motion.fraction()
+    };
+    assert_eq!([0, 0o10000, 0o20000, 0o40000].map(fraction), [0.0, 0.25, 0.5, 1.0]);
+    assert_eq!([0o40001, u16::MAX].map(fraction), [1.0, 1.0], "a word above it counts as done");
+}
+
+#[test]
 fn the_worst_case_fits_at_38400_baud_and_not_at_19200() {
     let worst = |baud, transform| Budget::worst_case(Cumulative, baud, transform, 6, Framing::DEFAULT);
     // 64 bytes leave less of the 28 ms than the window.

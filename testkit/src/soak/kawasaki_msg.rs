@@ -25,7 +25,7 @@ pub(super) const UDP: Row = Row { transport: "udp", session: |seed, log| session
 
 const MS: Duration = Duration::from_millis(1);
 /// An order that has not ended by then stands still.
-const LIMIT: Duration = Duration::from_secs(120);
+const LIMIT: Duration = Duration::from_secs(600);
 
 /// The line of a job: it says which one it is.
 fn line(job: usize) -> Line {

@@ -27,17 +27,18 @@ const ASK: u16 = 0x0301;
 struct Marked {
     word: u16,
     job: u32,
-    x: f32,
+    /// The bits of a float: damage makes a NaN, too, which is to equal itself.
+    x: u32,
 }
 
 impl Marked {
     fn new(word: u16, job: usize) -> Self {
-        Self { word, job: job as u32, x: job as f32 * 0.25 }
+        Self { word, job: job as u32, x: (job as f32 * 0.25).to_bits() }
     }
 
     fn write(self, payload: &mut Payload<'_>) -> Result<(), EncodeError> {
         let job = [(self.job & 0xFFFF) as i16, (self.job >> 16) as i16];
-        payload.i16(&job)?.f32(&[self.x]).map(drop)
+        payload.i16(&job)?.f32(&[f32::from_bits(self.x)]).map(drop)
     }
 }
 
@@ -50,7 +51,11 @@ impl TryFrom<Instruction<'_>> for Marked {
             (Some(Ok(Item::I16(job))), Some(Ok(Item::F32(x))), None) => {
                 let [low, high] = job.array().ok_or(())?.map(i16::cast_unsigned);
                 let [x] = x.array().ok_or(())?;
-                Ok(Self { word: instruction.word, job: u32::from(high) << 16 | u32::from(low), x })
+                Ok(Self {
+                    word: instruction.word,
+                    job: u32::from(high) << 16 | u32::from(low),
+                    x: x.to_bits(),
+                })
             }
             _ => Err(()),
         }

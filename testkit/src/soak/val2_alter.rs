@@ -31,8 +31,8 @@ struct Cell {
     log: Log,
     wire: Wire,
     ledger: Ledger,
-    /// Taken by the controller, and nobody sent it.
-    aliens: Vec<HostMessage>,
+    /// Taken by the controller, and nobody sent it; and whether the host was misled.
+    aliens: Vec<(HostMessage, bool)>,
     controller: Controller,
     host: Host,
     /// Whether values are offsets from the path, and which ones hold.
@@ -46,6 +46,9 @@ struct Cell {
     cause: Mark,
     /// Whether the controller keeps the words that a reply leaves out: then one that is wrong stays so, up to the next start.
     keeps: bool,
+    /// The mode of the controller, and whether the host has heard of another: then all that it says may be wrong, up to the end.
+    mode: Mode,
+    misled: bool,
     /// The reply, and the exception, whose fate is not known yet.
     reply: Option<usize>,
     exception: Option<(usize, Exception)>,
@@ -93,6 +96,8 @@ fn session(seed: u64, log: Log) -> Tally {
         again_at: Some(Duration::ZERO),
         cause: Mark::default(),
         keeps: host.select == Select::Needed && host.unselected != Unselected::Zero,
+        mode: config.mode,
+        misled: false,
         reply: None,
         exception: None,
     };
@@ -169,7 +174,7 @@ impl Cell {
                 self.log.say(self.now, format_args!("job {job}: {:?}", values(job)));
                 self.reply = Some(job);
             }
-            if !self.keeps {
+            if !self.keeps && !self.misled {
                 self.cause = self.wire.mark();
             }
             self.wire.send(End::B, self.now, &out[..len]);
@@ -189,11 +194,15 @@ impl Cell {
                     let job = (0..self.ledger.len()).rposition(|job| values(job) == taken);
                     // An offset that stays is no job.
                     let stays = self.holds && taken == self.applied;
-                    self.applied = taken;
                     match job {
-                        _ if stays || taken == [0; 6] => {}
-                        Some(job) => _ = self.ledger.execute(job),
-                        None => self.aliens.push(HostMessage::Reply(reply)),
+                        _ if stays => {}
+                        _ if taken == [0; 6] => self.applied = taken,
+                        Some(job) => {
+                            self.applied = taken;
+                            self.ledger.execute(job);
+                        }
+                        // The one that it has replaced comes again and is no job either.
+                        None => self.aliens.push((HostMessage::Reply(reply), self.misled)),
                     }
                 }
                 ControllerEvent::Exception(exception) => {
@@ -202,7 +211,7 @@ impl Cell {
                         Some((job, sent)) if sent == exception => _ = self.ledger.execute(job),
                         _ => {
                             let reply = val2_alter::Reply { exception, ..val2_alter::Reply::NOTHING };
-                            self.aliens.push(HostMessage::Reply(reply));
+                            self.aliens.push((HostMessage::Reply(reply), self.misled));
                         }
                     }
                 }
@@ -226,7 +235,10 @@ impl Cell {
                 }
                 HostEvent::Rejected(_) => Some(Told::NotDone),
                 HostEvent::Start(_) | HostEvent::End(_) | HostEvent::Lost => {
-                    self.cause = mark;
+                    self.misled = matches!(&event, HostEvent::Start(start) if start.mode != self.mode);
+                    if !self.misled {
+                        self.cause = mark;
+                    }
                     if let Some((job, _)) = self.exception.take() {
                         self.ledger.tell(job, Told::Unknown, mark);
                     }
@@ -255,11 +267,11 @@ impl Cell {
             };
             if reads { Check::Good(len) } else { Check::Nothing }
         });
-        for alien in self.aliens {
+        for (alien, misled) in self.aliens {
             // An exception is sent again by a host that was told, wrongly, that it was not read.
             let again = matches!(alien, HostMessage::Reply(reply) if reply.exception != Exception::None);
             let made = |unseen: &Unseen| match unseen.from {
-                End::A => again,
+                End::A => again || misled,
                 End::B => self.keeps || says(&unseen.bytes, alien),
             };
             if !unseen.iter().any(made) {

@@ -1,0 +1,38 @@
+//! Bytes in, frames out.
+
+/// Cuts a stream of bytes into frames.
+///
+/// Call [`push`](Self::push) with what was read, then [`next_frame`](Self::next_frame) until it returns `None`; push the rest
+/// if `push` did not take everything. At the end of the stream, or when the line is silent, call [`finish`](Self::finish) and
+/// `next_frame` again.
+///
+/// - Frames and errors tile the stream: every byte belongs to exactly one of them, and [`position`](Self::position) says where
+///   each ends. An error covers the bytes up to where the next frame may begin, so a valid frame after an error is not lost.
+/// - How the stream is cut into pieces changes nothing.
+/// - Incomplete input is `None`, never an error; only `finish` makes it one.
+/// - After an error, calling again makes progress: a finite input gives finitely many frames and errors.
+pub trait Decoder {
+    /// A frame, or the message inside it; it may borrow the decoder's buffer.
+    type Frame<'a>
+    where
+        Self: 'a;
+
+    /// Why bytes are no frame: the fault of the peer or of the line.
+    type Error;
+
+    /// Takes bytes; returns how many. If it takes none, its buffer is full and `next_frame` returns something.
+    #[must_use = "the bytes that were not taken are to be pushed again"]
+    fn push(&mut self, bytes: &[u8]) -> usize;
+
+    /// The next frame or error; `None` if more bytes are needed.
+    fn next_frame(&mut self) -> Option<Result<Self::Frame<'_>, Self::Error>>;
+
+    /// The stream or datagram has ended, or the line is silent: what is not whole becomes an error.
+    fn finish(&mut self);
+
+    /// The stream offset just after what `next_frame` returned last.
+    fn position(&self) -> u64;
+
+    /// Discards the bytes that are held; they count in [`position`](Self::position).
+    fn clear(&mut self);
+}

@@ -1,0 +1,16 @@
+//! Messages in, bytes out.
+
+/// A message that can be written as bytes.
+pub trait Encode {
+    /// Why a message cannot be written: the fault of the caller.
+    type Error;
+
+    /// The bytes that [`encode`](Self::encode) writes.
+    fn encoded_len(&self) -> usize;
+
+    /// Writes the message; returns the bytes written.
+    ///
+    /// # Errors
+    /// The buffer is too small, which changes nothing in it, or the message has a value that the protocol cannot carry.
+    fn encode(&self, out: &mut [u8]) -> Result<usize, Self::Error>;
+}

@@ -1,0 +1,24 @@
+#![doc = include_str!("../README.md")]
+#![no_std]
+#![forbid(unsafe_code)]
+
+#[cfg(feature = "std")]
+extern crate std;
+
+mod decoder;
+mod encode;
+mod event;
+mod session;
+#[cfg(feature = "std")]
+mod std_driver;
+#[cfg(feature = "tokio")]
+pub mod tokio;
+mod unexpected;
+
+pub use decoder::Decoder;
+pub use encode::Encode;
+pub use event::EventQueue;
+pub use session::Session;
+#[cfg(feature = "std")]
+pub use std_driver::{Driver, Ended, Received, Sent, Transport, drive, now};
+pub use unexpected::Unexpected;

@@ -1,0 +1,59 @@
+//! One end of a link.
+
+use core::time::Duration;
+
+/// One end of a link, without a clock, a socket or a port.
+///
+/// After any `handle_…` or request of the caller: call [`poll_event`](Self::poll_event) until it returns `None`, then
+/// [`poll_transmit`](Self::poll_transmit) until it returns `None`, then sleep until bytes arrive or
+/// [`poll_timeout`](Self::poll_timeout) is reached. No other order loses anything; calling too often or too late changes only
+/// what the protocol's own deadlines change.
+///
+/// - **Time.** `now` is a [`Duration`] since an epoch that the caller chooses. It may jump or stand still; all arithmetic
+///   saturates, and `Duration::MAX` is legal everywhere.
+/// - **Life.** A session begins without a connection. [`handle_connected`](Self::handle_connected) and
+///   [`handle_disconnected`](Self::handle_disconnected) may come any number of times, on serial lines too: opening a port is a
+///   connection. Nothing of a connection leaks into the next, except what its machine keeps on purpose.
+/// - **Events.** An *outcome* (of a job, an order, a request, a connection) is never dropped. A *notice* (corrupt bytes,
+///   unasked messages) is: of too many the oldest is dropped and counted, see [`EventQueue`](crate::EventQueue).
+/// - **Statistics.** Plain counters; inputs that the machine did not expect are counted.
+pub trait Session {
+    /// What the session reports: small and owned, so that a handler may call the session.
+    type Event;
+
+    /// Plain counters since the session was made.
+    type Statistics: Copy + Default + core::fmt::Debug + PartialEq;
+
+    /// The longest that [`poll_transmit`](Self::poll_transmit) writes at once, in bytes.
+    const MAX_TRANSMIT: usize;
+
+    /// A connection was made, or the port was opened.
+    fn handle_connected(&mut self, now: Duration);
+
+    /// The connection is lost or closed.
+    fn handle_disconnected(&mut self, now: Duration);
+
+    /// Bytes have arrived: all of them are taken. On a transport of datagrams they are one datagram.
+    fn handle_input(&mut self, now: Duration, bytes: &[u8]);
+
+    /// Time has passed.
+    fn handle_timeout(&mut self, now: Duration);
+
+    /// The last byte that [`poll_transmit`](Self::poll_transmit) wrote has left the port. Only a driver that knows this for
+    /// certain may say so, and none has to.
+    fn handle_transmitted(&mut self, _now: Duration) {}
+
+    /// What has happened, oldest first.
+    fn poll_event(&mut self) -> Option<Self::Event>;
+
+    /// Writes what is to be sent; returns its length. A buffer that is too small changes nothing:
+    /// [`MAX_TRANSMIT`](Self::MAX_TRANSMIT) bytes are always enough.
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize>;
+
+    /// When [`handle_timeout`](Self::handle_timeout) and [`poll_transmit`](Self::poll_transmit) are to be called at the latest;
+    /// `None` if only bytes or the caller can make something happen.
+    fn poll_timeout(&self) -> Option<Duration>;
+
+    /// The counters.
+    fn statistics(&self) -> Self::Statistics;
+}

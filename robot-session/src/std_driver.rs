@@ -1,0 +1,183 @@
+//! A blocking loop over any transport that reads with a deadline.
+
+use core::ops::ControlFlow;
+use core::time::Duration;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::TcpStream;
+use std::sync::OnceLock;
+use std::time::Instant;
+use std::vec;
+use std::vec::Vec;
+
+use crate::session::Session;
+
+/// What carries bytes: a TCP connection, a serial port, a pseudo-terminal, a connected UDP socket.
+pub trait Transport {
+    /// Reads what has arrived, or waits until something does, but no longer than `wait`; `None` is without limit.
+    ///
+    /// # Errors
+    /// The transport's own. Nothing in time is no error: [`Received::Nothing`].
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received>;
+
+    /// Sends all of `bytes`.
+    ///
+    /// # Errors
+    /// The transport's own; a connection that is lost in the middle is one.
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent>;
+}
+
+/// What [`Transport::receive`] brought.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Received {
+    /// So many bytes.
+    Bytes(usize),
+    /// Nothing in time.
+    Nothing,
+    /// The peer has closed the connection.
+    Closed,
+}
+
+/// Where the bytes are when [`Transport::send`] returns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sent {
+    /// In a buffer of the system.
+    Buffered,
+    /// The last one has left the port: the session is told, see [`Session::handle_transmitted`].
+    Transmitted,
+}
+
+/// How a loop ended that no error ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended<B> {
+    /// The handler has ended it.
+    ByHandler(B),
+    /// The peer has closed the connection.
+    ByPeer,
+}
+
+/// The time that [`drive`] gives to sessions: since the first call in this process, the same for every session.
+pub fn now() -> Duration {
+    static START: OnceLock<Instant> = OnceLock::new();
+    START.get_or_init(Instant::now).elapsed()
+}
+
+/// Runs a session over a transport until `handler` breaks or the peer closes the connection. The session is connected before,
+/// and disconnected after.
+///
+/// # Errors
+/// The transport's.
+pub fn drive<S: Session, B>(
+    session: &mut S,
+    transport: impl Transport,
+    mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+) -> io::Result<Ended<B>> {
+    let mut driver = Driver::new(transport);
+    session.handle_connected(now());
+    let ended = loop {
+        match driver.turn(session, None, &mut handler) {
+            Ok(ControlFlow::Continue(())) => {}
+            Ok(ControlFlow::Break(ended)) => break Ok(ended),
+            Err(error) => break Err(error),
+        }
+    };
+    session.handle_disconnected(now());
+    while let Some(event) = session.poll_event() {
+        if let ControlFlow::Break(value) = handler(session, event) {
+            return ended.map(|_| Ended::ByHandler(value));
+        }
+    }
+    ended
+}
+
+/// A transport and the buffers of its loop: for a caller who has something else to do between two turns.
+#[derive(Debug)]
+pub struct Driver<T> {
+    transport: T,
+    input: Vec<u8>,
+    out: Vec<u8>,
+}
+
+impl<T: Transport> Driver<T> {
+    /// The longest read: a whole datagram.
+    const LONGEST_READ: usize = 65536;
+
+    /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
+    pub fn new(transport: T) -> Self {
+        Self { transport, input: vec![0; Self::LONGEST_READ], out: Vec::new() }
+    }
+
+    /// One turn: events, then what is to be sent, then one wait for bytes, until the session's timeout at most and no longer
+    /// than `wait`.
+    ///
+    /// # Errors
+    /// The transport's.
+    pub fn turn<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        wait: Option<Duration>,
+        mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> io::Result<ControlFlow<Ended<B>>> {
+        while let Some(event) = session.poll_event() {
+            if let ControlFlow::Break(value) = handler(session, event) {
+                return Ok(ControlFlow::Break(Ended::ByHandler(value)));
+            }
+        }
+        self.out.resize(S::MAX_TRANSMIT, 0);
+        while let Some(length) = session.poll_transmit(now(), &mut self.out) {
+            if self.transport.send(self.out.get(..length).unwrap_or_default())? == Sent::Transmitted {
+                session.handle_transmitted(now());
+            }
+        }
+        let due = session.poll_timeout().map(|at| at.saturating_sub(now()));
+        let wait = match (due, wait) {
+            (Some(due), Some(wait)) => Some(due.min(wait)),
+            (due, wait) => due.or(wait),
+        };
+        match self.transport.receive(&mut self.input, wait)? {
+            Received::Bytes(length) => {
+                session.handle_input(now(), self.input.get(..length).unwrap_or_default());
+            }
+            Received::Nothing => {}
+            Received::Closed => return Ok(ControlFlow::Break(Ended::ByPeer)),
+        }
+        session.handle_timeout(now());
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// The transport.
+    pub fn transport(&mut self) -> &mut T {
+        &mut self.transport
+    }
+}
+
+impl<T: Transport + ?Sized> Transport for &mut T {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        (**self).receive(buffer, wait)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        (**self).send(bytes)
+    }
+}
+
+impl Transport for TcpStream {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        // Zero would be without limit.
+        self.set_read_timeout(wait.map(|wait| wait.max(Duration::from_micros(1))))?;
+        match self.read(buffer) {
+            Ok(0) => Ok(Received::Closed),
+            Ok(length) => Ok(Received::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.write_all(bytes).map(|()| Sent::Buffered)
+    }
+}
+
+/// A read that ended because nothing came in time, or a signal did.
+fn is_silence(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
+}

@@ -1,0 +1,167 @@
+//! For tokio: a decoder under `tokio_util`'s framed transports, and the loop of [`drive`](crate::drive) over any
+//! `AsyncRead + AsyncWrite`.
+
+use core::ops::ControlFlow;
+use std::io;
+use std::vec;
+use std::vec::Vec;
+
+use ::tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
+use bytes::{Buf as _, BufMut as _, BytesMut};
+
+use crate::{Decoder, Encode, Ended, Session, now};
+
+/// A decoder as a `tokio_util` codec. Corrupt bytes are an item of the stream and do not end it.
+///
+/// A frame borrows the decoder: `own` makes of it what the stream is to give.
+#[derive(Debug, Clone)]
+pub struct Codec<D, F> {
+    decoder: D,
+    own: F,
+}
+
+impl<D: Decoder, I, F: FnMut(D::Frame<'_>) -> I> Codec<D, F> {
+    /// A codec over `decoder`.
+    pub fn new(decoder: D, own: F) -> Self {
+        Self { decoder, own }
+    }
+}
+
+impl<D: Decoder, I, F: FnMut(D::Frame<'_>) -> I> tokio_util::codec::Decoder for Codec<D, F> {
+    type Item = Result<I, D::Error>;
+    type Error = io::Error;
+
+    fn decode(&mut self, src: &mut BytesMut) -> io::Result<Option<Self::Item>> {
+        loop {
+            if let Some(frame) = self.decoder.next_frame() {
+                return Ok(Some(frame.map(&mut self.own)));
+            }
+            if src.is_empty() {
+                return Ok(None);
+            }
+            let taken = self.decoder.push(src);
+            src.advance(taken);
+        }
+    }
+
+    fn decode_eof(&mut self, src: &mut BytesMut) -> io::Result<Option<Self::Item>> {
+        if let Some(item) = self.decode(src)? {
+            return Ok(Some(item));
+        }
+        self.decoder.finish();
+        self.decode(src)
+    }
+}
+
+impl<D, F, M: Encode> tokio_util::codec::Encoder<M> for Codec<D, F>
+where
+    M::Error: core::error::Error + Send + Sync + 'static,
+{
+    type Error = io::Error;
+
+    fn encode(&mut self, message: M, out: &mut BytesMut) -> io::Result<()> {
+        let before = out.len();
+        out.put_bytes(0, message.encoded_len());
+        match message.encode(out.get_mut(before..).unwrap_or_default()) {
+            Ok(_) => Ok(()),
+            Err(error) => {
+                out.truncate(before);
+                Err(io::Error::new(io::ErrorKind::InvalidInput, error))
+            }
+        }
+    }
+}
+
+/// The loop of [`drive`](crate::drive) for tokio, one turn at a time.
+///
+/// It owns what is not written yet, so that a dropped future loses nothing: [`turn`](Self::turn) may be one branch of a
+/// `select!`.
+#[derive(Debug)]
+pub struct Driver<T> {
+    transport: T,
+    input: Vec<u8>,
+    out: BytesMut,
+}
+
+impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
+    /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
+    pub fn new(transport: T) -> Self {
+        Self { transport, input: vec![0; 65536], out: BytesMut::new() }
+    }
+
+    /// One turn: events, then what is to be sent, then one wait for bytes or for the session's timeout.
+    ///
+    /// # Errors
+    /// The transport's.
+    pub async fn turn<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> io::Result<ControlFlow<Ended<B>>> {
+        while let Some(event) = session.poll_event() {
+            if let ControlFlow::Break(value) = handler(session, event) {
+                return Ok(ControlFlow::Break(Ended::ByHandler(value)));
+            }
+        }
+        self.write().await?;
+        loop {
+            let begin = self.out.len();
+            self.out.put_bytes(0, S::MAX_TRANSMIT);
+            let written = session.poll_transmit(now(), self.out.get_mut(begin..).unwrap_or_default());
+            self.out.truncate(begin + written.unwrap_or(0));
+            if written.is_none() {
+                break;
+            }
+            self.write().await?;
+        }
+        let due = session.poll_timeout().map(|at| at.saturating_sub(now()));
+        let read = self.transport.read(&mut self.input);
+        let read = match due {
+            Some(due) => ::tokio::time::timeout(due, read).await.ok(),
+            None => Some(read.await),
+        };
+        match read.transpose()? {
+            Some(0) => return Ok(ControlFlow::Break(Ended::ByPeer)),
+            Some(length) => session.handle_input(now(), self.input.get(..length).unwrap_or_default()),
+            None => {}
+        }
+        session.handle_timeout(now());
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Runs a session until `handler` breaks or the peer closes the connection, as [`drive`](crate::drive) does.
+    ///
+    /// # Errors
+    /// The transport's.
+    pub async fn drive<S: Session, B>(
+        &mut self,
+        session: &mut S,
+        mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ) -> io::Result<Ended<B>> {
+        session.handle_connected(now());
+        let ended = loop {
+            match self.turn(session, &mut handler).await {
+                Ok(ControlFlow::Continue(())) => {}
+                Ok(ControlFlow::Break(ended)) => break Ok(ended),
+                Err(error) => break Err(error),
+            }
+        };
+        session.handle_disconnected(now());
+        while let Some(event) = session.poll_event() {
+            if let ControlFlow::Break(value) = handler(session, event) {
+                return ended.map(|_| Ended::ByHandler(value));
+            }
+        }
+        ended
+    }
+
+    /// Writes what is left, cancel-safe: what a write has taken is gone from `out`.
+    async fn write(&mut self) -> io::Result<()> {
+        while !self.out.is_empty() {
+            if self.transport.write_buf(&mut self.out).await? == 0 {
+                return Err(io::ErrorKind::WriteZero.into());
+            }
+        }
+        self.transport.flush().await
+    }
+}

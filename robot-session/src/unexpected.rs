@@ -1,0 +1,20 @@
+//! An input that a machine's state does not allow.
+
+/// An input that is not allowed in the state that a machine is in. Nothing has changed.
+///
+/// A session counts it in its statistics. From a caller who keeps the contract, and from any peer, it never comes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Unexpected {
+    /// The state's name.
+    pub state: &'static str,
+    /// The input's name.
+    pub input: &'static str,
+}
+
+impl core::fmt::Display for Unexpected {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} is not expected in the state {}", self.input, self.state)
+    }
+}
+
+impl core::error::Error for Unexpected {}

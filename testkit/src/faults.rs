@@ -28,6 +28,10 @@ pub struct Faults {
     pub split: f64,
     /// The longest pause behind the first of them.
     pub pause: Duration,
+    /// Pauses once within, for a time between 1 ms and `max_stall`, each order of magnitude equally likely; for each send.
+    pub stall: f64,
+    /// The longest such pause.
+    pub max_stall: Duration,
     /// Glued to the delivery before it, for each send.
     pub merge: f64,
     /// Late by up to `max_delay`, for each send; datagrams overtake one another by it.
@@ -51,6 +55,8 @@ impl Faults {
         repeat: 0.0,
         split: 0.0,
         pause: Duration::ZERO,
+        stall: 0.0,
+        max_stall: Duration::from_secs(10),
         merge: 0.0,
         delay: 0.0,
         max_delay: Duration::ZERO,
@@ -90,6 +96,12 @@ impl Faults {
         ..Self::NONE
     };
 
+    /// The same transport without its faults.
+    pub const fn healed(self) -> Self {
+        let Self { datagrams, latency, byte_time, .. } = self;
+        Self { datagrams, latency, byte_time, ..Self::NONE }
+    }
+
     /// The same faults on a line where each byte takes ten bits at `baud`.
     pub const fn at_baud(mut self, baud: u32) -> Self {
         self.byte_time = Duration::from_nanos(10_000_000_000 / baud as u64);
@@ -107,6 +119,7 @@ pub struct FaultCounts {
     pub losses: u64,
     pub repeats: u64,
     pub splits: u64,
+    pub stalls: u64,
     pub merges: u64,
     pub delays: u64,
     pub disconnects: u64,
@@ -127,6 +140,7 @@ impl FaultCounts {
             losses: self.losses - before.losses,
             repeats: self.repeats - before.repeats,
             splits: self.splits - before.splits,
+            stalls: self.stalls - before.stalls,
             merges: self.merges - before.merges,
             delays: self.delays - before.delays,
             disconnects: self.disconnects - before.disconnects,
@@ -134,7 +148,7 @@ impl FaultCounts {
     }
 
     /// Each kind by its name.
-    pub fn each(&self) -> [(&'static str, u64); 9] {
+    pub fn each(&self) -> [(&'static str, u64); 10] {
         [
             ("flip", self.flips),
             ("byte lost", self.lost_bytes),
@@ -142,6 +156,7 @@ impl FaultCounts {
             ("silence", self.losses),
             ("repetition", self.repeats),
             ("split", self.splits),
+            ("stall", self.stalls),
             ("merge", self.merges),
             ("delay", self.delays),
             ("disconnect", self.disconnects),
@@ -157,6 +172,7 @@ impl AddAssign for FaultCounts {
         self.losses += other.losses;
         self.repeats += other.repeats;
         self.splits += other.splits;
+        self.stalls += other.stalls;
         self.merges += other.merges;
         self.delays += other.delays;
         self.disconnects += other.disconnects;

@@ -151,6 +151,11 @@ impl Link {
         self.to_b = Direction::default();
     }
 
+    /// No fault is committed from now on; what is in flight arrives as it was to.
+    pub fn heal(&mut self) {
+        self.faults = self.faults.healed();
+    }
+
     /// Whether bytes that are sent now can arrive.
     pub fn is_connected(&self) -> bool {
         self.connected
@@ -226,6 +231,13 @@ impl Direction {
                 rest = tail;
             }
         }
+        if rest.len() > 1 && rng.chance(faults.stall) {
+            counts.stalls += 1;
+            let (head, tail) = rest.split_at(1 + rng.below(rest.len() - 1));
+            self.queue.push_back((at, Delivery::Bytes(head.to_vec())));
+            at += rng.log_uniform(Duration::from_millis(1), faults.max_stall);
+            rest = tail;
+        }
         self.queue.push_back((at, Delivery::Bytes(rest.to_vec())));
     }
 }
@@ -278,6 +290,33 @@ mod tests {
         assert_eq!(bytes, b"0123456789");
         assert!(at.len() > 1 && at.is_sorted() && at[0] == MS, "{at:?}");
         assert!(at[1] > MS && at.last() <= Some(&(11 * MS)), "{at:?}");
+    }
+
+    #[test]
+    fn a_send_may_pause_once_within() {
+        let faults = Faults { stall: 1.0, latency: Duration::ZERO, ..Faults::NONE };
+        let mut longest = Duration::ZERO;
+        for seed in 0..200 {
+            let mut link = Link::new(seed, faults);
+            link.send(End::A, Duration::ZERO, b"0123456789");
+            let Some(Delivery::Bytes(mut bytes)) = link.receive(End::B, Duration::ZERO) else { panic!() };
+            let at = link.next_delivery().unwrap();
+            assert!((MS..=10_000 * MS).contains(&at) && !bytes.is_empty(), "{at:?}");
+            let Some(Delivery::Bytes(rest)) = link.receive(End::B, at) else { panic!() };
+            bytes.extend(rest);
+            assert_eq!((&bytes[..], link.counts().stalls), (&b"0123456789"[..], 1));
+            longest = longest.max(at);
+        }
+        assert!(longest > 5000 * MS, "{longest:?}");
+    }
+
+    #[test]
+    fn a_healed_link_commits_nothing_more() {
+        let mut link = Link::new(6, Faults { disconnect: 1.0, ..Faults::SERIAL }.at_baud(9600));
+        link.heal();
+        link.send(End::A, Duration::ZERO, &[0; 960]);
+        assert_eq!(link.counts(), FaultCounts::default());
+        assert!(link.next_delivery() > Some(999 * MS), "the line is as slow as before");
     }
 
     #[test]

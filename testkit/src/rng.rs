@@ -1,5 +1,7 @@
 //! A seeded generator: the same seed gives the same run on every machine, for ever.
 
+use core::time::Duration;
+
 /// SplitMix64 (Steele, Lea and Flood, 2014): one `u64` of state, which makes a failing seed easy to pass on.
 #[derive(Debug, Clone)]
 pub struct Rng(u64);
@@ -29,8 +31,31 @@ impl Rng {
         (self.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 
+    /// A time between `from` and `to`, each order of magnitude equally likely; `from` is above zero.
+    pub fn log_uniform(&mut self, from: Duration, to: Duration) -> Duration {
+        let ratio = to.as_secs_f64() / from.as_secs_f64();
+        from.mul_f64(ratio.powf(self.unit()))
+    }
+
     /// True with probability `p`.
     pub fn chance(&mut self, p: f64) -> bool {
         p > 0.0 && self.unit() < p
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_order_of_magnitude_is_equally_likely() {
+        let mut rng = Rng::new(1);
+        let (from, to) = (Duration::from_millis(1), Duration::from_secs(10));
+        let times: Vec<_> = (0..4000).map(|_| rng.log_uniform(from, to)).collect();
+        assert!(times.iter().all(|time| (from..=to).contains(time)));
+        let below = |limit| times.iter().filter(|time| **time < limit).count();
+        for (decade, limit) in [10, 100, 1000].map(Duration::from_millis).into_iter().enumerate() {
+            assert!(below(limit).abs_diff(1000 * (decade + 1)) < 120, "{}", below(limit));
+        }
     }
 }

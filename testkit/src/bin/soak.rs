@@ -16,8 +16,8 @@ use testkit::soak::{Log, ROWS, Row, Tally};
 
 /// Runs both ends of every session over the faults that its transport can commit, on a virtual clock, from seeds.
 ///
-/// The same seed makes the same session on every machine. Exit 1 if a job was lost or executed twice in silence, or more damage
-/// went unseen than the protocol's own check can be blamed for.
+/// The same seed makes the same session on every machine. Exit 1 if a job was lost or executed twice without a report, if a session
+/// was stuck, or if more corruption went unseen than the protocol's own check can be blamed for.
 #[derive(Debug, Parser)]
 struct Args {
     /// Sessions of each link and transport.
@@ -83,7 +83,7 @@ fn main() -> ExitCode {
         println!("broken promise: {name} misses more damage than its check can be blamed for");
     }
     let good = failures.is_empty() && blind.is_empty() && sessions > 0;
-    println!("{}", if good { "nothing lost, nothing repeated" } else { "FAILED" });
+    println!("{}", if good { "nothing lost, nothing repeated, nothing stuck" } else { "FAILED" });
     ExitCode::from(u8::from(!good))
 }
 
@@ -134,7 +134,7 @@ fn batch(n: u64, rows: &[Row], seeds: u64) -> Option<(usize, Range<u64>)> {
 }
 
 /// The columns, in order: what was run, what the transport did, what became of the jobs, and what the check could not see.
-const HEADER: [&str; 22] = [
+const HEADER: [&str; 24] = [
     "",
     "sessions",
     "flips",
@@ -143,6 +143,7 @@ const HEADER: [&str; 22] = [
     "silences",
     "repeats",
     "splits",
+    "stalls",
     "merges",
     "delays",
     "breaks",
@@ -153,6 +154,7 @@ const HEADER: [&str; 22] = [
     "LOST",
     "REPEATED",
     "INVENTED",
+    "STUCK",
     "damaged",
     "unseen",
     "theory",
@@ -161,7 +163,8 @@ const HEADER: [&str; 22] = [
 
 const LEGEND: &str = "\
 jobs      each is in one of: once (told as done, executed once), not done (told so, and true), unknown (told so, executed
-          at most once), LOST and REPEATED (in silence), spoilt. INVENTED: executed, though nobody sent it.
+          at most once), LOST and REPEATED (in silence), spoilt. INVENTED: executed, though nobody sent it. STUCK:
+          sessions that did not do all the work that they were asked for in a minute without faults at the end.
 damaged   transmissions whose bytes the line has changed; silences, repeats and breaks are counted by themselves
 unseen    good messages by the protocol's own check that damage has made, shown by the bytes that arrived; theory: how many
           of the messages that damage has made would pass if they were random; spoilt: jobs that one of them explains";
@@ -173,7 +176,8 @@ fn table(rows: &[Row], tallies: &[Tally]) -> Table {
         let mut cells = vec![format!("{} {}: {}", row.link, row.transport, row.job), short(tally.sessions)];
         cells.extend(tally.faults.each().map(|(_, count)| short(count)));
         cells.extend([tally.jobs, tally.once, tally.not_done, tally.unknown].map(short));
-        cells.extend([tally.lost, tally.repeated, tally.invented].map(|count| count.to_string()));
+        cells
+            .extend([tally.lost, tally.repeated, tally.invented, tally.stuck].map(|count| count.to_string()));
         cells.push(short(tally.damaged));
         cells.push(tally.unseen.to_string());
         cells.push(row.one_in.map_or("–".into(), |_| format!("{:.0}", row.expected_unseen(tally))));

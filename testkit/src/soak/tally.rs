@@ -48,6 +48,8 @@ pub struct Tally {
     pub refused: u64,
     /// Messages among their bytes that nobody sent and that the check passes.
     pub unseen: u64,
+    /// Sessions that did not do all the work that they were asked for in a minute without faults.
+    pub stuck: u64,
     /// Sessions that panicked.
     pub panics: u64,
 }
@@ -55,7 +57,7 @@ pub struct Tally {
 impl Tally {
     /// Whether a promise is broken.
     pub fn is_bad(&self) -> bool {
-        self.lost + self.repeated + self.invented + self.panics > 0
+        self.lost + self.repeated + self.invented + self.stuck + self.panics > 0
     }
 }
 
@@ -74,6 +76,7 @@ impl AddAssign for Tally {
         self.damaged += other.damaged;
         self.refused += other.refused;
         self.unseen += other.unseen;
+        self.stuck += other.stuck;
         self.panics += other.panics;
     }
 }

@@ -5,6 +5,7 @@ use core::time::Duration;
 
 use super::tally::Tally;
 use crate::link::{Delivery, End, Faults, Link};
+use crate::rng::Rng;
 
 /// Where the trace of a session goes: to standard output, or nowhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,6 +77,8 @@ pub struct Wire {
     log: Log,
     names: [&'static str; 2],
     text: bool,
+    polls: Rng,
+    late_polls: f64,
     sent: [Vec<Transmission>; 2],
     /// The bytes that have arrived, where the transport changes any.
     heard: [Vec<u8>; 2],
@@ -97,7 +100,18 @@ impl Wire {
     pub fn new(seed: u64, faults: Faults, names: [&'static str; 2], text: bool, log: Log) -> Self {
         let damages = !faults.datagrams && faults.flip + faults.lose_byte + faults.insert > 0.0;
         let link = Link::new(seed, faults);
-        Self { link, log, names, text, sent: Default::default(), heard: Default::default(), damages }
+        let polls = Rng::new(seed ^ 0x6C61_7465);
+        Self {
+            link,
+            log,
+            names,
+            text,
+            polls,
+            late_polls: 0.0,
+            sent: Default::default(),
+            heard: Default::default(),
+            damages,
+        }
     }
 
     /// As [`Link::send`].
@@ -158,10 +172,29 @@ impl Wire {
         self.link.is_connected()
     }
 
-    /// The next time at which something happens, behind `now`: a delivery, or one of `timeouts`.
-    pub fn next(&self, now: Duration, timeouts: impl IntoIterator<Item = Option<Duration>>) -> Duration {
+    /// The next time at which the ends are polled: a delivery, or one of `timeouts`; or, with the probability of
+    /// [`poll_late`](Self::poll_late), up to seconds later.
+    pub fn next(&mut self, now: Duration, timeouts: impl IntoIterator<Item = Option<Duration>>) -> Duration {
         let times = timeouts.into_iter().chain([self.link.next_delivery()]).flatten();
-        times.min().unwrap_or(now).max(now + Duration::from_micros(50))
+        let next = times.min().unwrap_or(now).max(now + Duration::from_micros(50));
+        if !self.polls.chance(self.late_polls) {
+            return next;
+        }
+        let late = self.polls.log_uniform(Duration::from_millis(1), Duration::from_secs(5));
+        self.log.say(next, format_args!("both ends are polled {late:?} late"));
+        next + late
+    }
+
+    /// From now on the ends are polled late with probability `late`: by 1 ms to 5 s, each order of magnitude equally likely.
+    pub fn poll_late(&mut self, late: f64) {
+        self.late_polls = late;
+    }
+
+    /// Neither the link nor its polls commit a fault from now on.
+    pub fn heal(&mut self, now: Duration) {
+        self.log.say(now, format_args!("no more faults"));
+        self.late_polls = 0.0;
+        self.link.heal();
     }
 
     /// As [`Link::next_delivery`].

@@ -1,0 +1,143 @@
+//! The loops over real TCP, and a transport that reports when the last byte has left.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod common;
+
+use core::ops::ControlFlow;
+use core::time::Duration;
+use std::io::{self, BufRead, BufReader, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::thread;
+
+use common::{Asker, Event};
+use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, drive};
+
+/// Answers each line with itself, in pieces; closes the connection at `bye`; is silent at `hush`.
+fn peer() -> SocketAddr {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let address = listener.local_addr().unwrap();
+    thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            stream.set_nodelay(true).unwrap();
+            let mut lines = BufReader::new(stream.try_clone().unwrap()).lines();
+            while let Some(Ok(line)) = lines.next() {
+                match &line[..] {
+                    "bye" => break,
+                    "hush" => {}
+                    _ => {
+                        for byte in format!("{line}\n").bytes() {
+                            stream.write_all(&[byte]).unwrap();
+                            thread::sleep(Duration::from_millis(2));
+                        }
+                    }
+                }
+            }
+        }
+    });
+    address
+}
+
+fn until(
+    last: &'static str,
+    seen: &mut Vec<Event>,
+) -> impl FnMut(&mut Asker, Event) -> ControlFlow<&'static str> {
+    move |_, event| {
+        seen.push(event.clone());
+        if event == Event::Answer(last.into()) { ControlFlow::Break(last) } else { ControlFlow::Continue(()) }
+    }
+}
+
+fn answer(text: &str) -> Event {
+    Event::Answer(text.into())
+}
+
+#[test]
+fn a_session_runs_until_its_handler_breaks() {
+    let (mut session, mut seen) = (Asker::new(&["one", "two"]), Vec::new());
+    let ended = drive(&mut session, TcpStream::connect(peer()).unwrap(), until("two", &mut seen)).unwrap();
+    assert_eq!(ended, Ended::ByHandler("two"));
+    assert_eq!(seen, [Event::Connected, answer("one"), answer("two"), Event::Disconnected]);
+    assert_eq!(session.statistics(), 0, "a TCP connection does not say when a byte has left");
+}
+
+#[test]
+fn a_handler_may_call_the_session() {
+    let mut session = Asker::new(&["1"]);
+    let handler = |session: &mut Asker, event| match event {
+        Event::Answer(text) if text.len() == 4 => ControlFlow::Break(()),
+        Event::Answer(text) => {
+            session.requests.push_back(text + "1");
+            ControlFlow::Continue(())
+        }
+        _ => ControlFlow::Continue(()),
+    };
+    let ended = drive(&mut session, TcpStream::connect(peer()).unwrap(), handler).unwrap();
+    assert_eq!(ended, Ended::ByHandler(()));
+}
+
+#[test]
+fn a_closed_connection_ends_the_loop_and_the_request_has_an_outcome() {
+    let (mut session, mut seen) = (Asker::new(&["one", "bye"]), Vec::new());
+    let address = peer();
+    let ended = drive(&mut session, TcpStream::connect(address).unwrap(), until("more", &mut seen)).unwrap();
+    assert_eq!(ended, Ended::ByPeer);
+    session.requests.push_back("more".into());
+    drive(&mut session, TcpStream::connect(address).unwrap(), until("more", &mut seen)).unwrap();
+    let first = [Event::Connected, answer("one"), Event::NoAnswer("bye".into()), Event::Disconnected];
+    let second = [Event::Connected, answer("more"), Event::Disconnected];
+    assert_eq!(seen, [&first[..], &second].concat());
+}
+
+#[test]
+fn the_timeout_of_the_session_ends_a_wait() {
+    let (mut session, mut seen) = (Asker::new(&["hush", "two"]), Vec::new());
+    session.timeout = Duration::from_millis(300);
+    drive(&mut session, TcpStream::connect(peer()).unwrap(), until("two", &mut seen)).unwrap();
+    assert_eq!(seen[1..3], [Event::NoAnswer("hush".into()), answer("two")]);
+}
+
+#[test]
+fn a_turn_waits_no_longer_than_it_is_told() {
+    let mut driver = Driver::new(TcpStream::connect(peer()).unwrap());
+    let mut session = Asker::new(&["hush"]);
+    let handler = |_: &mut Asker, _| ControlFlow::<()>::Continue(());
+    let begin = robot_session::now();
+    for _ in 0..3 {
+        let turn = driver.turn(&mut session, Some(Duration::from_millis(10)), handler).unwrap();
+        assert!(turn.is_continue());
+    }
+    let took = robot_session::now() - begin;
+    assert!(took >= Duration::from_millis(29) && took < Duration::from_secs(10), "{took:?}");
+}
+
+/// A serial port whose driver waits until the last byte has left.
+struct Port(Vec<u8>);
+
+impl Transport for Port {
+    fn receive(&mut self, buffer: &mut [u8], _: Option<Duration>) -> io::Result<Received> {
+        if self.0.is_empty() {
+            return Err(io::ErrorKind::NotConnected.into());
+        }
+        let length = self.0.len();
+        buffer[..length].copy_from_slice(&self.0);
+        self.0.clear();
+        Ok(Received::Bytes(length))
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.0.extend(bytes);
+        Ok(Sent::Transmitted)
+    }
+}
+
+#[test]
+fn a_transport_that_knows_reports_that_a_frame_has_left() {
+    let (mut session, mut seen) = (Asker::new(&["one", "two"]), Vec::new());
+    drive(&mut session, Port(Vec::new()), until("two", &mut seen)).unwrap();
+    assert_eq!(session.statistics(), 2);
+    let error = drive(&mut session, Port(Vec::new()), until("never", &mut seen)).unwrap_err();
+    assert_eq!(error.kind(), io::ErrorKind::NotConnected);
+    assert_eq!(seen.last(), Some(&Event::Disconnected), "an error of the transport ends the connection too");
+}

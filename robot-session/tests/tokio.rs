@@ -1,0 +1,101 @@
+//! The loop and the codec for tokio.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod common;
+
+use core::ops::ControlFlow;
+use core::time::Duration;
+
+use bytes::BytesMut;
+use common::{Asker, Event, Line, Lines, TooLong};
+use robot_session::tokio::{Codec, Driver};
+use robot_session::{Ended, Session as _};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio_util::codec::{Decoder as _, Encoder as _};
+
+fn go_on(_: &mut Asker, _: Event) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+#[tokio::test]
+async fn a_session_runs_until_its_handler_breaks() {
+    let (near, mut far) = tokio::io::duplex(64);
+    tokio::spawn(async move {
+        let mut byte = [0];
+        while far.read(&mut byte).await.unwrap() == 1 {
+            far.write_all(&byte).await.unwrap();
+        }
+    });
+    let (mut session, mut seen) = (Asker::new(&["one", "two"]), Vec::new());
+    let handler = |_: &mut Asker, event: Event| {
+        seen.push(event.clone());
+        if event == Event::Answer("two".into()) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let ended = Driver::new(near).drive(&mut session, handler).await.unwrap();
+    assert_eq!(ended, Ended::ByHandler(()));
+    let answers = ["one", "two"].map(|text| Event::Answer(text.into()));
+    assert_eq!(seen, [&[Event::Connected][..], &answers, &[Event::Disconnected]].concat());
+}
+
+#[tokio::test]
+async fn the_end_of_the_stream_and_a_timeout_are_seen() {
+    let (near, far) = tokio::io::duplex(64);
+    let mut session = Asker::new(&["one"]);
+    session.timeout = Duration::from_millis(20);
+    let mut driver = Driver::new(near);
+    assert!(driver.turn(&mut session, go_on).await.unwrap().is_continue());
+    assert_eq!(session.poll_event(), Some(Event::NoAnswer("one".into())));
+    drop(far);
+    let ended = driver.turn(&mut session, go_on).await.unwrap();
+    assert_eq!(ended, ControlFlow::Break(Ended::ByPeer));
+}
+
+/// The pipe takes three bytes at a time, and every future is dropped as soon as it waits.
+#[tokio::test]
+async fn a_dropped_turn_loses_nothing() {
+    let (near, mut far) = tokio::io::duplex(3);
+    let mut session = Asker::new(&["1234567", "second"]);
+    let mut driver = Driver::new(near);
+    let (mut arrived, mut dropped) = (Vec::new(), 0);
+    while !arrived.ends_with(b"second\n") {
+        let turn = driver.turn(&mut session, go_on);
+        if tokio::time::timeout(Duration::ZERO, turn).await.is_err() {
+            dropped += 1;
+        }
+        let mut bytes = [0; 3];
+        if let Ok(length) = tokio::time::timeout(Duration::from_millis(1), far.read(&mut bytes)).await {
+            arrived.extend(&bytes[..length.unwrap()]);
+        }
+        if arrived == b"1234567\n" && session.requests.len() == 1 {
+            far.write_all(b"ok\n").await.unwrap();
+        }
+        assert!(dropped < 1000, "{arrived:?}");
+    }
+    assert_eq!(arrived, b"1234567\nsecond\n");
+    assert!(dropped > 3, "{dropped}");
+}
+
+#[test]
+fn the_codec_gives_every_line_and_every_error() {
+    let mut codec = Codec::new(Lines::default(), |line: Line| line.0);
+    let mut src = BytesMut::from(&b"one\ntoolongaline\nrest"[..]);
+    let mut items = Vec::new();
+    while let Some(item) = codec.decode(&mut src).unwrap() {
+        items.push(item);
+    }
+    let line = |text: &str| Ok(text.to_string());
+    assert_eq!(items, [line("one"), Err(TooLong), line("line")]);
+    assert_eq!(codec.decode_eof(&mut src).unwrap(), Some(Err(TooLong)), "what is not whole is an error");
+    assert_eq!(codec.decode_eof(&mut src).unwrap(), None);
+}
+
+#[test]
+fn the_codec_writes_a_message_or_nothing() {
+    let mut codec = Codec::new(Lines::default(), |line: Line| line);
+    let mut out = BytesMut::from(&b"before\n"[..]);
+    codec.encode(Line("one".into()), &mut out).unwrap();
+    let error = codec.encode(Line("much too long".into()), &mut out).unwrap_err();
+    assert_eq!(error.to_string(), "a line has at most 7 bytes");
+    assert_eq!(out, &b"before\none\n"[..]);
+}

@@ -1,0 +1,224 @@
+//! `model`: every state of every pair of ends, the rules that are needed, and the diagrams.
+
+use std::process::ExitCode;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use clap::{Args, Parser, Subcommand};
+use comfy_table::{CellAlignment, Table, presets};
+use indicatif::{ProgressBar, ProgressStyle};
+use testkit::links::PAIRS;
+use testkit::model::{Broken, Depth, Explored, MustFail, Options, Pair, Setting, check_or_write};
+
+/// Explores every pair of ends exhaustively: both machines, the line between them with every fault that it can commit, and
+/// what their users may do.
+///
+/// Prints a row for each setting. Exit 1 if a property does not hold, with the shortest trace to where it does not, or if a
+/// setting has more states than were visited.
+#[derive(Debug, Parser)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Bounds of up to five minutes a pair instead of seconds.
+    #[arg(long)]
+    deep: bool,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Debug, Args)]
+struct Common {
+    /// Only the pairs whose name contains this, as `laser` or `tcp`.
+    #[arg(long = "link", value_name = "NAME", value_parser = known, global = true)]
+    links: Vec<String>,
+    /// Threads; all cores by default.
+    #[arg(long, global = true)]
+    jobs: Option<usize>,
+    /// The most states of a setting. Each takes some 100 bytes.
+    #[arg(long, global = true, default_value_t = Options::default().limit)]
+    limit: usize,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Takes the rules of every machine out, one after the other: each must be missed.
+    ///
+    /// Prints for each rule the property that then breaks, and the length of the shortest trace to it. Exit 1 if the removal of
+    /// a rule is not noticed.
+    MustFail {
+        /// Prints the traces, too.
+        #[arg(long)]
+        traces: bool,
+    },
+    /// Draws the state diagram of every end and writes it to `<crate>/diagrams/<end>.md`.
+    Diagrams {
+        /// Writes nothing; exit 1 if a file is not what would be written.
+        #[arg(long)]
+        check: bool,
+    },
+}
+
+fn known(name: &str) -> Result<String, String> {
+    if PAIRS.iter().any(|pair| pair.name.contains(name)) {
+        return Ok(name.into());
+    }
+    let names: Vec<_> = PAIRS.iter().map(|pair| pair.name).collect();
+    Err(format!("known are {}", names.join(", ")))
+}
+
+fn main() -> ExitCode {
+    let Cli { command, deep, common } = Cli::parse();
+    let selected =
+        |pair: &&Pair| common.links.is_empty() || common.links.iter().any(|name| pair.name.contains(name));
+    let pairs: Vec<Pair> = PAIRS.iter().filter(selected).copied().collect();
+    let good = match command {
+        None => explore(&pairs, if deep { Depth::Deep } else { Depth::Quick }, &common),
+        Some(Command::MustFail { traces }) => must_fail(&pairs, traces, &common),
+        Some(Command::Diagrams { check }) => diagrams(&pairs, !check),
+    };
+    ExitCode::from(u8::from(!good))
+}
+
+fn explore(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
+    let work = |pair: &Pair| {
+        (pair.settings)(depth).into_iter().map(|setting| (pair.name, setting)).collect::<Vec<_>>()
+    };
+    let settings: Vec<(&str, Setting)> = pairs.iter().flat_map(work).collect();
+    let begin = Instant::now();
+    let rows = run(&settings, common, |(_, setting), options| setting.explore(options));
+    let time = begin.elapsed();
+
+    let mut table =
+        table(&["pair", "setting", "states", "steps", "seconds", "work ends in", "properties"], 2..6);
+    for ((pair, _), row) in settings.iter().zip(&rows) {
+        table.add_row([
+            (*pair).into(),
+            row.setting.clone(),
+            thousands(row.states),
+            thousands(row.steps),
+            format!("{:.1}", row.time.as_secs_f64()),
+            format!("{} ticks", row.longest_benign),
+            verdict(row),
+        ]);
+    }
+    println!("{table}\n");
+    for ((pair, _), row) in settings.iter().zip(&rows) {
+        for Broken { property, steps, trace } in &row.broken {
+            println!("{pair}, {}: broken after {steps} steps: {property}\n    {trace}\n", row.setting);
+        }
+        if !row.complete {
+            println!("{pair}, {}: there are more states than were visited, see --limit\n", row.setting);
+        }
+    }
+    let states = thousands(rows.iter().map(|row| row.states).sum());
+    let good = rows.iter().all(Explored::holds) && !rows.is_empty();
+    println!("{states} states of {} settings in {:.1} s", rows.len(), time.as_secs_f64());
+    println!("{}", if good { "every property holds in every state" } else { "FAILED" });
+    good
+}
+
+fn verdict(row: &Explored) -> String {
+    match (row.broken.len(), row.complete) {
+        (0, true) => "hold".into(),
+        (0, false) => "NOT ALL STATES".into(),
+        (count, _) => format!("{count} BROKEN"),
+    }
+}
+
+fn must_fail(pairs: &[Pair], traces: bool, common: &Common) -> bool {
+    let work = |pair: &Pair| (pair.must_fail)().into_iter().map(|case| (pair.name, case)).collect::<Vec<_>>();
+    let cases: Vec<(&str, MustFail)> = pairs.iter().flat_map(work).collect();
+    let rows = run(&cases, common, |(_, case), options| case.caught(options));
+
+    let mut table = table(&["pair", "without", "in", "steps", "breaks"], 3..4);
+    for ((pair, case), caught) in cases.iter().zip(&rows) {
+        let (steps, breaks) = match caught {
+            Some(broken) => (broken.steps.to_string(), broken.property.into()),
+            None => (String::new(), format!("NOTHING; expected: {}", case.property)),
+        };
+        table.add_row([(*pair).into(), case.rule.into(), case.without.name.clone(), steps, breaks]);
+    }
+    println!("{table}\n");
+    if traces {
+        for ((pair, case), broken) in
+            cases.iter().zip(&rows).filter_map(|(case, row)| Some((case, row.as_ref()?)))
+        {
+            println!("{pair} without {}: {}\n    {}\n", case.rule, broken.property, broken.trace);
+        }
+    }
+    let missed = rows.iter().filter(|row| row.is_none()).count();
+    println!("{} rules taken out, {missed} not missed", rows.len());
+    let good = missed == 0 && !rows.is_empty();
+    println!("{}", if good { "every rule is needed" } else { "FAILED" });
+    good
+}
+
+fn diagrams(pairs: &[Pair], write: bool) -> bool {
+    let mut good = true;
+    for diagram in pairs.iter().flat_map(|pair| (pair.diagrams)()) {
+        match check_or_write(&diagram.path, &diagram.text, write) {
+            Ok(()) => println!("{}", diagram.path.display()),
+            Err(error) => {
+                println!("{error}");
+                good = false;
+            }
+        }
+    }
+    good
+}
+
+/// Does `work` for every item, on all cores, the first ones first; shows how it gets on.
+fn run<T: Sync, R: Send>(
+    items: &[T],
+    common: &Common,
+    work: impl Fn(&T, &Options<'_>) -> R + Sync,
+) -> Vec<R> {
+    let jobs = common.jobs.unwrap_or_else(|| thread::available_parallelism().map_or(1, usize::from)).max(1);
+    let (next, done, states) = (AtomicUsize::new(0), AtomicU64::new(0), AtomicU64::new(0));
+    let results: Mutex<Vec<Option<R>>> = Mutex::new(items.iter().map(|_| None).collect());
+    let bar = ProgressBar::new(items.len() as u64)
+        .with_style(ProgressStyle::with_template("{wide_bar} {pos}/{len}, {msg} states, {elapsed}").unwrap());
+    let options = Options { limit: common.limit, progress: Some(&states), ..Options::default() };
+    let thread = || {
+        while let Some((at, item)) =
+            Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|at| Some((at, items.get(at)?)))
+        {
+            let result = work(item, &options);
+            results.lock().unwrap()[at] = Some(result);
+            done.fetch_add(1, Ordering::Relaxed);
+        }
+    };
+    thread::scope(|scope| {
+        let threads: Vec<_> = (0..jobs).map(|_| scope.spawn(thread)).collect();
+        while !threads.iter().all(|thread| thread.is_finished()) {
+            bar.set_position(done.load(Ordering::Relaxed));
+            bar.set_message(thousands(states.load(Ordering::Relaxed) as usize));
+            thread::sleep(Duration::from_millis(50));
+        }
+    });
+    bar.finish_and_clear();
+    results.into_inner().unwrap().into_iter().map(|result| result.expect("every item has a result")).collect()
+}
+
+fn table(header: &[&str], numbers: core::ops::Range<usize>) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING).set_header(header);
+    for (n, column) in table.column_iter_mut().enumerate() {
+        column.set_padding((0, 2));
+        column.set_cell_alignment(if numbers.contains(&n) {
+            CellAlignment::Right
+        } else {
+            CellAlignment::Left
+        });
+    }
+    table
+}
+
+/// `1 234 567`
+fn thousands(count: usize) -> String {
+    let digits = count.to_string();
+    let groups = digits.as_bytes().rchunks(3).rev().map(|group| String::from_utf8_lossy(group).into_owned());
+    groups.collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,27 @@
+//! The model: both machines of a link, the line between them and the people at either end, explored exhaustively.
+//!
+//! A link's crate holds a pure machine for each end. Its adapter in `testkit::links` implements [`Machine`] for both (lines
+//! that forward) and puts them together as a [`System`]: what can happen in a state, what then follows, which properties do
+//! not hold. [`explore()`] visits every state breadth first, so that a broken property comes with a shortest path to it.
+//!
+//! Time in a model is always zero: a tick of the system takes its length from every deadline, see [`age`]. States that behave
+//! alike are then equal, and there are finitely many.
+//!
+//! [`Graph::walks`] gives paths that together visit every state and take every transition: a link's refinement replays them
+//! over bytes through the sessions. [`mermaid`] draws what was seen, and a [`Pair`] is what the command `model` knows of a link.
+
+pub mod diagram;
+mod explore;
+mod fingerprint;
+mod graph;
+mod machine;
+mod pair;
+mod runs;
+mod system;
+
+pub use diagram::{check_or_write, mermaid};
+pub use explore::{Options, explore, explore_whole};
+pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
+pub use machine::{Edge, Edges, Machine, age, drive};
+pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, draw};
+pub use system::{System, trace};

@@ -1,0 +1,179 @@
+//! What the command `model` knows of a link.
+
+use core::fmt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use super::diagram::mermaid;
+use super::explore::{Options, explore};
+use super::machine::Edge;
+use super::system::{System, trace};
+
+/// Two ends that are explored together.
+#[derive(Debug, Clone, Copy)]
+pub struct Pair {
+    /// The crate and the ends: `laser-eb90 host × controller`.
+    pub name: &'static str,
+    /// The systems to explore: each with its bounds and faults.
+    pub settings: fn(Depth) -> Vec<Setting>,
+    /// For each rule of the machines a system without it.
+    pub must_fail: fn() -> Vec<MustFail>,
+    /// The diagrams that its crate commits, see [`draw`].
+    pub diagrams: fn() -> Vec<Diagram>,
+}
+
+/// How large the bounds are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Depth {
+    /// A few seconds a pair.
+    Quick,
+    /// Up to five minutes a pair.
+    Deep,
+}
+
+/// A system to explore, and what its bounds and faults are called.
+pub struct Setting {
+    /// Bounds and faults in words: `2 batches, 2 faults of any kind`.
+    pub name: String,
+    system: Box<dyn Explorable>,
+}
+
+impl fmt::Debug for Setting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Setting").field(&self.name).finish()
+    }
+}
+
+impl Setting {
+    /// A system under a name.
+    pub fn new<S>(name: impl Into<String>, system: S) -> Self
+    where
+        S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
+    {
+        Self { name: name.into(), system: Box::new(system) }
+    }
+
+    /// Explores it.
+    pub fn explore(&self, options: &Options<'_>) -> Explored {
+        self.system.explored(self.name.clone(), options)
+    }
+
+    /// Every transition of its machines.
+    pub fn edges(&self) -> Vec<Edge> {
+        self.system.edges()
+    }
+}
+
+/// What became of a [`Setting`]: a row of the table.
+#[derive(Debug, Clone)]
+pub struct Explored {
+    /// The setting's name.
+    pub setting: String,
+    /// How many states there are.
+    pub states: usize,
+    /// How many steps lead from one to another.
+    pub steps: usize,
+    /// How long it took.
+    pub time: Duration,
+    /// Whether every state was visited.
+    pub complete: bool,
+    /// The properties that do not hold, the one with the shortest path first.
+    pub broken: Vec<Broken>,
+    /// The longest run without faults to the end of all work, in ticks.
+    pub longest_benign: u32,
+    /// The longest time in which it stands still, in ticks; `None` if for ever.
+    pub longest_standing: Option<u32>,
+}
+
+impl Explored {
+    /// Whether every state was visited and every property holds.
+    pub fn holds(&self) -> bool {
+        self.complete && self.broken.is_empty()
+    }
+}
+
+/// A property that does not hold, and a shortest way to see it.
+#[derive(Debug, Clone)]
+pub struct Broken {
+    /// Its name.
+    pub property: &'static str,
+    /// How many steps lead there.
+    pub steps: usize,
+    /// The steps.
+    pub trace: String,
+}
+
+/// A system with one rule taken out, and the property that then breaks.
+#[derive(Debug)]
+pub struct MustFail {
+    /// The rule, by the name that the code has for it.
+    pub rule: &'static str,
+    /// The property that catches it.
+    pub property: &'static str,
+    /// The system without the rule, named as a setting is.
+    pub without: Setting,
+}
+
+impl MustFail {
+    /// A rule, the property that catches its removal, and the system without it.
+    pub fn new<S>(rule: &'static str, property: &'static str, setting: impl Into<String>, without: S) -> Self
+    where
+        S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
+    {
+        Self { rule, property, without: Setting::new(setting, without) }
+    }
+
+    /// The property broken, with the shortest trace; `None` if the removal is not caught.
+    pub fn caught(&self, options: &Options<'_>) -> Option<Broken> {
+        let explored = self.without.explore(&Options { until: Some(self.property), ..*options });
+        explored.broken.into_iter().find(|broken| broken.property == self.property)
+    }
+}
+
+/// A diagram, and the file that holds it.
+#[derive(Debug, Clone)]
+pub struct Diagram {
+    /// The file: `<crate>/diagrams/<end>.md` in the workspace.
+    pub path: PathBuf,
+    /// What it holds.
+    pub text: String,
+}
+
+/// The diagrams of the ends of a link, drawn from what happens in some settings.
+pub fn draw(link: &str, ends: &[&str], settings: &[Setting]) -> Vec<Diagram> {
+    let edges: Vec<Edge> = settings.iter().flat_map(Setting::edges).collect();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).with_file_name(link).join("diagrams");
+    let draw = |end: &&str| Diagram { path: folder.join(format!("{end}.md")), text: mermaid(&edges, end) };
+    ends.iter().map(draw).collect()
+}
+
+/// A [`System`] whose types are forgotten.
+trait Explorable: Send + Sync {
+    fn explored(&self, setting: String, options: &Options<'_>) -> Explored;
+    fn edges(&self) -> Vec<Edge>;
+}
+
+impl<S: System + Send + Sync> Explorable for S {
+    fn explored(&self, setting: String, options: &Options<'_>) -> Explored {
+        let begin = Instant::now();
+        let graph = explore(self, options);
+        let broken = graph.findings().into_iter().map(|finding| {
+            let path = graph.path(finding.at);
+            Broken { property: finding.property, steps: path.len(), trace: trace(self, &path) }
+        });
+        Explored {
+            setting,
+            states: graph.states,
+            steps: graph.steps,
+            time: begin.elapsed(),
+            complete: graph.complete,
+            broken: broken.collect(),
+            longest_benign: graph.longest_benign.0,
+            longest_standing: graph.longest_standing.map(|(ticks, _)| ticks),
+        }
+    }
+
+    fn edges(&self) -> Vec<Edge> {
+        explore(self, &Options { edges: true, ..Options::default() }).edges.into_keys().collect()
+    }
+}

@@ -1,0 +1,53 @@
+//! What is explored.
+
+use core::{fmt::Debug, hash::Hash};
+
+use super::machine::Edge;
+
+/// A closed system: both machines, what is in flight between them, what their users and the faults may still do, and what is
+/// known of every job.
+pub trait System {
+    /// Everything that decides what happens next, with times that are relative to now.
+    type State: Clone + Eq + Hash + Debug;
+    /// One thing that happens.
+    type Act: Copy + PartialEq + Debug;
+
+    /// How it begins.
+    fn init(&self) -> Self::State;
+
+    /// Pushes everything that can happen in a state.
+    fn acts(&self, state: &Self::State, acts: &mut Vec<Self::Act>);
+
+    /// What follows from one of [`acts`](Self::acts). The machines' transitions are pushed to `edges`, if it is there.
+    fn step(&self, state: &Self::State, act: Self::Act, edges: Option<&mut Vec<Edge>>) -> Self::State;
+
+    /// Pushes the properties that do not hold in a state, each named as what should hold.
+    fn broken(&self, state: &Self::State, broken: &mut Vec<&'static str>);
+
+    /// What happens next where nothing goes wrong from here on and users are patient: one of [`acts`](Self::acts). `None` where
+    /// nothing happens: a standstill, if it [is not over](Self::is_over).
+    fn benign(&self, state: &Self::State) -> Option<Self::Act>;
+
+    /// Whether all work has come to its end. A run without faults has to lead here from every state.
+    fn is_over(&self, state: &Self::State) -> bool;
+
+    /// Whether the system is standing still for now, and recovery has to lead out of it: how long that takes at most is reported.
+    fn stands(&self, _state: &Self::State) -> bool {
+        false
+    }
+
+    /// How many ticks an act takes.
+    fn ticks(&self, act: Self::Act) -> u32;
+}
+
+/// The acts, each after the number of the tick when it happens.
+pub fn trace<S: System>(system: &S, path: &[S::Act]) -> String {
+    let (mut out, mut now) = (String::new(), 0);
+    for act in path {
+        match system.ticks(*act) {
+            0 => out += &format!("{now} {act:?}; "),
+            ticks => now += ticks,
+        }
+    }
+    out + &format!("{now}.")
+}

@@ -71,7 +71,13 @@ impl Decoder for Lines {
             return Some(Ok(Line(String::from_utf8_lossy(&line).into_owned())));
         }
         let whole = self.held.len() == LONGEST || self.finished && !self.held.is_empty();
-        whole.then(|| Err(drop(self.take(self.held.len()))).map_err(|()| TooLong))
+        whole.then(|| {
+            {
+                drop(self.take(self.held.len()));
+                Err(())
+            }
+            .map_err(|()| TooLong)
+        })
     }
 
     fn finish(&mut self) {

@@ -70,14 +70,11 @@ impl Decoder for Lines {
             line.pop();
             return Some(Ok(Line(String::from_utf8_lossy(&line).into_owned())));
         }
-        let whole = self.held.len() == LONGEST || self.finished && !self.held.is_empty();
-        whole.then(|| {
-            {
-                drop(self.take(self.held.len()));
-                Err(())
-            }
-            .map_err(|()| TooLong)
-        })
+        if self.held.len() < LONGEST && (!self.finished || self.held.is_empty()) {
+            return None;
+        }
+        self.clear();
+        Some(Err(TooLong))
     }
 
     fn finish(&mut self) {

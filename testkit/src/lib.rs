@@ -1,5 +1,6 @@
 //! What the tests of every link share. Never published.
 //!
+//! - [`contract`]: what `robot-session` promises, for any decoder and any session
 //! - [`link`]: a link between two sessions on a virtual clock, with the faults that its transport can commit
 //! - [`chunking`]: every way to cut a stream that a decoder must not notice
 //! - [`model`]: both machines of a link as one system, every state of which is explored
@@ -8,6 +9,7 @@
 //! - `soak` (feature `soak`, on by default): both ends of every session over bad transports
 
 pub mod chunking;
+pub mod contract;
 mod faults;
 pub mod link;
 #[cfg(feature = "links")]

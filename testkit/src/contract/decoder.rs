@@ -1,0 +1,148 @@
+//! The rules of [`robot_session::Decoder`].
+
+use core::fmt::Debug;
+
+use robot_session::Decoder;
+
+use crate::chunking::chunkings;
+use crate::rng::Rng;
+
+/// A frame or an error as text, and the stream offset just after it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Item {
+    /// `Ok` of a frame, `Err` of an error, each as `Debug` shows it.
+    pub content: Result<String, String>,
+    /// The offset.
+    pub end: u64,
+}
+
+/// All frames and errors of a stream that arrives in these pieces, and ends.
+pub fn decode<D>(decoder: &mut D, pieces: &[&[u8]]) -> Vec<Item>
+where
+    D: Decoder<Error: Debug>,
+    for<'a> D::Frame<'a>: Debug,
+{
+    let mut items = Vec::new();
+    for mut piece in pieces.iter().copied() {
+        while !piece.is_empty() {
+            let taken = decoder.push(piece);
+            let before = items.len();
+            drain(decoder, &mut items);
+            assert!(taken > 0 || items.len() > before, "the buffer is full, and nothing comes out of it");
+            piece = &piece[taken..];
+        }
+    }
+    decoder.finish();
+    drain(decoder, &mut items);
+    items
+}
+
+fn drain<D>(decoder: &mut D, items: &mut Vec<Item>)
+where
+    D: Decoder<Error: Debug>,
+    for<'a> D::Frame<'a>: Debug,
+{
+    loop {
+        let Some(found) = decoder.next_frame() else { return };
+        let content = found.map(|frame| format!("{frame:?}")).map_err(|error| format!("{error:?}"));
+        items.push(Item { content, end: decoder.position() });
+    }
+}
+
+/// Holds a decoder to the contract over valid frames of its link, each alone, in streams with corrupt bytes, and cut anywhere.
+///
+/// `spread` is how many frames next to a corrupt byte a link may lose with it: 0 where a corrupt byte costs its own frame alone.
+pub fn decoder<D>(name: &str, new: impl Fn() -> D, frames: &[Vec<u8>], spread: usize)
+where
+    D: Decoder<Error: Debug>,
+    for<'a> D::Frame<'a>: Debug,
+{
+    assert!(!frames.is_empty(), "{name}: no frames to try");
+    let mut rng = Rng::new(1);
+    for frame in frames {
+        let whole = tiles(name, &new, frame);
+        for pieces in chunkings(frame) {
+            assert_eq!(decode(&mut new(), &pieces), whole, "{name}: in pieces: {frame:02X?}");
+        }
+    }
+    for _ in 0..400 {
+        let picks: Vec<_> = (0..6).map(|_| &frames[rng.below(frames.len())]).collect();
+        let noise: Vec<u8> = (0..rng.below(40)).map(|_| rng.next_u64() as u8).collect();
+        let mut stream = picks.iter().flat_map(|frame| frame.iter().copied()).collect::<Vec<_>>();
+        let clean = tiles(name, &new, &stream);
+        pieces_change_nothing(name, &new, &stream, &clean, &mut rng);
+        after_clear(name, &new, &stream, &clean, &mut rng);
+
+        let at = rng.below(stream.len());
+        stream[at] ^= 1 << rng.below(8);
+        let corrupt = tiles(name, &new, &stream);
+        pieces_change_nothing(name, &new, &stream, &corrupt, &mut rng);
+        costs_no_more(name, &clean, &corrupt, at as u64, spread);
+
+        let noisy = [&noise[..], &stream].concat();
+        let items = tiles(name, &new, &noisy);
+        pieces_change_nothing(name, &new, &noisy, &items, &mut rng);
+    }
+}
+
+/// Every byte is in exactly one item, and after the end nothing more comes.
+fn tiles<D>(name: &str, new: &impl Fn() -> D, stream: &[u8]) -> Vec<Item>
+where
+    D: Decoder<Error: Debug>,
+    for<'a> D::Frame<'a>: Debug,
+{
+    let mut decoder = new();
+    assert_eq!(decoder.position(), 0, "{name}");
+    let items = decode(&mut decoder, &[stream]);
+    let mut before = 0;
+    for item in &items {
+        assert!(item.end > before, "{name}: an item without bytes: {item:?} in {stream:02X?}");
+        before = item.end;
+    }
+    assert_eq!(before, stream.len() as u64, "{name}: every byte is in one item: {items:?} in {stream:02X?}");
+    assert!(decoder.next_frame().is_none(), "{name}: nothing comes after the end");
+    decoder.finish();
+    assert!(decoder.next_frame().is_none(), "{name}: finishing twice changes nothing");
+    items
+}
+
+fn pieces_change_nothing<D>(name: &str, new: &impl Fn() -> D, stream: &[u8], whole: &[Item], rng: &mut Rng)
+where
+    D: Decoder<Error: Debug>,
+    for<'a> D::Frame<'a>: Debug,
+{
+    let size = 1 + rng.below(stream.len());
+    let pieces: Vec<_> = stream.chunks(size).collect();
+    assert_eq!(decode(&mut new(), &pieces), whole, "{name}: in pieces of {size}: {stream:02X?}");
+    let single: Vec<_> = stream.chunks(1).collect();
+    assert_eq!(decode(&mut new(), &single), whole, "{name}: byte by byte: {stream:02X?}");
+}
+
+/// What was held when the decoder was cleared counts in the position, and does not change what follows.
+fn after_clear<D>(name: &str, new: &impl Fn() -> D, stream: &[u8], clean: &[Item], rng: &mut Rng)
+where
+    D: Decoder<Error: Debug>,
+    for<'a> D::Frame<'a>: Debug,
+{
+    let mut decoder = new();
+    let cut = rng.below(stream.len());
+    let taken = decoder.push(&stream[..cut]) as u64;
+    decoder.clear();
+    assert_eq!(decoder.position(), taken, "{name}: what is cleared counts");
+    assert!(decoder.next_frame().is_none(), "{name}: nothing is left");
+    let moved = |item: &Item| Item { end: item.end + taken, ..item.clone() };
+    let expected: Vec<_> = clean.iter().map(moved).collect();
+    assert_eq!(decode(&mut decoder, &[stream]), expected, "{name}: after clear");
+}
+
+/// The frames that do not touch a corrupt byte are found, where they are.
+fn costs_no_more(name: &str, clean: &[Item], corrupt: &[Item], at: u64, spread: usize) {
+    let touched = clean.partition_point(|item| item.end <= at);
+    for (number, item) in clean.iter().enumerate() {
+        let near = number.abs_diff(touched) <= spread && number >= touched;
+        assert!(
+            near || corrupt.contains(item),
+            "{name}: byte {at} is corrupt, {item:?} is missing in {corrupt:?}"
+        );
+    }
+}

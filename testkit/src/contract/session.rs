@@ -1,0 +1,144 @@
+//! The rules of [`robot_session::Session`].
+
+use core::fmt::Debug;
+use core::time::Duration;
+
+use robot_session::Session;
+
+use crate::rng::Rng;
+
+/// One end of a link, as the contract is checked for it.
+pub trait End {
+    /// The session.
+    type Session: Session<Event: Debug>;
+
+    /// Its name.
+    const NAME: &'static str;
+
+    /// Whether [`Session::handle_input`] takes datagrams, whose borders mean something.
+    const DATAGRAMS: bool = false;
+
+    /// A session with its default configuration, or with one where every time is `Duration::MAX`.
+    fn new(endless: bool) -> Self::Session;
+
+    /// Something that a caller may do now, drawn at random; also what only a careless caller does.
+    fn request(session: &mut Self::Session, now: Duration, rng: &mut Rng);
+
+    /// Bytes that the other end may send, drawn at random.
+    fn message(rng: &mut Rng) -> Vec<u8>;
+}
+
+/// What an end has done: each event and each transmission, in order.
+type Trace = Vec<String>;
+
+/// Holds a session to the contract, on `seeds` random strings of calls.
+pub fn session<E: End>(seeds: u64) {
+    for seed in 0..seeds {
+        for endless in [false, true] {
+            let once = run::<E>(seed, endless, Caller::Plain);
+            for caller in [Caller::Often, Caller::SmallBuffer, Caller::Pieces] {
+                if caller != Caller::Pieces || !E::DATAGRAMS {
+                    let other = run::<E>(seed, endless, caller);
+                    assert_eq!(once, other, "{}: seed {seed}, endless {endless}, {caller:?}", E::NAME);
+                }
+            }
+        }
+    }
+}
+
+/// Ways to call a session that must make no difference.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Caller {
+    Plain,
+    /// Every call that does nothing without a reason is made twice more.
+    Often,
+    /// First with a buffer that is too small.
+    SmallBuffer,
+    /// Input byte by byte.
+    Pieces,
+}
+
+fn run<E: End>(seed: u64, endless: bool, caller: Caller) -> Trace {
+    let mut rng = Rng::new(seed);
+    let (mut session, mut trace, mut now) = (E::new(endless), Trace::new(), Duration::ZERO);
+    for _ in 0..60 {
+        match rng.below(16) {
+            0 => session.handle_connected(now),
+            1 if rng.chance(0.3) => session.handle_disconnected(now),
+            2..7 => E::request(&mut session, now, &mut rng),
+            7..11 => {
+                let mut bytes = E::message(&mut rng);
+                if rng.chance(0.2) && !bytes.is_empty() {
+                    let at = rng.below(bytes.len());
+                    bytes[at] ^= 1 << rng.below(8);
+                }
+                input(&mut session, now, &bytes, caller);
+            }
+            11 => {
+                let noise: Vec<u8> = (0..rng.below(80)).map(|_| rng.next_u64() as u8).collect();
+                input(&mut session, now, &noise, caller);
+            }
+            12 => now = session.poll_timeout().unwrap_or(now).max(now),
+            13 => {
+                now = now.saturating_add(rng.log_uniform(Duration::from_micros(10), Duration::from_secs(100)))
+            }
+            14 if rng.chance(0.1) => now = Duration::MAX,
+            15 => session.handle_transmitted(now),
+            _ => {}
+        }
+        drain::<E>(&mut session, now, caller, &mut trace);
+    }
+    trace
+}
+
+fn input(session: &mut impl Session, now: Duration, bytes: &[u8], caller: Caller) {
+    if caller == Caller::Pieces {
+        bytes.chunks(1).for_each(|byte| session.handle_input(now, byte));
+    } else {
+        session.handle_input(now, bytes);
+    }
+}
+
+/// Until the session has nothing to do: then its timeout lies ahead.
+fn drain<E: End>(session: &mut E::Session, now: Duration, caller: Caller, trace: &mut Trace) {
+    const MANY: usize = 10_000;
+    let begin = trace.len();
+    let mut out = vec![0; E::Session::MAX_TRANSMIT];
+    loop {
+        let before = trace.len();
+        session.handle_timeout(now);
+        while let Some(event) = session.poll_event() {
+            trace.push(format!("{now:?} {event:?}"));
+            assert!(trace.len() < begin + MANY, "{}: events without end: {:?}", E::NAME, trace.last());
+        }
+        loop {
+            if caller == Caller::SmallBuffer {
+                // A message may be short enough for it.
+                let length = session.poll_transmit(now, &mut []);
+                assert_eq!(length, None, "{}: a transmission without bytes", E::NAME);
+            }
+            let Some(length) = session.poll_transmit(now, &mut out) else { break };
+            assert!(length > 0, "{}: a transmission without bytes", E::NAME);
+            trace.push(format!("{now:?} {:02X?}", &out[..length]));
+            assert!(trace.len() < begin + MANY, "{}: transmissions without end", E::NAME);
+        }
+        if caller == Caller::Often {
+            session.handle_timeout(now);
+            assert!(session.poll_transmit(now, &mut out).is_none(), "{}: asked once more", E::NAME);
+            session.handle_timeout(now);
+            let _ = session.poll_timeout();
+        }
+        if trace.len() == before {
+            break;
+        }
+    }
+    if let Some(at) = session.poll_timeout() {
+        assert!(
+            at > now || now == Duration::MAX,
+            "{}: at {now:?} the timeout is {at:?}, and nothing is left to do; last {:?}",
+            E::NAME,
+            trace.last()
+        );
+    }
+    assert!(session.poll_event().is_none(), "{}: an event that nothing has caused", E::NAME);
+}

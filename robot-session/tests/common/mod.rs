@@ -148,8 +148,9 @@ impl Session for Asker {
             let taken = self.decoder.push(bytes);
             bytes = &bytes[taken..];
             while let Some(line) = self.decoder.next_frame() {
-                if self.asked.take().is_some() {
-                    self.events.push_outcome(Event::Answer(line.unwrap().0)).unwrap();
+                if let (Ok(line), Some(_)) = (line, &self.asked) {
+                    self.asked = None;
+                    self.events.push_outcome(Event::Answer(line.0)).unwrap();
                 }
             }
         }
@@ -173,8 +174,8 @@ impl Session for Asker {
         if self.asked.is_some() || !self.events.has_room(1) {
             return None;
         }
+        let len = Line(self.requests.front()?.clone()).encode(out).ok()?;
         let text = self.requests.pop_front()?;
-        let len = Line(text.clone()).encode(out).unwrap();
         self.asked = Some((text, now.saturating_add(self.timeout)));
         Some(len)
     }

@@ -4,6 +4,7 @@
 //! - [`link`]: a link between two sessions on a virtual clock, with the faults that its transport can commit
 //! - [`chunking`]: every way to cut a stream that a decoder must not notice
 //! - [`model`]: both machines of a link as one system, every state of which is explored
+//! - [`turn`]: one turn of an end on that link
 //! - [`vectors`]: the reader of `reference/vectors/<link>.json`
 //! - `links` (feature `links`): each link's pair of machines as such a system
 //! - `soak` (feature `soak`, on by default): both ends of every session over bad transports
@@ -18,4 +19,7 @@ pub mod model;
 pub mod rng;
 #[cfg(feature = "soak")]
 pub mod soak;
+mod turn;
 pub mod vectors;
+
+pub use turn::{Carrier, turn};

@@ -4,6 +4,7 @@ use core::fmt::Arguments;
 use core::time::Duration;
 
 use super::tally::Tally;
+use crate::Carrier;
 use crate::link::{Delivery, End, Faults, Link};
 use crate::rng::Rng;
 
@@ -256,6 +257,16 @@ impl Wire {
 
     fn shown(&self, bytes: &[u8]) -> String {
         if self.text { bytes.escape_ascii().to_string() } else { hex(bytes) }
+    }
+}
+
+impl Carrier for Wire {
+    fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
+        Wire::send(self, from, now, bytes);
+    }
+
+    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
+        Wire::receive(self, at, now)
     }
 }
 

@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
                     }
                 }
                 let claim = writer.claim()?;
-                let number = claim.number(); // a real task gets it from the peer
+                let number = claim.number(); // a real task receives it from the peer
                 claim.commit_with(number, || Line { from: [n, 0], to: [n + 1, 10] })?;
             }
             println!(

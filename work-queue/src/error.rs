@@ -6,17 +6,17 @@
 #[error("the work queue is full")]
 pub struct Full;
 
-/// The number of a job is not the next one. Nothing was queued, and the writer still expects the same number.
+/// The number of a job is not the next one. Nothing was queued; the writer still expects the same number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NumberError {
-    /// The job that was queued last, once more: drop it without harm.
+    /// The job that was queued last was sent again. The caller can ignore it.
     #[error("job {number} was queued already")]
     Repeated {
         /// The number of the job queued last.
         number: u16,
     },
-    /// A job is missing before this one, or the number is out of range.
+    /// At least one job before this one is missing, or the number is out of range.
     #[error("expected job {expected}, found job {found}")]
     Unexpected {
         /// The number that the next job must have.
@@ -26,22 +26,22 @@ pub enum NumberError {
     },
 }
 
-/// A queue that cannot be made.
+/// No queue can have this configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
     /// The capacity is outside `1..=9999`.
     #[error("a capacity of {capacity} jobs is outside 1 to 9999")]
     Capacity {
-        /// The capacity asked for.
+        /// The requested capacity.
         capacity: usize,
     },
-    /// One number could be in the queue twice.
+    /// The highest job number is not above the capacity: one number could be in the queue twice.
     #[error("the highest job number {max_number} is not above the capacity of {capacity} jobs")]
     MaxNumber {
-        /// The highest job number asked for.
+        /// The requested highest job number.
         max_number: u16,
-        /// The capacity asked for.
+        /// The requested capacity.
         capacity: usize,
     },
 }

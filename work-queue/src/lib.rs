@@ -24,20 +24,20 @@
 //! let mut queue: WorkQueue<[i16; 6], 64> = WorkQueue::new(1000)?;
 //! let (mut writer, mut reader) = queue.split();
 //!
-//! let claim = writer.claim()?;                        // says `Full` before anything is decoded
+//! let claim = writer.claim()?;                        // returns `Full` before anything is decoded
 //! claim.commit(1, [100, 0, 0, 0, 0, 0])?;
 //! assert_eq!(writer.claim()?.commit(1, [0; 6]), Err(NumberError::Repeated { number: 1 }));
 //! assert_eq!(writer.claim()?.commit(3, [0; 6]), Err(NumberError::Unexpected { expected: 2, found: 3 }));
 //!
 //! let job = reader.take().expect("job 1 waits");
-//! assert_eq!((job.number(), job[0]), (1, 100));       // a reference: the robot moves, the slot stays taken
+//! assert_eq!((job.number(), job[0]), (1, 100));       // a reference: the slot stays taken while the robot moves
 //! assert_eq!(writer.free(), 63);
 //! job.complete();
 //! assert_eq!(writer.free(), 64);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Without the feature `alloc` the storage is inline, in a [`WorkQueue`]; with it `boxed` makes ends that own their storage.
+//! Without the feature `alloc` the storage is inline, in a [`WorkQueue`]; with it, `boxed` returns ends that own their storage.
 #![no_std]
 #![deny(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! The numbers of jobs: 1 to the highest, then 1 again. The queue's own rule, so that both ends of a link count alike.
+//! The numbers of jobs: 1 to the highest, then 1 again. The rule is part of the queue, so that both ends of a link count alike.
 
 use crate::error::{ConfigError, NumberError};
 
@@ -8,12 +8,12 @@ const FIRST: u16 = 1;
 pub(crate) struct Numbering {
     next: u16,
     max: u16,
-    /// Whether the number before 1 is the highest one, and not none at all.
+    /// Whether a job was queued before the current number 1. Its number was the highest one.
     wrapped: bool,
 }
 
 impl Numbering {
-    /// `max` is above the capacity, or one number could be in the queue twice.
+    /// `max` must be above the capacity, because otherwise one number could be in the queue twice.
     pub(crate) const fn new(max: u16) -> Self {
         Numbering { next: FIRST, max, wrapped: false }
     }

@@ -1,14 +1,14 @@
-//! Where in the endless sequence of jobs an end stands: the lap in the high bits, the slot's index in the low sixteen.
+//! A position in the endless sequence of jobs: the lap in the high bits, the slot's index in the low sixteen.
 //!
-//! Laps wrap. That is safe because every comparison is between positions that lie far less than half of all laps apart.
+//! Laps wrap. That is safe because every comparison is between positions that are far less than half of all laps apart.
 
 use crate::sync::{SignedWord, Word};
 
 const INDEX_BITS: u32 = 16;
-/// One lap on, at the same index.
+/// The distance of one lap.
 const LAP: Word = 1 << INDEX_BITS;
 const INDEX: Word = LAP - 1;
-/// A watermark that lies this far behind is moved up before it could be mistaken for one ahead (a quarter of all laps).
+/// A watermark that is older than this is replaced (a quarter of all laps). From half of all laps it would compare as newer.
 const STALE: Word = 1 << (Word::BITS - 2);
 
 const COMPLETED: Word = 1 << (Word::BITS - 1);
@@ -21,7 +21,7 @@ pub(crate) struct Position(Word);
 pub(crate) enum Stamp {
     /// The job with this number.
     Job(u16),
-    /// Nothing any more: its job was completed before the jobs in front of it.
+    /// Nothing any more: its job was completed before older jobs.
     Completed,
     /// Nothing yet.
     Free,
@@ -34,7 +34,7 @@ impl Position {
     /// Before every position of any lap, for [`is_in_lap_before`](Self::is_in_lap_before).
     pub(crate) const NOWHERE: Self = Position(0);
 
-    /// The first slot of a lap: tests start close before the last one.
+    /// The first slot of a lap. Tests start shortly before laps wrap.
     pub(crate) const fn lap(lap: Word) -> Self {
         Position(lap << INDEX_BITS)
     }
@@ -50,7 +50,7 @@ impl Position {
         Position(self.0.wrapping_add(1))
     }
 
-    /// The first slot of the next lap instead of an index that is the capacity.
+    /// The same position, but the first slot of the next lap if the index is the capacity.
     pub(crate) const fn normalized(self, capacity: usize) -> Self {
         if self.index() == capacity { Position((self.0 | INDEX).wrapping_add(1)) } else { self }
     }
@@ -60,7 +60,7 @@ impl Position {
         self.step().normalized(capacity)
     }
 
-    /// Behind the last slot of this lap.
+    /// The position after the last slot of this lap: its index is the capacity.
     pub(crate) const fn end_of_lap(self, capacity: usize) -> Self {
         Position((self.0 & !INDEX) | capacity as Word)
     }
@@ -70,36 +70,36 @@ impl Position {
         if (self.0 ^ earlier.0) & !INDEX == 0 { self } else { earlier.end_of_lap(capacity) }
     }
 
-    /// Whether `end`, which is an end of the same lap or [`NOWHERE`](Self::NOWHERE), comes later.
+    /// Whether this position is before `end`, which is an end of the same lap or [`NOWHERE`](Self::NOWHERE).
     #[inline(always)]
     pub(crate) const fn is_in_lap_before(self, end: Self) -> bool {
         self.0 < end.0
     }
 
-    /// The same slot, one lap on.
+    /// The same slot, one lap later.
     #[inline(always)]
     pub(crate) const fn lap_after(self) -> Self {
         Position(self.0.wrapping_add(LAP))
     }
 
-    /// The same slot, one lap ago.
+    /// The same slot, one lap earlier.
     #[inline(always)]
     pub(crate) const fn lap_before(self) -> Self {
         Position(self.0.wrapping_sub(LAP))
     }
 
-    /// What the slot carries when the job with this `number` is in it on this lap.
+    /// The stamp of the slot while it contains the job with this `number` on this lap.
     #[inline(always)]
     pub(crate) const fn stamp(self, number: u16) -> Word {
         (self.0 & !INDEX) | number as Word
     }
 
-    /// What the slot carries when its job of this lap was completed out of order: a lap half of all laps away.
+    /// The stamp of the slot after its job of this lap was completed out of order: a lap half of all laps away.
     pub(crate) const fn stamp_completed(self) -> Word {
         (self.0 & !INDEX) ^ COMPLETED
     }
 
-    /// What a stamp says on this lap.
+    /// The meaning of a stamp on this lap.
     #[inline(always)]
     pub(crate) const fn read(self, stamp: Word) -> Stamp {
         let difference = stamp ^ (self.0 & !INDEX);
@@ -118,17 +118,17 @@ impl Position {
         (self.0.wrapping_sub(other.0) as SignedWord) < 0
     }
 
-    /// The slots from here to `later`, which is at most one lap on.
+    /// The number of slots from here to `later`, which is at most one lap later.
     #[inline]
     pub(crate) const fn distance_to(self, later: Self, capacity: usize) -> usize {
         let lap = if (later.0 ^ self.0) & !INDEX == 0 { 0 } else { capacity };
         lap + later.index() - self.index()
     }
 
-    /// Whether `older` has fallen so far behind that it must be moved up.
+    /// Whether this position is so much older than `newer` that it must be replaced.
     #[inline(always)]
-    pub(crate) const fn has_left_behind(self, older: Self) -> bool {
-        self.0.wrapping_sub(older.0) > STALE
+    pub(crate) const fn is_stale_at(self, newer: Self) -> bool {
+        newer.0.wrapping_sub(self.0) > STALE
     }
 
     pub(crate) const fn into_word(self) -> Word {
@@ -146,14 +146,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_position_is_left_behind_beyond_a_quarter_of_all_laps() {
+    fn a_position_is_stale_beyond_a_quarter_of_all_laps() {
         // Sixteen bits are the index: 2^(n - 16) laps.
         let quarter = 1 << (Word::BITS - 18);
         for lap in [0, 1, quarter * 4 - 1] {
             let older = Position::lap(lap);
-            assert!(!older.has_left_behind(older));
-            assert!(!Position::lap(lap.wrapping_add(quarter)).has_left_behind(older));
-            assert!(Position::lap(lap.wrapping_add(quarter)).step().has_left_behind(older));
+            assert!(!older.is_stale_at(older));
+            assert!(!older.is_stale_at(Position::lap(lap.wrapping_add(quarter))));
+            assert!(older.is_stale_at(Position::lap(lap.wrapping_add(quarter)).step()));
         }
     }
 }

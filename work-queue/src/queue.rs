@@ -10,7 +10,7 @@ use crate::writer::Writer;
 
 /// A queue of at most `N` jobs, stored inline: `1..=9999`, any number, not only powers of two.
 ///
-/// [`split`](Self::split) it into its two ends. Jobs that are left when it is dropped are dropped with it.
+/// [`split`](Self::split) it into its two ends. When the queue is dropped, its remaining jobs are dropped too.
 pub struct WorkQueue<T, const N: usize> {
     ring: Ring<[Slot<T>; N]>,
     max_number: u16,
@@ -20,7 +20,7 @@ macro_rules! new {
     ($($constant:tt)?) => {
         /// An empty queue whose jobs are numbered `1..=max_number`, then 1 again.
         ///
-        /// Both ends of a link must agree on `max_number`. Let it cover all jobs of an order if it can.
+        /// Both ends of a link must use the same `max_number`. If possible, it should be at least the number of jobs of an order.
         ///
         /// # Errors
         ///
@@ -41,12 +41,12 @@ impl<T, const N: usize> WorkQueue<T, N> {
     #[cfg(loom)]
     new!();
 
-    /// The two ends. Splitting a second time begins anew: jobs that are left are dropped, the next number is 1.
+    /// The two ends. Each split empties the queue: the remaining jobs are dropped, and the next number is 1.
     pub fn split(&mut self) -> (Writer<'_, T>, Reader<'_, T>) {
         self.split_at(Position::START)
     }
 
-    /// As [`split`](Self::split), on a chosen lap, for tests that laps wrap around.
+    /// As [`split`](Self::split), beginning at a given lap, for tests in which laps wrap around.
     #[doc(hidden)]
     pub fn split_at_lap(&mut self, lap: Word) -> (Writer<'_, T>, Reader<'_, T>) {
         self.split_at(Position::lap(lap))
@@ -77,8 +77,8 @@ impl<T, const N: usize> fmt::Debug for WorkQueue<T, N> {
 
 /// The two ends of a queue of at most `capacity` jobs on the heap, numbered `1..=max_number`, then 1 again.
 ///
-/// The ends own the queue together and can go to threads of their own. Jobs that are left when both are gone are dropped then.
-/// Nothing is allocated later.
+/// The ends own the queue together and can be moved to different threads. The end that is dropped last drops the remaining
+/// jobs. Nothing is allocated later.
 ///
 /// # Errors
 ///

@@ -23,12 +23,13 @@ impl<T> Reader<'_, T> {
         self.end.take().map(|held| Taken { held })
     }
 
-    /// Takes the oldest job that is `wanted`, given its number: it overtakes those before it.
+    /// Takes the oldest job for which `predicate` returns true; its arguments are the number and the job. The job overtakes those
+    /// before it.
     ///
     /// For applications in which the order of jobs does not matter. The slot of a job completed out of order becomes free when
-    /// all before it are completed. Looks at every waiting job in the worst case.
-    pub fn take_where(&mut self, wanted: impl FnMut(u16, &T) -> bool) -> Option<Taken<'_, T>> {
-        self.end.find(wanted).map(|held| Taken { held })
+    /// all before it are completed. In the worst case every waiting job is examined.
+    pub fn take_where(&mut self, predicate: impl FnMut(u16, &T) -> bool) -> Option<Taken<'_, T>> {
+        self.end.find(predicate).map(|held| Taken { held })
     }
 
     /// The waiting jobs with their numbers, oldest first.
@@ -36,7 +37,7 @@ impl<T> Reader<'_, T> {
         Iter { waiting: self.end.waiting() }
     }
 
-    /// How many jobs wait. Counts them one by one.
+    /// How many jobs wait. They are counted one by one.
     pub fn len(&self) -> usize {
         self.iter().count()
     }
@@ -51,7 +52,7 @@ impl<T> Reader<'_, T> {
         self.end.capacity()
     }
 
-    /// Whether the writer is gone. If [`take`](Self::take) finds nothing *after* this was true, nothing will ever come.
+    /// Whether the writer is gone. If [`take`](Self::take) returns `None` *after* this was true, it always will.
     pub fn is_abandoned(&self) -> bool {
         self.end.is_abandoned()
     }
@@ -72,10 +73,10 @@ impl<'a, T> IntoIterator for &'a Reader<'_, T> {
     }
 }
 
-/// A job that is being executed, in its slot. A reset does not pull it away.
+/// A job that is being executed, in its slot. A reset does not discard it.
 ///
-/// Only [`complete`](Self::complete) frees the slot. Dropped without it, the job waits again, and is the next one that
-/// [`Reader::take`] returns if it was the oldest, unless a reset has discarded it meanwhile.
+/// Only [`complete`](Self::complete) frees the slot. If this is dropped without it, the job waits again; if it was the oldest,
+/// [`Reader::take`] returns it next, unless a reset has discarded it meanwhile.
 #[must_use = "a job that is not completed waits again"]
 pub struct Taken<'a, T> {
     held: Held<'a, T>,
@@ -88,7 +89,7 @@ impl<T> Taken<'_, T> {
         self.held.number()
     }
 
-    /// The job was executed: frees its slot and returns what was in it.
+    /// Frees the slot of the executed job and returns the job.
     #[inline(always)]
     pub fn complete(self) -> T {
         self.held.complete()

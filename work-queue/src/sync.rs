@@ -1,10 +1,10 @@
-//! The atomics and cells, swapped for loom's under `--cfg loom`, and the memory orderings by the name of what they order.
+//! The atomics and cells, which loom's replace under `--cfg loom`, and the memory orderings, each named after what it orders.
 
 #[cfg(not(loom))]
 mod types {
     pub(crate) use core::sync::atomic::{AtomicBool, Ordering};
 
-    /// `core::cell::UnsafeCell` with the accessors of loom's, which see every access.
+    /// `core::cell::UnsafeCell` with the accessors of loom's, by which loom records every access.
     pub(crate) struct UnsafeCell<T>(core::cell::UnsafeCell<T>);
 
     impl<T> UnsafeCell<T> {
@@ -32,7 +32,7 @@ mod types {
 
 pub(crate) use types::*;
 
-/// What a position and a stamp are stored in: 64 bits, or 32 where a processor has no 64-bit atomics (`--cfg narrow` tests that).
+/// The type of a stored position or stamp: 64 bits, or 32 where a processor has no 64-bit atomics (`--cfg narrow` tests that).
 #[cfg(all(target_has_atomic = "64", not(narrow)))]
 mod word {
     pub(crate) type Word = u64;
@@ -57,7 +57,7 @@ pub(crate) use word::*;
 
 macro_rules! orderings {
     ($($(#[$doc:meta])* $name:ident: $strong:ident or $($weak:ident),+;)*) => {
-        /// One name for each ordering that the proof of the queue rests on.
+        /// One name for each ordering that the proof of the queue depends on.
         #[cfg(not(loom))]
         pub(crate) mod order {
             $($(#[$doc])* #[inline(always)] pub(crate) const fn $name() -> super::Ordering { super::Ordering::$strong })*
@@ -75,7 +75,7 @@ macro_rules! orderings {
             /// Every way to weaken one ordering.
             pub const MUTANTS: &[(&str, Ordering)] = &[$($((stringify!($name), Ordering::$weak)),+),*];
 
-            /// Weakens one ordering for everything that runs on this thread from now on: loom runs its threads there.
+            /// Weakens one ordering for everything that runs on this thread from now on: loom runs its threads on it.
             pub fn weaken(mutant: Option<(&'static str, Ordering)>) {
                 WEAKENED.set(mutant);
             }
@@ -93,21 +93,21 @@ macro_rules! orderings {
 orderings! {
     /// The writer hands a filled slot to the reader.
     publish_stamp: Release or Relaxed;
-    /// The reader takes a filled slot over.
+    /// The reader takes over a filled slot.
     observe_stamp: Acquire or Relaxed;
     /// The reader hands a completed slot back to the writer.
     publish_head: Release or Relaxed;
-    /// The writer takes completed slots over.
+    /// The writer takes over completed slots.
     observe_head: Acquire or Relaxed;
-    /// The writer tells the reader which jobs a reset discards.
+    /// The writer publishes which jobs a reset discards.
     publish_watermark: Release or Relaxed;
-    /// The reader learns which jobs a reset discards.
+    /// The reader reads which jobs a reset discards.
     observe_watermark: Acquire or Relaxed;
-    /// An end leaves: everything that it did is seen by who sees that.
+    /// An end is dropped: if the other end observes that, it also observes everything that the first end did before.
     publish_abandoned: Release or Relaxed;
-    /// An end finds the other gone.
+    /// An end observes that the other was dropped.
     observe_abandoned: Acquire or Relaxed;
-    /// An end of boxed storage leaves; whoever is second drops what is left and frees it.
+    /// An end of boxed storage is dropped; the second one drops the remaining jobs and frees the storage.
     #[cfg_attr(not(feature = "alloc"), allow(dead_code))]
     leave: AcqRel or Acquire, Release, Relaxed;
 }

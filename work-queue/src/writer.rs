@@ -23,11 +23,11 @@ impl<T> Writer<'_, T> {
         Writer { end, numbering: Numbering::new(max_number), storage: PhantomData }
     }
 
-    /// Claims the next slot, or says that there is none before anything is decoded.
+    /// Claims the next slot. A full queue is reported here, before a job is decoded and before its number is checked.
     ///
     /// # Errors
     ///
-    /// [`Full`] if every slot holds a job that was not completed yet. A full queue is told before a wrong number.
+    /// [`Full`] if every slot holds a job that was not completed yet.
     #[inline(always)]
     pub fn claim(&mut self) -> Result<Claim<'_, T>, Full> {
         match self.end.reserve() {
@@ -36,22 +36,22 @@ impl<T> Writer<'_, T> {
         }
     }
 
-    /// Discards every job that is queued now; numbering goes on.
+    /// Discards every job that is queued now; the numbering continues.
     ///
-    /// The reader discards them when it next takes a job. A job that it is executing is not pulled away, and one may still
+    /// The reader discards them when it next takes a job. A job that it is executing is not discarded, and one more may still
     /// start until the writer [`is_settled`](Self::is_settled). Jobs queued from now on are kept.
     pub fn clear(&mut self) {
         self.end.discard();
     }
 
-    /// Discards every job that is queued now, as [`clear`](Self::clear) does, and forgets the numbering: the next job is 1.
+    /// Discards every job that is queued now, as [`clear`](Self::clear) does, and restarts the numbering: the next job is 1.
     pub fn reset(&mut self) {
         self.clear();
         self.numbering.restart();
     }
 
     /// Whether the last [`clear`](Self::clear) or [`reset`](Self::reset) has taken effect: no job from before it is
-    /// queued or being executed any more. True if there was none.
+    /// queued or being executed any more. Also true if neither was ever called.
     pub fn is_settled(&self) -> bool {
         self.end.is_settled()
     }
@@ -88,8 +88,8 @@ impl<T> Writer<'_, T> {
 
     /// Whether at most `low_water` jobs are left in the queue, the one being executed included.
     ///
-    /// Wait for this after [`Full`], not for one free slot: the refill then comes as a whole batch, and the reader's progress
-    /// is looked at once for all of them.
+    /// Wait for this after [`Full`], not for one free slot: then the missing jobs are sent as a whole batch, and the reader's
+    /// progress is read once for all of them.
     pub fn drained(&self, low_water: usize) -> bool {
         self.capacity() - self.free() <= low_water
     }
@@ -106,7 +106,7 @@ impl<T> fmt::Debug for Writer<'_, T> {
     }
 }
 
-/// A free slot for the next job. Dropped without a commit, it leaves no trace.
+/// A free slot for the next job. Dropping it without a commit has no effect.
 #[must_use = "a claim that is not committed queues nothing"]
 pub struct Claim<'a, T> {
     slot: Reserved<'a, T>,
@@ -129,8 +129,8 @@ impl<T> Claim<'_, T> {
         self.commit_with(number, || job)
     }
 
-    /// Queues what `job` returns, and calls it only if the number is right. What it builds is built in the slot: nothing is
-    /// copied if the compiler can inline it.
+    /// Queues what `job` returns, and calls it only if the number is right. The job is built in its slot: nothing is copied if
+    /// the compiler can inline `job`.
     ///
     /// # Errors
     ///
@@ -142,7 +142,7 @@ impl<T> Claim<'_, T> {
         Ok(())
     }
 
-    /// Queues `job` under the next number, and returns that number: for a link whose jobs carry none.
+    /// Queues `job` with the next number, and returns that number: for a link whose jobs have none.
     #[inline(always)]
     pub fn push(self, job: T) -> u16 {
         self.push_with(|| job)

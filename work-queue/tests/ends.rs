@@ -1,4 +1,4 @@
-//! What the two ends say of themselves, and a queue that starts on another lap.
+//! The getters and `Debug` output of the two ends, and a queue that starts on another lap.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![cfg(not(loom))]
 
@@ -40,7 +40,7 @@ fn a_reset_passes_over_a_job_that_was_executed_out_of_turn() {
     writer.reset();
     assert!(reader.take().is_none());
     assert_eq!((writer.free(), writer.is_settled(), reader.is_empty()), (4, true, true));
-    assert!(format!("{reader:?}").contains("ahead: 0"), "it goes on lap by lap: {reader:?}");
+    assert!(format!("{reader:?}").contains("ahead: 0"), "{reader:?}");
     for job in 5..=8 {
         writer.claim().unwrap().push(job);
     }

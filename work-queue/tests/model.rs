@@ -11,7 +11,7 @@ use robot_work_queue::{Full, NumberError, Reader, Taken, WorkQueue, Writer};
 /// What one end can do. Nothing else changes a queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Op {
-    /// The writer queues the next job, after it has tried what must leave no trace: a claim dropped, a repeat, wrong numbers.
+    /// The writer queues the next job, after operations that must have no effect: a dropped claim, a repeat, wrong numbers.
     Queue,
     /// The reader begins to execute the oldest job.
     Begin,
@@ -29,7 +29,7 @@ const OPS: [Op; 7] = [Op::Queue, Op::Begin, Op::BeginNewest, Op::Complete, Op::G
 
 const DEPTH: usize = 8;
 
-/// A job that knows whether it was dropped, and complains about a second time.
+/// A job that records that it was dropped, and panics if it is dropped a second time.
 struct Job<'a> {
     serial: u32,
     drops: &'a Cell<u64>,
@@ -46,7 +46,7 @@ impl Drop for Job<'_> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     Waiting,
-    /// By a reset, when the reader next looks.
+    /// A reset discards it when the reader next takes a job.
     ToDiscard,
     /// Its slot becomes free when all before it are.
     Completed,
@@ -59,7 +59,7 @@ struct Entry {
     state: State,
 }
 
-/// The queue as anybody would write it: every slot from the oldest that is not free.
+/// The plain queue: an entry for every slot from the oldest one that is not free.
 #[derive(Debug)]
 struct Model {
     capacity: usize,
@@ -102,8 +102,8 @@ impl Model {
         self.unsettled = self.entries.len();
     }
 
-    /// The reader looks at the queue: resets take effect.
-    fn look(&mut self) {
+    /// The reader takes a job: resets take effect.
+    fn apply_resets(&mut self) {
         while self.unsettled > 0 {
             self.free_oldest();
         }
@@ -135,7 +135,7 @@ impl Model {
 
 struct Run<'q, 'j> {
     ops: &'q [Op],
-    /// How many operations were observed as the beginning of an earlier string.
+    /// How many of the first operations were checked already, as the beginning of an earlier string.
     known: usize,
     done: usize,
     writer: Writer<'q, Job<'j>>,
@@ -160,7 +160,7 @@ impl<'j> Run<'_, 'j> {
             match op {
                 Op::Queue | Op::Clear | Op::Reset => self.write(op),
                 Op::Begin | Op::BeginNewest => {
-                    self.model.look();
+                    self.model.apply_resets();
                     let newest = self.model.waiting().next_back().map(|entry| entry.number);
                     let (job, entry) = if op == Op::Begin {
                         (reader.take(), self.model.waiting().next())
@@ -184,13 +184,13 @@ impl<'j> Run<'_, 'j> {
         }
     }
 
-    /// Runs the string from when a job begins to be executed until it is not any more.
+    /// Runs the string from the begin of a job's execution to its end.
     fn executing(&mut self, job: Taken<'_, Job<'j>>) {
         let serial = job.serial;
         loop {
             if self.is_new() {
                 self.observe();
-                assert_eq!(job.serial, serial, "the job in execution is not pulled away");
+                assert_eq!(job.serial, serial, "the job in execution is not discarded");
             }
             match self.next() {
                 Some(op @ (Op::Queue | Op::Clear | Op::Reset)) => self.write(op),
@@ -271,7 +271,7 @@ fn observe_reader(model: &Model, reader: &Reader<'_, Job<'_>>) {
     assert!(!reader.is_abandoned());
 }
 
-/// Runs every string in order, and observes each beginning that it did not observe before.
+/// Runs every string in order, and checks each beginning that was not checked before.
 fn every_string<const N: usize>() {
     let mut string = [0; DEPTH];
     let mut known = 0;

@@ -1,4 +1,4 @@
-//! Each promise of the queue by itself, in the words of the documentation.
+//! One test for each promise of the documentation.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![cfg(not(loom))]
 
@@ -57,7 +57,7 @@ fn capacities_that_are_no_power_of_two() {
 }
 
 #[test]
-fn the_source_s_picture_of_a_ring_of_ten() {
+fn the_ring_of_ten_in_the_source_s_figure() {
     let mut queue: WorkQueue<u16, 10> = WorkQueue::new(1000).unwrap();
     let (mut writer, mut reader) = queue.split();
     let numbers = |reader: &Reader<'_, u16>| reader.iter().map(|(number, _)| number).collect::<Vec<_>>();
@@ -105,7 +105,7 @@ fn numbers_wrap_to_one_and_repeats_are_recognised_across_the_wrap() {
 }
 
 #[test]
-fn full_is_told_before_a_wrong_number_and_before_anything_is_decoded() {
+fn full_is_reported_before_a_wrong_number_and_before_anything_is_decoded() {
     let mut queue: WorkQueue<u16, 1> = WorkQueue::new(9).unwrap();
     let (mut writer, mut reader) = queue.split();
     fill(&mut writer, 1);
@@ -120,7 +120,7 @@ fn full_is_told_before_a_wrong_number_and_before_anything_is_decoded() {
 }
 
 #[test]
-fn a_claim_without_commit_leaves_no_trace() {
+fn a_claim_without_commit_has_no_effect() {
     let mut queue: WorkQueue<u16, 2> = WorkQueue::new(9).unwrap();
     let (mut writer, mut reader) = queue.split();
     for _ in 0..10 {
@@ -133,7 +133,7 @@ fn a_claim_without_commit_leaves_no_trace() {
 }
 
 #[test]
-fn a_decoder_that_panics_leaves_no_trace() {
+fn a_decoder_that_panics_has_no_effect() {
     let (mut writer, mut reader) = boxed::<u16>(1, 2).unwrap();
     let decode = || writer.claim().unwrap().push_with(|| panic!("while it decodes"));
     std::panic::catch_unwind(AssertUnwindSafe(decode)).unwrap_err();
@@ -195,7 +195,7 @@ fn the_low_water_mark_counts_the_jobs_that_are_left() {
 }
 
 #[test]
-fn clear_discards_what_was_queued_before_and_keeps_what_comes_after() {
+fn clear_discards_the_queued_jobs_and_keeps_later_ones() {
     let mut queue: WorkQueue<u16, 4> = WorkQueue::new(9).unwrap();
     let (mut writer, mut reader) = queue.split();
     assert!(writer.is_settled());
@@ -203,14 +203,14 @@ fn clear_discards_what_was_queued_before_and_keeps_what_comes_after() {
     writer.clear();
     assert!(!writer.is_settled());
     fill(&mut writer, 1);
-    assert_eq!(reader.iter().map(|(number, _)| number).collect::<Vec<_>>(), [4], "numbering goes on");
+    assert_eq!(reader.iter().map(|(number, _)| number).collect::<Vec<_>>(), [4], "the numbering continues");
     assert_eq!(execute(&mut reader), Some(4));
     assert!(writer.is_settled());
     assert_eq!((writer.free(), writer.last_number(), writer.next_number()), (4, Some(4), 5));
 }
 
 #[test]
-fn a_job_in_execution_is_not_pulled_away() {
+fn a_job_in_execution_is_not_discarded() {
     let mut queue: WorkQueue<u16, 4> = WorkQueue::new(9).unwrap();
     let (mut writer, mut reader) = queue.split();
     fill(&mut writer, 3);
@@ -229,7 +229,7 @@ fn a_job_in_execution_is_not_pulled_away() {
 }
 
 #[test]
-fn a_later_job_in_execution_is_not_pulled_away_either() {
+fn a_job_executed_out_of_order_is_not_discarded_either() {
     let mut queue: WorkQueue<u16, 3> = WorkQueue::new(9).unwrap();
     let (mut writer, mut reader) = queue.split();
     fill(&mut writer, 2);
@@ -255,7 +255,7 @@ fn a_stale_reset_discards_nothing_after_many_laps() {
 }
 
 #[test]
-fn each_end_sees_that_the_other_is_gone() {
+fn each_end_detects_that_the_other_is_gone() {
     let (mut writer, mut reader) = boxed::<u16>(2, 9).unwrap();
     assert!(!writer.is_abandoned() && !reader.is_abandoned());
     fill(&mut writer, 2);
@@ -273,7 +273,7 @@ fn each_end_sees_that_the_other_is_gone() {
 }
 
 #[test]
-fn jobs_that_are_left_are_dropped_once() {
+fn remaining_jobs_are_dropped_once() {
     let count = Rc::new(());
     for reader_first in [true, false] {
         let (mut writer, mut reader) = boxed::<Rc<()>>(4, 9).unwrap();
@@ -300,30 +300,30 @@ fn jobs_that_are_left_are_dropped_once() {
     writer.claim().unwrap().push(count.clone());
     assert_eq!(Rc::strong_count(&count), 3);
     let (mut writer, _) = queue.split();
-    assert_eq!(Rc::strong_count(&count), 1, "splitting again begins anew");
+    assert_eq!(Rc::strong_count(&count), 1, "another split drops the remaining jobs");
     assert_eq!(writer.claim().unwrap().push(count.clone()), 1);
     drop(queue);
     assert_eq!(Rc::strong_count(&count), 1);
 }
 
 /// A job that panics when it is dropped, if armed.
-struct Bomb {
+struct PanicsOnDrop {
     armed: bool,
     _count: Rc<()>,
 }
 
-impl Drop for Bomb {
+impl Drop for PanicsOnDrop {
     fn drop(&mut self) {
         assert!(!self.armed, "a job that panics when dropped");
     }
 }
 
 #[test]
-fn a_job_whose_drop_panics_in_a_reset_is_dropped_once_and_the_queue_goes_on() {
+fn a_job_whose_drop_panics_in_a_reset_is_dropped_once_and_the_queue_stays_usable() {
     let count = Rc::new(());
-    let (mut writer, mut reader) = boxed::<Bomb>(3, 9).unwrap();
+    let (mut writer, mut reader) = boxed::<PanicsOnDrop>(3, 9).unwrap();
     for armed in [true, false, false] {
-        writer.claim().unwrap().push(Bomb { armed, _count: count.clone() });
+        writer.claim().unwrap().push(PanicsOnDrop { armed, _count: count.clone() });
     }
     writer.clear();
     let take = AssertUnwindSafe(|| reader.take().is_none());
@@ -334,12 +334,12 @@ fn a_job_whose_drop_panics_in_a_reset_is_dropped_once_and_the_queue_goes_on() {
 }
 
 #[test]
-fn a_job_whose_drop_panics_among_those_left_is_dropped_once() {
+fn a_remaining_job_whose_drop_panics_is_dropped_once() {
     let count = Rc::new(());
-    let mut queue: WorkQueue<Bomb, 3> = WorkQueue::new(9).unwrap();
+    let mut queue: WorkQueue<PanicsOnDrop, 3> = WorkQueue::new(9).unwrap();
     let (mut writer, _) = queue.split();
     for armed in [false, true, false] {
-        writer.claim().unwrap().push(Bomb { armed, _count: count.clone() });
+        writer.claim().unwrap().push(PanicsOnDrop { armed, _count: count.clone() });
     }
     let split = AssertUnwindSafe(|| drop(queue.split()));
     std::panic::catch_unwind(split).unwrap_err();

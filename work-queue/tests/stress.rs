@@ -1,4 +1,4 @@
-//! Two real threads, jobs whose words show tearing, and a count of drops. Without a harness, for ThreadSanitizer:
+//! Two real threads, jobs whose words show a torn read, and a count of drops. Without a test harness, for ThreadSanitizer:
 //!
 //! ```text
 //! RUSTFLAGS="-Zsanitizer=thread -Cunsafe-allow-abi-mismatch=sanitizer" CARGO_TARGET_DIR=target/tsan \
@@ -47,7 +47,7 @@ mod stress {
         }
     }
 
-    /// A small generator, different on each thread: no common memory that would order anything.
+    /// A small generator for each thread: they share no memory, which would order the threads.
     struct Rng(u64);
 
     impl Rng {
@@ -138,7 +138,7 @@ mod stress {
                 reader.take()
             };
             match job {
-                Some(job) if rng.one_in(20) => drop(job), // given up: it waits again
+                Some(job) if rng.one_in(20) => drop(job), // not completed: it waits again
                 Some(job) => {
                     assert!(seen.insert(job.serial()), "job {} is executed twice", job.serial());
                     executed += 1;

@@ -1,8 +1,8 @@
-//! The slots, and all of the `unsafe` code: who owns each slot, and which store hands it over.
+//! The slots, and all of the `unsafe` code: which end owns each slot, and which store hands it over.
 //!
 //! # The invariant
 //!
-//! `capacity` slots stand in a ring. A [`Position`] names one slot on one lap. Three positions follow one another, never more
+//! `capacity` slots form a ring. A [`Position`] names one slot on one lap. Three positions follow one another, never more
 //! than a lap apart:
 //!
 //! ```text
@@ -14,17 +14,18 @@
 //!    initialised (but see 5). The reader reads the job and moves it out.
 //! 2. The slots from `tail` to `head` + 1 lap belong to the writer: their stamp is of the lap before, their job is not
 //!    initialised. The writer writes the job, then the stamp.
-//! 3. `tail` is the writer's own and is stored nowhere. The release store of a **stamp** of this lap moves it over one slot
-//!    and hands that slot to the reader, whose acquire load of the same stamp takes it over.
+//! 3. `tail` belongs to the writer and is not in shared memory. The release store of a **stamp** of this lap advances it by one
+//!    slot and hands that slot to the reader, whose acquire load of the same stamp takes it over.
 //! 4. `head` is stored by the reader alone. The release store of **head** hands every slot before it back to the writer,
-//!    whose acquire load of `head` takes them over. The writer remembers as `space` a `head` that it has seen,
-//!    plus one lap: the slots from `tail` to `space` are its own, and at `tail == space` it must look at `head` again.
+//!    whose acquire load of `head` takes them over. The writer keeps as `space` a `head` that it has loaded,
+//!    plus one lap: the slots from `tail` to `space` are its own, and at `tail == space` it must load `head` again.
 //! 5. When a job is completed out of order, it is moved out, and the reader marks its stamp as completed: the slot remains
-//!    the reader's. `head` moves over such slots, `ahead` of them, when it reaches them, and never rests on one.
-//! 6. The **watermark** is stored by the writer alone, and is a `tail` of the past: the release store tells the reader, whose
-//!    acquire load takes over every slot before it, to discard them. It never lies behind `tail` by half of all laps.
-//! 7. There is one [`WriteEnd`] and one [`ReadEnd`]. With borrowed storage the lifetime of their owners says that the ring
-//!    outlives both. With owned storage whoever is second to set `abandoned` drops and frees the ring.
+//!    the reader's. `head` passes such slots, `ahead` of them, when it reaches them, and is never at one of them afterwards.
+//! 6. The **watermark** is stored by the writer alone, and is an earlier `tail`: the reader discards every slot before it. The
+//!    release store publishes it, and the reader's acquire load takes over these slots. It is always less than half of all
+//!    laps older than `tail`.
+//! 7. There is one [`WriteEnd`] and one [`ReadEnd`]. With borrowed storage the lifetime of their owners guarantees that the ring
+//!    outlives both. With owned storage the end that is the second to set `abandoned` drops and frees the ring.
 
 use core::mem::MaybeUninit;
 use core::ptr::NonNull;
@@ -38,7 +39,7 @@ pub(crate) use write::{Reserved, WriteEnd};
 use crate::position::{Position, Stamp};
 use crate::sync::{AtomicBool, AtomicWord, Ordering, UnsafeCell, Word, order};
 
-/// Keeps what one end writes off the cache lines that the other reads: two lines, because processors fetch them in pairs.
+/// Separates what one end writes from the cache lines that the other reads. Two lines, because processors fetch them in pairs.
 #[cfg_attr(target_pointer_width = "64", repr(align(128)))]
 #[cfg_attr(not(target_pointer_width = "64"), repr(align(32)))]
 struct Padded<T>(T);
@@ -51,13 +52,13 @@ pub(crate) struct Ring<S: ?Sized> {
     slots: S,
 }
 
-/// What is seldom written, so that looking at it costs no transfer.
+/// What is seldom written, so that reading it seldom transfers a cache line.
 struct Control {
     watermark: AtomicWord,
     abandoned: AtomicBool,
 }
 
-/// A job of 56 bytes fills one cache line with its stamp.
+/// A job of 56 bytes and its stamp fill one cache line.
 #[repr(C)]
 pub(crate) struct Slot<T> {
     stamp: AtomicWord,
@@ -118,11 +119,11 @@ impl<T> Slot<T> {
 
     /// As [`observe`](Self::observe), of a slot that is known to be the reader's.
     #[inline(always)]
-    fn look_again(&self, position: Position) -> Stamp {
+    fn observe_owned(&self, position: Position) -> Stamp {
         position.read(self.stamp.load(Ordering::Relaxed))
     }
 
-    /// Of a slot that is the reader's and stays so.
+    /// Marks a slot of the reader's, which remains the reader's.
     #[inline(always)]
     fn mark_completed(&self, position: Position) {
         self.stamp.store(position.stamp_completed(), Ordering::Relaxed);
@@ -130,7 +131,7 @@ impl<T> Slot<T> {
 
     /// # Safety
     ///
-    /// The slot is the caller's and holds a job; the caller sees to it that it is not taken for one afterwards.
+    /// The slot is the caller's and holds a job. The caller ensures that the slot does not count as holding one afterwards.
     #[inline(always)]
     unsafe fn move_out(&self) -> T {
         // SAFETY: as above.
@@ -139,7 +140,7 @@ impl<T> Slot<T> {
 }
 
 impl<T> Ring<[Slot<T>]> {
-    /// Drops the jobs that are left and makes two ends that begin at `start`.
+    /// Drops the remaining jobs and returns two ends that begin at `start`.
     pub(crate) fn restart(&mut self, start: Position) -> (WriteEnd<T>, ReadEnd<T>) {
         self.drop_jobs();
         for slot in &self.slots {
@@ -191,15 +192,15 @@ impl<T> Ring<[Slot<T>]> {
         self.control.0.watermark.store(watermark.into_word(), order::publish_watermark());
     }
 
-    /// Drops the jobs between `head` and `tail`: `&mut` says that neither end is left to do it.
+    /// Drops the jobs between `head` and `tail`: by `&mut` neither end exists any more.
     pub(crate) fn drop_jobs(&mut self) {
         let mut position = Position::from_word(self.head.0.load(Ordering::Relaxed));
         for _ in 0..self.slots.len() {
             let Some(slot) = self.slots.get(position.index()) else { return };
-            match slot.look_again(position) {
+            match slot.observe_owned(position) {
                 Stamp::Job(_) => {
                     slot.mark_completed(position); // first: a panicking drop must not run twice
-                    // SAFETY: by 1 the job is initialised; by `&mut self` it is ours alone; the stamp says that it is gone.
+                    // SAFETY: by 1 the job is initialised; by `&mut self` nobody else accesses it; the stamp marks it as gone.
                     slot.job.with_mut(|job| unsafe { (*job).assume_init_drop() });
                 }
                 Stamp::Completed => {}
@@ -210,7 +211,7 @@ impl<T> Ring<[Slot<T>]> {
     }
 }
 
-/// A pointer to the ring: half of what keeps it alive.
+/// A pointer to the ring. Each end has one; together they keep an owned ring alive.
 struct Hold<T> {
     ring: NonNull<Ring<[Slot<T>]>>,
     #[cfg(feature = "alloc")]
@@ -220,7 +221,7 @@ struct Hold<T> {
 impl<T> Hold<T> {
     #[inline(always)]
     fn ring(&self) -> &Ring<[Slot<T>]> {
-        // SAFETY: by 7 the ring outlives this hold, and nobody has it as `&mut` as long as there is one.
+        // SAFETY: by 7 the ring outlives this hold, and no `&mut` to it exists as long as there is a hold.
         unsafe { self.ring.as_ref() }
     }
 
@@ -234,8 +235,8 @@ impl<T> Drop for Hold<T> {
         #[cfg(feature = "alloc")]
         if self.owned {
             if self.ring().control.0.abandoned.swap(true, order::leave()) {
-                // SAFETY: the ring came from `boxed`; the swap says that the other end has set `abandoned` before, which was
-                // the last thing that it did with the ring, and has made everything before that visible here.
+                // SAFETY: the ring was allocated by `boxed`. The swap returned true: the other end has set `abandoned`, which
+                // was its last access to the ring, and everything that it did before that is visible here.
                 let mut ring = unsafe { alloc::boxed::Box::from_raw(self.ring.as_ptr()) };
                 ring.drop_jobs();
             }
@@ -254,7 +255,7 @@ pub(crate) fn boxed<T>(capacity: usize, start: Position) -> (WriteEnd<T>, ReadEn
     let offset = core::mem::offset_of!(Ring<[Slot<T>; 0]>, slots);
     let layout = Layout::array::<Slot<T>>(capacity)
         .and_then(|slots| Layout::from_size_align(offset + slots.size(), align_of::<Ring<[Slot<T>; 0]>>()));
-    #[expect(clippy::panic, reason = "as for a vector, a size beyond the address space cannot be asked for")]
+    #[expect(clippy::panic, reason = "as a vector does, for a size beyond the address space")]
     let Ok(layout) = layout else { panic!("capacity overflow") };
     let layout = layout.pad_to_align();
     // SAFETY: the layout is that of a ring of `capacity` slots, and its size is not zero. Every field is initialised before

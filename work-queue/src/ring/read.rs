@@ -9,15 +9,15 @@ pub(crate) struct ReadEnd<T> {
     front: Front,
 }
 
-/// Where the reader stands.
+/// The reader's position.
 #[derive(Debug)]
 struct Front {
     head: Position,
-    /// How far the head moves on slot by slot: to the end of its lap, or nowhere if `ahead` is not 0.
+    /// The position before which the head advances by a plain step: the end of its lap, or `NOWHERE` if `ahead` is not 0.
     plain_until: Position,
-    /// How many slots behind the head were completed out of order.
+    /// How many slots after the head were completed out of order.
     ahead: usize,
-    /// Of the ring; here, where only the slow path loads it.
+    /// A copy of the ring's capacity, which only the slow path loads.
     capacity: usize,
 }
 
@@ -34,7 +34,7 @@ impl<T> ReadEnd<T> {
     /// The oldest job.
     #[inline(always)]
     pub(crate) fn take(&mut self) -> Option<Held<'_, T>> {
-        self.obey_watermark();
+        self.apply_watermark();
         let (ring, front) = (self.hold.ring(), &mut self.front);
         let position = front.head;
         // SAFETY: a head is the position of a slot.
@@ -45,14 +45,14 @@ impl<T> ReadEnd<T> {
         }
     }
 
-    /// The oldest job that is `wanted`.
-    pub(crate) fn find(&mut self, mut wanted: impl FnMut(u16, &T) -> bool) -> Option<Held<'_, T>> {
-        self.obey_watermark();
+    /// The oldest job for which `predicate` returns true.
+    pub(crate) fn find(&mut self, mut predicate: impl FnMut(u16, &T) -> bool) -> Option<Held<'_, T>> {
+        self.apply_watermark();
         let (ring, front) = (self.hold.ring(), &mut self.front);
         let mut waiting = front.waiting(ring);
         let (position, number) = loop {
             let (position, number, job) = waiting.next()?;
-            if wanted(number, job) {
+            if predicate(number, job) {
                 break (position, number);
             }
         };
@@ -74,7 +74,7 @@ impl<T> ReadEnd<T> {
     }
 
     #[inline(always)]
-    fn obey_watermark(&mut self) {
+    fn apply_watermark(&mut self) {
         let watermark = self.hold.ring().watermark();
         if self.front.head.is_before(watermark) {
             self.discard_before(watermark);
@@ -100,20 +100,20 @@ impl Front {
         while self.head.is_before(watermark) {
             // SAFETY: a head is the position of a slot.
             let slot = unsafe { ring.slot(self.head) };
-            match slot.look_again(self.head) {
+            match slot.observe_owned(self.head) {
                 Stamp::Job(_) => {
                     // SAFETY: by 1 and 6 the slot is ours and its job initialised; the head moves over it.
                     let job = unsafe { slot.move_out() };
                     self.move_head(ring);
-                    drop(job); // last: should it panic, it has been dropped once and the queue goes on
+                    drop(job); // last: if it panics, it has been dropped once and the queue can be used on
                 }
-                // Nothing is behind it; by 5 a head passes over what was completed.
+                // No job follows a free slot; by 5 a head is never at a completed one.
                 Stamp::Completed | Stamp::Free => return,
             }
         }
     }
 
-    /// Gives the slot at the head, and those behind it that were completed before, back to the writer.
+    /// Returns the slot at the head, and the completed slots that follow it, to the writer.
     #[inline(always)]
     fn move_head<T>(&mut self, ring: &Ring<[Slot<T>]>) {
         let next = self.head.step();
@@ -131,7 +131,7 @@ impl Front {
         while self.ahead > 0 {
             // SAFETY: a head is the position of a slot.
             let slot = unsafe { ring.slot(self.head) };
-            if slot.look_again(self.head) != Stamp::Completed {
+            if slot.observe_owned(self.head) != Stamp::Completed {
                 break;
             }
             self.ahead -= 1;
@@ -142,7 +142,7 @@ impl Front {
     }
 }
 
-/// A job that is being executed. Dropped, it waits as before.
+/// A job that is being executed. If this is dropped, the job waits as before.
 pub(crate) struct Held<'a, T> {
     ring: &'a Ring<[Slot<T>]>,
     front: &'a mut Front,
@@ -174,7 +174,7 @@ impl<T> Held<'_, T> {
         // SAFETY: as in `job`; below, the head moves over the slot or it is marked as completed.
         let job = unsafe { self.slot().move_out() };
         if self.is_oldest {
-            self.front.head = self.position; // it is already: now the compiler knows it too
+            self.front.head = self.position; // the same value: it lets the compiler use what it knows of `position`
             self.front.move_head(self.ring);
         } else {
             self.slot().mark_completed(self.position);
@@ -198,17 +198,17 @@ pub(crate) struct Waiting<'a, T> {
 }
 
 impl<'a, T> Waiting<'a, T> {
-    /// Ends at the head one lap on, at the latest: the slot there is one of the lap before, and reads as free.
+    /// Ends one lap after the head at the latest: the slot there has a stamp of the lap before, which reads as free.
     pub(crate) fn next(&mut self) -> Option<(Position, u16, &'a T)> {
         loop {
             let position = self.position;
-            // SAFETY: it comes from a head or a watermark by `Position::next`.
+            // SAFETY: it results from a head or a watermark by `Position::next`.
             let slot = unsafe { self.ring.slot(position) };
             match slot.observe(position) {
                 Stamp::Job(number) => {
                     self.position = position.next(self.ring.capacity());
-                    // SAFETY: the stamp has this lap, so by 1 the slot is the reader's and holds a job; moving it out takes
-                    // the end as `&mut`, which is borrowed here, or a `Held`, which there is not yet.
+                    // SAFETY: the stamp has this lap, so by 1 the slot is the reader's and holds a job. Moving it out needs
+                    // the end as `&mut`, which is borrowed here, or a `Held`, which does not exist yet.
                     let job = slot.job.with(|job| unsafe { (*job).assume_init_ref() });
                     return Some((position, number, job));
                 }

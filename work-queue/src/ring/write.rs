@@ -9,14 +9,14 @@ pub(crate) struct WriteEnd<T> {
     back: Back,
 }
 
-/// Where the writer stands.
+/// The writer's position.
 #[derive(Debug)]
 struct Back {
     /// The next slot to fill. Its index may be the capacity, until the next claim.
     tail: Position,
-    /// Where the writer must look again: at `space`, or behind the last slot of this lap.
+    /// The position at which the slow path must run: `space`, or the end of this lap.
     limit: Position,
-    /// A head that was seen, plus one lap.
+    /// A head that was loaded, plus one lap.
     space: Position,
     watermark: Position,
 }
@@ -34,13 +34,13 @@ impl<T> WriteEnd<T> {
     #[inline(always)]
     pub(crate) fn reserve(&mut self) -> Option<Reserved<'_, T>> {
         let (ring, back) = (self.hold.ring(), &mut self.back);
-        if back.tail == back.limit && !back.begin_lap_or_look_for_space(ring) {
+        if back.tail == back.limit && !back.begin_lap_or_load_head(ring) {
             return None;
         }
         Some(Reserved { ring, back })
     }
 
-    /// Tells the reader to discard every job queued until now.
+    /// Makes the reader discard every job queued until now.
     pub(crate) fn discard(&mut self) {
         self.back.set_watermark(self.tail(), self.hold.ring());
     }
@@ -69,14 +69,15 @@ impl<T> WriteEnd<T> {
 }
 
 impl Back {
-    /// Looks at the other end's cache line only if there is no space left in what was seen of it.
+    /// Loads the head, which is in the other end's cache line, only if no space is left after the head loaded last. Returns
+    /// whether there is space.
     #[inline]
-    fn begin_lap_or_look_for_space<T>(&mut self, ring: &Ring<[Slot<T>]>) -> bool {
+    fn begin_lap_or_load_head<T>(&mut self, ring: &Ring<[Slot<T>]>) -> bool {
         let tail = self.tail.normalized(ring.capacity());
         if tail == self.space {
-            // Space is used up once a lap at least: in time to keep a watermark of long ago from falling half of all laps
-            // behind, where it would seem to lie ahead.
-            if tail.has_left_behind(self.watermark) {
+            // This happens at least once a lap: often enough to replace an old watermark before it is half of all laps old
+            // and compares as newer than the tail.
+            if self.watermark.is_stale_at(tail) {
                 self.set_watermark(tail.lap_before(), ring);
             }
             self.space = ring.head().lap_after();
@@ -106,9 +107,9 @@ impl<T> Reserved<'_, T> {
     #[inline(always)]
     pub(crate) fn fill(self, number: u16, job: impl FnOnce() -> T) {
         let tail = self.back.tail;
-        // SAFETY: `reserve` has seen that the tail is before `limit`, so it is the position of a slot,
+        // SAFETY: `reserve` has checked that the tail is before `limit`, so it is the position of a slot.
         let slot = unsafe { self.ring.slot(tail) };
-        // SAFETY: which by 2 and 4 is ours and holds no job.
+        // SAFETY: by 2 and 4 this slot is ours and holds no job.
         slot.job.with_mut(|place| unsafe { (*place).write(job()) });
         slot.publish(tail.stamp(number));
         self.back.tail = tail.step();

@@ -1,4 +1,4 @@
-//! Captures (pcap and pcapng): TCP and UDP payloads put back in order, and serial lines through a user link type.
+//! Captures (pcap and pcapng): TCP payloads in order, UDP payloads, and serial lines that use a user link type.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -8,10 +8,10 @@ use anyhow::{Context, Result, bail};
 use etherparse::{NetSlice, SlicedPacket, TransportSlice};
 use pcap_parser::{Block, Linktype, PcapBlockOwned, PcapError};
 
-/// Segments that wait for an earlier one; with more than that, the earlier one is taken for lost.
+/// The limit of segments that wait for an earlier one; with more, the earlier one counts as lost.
 const MAX_WAITING: usize = 256;
 
-/// Who sends to whom.
+/// The sender and the receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Flow {
     /// One direction of a TCP connection.
@@ -25,7 +25,7 @@ pub enum Flow {
 /// A piece of a flow.
 #[derive(Debug)]
 pub struct Packet {
-    /// Who sends to whom.
+    /// The sender and the receiver.
     pub flow: Flow,
     /// The TCP sequence number of the first byte.
     pub sequence: u32,
@@ -35,13 +35,13 @@ pub struct Packet {
     pub payload: Vec<u8>,
 }
 
-/// Hands out every packet of a capture that carries TCP, UDP or a serial line.
+/// Calls `take` for every packet of a capture that carries TCP, UDP or bytes of a serial line.
 ///
 /// # Errors
-/// When the input is no capture, or whatever `take` returns.
+/// When the input is not a capture, or whatever `take` returns.
 pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Packet) -> Result<()>) -> Result<()> {
     let mut reader = pcap_parser::create_reader(1 << 20, input)
-        .map_err(|_| anyhow::anyhow!("the input is no capture: neither pcap nor pcapng"))?;
+        .map_err(|_| anyhow::anyhow!("the input is not a capture: neither pcap nor pcapng"))?;
     let mut link_types: Vec<Linktype> = Vec::new();
     let mut refills = 0;
     loop {
@@ -55,14 +55,14 @@ pub fn read(input: Box<dyn Read + Send>, mut take: impl FnMut(Packet) -> Result<
             }
             Err(PcapError::Eof) => return Ok(()),
             Err(PcapError::Incomplete(_)) => {
-                // A capture that was cut off while it was written ends here.
+                // A capture whose last block was not written completely ends here.
                 refills += 1;
                 if refills > 2 {
                     return Ok(());
                 }
                 reader.refill().map_err(|e| anyhow::anyhow!("cannot read the capture: {e:?}"))?;
             }
-            Err(error) => bail!("the capture is damaged: {error:?}"),
+            Err(error) => bail!("the capture is corrupt: {error:?}"),
         }
     }
 }
@@ -86,17 +86,17 @@ fn packet_of(block: &PcapBlockOwned<'_>, link_types: &mut Vec<Linktype>) -> Resu
         PcapBlockOwned::NG(_) => return Ok(None),
     };
     let link_type =
-        link_type.context("the capture is damaged: a packet of an interface that it does not describe")?;
+        link_type.context("the capture is corrupt: a packet of an interface that it does not describe")?;
     if (147..=162).contains(&link_type.0) {
         return Ok(Some(Packet { flow: Flow::Serial, sequence: 0, opens: false, payload: data.to_vec() }));
     }
-    // A packet that etherparse cannot read is none of ours: ARP, or cut short by the capture.
+    // A packet that etherparse cannot read is skipped: ARP, or cut short by the capture.
     let sliced = match *link_type {
         Linktype::ETHERNET => SlicedPacket::from_ethernet(data),
         Linktype::LINUX_SLL => SlicedPacket::from_linux_sll(data),
         Linktype::RAW | Linktype::IPV4 | Linktype::IPV6 => SlicedPacket::from_ip(data),
         Linktype::NULL => SlicedPacket::from_ip(data.get(4..).unwrap_or_default()),
-        other => bail!("the capture's link type {} is not known here", other.0),
+        other => bail!("the capture's link type {} is not supported", other.0),
     };
     Ok(sliced.ok().and_then(|sliced| transport(&sliced)))
 }
@@ -139,15 +139,15 @@ pub struct Reassembly {
 pub enum Piece {
     /// The next bytes of the stream.
     Bytes(Vec<u8>),
-    /// So many bytes are missing from the capture.
+    /// The number of bytes that are missing from the capture.
     Gap(u64),
 }
 
 impl Reassembly {
-    /// Takes a segment; gives what is now in order.
+    /// Takes a segment; returns what is now in order.
     pub fn push(&mut self, sequence: u32, payload: Vec<u8>) -> Vec<Piece> {
         let next = *self.next.get_or_insert(sequence);
-        // Half of the number space lies before, half behind.
+        // Half of the sequence numbers are before `next`, half are after it.
         let ahead = i64::from(sequence.wrapping_sub(next).cast_signed());
         let Ok(start) = u64::try_from(self.taken.cast_signed() + ahead) else { return Vec::new() };
         if !payload.is_empty() {
@@ -163,7 +163,7 @@ impl Reassembly {
         pieces
     }
 
-    /// The end of the capture: what still waits, with the gaps before it.
+    /// The end of the capture: the segments that still wait, with the gaps before them.
     pub fn finish(mut self) -> Vec<Piece> {
         let mut pieces = Vec::new();
         while !self.waiting.is_empty() {
@@ -179,7 +179,7 @@ impl Reassembly {
                 break;
             }
             let (start, mut bytes) = entry.remove_entry();
-            // What was sent again has been taken already.
+            // Bytes that were sent again were taken already.
             let again = usize::try_from(self.taken - start).unwrap_or(usize::MAX).min(bytes.len());
             bytes.drain(..again);
             self.advance(bytes.len() as u64);
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn segments_come_in_order_once() {
+    fn each_byte_is_returned_once_and_in_order() {
         let start = u32::MAX - 2; // wraps in the middle
         let mut tcp = Reassembly::default();
         assert_eq!(tcp.push(start, vec![]), []);

@@ -1,11 +1,11 @@
-//! What the tool needs of a link to turn bytes into JSON lines and back.
+//! The interface between the tool and a link's decoder and encoder: bytes to JSON lines and back.
 
 use anyhow::Result;
 use serde_json::{Value, json};
 
 /// One direction of one link.
 ///
-/// The first four are the verbs of a link's `Decoder`, with frames and errors in their `serde` form.
+/// The first four are the methods of a link's `Decoder`, with frames and errors in their `serde` form.
 pub trait Codec {
     /// Takes bytes; returns how many, 0 when the decoder's buffer is full.
     fn push(&mut self, bytes: &[u8]) -> usize;
@@ -13,32 +13,32 @@ pub trait Codec {
     /// The next message object, or error object; `None` when more bytes are needed.
     fn next(&mut self) -> Option<Result<Value, Value>>;
 
-    /// The stream has ended: what is not whole becomes an error, or stays and is one by itself.
+    /// The stream has ended: an incomplete frame becomes an error of `next`, or its bytes remain after the last position.
     fn finish(&mut self);
 
-    /// The stream offset just behind what `next` returned last.
+    /// The stream offset of the first byte after what `next` returned last.
     fn position(&self) -> u64;
 
     /// The bytes of one message object.
     ///
     /// # Errors
-    /// When the object is none of this link's messages, or a value is outside what the wire can carry.
+    /// When the object is not a message of this link, or a value cannot be encoded.
     fn encode(&self, message: Value) -> Result<Vec<u8>>;
 }
 
-/// A stretch of the stream: `Ok` with a message object, or `Err` with an error object.
+/// A part of the stream: `Ok` with a message object, or `Err` with an error object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Item {
-    /// Where it begins, in bytes from the start of the stream.
+    /// The first byte, from the start of the stream.
     pub offset: u64,
-    /// How many bytes it takes.
+    /// The number of bytes.
     pub length: u64,
-    /// What it is.
+    /// The message or the error.
     pub content: Result<Value, Value>,
 }
 
 impl Item {
-    /// The item as one object: `{"offset":…,"length":…,"message":{…}}`, or `"error"` for `"message"`.
+    /// The item as one object: `{"offset":…,"length":…,"message":{…}}`, or with `"error"` in place of `"message"`.
     pub fn to_json(&self) -> Value {
         match &self.content {
             Ok(message) => json!({"offset": self.offset, "length": self.length, "message": message}),
@@ -47,8 +47,8 @@ impl Item {
     }
 }
 
-/// Feeds a codec and cuts the stream into items that tile it.
-#[allow(missing_debug_implementations, reason = "a codec is whatever a link makes of it")]
+/// Feeds a codec and divides the stream into items: every byte is in exactly one.
+#[allow(missing_debug_implementations, reason = "not every codec implements it")]
 pub struct Stream {
     codec: Box<dyn Codec>,
     taken: u64,
@@ -60,12 +60,12 @@ impl Stream {
         Self { codec, taken: 0 }
     }
 
-    /// How many bytes it has taken.
+    /// The number of bytes taken so far.
     pub fn offset(&self) -> u64 {
         self.taken
     }
 
-    /// Takes all of `bytes`, and hands out what is complete.
+    /// Takes all of `bytes`, and calls `emit` for each complete item.
     ///
     /// # Errors
     /// Whatever `emit` returns.
@@ -78,13 +78,13 @@ impl Stream {
             self.drain(&mut emit)?;
             anyhow::ensure!(
                 taken > 0 || self.codec.position() > before,
-                "the decoder stands still at byte {before}: please report these bytes as a bug"
+                "the decoder makes no progress at byte {before}: please report these bytes as a bug"
             );
         }
         Ok(())
     }
 
-    /// Ends the stream: a rest that is no whole frame is an error of kind `incomplete`.
+    /// Ends the stream: remaining bytes that are not a whole frame are an error of kind `incomplete`.
     ///
     /// # Errors
     /// Whatever `emit` returns.

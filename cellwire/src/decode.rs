@@ -1,4 +1,4 @@
-//! `cellwire decode`: bytes in, a JSON object a line out.
+//! `cellwire decode`: reads bytes, writes one JSON object per line.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,15 +14,15 @@ use crate::capture::{self, Flow, Piece, Reassembly};
 use crate::codec::{Item, Stream};
 use crate::links::CodecArgs;
 
-/// Bytes in, a JSON object a line out.
+/// Reads bytes and writes one JSON object per line.
 ///
-/// A line is {"offset":…,"length":…,"message":{…}}, or has "error" for "message" where the bytes are damaged. The lines
-/// tile the input: every byte is in exactly one. Damage never stops it; the exit status is 1 if there was any.
+/// A line is {"offset":…,"length":…,"message":{…}}, or has "error" in place of "message" where the bytes are corrupt. Every
+/// byte of the input is in exactly one line. Decoding continues after corrupt bytes; the exit status is 1 if there were any.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
     codec: CodecArgs,
-    /// How the input is written
+    /// The format of the input
     #[arg(long, value_enum, default_value_t = Format::Hex)]
     format: Format,
     /// The input [default: standard input]
@@ -35,11 +35,11 @@ enum Format {
     Hex,
     /// The bytes themselves
     Raw,
-    /// A pcap or pcapng file: each direction of each connection is read by itself, and its lines say "flow" and "from"
+    /// A pcap or pcapng file: each direction of each connection is decoded separately, and its lines have "flow" and "from"
     Pcap,
 }
 
-/// Returns true when there was no damage.
+/// Returns true when there were no corrupt bytes.
 pub fn run(args: &Args) -> Result<bool> {
     let input: Box<dyn Read + Send> = match &args.file {
         Some(path) => {
@@ -74,7 +74,7 @@ fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines<'
     stream.finish(|item| out.write(&item.to_json()))
 }
 
-/// Each direction of each connection is a stream of its own; its lines say which.
+/// Each direction of each connection is a separate stream, and its lines name it.
 fn decode_capture(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines<'_>) -> Result<()> {
     let link = args.codec.link;
     let mut directions: BTreeMap<Flow, Direction> = BTreeMap::new();
@@ -99,7 +99,7 @@ fn decode_capture(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines<'_>)
     })?;
     anyhow::ensure!(
         !directions.is_empty(),
-        "the capture holds no TCP, UDP or serial bytes for {}",
+        "the capture contains no TCP, UDP or serial bytes for {}",
         link.name()
     );
     for (_, mut direction) in directions {
@@ -119,19 +119,19 @@ struct Direction {
 }
 
 impl Direction {
-    /// `None` when the direction is not the side that was asked for.
+    /// `None` when the direction is not that of the requested side.
     fn new(args: &Args, flow: Flow, clients: &BTreeSet<SocketAddr>) -> Result<Option<Self>> {
         let mut options = args.codec.options();
         let mut label = Map::new();
         if let Flow::Tcp(from, to) | Flow::Udp(from, to) = flow {
-            // Without the beginning of the connection, the lower port is taken for the server's.
+            // If the capture lacks the beginning of the connection, the lower port counts as the server's.
             let is_client = match (clients.contains(&from), clients.contains(&to)) {
                 (true, false) => true,
                 (false, true) => false,
                 _ => from.port() > to.port(),
             };
             let side = args.codec.link.sender(is_client, if is_client { to.port() } else { from.port() });
-            if options.from.as_deref().is_some_and(|asked| asked != side) {
+            if options.from.as_deref().is_some_and(|requested| requested != side) {
                 return Ok(None);
             }
             options.from = Some(side.into());
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_hex_is_named_with_its_line() {
+    fn an_error_names_the_character_and_its_line() {
         let error = HexReader::default().read(b"00\n0G").unwrap_err();
         assert_eq!(
             error.to_string(),

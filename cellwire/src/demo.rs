@@ -15,8 +15,8 @@ use crate::trace::TraceArgs;
 
 /// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
 ///
-/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated and every budget held at p99. What a
-/// shared machine costs by taking the processor away is counted, shown and recovered from.
+/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated and every budget was met at p99.
+/// Delays because another program had the processor are counted and shown, and the links recover from them.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The links to run [default: all]
@@ -24,16 +24,16 @@ pub struct Args {
     /// End each link after this time [default: each link's own short run]
     #[arg(long, value_name = "N", value_parser = seconds)]
     seconds: Option<Duration>,
-    /// Commit the faults that the link's transport can commit
+    /// Insert the faults that the link's transport can have
     #[arg(long)]
     faults: bool,
-    /// The seed of the faults: the same seed commits the same ones
+    /// The seed of the faults: the same seed gives the same faults
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Print one JSON object a link instead of a table
+    /// Print one JSON object per link instead of a table
     #[arg(long)]
     json: bool,
-    /// Write what the demo made: a file or a folder, as the link says (one LINK only)
+    /// Write the result of the demo to this file or, for fanuc-hmi-modbus, to this folder (one LINK only)
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
     /// The SVG file to draw, its outlines on an A3 sheet [default: a built-in picture] (kawasaki-msg only)
@@ -46,20 +46,20 @@ pub struct Args {
     set: Vec<(String, Value)>,
 }
 
-/// What a link's demo is told.
+/// The options of a link's demo.
 #[derive(Debug)]
 pub struct DemoOptions {
     /// How long to run; `None`: the link's own short run.
     pub seconds: Option<Duration>,
-    /// Whether the transport commits faults.
+    /// Whether the transport has faults.
     pub faults: bool,
-    /// What the faults follow from.
+    /// The seed of the faults.
     pub seed: u64,
-    /// Where to write what the demo made.
+    /// Where to write the result.
     pub out: Option<PathBuf>,
     /// The SVG file to draw; `None`: a built-in picture.
     pub drawing: Option<PathBuf>,
-    /// What becomes of the bytes of a session that ended, where the link keeps them.
+    /// What to do with the bytes of a session that ended, for links that keep them.
     pub trace: TraceArgs,
     /// Settings other than the demo's defaults.
     pub settings: Map<String, Value>,
@@ -71,7 +71,7 @@ pub struct DemoOptions {
 pub fn run(args: &Args) -> Result<bool> {
     let links = if args.links.is_empty() { Link::all() } else { args.links.as_slice() };
     if links.len() != 1 {
-        anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes something else");
+        anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes another kind of result");
         anyhow::ensure!(args.set.is_empty(), "--set needs one LINK: each has other settings");
     }
     anyhow::ensure!(
@@ -79,10 +79,10 @@ pub fn run(args: &Args) -> Result<bool> {
         "--drawing is for kawasaki-msg alone: cellwire demo kawasaki-msg --drawing FILE"
     );
     if let Some(folder) = args.out.as_deref().and_then(Path::parent).filter(|path| *path != Path::new("")) {
-        // Said now, and not when the run is over and what it made is lost.
+        // Checked before the run: afterwards its result would be lost.
         anyhow::ensure!(folder.is_dir(), "cannot write --out: there is no folder {}", folder.display());
     }
-    interrupt::wait_for()?;
+    interrupt::handle()?;
     let (mut all, mut out) = (true, std::io::stdout());
     for link in links {
         let progress = progress_line(link.name(), args.json);

@@ -1,4 +1,4 @@
-//! Where a simulated serial device is reached: a pseudo-terminal under a path, or a TCP port as a serial device server has it.
+//! The endpoint of a simulated serial device: a pseudo-terminal under a path, or a TCP port like that of a serial device server.
 
 use anyhow::Result;
 
@@ -7,7 +7,8 @@ use crate::serial::PtyLink;
 use crate::simulate::{Endpoint, SimulateOptions, ready};
 use crate::tcp;
 
-/// Runs `device` on a line at `baud` until the process is interrupted. `name` is the device's, `trace` its traces'.
+/// Runs `device` on a line at `baud` until the process is interrupted. `name` is the name of the device, `trace` that of its
+/// traces.
 ///
 /// # Errors
 /// When the endpoint cannot be opened; whatever `device` returns.

@@ -9,7 +9,7 @@ use usvg::tiny_skia_path::PathSegment;
 /// The built-in picture: a robot that draws a rosette, some 6000 lines.
 const BUILT_IN: &str = include_str!("../assets/robot.svg");
 
-/// How far a line may be from the curve that it stands for, in millimetres on the sheet.
+/// How far a line may be from the curve that it approximates, in millimetres on the sheet.
 const TOLERANCE: f64 = 0.05;
 
 /// A point on the sheet in hundredths of a millimetre: x to the right, y down, from the upper left corner.
@@ -24,11 +24,11 @@ pub struct Point {
 /// One straight line, with the pen on the sheet or lifted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Line {
-    /// Draws, or only moves there.
+    /// Whether the line is drawn; otherwise the pen only moves there.
     pub draws: bool,
     /// Where it begins.
     pub from: Point,
-    /// Where it ends; never where it begins.
+    /// Where it ends; never equal to `from`.
     pub to: Point,
 }
 
@@ -53,7 +53,7 @@ impl Picture {
     /// The picture of an SVG file, as large as the sheet allows. Outlines are drawn, fills are not.
     ///
     /// # Errors
-    /// When the file cannot be read, is no SVG, or has no lines.
+    /// When the file cannot be read, is not an SVG file, or has no lines.
     pub fn from_file(path: &Path, sheet: Point) -> Result<Self> {
         let data =
             std::fs::read(path).with_context(|| format!("cannot read the drawing {}", path.display()))?;
@@ -61,14 +61,14 @@ impl Picture {
     }
 
     fn from_svg(data: &[u8], sheet: Point) -> Result<Self> {
-        let tree = usvg::Tree::from_data(data, &usvg::Options::default()).context("is no SVG file")?;
+        let tree = usvg::Tree::from_data(data, &usvg::Options::default()).context("is not an SVG file")?;
         let mut path = BezPath::new();
         collect(tree.root(), &mut path);
         let (width, height) = (f64::from(tree.size().width()), f64::from(tree.size().height()));
         let scale = (f64::from(sheet.x) / width).min(f64::from(sheet.y) / height);
         let (left, top) =
             ((f64::from(sheet.x) - width * scale) / 2.0, (f64::from(sheet.y) - height * scale) / 2.0);
-        // Cut off at the sheet's edge by the pen's end stop: a picture may reach beyond its own view box.
+        // Limited to the sheet, as by an end stop of the pen: a picture may extend beyond its own view box.
         let on_sheet = |p: CurvePoint| Point {
             x: whole(p.x * scale + left).clamp(0, sheet.x),
             y: whole(p.y * scale + top).clamp(0, sheet.y),
@@ -92,13 +92,13 @@ impl Picture {
         Ok(Self { lines: pen.lines, sheet })
     }
 
-    /// How many of the lines draw.
+    /// How many of the lines are drawn.
     pub fn strokes(&self) -> usize {
         self.lines.iter().filter(|line| line.draws).count()
     }
 }
 
-/// Writes the lines that draw as an SVG file of the sheet's size.
+/// Writes the drawn lines as an SVG file of the sheet's size.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -141,17 +141,17 @@ impl Pen {
         let from = self.at;
         self.at = to;
         match self.lines.last_mut() {
-            // Two moves in a row are one.
+            // Two consecutive moves become one.
             Some(last) if !last.draws && !draws => last.to = to,
             _ => self.lines.push(Line { draws, from, to }),
         }
-        // A move that came back to where it began is none.
+        // A move that ends where it began is dropped.
         if self.lines.last().is_some_and(|last| last.from == last.to) {
             self.lines.pop();
         }
     }
 
-    /// A move with nothing to draw behind it is left out.
+    /// Drops a move after the last drawn line.
     fn trim(&mut self) {
         while self.lines.last().is_some_and(|last| !last.draws) {
             self.lines.pop();
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn the_built_in_picture_is_detailed_and_goes_from_line_to_line() {
+    fn the_built_in_picture_is_detailed_and_continuous() {
         let picture = Picture::built_in(A4).unwrap();
         assert!(picture.strokes() >= 2000, "{}", picture.strokes());
         assert!(picture.lines.windows(2).all(|w| w[0].to == w[1].from));
@@ -239,11 +239,11 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_drawn_is_said() {
-        let said = |result: Result<Picture>| format!("{:#}", result.unwrap_err());
-        assert!(said(picture("")).contains("has no lines to draw"));
-        assert!(said(Picture::from_svg(b"no svg", A4)).starts_with("is no SVG file"));
+    fn what_cannot_be_drawn_is_reported() {
+        let error = |result: Result<Picture>| format!("{:#}", result.unwrap_err());
+        assert!(error(picture("")).contains("has no lines to draw"));
+        assert!(error(Picture::from_svg(b"no svg", A4)).starts_with("is not an SVG file"));
         let missing = Picture::from_file(Path::new("no/such.svg"), A4);
-        assert!(said(missing).starts_with("cannot read the drawing no/such.svg"));
+        assert!(error(missing).starts_with("cannot read the drawing no/such.svg"));
     }
 }

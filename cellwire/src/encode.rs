@@ -1,4 +1,4 @@
-//! `cellwire encode`: message objects in, one frame of hex a line out.
+//! `cellwire encode`: reads message objects, writes one frame of hex per line.
 
 use std::io::{self, BufRead, Write};
 use std::path::PathBuf;
@@ -8,10 +8,10 @@ use serde_json::Value;
 
 use crate::links::CodecArgs;
 
-/// Message objects in, one frame of hex a line out.
+/// Reads message objects and writes one frame of hex per line.
 ///
-/// Reads what `cellwire decode` prints (a whole line, or just the message object), one object a line. An object that the
-/// link cannot send is an error that names its line; nothing is written for it.
+/// Reads what `cellwire decode` prints (a whole line, or just the message object), one object per line. An object that the
+/// link cannot send is reported with its line number; nothing is written for it.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -50,7 +50,7 @@ pub fn run(args: &Args) -> Result<bool> {
     Ok(all)
 }
 
-/// Bytes as upper-case hex, spaced.
+/// Bytes as upper-case hex, separated by spaces.
 pub fn hex(bytes: &[u8]) -> String {
     let pairs: Vec<String> = bytes.iter().map(|b| format!("{b:02X}")).collect();
     pairs.join(" ")

@@ -1,38 +1,39 @@
-//! What is left to do when the user ends a device or a demo: a session that runs leaves its trace, a pseudo-terminal its link.
+//! What is done when the user interrupts a device or a demo: a running session writes its trace, and the link of a
+//! pseudo-terminal is removed.
 
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, Result};
 
-type Last = Box<dyn FnOnce() + Send>;
+type Action = Box<dyn FnOnce() + Send>;
 
-/// `None` as long as nobody waits for an interrupt.
-static LAST: Mutex<Option<Vec<Last>>> = Mutex::new(None);
+/// `None` until [`handle`] is called.
+static ACTIONS: Mutex<Option<Vec<Action>>> = Mutex::new(None);
 
-/// The exit status of a program that was interrupted, as shells know it.
+/// The exit status that shells use for a program that was interrupted.
 const INTERRUPTED: i32 = 130;
 
-/// From now on an interrupt (Ctrl-C, or being asked to terminate) ends the program after everything given to [`last`].
+/// From now on an interrupt (Ctrl-C, or a termination signal) runs every action given to [`before_exit`] and ends the program.
 ///
 /// # Errors
-/// When somebody else handles interrupts already.
-pub fn wait_for() -> Result<()> {
+/// When another handler is installed already.
+pub fn handle() -> Result<()> {
     lock().get_or_insert_default();
     ctrlc::set_handler(|| {
-        let last = lock().take().unwrap_or_default();
-        last.into_iter().for_each(|last| last());
+        let actions = lock().take().unwrap_or_default();
+        actions.into_iter().for_each(|action| action());
         std::process::exit(INTERRUPTED);
     })
-    .context("cannot wait for an interrupt")
+    .context("cannot handle interrupts")
 }
 
-/// Keeps `last` for an interrupt, if one is waited for.
-pub fn last(last: impl FnOnce() + Send + 'static) {
-    if let Some(kept) = lock().as_mut() {
-        kept.push(Box::new(last));
+/// Adds an action that an interrupt runs. Does nothing if interrupts are not handled.
+pub fn before_exit(action: impl FnOnce() + Send + 'static) {
+    if let Some(actions) = lock().as_mut() {
+        actions.push(Box::new(action));
     }
 }
 
-fn lock() -> std::sync::MutexGuard<'static, Option<Vec<Last>>> {
-    LAST.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock() -> std::sync::MutexGuard<'static, Option<Vec<Action>>> {
+    ACTIONS.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,6 +1,6 @@
 //! The parts of the `cellwire` tool, which is the only crate of the workspace that opens a socket or a port.
 //!
-//! A library for the sake of its tests: the tool is the interface, and nothing here is promised.
+//! This is a library only for its tests. The tool is the interface; the API of this library may change at any time.
 
 #![allow(clippy::std_instead_of_core, reason = "the tool is a program with std")]
 
@@ -35,10 +35,10 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Robot links at the bench: run them end to end, read and write their bytes, and test against simulated controllers.
+/// Tests robot links without a robot: runs them end to end, reads and writes their bytes, and simulates the devices.
 ///
-/// LINK is the name of a link's crate, such as kawasaki-msg. Bytes are hex unless --format says otherwise; messages are
-/// JSON objects, one a line, so that decode, jq and encode make a pipe.
+/// LINK is the name of a link's crate, such as kawasaki-msg. Bytes are hex unless --format selects another form; messages are
+/// JSON objects, one per line, so that decode, jq and encode can be combined in a pipe.
 #[derive(Parser)]
 #[command(version, propagate_version = true, after_help = EXAMPLES)]
 struct Cli {
@@ -50,7 +50,7 @@ const EXAMPLES: &str = "\
 Examples:
   cellwire demo                                        every link end to end, one table each
   cellwire demo kawasaki-msg --faults --out drawn.svg  a picture drawn over a connection that breaks
-  cellwire decode kawasaki-msg --format raw capture    what was said, a JSON object a line
+  cellwire decode kawasaki-msg --format raw capture    the messages, one JSON object per line
   cellwire ls make path.csv --mode dynamic             a robot program of spline moves from a trajectory
   cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell
   cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against";
@@ -68,7 +68,7 @@ enum Command {
     Alter(alter::Args),
 }
 
-/// Does what the command line says. Exit status: 0 all is well, 1 damage or a broken promise, 2 it could not be done.
+/// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run.
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Demo(args) => demo::run(&args),

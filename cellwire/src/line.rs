@@ -1,4 +1,4 @@
-//! A device's end of a serial line whose bytes take the time that they would take on a real one.
+//! The device's end of a simulated serial line, on which bytes take as long as on a real one.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -16,11 +16,11 @@ use crate::priority::{self, Rank};
 use crate::serial::READ_TIMEOUT;
 use crate::trace::{Trace, Way};
 
-/// Bytes that follow one another are handed over in runs of this many, as serial chips with a FIFO do it: one by one they would
-/// keep two processors busy with nothing else than waking threads. The last of them is never late for that.
+/// Consecutive bytes are handed over in runs of this many, as a serial chip with a FIFO does: one by one they would keep two
+/// processors busy waking threads. The last byte of a transmission is not late because of that.
 const FIFO: usize = 8;
 
-/// Time since a moment that all parts of a run share.
+/// The time since the start of a run, the same for all its parts.
 #[derive(Debug, Clone, Copy)]
 pub struct Clock(Instant);
 
@@ -36,26 +36,26 @@ impl Clock {
     }
 }
 
-/// How often a line damages a byte, and from which seed.
+/// How often a line corrupts a byte, and the generator that decides when.
 #[derive(Debug, Clone)]
 pub struct LineFaults {
-    /// One bit turned over, for each byte.
+    /// The probability that one bit of a byte is inverted.
     pub flip: f64,
-    /// Lost, for each byte.
+    /// The probability that a byte is lost.
     pub lose: f64,
-    /// A byte of noise before it, for each byte.
+    /// The probability that a random byte is inserted before a byte.
     pub insert: f64,
     rng: fastrand::Rng,
     count: u64,
 }
 
 impl LineFaults {
-    /// None at all.
+    /// No faults.
     pub fn none() -> Self {
         Self::with_rate(0.0, 0)
     }
 
-    /// The same rate of each kind.
+    /// Each kind with the same probability.
     pub fn with_rate(rate: f64, seed: u64) -> Self {
         Self { flip: rate, lose: rate, insert: rate, rng: fastrand::Rng::with_seed(seed), count: 0 }
     }
@@ -76,8 +76,8 @@ impl LineFaults {
     }
 }
 
-/// A device's end. Bytes that it sends reach the client at the baud rate, in runs as a serial chip hands them over; bytes from
-/// the client reach the device as they would if the line had carried them. Without a client, what is sent is lost.
+/// The device's end. Bytes that it sends reach the client at the baud rate, in the runs of a serial chip's FIFO; bytes from the
+/// client reach the device at the baud rate too. Bytes sent while no client is connected are lost.
 #[allow(missing_debug_implementations, reason = "it holds a port")]
 pub struct Line {
     clock: Clock,
@@ -93,7 +93,7 @@ pub struct Line {
     had_client: bool,
 }
 
-/// The bytes on the line in one direction, each with the time when it is whole.
+/// The bytes on the line in one direction, each with the time at which it has arrived completely.
 #[derive(Debug, Default)]
 struct Direction {
     bytes: VecDeque<(Duration, u8)>,
@@ -101,7 +101,7 @@ struct Direction {
 }
 
 impl Line {
-    /// Over a port: a pseudo-terminal's device end, or a real one.
+    /// Over a port: the device's end of a pseudo-terminal, or a real port.
     ///
     /// # Errors
     /// When the port cannot be shared between reader and writer.
@@ -110,7 +110,7 @@ impl Line {
         Ok(Self::new(Box::new(reader), Box::new(port), clock, baud, trace))
     }
 
-    /// Over TCP, as a serial device server does it: one client at a time, and the device runs on when it goes.
+    /// Over TCP, like a serial device server: one client at a time, and the device continues when the client disconnects.
     pub fn over_tcp(listener: TcpListener, clock: Clock, baud: u32, trace: Trace) -> Self {
         let client = Arc::new(Mutex::new(None));
         let server = Server { listener, client: Arc::clone(&client) };
@@ -127,7 +127,7 @@ impl Line {
         let (sender, incoming) = channel();
         let connected = Arc::new(AtomicBool::new(false));
         let shared = Arc::clone(&connected);
-        // It ends with the line: nobody else holds `connected` then.
+        // The thread ends after the line is dropped: then it has the only reference to `connected`.
         thread::spawn(move || {
             priority::raise(Rank::Hardware);
             read(reader, clock, &sender, &shared);
@@ -147,14 +147,14 @@ impl Line {
         }
     }
 
-    /// The line with these faults, in both directions.
+    /// Sets the faults, for both directions.
     #[must_use]
     pub fn with_faults(mut self, faults: LineFaults) -> Self {
         self.faults = faults;
         self
     }
 
-    /// Puts bytes on the line; the time when the last of them has arrived.
+    /// Puts bytes on the line. Returns the time at which the last of them arrives.
     pub fn send(&mut self, bytes: &[u8]) -> Duration {
         let now = self.clock.now();
         self.trace.add(now, Way::Sent, bytes);
@@ -165,14 +165,14 @@ impl Line {
         self.sending.free_at
     }
 
-    /// The next byte that has arrived by now, and when it did: a device that was busy then is none the later for it.
+    /// The next byte that has arrived by now, and when it arrived: the time does not depend on when this is called.
     pub fn receive(&mut self) -> Option<(Duration, u8)> {
         let (at, byte) = self.receiving.take(self.clock.now())?;
         self.trace.add(at, Way::Received, &[byte]);
         Some((at, byte))
     }
 
-    /// Waits until a byte arrives, or until `deadline`; false when the connection is gone for good.
+    /// Waits until a byte arrives, or until `deadline`. Returns false when the connection has ended and no other can follow.
     pub fn wait(&mut self, deadline: Duration) -> bool {
         loop {
             let now = self.clock.now();
@@ -180,7 +180,7 @@ impl Line {
             if self.is_connected() {
                 self.had_client = true;
             } else if self.receiving.bytes.is_empty() && core::mem::take(&mut self.had_client) {
-                self.end_session("the client went away");
+                self.end_session("the client disconnected");
             }
             if deadline <= now || self.receiving.next().is_some_and(|at| at <= now) {
                 return true;
@@ -189,7 +189,7 @@ impl Line {
             let next = next.into_iter().flatten().fold(deadline, Ord::min);
             match self.incoming.recv_timeout(next.saturating_sub(now)) {
                 Ok((at, bytes)) => {
-                    // It may have gone again already.
+                    // The client may have disconnected already.
                     self.had_client = true;
                     for byte in bytes {
                         self.faults.pass(byte, |byte| self.receiving.put(at, self.byte_time, byte));
@@ -201,7 +201,7 @@ impl Line {
         }
     }
 
-    /// By how much this process, not the line, was late with bytes that it sent since the last call.
+    /// By how much this process, not the line, delayed the bytes sent since the last call.
     pub fn take_lateness(&mut self) -> Duration {
         core::mem::take(&mut self.late)
     }
@@ -211,18 +211,18 @@ impl Line {
         self.connected.load(Ordering::Relaxed)
     }
 
-    /// The bytes damaged so far.
+    /// The number of faults so far.
     pub fn faults(&self) -> u64 {
         self.faults.count
     }
 
-    /// Writes the trace of a session that has ended, and says on standard error where. A client that goes, and the end of the
-    /// line, end one anyway.
+    /// Writes the trace of a session that has ended, and prints its path on standard error. The same happens when the client
+    /// disconnects and when the line is dropped.
     pub fn end_session(&self, why: &str) {
         self.trace.end_session(why);
     }
 
-    /// Writes every byte that is whole by now.
+    /// Writes every byte that has arrived completely by now.
     fn carry(&mut self) {
         let now = self.clock.now();
         let mut due = Vec::new();
@@ -235,7 +235,7 @@ impl Line {
             self.late += now - last;
         }
         if !due.is_empty() && self.is_connected() {
-            // A client that just went takes nothing any more, like a line with nobody at its end.
+            // An error means that the client has just disconnected: the bytes are lost.
             let _ = self.writer.write_all(&due);
         }
     }
@@ -262,13 +262,13 @@ impl Direction {
         self.bytes.front().map(|(at, _)| *at)
     }
 
-    /// When the next run of bytes is whole: as many as the FIFO hands over at once, or the last of them.
+    /// When the next run of bytes is complete: as many as the FIFO holds, or all that are left.
     fn next_run(&self) -> Option<Duration> {
         self.bytes.get(FIFO - 1).or(self.bytes.back()).map(|(at, _)| *at)
     }
 }
 
-/// Reads from the client that is connected, or waits for one.
+/// Reads from the connected client, or waits for one.
 struct Server {
     listener: TcpListener,
     client: Arc<Mutex<Option<TcpStream>>>,
@@ -294,7 +294,7 @@ impl Read for Server {
     }
 }
 
-/// Writes to the client that is connected.
+/// Writes to the connected client.
 struct Client(Arc<Mutex<Option<TcpStream>>>);
 
 impl Write for Client {
@@ -311,7 +311,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Passes on what clients write, with the time when it came, for as long as the line is there.
+/// Forwards what clients write, with the time at which it was read, until the line is dropped.
 fn read(
     mut reader: Box<dyn Read + Send>,
     clock: Clock,
@@ -332,7 +332,7 @@ fn read(
                 connected.store(true, Ordering::Relaxed);
             }
             Err(e) if e.kind() == ErrorKind::Interrupted => {}
-            // Nobody has the other end open.
+            // No client has the other end open.
             Err(_) => {
                 connected.store(false, Ordering::Relaxed);
                 thread::sleep(Duration::from_millis(5));
@@ -361,7 +361,7 @@ mod tests {
         (line, client, clock)
     }
 
-    /// A client with all the patience that a busy machine asks for.
+    /// A client with a timeout that is long enough on a busy machine.
     fn open(path: &str, baud: u32) -> Box<dyn SerialPort> {
         let mut client = serial::open(path, baud).unwrap();
         client.set_timeout(20_000 * MS).unwrap();
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_take_their_time_both_ways() {
+    fn bytes_arrive_at_the_baud_rate_both_ways() {
         let (mut line, mut client, clock) = line(1200);
         let before = clock.now();
         let arrives = line.send(&[1, 2, 3, 4, 5, 6]);
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sent_to_nobody_is_lost_and_the_next_client_is_served() {
+    fn bytes_sent_without_a_client_are_lost_and_the_next_client_is_served() {
         let (device, path) = serial::pair().unwrap();
         let clock = Clock::start();
         let mut line = Line::over_port(device, clock, 115_200, TraceArgs::off().start("x")).unwrap();
@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_that_goes_and_the_end_of_the_line_leave_a_trace() {
+    fn a_client_that_disconnects_and_the_end_of_the_line_write_a_trace() {
         let dir = std::env::temp_dir().join(format!("cellwire-line-{}", std::process::id()));
         std::fs::create_dir_all(&dir).unwrap();
         let (device, path) = serial::pair().unwrap();
@@ -440,13 +440,13 @@ mod tests {
         }
         drop(line);
         let files = [1, 2].map(|n| std::fs::read_to_string(dir.join(format!("x-{n}.trace"))).unwrap());
-        assert!(files[0].starts_with("# x: the client went away\n07 # "), "{files:?}");
+        assert!(files[0].starts_with("# x: the client disconnected\n07 # "), "{files:?}");
         assert!(files[1].starts_with("# x: ") && files[1].contains("\n08 # "), "{files:?}");
         std::fs::remove_dir_all(dir).unwrap();
     }
 
     #[test]
-    fn over_tcp_the_device_outlives_its_clients() {
+    fn over_tcp_the_device_serves_one_client_after_another() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
         let clock = Clock::start();
@@ -473,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_damage_about_as_often_as_they_say() {
+    fn faults_are_about_as_frequent_as_configured() {
         let (line, mut client, clock) = line(10_000_000);
         let mut line = line.with_faults(LineFaults { flip: 0.02, ..LineFaults::none() });
         let sent = vec![0; 2000];

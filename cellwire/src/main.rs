@@ -1,4 +1,4 @@
-//! `cellwire`: robot links at the bench. See `cellwire --help`.
+//! `cellwire`: tests robot links without a robot. See `cellwire --help`.
 
 fn main() -> std::process::ExitCode {
     cellwire::main()

@@ -1,18 +1,18 @@
-//! Threads that the processor must not keep waiting.
+//! The priority of threads that have deadlines.
 //!
-//! The source gives the process that answers the robot a high priority by hand, `setpr [Prozeßnummer] 500` (VAL II thesis, §8.3,
-//! §10.3). Where the system does not allow it (on Linux: neither root nor `rtprio` in `limits.conf`), the thread runs like any
-//! other, and misses a deadline when the machine is overloaded. So does a pseudo-terminal, whatever the priority: Linux hands its
-//! bytes over in a kernel thread of normal priority, which may be late by tens of milliseconds when all processors are busy.
+//! In the source a user gives the process that answers the robot a high priority, `setpr [Prozeßnummer] 500` (VAL II thesis,
+//! §8.3, §10.3). Where the system does not allow it (on Linux: neither root nor `rtprio` in `limits.conf`), the thread runs like
+//! any other, and misses a deadline when the machine is overloaded. A pseudo-terminal can be late at any priority: Linux moves
+//! its bytes in a kernel thread of normal priority, which may be late by tens of milliseconds when all processors are busy.
 
-/// Which of them is to be asked first.
+/// The work of a thread, the lowest priority first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rank {
-    /// Asks a device in a cycle of its own.
+    /// Polls a device in its own cycle.
     Poll,
     /// Answers a peer within its deadline.
     Reply,
-    /// Stands for a line or a device, which in reality waits for no processor.
+    /// Simulates a line or a device, which in reality does not wait for a processor.
     Hardware,
 }
 

@@ -1,4 +1,4 @@
-//! What a demo says at its end: a table for people, an object for programs, and whether the link kept its promises.
+//! The result of a demo: a table for people, an object for programs, and whether the link kept its promises.
 
 use core::fmt;
 use std::time::Duration;
@@ -27,7 +27,7 @@ pub struct Budget {
 }
 
 impl Report {
-    /// An empty report. `title` says in one line what was run.
+    /// An empty report. `title` describes in one line what was run.
     pub fn new(link: &str, title: impl Into<String>) -> Self {
         let title = format!("{link}: {}", title.into());
         let object = Map::from_iter([("link".into(), json!(link))]);
@@ -45,7 +45,7 @@ impl Report {
         self.object.insert(key.into(), value);
     }
 
-    /// The jobs of the run. Lost and repeated ones are failures; those that the link reported as unknown are not.
+    /// Adds the jobs of the run. Lost and repeated jobs are failures; jobs that the link reported as unknown are not.
     pub fn jobs(&mut self, jobs: Jobs) {
         self.fact("sent", "jobs sent", jobs.sent);
         self.fact("executed_once", "executed once", jobs.executed_once);
@@ -58,8 +58,8 @@ impl Report {
         self.require(jobs.repeated == 0, || format!("{} jobs were executed more than once", jobs.repeated));
     }
 
-    /// A row of p50, p99 and max beside the budget. A p99 above the budget is a failure; in a short run, where it is nearly the
-    /// longest, three samples may be above: a shared machine takes the processor away that often.
+    /// Adds a row with p50, p99, max and the budget. A p99 above the budget is a failure. In a short run, where the p99 is nearly
+    /// the maximum, three samples may be above the budget: on a shared machine other programs cause that many delays.
     pub fn timing(&mut self, key: &str, label: &str, samples: &Samples, budget: Option<Budget>) {
         let [p50, p99, max] = [samples.at(0.5), samples.at(0.99), samples.max()];
         let mut object = json!({"count": samples.count(), "p50_us": micros(p50), "p99_us": micros(p99), "max_us": micros(max)});
@@ -87,7 +87,7 @@ impl Report {
         self.timings.push([label.into(), show(p50), show(p99), show(max), limit, margin]);
     }
 
-    /// Records a promise that was not kept.
+    /// Adds a failure if a promise was not kept.
     pub fn require(&mut self, kept: bool, failure: impl FnOnce() -> String) {
         if !kept {
             self.failures.push(failure());
@@ -99,7 +99,7 @@ impl Report {
         self.failures.is_empty()
     }
 
-    /// The title and the tables without the verdict, for what promises nothing.
+    /// The title and the tables, without whether every promise was kept.
     pub fn figures(&self) -> impl fmt::Display + '_ {
         Figures(self)
     }
@@ -154,10 +154,10 @@ impl fmt::Display for Figures<'_> {
     }
 }
 
-/// What became of the jobs of a run, as the simulated device saw it.
+/// The outcomes of the jobs of a run, as the simulated device counted them.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Jobs {
-    /// Handed to the link.
+    /// Given to the link.
     pub sent: u64,
     /// Executed exactly once.
     pub executed_once: u64,
@@ -169,7 +169,7 @@ pub struct Jobs {
     pub unknown: u64,
 }
 
-/// Times, from 1 µs to an hour, in constant memory and with three figures.
+/// Times from 1 µs to an hour, in constant memory, with a precision of three digits.
 #[derive(Debug, Clone)]
 pub struct Samples(Histogram<u64>);
 
@@ -181,7 +181,7 @@ impl Default for Samples {
 }
 
 impl Samples {
-    /// Adds one; what is out of range counts as the nearest bound.
+    /// Adds one; a time out of range counts as the nearest bound.
     pub fn add(&mut self, time: Duration) {
         self.0.saturating_record(u64::try_from(time.as_micros()).unwrap_or(u64::MAX).max(1));
     }
@@ -201,9 +201,9 @@ impl Samples {
         Duration::from_micros(self.0.value_at_quantile(quantile))
     }
 
-    /// The p99, or the longest but three if that is less.
+    /// The p99, or the fourth longest if that is less.
     fn judged(&self) -> Duration {
-        // The half keeps rounding from taking one for another.
+        // The half prevents that rounding selects a neighbouring sample.
         self.at((1.0 - 3.5 / self.count() as f64).clamp(0.0, 0.99))
     }
 
@@ -235,7 +235,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn in_a_short_run_three_samples_are_forgiven() {
+    fn in_a_short_run_three_samples_may_exceed_the_budget() {
         for (count, late) in [(70, 3), (400, 4), (1000, 10)] {
             let mut samples = Samples::default();
             (late..count).for_each(|_| samples.add(Duration::from_millis(1)));

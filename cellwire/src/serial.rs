@@ -1,4 +1,4 @@
-//! Serial ports and pseudo-terminals, raw and without flow control.
+//! Serial ports and pseudo-terminals, in raw mode and without flow control.
 
 use core::ops::RangeInclusive;
 use std::io::ErrorKind;
@@ -11,10 +11,10 @@ use serialport::{FlowControl, SerialPort};
 
 use crate::interrupt;
 
-/// How long a blocking read waits before it looks whether it should end.
+/// The timeout of a blocking read, after which the reader checks whether it should end.
 pub const READ_TIMEOUT: Duration = Duration::from_millis(50);
 
-/// The baud rates that lines have.
+/// The permitted baud rates.
 pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
 
 /// The parser of a baud rate on the command line.
@@ -22,52 +22,54 @@ pub fn baud_rate() -> impl TypedValueParser<Value = u32> {
     clap::value_parser!(u32).range(i64::from(*BAUD_RATES.start())..=i64::from(*BAUD_RATES.end()))
 }
 
-/// Opens a port: 8N1, raw, and no flow control, because these links send binary data that holds XON and XOFF.
+/// Opens a port: 8N1, raw, and no flow control, because these links send binary data that may contain XON and XOFF.
 ///
 /// # Errors
-/// When there is no such port, or another program has it.
+/// When there is no such port, or another program uses it.
 pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
     let port = serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT).open();
     port.map_err(|error| {
         let advice = match error.kind() {
-            serialport::ErrorKind::NoDevice => ": no such port, or another program has it",
-            serialport::ErrorKind::InvalidInput => ": it is no serial port, or does not know this baud rate",
+            serialport::ErrorKind::NoDevice => ": no such port, or another program uses it",
+            serialport::ErrorKind::InvalidInput => {
+                ": it is not a serial port, or does not support this baud rate"
+            }
             _ => "",
         };
         anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
     })
 }
 
-/// Everything that arrives in so long.
+/// Everything that arrives within `time`.
 ///
 /// # Errors
 /// When the port is gone.
 pub fn listen(port: &mut dyn SerialPort, time: Duration) -> Result<Vec<u8>> {
     port.set_timeout(Duration::from_millis(20))?;
     let end = Instant::now() + time;
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     let mut buffer = [0; 64];
     while Instant::now() < end {
         match port.read(&mut buffer) {
-            Ok(n) => heard.extend_from_slice(buffer.get(..n).unwrap_or_default()),
+            Ok(n) => received.extend_from_slice(buffer.get(..n).unwrap_or_default()),
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
             Err(e) => return Err(e.into()),
         }
     }
-    Ok(heard)
+    Ok(received)
 }
 
-/// A link to a pseudo-terminal under a path of the caller's choice; gone when dropped.
+/// A symbolic link to a pseudo-terminal, at a path given by the caller. It is removed when this is dropped.
 #[derive(Debug)]
 pub struct PtyLink {
     path: PathBuf,
 }
 
 impl PtyLink {
-    /// Makes a pseudo-terminal, and the link to it. The port is the device's end: the path is for the client to open.
+    /// Creates a pseudo-terminal and the link to it. The port is the device's end; a client opens the path.
     ///
     /// # Errors
-    /// When something else than an old link stands at the path.
+    /// When the path exists and is not a link.
     #[cfg(unix)]
     pub fn create(path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
         let (device, name) = pair()?;
@@ -78,7 +80,7 @@ impl PtyLink {
         std::os::unix::fs::symlink(&name, path)
             .with_context(|| format!("cannot make the link {} to {name}", path.display()))?;
         let link = path.to_owned();
-        interrupt::last(move || drop(std::fs::remove_file(link)));
+        interrupt::before_exit(move || drop(std::fs::remove_file(link)));
         Ok((Self { path: path.into() }, device))
     }
 
@@ -96,10 +98,10 @@ impl Drop for PtyLink {
 
 /// A pseudo-terminal: the device's end, and the path that a client opens.
 ///
-/// Nobody holds the client's end open, so that the device sees the cable pulled when the client goes.
+/// This process does not keep the client's end open, so that the device detects when the client closes it.
 ///
 /// # Errors
-/// When the system has no more of them.
+/// When the system cannot create another one.
 #[cfg(unix)]
 pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
     let (mut device, client) = serialport::TTYPort::pair().context("cannot make a pseudo-terminal")?;

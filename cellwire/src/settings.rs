@@ -1,4 +1,4 @@
-//! `--set NAME=VALUE`: the settings of a link or a device other than its defaults.
+//! `--set NAME=VALUE`: settings of a link or a device that differ from its defaults.
 
 use core::fmt::Display;
 use core::ops::RangeInclusive;
@@ -15,14 +15,14 @@ pub struct Settings<'a> {
 }
 
 impl<'a> Settings<'a> {
-    /// The settings of `what`, which knows these names.
+    /// The settings of `what`, which has settings of these names.
     ///
     /// # Errors
     /// When a name is not among them.
     pub fn new(what: &str, values: &'a Map<String, Value>, known: &[&str]) -> Result<Self> {
         match values.keys().find(|name| !known.contains(&name.as_str())) {
             None => Ok(Self { values }),
-            Some(name) if known.is_empty() => bail!("{what} has no setting `{name}`: it has none at all"),
+            Some(name) if known.is_empty() => bail!("{what} has no setting `{name}`: it has no settings"),
             Some(name) => bail!("{what} has no setting `{name}`: it has {}", known.join(", ")),
         }
     }
@@ -30,17 +30,17 @@ impl<'a> Settings<'a> {
     /// A whole number.
     ///
     /// # Errors
-    /// When the value is none, or outside the range of `T`.
+    /// When the value is not a whole number, or is outside the range of `T`.
     pub fn number<T: TryFrom<i64>>(&self, name: &str, default: T) -> Result<T> {
         let Some(value) = self.values.get(name) else { return Ok(default) };
         let number = value.as_i64().and_then(|number| T::try_from(number).ok());
-        number.with_context(|| format!("{name}={value} is no number in its range"))
+        number.with_context(|| format!("{name}={value} is not a number in its range"))
     }
 
-    /// A whole number within a range that its type does not give.
+    /// A whole number within `range`.
     ///
     /// # Errors
-    /// When the value is none, or outside the range.
+    /// When the value is not a whole number, or is outside the range.
     pub fn number_in<T>(&self, name: &str, default: T, range: RangeInclusive<T>) -> Result<T>
     where
         T: TryFrom<i64> + PartialOrd + Display,
@@ -54,7 +54,7 @@ impl<'a> Settings<'a> {
     /// The setting `baud`.
     ///
     /// # Errors
-    /// When no line has that baud rate.
+    /// When the value is not a permitted baud rate.
     pub fn baud(&self, default: u32) -> Result<u32> {
         self.number_in("baud", default, BAUD_RATES)
     }
@@ -71,17 +71,17 @@ impl<'a> Settings<'a> {
     /// A text.
     ///
     /// # Errors
-    /// When the value is none.
+    /// When the value is not a text.
     pub fn text(&self, name: &str) -> Result<Option<&'a str>> {
         let Some(value) = self.values.get(name) else { return Ok(None) };
-        value.as_str().map(Some).with_context(|| format!("{name}={value} is no text"))
+        value.as_str().map(Some).with_context(|| format!("{name}={value} is not a text"))
     }
 }
 
-/// The parser of `--set`: a value that is JSON is taken as JSON, any other as text.
+/// The parser of `--set`: a value that is valid JSON is read as JSON, any other as text.
 ///
 /// # Errors
-/// Without `=`.
+/// When there is no `=`.
 pub fn parse(text: &str) -> Result<(String, Value), String> {
     let (name, value) = text.split_once('=').ok_or("give NAME=VALUE")?;
     let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.into()));
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_setting_is_known_and_in_its_range() {
+    fn unknown_settings_and_values_out_of_range_are_refused() {
         let values = Map::from_iter(["baud=19200", "mode=300", "clamp=on"].map(|s| parse(s).unwrap()));
         let settings = Settings::new("puma", &values, &["baud", "mode", "clamp"]).unwrap();
         assert_eq!(settings.baud(38_400).unwrap(), 19_200);
@@ -101,7 +101,7 @@ mod tests {
         assert_eq!(error.to_string(), "baud=19200 is not in 300..=9600");
         assert_eq!(settings.number("absent", 7u8).unwrap(), 7);
         let error = settings.number("mode", 0u8).unwrap_err();
-        assert_eq!(error.to_string(), "mode=300 is no number in its range");
+        assert_eq!(error.to_string(), "mode=300 is not a number in its range");
         assert_eq!(
             settings.flag("clamp", true).unwrap_err().to_string(),
             "clamp=\"on\" is neither true nor false"

@@ -1,4 +1,4 @@
-//! `cellwire simulate`: one end of a link to test against, until interrupted.
+//! `cellwire simulate`: simulates one end of a link until interrupted.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -11,9 +11,9 @@ use crate::links::Device;
 use crate::settings;
 use crate::trace::TraceArgs;
 
-/// A simulated device to test against, until interrupted.
+/// Simulates a device until interrupted.
 ///
-/// Prints one line of JSON when it is ready, with the address or the path to connect to, then one line for each event.
+/// Prints one line of JSON when the device is ready, with the address or the path to connect to, then one line for each event.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The device
@@ -30,29 +30,29 @@ pub struct Args {
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct EndpointArgs {
-    /// Listen on this TCP address; port 0 takes any free one
+    /// Listen on this TCP address; port 0 selects any free port
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
     /// Connect to this TCP address, for a device that is a TCP client
     #[arg(long, value_name = "ADDR")]
     connect: Option<String>,
-    /// Make a pseudo-terminal and a link to it at this path
+    /// Create a pseudo-terminal and a link to it at this path
     #[arg(long, value_name = "LINKPATH")]
     pty: Option<PathBuf>,
 }
 
-/// What a simulator is told.
+/// The options of a simulator.
 #[derive(Debug)]
 pub struct SimulateOptions {
-    /// Where it is reached.
+    /// Where clients reach it.
     pub endpoint: Endpoint,
-    /// What becomes of the bytes of a session that ended.
+    /// What to do with the bytes of a session that ended.
     pub trace: TraceArgs,
     /// Settings other than the device's defaults.
     pub settings: Map<String, Value>,
 }
 
-/// Where a simulated device is reached.
+/// Where clients reach a simulated device.
 #[derive(Debug)]
 pub enum Endpoint {
     /// A TCP address to listen on.
@@ -72,23 +72,23 @@ pub fn run(args: &Args) -> Result<bool> {
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };
     let settings = args.set.iter().cloned().collect();
-    interrupt::wait_for()?;
+    interrupt::handle()?;
     args.device.simulate(&SimulateOptions { endpoint, trace: args.trace.clone(), settings })?;
     Ok(true)
 }
 
-/// Prints the line that says the device is ready, and where: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
+/// Prints the line that reports the device as ready, and its endpoint: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
 ///
 /// # Errors
-/// When standard output is gone.
+/// When standard output is closed.
 pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
     log(&json!({"ready": device, kind: place}))
 }
 
-/// Prints one line of JSON and flushes it: a script reads it while the device runs.
+/// Prints one line of JSON and flushes it, so that a script can read it while the device runs.
 ///
 /// # Errors
-/// When standard output is gone.
+/// When standard output is closed.
 pub fn log(line: &Value) -> Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}")?;

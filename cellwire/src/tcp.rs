@@ -1,4 +1,4 @@
-//! Loopback TCP: errors that say what to do, and a proxy that commits the faults of a network.
+//! TCP: errors that contain advice, and a proxy that simulates the faults of a network.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-/// Listens; the error says what to do about it.
+/// Listens on an address.
 ///
 /// # Errors
-/// When the address is none, or is in use, or is not this machine's.
+/// When the address is invalid, in use, or not this machine's. The error contains advice.
 pub fn listen(address: &str) -> Result<TcpListener> {
     TcpListener::bind(address).map_err(|error| {
         let advice = match error.kind() {
@@ -30,10 +30,10 @@ pub fn listen(address: &str) -> Result<TcpListener> {
     })
 }
 
-/// Connects, without Nagle's delay: each exchange is one packet each way.
+/// Connects, without Nagle's delay, because each exchange is one packet in each direction.
 ///
 /// # Errors
-/// When nobody listens there.
+/// When the connection is refused.
 pub fn connect(address: &str) -> Result<TcpStream> {
     let stream = TcpStream::connect(address).map_err(|error| {
         let context = format!("cannot connect to {address}");
@@ -46,7 +46,7 @@ pub fn connect(address: &str) -> Result<TcpStream> {
     Ok(stream)
 }
 
-/// Whether a read failed only because nothing came in its time, or a signal came first.
+/// Whether a read failed only because nothing arrived before its timeout, or because a signal interrupted it.
 pub fn is_silence(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
 }
@@ -54,17 +54,17 @@ pub fn is_silence(error: &io::Error) -> bool {
 /// What a [`FaultyProxy`] has done so far.
 #[derive(Debug, Default)]
 pub struct Faults {
-    /// Reads that were passed on in pieces.
+    /// Reads that were forwarded in pieces.
     pub splits: AtomicU64,
-    /// Reads that were passed on late.
+    /// Reads that were forwarded late.
     pub delays: AtomicU64,
     /// Connections that were broken in the middle of a read.
     pub disconnects: AtomicU64,
 }
 
-/// Stands between a client and a server, and commits what a network can: it splits, merges, delays and disconnects.
+/// A proxy between a client and a server with the faults of a network: it splits, merges and delays reads, and disconnects.
 ///
-/// It never damages a byte, because TCP does not. It ends when dropped.
+/// It never corrupts a byte, because TCP does not. It stops when dropped.
 #[derive(Debug)]
 pub struct FaultyProxy {
     address: SocketAddr,
@@ -73,7 +73,7 @@ pub struct FaultyProxy {
 }
 
 impl FaultyProxy {
-    /// Listens on a free loopback port and passes every connection on to `server`. `breaks` is the probability that a
+    /// Listens on a free loopback port and forwards every connection to `server`. `breaks` is the probability that a
     /// read breaks the connection.
     ///
     /// # Errors
@@ -89,12 +89,12 @@ impl FaultyProxy {
                 if ended.load(Ordering::Relaxed) {
                     return;
                 }
-                // A server that is not there closes the client's connection: that is how a proxy says so.
+                // If the server cannot be reached, the client's connection is closed.
                 let (Ok(client), Ok(server)) = (client, TcpStream::connect(server)) else { continue };
                 for (from, to) in [(&client, &server), (&server, &client)] {
                     let (Ok(from), Ok(to)) = (from.try_clone(), to.try_clone()) else { continue };
                     let (rng, faults) = (rng.fork(), Arc::clone(&shared));
-                    thread::spawn(move || pass_on(from, to, rng, breaks, &faults));
+                    thread::spawn(move || forward(from, to, rng, breaks, &faults));
                 }
             }
         });
@@ -119,11 +119,11 @@ impl Drop for FaultyProxy {
     }
 }
 
-fn pass_on(mut from: TcpStream, mut to: TcpStream, mut rng: fastrand::Rng, breaks: f64, faults: &Faults) {
+fn forward(mut from: TcpStream, mut to: TcpStream, mut rng: fastrand::Rng, breaks: f64, faults: &Faults) {
     let _ = to.set_nodelay(true);
     let mut buffer = vec![0; 16 * 1024];
     loop {
-        // A late read merges whatever came meanwhile.
+        // A late read merges everything that arrived meanwhile.
         if rng.f64() < 0.05 {
             faults.delays.fetch_add(1, Ordering::Relaxed);
             thread::sleep(Duration::from_micros(rng.u64(100..20_000)));
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_port_in_use_is_said() {
+    fn the_error_of_a_port_in_use_contains_advice() {
         let taken = listen("127.0.0.1:0").unwrap();
         let address = taken.local_addr().unwrap().to_string();
         let error = listen(&address).unwrap_err().to_string();
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn the_proxy_keeps_every_byte_in_order_until_it_breaks() {
+    fn the_proxy_forwards_every_byte_in_order() {
         let server = listen("127.0.0.1:0").unwrap();
         let proxy = FaultyProxy::start(server.local_addr().unwrap(), 1, 0.0).unwrap();
         let sent: Vec<u8> = (0..=255).cycle().take(100_000).collect();

@@ -1,4 +1,4 @@
-//! The last bytes that went each way, with their times: what a session leaves behind when it ends.
+//! The last bytes that a session sent and received, with their times, written to a file when it ends.
 
 use std::collections::VecDeque;
 use std::io::{self, Write};
@@ -10,18 +10,19 @@ use anyhow::{Context, Result};
 
 use crate::interrupt;
 
-/// How many bytes each way the source keeps: "jeweils die letzten 1000 gesendeten und empfangenen Bytes" (VAL II thesis, §9.1).
+/// How many bytes of each direction the source keeps: "jeweils die letzten 1000 gesendeten und empfangenen Bytes" (VAL II
+/// thesis, §9.1).
 pub const DEFAULT_BYTES: usize = 1000;
 
-/// Bytes of one direction closer together than this stand on one line.
+/// Bytes of one direction closer together than this are printed on one line.
 const GAP: Duration = Duration::from_millis(2);
-/// So that a line and its time fit a terminal of 80 columns.
+/// With 16 bytes, a line and its time fit a terminal of 80 columns.
 const BYTES_A_LINE: usize = 16;
 
-/// `--trace`: whether, how much and where to.
+/// `--trace`: whether bytes are kept, how many, and where they are written.
 #[derive(Debug, Clone, clap::Args)]
 pub struct TraceArgs {
-    /// Keep the last N bytes each way with their times, and write them to a file when a session ends or is interrupted
+    /// Keep the last N bytes of each direction with their times, and write them to a file when a session ends or is interrupted
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "1000", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     trace: Option<u32>,
     /// The folder of the trace files
@@ -30,15 +31,15 @@ pub struct TraceArgs {
 }
 
 impl TraceArgs {
-    /// A trace of the line called `name`; one that keeps nothing without `--trace`.
+    /// A trace of the line called `name`. It keeps nothing without `--trace`.
     pub fn start(&self, name: &str) -> Trace {
         let trace = Trace::new(name, self.trace.map_or(0, |bytes| bytes as usize), Some(&self.trace_dir));
-        let left = trace.clone();
-        interrupt::last(move || left.end_session("interrupted"));
+        let kept = trace.clone();
+        interrupt::before_exit(move || kept.end_session("interrupted"));
         trace
     }
 
-    /// A trace to look at while it runs; it writes files only with `--trace`.
+    /// A trace that can be shown while it runs. It writes files only with `--trace`.
     pub fn start_kept(&self, name: &str) -> Trace {
         match self.trace {
             Some(_) => self.start(name),
@@ -57,18 +58,18 @@ fn folder(path: &str) -> Result<PathBuf, String> {
     if path.is_dir() { Ok(path) } else { Err("there is no such folder".into()) }
 }
 
-/// Which way a byte went, seen from the end that keeps the trace.
+/// The direction of a byte, seen from the end that keeps the trace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Way {
-    /// Out of this end.
+    /// From this end.
     Sent,
-    /// Into it.
+    /// To this end.
     Received,
 }
 
-/// Keeps the last bytes each way. Clones keep the same ones.
+/// Keeps the last bytes of each direction. Clones share them.
 ///
-/// Its text is input for `cellwire decode`: hex with comments, one direction told from the other by its comment.
+/// Its text is input for `cellwire decode`: hex with comments, which name the direction.
 #[derive(Debug, Clone)]
 pub struct Trace {
     name: String,
@@ -85,12 +86,12 @@ struct Kept {
 }
 
 impl Trace {
-    /// A trace of `bytes` each way; with 0 it keeps nothing, without a folder it writes nothing.
+    /// A trace of `bytes` bytes of each direction. With 0 it keeps nothing, without a folder it writes nothing.
     pub fn new(name: &str, bytes: usize, dir: Option<&Path>) -> Self {
         Self { name: name.into(), dir: dir.map(Path::to_owned), bytes, kept: Arc::default() }
     }
 
-    /// Keeps bytes that went one way.
+    /// Adds bytes of one direction.
     pub fn add(&self, now: Duration, way: Way, bytes: &[u8]) {
         if self.bytes == 0 {
             return;
@@ -105,7 +106,7 @@ impl Trace {
         ring.drain(..surplus);
     }
 
-    /// Writes what is kept to a file of its own and begins anew; its path. `None` when there is nothing to write.
+    /// Writes the kept bytes to a new file, clears the trace, and returns the path. `None` when there is nothing to write.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -127,7 +128,7 @@ impl Trace {
         Ok(Some(path))
     }
 
-    /// The same, and says on standard error where it stands.
+    /// As [`session_ended`](Self::session_ended), and prints the path or the error on standard error.
     pub fn end_session(&self, why: &str) {
         match self.session_ended(why) {
             Ok(Some(path)) => eprintln!("trace: {}", path.display()),
@@ -136,7 +137,7 @@ impl Trace {
         }
     }
 
-    /// What is kept as lines of text, the oldest first.
+    /// The kept bytes as lines of text, the oldest first.
     pub fn lines(&self) -> Vec<String> {
         let (sent, received) = {
             let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
@@ -185,7 +186,7 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     #[test]
-    fn the_last_bytes_each_way_stand_in_their_order() {
+    fn the_last_bytes_of_each_direction_are_in_order() {
         let trace = Trace::new("x", 3, None);
         trace.add(MS, Way::Sent, &[1, 2]);
         trace.add(MS * 5, Way::Received, &[0xA0]);
@@ -203,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn each_session_that_ends_leaves_a_file() {
+    fn each_session_that_ends_writes_a_file() {
         let dir = std::env::temp_dir().join(format!("cellwire-trace-{}", std::process::id()));
         std::fs::create_dir_all(&dir).unwrap();
         let trace = Trace::new("robot", DEFAULT_BYTES, Some(&dir));
@@ -219,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn without_bytes_it_keeps_nothing() {
+    fn a_trace_that_is_off_keeps_nothing() {
         let trace = TraceArgs::off().start("x");
         trace.add(MS, Way::Sent, &[1]);
         assert_eq!(trace.lines(), [""; 0]);

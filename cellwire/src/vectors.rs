@@ -1,4 +1,4 @@
-//! `cellwire vectors check`: the reference vectors through the codecs that the tool uses.
+//! `cellwire vectors check`: checks the tool's codecs against the reference vectors.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ pub struct Args {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Runs every vector through the codecs, both ways; prints a line a link, and every vector that does not agree
+    /// Decodes and encodes every vector; prints one line per link, and every vector that does not agree
     Check {
         /// The folder of the vectors
         #[arg(default_value = "reference/vectors")]
@@ -115,7 +115,7 @@ fn check(link: Link, vector: &Vector) -> Result<()> {
     }
 }
 
-/// True when `found` holds everything that `expected` holds.
+/// True when `found` contains everything that `expected` contains.
 fn includes(found: &Value, expected: &Value) -> bool {
     match (found, expected) {
         (Value::Object(found), Value::Object(expected)) => {

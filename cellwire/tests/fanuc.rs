@@ -1,4 +1,4 @@
-//! `cellwire ls` and `cellwire fanuc` from outside: what they print, what they write, and how they end.
+//! `cellwire ls` and `cellwire fanuc` as processes: their output, their files and their exit status.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::std_instead_of_core, reason = "a test of a program")]
 
@@ -67,7 +67,7 @@ fn trajectory() -> String {
 }
 
 #[test]
-fn check_tells_what_is_wrong_and_where() {
+fn check_reports_an_error_with_its_line_and_column() {
     let folder = Folder::new("check");
     folder.write("BAD.LS", b"/PROG  BAD\r\n/MN\r\n   1:J P[1] 100% CNT101    ;\r\n/END\r\n");
     let output = folder.run("ls check BAD.LS");
@@ -80,7 +80,7 @@ fn check_tells_what_is_wrong_and_where() {
     let output = folder.run("ls check --json BAD.LS");
     let object: Value = serde_json::from_str(out(&output)).unwrap();
     assert_eq!((&object["ok"], &object["error"]["kind"]), (&Value::from(false), &Value::from("continuous")));
-    // A file that is not there does not hide what is wrong with the next one.
+    // A missing file does not hide the errors of the next one.
     let output = folder.run("ls check NONE.LS BAD.LS");
     assert_eq!(output.status.code(), Some(2));
     assert!(out(&output).starts_with("BAD.LS:3:21: "), "{}", out(&output));
@@ -88,7 +88,7 @@ fn check_tells_what_is_wrong_and_where() {
 }
 
 #[test]
-fn check_tells_what_is_suspicious_and_lets_it_pass() {
+fn check_reports_warnings_and_succeeds() {
     let folder = Folder::new("warn");
     std::fs::copy(reference("figure-4.ls"), folder.0.join("FANUCTEST2_TDMAX05TDMIN005.LS")).unwrap();
     // A comment in Latin-1, as a controller set to German writes it.
@@ -109,7 +109,7 @@ fn check_tells_what_is_suspicious_and_lets_it_pass() {
         ]
     );
     assert_eq!(folder.run("ls check --name-limit 4 GRUEN.LS").status.code(), Some(1));
-    // A comment that is too long hides nothing that is worse.
+    // A warning about a comment does not hide an error.
     let text = "/PROG  A\r\n/ATTR\r\nCOMMENT = \"seventeen letters\";\r\n/MN\r\n   1:J P[1] 0% FINE ;\r\n/POS\r\n/END\r\n";
     folder.write("B.LS", text.as_bytes());
     let output = folder.run("ls check --json B.LS");
@@ -122,7 +122,7 @@ fn check_tells_what_is_suspicious_and_lets_it_pass() {
 fn make_writes_a_program_that_checks_in_every_mode() {
     let folder = Folder::new("make");
     folder.write("path.csv", trajectory().as_bytes());
-    // The path is 123.8 mm long and turns by 45°; a rest of less than half a step joins the step before it.
+    // The path is 123.8 mm long and turns by 45°; a last step of less than half a step is added to the one before it.
     for (mode, moves) in [
         ("distance --mm 10", 12),
         ("distance --deg 5", 9),
@@ -146,7 +146,7 @@ fn make_writes_a_program_that_checks_in_every_mode() {
 }
 
 #[test]
-fn make_refuses_what_does_not_fit_together() {
+fn make_refuses_arguments_that_contradict_each_other() {
     let folder = Folder::new("refuse");
     folder.write("path.csv", trajectory().as_bytes());
     folder.write("short.csv", b"time,J1\n0,1\n");
@@ -190,12 +190,12 @@ fn background_writes_the_sources_task() {
     let folder = Folder::new("background");
     let output = folder.run("ls background --out -");
     assert_eq!(out(&output), std::fs::read_to_string(reference("figure-8.canonical.ls")).unwrap());
-    let told = "standard output: R[1] to R[19] every 8 ms; R[30] to R[42] are its own\n";
-    assert!(err(&output).starts_with(told), "{}", err(&output));
+    let summary = "standard output: R[1] to R[19] every 8 ms; R[30] to R[42] are its own\n";
+    assert!(err(&output).starts_with(summary), "{}", err(&output));
     assert_eq!(folder.run("ls background --first 20").status.code(), Some(2));
 }
 
-/// A controller on a free port of this machine; it ends with the test's process.
+/// Starts a controller on a free port of this machine; it runs until the test's process ends.
 fn controller(order: WordOrder) -> String {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -214,7 +214,7 @@ fn controller(order: WordOrder) -> String {
 }
 
 #[test]
-fn log_finds_the_word_order_and_writes_what_the_controller_says() {
+fn log_finds_the_word_order_and_writes_the_telemetry() {
     for (order, name) in [(WordOrder::LowFirst, "low_first"), (WordOrder::HighFirst, "high_first")] {
         let folder = Folder::new(name);
         let output = folder.run(&format!("fanuc log {} --csv run.csv --seconds 1 --json", controller(order)));
@@ -251,7 +251,7 @@ fn log_warns_of_a_word_order_that_the_life_counter_contradicts() {
 }
 
 #[test]
-fn log_says_when_there_is_nothing_to_log() {
+fn log_reports_a_refused_connection() {
     let folder = Folder::new("nothing");
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let output = folder.run(&format!("fanuc log {free} --csv run.csv"));
@@ -263,11 +263,11 @@ fn log_says_when_there_is_nothing_to_log() {
 fn a_log_is_compared_with_its_trajectory() {
     let folder = Folder::new("evaluate");
     let demo = folder.run("demo fanuc-hmi-modbus --seconds 2.5 --out made --json");
-    let told: Value = serde_json::from_str(out(&demo)).unwrap();
+    let report: Value = serde_json::from_str(out(&demo)).unwrap();
     let output = folder.run("fanuc evaluate made/trajectory.csv made/recording.csv --out plots --json");
     assert_eq!(output.status.code(), Some(0), "{}", err(&output));
     let object: Value = serde_json::from_str(out(&output)).unwrap();
-    assert_eq!(object["compared"], told["compared"]);
+    assert_eq!(object["compared"], report["compared"]);
     for file in ["position.svg", "position-errors.svg", "orientation.svg", "orientation-errors.svg"] {
         let drawn = folder.read(&format!("plots/{file}"));
         assert!(drawn.starts_with("<svg") && drawn.contains("time since the motion began, s"), "{file}");

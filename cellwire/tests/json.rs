@@ -1,4 +1,4 @@
-//! What `decode` and `encode` print.
+//! The output of `decode` and `encode`.
 
 #![allow(clippy::unwrap_used)]
 

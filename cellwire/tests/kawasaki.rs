@@ -1,4 +1,4 @@
-//! The Kawasaki cell as its user meets it: both ends as processes of their own, over TCP.
+//! The Kawasaki cell over TCP, each end in its own process.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use std::io::{BufRead, BufReader};
@@ -45,11 +45,11 @@ impl Drop for Device {
 }
 
 #[test]
-fn an_order_is_drawn_and_a_robot_that_lost_its_memory_is_noticed() {
+fn an_order_is_drawn_and_a_restarted_robot_is_detected() {
     let mut pc = Device::start(&["kawasaki-pc", "--listen", "127.0.0.1:0"]);
     let address = pc.until("ready", Some("kawasaki-pc"))["listen"].as_str().unwrap().to_owned();
 
-    // So slow that it is killed in the middle of the picture.
+    // Slow, so that it is killed in the middle of the picture.
     let mut slow = Device::start(&["kawasaki-robot", "--connect", &address, "--set", "speed=100"]);
     slow.event("queue_full");
     drop(slow);
@@ -58,7 +58,7 @@ fn an_order_is_drawn_and_a_robot_that_lost_its_memory_is_noticed() {
     assert_eq!(unknown["order"], 50);
     assert!(unknown["executed"].as_u64() < unknown["sent"].as_u64(), "{unknown}");
 
-    // The next order is for the robot as it is now.
+    // The next order is executed by the new robot.
     assert_eq!(pc.event("order_started")["order"], 51);
     let over = pc.event("order_over");
     assert_eq!((&over["order"], &over["complete"]), (&51.into(), &true.into()), "{over}");
@@ -66,21 +66,21 @@ fn an_order_is_drawn_and_a_robot_that_lost_its_memory_is_noticed() {
 }
 
 #[test]
-fn a_device_says_which_way_it_connects() {
+fn the_error_of_a_wrong_endpoint_names_the_right_one() {
     for (device, wrong, right) in
         [("kawasaki-pc", "--connect", "--listen"), ("kawasaki-robot", "--listen", "--connect")]
     {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
         let output = command.args(["simulate", device, wrong, "127.0.0.1:0"]).output().unwrap();
         assert_eq!(output.status.code(), Some(2));
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(said.contains(&format!("use {right}")), "{said}");
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(error.contains(&format!("use {right}")), "{error}");
     }
 }
 
 #[test]
 #[cfg(unix)]
-fn an_interrupted_device_leaves_its_trace_and_takes_its_link_away() {
+fn an_interrupted_device_writes_its_trace_and_removes_its_link() {
     let dir = std::env::temp_dir().join(format!("cellwire-interrupt-{}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();
     let (link, folder) = (dir.join("ball"), dir.to_str().unwrap());

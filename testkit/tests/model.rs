@@ -70,7 +70,7 @@ fn a_system_that_ends_holds() {
     assert_eq!((graph.states, graph.steps), (4, 3));
     assert_eq!(graph.longest_benign, (3, 0), "three ticks from the first state");
     assert_eq!(graph.path(3), [(1, 1), (2, 0), (3, 2)]);
-    assert_eq!(trace(&line(), &graph.path(3)), "1 (2, 0); 3.");
+    assert_eq!(trace(&line(), &graph.path(3)), "1: (2, 0); 3.");
 }
 
 #[test]
@@ -334,7 +334,7 @@ fn what_is_unexpected_is_a_property() {
     assert_eq!(path, [Some(DoorInput::Push), Some(DoorInput::Timer)]);
     let case = MustFail::new("the timer waits", "nothing is unexpected", "a house", system.clone());
     let caught = case.caught(&Options::default()).unwrap();
-    assert_eq!((caught.steps, caught.trace.as_str()), (2, "0 Some(Push); 0 Some(Timer); 0."));
+    assert_eq!((caught.steps, caught.trace.as_str()), (2, "0: Some(Push), Some(Timer); 0."));
     let case = MustFail::new("the timer waits", "something else", "a house", system);
     assert!(case.caught(&Options::default()).is_none());
 }

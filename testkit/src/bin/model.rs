@@ -91,7 +91,7 @@ fn explore(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
     let time = begin.elapsed();
 
     let mut table =
-        table(&["pair", "setting", "states", "steps", "seconds", "work ends in", "properties"], 2..6);
+        table(&["pair", "setting", "states", "steps", "seconds", "work ends\n(ticks)", "properties"], 2..6);
     for ((pair, _), row) in settings.iter().zip(&rows) {
         table.add_row([
             (*pair).into(),
@@ -99,7 +99,7 @@ fn explore(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
             thousands(row.states),
             thousands(row.steps),
             format!("{:.1}", row.time.as_secs_f64()),
-            format!("{} ticks", row.longest_benign),
+            row.longest_benign.to_string(),
             verdict(row),
         ]);
     }

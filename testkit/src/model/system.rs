@@ -40,14 +40,16 @@ pub trait System {
     fn ticks(&self, act: Self::Act) -> u32;
 }
 
-/// The acts, each after the number of the tick when it happens.
+/// The acts, each row after the ticks that were before it: `0: Start, Send; 3: Answer; 5.`
 pub fn trace<S: System>(system: &S, path: &[S::Act]) -> String {
-    let (mut out, mut now) = (String::new(), 0);
+    let (mut rows, mut now) = (Vec::<(u32, Vec<String>)>::new(), 0);
     for act in path {
-        match system.ticks(*act) {
-            0 => out += &format!("{now} {act:?}; "),
-            ticks => now += ticks,
+        match (system.ticks(*act), rows.last_mut()) {
+            (0, Some((at, acts))) if *at == now => acts.push(format!("{act:?}")),
+            (0, _) => rows.push((now, vec![format!("{act:?}")])),
+            (ticks, _) => now += ticks,
         }
     }
-    out + &format!("{now}.")
+    let rows: Vec<String> = rows.iter().map(|(at, acts)| format!("{at}: {}", acts.join(", "))).collect();
+    format!("{}; {now}.", rows.join("; "))
 }

@@ -22,7 +22,7 @@ static int checks;
 
 static modbus_t *ctx;
 
-/* A request that libmodbus would not make by itself, and the exception that it must get. */
+/* Sends a request that libmodbus's own functions cannot build, and checks the exception. */
 static void raw(const uint8_t *request, int length, int exception) {
     uint8_t reply[MODBUS_MAX_ADU_LENGTH];
     CHECK(modbus_send_raw_request(ctx, request, length) > 0, "send");

@@ -43,7 +43,7 @@ const main = async () => {
       const count = Math.min(step, end - first)
       same(await values(read[name](first, count), count), range(first, count, value), `${name} ${first}`)
     }
-    await exception(read[name](end, 1), 2, `behind ${name}`)
+    await exception(read[name](end, 1), 2, `after the end of ${name}`)
     await exception(read[name](end - 1, 2), 2, `across the end of ${name}`)
   }
   const pattern = Array.from({ length: 1968 }, (_, i) => i % 5 === 0)
@@ -57,8 +57,8 @@ const main = async () => {
   same(await values(client.readHoldingRegisters(16447, 1)), [0xABCD], 'one register')
   await client.writeMultipleRegisters(1000, numbers)
   same(await values(client.readHoldingRegisters(1000, 120)), numbers, '120 registers')
-  await exception(client.writeSingleCoil(30000, true), 2, 'coil behind the table')
-  await exception(client.writeSingleRegister(16448, 1), 2, 'register behind the table')
+  await exception(client.writeSingleCoil(30000, true), 2, 'coil after the table')
+  await exception(client.writeSingleRegister(16448, 1), 2, 'register after the table')
   await exception(client.writeMultipleRegisters(16447, [1, 2]), 2, 'registers across the end')
   const telemetry = await values(client.readHoldingRegisters(0, 37))
   same([telemetry.length, telemetry[2]], [37, 100], 'telemetry')

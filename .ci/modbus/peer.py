@@ -48,7 +48,7 @@ def holding(n):
     return n if n <= 16384 else 0
 
 
-# On a line at 115200 baud a whole table takes long: its beginning, its middle and its end.
+# On a line at 115200 baud a whole table takes too long: only its beginning, its middle and its end.
 def runs(end, step):
     all_runs = [(a, min(step, end - a)) for a in range(0, end, step)]
     return all_runs if kind != "rtu" else [all_runs[0], all_runs[len(all_runs) // 2], all_runs[-1]]
@@ -63,16 +63,16 @@ tables = [
 for name, read, end, step, values, expected in tables:
     for first, count in runs(end, step):
         found = values(read(first, count=count, **ONE), count)
-        wanted = [expected(n) for n in range(first + 1, first + 1 + count)]
+        due = [expected(n) for n in range(first + 1, first + 1 + count)]
         if name == "holding registers" and first == 0:
-            found, wanted = found[37:], wanted[37:]  # the telemetry block is looked at below
-        same(found, wanted, f"{name} {first}")
+            found, due = found[37:], due[37:]  # the telemetry block is checked below
+        same(found, due, f"{name} {first}")
     same(values(read(end - 1, count=1, **ONE), 1), [expected(end)], f"last of {name}")
-    exception(read(end, count=1, **ONE), 2, f"behind {name}")
+    exception(read(end, count=1, **ONE), 2, f"after the end of {name}")
     exception(read(end - 1, count=2, **ONE), 2, f"across the end of {name}")
     exception(read(65535, count=1, **ONE), 2, f"{name} 65535")
 
-# Writes, and what they leave behind.
+# Writes, and the values after them.
 pattern = [n % 5 == 0 for n in range(1968)]
 numbers = [65535 - 3 * n for n in range(123)]
 assert not client.write_coil(29999, True, **ONE).isError()
@@ -87,12 +87,12 @@ assert not client.mask_write_register(address=1000, and_mask=0x0F0F, or_mask=0x1
 same(words(client.read_holding_registers(1000, **ONE)), [(0xFFFF & 0x0F0F) | (0x1234 & 0xF0F0)], "mask")
 reply = client.readwrite_registers(read_address=1999, read_count=125, write_address=2000, values=numbers[:121], **ONE)
 same(words(reply), [2000] + numbers[:121] + [2122, 2123, 2124], "read/write")
-exception(client.write_coil(30000, True, **ONE), 2, "coil behind the table")
+exception(client.write_coil(30000, True, **ONE), 2, "coil after the table")
 exception(client.write_coils(29999, [True, True], **ONE), 2, "coils across the end")
-exception(client.write_register(16448, 1, **ONE), 2, "register behind the table")
+exception(client.write_register(16448, 1, **ONE), 2, "register after the table")
 exception(client.write_registers(16447, [1, 2], **ONE), 2, "registers across the end")
 same(words(client.read_holding_registers(16447, **ONE)), [0xABCD], "a refused write changes nothing")
-exception(client.mask_write_register(address=16448, **ONE), 2, "mask behind the table")
+exception(client.mask_write_register(address=16448, **ONE), 2, "mask after the table")
 exception(client.report_device_id(**ONE), 1, "a function that it does not have")
 
 

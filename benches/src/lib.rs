@@ -1,5 +1,5 @@
-//! The harness of the `budgets` bench: instruction counts by callgrind, and timing budgets, as one table beside their goals;
-//! and what `peers` shares with it.
+//! The harness of the `budgets` bench: instruction counts by callgrind and timing budgets, in tables with their goals; and
+//! functions that it shares with `peers`.
 //!
 //! A count is exact and the same on a busy machine: the bench starts itself under callgrind for N and for 2N rounds and
 //! divides the difference by N, so that start-up and preparation cancel out.
@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use comfy_table::{CellAlignment, Table, presets::UTF8_FULL_CONDENSED};
 
-/// What one link wants measured.
+/// The measurements of one link.
 pub struct Link {
     /// The crate's name.
     pub name: &'static str,
@@ -23,23 +23,23 @@ pub struct Link {
 pub struct Count {
     /// What is counted, as the table prints it.
     pub what: &'static str,
-    /// The goal, in instructions for each unit; `None` for a peer or a row that is only told.
+    /// The goal, in instructions for each unit; `None` for a peer or a row without a goal.
     pub goal: Option<f64>,
     /// The units that one round handles: 1 for "each operation", the bytes of the input for "each byte".
     pub units: f64,
     /// `"op"` or `"byte"`.
     pub unit: &'static str,
-    /// Prepares, then does the work `rounds` times; everything that goes in and comes out passes `black_box`.
+    /// Prepares, then does the work `rounds` times; all input and output passes `black_box`.
     pub run: fn(rounds: u64),
 }
 
 /// One row of timing budgets.
 pub struct Budget {
-    /// What has to fit, and where.
+    /// What takes the time, and in which window.
     pub what: String,
-    /// What it takes.
+    /// The time that it takes.
     pub takes: Duration,
-    /// What the source allows.
+    /// The time that the source allows.
     pub window: Duration,
     /// The section of the source.
     pub source: &'static str,
@@ -128,18 +128,18 @@ fn collect(link: &str, row: usize, rounds: u64) -> i64 {
     let collected = log
         .lines()
         .find_map(|line| line.split_once("Collected : "))
-        .expect("callgrind says what it collected");
+        .expect("callgrind prints what it collected");
     collected.1.trim().parse().expect("a number of instructions")
 }
 
-/// An empty table with this head.
+/// An empty table with this header.
 pub fn table<const N: usize>(head: [&str; N]) -> Table {
     let mut table = Table::new();
     table.load_style(UTF8_FULL_CONDENSED).set_header(head);
     table
 }
 
-/// The middle of the samples, which it sorts.
+/// The median of the samples, which it sorts.
 pub fn median(samples: &mut [f64]) -> Option<f64> {
     samples.sort_by(f64::total_cmp);
     samples.get(samples.len() / 2).copied()

@@ -1,4 +1,4 @@
-//! The `tokio_util` codecs: whatever the reads are, they give what the decoders give.
+//! The `tokio_util` codecs give the same items as the decoders, for any division of the stream into reads.
 
 use core::fmt::Debug;
 use std::io;
@@ -7,7 +7,7 @@ use bytes::{Buf, BytesMut};
 use tokio_util::codec::Decoder as Codec;
 use val2_alter::Message;
 
-/// Three bytes say which link, how it is read, and how long the reads are; the rest is the stream.
+/// Three bytes select the link, its options, and the length of the reads; the rest is the stream.
 pub fn tokio_codecs(data: &[u8]) {
     let [link, options, size, stream @ ..] = data else { return };
     let size = usize::from(*size).max(1);
@@ -91,7 +91,7 @@ fn alter<M: Message>(stream: &[u8], size: usize) {
     assert_eq!(read(&mut Codec::<M>::new(Framing::DEFAULT), stream, size), expected);
 }
 
-/// What a decoder gives.
+/// The items of a decoder.
 fn items<D, T>(
     mut stream: &[u8],
     decoder: &mut D,
@@ -109,7 +109,7 @@ fn items<D, T>(
     items
 }
 
-/// What a codec gives, as a framed transport asks it.
+/// The items of a codec, called as by a framed transport.
 fn read<C>(codec: &mut C, stream: &[u8], size: usize) -> Vec<C::Item>
 where
     C: Codec<Error = io::Error>,
@@ -119,7 +119,7 @@ where
     for chunk in stream.chunks(size) {
         buffer.extend_from_slice(chunk);
         items.extend(core::iter::from_fn(|| codec.decode(&mut buffer).unwrap()));
-        assert!(!buffer.has_remaining(), "the codec keeps what is not whole");
+        assert!(!buffer.has_remaining(), "the codec takes all bytes, and keeps those of an incomplete frame");
     }
     items.extend(core::iter::from_fn(|| codec.decode_eof(&mut buffer).unwrap()));
     items

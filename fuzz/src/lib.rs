@@ -1,6 +1,6 @@
-//! The bodies of the fuzz targets, a module a link: each takes the fuzzer's bytes and panics when an oracle fails.
+//! The bodies of the fuzz targets, one module per link: each takes the fuzzer's bytes and panics when an oracle fails.
 //!
-//! Oracles, not only "no panic": decode(encode(x)) = x, any chunking gives the same frames, an accepted frame encodes to
+//! The oracles are not only "no panic": decode(encode(x)) = x, any chunking gives the same frames, an accepted frame encodes to
 //! the same bytes, a session keeps its invariants.
 
 pub mod codecs;
@@ -51,11 +51,11 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("val2_alter_viewer", val2_alter::val2_alter_viewer),
 ];
 
-/// What `encode` writes into a buffer of just `len` bytes, which it must fill; a byte less is refused.
+/// What `encode` writes into a buffer of exactly `len` bytes, which it must fill; a shorter buffer is refused.
 fn written<E>(len: usize, encode: impl Fn(&mut [u8]) -> Result<usize, E>) -> Result<Vec<u8>, E> {
     let mut out = vec![0; len];
     assert!(encode(&mut out[..len.saturating_sub(1)]).is_err(), "one byte less is not enough");
     let filled = encode(&mut out)?;
-    assert_eq!(filled, len, "what is written is as long as it said");
+    assert_eq!(filled, len, "the encoded length is wrong");
     Ok(out)
 }

@@ -1,5 +1,5 @@
-//! `cargo bench -p benches --bench budgets [-- LINK]`: instruction counts and timing budgets beside their goals.
-//! A file a link.
+//! `cargo bench -p benches --bench budgets [-- LINK]`: instruction counts and timing budgets with their goals.
+//! One file per link.
 
 mod fanuc_hmi_modbus;
 mod fanuc_ls;

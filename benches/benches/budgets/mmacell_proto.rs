@@ -28,8 +28,20 @@ pub const LINK: Link = Link {
         },
         Count { what: "parse a robot's motion", goal: None, units: 1.0, unit: "op", run: parse_motion },
         Count { what: "encode a robot's motion", goal: None, units: 1.0, unit: "op", run: encode },
-        Count { what: "device: hear STA, tell the status", goal: None, units: 1.0, unit: "op", run: serve },
-        Count { what: "controller: ask STA, hear the status", goal: None, units: 1.0, unit: "op", run: ask },
+        Count {
+            what: "device: receive STA, send the status",
+            goal: None,
+            units: 1.0,
+            unit: "op",
+            run: serve,
+        },
+        Count {
+            what: "controller: send STA, receive the status",
+            goal: None,
+            units: 1.0,
+            unit: "op",
+            run: ask,
+        },
     ],
     // The source gives no figure to keep: a reply comes "immediately" (§3).
     budgets: Vec::new,

@@ -6,10 +6,10 @@ use robot_work_queue::{Reader, Writer, boxed};
 const CAPACITY: usize = 64;
 const MAX_NUMBER: u16 = 9999;
 
-/// As long as a job can be in one cache line with its stamp: seven words, made from one as a decoder makes them.
+/// The largest job that is in one cache line with its stamp: seven words, computed as by a decoder.
 type Job = [u64; 7];
 
-/// Queueing a job with its number checked and completing it, in one thread, beside the same through another ring.
+/// Queueing a job with its number checked and completing it, in one thread, and the same with another ring.
 pub const LINK: Link = Link {
     name: "robot-work-queue",
     counts: &[
@@ -46,7 +46,7 @@ pub const LINK: Link = Link {
     budgets: Vec::new,
 };
 
-/// What the jobs are passed through. The ends are in other functions than the loop, as they are in a program.
+/// A ring under test. Its ends are used in other functions than the loop, as in a real program.
 trait Ring<T> {
     fn queue(&mut self, number: u16, job: impl FnOnce() -> T);
     fn complete(&mut self, execute: impl FnOnce(&T));

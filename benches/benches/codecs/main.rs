@@ -1,5 +1,5 @@
 //! `cargo bench -p benches --bench codecs [-- FILTER]`: the time of reading and writing one typical frame of each link, by
-//! criterion. A file a link.
+//! criterion. One file per link.
 
 mod fanuc_hmi_modbus;
 mod fanuc_ls;
@@ -36,7 +36,7 @@ fn main() {
     criterion.final_summary();
 }
 
-/// The benches of a link, whose frame has so many bytes on the wire.
+/// The group of a link's benches; its frame has `bytes` bytes on the wire.
 fn group<'c>(criterion: &'c mut Criterion, link: &str, bytes: usize) -> BenchmarkGroup<'c, WallTime> {
     let mut group = criterion.benchmark_group(link);
     group.throughput(Throughput::Bytes(bytes as u64));

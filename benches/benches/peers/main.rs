@@ -1,6 +1,6 @@
-//! `cargo bench -p benches --bench peers [-- NAME]`: races against other crates that do the same work. A file a subject.
+//! `cargo bench -p benches --bench peers [-- NAME]`: races against other crates that do the same work. One file per subject.
 //!
-//! Times are told as ratios within one run: contenders take turns, their order rotates, and medians are compared.
+//! Times are compared as ratios within one run: contenders take turns in a rotating order, and the medians are compared.
 
 mod modbus;
 mod queue;
@@ -18,7 +18,7 @@ fn main() {
     ];
     let chosen: Vec<_> = subjects.iter().filter(|(name, _)| name.contains(&filter)).collect();
     if chosen.is_empty() {
-        eprintln!("nothing is called {filter:?}; there are {:?}", subjects.map(|(name, _)| name));
+        eprintln!("no race is called {filter:?}; there are {:?}", subjects.map(|(name, _)| name));
         std::process::exit(2);
     }
     for (_, race) in chosen {

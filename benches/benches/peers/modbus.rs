@@ -6,10 +6,10 @@ mod work;
 use crate::race::race;
 
 /// What is the same in these races, and what is not.
-const NOT_THE_SAME: &str = "\
-The same work: bytes in and out of memory, every length checked, the registers in an array.
-tokio-modbus has no codec to call: it is measured through its client, which polls a future. modbus-core serves
-no registers by itself: those lines stand in the bench.
+const NOTES: &str = "\
+The same work: all read and write bytes in memory, check every length, and have the registers in an array.
+The codec of tokio-modbus is private: it is measured through its client, which polls a future. modbus-core does not
+serve registers itself: the bench contains the code for that.
 ";
 
 pub(crate) fn races() {
@@ -45,5 +45,5 @@ pub(crate) fn races() {
             ("tokio-modbus 0.17, over a transport in memory", work::exchange_tokio_modbus),
         ],
     );
-    println!("{NOT_THE_SAME}");
+    println!("{NOTES}");
 }

@@ -1,7 +1,7 @@
 //! The queue against other rings of one writer and one reader.
 //!
-//! Both threads are pinned. Before each sample of two threads a cache line is sent to and fro: if that is too fast, the two
-//! processors are hyper-threads of one core at that time, as a virtual machine's may be, and the sample is discarded.
+//! Both threads are pinned. Before each sample of two threads the round trip of a cache line is measured: if it is too fast, the
+//! two processors are hyper-threads of one core at that time, as a virtual machine's may be, and the sample is discarded.
 
 use std::cell::RefCell;
 use std::hint::{black_box, spin_loop};
@@ -19,23 +19,23 @@ const ROUNDS: usize = 51;
 const ROUND_TRIPS: u64 = 5_000;
 const STREAMED: u64 = 50_000;
 const PAIRS: u64 = 50_000;
-/// A median of fewer samples says nothing.
+/// A median of fewer samples is not printed.
 const FEWEST: usize = 9;
 
-/// Nanoseconds of a cache line's way there and back below which the two processors share a core.
+/// If the round trip of a cache line takes fewer nanoseconds than this, the two processors share a core.
 const ONE_CORE: f64 = 120.0;
 
-/// One end fills what `job` makes, and says whether there was space.
+/// The end that queues what `job` returns. `write` returns whether there was space.
 trait Write<T>: Send + 'static {
     fn write(&mut self, job: impl FnOnce() -> T) -> bool;
 
-    /// What is done before the next try when there was no space.
+    /// Called before the next attempt if there was no space.
     fn wait(&mut self) {
         spin_loop();
     }
 }
 
-/// The other end executes the oldest job, and says whether there was one.
+/// The end that executes the oldest job. `read` returns whether there was one.
 trait Read<T>: Send + 'static {
     fn read(&mut self, execute: impl FnOnce(&T)) -> bool;
 }
@@ -57,7 +57,7 @@ impl<T: Send + 'static> Read<T> for robot_work_queue::Reader<'static, T> {
     }
 }
 
-/// The same, but when it was full it fills again when half of it has drained, as a task should.
+/// The same, but after the queue was full it waits until half of it has drained, as a task should.
 struct LowWater<T: 'static>(robot_work_queue::Writer<'static, T>);
 
 impl<T: Send + 'static> Write<T> for LowWater<T> {
@@ -146,7 +146,7 @@ impl<T: Send + 'static> Read<T> for nexus_queue::spsc::Consumer<T> {
     }
 }
 
-/// What is passed: made from its number, and checked by what it says.
+/// A job: built from its number, and checked by its sum.
 trait Job: Copy + Send + 'static {
     fn make(n: u64) -> Self;
     fn sum(&self) -> u64;
@@ -176,7 +176,7 @@ impl<const WORDS: usize> Job for [u64; WORDS] {
 enum Course {
     /// Two threads, one job there and back.
     RoundTrip,
-    /// Two threads, as fast as it goes.
+    /// Two threads, jobs in one direction without a pause; the capacity.
     Stream(usize),
     /// One thread, one job in and out.
     Pair,
@@ -189,7 +189,7 @@ const COURSES: [(Course, &str); 4] = [
     (Course::Pair, "one thread"),
 ];
 
-/// Nanoseconds for each job; `None` if the processors were not what they should be.
+/// Nanoseconds for each job; `None` if the processors shared a core.
 type Sample = fn(Course, &Cores) -> Option<f64>;
 
 fn contenders<J: Job>() -> [(&'static str, Sample); 8] {
@@ -228,7 +228,7 @@ fn contenders<J: Job>() -> [(&'static str, Sample); 8] {
 
 pub(crate) fn race() {
     let Some(cores) = Cores::find() else {
-        println!("queue: no race, for there are not two processors");
+        println!("queue: no race, because there are not two processors");
         return;
     };
     println!("queue: time for each job, divided by rtrb's; medians of at most {ROUNDS} samples");
@@ -270,7 +270,7 @@ fn race_of(job: &str, contenders: [(&str, Sample); 8], cores: &Cores) {
     );
     if taken < FEWEST {
         println!(
-            "The two processors are threads of one core at this time: nothing is said of two threads. Run it again later."
+            "The two processors are threads of one core at this time: there are no times for two threads. Run it again later."
         );
     }
     println!();
@@ -346,7 +346,7 @@ fn pair<J: Job, W: Write<J>, R: Read<J>>(_: &Cores, (mut writer, mut reader): (W
 /// Two processors; this thread is on the first.
 struct Cores {
     second: CoreId,
-    /// What it took a cache line whenever the two were two cores.
+    /// The round trips of a cache line while the two processors did not share a core.
     probes: RefCell<Vec<f64>>,
 }
 
@@ -358,13 +358,13 @@ impl Cores {
         Some(Cores { second, probes: RefCell::default() })
     }
 
-    /// Runs something on the other processor, and returns when it is about to begin.
+    /// Runs `run` on the other processor, and returns when it is about to begin.
     fn second<R: Send + 'static>(&self, run: impl FnOnce() -> R + Send + 'static) -> thread::JoinHandle<R> {
         let core = self.second;
-        let (is_there, wait) = mpsc::channel();
+        let (ready, wait) = mpsc::channel();
         let thread = thread::spawn(move || {
             core_affinity::set_for_current(core);
-            is_there.send(()).unwrap();
+            ready.send(()).unwrap();
             run()
         });
         wait.recv().unwrap();
@@ -382,20 +382,20 @@ impl Cores {
 
     fn cache_line(&self) -> f64 {
         const TURNS: u64 = 2_000;
-        let ball = Arc::new(AtomicU64::new(0));
-        let wall = ball.clone();
+        let line = Arc::new(AtomicU64::new(0));
+        let echoed = line.clone();
         let echo = self.second(move || {
             for turn in 0..TURNS {
-                while wall.load(Ordering::Acquire) != 2 * turn + 1 {
+                while echoed.load(Ordering::Acquire) != 2 * turn + 1 {
                     spin_loop();
                 }
-                wall.store(2 * turn + 2, Ordering::Release);
+                echoed.store(2 * turn + 2, Ordering::Release);
             }
         });
         let start = Instant::now();
         for turn in 0..TURNS {
-            ball.store(2 * turn + 1, Ordering::Release);
-            while ball.load(Ordering::Acquire) != 2 * turn + 2 {
+            line.store(2 * turn + 1, Ordering::Release);
+            while line.load(Ordering::Acquire) != 2 * turn + 2 {
                 spin_loop();
             }
         }

@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 use benches::{median, table};
 
 const ROUNDS: usize = 51;
-/// What a sample takes at least: preparing for it is nothing beside that.
+/// The shortest duration of a sample: its preparation takes a negligible time in comparison.
 const SAMPLE: Duration = Duration::from_millis(1);
 
-/// Who does the work so many times.
+/// A name, and a function that does the work a number of times.
 pub(crate) type Contender = (&'static str, fn(u64));
 
-/// Prints what each contender takes, and how often the first one's time that is.
+/// Prints the time of each contender, and its ratio to that of the first one.
 pub(crate) fn race<const N: usize>(work: &str, contenders: [Contender; N]) {
     if let Some(&first) = core_affinity::get_core_ids().unwrap_or_default().first() {
         core_affinity::set_for_current(first);
@@ -33,7 +33,7 @@ pub(crate) fn race<const N: usize>(work: &str, contenders: [Contender; N]) {
     println!("{table}");
 }
 
-/// How often the work is done in a sample. The shortest of a few times counts: one may have been interrupted.
+/// How often the work is done in a sample. The shortest of five times counts, because one may have been interrupted.
 fn repeats(run: fn(u64)) -> u64 {
     let mut repeats = 1;
     while (0..5).any(|_| time(run, repeats) < SAMPLE) {

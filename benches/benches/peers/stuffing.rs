@@ -1,7 +1,7 @@
 //! Byte stuffing: frames of val2-alter and laser-eb90 against crates that stuff frames with DLE, SLIP and COBS.
 //!
-//! None of them reads these two links. Each gets the same data with the same sum behind it in its own framing, and checks the
-//! sum as our frames do.
+//! None of them reads the frames of these two links. Each gets the same data, followed by the same sum, in its own framing, and
+//! checks the sum as our frames do.
 
 use std::hint::black_box;
 
@@ -60,7 +60,7 @@ fn batch<T>(take: impl FnOnce(laser_eb90::Frame<'_>) -> T) -> T {
 }
 
 /// What is the same in these races, and what is not.
-const NOT_THE_SAME: &str = "\
+const NOTES: &str = "\
 Each has the same data and its sum in its own framing, and checks the sum. Not the same: DLE STX and DLE ETX
 around the data for dle-encoder, one byte between frames for SLIP and COBS; COBS escapes nothing, it says where
 the next zero stands. slipspeed returns a new Vec, laser-eb90 leaves a batch without a 90h where it stands, the
@@ -76,7 +76,7 @@ pub(crate) fn races() {
         write_alter::<Escaped>,
     );
     read_and_write::<Batch>("a batch of seven moves", "laser-eb90", read_laser, write_laser);
-    println!("{NOT_THE_SAME}");
+    println!("{NOTES}");
 }
 
 fn read_and_write<D: Data>(what: &str, ours: &'static str, read_ours: fn(u64), write_ours: fn(u64)) {
@@ -143,7 +143,7 @@ fn sum(data: &[u8]) -> u8 {
     data.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte))
 }
 
-/// The data and its sum, which the other crates frame as one.
+/// The data followed by its sum, which the other crates frame together.
 fn summed<D: Data>(escaped: u8) -> Vec<u8> {
     let mut data = D::bytes(escaped);
     data.push(sum(&data));
@@ -156,7 +156,7 @@ fn check(data: &[u8]) {
     black_box(data);
 }
 
-/// Writes the sum behind the data, as our frames do.
+/// Writes the sum after the data, as our frames do.
 fn sum_up(data: &mut [u8]) {
     let (last, data) = data.split_last_mut().expect("data");
     *last = sum(data);

@@ -1,7 +1,7 @@
-//! Text: a message of kawasaki-msg and a line of mmacell-proto against what reads such text elsewhere.
+//! Text: a message of kawasaki-msg and a line of mmacell-proto against other parsers of such text.
 //!
 //! No other crate reads these two. The nearest are nmea0183-parser, which checks the frame of a sentence and lets its caller read
-//! what stands in it, and what an integrator writes: the same grammar in nom, or cuts and `str::parse` by hand.
+//! the content, and code that an integrator would write: the same grammar in nom, or splitting and `str::parse` by hand.
 
 use std::hint::black_box;
 
@@ -19,10 +19,10 @@ use nom::{IResult, Parser};
 use crate::race::race;
 
 /// What is the same in these races, and what is not.
-const NOT_THE_SAME: &str = "\
-Every contender checks the frame and gives numbers. Not the same: kawasaki-msg finds the message in its table of names
-and checks each number's range, mmacell-proto gives exact numbers of its own scale and refuses any other width, sign or
-order; both say where damage stands. nmea0183-parser checks a sum, which the two links do not have.
+const NOTES: &str = "\
+Every contender checks the frame and returns numbers. Not the same: kawasaki-msg finds the message in its table of names
+and checks each number's range, mmacell-proto returns exact numbers of its own scale and refuses any other width, sign or
+order; both report the position of an error. nmea0183-parser checks a sum, which the two links do not have.
 ";
 
 pub(crate) fn races() {
@@ -31,7 +31,7 @@ pub(crate) fn races() {
         [
             ("kawasaki-msg", job_ours),
             ("the same grammar in nom 8", job_nom),
-            ("cut and parsed by hand", job_by_hand),
+            ("split and parsed by hand", job_by_hand),
             ("nmea0183-parser 0.3, a sentence with the same fields", job_nmea),
         ],
     );
@@ -40,11 +40,11 @@ pub(crate) fn races() {
         [
             ("mmacell-proto", status_ours),
             ("the same grammar in nom 8, axes as f64", status_nom),
-            ("cut and parsed by hand, axes as f64", status_by_hand),
+            ("split and parsed by hand, axes as f64", status_by_hand),
             ("nmea0183-parser 0.3, a sentence with the same fields", status_nmea),
         ],
     );
-    println!("{NOT_THE_SAME}");
+    println!("{NOTES}");
 }
 
 const JOB: &[u8] = b"<Tyo$26#50$1$1$-3000$550$-2993$537#>";
@@ -77,7 +77,7 @@ fn job_nom(rounds: u64) {
     }
 }
 
-/// Seven numbers and nothing behind them.
+/// Seven numbers and nothing after them.
 fn numbers<'a, E: ParseError<&'a [u8]>>(separator: char, data: &'a [u8]) -> IResult<&'a [u8], Job, E> {
     let (mut data, first) = i32(data)?;
     let mut values = [first; 7];
@@ -143,7 +143,7 @@ fn flag<'a, E: ParseError<&'a [u8]>>(input: &'a [u8]) -> IResult<&'a [u8], bool,
     one_of("TF").map(|letter| letter == 'T').parse(input)
 }
 
-/// A number of so many characters.
+/// A number of `width` characters.
 fn fixed<'a, T: std::str::FromStr, E>(width: u8) -> impl Parser<&'a [u8], Output = T, Error = E>
 where
     E: ParseError<&'a [u8]> + FromExternalError<&'a [u8], ()>,

@@ -180,7 +180,7 @@ pub(crate) fn exchange(rounds: u64) {
     }
 }
 
-/// A transport whose other end answers at once.
+/// A transport whose other end replies immediately.
 #[derive(Debug)]
 struct Answering {
     reply: Vec<u8>,

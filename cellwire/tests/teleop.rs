@@ -96,7 +96,7 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
             ball: PortConfig { path: ball.clone(), baud: 9600 },
             viewer: None,
             alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-            polls: isra_ball::Config::default(),
+            polls: isra_ball::HostConfig::default(),
             mapping: Mapping::for_limits(&LIMITS, 150),
         };
         let traces = Traces { robot: off.start("r"), ball: off.start("b"), viewer: off.start("v") };

@@ -15,12 +15,14 @@ pub fn tokio_codecs(data: &[u8]) {
     match link % 6 {
         0 => modbus(second, options & 2 != 0, stream, size),
         1 => {
-            let mut decoder = isra_ball::Decoder::new();
-            let expected =
-                items(stream, &mut decoder, isra_ball::Decoder::push, isra_ball::Decoder::finish, |d| {
-                    d.next_frame().map(|frame| frame.and_then(|frame| frame.packet()))
-                });
-            assert_eq!(read(&mut isra_ball::Codec::new(), stream, size), expected);
+            use isra_ball::Decoder;
+            use isra_ball::robot_session::{Decoder as _, tokio::Codec};
+            let mut decoder = Decoder::new();
+            let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
+                d.next_frame().map(|frame| frame.map(|frame| frame.data().to_vec()))
+            });
+            let mut codec = Codec::new(Decoder::new(), |frame: isra_ball::Frame<'_>| frame.data().to_vec());
+            assert_eq!(read(&mut codec, stream, size), expected);
         }
         2 => {
             use kawasaki_msg::{Charset, Codec, Decoder};

@@ -3,8 +3,10 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
+use isra_ball::robot_session::{Decoder as _, Encode as _, Session as _};
 use isra_ball::{
-    Ball, BallEvent, Config, DecodeError, Decoder, Frame, Host, HostEvent, Keys, Packet, Status, timing,
+    Ball, BallConfig, BallEvent, DecodeError, Decoder, Frame, Host, HostConfig, HostEvent, Keys, Packet,
+    Status, timing,
 };
 
 use crate::written;
@@ -18,7 +20,7 @@ const GOOD: Packet = Packet {
     keys: Keys(0x81),
 };
 
-/// A frame's data or an error, and the stream offset behind it.
+/// A frame's data or an error, and the stream offset after it.
 type Item = (Result<Vec<u8>, DecodeError>, u64);
 
 /// The first byte is how long the reads are, the rest the stream.
@@ -63,67 +65,100 @@ pub fn isra_ball_message(data: &[u8]) {
 
 /// Steps of an action, a length, and so many bytes from the line.
 pub fn isra_ball_ball(mut data: &[u8]) {
-    let mut ball = Ball::new(GOOD.sensor_type, GOOD.sensor).unwrap();
+    let config = BallConfig { sensor_type: GOOD.sensor_type, sensor: GOOD.sensor, ..BallConfig::default() };
+    let mut ball = Ball::new(config).unwrap();
     let (mut out, now) = ([0; Packet::LEN], Duration::ZERO);
-    let (mut asked, mut lost, mut packets) = (0, 0, Vec::new());
+    let (mut connected, mut asked, mut measured) = (false, 0, GOOD);
     while let [action, length, rest @ ..] = data {
         let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
         data = rest;
         if action & 1 == 1 {
-            ball.measure([action.cast_signed(); 3], [0; 3], Keys(*length));
+            measured =
+                Packet { force: [action.cast_signed(); 3], moment: [0; 3], keys: Keys(*length), ..GOOD };
+            ball.measure(measured.force, measured.moment, measured.keys);
         }
-        let before = ball.dropped_events();
+        match action >> 2 & 7 {
+            0 => (connected, asked) = (false, 0),
+            1 => (connected, asked) = (true, 0),
+            _ => {}
+        }
+        match action >> 2 & 7 {
+            0 => ball.handle_disconnected(now),
+            1 => ball.handle_connected(now),
+            _ => {}
+        }
         ball.handle_input(now, bytes);
-        asked += bytes.iter().filter(|byte| **byte == isra_ball::ENQ).count();
-        let told: Vec<_> = core::iter::from_fn(|| ball.poll_event()).collect();
-        let dropped = usize::try_from(ball.dropped_events() - before).unwrap();
-        assert!(told.len() <= 8 && told.len() + dropped == bytes.len(), "a byte, an event");
-        lost += dropped;
-        packets.extend(told.iter().filter_map(|event| match event {
-            BallEvent::Reply(packet) => Some(*packet),
-            _ => None,
-        }));
+        if connected {
+            asked += bytes.iter().filter(|byte| **byte == isra_ball::ENQ).count();
+        }
+        assert_eq!(ball.poll_timeout(), None);
         if action & 2 != 0 {
             continue; // the caller is late
         }
+        let events = core::iter::from_fn(|| ball.poll_event()).count();
+        assert!(events <= 8, "the queue is bounded");
         if ball.poll_transmit(now, &mut out).is_some() {
-            assert!(asked > 0, "the ball says nothing unasked");
+            assert!(connected && asked > 0, "the ball sends nothing unasked");
             asked = 0;
-            let lost = core::mem::take(&mut lost);
             let (frame, used) = Frame::decode(&out).unwrap().unwrap();
             assert_eq!(used, Packet::LEN);
             let packet = frame.packet().unwrap();
-            assert!(lost > 0 || packets.last() == Some(&packet), "what is sent is what was told");
+            assert_eq!(ball.poll_event(), Some(BallEvent::Reply(packet)));
+            if packet.status == Status::Fresh {
+                assert_eq!(packet, measured, "new values are the newest");
+            }
         }
         assert_eq!(ball.poll_transmit(now, &mut out), None, "one reply at a time");
     }
 }
 
-/// Steps of a pause in milliseconds, a length, and so many bytes from the line.
+/// Steps of a pause in milliseconds, a length, and so many bytes from the line. The longest pause is a new connection.
 pub fn isra_ball_host(mut data: &[u8]) {
-    let mut host = Host::new(Config::default()).unwrap();
+    let config = HostConfig::default();
+    let mut host = Host::new(config).unwrap();
     let (mut now, mut last_poll, mut out) = (Duration::ZERO, None, [0; 16]);
+    let (mut open, mut is_live) = (false, false);
+    host.handle_connected(now);
     while let [pause, length, rest @ ..] = data {
         let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
         data = rest;
         now += Duration::from_millis((*pause).into());
-        host.handle_timeout(now);
-        host.handle_input(now, bytes);
-        if host.poll_transmit(now, &mut out).is_some() {
-            assert_eq!(out[0], isra_ball::ENQ);
-            assert!(last_poll.is_none_or(|last| now - last >= timing::min_period(9600)), "polled too fast");
-            last_poll = Some(now);
+        if *pause == 255 {
+            host.handle_connected(now);
         }
-        assert_eq!(host.poll_transmit(now, &mut out), None, "one poll at a time");
+        host.handle_input(now, bytes);
         let mut events = 0;
         while let Some(event) = host.poll_event() {
             events += 1;
             assert!(events <= 8, "the queue is bounded");
-            if let HostEvent::Packet(packet) | HostEvent::Unasked(packet) = event {
-                packet.to_bytes().unwrap();
+            match event {
+                HostEvent::Packet(_) | HostEvent::Old(_) | HostEvent::Missed => {
+                    assert!(open, "a poll has one outcome");
+                    open = false;
+                    is_live |= matches!(event, HostEvent::Packet(_));
+                    if let HostEvent::Packet(packet) = event {
+                        assert!(packet.status.is_fresh());
+                    }
+                }
+                HostEvent::Stale => {
+                    assert!(is_live, "stale, once");
+                    is_live = false;
+                }
+                HostEvent::Unexpected(unexpected) => panic!("{unexpected}"),
+                _ => {}
             }
         }
-        assert!(host.poll_timeout().unwrap() > now || !host.is_alive());
+        assert_eq!(host.live_until().is_some(), is_live);
+        assert!(host.live_until().is_none_or(|until| now < until && until < now + config.max_age));
+        if host.poll_transmit(now, &mut out).is_some() {
+            assert_eq!(out[0], isra_ball::ENQ);
+            assert!(!open, "one poll at a time");
+            open = true;
+            assert!(last_poll.is_none_or(|last| now - last >= timing::min_period(9600)), "polled too fast");
+            last_poll = Some(now);
+        }
+        assert_eq!(host.poll_transmit(now, &mut out), None, "one poll at a time");
+        assert!(host.poll_timeout().unwrap() > now || host.poll_event().is_some());
     }
 }
 
@@ -145,6 +180,6 @@ fn decode(stream: &[u8], size: usize) -> Vec<Item> {
     drain(&mut decoder, &mut items);
     assert_eq!(decoder.push(&GOOD.to_bytes().unwrap()), Packet::LEN);
     let next = decoder.next_frame().unwrap().and_then(|frame| frame.packet());
-    assert_eq!(next, Ok(GOOD), "what comes behind the silence is read");
+    assert_eq!(next, Ok(GOOD), "what comes after the silence is read");
     items
 }

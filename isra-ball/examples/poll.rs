@@ -1,42 +1,44 @@
-//! Polls a ball on a serial port: `cargo run -p isra-ball --example poll -- /dev/ttyUSB0`
+//! Polls a ball on a serial port: `cargo run -p isra-ball --features std --example poll -- /dev/ttyUSB0`
 
+use core::ops::ControlFlow;
 use core::time::Duration;
-use std::io::{ErrorKind, Read, Write};
-use std::time::Instant;
+use std::io::{self, ErrorKind, Read as _, Write as _};
 
-use isra_ball::{Config, Host, HostEvent, KeyEdges};
-use serialport::FlowControl;
+use isra_ball::robot_session::{Received, Sent, Transport, drive};
+use isra_ball::{Host, HostConfig, HostEvent};
+use serialport::{FlowControl, SerialPort};
 
-#[allow(clippy::disallowed_methods, reason = "the driver loop is where the clock is")]
+struct Port(Box<dyn SerialPort>);
+
+impl Transport for Port {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        self.0.set_timeout(wait.unwrap_or(Duration::MAX))?;
+        match self.0.read(buffer) {
+            Ok(length) => Ok(Received::Bytes(length)),
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {
+                Ok(Received::Nothing)
+            }
+            Err(e) => Err(e),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.0.write_all(bytes).map(|()| Sent::Buffered)
+    }
+}
+
 fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: poll PORT")?;
-    let config = Config::default();
+    let config = HostConfig::default();
     // Forces of 17 and 19 are the bytes XON and XOFF: no flow control.
-    let mut port = serialport::new(path, config.baud).flow_control(FlowControl::None).open()?;
+    let port = serialport::new(path, config.baud).flow_control(FlowControl::None).open()?;
     let mut host = Host::new(config)?;
-    let mut keys = KeyEdges::new();
-    let epoch = Instant::now();
-    let mut buf = [0; 64];
-    loop {
-        while let Some(n) = host.poll_transmit(epoch.elapsed(), &mut buf) {
-            port.write_all(buf.get(..n).unwrap_or_default())?;
+    drive(&mut host, Port(port), |host, event| {
+        match event {
+            HostEvent::Packet(packet) => println!("{packet:?} until {:?}", host.live_until()),
+            other => println!("{other:?}"),
         }
-        while let Some(event) = host.poll_event() {
-            match event {
-                HostEvent::Packet(packet) => {
-                    println!("{packet:?} pressed {:?}", keys.update(packet.keys).pressed);
-                }
-                other => println!("{other:?}"),
-            }
-        }
-        let due = host.poll_timeout().unwrap_or_default();
-        let wait = due.saturating_sub(epoch.elapsed()).max(Duration::from_millis(1));
-        port.set_timeout(wait)?;
-        match port.read(&mut buf) {
-            Ok(n) => host.handle_input(epoch.elapsed(), buf.get(..n).unwrap_or_default()),
-            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
-            Err(e) => return Err(e.into()),
-        }
-        host.handle_timeout(epoch.elapsed());
-    }
+        ControlFlow::<()>::Continue(())
+    })?;
+    Ok(())
 }

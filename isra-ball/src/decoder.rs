@@ -1,17 +1,12 @@
-use crate::frame::check_header;
-use crate::{DecodeError, Frame};
+use crate::envelope::check_header;
+use crate::error::DecodeError;
+use crate::frame::Frame;
 
-/// Bytes in, packets out. Finds its feet again after damage.
+/// Bytes in, packets out, also after corrupt bytes. The verbs are those of [`robot_session::Decoder`].
 ///
-/// 1. [`push`](Self::push) what arrived, 2. call [`next_frame`](Self::next_frame) until it gives `None`; at the end of the
-///    stream, or when the line has fallen silent, call [`finish`](Self::finish) before 2.
-///
-/// Frames and errors tile the stream: an error covers everything up to the next packet header, so damage costs one error and no
-/// packet but those it touched. A packet whose checksum fails is searched again from its second byte. An error is therefore
-/// given only when that header has come, or [`finish`](Self::finish) says that none will. How the stream was cut into reads
-/// changes neither frames nor errors.
-///
-/// When the buffer is full, `push` takes nothing: `next_frame` makes room in it.
+/// An error covers everything up to the next packet header, so corruption costs one error and no packet but those it touched. A
+/// packet whose checksum fails is searched again from its second byte. An error is therefore given only when that header has
+/// come, or after `finish`.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     buffer: [u8; Self::CAPACITY],
@@ -23,16 +18,20 @@ pub struct Decoder {
 
 impl Decoder {
     const CAPACITY: usize = 512;
-    /// The longest run of bytes that one error covers: a header behind it must fit the buffer.
+    /// The longest run of bytes that one error covers: a header after it must fit the buffer.
     const MAX_SKIP: usize = Frame::MAX_LEN;
 
     /// An empty decoder.
     pub const fn new() -> Self {
         Self { buffer: [0; Self::CAPACITY], start: 0, end: 0, position: 0, finished: false }
     }
+}
 
-    /// Takes bytes of the stream; how many.
-    pub fn push(&mut self, bytes: &[u8]) -> usize {
+impl robot_session::Decoder for Decoder {
+    type Frame<'a> = Frame<'a>;
+    type Error = DecodeError;
+
+    fn push(&mut self, bytes: &[u8]) -> usize {
         if bytes.len() > Self::CAPACITY - self.end {
             self.buffer.copy_within(self.start..self.end, 0);
             self.end -= self.start;
@@ -48,8 +47,7 @@ impl Decoder {
         taken
     }
 
-    /// The next packet, or what was wrong with the bytes before it. `None`: more bytes are needed.
-    pub fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
+    fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
         let pending = self.buffer.get(self.start..self.end)?;
         let (length, error) = next_item(pending, self.finished)?;
         let from = self.start;
@@ -62,15 +60,18 @@ impl Decoder {
         Frame::new(bytes.get(3..length - 1)?).map(Ok)
     }
 
-    /// No more bytes belong to what has come so far: a packet that is not whole becomes an error. Call
-    /// [`next_frame`](Self::next_frame) until it gives `None` before you push again.
-    pub fn finish(&mut self) {
+    fn finish(&mut self) {
         self.finished = true;
     }
 
-    /// The offset in the stream just behind the last frame or error that was returned.
-    pub fn position(&self) -> u64 {
+    fn position(&self) -> u64 {
         self.position
+    }
+
+    fn clear(&mut self) {
+        self.position += (self.end - self.start) as u64;
+        self.start = self.end;
+        self.finished = false;
     }
 }
 
@@ -80,7 +81,7 @@ impl Default for Decoder {
     }
 }
 
-/// The length of the first frame (without error) or of the damage before the next header.
+/// The length of the first frame (without error) or of the corrupt bytes before the next header.
 fn next_item(bytes: &[u8], finished: bool) -> Option<(usize, Option<DecodeError>)> {
     let error = match Frame::decode(bytes) {
         Ok(Some((_, length))) => return Some((length, None)),
@@ -91,7 +92,7 @@ fn next_item(bytes: &[u8], finished: bool) -> Option<(usize, Option<DecodeError>
         }
         Err(error) => error,
     };
-    let length = damage_len(bytes, finished)?;
+    let length = corrupt_len(bytes, finished)?;
     Some((
         length,
         Some(match error {
@@ -102,8 +103,8 @@ fn next_item(bytes: &[u8], finished: bool) -> Option<(usize, Option<DecodeError>
     ))
 }
 
-/// How far the damage at the first byte reaches: to the next whole header, or to the end of a finished stream.
-fn damage_len(bytes: &[u8], finished: bool) -> Option<usize> {
+/// How far the corruption at the first byte reaches: to the next whole header, or to the end of a finished stream.
+fn corrupt_len(bytes: &[u8], finished: bool) -> Option<usize> {
     let next = bytes.windows(3).skip(1).position(|header| check_header(header).is_ok()).map(|at| at + 1);
     match next {
         Some(length) => Some(length.min(Decoder::MAX_SKIP)),

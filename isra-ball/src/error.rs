@@ -1,9 +1,9 @@
 use core::time::Duration;
 
-/// The ball's fault, or the line's.
+/// The fault of the ball or of the line.
 ///
-/// Offsets count from the first byte of the packet; where that byte stands in the stream,
-/// [`Decoder::position`](crate::Decoder::position) says.
+/// Offsets count from the first byte of the packet; the packet's offset in the stream follows from
+/// [`Decoder::position`](robot_session::Decoder::position).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
@@ -13,9 +13,9 @@ pub enum DecodeError {
     Header {
         /// 1 or 2: the byte that does not fit the first.
         offset: usize,
-        /// What the first byte asks for.
+        /// What follows from the first byte.
         expected: u8,
-        /// What stands there.
+        /// The byte that came.
         found: u8,
     },
     /// Bytes that no packet header begins. Only the stream decoder gives it.
@@ -27,7 +27,7 @@ pub enum DecodeError {
     /// The sum of n, the data bytes and the checksum must be 0 modulo 256 (§4.2).
     #[error("checksum is {found:#04x}, the data gives {expected:#04x} (at byte {offset})")]
     Checksum {
-        /// Where the checksum stands.
+        /// The place of the checksum.
         offset: usize,
         /// The checksum of the bytes before it.
         expected: u8,
@@ -54,18 +54,18 @@ pub enum DecodeError {
     },
 }
 
-/// The caller's fault: a value that the wire cannot carry.
+/// The fault of the caller: a value that the wire cannot carry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum EncodeError {
     /// The output slice is too short.
-    #[error("output has room for {found} bytes, {expected} are needed")]
-    Buffer {
+    #[error("output has room for {available} bytes, {needed} are needed")]
+    BufferTooSmall {
         /// The bytes needed.
-        expected: usize,
+        needed: usize,
         /// The room there is.
-        found: usize,
+        available: usize,
     },
     /// The sensor type has three bits (§4.2).
     #[error("sensor type {found} is not in 0..=7")]
@@ -89,16 +89,24 @@ pub enum EncodeError {
     },
 }
 
-/// The caller's fault: a session that cannot work as configured.
+/// The fault of the caller: a session that cannot work as configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum SessionError {
+pub enum ConfigError {
     /// A poll and its packet do not fit the line in this period.
     #[error("poll period {found:?} is shorter than the {minimum:?} that a poll and its packet take")]
     Period {
         /// [`timing::min_period`](crate::timing::min_period) of the baud rate.
         minimum: Duration,
-        /// The period asked for.
+        /// The period of the configuration.
+        found: Duration,
+    },
+    /// Values could become too old although nothing goes wrong.
+    #[error("the greatest age {found:?} is not above the {minimum:?} that values reach between two replies")]
+    MaxAge {
+        /// The period or the reply window, whichever is longer, and one reply window more.
+        minimum: Duration,
+        /// The age of the configuration.
         found: Duration,
     },
     /// The ball's own identity does not fit its ID byte.

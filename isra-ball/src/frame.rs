@@ -1,9 +1,8 @@
-use crate::{DecodeError, EncodeError, Packet};
+use robot_session::Encode;
 
-/// The byte that asks for one packet, ASCII Enquire (§4.2).
-pub const ENQ: u8 = 0x05;
-
-const XOR: u8 = 0x55;
+use crate::envelope::{OVERHEAD, check_header, checksum, envelope, header};
+use crate::error::{DecodeError, EncodeError};
+use crate::message::Packet;
 
 /// A packet in its envelope: `n  −n  n⊕55h  data…  checksum`, n being the number of data bytes.
 ///
@@ -16,7 +15,7 @@ pub struct Frame<'a> {
 
 impl<'a> Frame<'a> {
     /// Length byte, its complement, its XOR, and the checksum.
-    pub const OVERHEAD: usize = 4;
+    pub const OVERHEAD: usize = OVERHEAD;
     /// The longest packet on the wire.
     pub const MAX_LEN: usize = 255 + Self::OVERHEAD;
 
@@ -43,27 +42,6 @@ impl<'a> Frame<'a> {
         Ok(Some((Self { data }, data.len() + Self::OVERHEAD)))
     }
 
-    /// Writes the packet; the bytes written.
-    ///
-    /// # Errors
-    /// [`EncodeError::Layout`] unless there are 8 data bytes, [`EncodeError::Buffer`].
-    pub fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
-        let Ok(data) = <&[u8; Packet::DATA_LEN]>::try_from(self.data) else {
-            return Err(EncodeError::Layout { expected: Packet::DATA_LEN, found: self.data.len() });
-        };
-        let room = out.len();
-        let Some(out) = out.first_chunk_mut() else {
-            return Err(EncodeError::Buffer { expected: self.encoded_len(), found: room });
-        };
-        *out = envelope(data);
-        Ok(out.len())
-    }
-
-    /// The bytes that the packet takes on the wire.
-    pub fn encoded_len(&self) -> usize {
-        self.data.len() + Self::OVERHEAD
-    }
-
     /// A frame around data bytes; at most 255 fit.
     pub fn new(data: &'a [u8]) -> Option<Self> {
         u8::try_from(data.len()).is_ok().then_some(Self { data })
@@ -87,6 +65,28 @@ impl<'a> Frame<'a> {
     }
 }
 
+/// Only frames of 8 data bytes are written.
+impl Encode for Frame<'_> {
+    /// [`EncodeError::Layout`], [`EncodeError::BufferTooSmall`].
+    type Error = EncodeError;
+
+    fn encoded_len(&self) -> usize {
+        self.data.len() + Self::OVERHEAD
+    }
+
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let Ok(data) = <&[u8; Packet::DATA_LEN]>::try_from(self.data) else {
+            return Err(EncodeError::Layout { expected: Packet::DATA_LEN, found: self.data.len() });
+        };
+        let available = out.len();
+        let Some(out) = out.first_chunk_mut() else {
+            return Err(EncodeError::BufferTooSmall { needed: self.encoded_len(), available });
+        };
+        *out = envelope(data);
+        Ok(out.len())
+    }
+}
+
 /// The packet's object, or `{"data":[…]}` when the layout is unknown.
 #[cfg(feature = "serde")]
 impl serde::Serialize for Frame<'_> {
@@ -99,45 +99,4 @@ impl serde::Serialize for Frame<'_> {
         object.serialize_field("data", self.data)?;
         object.end()
     }
-}
-
-/// Whether up to three bytes can begin a packet.
-#[inline]
-pub(crate) fn check_header(bytes: &[u8]) -> Result<(), DecodeError> {
-    let Some(n) = bytes.first() else { return Ok(()) };
-    for (offset, (&found, expected)) in bytes.iter().zip(header(*n)).enumerate() {
-        if found != expected {
-            return Err(DecodeError::Header { offset, expected, found });
-        }
-    }
-    Ok(())
-}
-
-const fn header(n: u8) -> [u8; 3] {
-    [n, n.wrapping_neg(), n ^ XOR]
-}
-
-pub(crate) fn envelope(data: &[u8; Packet::DATA_LEN]) -> [u8; Packet::LEN] {
-    const HEADER: [u8; 3] = header(8);
-    let [n, minus_n, xor_n] = HEADER;
-    let [id, fx, fy, fz, mx, my, mz, keys] = *data;
-    [n, minus_n, xor_n, id, fx, fy, fz, mx, my, mz, keys, checksum(data)]
-}
-
-/// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).
-#[inline]
-fn checksum(data: &[u8]) -> u8 {
-    const EVEN: u64 = 0x00FF_00FF_00FF_00FF;
-    const ONES: u64 = 0x0001_0001_0001_0001;
-    let n = data.len().to_le_bytes()[0];
-    let sum = match data.try_into() {
-        // The eight bytes at once: four lanes of 16 bits, which the product adds up in its topmost.
-        Ok(word) => {
-            let word = u64::from_le_bytes(word);
-            let lanes = (word & EVEN) + (word >> 8 & EVEN);
-            lanes.wrapping_mul(ONES).to_be_bytes()[1]
-        }
-        Err(_) => data.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)),
-    };
-    n.wrapping_add(sum).wrapping_neg()
 }

@@ -33,34 +33,3 @@ impl Keys {
         }
     }
 }
-
-/// Finds the keys that went down or up between two packets.
-///
-/// A key that is down in the first packet is not an edge: a gripper must not move because somebody leaned on its key while the
-/// link came up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct KeyEdges {
-    last: Option<Keys>,
-}
-
-impl KeyEdges {
-    /// Before the first packet.
-    pub const fn new() -> Self {
-        Self { last: None }
-    }
-
-    /// Takes the keys of the next packet.
-    pub fn update(&mut self, keys: Keys) -> Edges {
-        let last = self.last.replace(keys).unwrap_or(keys);
-        Edges { pressed: Keys(keys.0 & !last.0), released: Keys(last.0 & !keys.0) }
-    }
-}
-
-/// The keys that changed between two packets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Edges {
-    /// Went down.
-    pub pressed: Keys,
-    /// Went up.
-    pub released: Keys,
-}

@@ -2,30 +2,23 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(feature = "tokio")]
-extern crate std;
-
-mod ball;
-#[cfg(feature = "tokio")]
-mod codec;
+pub mod ball;
 mod decoder;
+mod envelope;
 mod error;
-mod filter;
 mod frame;
-mod host;
+pub mod host;
 mod keys;
 mod message;
-mod queue;
-pub mod state;
 pub mod timing;
 
-pub use ball::{Ball, BallEvent};
-#[cfg(feature = "tokio")]
-pub use codec::Codec;
+pub use robot_session;
+
+pub use ball::{Ball, BallConfig, BallEvent, BallStatistics};
 pub use decoder::Decoder;
-pub use error::{DecodeError, EncodeError, SessionError};
-pub use filter::{Axes, Filter};
-pub use frame::{ENQ, Frame};
-pub use host::{Config, Host, HostEvent};
-pub use keys::{Edges, KeyEdges, Keys};
+pub use envelope::ENQ;
+pub use error::{ConfigError, DecodeError, EncodeError};
+pub use frame::Frame;
+pub use host::{Host, HostConfig, HostEvent, HostStatistics};
+pub use keys::Keys;
 pub use message::{Packet, Status};

@@ -1,5 +1,8 @@
-use crate::frame::envelope;
-use crate::{EncodeError, Frame, Keys};
+use robot_session::Encode;
+
+use crate::envelope::{DATA_LEN, OVERHEAD, envelope};
+use crate::error::EncodeError;
+use crate::keys::Keys;
 
 /// One measurement of the ball: forces, moments and keys (§4.2).
 ///
@@ -24,23 +27,9 @@ pub struct Packet {
 
 impl Packet {
     /// ID byte, three forces, three moments, keys.
-    pub const DATA_LEN: usize = 8;
+    pub const DATA_LEN: usize = DATA_LEN;
     /// The bytes on the wire.
-    pub const LEN: usize = Self::DATA_LEN + Frame::OVERHEAD;
-
-    /// Writes the packet in its envelope; the bytes written.
-    ///
-    /// # Errors
-    /// [`EncodeError::SensorType`], [`EncodeError::Sensor`], [`EncodeError::Buffer`].
-    pub fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
-        let bytes = self.to_bytes()?;
-        let room = out.len();
-        let Some(out) = out.first_chunk_mut() else {
-            return Err(EncodeError::Buffer { expected: Self::LEN, found: room });
-        };
-        *out = bytes;
-        Ok(Self::LEN)
-    }
+    pub const LEN: usize = DATA_LEN + OVERHEAD;
 
     /// The packet in its envelope.
     ///
@@ -53,20 +42,15 @@ impl Packet {
     /// Appends the packet in its envelope; the bytes written.
     ///
     /// # Errors
-    /// [`EncodeError::SensorType`], [`EncodeError::Sensor`], [`EncodeError::Buffer`].
+    /// [`EncodeError::SensorType`], [`EncodeError::Sensor`], [`EncodeError::BufferTooSmall`].
     #[cfg(feature = "bytes")]
     pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<usize, EncodeError> {
         let bytes = self.to_bytes()?;
         if out.remaining_mut() < Self::LEN {
-            return Err(EncodeError::Buffer { expected: Self::LEN, found: out.remaining_mut() });
+            return Err(EncodeError::BufferTooSmall { needed: Self::LEN, available: out.remaining_mut() });
         }
         out.put_slice(&bytes);
         Ok(Self::LEN)
-    }
-
-    /// The bytes on the wire: always 12.
-    pub fn encoded_len(&self) -> usize {
-        Self::LEN
     }
 
     /// X, Y, Z, MX, MY, MZ.
@@ -76,7 +60,7 @@ impl Packet {
     }
 
     #[inline]
-    pub(crate) fn from_data([id, fx, fy, fz, mx, my, mz, keys]: [u8; Self::DATA_LEN]) -> Self {
+    pub(crate) fn from_data([id, fx, fy, fz, mx, my, mz, keys]: [u8; DATA_LEN]) -> Self {
         Self {
             sensor_type: id >> 4 & 7,
             sensor: id & 7,
@@ -87,7 +71,7 @@ impl Packet {
         }
     }
 
-    fn to_data(self) -> Result<[u8; Self::DATA_LEN], EncodeError> {
+    fn to_data(self) -> Result<[u8; DATA_LEN], EncodeError> {
         if self.sensor_type > 7 {
             return Err(EncodeError::SensorType { found: self.sensor_type });
         }
@@ -97,6 +81,26 @@ impl Packet {
         let id = self.status.id_bits() | self.sensor_type << 4 | self.sensor;
         let [fx, fy, fz, mx, my, mz] = self.axes().map(i8::cast_unsigned);
         Ok([id, fx, fy, fz, mx, my, mz, self.keys.0])
+    }
+}
+
+/// Always 12 bytes.
+impl Encode for Packet {
+    /// [`EncodeError::SensorType`], [`EncodeError::Sensor`], [`EncodeError::BufferTooSmall`].
+    type Error = EncodeError;
+
+    fn encoded_len(&self) -> usize {
+        Self::LEN
+    }
+
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let bytes = self.to_bytes()?;
+        let available = out.len();
+        let Some(out) = out.first_chunk_mut() else {
+            return Err(EncodeError::BufferTooSmall { needed: Self::LEN, available });
+        };
+        *out = bytes;
+        Ok(Self::LEN)
     }
 }
 
@@ -116,8 +120,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether the values are new. Old values are used but do not show that the sensor is alive, and neither does a status that
-    /// nobody knows.
+    /// Whether the values are new. A status that nobody knows does not say so.
     pub fn is_fresh(self) -> bool {
         self == Self::Fresh
     }

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use crate::Packet;
+use crate::message::Packet;
 
 /// The baud rate of the source's DIP setting (§4.1).
 pub const BAUD: u32 = 9600;

@@ -1,13 +1,8 @@
 //! The borders: exact lengths, buffers that are one byte short, values at the end of their range.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use core::time::Duration;
-
-use bytes::BytesMut;
-use isra_ball::{
-    Codec, Config, DecodeError, Decoder, ENQ, EncodeError, Frame, Host, HostEvent, Keys, Packet, Status,
-};
-use tokio_util::codec::Encoder as _;
+use isra_ball::robot_session::{Decoder as _, Encode as _};
+use isra_ball::{DecodeError, Decoder, ENQ, EncodeError, Frame, Keys, Packet, Status};
 
 const PACKET: Packet = Packet {
     sensor_type: 7,
@@ -26,13 +21,13 @@ fn a_packet_fits_twelve_bytes_and_no_fewer() {
     let (frame, used) = Frame::decode(&BYTES).unwrap().unwrap();
     assert_eq!((frame.packet(), used, frame.encoded_len()), (Ok(PACKET), 12, 12));
     let mut out = [0; 12];
-    let short = Err(EncodeError::Buffer { expected: 12, found: 11 });
+    let short = Err(EncodeError::BufferTooSmall { needed: 12, available: 11 });
     assert_eq!((PACKET.encode(&mut out[..11]), frame.encode(&mut out[..11])), (short, short));
     assert_eq!((PACKET.encode(&mut out), out), (Ok(12), BYTES));
     let mut again = [0; 12];
     assert_eq!((frame.encode(&mut again), again), (Ok(12), BYTES));
     for (room, expected) in
-        [(11, Err(EncodeError::Buffer { expected: 12, found: 11 })), (12, Ok(12)), (13, Ok(12))]
+        [(11, Err(EncodeError::BufferTooSmall { needed: 12, available: 11 })), (12, Ok(12)), (13, Ok(12))]
     {
         let mut buffer = [0; 13];
         assert_eq!(PACKET.append_to(&mut &mut buffer[..room]), expected, "{room}");
@@ -41,26 +36,22 @@ fn a_packet_fits_twelve_bytes_and_no_fewer() {
 }
 
 #[test]
-fn an_identity_of_more_than_three_bits_is_refused_by_the_codec_too() {
+fn an_identity_of_more_than_three_bits_is_refused() {
     let packet = Packet { sensor_type: 8, ..PACKET };
     assert_eq!(packet.to_bytes(), Err(EncodeError::SensorType { found: 8 }));
-    let mut wire = BytesMut::new();
-    let error = Codec::new().encode(packet, &mut wire).unwrap_err();
-    assert_eq!(error.kind(), std::io::ErrorKind::InvalidInput);
-    assert_eq!(error.to_string(), EncodeError::SensorType { found: 8 }.to_string());
-    assert!(wire.is_empty());
+    assert_eq!(packet.encode(&mut [0; 12]), Err(EncodeError::SensorType { found: 8 }));
+    assert_eq!(ENQ, 5);
 }
 
 #[test]
-fn a_packet_of_one_byte_is_found_behind_noise() {
+fn a_packet_of_one_byte_is_found_after_noise() {
     // A length of 1 has a header whose bits the XOR turns off as well as on.
     let packet = [0x01, 0xFF, 0x54, 0xAA, 0x55];
     assert_eq!(Frame::decode(&packet).unwrap().unwrap(), (Frame::new(&[0xAA]).unwrap(), 5));
     let wrong = DecodeError::Header { offset: 2, expected: 0x54, found: 0x55 };
     assert_eq!(Frame::decode(&[0x01, 0xFF, 0x55]), Err(wrong));
     let mut decoder = Decoder::default();
-    decoder.push(&[0xAA]);
-    decoder.push(&packet);
+    assert_eq!((decoder.push(&[0xAA]), decoder.push(&packet)), (1, 5));
     assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Noise { length: 1 })));
     assert_eq!(decoder.next_frame(), Some(Ok(Frame::new(&[0xAA]).unwrap())));
     assert_eq!(decoder.next_frame(), None);
@@ -83,14 +74,16 @@ fn a_key_that_is_down_twice_is_down() {
 }
 
 #[test]
-fn a_host_counts_the_events_that_nobody_took() {
-    let mut host = Host::new(Config::default()).unwrap();
-    let now = Duration::ZERO;
-    assert_eq!((host.poll_transmit(now, &mut [0; 1]), host.dropped_events()), (Some(1), 0));
-    for _ in 0..9 {
-        host.handle_input(now, &BYTES);
-    }
-    assert_eq!(host.dropped_events(), 1);
-    assert_eq!(host.poll_event(), Some(HostEvent::Unasked(PACKET)), "the reply itself was the oldest");
-    assert_eq!(ENQ, 5);
+fn cleared_bytes_count_in_the_position_and_end_with_the_stream_before() {
+    let mut decoder = Decoder::new();
+    assert_eq!(decoder.push(&BYTES[..5]), 5);
+    decoder.finish();
+    decoder.clear();
+    assert_eq!(decoder.next_frame(), None);
+    assert_eq!(decoder.position(), 5);
+    assert_eq!(decoder.push(&BYTES[..5]), 5);
+    assert_eq!(decoder.next_frame(), None, "more bytes may come");
+    assert_eq!(decoder.push(&BYTES[5..]), 7);
+    assert_eq!(decoder.next_frame().unwrap().unwrap().packet(), Ok(PACKET));
+    assert_eq!(decoder.position(), 17);
 }

@@ -1,15 +1,13 @@
-//! Both ends on a simulated line, the state tables, and every rule of the source.
+//! Each end by itself, and every rule of the source.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use core::fmt::Debug;
 use core::time::Duration;
 
-use isra_ball::state::{Poll, PollInput, Reply, ReplyInput, Sensor, SensorInput};
+use isra_ball::robot_session::{Decoder as _, Encode as _, Session};
 use isra_ball::{
-    Axes, Ball, BallEvent, Config, DecodeError, Decoder, Edges, EncodeError, Filter, Host, HostEvent,
-    KeyEdges, Keys, Packet, SessionError, Status, timing,
+    Ball, BallConfig, BallEvent, ConfigError, DecodeError, Decoder, EncodeError, Host, HostConfig, HostEvent,
+    Keys, Packet, Status, timing,
 };
-use testkit::link::{Delivery, End, Faults, Link};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -17,239 +15,351 @@ fn packet(status: Status, x: i8) -> Packet {
     Packet { sensor_type: 0, sensor: 0, status, force: [x, 0, 0], moment: [0; 3], keys: Keys::NONE }
 }
 
-/// A host at `End::A` and a ball at `End::B`, driven until `end`. `hand` gives the sensor's values from time to time.
-fn drive(
-    link: &mut Link,
-    host: &mut Host,
-    ball: &mut Ball,
-    end: Duration,
-    mut hand: impl FnMut(Duration, &mut Ball),
-) -> Vec<(Duration, HostEvent)> {
-    let (mut now, mut out, mut events) = (Duration::ZERO, [0; 64], Vec::new());
-    while now < end {
-        hand(now, ball);
-        host.handle_timeout(now);
-        while let Some(Delivery::Bytes(bytes)) = link.receive(End::A, now) {
-            host.handle_input(now, &bytes);
-        }
-        while let Some(Delivery::Bytes(bytes)) = link.receive(End::B, now) {
-            ball.handle_input(now, &bytes);
-        }
-        while let Some(n) = host.poll_transmit(now, &mut out) {
-            link.send(End::A, now, &out[..n]);
-        }
-        while let Some(n) = ball.poll_transmit(now, &mut out) {
-            link.send(End::B, now, &out[..n]);
-        }
-        events.extend(core::iter::from_fn(|| host.poll_event()).map(|event| (now, event)));
-        while ball.poll_event().is_some() {}
-        let next = host.poll_timeout().into_iter().chain(link.next_delivery()).min().unwrap();
-        now = next.max(now + Duration::from_micros(100));
-    }
-    events
+fn fresh(x: i8) -> Packet {
+    packet(Status::Fresh, x)
 }
 
-fn matrix<S: Copy + Debug, I: Copy + Debug, A: Debug>(
-    states: [S; 2],
-    inputs: [I; 2],
-    on: fn(S, I) -> (S, A),
-) -> String {
-    let rows = states.iter().flat_map(|s| inputs.iter().map(move |i| (s, i)));
-    rows.map(|(s, i)| {
-        let (next, action) = on(*s, *i);
-        format!("{s:?} × {i:?} -> {next:?}, {action:?}\n")
-    })
-    .collect()
+fn bytes(packet: Packet) -> [u8; 12] {
+    packet.to_bytes().unwrap()
 }
 
-#[test]
-fn every_state_and_event_is_defined() {
-    let text = matrix([Poll::Idle, Poll::Waiting], [PollInput::PollDue, PollInput::Packet], Poll::on)
-        + &matrix([Sensor::Alive, Sensor::Stale], [SensorInput::Fresh, SensorInput::Silence], Sensor::on)
-        + &matrix([Reply::Ready, Reply::Replying], [ReplyInput::Enq, ReplyInput::Sent], Reply::on);
-    assert_eq!(text, include_str!("state_matrix.txt"));
+fn events<S: Session>(session: &mut S) -> Vec<S::Event> {
+    core::iter::from_fn(|| session.poll_event()).collect()
 }
 
-#[test]
-fn a_clean_line_gives_a_fresh_packet_each_period() {
-    let mut link = Link::new(1, Faults { latency: Duration::ZERO, ..Faults::NONE }.at_baud(9600));
-    let (mut host, mut ball) = (Host::new(Config::default()).unwrap(), Ball::new(0, 0).unwrap());
-    let events = drive(&mut link, &mut host, &mut ball, MS * 2800, |now, ball| {
-        ball.measure([(now.as_millis() % 100) as i8, 0, 0], [0; 3], Keys::NONE);
-    });
-    assert_eq!(events.len(), 100);
-    for (k, (at, event)) in (0..).zip(events) {
-        let asked = 28 * MS * k;
-        assert!(matches!(event, HostEvent::Packet(p) if p.status == Status::Fresh), "{at:?} {event:?}");
-        // "ENQ" and 12 bytes at 9600 baud are 13.54 ms, told by the link in steps of 0.1 ms.
-        let took = at - asked;
-        assert!(took >= Duration::from_micros(13_541) && took < Duration::from_micros(13_900), "{took:?}");
-    }
+/// A host that has just been connected.
+fn host() -> Host {
+    let mut host = Host::new(HostConfig::default()).unwrap();
+    host.handle_connected(Duration::ZERO);
+    host
 }
 
-/// §4.2: "Daten in Ordnung" and "alte Daten": the ball's processor has no new values yet and sends the ones before.
-#[test]
-fn values_asked_for_twice_are_old_the_second_time() {
-    let mut ball = Ball::new(2, 1).unwrap();
-    let reply = |ball: &mut Ball| {
-        let mut out = [0; 64];
-        ball.handle_input(Duration::ZERO, &[0x05]);
-        let n = ball.poll_transmit(Duration::ZERO, &mut out).unwrap();
-        let mut decoder = Decoder::new();
-        decoder.push(&out[..n]);
-        decoder.next_frame().unwrap().unwrap().packet().unwrap()
-    };
-    let old = |status, x| Packet { sensor_type: 2, sensor: 1, ..packet(status, x) };
-    assert_eq!(reply(&mut ball), old(Status::Old, 0));
-    ball.measure([7, 0, 0], [0; 3], Keys::NONE);
-    assert_eq!(reply(&mut ball), old(Status::Fresh, 7));
-    assert_eq!(reply(&mut ball), old(Status::Old, 7));
-}
-
-#[test]
-fn old_values_are_used_but_do_not_show_that_the_sensor_lives() {
-    let mut link = Link::new(1, Faults::NONE.at_baud(9600));
-    let (mut host, mut ball) = (Host::new(Config::default()).unwrap(), Ball::new(0, 0).unwrap());
-    // New values until 50 ms, then the same ones, then new ones again from 300 ms on.
-    let events = drive(&mut link, &mut host, &mut ball, MS * 400, |now, ball| {
-        if now < MS * 50 || now > MS * 300 {
-            ball.measure([7, 0, 0], [0; 3], Keys::NONE);
-        }
-    });
-    let stale: Vec<_> = events.iter().filter(|(_, e)| *e == HostEvent::Stale).collect();
-    assert_eq!(stale.len(), 1, "{events:?}");
-    let last_fresh =
-        events.iter().rfind(|(at, e)| *at < stale[0].0 && *e == HostEvent::Packet(packet(Status::Fresh, 7)));
-    assert_eq!(stale[0].0 - last_fresh.unwrap().0, MS * 100);
-    let old = HostEvent::Packet(packet(Status::Old, 7));
-    assert!(events.iter().filter(|(_, e)| *e == old).count() > 5, "{events:?}");
-    assert!(host.is_alive());
-}
-
-#[test]
-fn a_dead_ball_is_missed_each_period_and_stale_once() {
-    let mut host = Host::new(Config::default()).unwrap();
-    let (mut out, mut events, mut polls) = ([0; 4], Vec::new(), Vec::new());
-    for now in (0..300).map(|t| MS * t) {
-        host.handle_timeout(now);
+/// Sends the next poll when it is due; the time.
+fn poll(host: &mut Host) -> Duration {
+    for _ in 0..4 {
+        let now = host.poll_timeout().unwrap();
+        let mut out = [0; 1];
         if host.poll_transmit(now, &mut out).is_some() {
-            assert_eq!(out[0], 0x05);
-            polls.push(now.as_millis());
+            assert_eq!(out, [0x05]);
+            return now;
         }
-        events.extend(core::iter::from_fn(|| host.poll_event()).map(|event| (now.as_millis(), event)));
     }
-    assert_eq!(polls, [0, 28, 56, 84, 112, 140, 168, 196, 224, 252, 280]);
-    let missed: Vec<_> = events.iter().filter(|(_, e)| *e == HostEvent::Missed).map(|(at, _)| *at).collect();
-    assert_eq!(missed, polls[1..]);
-    let stale: Vec<_> = events.iter().filter(|(_, e)| *e == HostEvent::Stale).map(|(at, _)| *at).collect();
-    assert_eq!(stale, [100]);
-    assert!(!host.is_alive());
+    panic!("no poll: {host:?}");
+}
+
+/// One exchange; when the poll was sent.
+fn exchange(host: &mut Host, reply: Packet) -> Duration {
+    let now = poll(host);
+    host.handle_input(now + 14 * MS, &bytes(reply));
+    now
+}
+
+/// §9.5: "Die Sendung eines ENQ-Zeichen erfolgt jetzt zeitgesteuert."
+#[test]
+fn the_host_polls_each_period_and_the_first_poll_waits_for_the_reply_to_another_host() {
+    let mut host = host();
+    let first = poll(&mut host);
+    assert_eq!(first.as_micros(), 27_541, "13.541 ms on the line and 14 ms late");
+    host.handle_input(first + 14 * MS, &bytes(fresh(1)));
+    let second = exchange(&mut host, fresh(2));
+    assert_eq!(second, first + 28 * MS);
+    assert_eq!(poll(&mut host), second + 28 * MS);
+}
+
+#[test]
+fn values_are_new_only_if_the_reply_before_proves_it() {
+    let mut host = host();
+    // The ball may have measured this long ago, before anybody asked.
+    let first = exchange(&mut host, fresh(1));
+    assert_eq!((events(&mut host), host.live_until()), (vec![HostEvent::Old(fresh(1))], None));
+    // This was measured after the first reply, so after the first poll.
+    exchange(&mut host, fresh(2));
+    assert_eq!(events(&mut host), [HostEvent::Packet(fresh(2))]);
+    assert_eq!(host.live_until(), Some(first + 150 * MS));
+    // The ball cannot measure any more.
+    for _ in 0..3 {
+        exchange(&mut host, packet(Status::Old, 2));
+        assert_eq!(events(&mut host), [HostEvent::Old(packet(Status::Old, 2))]);
+    }
+    assert_eq!(host.live_until(), Some(first + 150 * MS));
+    host.handle_timeout(first + 150 * MS - MS / 10);
+    assert_eq!(events(&mut host), []);
+    host.handle_timeout(first + 150 * MS);
+    assert_eq!((events(&mut host), host.live_until()), (vec![HostEvent::Stale], None));
+    for _ in 0..100 {
+        exchange(&mut host, packet(Status::Old, 2));
+        events(&mut host);
+    }
+    assert_eq!((host.statistics().stale, host.statistics().packets, host.statistics().old), (1, 1, 104));
+}
+
+#[test]
+fn the_outcomes_that_nobody_takes_hold_the_next_poll_back() {
+    let mut host = host();
+    for _ in 0..6 {
+        exchange(&mut host, fresh(1));
+    }
+    let now = host.poll_timeout().unwrap();
+    assert_eq!(host.poll_transmit(now, &mut [0]), None, "a poll may end in three outcomes, two have room");
+    assert_eq!(host.poll_event(), Some(HostEvent::Old(fresh(1))));
+    assert_eq!(host.poll_transmit(now, &mut [0]), Some(1));
+    host.handle_timeout(now + 1000 * MS);
+    let mut expected = vec![HostEvent::Packet(fresh(1)); 5];
+    expected.extend([HostEvent::Missed, HostEvent::Stale]);
+    assert_eq!(events(&mut host), expected);
+    assert_eq!(host.statistics().dropped_notices, 0);
+}
+
+#[test]
+fn a_silent_ball_is_missed_each_period_and_stale_once() {
+    let mut host = host();
+    exchange(&mut host, fresh(1));
+    let last = exchange(&mut host, fresh(2));
+    events(&mut host);
+    let (mut polls, mut missed, mut stale) = (Vec::new(), Vec::new(), Vec::new());
+    for t in 0..400 {
+        let now = last + t * MS;
+        host.handle_timeout(now);
+        if host.poll_transmit(now, &mut [0]).is_some() {
+            polls.push(t);
+        }
+        for event in events(&mut host) {
+            match event {
+                HostEvent::Missed => missed.push(t),
+                HostEvent::Stale => stale.push(t),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+    assert_eq!(polls[..5], [28, 56, 84, 112, 140]);
+    assert_eq!(missed[..4], [56, 84, 112, 140]);
+    // 150 ms after the poll whose reply the last values are newer than.
+    assert_eq!(stale, [122]);
 }
 
 #[test]
 fn a_pause_of_the_host_is_not_made_up_for_by_a_burst() {
-    let mut host = Host::new(Config::default()).unwrap();
+    let mut host = host();
     let mut polls = Vec::new();
-    for t in (0..30).chain(500..600) {
+    for t in (0..100).chain(500..600) {
         if host.poll_transmit(MS * t, &mut [0]).is_some() {
             polls.push(t);
         }
+        events(&mut host);
     }
-    assert_eq!(polls, [0, 28, 500, 514, 542, 570, 598]);
-    let mut host = Host::new(Config::default()).unwrap();
-    assert_eq!(host.poll_transmit(MS, &mut []), None);
-    assert_eq!(host.poll_transmit(MS, &mut [0]), Some(1));
+    assert_eq!(polls, [28, 56, 84, 500, 528, 556, 584]);
 }
 
 #[test]
-fn a_late_reply_is_told_apart() {
-    let mut host = Host::new(Config::default()).unwrap();
-    let (a, b) = (packet(Status::Fresh, 1), packet(Status::Fresh, 2));
-    host.poll_transmit(Duration::ZERO, &mut [0]).unwrap();
-    host.poll_transmit(MS * 28, &mut [0]).unwrap();
-    host.handle_input(MS * 29, &[a.to_bytes().unwrap(), b.to_bytes().unwrap()].concat());
-    let events: Vec<_> = core::iter::from_fn(|| host.poll_event()).collect();
-    assert_eq!(events, [HostEvent::Missed, HostEvent::Packet(a), HostEvent::Unasked(b)]);
+fn a_packet_that_can_be_no_reply_is_unasked() {
+    let mut host = host();
+    let unasked = |x| HostEvent::Unasked(fresh(x));
+    host.handle_input(10 * MS, &bytes(fresh(1)));
+    assert_eq!(events(&mut host), [unasked(1)], "no poll");
+    let now = poll(&mut host);
+    host.handle_input(now + 12 * MS, &bytes(fresh(2)));
+    assert_eq!(events(&mut host), [unasked(2)], "faster than the line");
+    host.handle_input(now + 13 * MS, &[bytes(fresh(3)), bytes(fresh(4))].concat());
+    assert_eq!(events(&mut host), [HostEvent::Old(fresh(3)), unasked(4)]);
+    let now = poll(&mut host);
+    host.handle_input(now + 27 * MS, &bytes(fresh(5)));
+    assert_eq!(events(&mut host), [HostEvent::Packet(fresh(5))]);
+    let now = poll(&mut host);
+    // The host was not called for a second: how long the packet has waited nobody knows.
+    host.handle_input(now + 1000 * MS, &bytes(fresh(6)));
+    assert_eq!(events(&mut host), [HostEvent::Missed, HostEvent::Stale, unasked(6)]);
+    assert_eq!((host.statistics().unasked, host.statistics().missed, host.statistics().polls), (4, 1, 3));
 }
 
 #[test]
-fn a_cut_reply_is_given_up_at_the_next_poll() {
-    let mut host = Host::new(Config::default()).unwrap();
-    let bytes = packet(Status::Fresh, 1).to_bytes().unwrap();
-    host.poll_transmit(Duration::ZERO, &mut [0]).unwrap();
-    host.handle_input(MS * 10, &bytes[..9]);
-    assert_eq!(host.poll_event(), None);
-    host.poll_transmit(MS * 28, &mut [0]).unwrap();
-    host.handle_input(MS * 40, &bytes);
-    let events: Vec<_> = core::iter::from_fn(|| host.poll_event()).collect();
-    let cut = HostEvent::Error(DecodeError::Incomplete { expected: 12, found: 9 });
-    assert_eq!(events, [cut, HostEvent::Missed, HostEvent::Packet(packet(Status::Fresh, 1))]);
+fn the_first_new_values_after_a_pause_are_not_used() {
+    let mut host = host();
+    exchange(&mut host, fresh(1));
+    let last = exchange(&mut host, fresh(2));
+    events(&mut host);
+    // Nobody polls for a second; the ball then sends what it measured at its beginning.
+    let now = last + 1000 * MS;
+    host.poll_transmit(now, &mut [0]).unwrap();
+    host.handle_input(now + 14 * MS, &bytes(fresh(3)));
+    assert_eq!(events(&mut host), [HostEvent::Stale, HostEvent::Old(fresh(3))]);
+    exchange(&mut host, fresh(4));
+    assert_eq!(events(&mut host), [HostEvent::Packet(fresh(4))]);
+}
+
+#[test]
+fn a_connection_ends_its_poll_and_its_values() {
+    let mut host = host();
+    exchange(&mut host, fresh(1));
+    exchange(&mut host, fresh(2));
+    let now = poll(&mut host);
+    events(&mut host);
+    host.handle_input(now + 10 * MS, &bytes(fresh(3))[..9]);
+    host.handle_disconnected(now + 11 * MS);
+    assert_eq!(events(&mut host), [HostEvent::Missed, HostEvent::Stale]);
+    assert_eq!((host.poll_timeout(), host.poll_transmit(now + 90 * MS, &mut [0])), (None, None));
+    host.handle_disconnected(now + 12 * MS);
+    let again = now + 20 * MS;
+    host.handle_connected(again);
+    host.handle_connected(again);
+    assert_eq!(host.poll_timeout(), Some(again + HostConfig::default().reply_window()));
+    // The rest of the packet is noise now, and another ball's first packet is of unknown age.
+    host.handle_input(again + MS, &bytes(fresh(3))[9..]);
+    exchange(&mut host, fresh(4));
+    let seen = events(&mut host);
+    assert_eq!(seen, [HostEvent::Corrupt(DecodeError::Noise { length: 3 }), HostEvent::Old(fresh(4))]);
+}
+
+#[test]
+fn bytes_without_a_connection_are_unexpected() {
+    let mut host = Host::new(HostConfig::default()).unwrap();
+    assert_eq!((host.poll_timeout(), host.poll_transmit(MS, &mut [0])), (None, None));
+    host.handle_input(MS, &bytes(fresh(1)));
+    let seen = events(&mut host);
+    assert!(
+        matches!(seen[..], [HostEvent::Unexpected(e)] if e.to_string() == "Packet(fresh) is not expected in the state Disconnected"),
+        "{seen:?}"
+    );
+    let mut ball = Ball::new(BallConfig::default()).unwrap();
+    ball.handle_input(MS, &[0x05]);
+    assert!(matches!(events(&mut ball)[..], [BallEvent::Unexpected(_)]));
+    assert_eq!((ball.poll_transmit(MS, &mut [0; 12]), ball.statistics().unexpected), (None, 1));
+    assert_eq!(host.statistics().unexpected, 1);
+}
+
+#[test]
+fn a_cut_reply_is_given_up_when_no_reply_can_come() {
+    let mut host = host();
+    let now = poll(&mut host);
+    host.handle_input(now + 10 * MS, &bytes(fresh(1))[..9]);
+    assert_eq!(events(&mut host), []);
+    exchange(&mut host, fresh(2));
+    let cut = HostEvent::Corrupt(DecodeError::Incomplete { expected: 12, found: 9 });
+    assert_eq!(events(&mut host), [cut, HostEvent::Missed, HostEvent::Old(fresh(2))]);
+    assert_eq!(host.statistics().corrupt, 1);
 }
 
 /// §4.1: "integriertem XON/XOFF Software-Handshake", and the packets are unescaped binary.
 #[test]
 fn a_line_with_xon_xoff_loses_forces_of_17_and_19_and_a_raw_one_does_not() {
-    let trap =
-        Packet { force: [17, 19, -128], moment: [127, 0, 0], keys: Keys(0x10), ..packet(Status::Fresh, 0) };
-    let plain = packet(Status::Fresh, 5);
+    let trap = Packet { force: [17, 19, -128], moment: [127, 0, 0], keys: Keys(0x10), ..fresh(0) };
+    let plain = fresh(5);
     let reply = |xon_xoff: bool| {
-        let mut host = Host::new(Config::default()).unwrap();
-        for (k, packet) in (0..).zip([trap, plain, trap, plain]) {
-            host.poll_transmit(MS * 28 * k, &mut [0]).unwrap();
-            let mut bytes = packet.to_bytes().unwrap().to_vec();
+        let mut host = host();
+        for packet in [trap, plain, trap, plain] {
+            let now = poll(&mut host);
+            let mut bytes = bytes(packet).to_vec();
             bytes.retain(|byte| !xon_xoff || ![0x11, 0x13].contains(byte));
-            host.handle_input(MS * (28 * k + 14), &bytes);
+            host.handle_input(now + 14 * MS, &bytes);
         }
-        core::iter::from_fn(|| host.poll_event()).collect::<Vec<_>>()
+        host.handle_timeout(host.poll_timeout().unwrap());
+        events(&mut host)
     };
-    assert_eq!(reply(false), [trap, plain, trap, plain].map(HostEvent::Packet));
-    let short = HostEvent::Error(DecodeError::Incomplete { expected: 12, found: 10 });
-    let good = HostEvent::Packet(plain);
-    assert_eq!(reply(true), [short, HostEvent::Missed, good, short, HostEvent::Missed, good]);
+    let [old, new] = [HostEvent::Old(trap), HostEvent::Packet(plain)];
+    assert_eq!(reply(false), [old, new, HostEvent::Packet(trap), new]);
+    let short = HostEvent::Corrupt(DecodeError::Incomplete { expected: 12, found: 10 });
+    let missed = HostEvent::Missed;
+    assert_eq!(reply(true), [short, missed, HostEvent::Old(plain), short, missed, new]);
+}
+
+/// §4.2: "Daten in Ordnung" and "alte Daten": the ball's processor has no new values yet and sends the ones before.
+#[test]
+fn values_asked_for_twice_are_old_the_second_time() {
+    let mut ball = Ball::new(BallConfig { sensor_type: 2, sensor: 1, ..BallConfig::default() }).unwrap();
+    ball.handle_connected(Duration::ZERO);
+    let reply = |ball: &mut Ball| {
+        let mut out = [0; 64];
+        ball.handle_input(Duration::ZERO, &[0x05]);
+        let n = ball.poll_transmit(Duration::ZERO, &mut out).unwrap();
+        let mut decoder = Decoder::new();
+        assert_eq!(decoder.push(&out[..n]), n);
+        decoder.next_frame().unwrap().unwrap().packet().unwrap()
+    };
+    let of = |status, x| Packet { sensor_type: 2, sensor: 1, ..packet(status, x) };
+    assert_eq!(reply(&mut ball), of(Status::Old, 0));
+    ball.measure([7, 0, 0], [0; 3], Keys::NONE);
+    assert_eq!(reply(&mut ball), of(Status::Fresh, 7));
+    assert_eq!(reply(&mut ball), of(Status::Old, 7));
+    assert_eq!((ball.statistics().fresh, ball.statistics().old), (1, 2));
 }
 
 #[test]
-fn a_noisy_line_delivers_only_what_the_ball_measured() {
-    let faults = Faults { latency: Duration::ZERO, ..Faults::SERIAL }.at_baud(9600);
-    let (mut delivered, mut wrong, mut damage) = (0, 0, 0);
-    for seed in 0..40 {
-        let mut link = Link::new(seed, faults);
-        let (mut host, mut ball) = (Host::new(Config::default()).unwrap(), Ball::new(3, 4).unwrap());
-        let mut n = 0u8;
-        let events = drive(&mut link, &mut host, &mut ball, MS * 5000, |_, ball| {
-            n = n.wrapping_add(1);
-            let v = n.cast_signed();
-            ball.measure([v, !v, v], [!v, v, !v], Keys(n));
-        });
-        for (_, event) in events {
-            if let HostEvent::Packet(p) | HostEvent::Unasked(p) = event {
-                let v = p.force[0];
-                let good = p.force == [v, !v, v] && p.moment == [!v, v, !v] && p.keys.0 == v.cast_unsigned();
-                delivered += 1;
-                wrong += u32::from(!good || (p.sensor_type, p.sensor) != (3, 4));
-            }
-        }
-        damage += link.counts().damage();
-    }
-    assert!(delivered > 6500 && damage > 200, "{delivered} packets, {damage} faults");
-    // A one-byte sum lets 1 in 256 damaged packets through.
-    assert!(wrong <= 3, "{wrong} of {delivered}");
+fn the_ball_sends_nothing_unasked_and_answers_once() {
+    let (mut ball, mut out) = (Ball::new(BallConfig::default()).unwrap(), [0; 64]);
+    ball.handle_connected(MS);
+    ball.measure([1; 3], [2; 3], Keys(3));
+    ball.handle_timeout(MS);
+    assert_eq!((ball.poll_transmit(MS, &mut out), ball.poll_timeout()), (None, None));
+    ball.handle_input(MS, &[0x07, 0x05, 0x05]);
+    assert_eq!(ball.poll_transmit(MS, &mut out[..11]), None);
+    // What is measured before the reply is sent is in it.
+    ball.measure([4; 3], [5; 3], Keys(6));
+    assert_eq!(ball.poll_transmit(MS, &mut out), Some(12));
+    assert_eq!(ball.poll_transmit(MS, &mut out), None);
+    let reply = Packet { force: [4; 3], moment: [5; 3], keys: Keys(6), ..fresh(0) };
+    assert_eq!(events(&mut ball), [BallEvent::Unknown(7), BallEvent::Ignored, BallEvent::Reply(reply)]);
 }
 
 #[test]
-fn a_period_that_the_line_cannot_keep_is_refused() {
-    let config = Config { period: MS * 13, ..Config::default() };
-    let error = Host::new(config).unwrap_err();
-    assert_eq!(error, SessionError::Period { minimum: MS * 14, found: MS * 13 });
+fn a_poll_is_not_answered_on_the_next_connection() {
+    let mut ball = Ball::new(BallConfig::default()).unwrap();
+    ball.handle_connected(MS);
+    ball.measure([1; 3], [0; 3], Keys::NONE);
+    ball.handle_input(MS, &[0x05]);
+    ball.handle_disconnected(MS);
+    assert_eq!(ball.poll_transmit(MS, &mut [0; 12]), None);
+    ball.handle_connected(MS);
+    assert_eq!(ball.poll_transmit(MS, &mut [0; 12]), None);
+    ball.handle_input(MS, &[0x05]);
+    assert_eq!(ball.poll_transmit(MS, &mut [0; 12]), Some(12));
+    assert_eq!(ball.statistics().fresh, 1, "the values outlast the connection");
+}
+
+#[test]
+fn a_full_event_queue_drops_the_oldest_notice() {
+    let mut ball = Ball::new(BallConfig::default()).unwrap();
+    ball.handle_input(MS, &[10, 11, 12, 13, 14, 15, 16, 17, 18, 19]);
+    assert_eq!(events(&mut ball), [12, 13, 14, 15, 16, 17, 18, 19].map(BallEvent::Unknown));
+    assert_eq!(ball.statistics().dropped_notices, 2);
+}
+
+#[test]
+fn a_period_or_an_age_that_cannot_be_kept_is_refused() {
+    let with = |baud, period, max_age| {
+        Host::new(HostConfig { baud, period, max_age, ..HostConfig::default() })
+            .map(drop)
+            .map_err(|e| e.to_string())
+    };
+    let error = with(9600, MS * 13, MS * 150);
     assert_eq!(
-        error.to_string(),
-        "poll period 13ms is shorter than the 14ms that a poll and its packet take"
+        error,
+        Err("poll period 13ms is shorter than the 14ms that a poll and its packet take".into())
     );
-    assert!(Host::new(Config { period: MS * 14, ..Config::default() }).is_ok());
-    assert!(Host::new(Config { period: MS * 7, baud: 19_200, ..Config::default() }).is_ok());
-    assert!(matches!(Host::new(Config { baud: 0, ..Config::default() }), Err(SessionError::Period { .. })));
-    assert_eq!(Ball::new(8, 0).unwrap_err().to_string(), "sensor type 8 is not in 0..=7");
-    assert_eq!(Ball::new(0, 9).unwrap_err(), SessionError::Identity(EncodeError::Sensor { found: 9 }));
+    assert_eq!(with(9600, MS * 14, MS * 150), Ok(()));
+    assert_eq!(with(19_200, MS * 7, MS * 150), Ok(()));
+    // 28 ms from poll to poll, 27.541 ms until the reply.
+    let error = with(9600, MS * 28, Duration::from_nanos(55_541_666));
+    let text =
+        "the greatest age 55.541666ms is not above the 55.541666ms that values reach between two replies";
+    assert_eq!(error, Err(text.into()));
+    assert_eq!(with(9600, MS * 28, Duration::from_nanos(55_541_667)), Ok(()));
+    assert!(with(0, MS * 28, MS * 150).is_err());
+    assert!(with(9600, Duration::MAX, MS * 150).is_err());
+    assert_eq!(with(9600, Duration::MAX, Duration::MAX), Ok(()));
+    let ball = |sensor_type, sensor| Ball::new(BallConfig { sensor_type, sensor, ..BallConfig::default() });
+    assert_eq!(ball(8, 0).unwrap_err().to_string(), "sensor type 8 is not in 0..=7");
+    assert_eq!(ball(0, 9).unwrap_err(), ConfigError::Identity(EncodeError::Sensor { found: 9 }));
+}
+
+#[test]
+fn the_longest_time_is_never() {
+    let mut host = Host::new(HostConfig::default()).unwrap();
+    host.handle_connected(Duration::MAX);
+    assert_eq!((host.poll_timeout(), host.poll_transmit(Duration::MAX, &mut [0])), (None, None));
+    host.handle_input(Duration::MAX, &bytes(fresh(1)));
+    host.handle_disconnected(Duration::MAX);
+    host.handle_connected(Duration::ZERO);
+    assert_eq!(host.poll_transmit(Duration::MAX, &mut [0]), Some(1));
+    assert_eq!(host.poll_transmit(Duration::MAX, &mut [0]), None);
 }
 
 #[test]
@@ -259,65 +369,6 @@ fn the_line_takes_as_long_as_the_source_says() {
     assert_eq!(timing::min_period(19_200), MS * 7);
     assert_eq!(timing::min_period(13_000), MS * 10);
     assert_eq!(timing::transmission_time(12, 0), Duration::MAX);
-}
-
-#[test]
-fn the_ball_says_nothing_unasked_and_answers_once() {
-    let (mut ball, mut out) = (Ball::new(0, 0).unwrap(), [0; 64]);
-    ball.measure([1; 3], [2; 3], Keys(3));
-    ball.handle_timeout(MS);
-    assert_eq!((ball.poll_transmit(MS, &mut out), ball.poll_timeout()), (None, None));
-    ball.handle_input(MS, &[0x07, 0x05, 0x05]);
-    assert_eq!(ball.poll_transmit(MS, &mut out[..11]), None);
-    assert_eq!(ball.poll_transmit(MS, &mut out), Some(12));
-    assert_eq!(ball.poll_transmit(MS, &mut out), None);
-    let events: Vec<_> = core::iter::from_fn(|| ball.poll_event()).collect();
-    let reply = Packet { force: [1; 3], moment: [2; 3], keys: Keys(3), ..packet(Status::Fresh, 0) };
-    assert_eq!(events, [BallEvent::Unknown(7), BallEvent::Reply(reply), BallEvent::Ignored]);
-}
-
-#[test]
-fn a_full_event_queue_gives_up_its_oldest() {
-    let mut ball = Ball::new(0, 0).unwrap();
-    ball.handle_input(MS, &[10, 11, 12, 13, 14, 15, 16, 17, 18, 19]);
-    let events: Vec<_> = core::iter::from_fn(|| ball.poll_event()).collect();
-    assert_eq!(events, [12, 13, 14, 15, 16, 17, 18, 19].map(BallEvent::Unknown));
-    assert_eq!(ball.dropped_events(), 2);
-}
-
-#[test]
-fn a_key_held_from_the_start_is_no_edge() {
-    let mut edges = KeyEdges::new();
-    assert_eq!(edges.update(Keys(0b1000_0001)), Edges::default());
-    assert_eq!(edges.update(Keys(0b1000_0010)), Edges { pressed: Keys(2), released: Keys(1) });
-    assert_eq!(edges.update(Keys(0b1000_0010)), Edges::default());
-    assert_eq!(edges.update(Keys::NONE), Edges { pressed: Keys::NONE, released: Keys(0b1000_0010) });
-    assert_eq!(Keys(0x81).iter().collect::<Vec<_>>(), [1, 8]);
-    assert_eq!(Keys::NONE.with(1).with(8).with(0).with(9), Keys(0x81));
-    assert!(Keys(0x10).is_down(5) && !Keys(0xFF).is_down(0) && !Keys(0xFF).is_down(9));
-}
-
-/// §4: ROT "nur der rotatorische Anteil", TRA "nur der translatorische Anteil", DOM "nur die jeweils dominierende Komponente";
-/// with ROT or TRA that of its half.
-#[test]
-fn the_filter_keeps_the_truth_table() {
-    let axes = [3, -90, 4, 5, -100, 100];
-    let table = [
-        ((false, false, false), axes),
-        ((true, false, false), [3, -90, 4, 0, 0, 0]),
-        ((false, true, false), [0, 0, 0, 5, -100, 100]),
-        ((false, false, true), [0, 0, 0, 0, -100, 0]),
-        ((true, false, true), [0, -90, 0, 0, 0, 0]),
-        ((false, true, true), [0, 0, 0, 0, -100, 0]),
-        ((true, true, false), axes),
-        ((true, true, true), [0, 0, 0, 0, -100, 0]),
-    ];
-    for ((tra, rot, dom), passed) in table {
-        assert_eq!(Filter::from_keys(tra, rot, dom).apply(axes), passed, "{tra} {rot} {dom}");
-    }
-    let dominant = Filter { axes: Axes::All, dominant: true };
-    assert_eq!(dominant.apply([127, -128, 0, 0, 0, 0]), [0, -128, 0, 0, 0, 0]);
-    assert_eq!(dominant.apply([0; 6]), [0; 6]);
 }
 
 #[test]
@@ -337,6 +388,6 @@ fn errors_read_as_a_sentence() {
         text(DecodeError::Layout { expected: 8, found: 9 }),
         "packet has 9 data bytes, the layout of 8 is known"
     );
-    let small = packet(Status::Fresh, 0).encode(&mut [0; 11]).unwrap_err();
+    let small = fresh(0).encode(&mut [0; 11]).unwrap_err();
     assert_eq!(small.to_string(), "output has room for 11 bytes, 12 are needed");
 }

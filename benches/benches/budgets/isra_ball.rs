@@ -2,7 +2,8 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use benches::{Budget, Count, Link};
-use isra_ball::{Decoder, Filter, Frame, Packet, timing};
+use isra_ball::robot_session::{Decoder as _, Encode as _};
+use isra_ball::{Decoder, Frame, Packet, timing};
 
 const BYTES: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
 
@@ -12,7 +13,6 @@ pub const LINK: Link = Link {
         Count { what: "decode a packet", goal: Some(80.0), units: 1.0, unit: "op", run: decode },
         Count { what: "decode a packet from the stream", goal: None, units: 1.0, unit: "op", run: stream },
         Count { what: "encode a packet", goal: None, units: 1.0, unit: "op", run: encode },
-        Count { what: "filter, dominant axis", goal: None, units: 1.0, unit: "op", run: filter },
     ],
     budgets,
 };
@@ -40,12 +40,6 @@ fn encode(rounds: u64) {
     let mut out = [0; Packet::LEN];
     for _ in 0..rounds {
         black_box(&packet).encode(black_box(&mut out)).expect("it fits");
-    }
-}
-
-fn filter(rounds: u64) {
-    for _ in 0..rounds {
-        black_box(Filter::from_keys(false, false, true).apply(black_box([1, -2, 3, -4, 5, -6])));
     }
 }
 

@@ -1,6 +1,7 @@
 use std::hint::black_box;
 
 use criterion::Criterion;
+use isra_ball::robot_session::Encode as _;
 use isra_ball::{Frame, Packet};
 
 const BYTES: [u8; Packet::LEN] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];

@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> Result<bool> {
             policy: val2_alter::Policy::Ignore,
             ..host_config()
         },
-        polls: isra_ball::Config { baud: args.ball_baud, ..isra_ball::Config::default() },
+        polls: isra_ball::HostConfig { baud: args.ball_baud, ..isra_ball::HostConfig::default() },
         mapping: Mapping::for_limits(&LIMITS, args.speed),
     };
     let start = |name| args.trace.start_kept(name);

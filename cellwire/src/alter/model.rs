@@ -192,9 +192,9 @@ impl Model {
                 if core::mem::take(&mut self.ball_is_stale) {
                     self.say("the ball is back".into());
                 }
-                self.counts.packets += 1;
-                (self.ball, self.exchange) = (Some(packet), took);
+                self.show_ball(packet, took);
             }
+            Told::BallOld(packet, took) => self.show_ball(packet, took),
             // The poll that a late packet answers has been counted as missed.
             Told::BallLate => {}
             Told::BallMissed => self.counts.ball_missed += 1,
@@ -356,6 +356,11 @@ impl Model {
         });
         self.say(format!("{what} test: {} s", TEST.as_secs()));
         None
+    }
+
+    fn show_ball(&mut self, packet: Packet, took: Duration) {
+        self.counts.packets += 1;
+        (self.ball, self.exchange) = (Some(packet), took);
     }
 
     /// A bad line says so once a second; all of it is counted.

@@ -4,11 +4,15 @@ use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
 use anyhow::Result;
-use isra_ball::{Config, Decoder, ENQ, Host, HostEvent, timing};
+use isra_ball::robot_session::{Decoder as _, Session as _};
+use isra_ball::{Decoder, ENQ, Host, HostConfig, HostEvent, timing};
 
 use super::port::Port;
 use super::{Context, Order, TeleopConfig, Told};
 use crate::priority::{self, Rank};
+
+/// A port that is gone is looked at this often.
+const IDLE: Duration = Duration::from_millis(20);
 
 pub(super) struct Ball {
     context: Context,
@@ -16,7 +20,8 @@ pub(super) struct Ball {
     host: Host,
     orders: Sender<Order>,
     probe: Receiver<()>,
-    polls: Config,
+    polls: HostConfig,
+    is_connected: bool,
     asked: Duration,
 }
 
@@ -29,7 +34,7 @@ impl Ball {
     ) -> Result<Self> {
         let port = Port::open("ball", &config.ball, &context)?;
         let (host, polls) = (Host::new(config.polls)?, config.polls);
-        Ok(Self { context, port, host, orders, probe, polls, asked: Duration::ZERO })
+        Ok(Self { context, port, host, orders, probe, polls, is_connected: false, asked: Duration::ZERO })
     }
 
     pub(super) fn run(mut self) {
@@ -38,6 +43,7 @@ impl Ball {
             if self.probe.try_recv().is_ok() {
                 self.probe();
             }
+            self.follow_port();
             self.poll();
             self.read();
             self.collect();
@@ -46,8 +52,17 @@ impl Ball {
         self.context.end_trace("the host ends");
     }
 
+    fn follow_port(&mut self) {
+        if self.port.is_open() == self.is_connected {
+            return;
+        }
+        self.is_connected = self.port.is_open();
+        let now = self.context.clock.now();
+        if self.is_connected { self.host.handle_connected(now) } else { self.host.handle_disconnected(now) }
+    }
+
     fn poll(&mut self) {
-        let mut out = [0; 4];
+        let mut out = [0; Host::MAX_TRANSMIT];
         loop {
             let now = self.context.clock.now();
             let Some(length) = self.host.poll_transmit(now, &mut out) else { return };
@@ -62,16 +77,16 @@ impl Ball {
             let now = self.context.clock.now();
             match event {
                 HostEvent::Packet(packet) => {
-                    self.order(Order::Ball(packet));
+                    self.order(Order::Ball(packet, self.host.live_until().unwrap_or(now)));
                     self.context.tell(Told::Ball(packet, now - self.asked));
                 }
+                HostEvent::Old(packet) => self.context.tell(Told::BallOld(packet, now - self.asked)),
                 HostEvent::Stale => {
                     self.order(Order::BallStale);
                     self.context.tell(Told::BallStale);
                 }
                 HostEvent::Missed => self.context.tell(Told::BallMissed),
-                HostEvent::Error(error) => self.context.tell(Told::BallDamaged(error)),
-                // Older than what the next poll brings.
+                HostEvent::Corrupt(error) => self.context.tell(Told::BallDamaged(error)),
                 HostEvent::Unasked(_) => self.context.tell(Told::BallLate),
                 _ => {}
             }
@@ -79,22 +94,24 @@ impl Ball {
     }
 
     fn read(&mut self) {
-        let due = self.host.poll_timeout().unwrap_or_default().saturating_sub(self.context.clock.now());
+        let due = self.host.poll_timeout().map_or(IDLE, |due| due.saturating_sub(self.context.clock.now()));
         let mut buffer = [0; 64];
         let (now, bytes) = self.port.read(&self.context, due, &mut buffer);
         self.host.handle_input(now, bytes);
     }
 
-    /// Polls ten times at each rate. The robot thread comes to rest meanwhile: it gets no new values.
+    /// Polls ten times at each rate. The robot thread comes to rest meanwhile: the connection is as good as lost.
     fn probe(&mut self) {
-        self.order(Order::BallStale);
+        self.is_connected = false;
+        self.host.handle_disconnected(self.context.clock.now());
+        self.collect();
         for baud in [4800, 9600, 19_200] {
             let period = self.polls.period.max(timing::min_period(baud));
             let (mut good, mut damaged) = (0, 0);
             for _ in 0..10 {
-                let Some(heard) = self.port.listen(baud, &[ENQ], period) else { break };
+                let Some(received) = self.port.listen(baud, &[ENQ], period) else { break };
                 let mut decoder = Decoder::new();
-                let mut rest = heard.as_slice();
+                let mut rest = received.as_slice();
                 while !rest.is_empty() {
                     let taken = decoder.push(rest);
                     rest = rest.get(taken..).unwrap_or_default();

@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, anyhow};
 use indicatif::ProgressBar;
-use isra_ball::Status;
+use isra_ball::{BallStatistics, Status};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{AXES, Exception, HostConfig, HostState, Mode, Select};
 
 use super::{LIMITS, Mapping, Order, PortConfig, Teleop, TeleopConfig, Told, Traces};
 use crate::demo::DemoOptions;
 use crate::line::{Clock, Line, LineFaults};
-use crate::links::isra_ball::ball::{self, BallCounts};
+use crate::links::isra_ball::ball;
 use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
 use crate::links::val2_alter::workstation::{self, Drawn};
 use crate::report::Samples;
@@ -70,7 +70,7 @@ pub struct CellRecord {
     /// The robot's side.
     pub puma: PumaRecord,
     /// The ball's side.
-    pub ball: BallCounts,
+    pub ball: BallStatistics,
     /// The workstation's side.
     pub drawn: Drawn,
     /// The host's side.
@@ -114,11 +114,11 @@ pub struct HostRecord {
     pub exchange: Samples,
     /// Polls without a packet.
     pub ball_missed: u64,
-    /// Packets of the ball that came when the next poll had left already.
+    /// Packets of the ball that were no reply.
     pub ball_late: u64,
     /// Damaged packets of the ball.
     pub ball_damaged: u64,
-    /// Times that the ball gave no new values for too long.
+    /// Times that the ball's values became too old.
     pub ball_stale: u64,
     /// Poses sent to the workstation.
     pub poses: u64,
@@ -149,7 +149,7 @@ pub struct Cycle {
 /// When there are no pseudo-terminals.
 pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     let clock = Clock::start();
-    let polls = isra_ball::Config { baud: config.ball_baud, ..isra_ball::Config::default() };
+    let polls = isra_ball::HostConfig { baud: config.ball_baud, ..isra_ball::HostConfig::default() };
     let mut robot = Wire::new("robot", clock, config.baud, 1, config)?;
     let mut ball = Wire::new("ball", clock, polls.baud, 2, config)?;
     let mut viewer = Wire::new("viewer", clock, workstation::BAUD, 3, config)?;
@@ -291,7 +291,7 @@ impl HostRecord {
             Told::Damaged(_) => self.damaged += 1,
             Told::Clamp(exception, Ok(())) => self.clamps.push((at, *exception == Exception::CloseGripper)),
             Told::Clamp(_, Err(_)) => self.clamps_refused += 1,
-            Told::Ball(packet, took) => {
+            Told::Ball(packet, took) | Told::BallOld(packet, took) => {
                 let count = if packet.status == Status::Fresh { &mut self.fresh } else { &mut self.old };
                 *count += 1;
                 self.exchange.add(*took);

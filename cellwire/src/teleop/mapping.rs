@@ -1,5 +1,7 @@
-use isra_ball::{Filter, Packet};
+use isra_ball::Packet;
 use val2_alter::{AXES, Accumulation, Limits, Mode};
+
+use super::filter::Filter;
 
 /// What the ball's forces ask of the robot. Signs and units of both ends are open in the source, so try it slowly.
 #[derive(Debug, Clone, Copy)]

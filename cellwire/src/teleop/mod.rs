@@ -15,12 +15,14 @@
 
 mod ball;
 pub mod cell;
+mod filter;
 mod mapping;
 mod port;
 mod robot;
 pub mod verdict;
 mod viewer;
 
+pub use filter::{Axes, Filter};
 pub use mapping::Mapping;
 
 use std::path::PathBuf;
@@ -60,7 +62,7 @@ pub struct TeleopConfig {
     /// The ALTER session.
     pub alter: HostConfig,
     /// The polls of the ball.
-    pub polls: isra_ball::Config,
+    pub polls: isra_ball::HostConfig,
     /// What the ball's forces mean.
     pub mapping: Mapping,
 }
@@ -68,9 +70,9 @@ pub struct TeleopConfig {
 /// What the robot thread is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Order {
-    /// A packet of the ball.
-    Ball(Packet),
-    /// The ball gives no new values: come to rest.
+    /// A packet of the ball with new values, and until when they may be used.
+    Ball(Packet, Duration),
+    /// The ball's values are too old: come to rest.
     BallStale,
     /// How start messages are answered.
     Policy(Policy),
@@ -122,15 +124,17 @@ pub enum Told {
     State(HostState),
     /// A key of the gripper was pressed, and what became of it.
     Clamp(Exception, Result<(), SessionError>),
-    /// A packet of the ball, and how long after the poll it was whole.
+    /// A packet of the ball with new values, and how long after the poll it was whole.
     Ball(Packet, Duration),
+    /// The same without new values.
+    BallOld(Packet, Duration),
     /// A poll of the ball without a packet.
     BallMissed,
-    /// A packet of the ball when none was asked for: the answer to the poll before, too late.
+    /// A packet of the ball that is no reply: it comes too late.
     BallLate,
     /// Damaged bytes from the ball.
     BallDamaged(isra_ball::DecodeError),
-    /// No new values from the ball.
+    /// The ball's values are too old.
     BallStale,
     /// The workstation asked for a pose.
     PoseAsked,

@@ -62,6 +62,11 @@ impl Port {
         (now, bytes)
     }
 
+    /// Whether the port is there.
+    pub(super) fn is_open(&self) -> bool {
+        self.open.is_some()
+    }
+
     /// Whether bytes wait to be read.
     pub(super) fn has_bytes(&self) -> bool {
         self.open.as_ref().is_some_and(|port| port.bytes_to_read().is_ok_and(|waiting| waiting > 0))

@@ -24,6 +24,8 @@ pub(super) struct Robot {
     mapping: Mapping,
     clamp: Clamp,
     packet: Option<Packet>,
+    /// Until when the packet's values may be used: the ball's thread may be late itself.
+    packet_until: Duration,
     orders: Receiver<Order>,
     poses: Sender<Pose>,
     /// Told after the reply has left.
@@ -54,6 +56,7 @@ impl Robot {
             mapping: config.mapping,
             clamp: Clamp::default(),
             packet: None,
+            packet_until: Duration::ZERO,
             orders,
             poses,
             later: Vec::with_capacity(32),
@@ -98,12 +101,12 @@ impl Robot {
     fn obey(&mut self) {
         while let Ok(order) = self.orders.try_recv() {
             match order {
-                Order::Ball(packet) => {
+                Order::Ball(packet, until) => {
                     if let Some(exception) = self.clamp.keys(packet.keys.0) {
                         let outcome = self.host.exception(exception);
                         self.later.push(Told::Clamp(exception, outcome));
                     }
-                    self.packet = Some(packet);
+                    (self.packet, self.packet_until) = (Some(packet), until);
                 }
                 Order::BallStale => self.packet = None,
                 Order::Policy(policy) => self.host.set_policy(policy),
@@ -116,6 +119,7 @@ impl Robot {
                 Order::Stall(time) => thread::sleep(time),
             }
         }
+        self.packet = self.packet.filter(|_| self.context.clock.now() < self.packet_until);
     }
 
     /// Takes the session's events; they are told when the reply has left.

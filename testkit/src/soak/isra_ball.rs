@@ -1,77 +1,134 @@
 //! A host and a ball on a serial line. A job is a poll: it ends in one packet, or in the report that none came.
+//!
+//! Values are followed from the sensor to their use: none is used that is older than the host's greatest age. The line of one half
+//! of the sessions keeps the host's assumption about delays, that of the other half does not; then values may be older by the
+//! longest delay. The ball of some sessions is hostile: it sends anything at any time, and only the polls' outcomes are checked.
 
 use core::time::Duration;
 
-use isra_ball::{Ball, BallEvent, Config, DecodeError, Frame, Host, HostEvent, Keys, Packet};
+use isra_ball::robot_session::{Encode as _, Session as _};
+use isra_ball::{
+    Ball, BallConfig, BallEvent, DecodeError, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status,
+};
 
 use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
-use crate::link::{Delivery, End, Faults};
+use crate::link::{End, Faults};
 use crate::rng::Rng;
+use crate::turn;
 
 pub(super) const SERIAL: Row =
     Row { link: "isra-ball", transport: "serial", job: "polls", one_in: Some(256), session };
 
 const MS: Duration = Duration::from_millis(1);
+/// The fault-free time at the end, and the replies with new values that must come in it.
+const HEALED: Duration = Duration::from_secs(60);
+const WORK: u32 = 20;
+
+/// A packet that the ball has sent.
+struct Made {
+    packet: Packet,
+    /// When its values were measured; `None` if they never were.
+    measured: Option<Duration>,
+    received: bool,
+}
 
 fn session(seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let bad = [0.3, 1.0, 4.0][rng.below(3)];
+    let is_kept = rng.chance(0.5);
+    let config = HostConfig::default();
     let faults = Faults {
         flip: 0.004 * bad,
         lose_byte: 0.002 * bad,
         insert: 0.002 * bad,
         lose: 0.02,
-        pause: [2 * MS, 8 * MS][rng.below(2)],
-        // Some packets are later than the next poll.
-        max_delay: [5 * MS, 30 * MS][rng.below(2)],
+        pause: 2 * MS,
+        stall: if is_kept { 0.0 } else { 0.02 },
+        max_delay: if is_kept { 8 * MS } else { 30 * MS },
         ..Faults::SERIAL
     };
+    // A poll that noise has made is answered too, and its packet may be taken for a reply.
+    let excess =
+        if is_kept { config.max_delay } else { faults.max_stall + faults.max_delay + config.max_delay };
+    let most = config.max_age + excess;
+    let is_hostile = rng.chance(0.15);
     let mut wire = Wire::new(seed, faults.at_baud(9600), ["host", "ball"], false, log);
-    let (mut host, mut ball) = (Host::new(Config::default()).unwrap(), Ball::new(3, 4).unwrap());
+    wire.poll_late(0.01);
+    let mut hand = Hand::new(rng.chance(0.5));
+    let (mut host, mut ball) = (Host::new(config).unwrap(), new_ball());
     let (mut ledger, mut now, mut buffer) = (Ledger::default(), Duration::ZERO, [0; 64]);
-    // The packets that the ball has made, and whether the host has had them.
-    let mut made: Vec<(Packet, bool)> = Vec::new();
+    let mut made: Vec<Made> = Vec::new();
     let mut aliens: Vec<Packet> = Vec::new();
     let (mut polls, mut open, mut invented) = (5 + rng.below(60), None, 0);
-    let mut measured = 0u32;
-    while polls > 0 || open.is_some() {
-        // A hand that never holds still: each measurement is another one.
-        measured += 1;
-        let [low, high, ..] = measured.to_le_bytes().map(u8::cast_signed);
-        ball.measure([low, high, !low], [low ^ 0x55, high ^ 0x11, 3], Keys(low.cast_unsigned()));
-        host.handle_timeout(now);
-        while let Some(Delivery::Bytes(bytes)) = wire.receive(End::A, now) {
-            host.handle_input(now, &bytes);
+    let (mut using, mut healed, mut work): (Option<Duration>, Option<Duration>, u32) = (None, None, 0);
+    host.handle_connected(now);
+    ball.handle_connected(now);
+    loop {
+        hand.measure(now, &mut ball, &mut rng);
+        if healed.is_none() {
+            misfortune(now, log, &mut rng, &mut host, &mut ball, &mut hand);
+            if rng.chance(0.002) {
+                log.say(now, format_args!("the host is restarted"));
+                host = Host::new(config).unwrap();
+                // A new host knows nothing of the poll of the one before.
+                if let Some(poll) = open.take() {
+                    ledger.tell(poll, Told::Unknown, wire.mark());
+                }
+                using = None;
+                host.handle_connected(now);
+            }
         }
-        while let Some(Delivery::Bytes(bytes)) = wire.receive(End::B, now) {
-            ball.handle_input(now, &bytes);
-        }
-        while let Some(event) = host.poll_event() {
+        let polled = host.statistics().polls;
+        let mut events = Vec::new();
+        turn(&mut wire, End::A, &mut host, now, |_, event| events.push(event));
+        for event in events {
             log.say(now, format_args!("  host: {event:?}"));
-            let told = match event {
-                HostEvent::Packet(packet) | HostEvent::Unasked(packet) => {
-                    match made.iter_mut().find(|(made, _)| *made == packet) {
-                        Some((_, had)) if *had => {
-                            log.say(now, format_args!("!!! it had come before"));
+            let outcome = match event {
+                HostEvent::Packet(packet) | HostEvent::Old(packet) | HostEvent::Unasked(packet) => {
+                    let is_new = matches!(event, HostEvent::Packet(_));
+                    let sent = made.iter().any(|made| made.packet == packet);
+                    match made.iter_mut().find(|made| made.packet == packet && !made.received) {
+                        Some(made) => {
+                            made.received = true;
+                            if is_new {
+                                work += 1;
+                                using = made.measured;
+                                if using.is_none() && !is_hostile {
+                                    log.say(now, format_args!("!!! these values were never measured"));
+                                    invented += 1;
+                                }
+                            }
+                        }
+                        None if sent => {
+                            log.say(now, format_args!("!!! it was received before"));
                             invented += 1;
                         }
-                        Some((_, had)) => *had = true,
                         None => aliens.push(packet),
                     }
-                    matches!(event, HostEvent::Packet(_)).then_some(Told::Done)
+                    (!matches!(event, HostEvent::Unasked(_))).then_some(Told::Done)
                 }
                 HostEvent::Missed => Some(Told::NotDone),
+                HostEvent::Stale => {
+                    using = None;
+                    None
+                }
+                HostEvent::Unexpected(_) => {
+                    log.say(now, format_args!("!!! the caller keeps the contract"));
+                    invented += 1;
+                    None
+                }
                 _ => None,
             };
-            if let Some(told) = told {
+            if let Some(outcome) = outcome {
                 match open.take() {
                     Some(poll) => {
                         // A packet is the execution of a poll.
-                        if told == Told::Done {
+                        if outcome == Told::Done {
                             ledger.execute(poll);
                         }
-                        ledger.tell(poll, told, wire.mark());
+                        ledger.tell(poll, outcome, wire.mark());
                     }
+                    None if polls == 0 => {}
                     None => {
                         log.say(now, format_args!("!!! no poll was open"));
                         invented += 1;
@@ -79,27 +136,47 @@ fn session(seed: u64, log: Log) -> Tally {
                 }
             }
         }
-        while let Some(n) = host.poll_transmit(now, &mut buffer) {
-            if polls > 0 {
-                polls -= 1;
-                open = Some(ledger.send(wire.mark()));
-            }
-            wire.send(End::A, now, &buffer[..n]);
+        if let Some(measured) = using.filter(|measured| !is_hostile && now.saturating_sub(*measured) > most) {
+            log.say(now, format_args!("!!! values of {measured:?} are used"));
+            invented += 1;
+            using = None;
         }
-        while let Some(n) = ball.poll_transmit(now, &mut buffer) {
-            wire.send(End::B, now, &buffer[..n]);
+        if polls == 0 && open.is_none() && healed.is_none() {
+            healed = Some(now + HEALED);
+            wire.heal(now);
+            hand.is_stuck_until = now;
+            work = 0;
         }
-        while let Some(event) = ball.poll_event() {
+        if host.statistics().polls > polled && polls > 0 {
+            polls -= 1;
+            open = Some(ledger.send(wire.mark()));
+        }
+        let mut events = Vec::new();
+        turn(&mut wire, End::B, &mut ball, now, |_, event| events.push(event));
+        for event in events {
             log.say(now, format_args!("  ball: {event:?}"));
             if let BallEvent::Reply(packet) = event {
-                made.push((packet, false));
+                made.push(Made { packet, measured: hand.measured, received: false });
             }
         }
-        now = wire.next(now, [host.poll_timeout()]);
+        if is_hostile && healed.is_none() && rng.chance(0.2) {
+            let packet = anything(&mut rng);
+            let n = packet.encode(&mut buffer).unwrap();
+            // The whole packet, a piece of it, or noise before it.
+            let from = if rng.chance(0.7) { 0 } else { rng.below(n) };
+            if from == 0 {
+                made.push(Made { packet, measured: Some(now), received: false });
+            }
+            wire.send(End::B, now, &buffer[from..n]);
+        }
+        if healed.is_some_and(|until| now >= until || work >= WORK) {
+            break;
+        }
+        now = wire.next(now, [host.poll_timeout(), Some(now + 10 * MS)]);
     }
-    let mut tally = Tally { invented, ..Tally::default() };
+    let mut tally = Tally { invented, stuck: u64::from(work < WORK), ..Tally::default() };
     let unseen = wire.settle(now, &mut tally, Frame::MAX_LEN, |from, bytes| match from {
-        // A poll of one byte has no check: an ENQ out of noise is answered, and the answer is told as unasked.
+        // A poll of one byte has no check: an ENQ out of noise is answered, and the packet reported as unasked.
         End::A => Check::Nothing,
         End::B => match Frame::decode(bytes) {
             Ok(Some((_, len))) => Check::Good(len),
@@ -109,11 +186,73 @@ fn session(seed: u64, log: Log) -> Tally {
     });
     for alien in aliens {
         let made = |bytes: &[u8]| matches!(Frame::decode(bytes), Ok(Some((frame, _))) if frame.packet() == Ok(alien));
-        if !unseen.iter().any(|unseen| made(&unseen.bytes)) {
+        if !is_hostile && !unseen.iter().any(|unseen| made(&unseen.bytes)) {
             log.say(now, format_args!("!!! nobody measured {alien:?}"));
             tally.invented += 1;
         }
     }
     ledger.settle(now, log, &mut tally, |_| false);
     tally
+}
+
+/// The hand on the ball: it never holds still, but the sensor may stop to measure.
+struct Hand {
+    count: u32,
+    may_be_stuck: bool,
+    is_stuck_until: Duration,
+    /// When the ball's values were measured.
+    measured: Option<Duration>,
+}
+
+impl Hand {
+    fn new(may_be_stuck: bool) -> Self {
+        Self { count: 0, may_be_stuck, is_stuck_until: Duration::ZERO, measured: None }
+    }
+
+    fn measure(&mut self, now: Duration, ball: &mut Ball, rng: &mut Rng) {
+        if now < self.is_stuck_until {
+            return;
+        }
+        self.count += 1;
+        let [low, high, ..] = self.count.to_le_bytes().map(u8::cast_signed);
+        ball.measure([low, high, !low], [low ^ 0x55, high ^ 0x11, 3], Keys(low.cast_unsigned()));
+        self.measured = Some(now);
+        if self.may_be_stuck && rng.chance(0.01) {
+            self.is_stuck_until = now + rng.log_uniform(10 * MS, 3000 * MS);
+        }
+    }
+}
+
+/// What befalls the line's ends: another ball, a port that is closed and opened again.
+fn misfortune(now: Duration, log: Log, rng: &mut Rng, host: &mut Host, ball: &mut Ball, hand: &mut Hand) {
+    if rng.chance(0.002) {
+        log.say(now, format_args!("the ball is restarted"));
+        *ball = new_ball();
+        ball.handle_connected(now);
+        hand.measured = None;
+    }
+    if rng.chance(0.002) {
+        log.say(now, format_args!("the port is closed and opened again"));
+        host.handle_disconnected(now);
+        host.handle_connected(now);
+    }
+}
+
+fn new_ball() -> Ball {
+    Ball::new(BallConfig { sensor_type: 3, sensor: 4, ..BallConfig::default() }).unwrap()
+}
+
+fn anything(rng: &mut Rng) -> Packet {
+    let bytes = rng.next_u64().to_le_bytes().map(u8::cast_signed);
+    let [x, y, z, mx, my, mz, keys, status] = bytes;
+    let status = [Status::Fresh, Status::Old, Status::Reserved, Status::Reserved11]
+        [usize::from(status.cast_unsigned() & 3)];
+    Packet {
+        sensor_type: 7,
+        sensor: 7,
+        status,
+        force: [x, y, z],
+        moment: [mx, my, mz],
+        keys: Keys(keys.cast_unsigned()),
+    }
 }

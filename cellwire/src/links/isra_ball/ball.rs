@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
-use isra_ball::{Ball, BallEvent, Packet, Status, timing};
+use isra_ball::robot_session::Session as _;
+use isra_ball::{Ball, BallConfig, BallEvent, BallStatistics, Packet, timing};
 use serde_json::{Value, json};
 
 use super::hand::grip;
@@ -16,17 +17,6 @@ use crate::simulate::{SimulateOptions, log};
 
 /// The ball's processor makes new values this often, which the source does not say. A poll before that gets old ones.
 const MEASURING: Duration = Duration::from_millis(10);
-
-/// What a ball has done.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct BallCounts {
-    /// Polls answered with new values.
-    pub fresh: u64,
-    /// Polls answered with the ones before.
-    pub old: u64,
-    /// Bytes that were no poll.
-    pub unknown: u64,
-}
 
 /// `cellwire simulate ball`.
 ///
@@ -40,24 +30,32 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     })
 }
 
-/// Answers polls until told to stop, or until the connection is gone.
+/// Answers polls until it is to stop, or until the connection is gone.
 ///
 /// # Errors
-/// When an event cannot be told.
+/// When an event cannot be logged.
 pub fn run(
     line: &mut Line,
     clock: Clock,
     stop: &AtomicBool,
-    mut tell: impl FnMut(Value) -> Result<()>,
-) -> Result<BallCounts> {
+    mut report: impl FnMut(Value) -> Result<()>,
+) -> Result<BallStatistics> {
     priority::raise(Rank::Hardware);
-    let mut ball = Ball::new(0, 0)?;
-    let mut counts = BallCounts::default();
+    let mut ball = Ball::new(BallConfig::default())?;
     let mut out = [0; Packet::LEN];
     let mut next_measure = Duration::ZERO;
     let mut connected = false;
     while !stop.load(Ordering::Relaxed) && line.wait(next_measure) {
         let now = clock.now();
+        if line.is_connected() != connected {
+            connected = line.is_connected();
+            if connected {
+                ball.handle_connected(now)
+            } else {
+                ball.handle_disconnected(now)
+            }
+            report(json!({"event": if connected { "connected" } else { "disconnected" }}))?;
+        }
         if now >= next_measure {
             let grip = grip(now);
             ball.measure(grip.force, grip.moment, grip.keys);
@@ -70,20 +68,10 @@ pub fn run(
             line.send(&out);
         }
         while let Some(event) = ball.poll_event() {
-            match event {
-                BallEvent::Reply(packet) if packet.status == Status::Fresh => counts.fresh += 1,
-                BallEvent::Reply(_) => counts.old += 1,
-                BallEvent::Unknown(byte) => {
-                    counts.unknown += 1;
-                    tell(json!({"event": "unknown", "byte": byte}))?;
-                }
-                _ => {}
+            if let BallEvent::Unknown(byte) = event {
+                report(json!({"event": "unknown", "byte": byte}))?;
             }
         }
-        if line.is_connected() != connected {
-            connected = line.is_connected();
-            tell(json!({"event": if connected { "connected" } else { "disconnected" }}))?;
-        }
     }
-    Ok(counts)
+    Ok(ball.statistics())
 }

@@ -1,4 +1,5 @@
 use anyhow::Result;
+use isra_ball::robot_session::Decoder as _;
 use isra_ball::{Decoder, Packet};
 use serde_json::Value;
 

@@ -27,13 +27,13 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     report.fact("fresh", "packets with new values", host.fresh);
     report.fact("old", "packets with old values", host.old);
     report.fact("missed", "polls without a packet", host.ball_missed);
-    report.fact("late", "packets after the next poll", host.ball_late);
-    report.fact("damaged", "damaged packets, or pieces of one", host.ball_damaged);
-    report.fact("line_faults", "bytes damaged on the line", line_faults);
-    report.fact("stale", "times without new values for 100 ms", host.ball_stale);
+    report.fact("late", "packets that are no reply", host.ball_late);
+    report.fact("damaged", "corrupt packets, or pieces of one", host.ball_damaged);
+    report.fact("line_faults", "bytes corrupted on the line", line_faults);
+    report.fact("stale", "times that the values were older than 150 ms", host.ball_stale);
     report.fact("key_presses", "gripper keys sent on", host.clamps.len());
     report.fact("key_presses_refused", "gripper keys while ALTER was off", host.clamps_refused);
-    let budget = Budget { time: isra_ball::Config::default().period, source: "§3.4: the robot's cycle" };
+    let budget = Budget { time: isra_ball::HostConfig::default().period, source: "§3.4: the robot's cycle" };
     report.timing("exchange", "poll to packet", &host.exchange, Some(budget));
     report.require(answered > host.ball_missed, || {
         format!("{answered} polls were answered, {} were not", host.ball_missed)

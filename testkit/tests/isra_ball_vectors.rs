@@ -1,6 +1,7 @@
 //! Every vector of `reference/vectors/isra-ball.json`, cut and glued in every way.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+use isra_ball::robot_session::{Decoder as _, Encode as _};
 use isra_ball::{Decoder, EncodeError, Frame, Packet};
 use serde_json::{Value, json};
 use testkit::chunking::{behind_a_cut, chunkings};
@@ -8,7 +9,7 @@ use testkit::vectors::{Outcome, Vector, includes, vectors};
 
 const GOOD: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
 
-/// Every item that the decoder gives for a stream, with the offset behind it.
+/// Every item that the decoder gives for a stream, with the offset after it.
 fn decode<'a>(chunks: impl IntoIterator<Item = &'a [u8]>) -> Vec<(Value, u64)> {
     fn drain(decoder: &mut Decoder, items: &mut Vec<(Value, u64)>) {
         while let Some(item) = decoder.next_frame() {
@@ -95,25 +96,25 @@ fn a_neighbour_on_either_side_changes_nothing() {
 }
 
 #[test]
-fn a_good_packet_behind_a_cut_one_is_found_and_costs_one_error() {
+fn a_good_packet_after_a_cut_one_is_found_and_costs_one_error() {
     let good: Vec<_> =
         vectors("isra-ball").into_iter().filter(|v| v.result == Outcome::Valid).map(|v| v.hex).collect();
     let mut unseen = 0;
-    for (damaged, bytes) in good.iter().flat_map(|d| good.iter().map(move |b| (d, b))) {
-        for (stream, cut) in behind_a_cut(damaged, bytes).zip(1usize..) {
+    for (corrupt, bytes) in good.iter().flat_map(|c| good.iter().map(move |b| (c, b))) {
+        for (stream, cut) in behind_a_cut(corrupt, bytes).zip(1usize..) {
             let items = decode(stream.chunks(1));
             assert_eq!(items, decode([&stream[..]]));
             if Frame::decode(&stream).is_ok_and(|frame| frame.is_some()) {
-                // n and −n of the good packet add up to 0: behind a packet whose checksum is 0, cut before its keys, they
+                // n and −n of the good packet add up to 0: after a packet whose checksum is 0, cut before its keys, they
                 // pass as its keys and checksum. A one-byte sum cannot see it.
                 unseen += 1;
-                assert_eq!((cut, damaged[11]), (10, 0));
+                assert_eq!((cut, corrupt[11]), (10, 0));
                 continue;
             }
             assert_eq!(items.last().unwrap().0, decode([&bytes[..]])[0].0, "{stream:x?}");
             assert_eq!(items.last().unwrap().1, stream.len() as u64);
-            // Each header inside the damaged packet's own data is one more place to begin.
-            let inner = damaged[1..cut].windows(3).filter(|h| *h == &GOOD[..3]).count();
+            // Each header inside the corrupt packet's own data is one more place to begin.
+            let inner = corrupt[1..cut].windows(3).filter(|h| *h == &GOOD[..3]).count();
             assert_eq!(items.len(), 2 + inner, "{stream:x?}: {items:?}");
             assert_eq!(items[inner].1, cut as u64);
         }

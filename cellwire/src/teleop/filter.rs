@@ -1,4 +1,4 @@
-/// The ball's TRA, ROT and DOM keys, in software (§4): they may be wanted where the ball has none, or on another device.
+/// The ball's TRA, ROT and DOM keys, in software (§4): for a ball whose own are not used, or for another device.
 ///
 /// | TRA | ROT | DOM | passes |
 /// | --- | --- | --- | --- |
@@ -59,5 +59,33 @@ impl Filter {
             found |= first;
             if first { axis } else { 0 }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// §4: ROT "nur der rotatorische Anteil", TRA "nur der translatorische Anteil", DOM "nur die jeweils dominierende
+    /// Komponente"; with ROT or TRA that of its half.
+    #[test]
+    fn the_filter_keeps_the_truth_table() {
+        let axes = [3, -90, 4, 5, -100, 100];
+        let table = [
+            ((false, false, false), axes),
+            ((true, false, false), [3, -90, 4, 0, 0, 0]),
+            ((false, true, false), [0, 0, 0, 5, -100, 100]),
+            ((false, false, true), [0, 0, 0, 0, -100, 0]),
+            ((true, false, true), [0, -90, 0, 0, 0, 0]),
+            ((false, true, true), [0, 0, 0, 0, -100, 0]),
+            ((true, true, false), axes),
+            ((true, true, true), [0, 0, 0, 0, -100, 0]),
+        ];
+        for ((tra, rot, dom), passed) in table {
+            assert_eq!(Filter::from_keys(tra, rot, dom).apply(axes), passed, "{tra} {rot} {dom}");
+        }
+        let dominant = Filter { axes: Axes::All, dominant: true };
+        assert_eq!(dominant.apply([127, -128, 0, 0, 0, 0]), [0, -128, 0, 0, 0, 0]);
+        assert_eq!(dominant.apply([0; 6]), [0; 6]);
     }
 }

@@ -1,0 +1,55 @@
+//! What is around the data of every packet.
+
+use crate::error::DecodeError;
+
+/// The byte that asks for one packet, ASCII Enquire (§4.2).
+pub const ENQ: u8 = 0x05;
+
+/// Length byte, its complement, its XOR, and the checksum.
+pub(crate) const OVERHEAD: usize = 4;
+/// The data bytes of a packet whose layout the source gives.
+pub(crate) const DATA_LEN: usize = 8;
+
+const XOR: u8 = 0x55;
+
+/// Whether up to three bytes can begin a packet.
+#[inline]
+pub(crate) fn check_header(bytes: &[u8]) -> Result<(), DecodeError> {
+    let Some(n) = bytes.first() else { return Ok(()) };
+    for (offset, (&found, expected)) in bytes.iter().zip(header(*n)).enumerate() {
+        if found != expected {
+            return Err(DecodeError::Header { offset, expected, found });
+        }
+    }
+    Ok(())
+}
+
+#[inline]
+pub(crate) const fn header(n: u8) -> [u8; 3] {
+    [n, n.wrapping_neg(), n ^ XOR]
+}
+
+pub(crate) fn envelope(data: &[u8; DATA_LEN]) -> [u8; DATA_LEN + OVERHEAD] {
+    const HEADER: [u8; 3] = header(8);
+    let [n, minus_n, xor_n] = HEADER;
+    let [id, fx, fy, fz, mx, my, mz, keys] = *data;
+    [n, minus_n, xor_n, id, fx, fy, fz, mx, my, mz, keys, checksum(data)]
+}
+
+/// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).
+#[inline]
+pub(crate) fn checksum(data: &[u8]) -> u8 {
+    const EVEN: u64 = 0x00FF_00FF_00FF_00FF;
+    const ONES: u64 = 0x0001_0001_0001_0001;
+    let n = data.len().to_le_bytes()[0];
+    let sum = match data.try_into() {
+        // The eight bytes at once: four lanes of 16 bits, which the product adds up in its topmost.
+        Ok(word) => {
+            let word = u64::from_le_bytes(word);
+            let lanes = (word & EVEN) + (word >> 8 & EVEN);
+            lanes.wrapping_mul(ONES).to_be_bytes()[1]
+        }
+        Err(_) => data.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)),
+    };
+    n.wrapping_add(sum).wrapping_neg()
+}

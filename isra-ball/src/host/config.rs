@@ -1,0 +1,104 @@
+use core::time::Duration;
+
+use crate::error::ConfigError;
+use crate::timing;
+
+/// How the host polls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HostConfig {
+    /// The line's rate in baud, above 0. Default: 9600, as in the source (§4.1). A packet that comes sooner after a poll than the
+    /// line can carry both is no reply to it; a tenth is left to clocks that are not exact.
+    pub baud: u32,
+    /// From one poll to the next at least; not below [`timing::min_period`]. Default: 28 ms, the robot's cycle (§3.4), which the
+    /// ball's 13.54 ms fit into.
+    pub period: Duration,
+    /// The longest that ball, line and driver together delay a packet beyond its time on the line: an assumption. Default: 14 ms,
+    /// which with the packet fits the period.
+    ///
+    /// A poll without a packet for so long is missed, and the next one is sent only then, because packets have no number. If a
+    /// packet is later, it may be taken for the reply to the next poll: its values are then older than they seem by so much.
+    /// [`HostEvent::Unasked`](crate::HostEvent::Unasked) is the sign of it.
+    pub max_delay: Duration,
+    /// How old values may become before they are [`HostEvent::Stale`](crate::HostEvent::Stale). Above the longest exchange and the
+    /// time between two polls. Default: 150 ms, which outlasts two lost packets in succession; the source gives none. [`Duration::MAX`] is for ever.
+    pub max_age: Duration,
+    /// A rule that the machine leaves out: for the model, which shows what each rule is for.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub without: Option<Rule>,
+}
+
+/// The rules of the host's machine that keep old values from being used.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Rule {
+    /// After a connection is made, nothing is sent until the reply to a poll of before would have come.
+    DrainFirst,
+    /// The next poll is sent only when the reply to the last one has come or can come no more.
+    AwaitReply,
+    /// A packet that is sooner than the line can carry it is no reply.
+    NotBefore,
+    /// A packet that is read later than a reply can come is no reply.
+    NotAfter,
+    /// New values are newer than the reply before: without a recent one nothing is known of their age.
+    ProveAge,
+    /// The age of values counts from the poll that the reply before them answered.
+    AgeFromPoll,
+    /// What the ball marks as old is not new.
+    OldIsNotNew,
+    /// What a connection's end ends is reported.
+    ReportEnd,
+    /// A reply on one connection proves nothing on the next: another ball may be there.
+    ForgetReply,
+}
+
+impl HostConfig {
+    /// From a poll until its reply can come no more.
+    pub fn reply_window(&self) -> Duration {
+        timing::exchange_time(self.baud).saturating_add(self.max_delay)
+    }
+
+    /// From a poll until its reply can come.
+    pub(crate) fn earliest_reply(&self) -> Duration {
+        let exact = timing::exchange_time(self.baud);
+        exact.saturating_sub(exact / 10)
+    }
+
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        let minimum = timing::min_period(self.baud);
+        if self.period < minimum {
+            return Err(ConfigError::Period { minimum, found: self.period });
+        }
+        // A reply comes at the end of its window, the poll before was one period or one window earlier.
+        let window = self.reply_window();
+        let minimum = window.saturating_add(window.max(self.period));
+        if self.max_age <= minimum && self.max_age < Duration::MAX {
+            return Err(ConfigError::MaxAge { minimum, found: self.max_age });
+        }
+        Ok(())
+    }
+
+    #[cfg(feature = "model")]
+    pub(crate) fn keeps(&self, rule: Rule) -> bool {
+        self.without != Some(rule)
+    }
+
+    #[cfg(not(feature = "model"))]
+    #[expect(clippy::unused_self, reason = "with the feature `model` it has a rule left out")]
+    pub(crate) const fn keeps(&self, _rule: Rule) -> bool {
+        true
+    }
+}
+
+impl Default for HostConfig {
+    fn default() -> Self {
+        Self {
+            baud: timing::BAUD,
+            period: Duration::from_millis(28),
+            max_delay: Duration::from_millis(14),
+            max_age: Duration::from_millis(150),
+            #[cfg(feature = "model")]
+            without: None,
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! The host's machine: when it polls, which packet is the reply, and until when values may be used. No bytes, no clock.
+//!
+//! Packets have no number, and a packet says of its values only that they are newer than those of the reply before. So a packet
+//! is the reply to the last poll if it comes within the time that the line takes and the longest delay; and its values are
+//! proved not to be older than [`max_age`](HostConfig::max_age) if the poll of the reply before is not.
+
+use core::time::Duration;
+
+use robot_session::Unexpected;
+
+use super::config::{HostConfig, Rule};
+
+/// The state of a host. Every time is a deadline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum HostMachine {
+    /// No connection.
+    Disconnected,
+    /// The ball is polled.
+    Connected(Polling),
+}
+
+/// What is known while there is a connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Polling {
+    /// The poll.
+    pub poll: Poll,
+    /// The values of the last packet that was reported as new.
+    pub values: Values,
+    /// Until when the next new values are proved not to be too old: the poll that the last reply answered, and the longest age.
+    pub proof_until: Duration,
+}
+
+/// The poll.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Poll {
+    /// Nothing is awaited.
+    Idle {
+        /// When the next poll is due.
+        due: Duration,
+    },
+    /// The reply is awaited.
+    Waiting {
+        /// From when on a packet can be the reply.
+        from: Duration,
+        /// Until when a packet can be the reply.
+        until: Duration,
+        /// When the next poll is due.
+        due: Duration,
+        /// Until when this poll's reply proves that the values after it are not too old.
+        proof_until: Duration,
+    },
+}
+
+/// The values of the last packet that was reported as new.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Values {
+    /// They are too old, or there were none.
+    Stale,
+    /// They may be used.
+    Live {
+        /// Until then.
+        until: Duration,
+    },
+}
+
+/// What happens to a host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Input {
+    /// The port is open, perhaps again.
+    Connected,
+    /// The port is closed or lost.
+    Disconnected,
+    /// Time has passed: one thing that came due is done with each.
+    Timer,
+    /// A poll that [is due](HostMachine::transmits) can be sent and its outcome reported.
+    Poll,
+    /// A packet.
+    Packet {
+        /// Whether the ball says that the values are new.
+        fresh: bool,
+    },
+}
+
+/// What the host does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Action {
+    /// Nothing.
+    None,
+    /// Sends ENQ.
+    Transmit,
+    /// Reports the packet as the reply, its values to be used.
+    New,
+    /// Reports the packet as the reply, its values not to be used.
+    Old,
+    /// Reports the packet as no reply.
+    Unasked,
+    /// Reports that the poll had no reply.
+    Missed,
+    /// Reports that the values are too old.
+    Stale,
+    /// Reports what the connection's end has ended.
+    Closed {
+        /// The poll has no reply.
+        missed: bool,
+        /// The values are not to be used any more.
+        stale: bool,
+    },
+}
+
+impl HostMachine {
+    /// Moves the machine.
+    ///
+    /// # Errors
+    /// A packet without a connection, a poll that is not due. Nothing has changed then.
+    #[inline]
+    pub fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
+        match (&mut *self, input) {
+            (_, Input::Connected) => Ok(self.close(Self::Connected(Polling::begin(now, config)), config)),
+            (_, Input::Disconnected) => Ok(self.close(Self::Disconnected, config)),
+            (Self::Disconnected, Input::Timer) => Ok(Action::None),
+            (Self::Connected(polling), Input::Timer) => Ok(polling.expire(now)),
+            (Self::Connected(polling), Input::Poll) if polling.transmits(now) => {
+                Ok(polling.poll(now, config))
+            }
+            (Self::Connected(polling), Input::Packet { fresh }) => Ok(polling.packet(now, fresh, config)),
+            (Self::Connected(_), Input::Poll) | (Self::Disconnected, Input::Poll | Input::Packet { .. }) => {
+                Err(Unexpected { state: self.name(), input: input.name() })
+            }
+        }
+    }
+
+    /// Whether a poll is due.
+    pub fn transmits(&self, now: Duration) -> bool {
+        match self {
+            Self::Disconnected => false,
+            Self::Connected(polling) => polling.transmits(now),
+        }
+    }
+
+    /// When [`Input::Timer`] or [`Input::Poll`] is to come.
+    pub fn deadline(&self) -> Option<Duration> {
+        let Self::Connected(polling) = self else { return None };
+        let (Poll::Idle { due: poll } | Poll::Waiting { until: poll, .. }) = polling.poll;
+        let next = match polling.values {
+            Values::Live { until } => poll.min(until),
+            Values::Stale => poll,
+        };
+        (next < Duration::MAX).then_some(next)
+    }
+
+    /// Until when the values of the last packet reported as new may be used.
+    pub fn live_until(&self) -> Option<Duration> {
+        match self {
+            Self::Connected(Polling { values: Values::Live { until }, .. }) => Some(*until),
+            Self::Connected(Polling { values: Values::Stale, .. }) | Self::Disconnected => None,
+        }
+    }
+
+    /// Visits every time.
+    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+        let Self::Connected(polling) = self else { return };
+        match &mut polling.poll {
+            Poll::Idle { due } => f(due),
+            Poll::Waiting { from, until, due, proof_until } => {
+                [from, until, due, proof_until].into_iter().for_each(&mut f);
+            }
+        }
+        if let Values::Live { until } = &mut polling.values {
+            f(until);
+        }
+        f(&mut polling.proof_until);
+    }
+
+    /// The state's name.
+    pub fn name(&self) -> &'static str {
+        let Self::Connected(polling) = self else { return "Disconnected" };
+        match (polling.poll, polling.values) {
+            (Poll::Idle { .. }, Values::Stale) => "IdleStale",
+            (Poll::Idle { .. }, Values::Live { .. }) => "IdleLive",
+            (Poll::Waiting { .. }, Values::Stale) => "WaitingStale",
+            (Poll::Waiting { .. }, Values::Live { .. }) => "WaitingLive",
+        }
+    }
+
+    /// Goes to a state without what was.
+    fn close(&mut self, mut to: Self, config: &HostConfig) -> Action {
+        let Self::Connected(was) = *self else {
+            *self = to;
+            return Action::None;
+        };
+        if let (Self::Connected(polling), false) = (&mut to, config.keeps(Rule::ForgetReply)) {
+            polling.proof_until = was.proof_until;
+        }
+        *self = to;
+        let missed = matches!(was.poll, Poll::Waiting { .. });
+        let stale = matches!(was.values, Values::Live { .. });
+        if (missed || stale) && config.keeps(Rule::ReportEnd) {
+            Action::Closed { missed, stale }
+        } else {
+            Action::None
+        }
+    }
+}
+
+impl Polling {
+    fn begin(now: Duration, config: &HostConfig) -> Self {
+        let drain = if config.keeps(Rule::DrainFirst) { config.reply_window() } else { Duration::ZERO };
+        Self {
+            poll: Poll::Idle { due: now.saturating_add(drain) },
+            values: Values::Stale,
+            proof_until: Duration::ZERO,
+        }
+    }
+
+    fn transmits(&self, now: Duration) -> bool {
+        matches!(self.poll, Poll::Idle { due } if is_due(due, now))
+    }
+
+    fn poll(&mut self, now: Duration, config: &HostConfig) -> Action {
+        let due = now.saturating_add(config.period);
+        let until = now.saturating_add(config.reply_window());
+        self.poll = Poll::Waiting {
+            from: now.saturating_add(config.earliest_reply()),
+            until: if config.keeps(Rule::AwaitReply) { until } else { until.min(due) },
+            due,
+            proof_until: now.saturating_add(config.max_age),
+        };
+        Action::Transmit
+    }
+
+    fn packet(&mut self, now: Duration, fresh: bool, config: &HostConfig) -> Action {
+        let Poll::Waiting { from, until, due, proof_until } = self.poll else { return Action::Unasked };
+        let is_early = now < from && config.keeps(Rule::NotBefore);
+        let is_late = is_due(until, now) && config.keeps(Rule::NotAfter);
+        if is_early || is_late {
+            return Action::Unasked;
+        }
+        let proved = if config.keeps(Rule::ProveAge) { self.proof_until } else { proof_until };
+        self.poll = Poll::Idle { due };
+        self.proof_until = proof_until;
+        if (!fresh && config.keeps(Rule::OldIsNotNew)) || is_due(proved, now) {
+            return Action::Old;
+        }
+        let until = if config.keeps(Rule::AgeFromPoll) { proved } else { now.saturating_add(config.max_age) };
+        self.values = Values::Live { until };
+        Action::New
+    }
+
+    fn expire(&mut self, now: Duration) -> Action {
+        match (self.poll, self.values) {
+            (Poll::Waiting { until, due, .. }, _) if is_due(until, now) => {
+                self.poll = Poll::Idle { due };
+                Action::Missed
+            }
+            (_, Values::Live { until }) if is_due(until, now) => {
+                self.values = Values::Stale;
+                Action::Stale
+            }
+            (Poll::Waiting { .. } | Poll::Idle { .. }, Values::Live { .. } | Values::Stale) => Action::None,
+        }
+    }
+}
+
+impl Input {
+    /// The input's name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Connected => "Connected",
+            Self::Disconnected => "Disconnected",
+            Self::Timer => "Timer",
+            Self::Poll => "Poll",
+            Self::Packet { fresh: true } => "Packet(fresh)",
+            Self::Packet { fresh: false } => "Packet(old)",
+        }
+    }
+}
+
+/// `Duration::MAX` is never.
+fn is_due(deadline: Duration, now: Duration) -> bool {
+    now >= deadline && deadline < Duration::MAX
+}

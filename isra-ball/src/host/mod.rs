@@ -1,0 +1,251 @@
+//! The computer that polls the ball.
+
+mod config;
+pub mod machine;
+
+use core::time::Duration;
+
+use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
+
+pub use config::HostConfig;
+#[doc(hidden)]
+pub use config::Rule;
+
+use crate::decoder::Decoder;
+use crate::envelope::ENQ;
+use crate::error::{ConfigError, DecodeError};
+use crate::message::Packet;
+use machine::{Action, HostMachine, Input};
+
+/// The computer that polls the ball, "Steuerrechner" (§4.2, §9.5): one ENQ a period, one packet back.
+///
+/// The order of calls is the [`Session`]'s. Every poll has one outcome: [`Packet`](HostEvent::Packet), [`Old`](HostEvent::Old) or
+/// [`Missed`](HostEvent::Missed). No poll is sent before the outcomes of the ones before are taken.
+///
+/// - **Age.** A ball that cannot measure repeats its values and marks them as old; one that measured long ago marks the values as
+///   new all the same, because nobody has asked since. So values are reported as new only if the reply before proves that they
+///   are at most [`max_age`](HostConfig::max_age) old, the first reply of a connection never; and they are
+///   [`Stale`](HostEvent::Stale) when they become older. [`live_until`](Self::live_until) is when.
+/// - **Replies.** Packets have no number: the reply to a poll is the packet that comes when a reply can come. Any other is
+///   [`Unasked`](HostEvent::Unasked).
+/// - **Corrupt bytes** are an event, and the next packet is read all the same. Bytes that are still without a whole packet when no
+///   reply can come any more are given up: the line is half duplex, so nothing before a poll belongs to its reply.
+/// - **Life.** A poll without reply ends with its connection, and the values are stale then. The first poll of a connection is sent
+///   after the time in which the reply to a poll of another host could still come.
+#[derive(Debug, Clone)]
+pub struct Host {
+    config: HostConfig,
+    machine: HostMachine,
+    decoder: Decoder,
+    events: EventQueue<HostEvent, 8>,
+    statistics: HostStatistics,
+}
+
+/// What the host reports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum HostEvent {
+    /// The reply to a poll, with new values: use them until [`Host::live_until`].
+    Packet(Packet),
+    /// The reply to a poll, with values that were used before or may be too old: use those of before, as long as they are not stale.
+    Old(Packet),
+    /// A poll without a reply.
+    Missed,
+    /// The values are older than [`max_age`](HostConfig::max_age), or the connection is lost: stop what they drive. Once, until
+    /// new values come.
+    Stale,
+    /// A notice: a packet that is no reply. Something delays packets by more than [`max_delay`](HostConfig::max_delay), or noise
+    /// was a poll to the ball, which sends nothing unasked (§4.2).
+    Unasked(Packet),
+    /// A notice: bytes without a packet, a corrupt packet, or one of unknown layout.
+    Corrupt(DecodeError),
+    /// A notice: bytes came without a connection.
+    Unexpected(Unexpected),
+}
+
+/// What a host has done.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct HostStatistics {
+    /// Polls sent.
+    pub polls: u64,
+    /// Replies with new values.
+    pub packets: u64,
+    /// Other replies.
+    pub old: u64,
+    /// Polls without a reply.
+    pub missed: u64,
+    /// Times that the values became too old.
+    pub stale: u64,
+    /// Packets that were no reply.
+    pub unasked: u64,
+    /// Decode errors.
+    pub corrupt: u64,
+    /// Inputs that the state does not allow.
+    pub unexpected: u64,
+    /// Notices that were dropped because nobody took them.
+    pub dropped_notices: u64,
+}
+
+impl Host {
+    /// The outcomes between a poll and the next: values that become stale, the poll's own, and its values that become stale.
+    const OUTCOMES: usize = 3;
+
+    /// A host without a connection.
+    ///
+    /// # Errors
+    /// [`ConfigError::Period`] if a poll and its packet do not fit the line in the period, [`ConfigError::MaxAge`] if the values of a
+    /// ball that does nothing wrong could become stale.
+    pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self {
+            config,
+            machine: HostMachine::Disconnected,
+            decoder: Decoder::new(),
+            events: EventQueue::new(),
+            statistics: HostStatistics::default(),
+        })
+    }
+
+    /// Until when the values of the last [`HostEvent::Packet`] may be used; `None` if they are stale. A consumer that runs apart
+    /// from this session compares it with its own clock, and so stops also when this session is not called any more.
+    pub fn live_until(&self) -> Option<Duration> {
+        self.machine.live_until()
+    }
+
+    /// The state that decides what happens next.
+    pub fn machine(&self) -> &HostMachine {
+        &self.machine
+    }
+
+    /// What came due, one after the other, then the input.
+    fn advance(&mut self, now: Duration, input: Input, packet: Option<Packet>) {
+        loop {
+            let timer = self.machine.on(now, Input::Timer, &self.config);
+            let Ok(action) = timer else { break };
+            if action == Action::None {
+                break;
+            }
+            self.act(now, action, None);
+        }
+        match self.machine.on(now, input, &self.config) {
+            Ok(action) => self.act(now, action, packet),
+            Err(unexpected) => {
+                self.statistics.unexpected += 1;
+                self.events.push_notice(HostEvent::Unexpected(unexpected));
+            }
+        }
+    }
+
+    fn act(&mut self, now: Duration, action: Action, packet: Option<Packet>) {
+        match (action, packet) {
+            (Action::New, Some(packet)) => self.report(HostEvent::Packet(packet)),
+            (Action::Old, Some(packet)) => self.report(HostEvent::Old(packet)),
+            (Action::Unasked, Some(packet)) => {
+                self.statistics.unasked += 1;
+                self.events.push_notice(HostEvent::Unasked(packet));
+            }
+            (Action::Missed, _) => {
+                self.give_up_bytes(now);
+                self.report(HostEvent::Missed);
+            }
+            (Action::Stale, _) => self.report(HostEvent::Stale),
+            (Action::Closed { missed, stale }, _) => {
+                if missed {
+                    self.report(HostEvent::Missed);
+                }
+                if stale {
+                    self.report(HostEvent::Stale);
+                }
+            }
+            (Action::None | Action::Transmit | Action::New | Action::Old | Action::Unasked, _) => {}
+        }
+    }
+
+    fn report(&mut self, outcome: HostEvent) {
+        let count = match outcome {
+            HostEvent::Packet(_) => &mut self.statistics.packets,
+            HostEvent::Old(_) => &mut self.statistics.old,
+            HostEvent::Missed => &mut self.statistics.missed,
+            _ => &mut self.statistics.stale,
+        };
+        *count += 1;
+        // A poll is sent only when its outcomes have room.
+        let _ = self.events.push_outcome(outcome);
+    }
+
+    /// What is not whole is no packet.
+    fn give_up_bytes(&mut self, now: Duration) {
+        self.decoder.finish();
+        self.read(now);
+    }
+
+    fn read(&mut self, now: Duration) {
+        while let Some(frame) = self.decoder.next_frame() {
+            match frame.and_then(|frame| frame.packet()) {
+                Ok(packet) => {
+                    let fresh = packet.status.is_fresh();
+                    self.advance(now, Input::Packet { fresh }, Some(packet));
+                }
+                Err(error) => {
+                    self.statistics.corrupt += 1;
+                    self.events.push_notice(HostEvent::Corrupt(error));
+                }
+            }
+        }
+    }
+}
+
+impl Session for Host {
+    type Event = HostEvent;
+    type Statistics = HostStatistics;
+
+    const MAX_TRANSMIT: usize = 1;
+
+    fn handle_connected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.advance(now, Input::Connected, None);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.advance(now, Input::Disconnected, None);
+    }
+
+    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
+        self.handle_timeout(now);
+        while !bytes.is_empty() {
+            let taken = self.decoder.push(bytes);
+            bytes = bytes.get(taken..).unwrap_or_default();
+            self.read(now);
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        self.advance(now, Input::Timer, None);
+    }
+
+    fn poll_event(&mut self) -> Option<HostEvent> {
+        self.events.pop()
+    }
+
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        self.handle_timeout(now);
+        let first = out.first_mut()?;
+        if !self.machine.transmits(now) || !self.events.has_room(Self::OUTCOMES) {
+            return None;
+        }
+        self.give_up_bytes(now);
+        self.advance(now, Input::Poll, None);
+        self.statistics.polls += 1;
+        *first = ENQ;
+        Some(1)
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.machine.deadline()
+    }
+
+    fn statistics(&self) -> HostStatistics {
+        HostStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    }
+}

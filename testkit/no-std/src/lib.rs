@@ -1,4 +1,4 @@
-//! What every proof program needs: a panic handler, and the C library that starts it.
+//! The common part of the programs: a panic handler, and the C library that starts them.
 #![no_std]
 
 #[link(name = "c")]

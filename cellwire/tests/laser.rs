@@ -3,15 +3,16 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::thread;
 
-use cellwire::line::Clock;
-use cellwire::serial;
-use laser_eb90::{Doubt, Frame, Host, HostConfig, HostEvent, Item};
-use serialport::SerialPort;
+use core::ops::ControlFlow;
+
+use cellwire::serial::{self, Port};
+use laser_eb90::{Host, HostConfig, HostEvent, Item, UnknownReason};
+use robot_session::{Driver, Ended, Session as _, now};
 
 const CUT: u16 = 0x0101;
 const STATUS: u16 = 0x0301;
@@ -49,60 +50,61 @@ impl Drop for Robot {
     }
 }
 
-/// Sends what is due, and hears until there is an event.
-fn drive<T>(
-    host: &mut Host,
-    port: &mut dyn SerialPort,
-    clock: Clock,
-    take: impl Fn(HostEvent<'_>) -> T,
-) -> T {
-    let mut buffer = [0; Frame::MAX_LEN];
+/// Sends what is due, and waits for an outcome.
+fn outcome(host: &mut Host, driver: &mut Driver<Port>) -> HostEvent {
     loop {
-        if let Some(n) = host.poll_transmit(clock.now(), &mut buffer) {
-            port.write_all(&buffer[..n]).unwrap();
-        }
-        if let Ok(n) = port.read(&mut buffer) {
-            host.handle_input(clock.now(), &buffer[..n]);
-        }
-        host.handle_timeout(clock.now());
-        if let Some(event) = host.poll_event() {
-            return take(event);
+        let turn = driver.turn(host, None, |_, event| match event {
+            HostEvent::Corrupt(_) => ControlFlow::Continue(()),
+            event => ControlFlow::Break(event),
+        });
+        match turn.unwrap() {
+            ControlFlow::Continue(()) => {}
+            ControlFlow::Break(Ended::ByHandler(event)) => return event,
+            ControlFlow::Break(Ended::ByPeer) => panic!("the port is gone"),
         }
     }
+}
+
+fn open(path: &Path) -> Driver<Port> {
+    Driver::new(Port(serial::open(path.to_str().unwrap(), 9600).unwrap()))
 }
 
 #[test]
 fn a_batch_in_which_the_robot_is_killed_is_unknown_and_not_sent_again() {
     let path = std::env::temp_dir().join(format!("cellwire-laser-{}", std::process::id()));
     let robot = Robot::start(&path);
-    let mut port = serial::open(path.to_str().unwrap(), 9600).unwrap();
-    let clock = Clock::start();
-    let mut host = Host::new(HostConfig::default());
+    let mut driver = open(&path);
+    // Nobody has sent anything before, and nothing pauses.
+    let config = HostConfig { longest_frame: 0, max_pause: Duration::ZERO, ..HostConfig::default() };
+    let mut host = Host::new(HostConfig { execution_timeout: Duration::from_secs(2), ..config }).unwrap();
+    host.handle_connected(now());
     for x in 0..7u8 {
         host.submit(CUT, |parameters| parameters.f32(&[x.into(); 6]).map(drop)).unwrap();
     }
-    let mut frame = [0; Frame::MAX_LEN];
-    let n = host.poll_transmit(clock.now(), &mut frame).unwrap();
-    port.write_all(&frame[..n]).unwrap();
+    while host.statistics().frames == 0 {
+        assert!(
+            driver
+                .turn(&mut host, Some(Duration::ZERO), |_, event| ControlFlow::Break(event))
+                .unwrap()
+                .is_continue()
+        );
+    }
     thread::sleep(Duration::from_millis(100)); // of the 226 ms that the frame takes at 9600 baud
     drop(robot);
 
     let mut robot = Robot::start(&path);
-    let mut port = serial::open(path.to_str().unwrap(), 9600).unwrap();
-    drive(&mut host, &mut *port, clock, |event| {
-        assert_eq!(event, HostEvent::Unknown { first: 0, count: 7, cause: Doubt::Silence });
-    });
-    assert_eq!(host.poll_transmit(clock.now() + Duration::from_secs(60), &mut frame), None);
+    let mut driver = open(&path);
+    let reason = UnknownReason::Silence;
+    assert_eq!(outcome(&mut host, &mut driver), HostEvent::Unknown { first: 0, count: 7, reason });
+    assert_eq!(host.poll_timeout(), None, "nothing is sent again");
 
     host.resume();
     host.submit(STATUS, |_| Ok(())).unwrap();
-    let held = drive(&mut host, &mut *port, clock, |event| match event {
-        HostEvent::Answer { ticket: 7, mut values } => match values.next() {
-            Some(Ok(Item::I16(values))) => values.array::<3>().unwrap()[2],
-            other => panic!("{other:?}"),
-        },
+    assert_eq!(outcome(&mut host, &mut driver), HostEvent::Answer { ticket: 7 });
+    let held = match host.answer().next() {
+        Some(Ok(Item::I16(values))) => values.array::<3>().unwrap()[2],
         other => panic!("{other:?}"),
-    });
+    };
     assert_eq!(held, 0);
     assert!(robot.event().contains("query"), "nothing came before the question");
     drop(std::fs::remove_file(path));

@@ -42,15 +42,17 @@ pub fn tokio_codecs(data: &[u8]) {
             assert_eq!(frames.into_iter().map(|frame| frame.map(bytes)).collect::<Vec<_>>(), written);
         }
         3 => {
-            use laser_eb90::{Codec, Decoder, Profile};
-            let profile = Profile::default();
-            let mut decoder = Decoder::new(&profile);
-            let payloads = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
-                d.next_frame().map(|frame| frame.map(|frame| frame.payload().to_vec()))
+            use laser_eb90::robot_session::Decoder as _;
+            use laser_eb90::{Decoder, Frame, Profile};
+            let new = || Decoder::new(&Profile::default());
+            let own = |frame: Frame<'_>| frame.payload().to_vec();
+            let expected = items(stream, &mut new(), Decoder::push, Decoder::finish, |decoder| {
+                decoder.next_frame().map(|frame| frame.map(own))
             });
-            let frames = read(&mut Codec::new(&profile), stream, size);
-            let payload = |frame: laser_eb90::OwnedFrame| frame.frame().payload().to_vec();
-            assert_eq!(frames.into_iter().map(|frame| frame.map(payload)).collect::<Vec<_>>(), payloads);
+            assert_eq!(
+                read(&mut laser_eb90::robot_session::tokio::Codec::new(new(), own), stream, size),
+                expected
+            );
         }
         4 => mmacell(second, stream, size),
         _ if second => alter::<val2_alter::HostMessage>(stream, size),

@@ -3,6 +3,7 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
+use laser_eb90::robot_session::{Decoder as _, Encode as _, Session as _};
 use laser_eb90::{
     ByteOrder, Class, Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, EncodeError, Flag,
     Frame, Host, HostConfig, HostEvent, Instruction, Instructions, Item as Value, MAX_PAYLOAD, Payload,
@@ -11,7 +12,7 @@ use laser_eb90::{
 
 use crate::written;
 
-/// A frame's payload or an error, and the stream offset behind it.
+/// A frame's payload or an error, and the stream offset after it.
 type Item = (Result<Vec<u8>, DecodeError>, u64);
 
 /// Two bytes say how the frames are written and how long the reads are, the rest is the stream.
@@ -23,7 +24,7 @@ pub fn laser_eb90_decoder(data: &[u8]) {
     let mut at = 0;
     for (item, end) in items {
         let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
+        assert!(!bytes.is_empty(), "the decoder makes no progress at byte {at}");
         if let Ok(payload) = item {
             let mut buffer = [0; MAX_PAYLOAD];
             let (frame, used) = Frame::decode(bytes, &mut buffer, &profile).unwrap().unwrap();
@@ -82,7 +83,13 @@ pub fn laser_eb90_message(data: &[u8]) {
             Any::Word(word) => (payload.word(*word).map(drop), 1, 2),
         };
         let available = usize::from(room % 600).min(MAX_PAYLOAD) - length;
-        let expected = if count > 255 {
+        let not_finite = match item {
+            Any::F32(bits) => bits.iter().position(|bits| !f32::from_bits(*bits).is_finite()),
+            _ => None,
+        };
+        let expected = if let Some(index) = not_finite {
+            Err(EncodeError::NotFinite { index })
+        } else if count > 255 {
             Err(EncodeError::TooManyValues { count })
         } else if 2 + bytes > available {
             Err(EncodeError::BufferTooSmall { needed: 2 + bytes, available })
@@ -165,9 +172,9 @@ fn decode(stream: &[u8], size: usize, profile: &Profile) -> Vec<Item> {
     let (mut buffer, mut out) = ([0; 8], [0; 16]);
     let mut payload = Payload::new(&mut buffer, profile);
     let length = payload.word(0x9010).unwrap().frame().unwrap().encode(&mut out).unwrap();
-    decoder.push(&out[..length]);
+    assert_eq!(decoder.push(&out[..length]), length);
     let next = decoder.next_frame().unwrap().map(|frame| frame.payload().to_vec());
-    assert_eq!(next, Ok(payload.as_bytes().to_vec()), "what comes behind the silence is read");
+    assert_eq!(next, Ok(payload.as_bytes().to_vec()), "what comes after the silence is read");
     items
 }
 
@@ -175,16 +182,24 @@ fn decode(stream: &[u8], size: usize, profile: &Profile) -> Vec<Item> {
 pub fn laser_eb90_host(mut data: &[u8]) {
     let Some((&settings, rest)) = data.split_first() else { return };
     data = rest;
-    let mut host = Host::new(HostConfig { resend_on_silence: settings & 1 != 0, ..HostConfig::default() });
+    let config = HostConfig {
+        resend_on_silence: settings & 1 != 0,
+        controller_drops_partial: settings & 2 != 0,
+        execution_timeout: Duration::from_millis(400),
+        longest_frame: 0,
+        ..HostConfig::default()
+    };
+    let mut host = Host::new(config).unwrap();
     let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
-    let (mut submitted, mut reported, mut taken_back, mut on_its_way) = (0, 0, 0, false);
+    host.handle_connected(now);
+    let (mut submitted, mut reported, mut taken_back, mut in_flight) = (0, 0, 0, false);
     while let [action, pause, length, rest @ ..] = data {
         let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
         data = rest;
         now += Duration::from_millis(u64::from(*pause) * 8);
-        match action % 8 {
-            0..=3 => {
-                let word = [0x0101, 0x0201, 0x0301, 0x7777][usize::from(action % 4)];
+        match action % 16 {
+            n @ 0..=7 => {
+                let word = [0x0101, 0x0201, 0x0301, 0x7777][usize::from(n % 4)];
                 match host.submit(word, |parameters| parameters.u8(bytes).map(drop)) {
                     Ok(ticket) => {
                         assert_eq!(ticket, submitted, "numbers have no gaps");
@@ -194,33 +209,36 @@ pub fn laser_eb90_host(mut data: &[u8]) {
                     Err(error) => panic!("{error}"),
                 }
             }
-            4 => host.resume(),
-            5 => taken_back += u64::from(host.take_back()),
+            8 => host.resume(),
+            9 => taken_back += u64::from(host.take_back()),
+            10 if length % 8 == 0 => host.handle_disconnected(now),
+            10 => host.handle_connected(now),
+            11 => host.handle_transmitted(now),
             _ => host.handle_input(now, bytes),
         }
         host.handle_timeout(now);
-        if let Some(event) = host.poll_event() {
-            assert!(on_its_way, "an event without a frame");
-            on_its_way = false;
+        while let Some(event) = host.poll_event() {
             let (first, count) = match event {
                 HostEvent::Done { first, count, unanswered, .. } => {
                     assert!(unanswered == 0 || settings & 1 != 0);
                     (first, count)
                 }
-                HostEvent::Answer { ticket, values } => {
-                    assert_eq!(values.check(), Ok(()));
+                HostEvent::Answer { ticket } => {
+                    assert_eq!(host.answer().check(), Ok(()));
                     (ticket, 1)
                 }
                 HostEvent::Refused { first, count, .. } | HostEvent::Unknown { first, count, .. } => {
                     (first, count)
                 }
+                _ => continue,
             };
+            assert!(in_flight, "an outcome without a frame");
+            in_flight = false;
             assert_eq!(first, reported, "every instruction is reported once, in order");
             reported += u64::from(count);
         }
-        assert_eq!(host.poll_event(), None, "one event a frame");
-        if !on_its_way {
-            // They were submitted behind what was on its way, and have no event.
+        if !in_flight {
+            // They were submitted after what was in flight, and have no event.
             reported += core::mem::take(&mut taken_back);
         }
         assert!(reported <= submitted);
@@ -228,10 +246,10 @@ pub fn laser_eb90_host(mut data: &[u8]) {
             let mut payload = [0; MAX_PAYLOAD];
             let (frame, used) = Frame::decode(&out[..n], &mut payload, &Profile::default()).unwrap().unwrap();
             assert_eq!((used, frame.items().check()), (n, Ok(())));
-            on_its_way = true;
+            in_flight = true;
             assert_eq!(host.poll_transmit(now, &mut out), None, "one frame at a time");
         }
-        assert!(host.poll_timeout().is_some() || host.is_held() || !on_its_way);
+        assert!(host.poll_timeout().is_some() || host.is_held() || !in_flight);
     }
 }
 
@@ -250,14 +268,15 @@ impl TryFrom<Instruction<'_>> for Job {
 /// Steps of an action, a pause, a length, and so many bytes from the line.
 pub fn laser_eb90_controller(mut data: &[u8]) {
     let (writer, mut reader) = robot_work_queue::boxed::<Job>(10, 9999).unwrap();
-    let mut controller = Controller::new(ControllerConfig::default(), writer);
+    let mut controller = Controller::new(ControllerConfig::default(), writer).unwrap();
     let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
-    let (mut heard, mut answers, mut executing) = (0, 0, false);
+    controller.handle_connected(now);
+    let (mut received, mut answers, mut executing) = (0, 0, false);
     while let [action, pause, length, rest @ ..] = data {
         let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
         data = rest;
         now += Duration::from_millis((*pause).into());
-        match action % 4 {
+        match action % 8 {
             0 => drop(reader.take().map(|job| job.complete())),
             1 => {
                 let outcome = controller.answer(now, |values| values.u8(bytes).map(drop));
@@ -269,16 +288,21 @@ pub fn laser_eb90_controller(mut data: &[u8]) {
                 assert_eq!(outcome.is_ok(), executing);
                 executing = false;
             }
+            3 if length % 8 == 0 => {
+                controller.handle_disconnected(now);
+                controller.handle_connected(now);
+            }
             _ => {
-                heard += bytes.len();
+                received += bytes.len();
                 controller.handle_input(now, bytes);
             }
         }
         controller.handle_timeout(now);
         while let Some(event) = controller.poll_event() {
-            if let ControllerEvent::Execute { class, instruction } = event {
+            if let ControllerEvent::Execute { class, word } = event {
                 assert_ne!(class, Class::Interpreted);
-                assert_eq!(instruction.parameters.check(), Ok(()));
+                let instruction = controller.instruction().unwrap();
+                assert_eq!((instruction.word, instruction.parameters.check()), (word, Ok(())));
                 executing = true;
             }
         }
@@ -291,7 +315,7 @@ pub fn laser_eb90_controller(mut data: &[u8]) {
             Instruction::single(frame.items()).expect("an answer begins with a word");
             assert_eq!(controller.poll_transmit(now, &mut out), None, "one answer");
         }
-        assert!(answers * Frame::MIN_LEN <= heard, "it speaks only when spoken to");
+        assert!(answers * Frame::MIN_LEN <= received, "it sends only when asked");
         assert!(reader.len() <= 10);
         // Whatever is waiting can be waited for.
         assert!(controller.poll_timeout().is_none_or(|at| at <= now + Duration::from_millis(66)));

@@ -1,20 +1,15 @@
-//! Bytes in, frames out; finds its feet again after damage.
+//! Bytes in, frames out; resynchronises after corruption.
 
 use crate::error::DecodeError;
-use crate::frame::{Body, Damage, Frame, MAX_PAYLOAD, Scan, find_head, has_head};
-use crate::message::Items;
+use crate::frame::{Body, Corrupt, Frame, MAX_PAYLOAD, Scan, find_head, has_head};
+use crate::items::Items;
 use crate::profile::Profile;
 
-/// Cuts a stream into frames.
+/// Cuts a stream into frames: see [`robot_session::Decoder`] for the order of the calls.
 ///
-/// Call [`push`](Self::push) with what was read, then [`next_frame`](Self::next_frame) until it gives `None`; push the
-/// rest when `push` did not take everything. At the end of the stream, or when the line has fallen silent, call
-/// [`finish`](Self::finish) and `next_frame` again. The same bytes give the same frames and errors however they are cut.
-///
-/// After an error the stream goes on at the next head within the bytes that were looked at, so a frame behind a damaged
-/// one, or behind a false head, is not lost. The items of a frame have been read over once: its [`Items`] give no error.
-/// Every byte belongs to exactly one frame or error:
-/// [`position`](Self::position) says where each ends.
+/// After an error the stream goes on at the next head within the bytes that were examined, so a frame after a corrupt one, or
+/// after a false head, is not lost. Bytes without a head are one error when a head follows them, or when there are
+/// [`MAX_PAYLOAD`] of them. The items of a frame have been read once: its [`Items`] give no error.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     profile: Profile,
@@ -43,8 +38,17 @@ impl Decoder {
         Self { profile: *profile, raw: [0; Frame::MAX_LEN], held: Held::default(), payload: [0; MAX_PAYLOAD] }
     }
 
-    /// Takes bytes; returns how many. When it takes none, its buffer is full and `next_frame` has something to give.
-    pub fn push(&mut self, bytes: &[u8]) -> usize {
+    /// Whether no byte waits for the rest of a frame.
+    pub fn is_empty(&self) -> bool {
+        self.held.len() == 0
+    }
+}
+
+impl robot_session::Decoder for Decoder {
+    type Frame<'a> = Frame<'a>;
+    type Error = DecodeError;
+
+    fn push(&mut self, bytes: &[u8]) -> usize {
         let held = &mut self.held;
         if self.raw.len() - held.end < bytes.len() {
             self.raw.copy_within(held.start..held.end, 0);
@@ -61,10 +65,7 @@ impl Decoder {
         taken
     }
 
-    /// The next frame or error; `None` when more bytes are needed.
-    ///
-    /// Bytes without a head are one error when a head follows them, or when there are [`MAX_PAYLOAD`] of them.
-    pub fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
+    fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
         let held = &mut self.held;
         let raw = self.raw.get(held.start..held.end).unwrap_or_default();
         if held.scan.is_new() && !has_head(raw) {
@@ -77,40 +78,31 @@ impl Decoder {
             held.consume(skipped);
             return Some(Err(DecodeError::NoHead { skipped }));
         }
-        let damage = match held.scan.advance(raw, &mut self.payload, &self.profile) {
+        let corrupt = match held.scan.advance(raw, &mut self.payload, &self.profile) {
             Ok(None) => return held.incomplete().map(Err),
             Ok(Some(body)) => match check(body, raw, &self.payload, &self.profile) {
                 Ok(frame) => {
                     held.consume(body.used);
                     return Some(Ok(frame));
                 }
-                Err(damage) => damage,
+                Err(corrupt) => corrupt,
             },
-            Err(damage) => damage,
+            Err(corrupt) => corrupt,
         };
-        let next = find_head(raw.get(1..damage.examined).unwrap_or_default());
+        let next = find_head(raw.get(1..corrupt.examined).unwrap_or_default());
         held.consume(1 + next);
-        Some(Err(damage.error))
+        Some(Err(corrupt.error))
     }
 
-    /// Says that the line fell silent or the input ended: what is held is no whole frame, and `next_frame` gives it as
-    /// [`DecodeError::Incomplete`] when nothing else is left.
-    pub fn finish(&mut self) {
+    fn finish(&mut self) {
         self.held.finished = true;
     }
 
-    /// Whether no byte waits for the rest of a frame.
-    pub fn is_empty(&self) -> bool {
-        self.held.len() == 0
-    }
-
-    /// The stream offset just behind what was returned last.
-    pub fn position(&self) -> u64 {
+    fn position(&self) -> u64 {
         self.held.position
     }
 
-    /// Forgets what is held.
-    pub(crate) fn clear(&mut self) {
+    fn clear(&mut self) {
         self.held.consume(self.held.len());
     }
 }
@@ -120,7 +112,7 @@ impl Held {
         self.end - self.start
     }
 
-    /// What is held, once no more will come.
+    /// What is held, when no more will come.
     fn incomplete(&mut self) -> Option<DecodeError> {
         let held = self.len();
         if !self.finished || held == 0 {
@@ -139,10 +131,10 @@ impl Held {
 }
 
 /// The frame, if it has whole items: a false head can be followed by the right checksum, but hardly by both.
-fn check<'a>(body: Body, raw: &'a [u8], copied: &'a [u8], profile: &Profile) -> Result<Frame<'a>, Damage> {
+fn check<'a>(body: Body, raw: &'a [u8], copied: &'a [u8], profile: &Profile) -> Result<Frame<'a>, Corrupt> {
     let payload = body.payload(raw, copied);
     match Items::new(payload, profile).check() {
         Ok(()) => Ok(Frame::new(payload, profile)),
-        Err(error) => Err(Damage { error, examined: body.used }),
+        Err(error) => Err(Corrupt { error, examined: body.used }),
     }
 }

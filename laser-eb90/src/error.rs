@@ -1,4 +1,5 @@
-//! Errors: [`DecodeError`] is the peer's or the line's fault, [`EncodeError`] and [`SessionError`] are the caller's.
+//! Errors: [`DecodeError`] is the peer's or the line's fault, [`EncodeError`], [`SessionError`] and [`ConfigError`] are the
+//! caller's.
 
 /// Bytes that are no frame.
 ///
@@ -13,20 +14,20 @@ pub enum DecodeError {
         /// How many bytes.
         skipped: usize,
     },
-    /// The head is not followed by the frame flag: a false head, or a damaged flag.
+    /// The head is not followed by the frame flag: a false head, or a corrupt flag.
     #[error("the frame flag is {expected:02X}h, found {found:02X}h (at byte {offset})")]
     Flag {
         /// Its place in the frame.
         offset: usize,
         /// The flag.
         expected: u8,
-        /// What stands there.
+        /// What is there.
         found: u8,
     },
     /// A 90h that is neither doubled nor the beginning of the tail (§3(2)).
     #[error("90h is followed by {found:02X}h, which is neither 90h nor a tail (at byte {offset})")]
     Stuffing {
-        /// The place of the byte behind 90h in the frame.
+        /// The place of the byte after 90h in the frame.
         offset: usize,
         /// That byte.
         found: u8,
@@ -49,7 +50,7 @@ pub enum DecodeError {
         /// The frame's.
         found: u16,
     },
-    /// A byte stands where a tag must, and is none. In front of the payload it shows a false head.
+    /// A byte that is no tag where one must be. In front of the payload it shows a false head.
     #[error("{found:02X}h is no tag (at payload byte {offset})")]
     Tag {
         /// Its place in the payload.
@@ -70,7 +71,7 @@ pub enum DecodeError {
     /// The payload does not begin with a command word: it is no instruction and no reply.
     #[error("the payload does not begin with a command word")]
     NoWord,
-    /// The line fell silent, or the input ended, within a frame or in bytes without a head.
+    /// The line is silent, or the input ended, within a frame or in bytes without a head.
     #[error("{held} bytes are no whole frame")]
     Incomplete {
         /// How many bytes.
@@ -97,12 +98,18 @@ pub enum EncodeError {
         /// How many there were.
         count: usize,
     },
-    /// A frame needs at least one item: its first byte tells a head from a false one.
+    /// A frame needs at least one item: its first byte distinguishes a head from a false one.
     #[error("a frame without items")]
     Empty,
+    /// A NaN or an infinity: no position, no angle and no power is one.
+    #[error("value {index} is not finite")]
+    NotFinite {
+        /// Its place in the item, from 0.
+        index: usize,
+    },
 }
 
-/// Something that a session, or its set of words, cannot do.
+/// A request that a session cannot fulfil: the caller's fault. Nothing has changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
@@ -115,15 +122,28 @@ pub enum SessionError {
         /// The word.
         word: u16,
     },
-    /// A single short among the parameters of an interpreted instruction would begin the next one.
+    /// A single short among the parameters of an interpreted instruction would begin the next one; among those of another
+    /// instruction it would if it is a command word.
     #[error("a parameter that is a single short reads as the next command word")]
     LoneShort,
-    /// An answer, but no instruction is being executed.
+    /// An answer, but no instruction is being executed, or its event has not been taken.
     #[error("no instruction is being executed")]
     NotExecuting,
     /// The parameters, or the values of an answer, do not fit a frame.
     #[error(transparent)]
     Encode(EncodeError),
+}
+
+/// A configuration that cannot work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// A frame of no instruction.
+    #[error("a batch holds at least one instruction")]
+    NoBatch,
+    /// A line on which a frame never ends.
+    #[error("the baud rate is 0")]
+    NoBaud,
     /// A word that would have two meanings.
     #[error("{word:04X}h is {first} and {second} at once")]
     Ambiguous {
@@ -133,6 +153,12 @@ pub enum SessionError {
         first: WordUse,
         /// The other.
         second: WordUse,
+    },
+    /// More ranges of command words than a set of words holds.
+    #[error("a set of words has at most {limit} ranges of command words")]
+    TooManyRanges {
+        /// How many it holds.
+        limit: usize,
     },
 }
 

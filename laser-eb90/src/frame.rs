@@ -1,7 +1,9 @@
 //! The envelope: head, flag, doubled 90h, tail, checksum.
 
+use robot_session::Encode;
+
 use crate::error::{DecodeError, EncodeError};
-use crate::message::{Items, is_tag};
+use crate::items::{Items, is_tag};
 use crate::profile::{Flag, Profile, Width};
 
 /// The longest payload, unstuffed. The source gives no limit: this is twice its batch of seven six-axis moves.
@@ -36,7 +38,7 @@ impl<'a> Frame<'a> {
     /// of what is taken; [`MAX_PAYLOAD`] bytes hold whatever [`Frame::encode`] writes. The items are not looked at yet.
     ///
     /// # Errors
-    /// Everything in [`DecodeError`]. A stream goes on behind the next head: [`Decoder`](crate::Decoder) finds it.
+    /// Everything in [`DecodeError`]. A stream goes on at the next head: [`Decoder`](crate::Decoder) finds it.
     #[inline]
     pub fn decode(
         bytes: &'a [u8],
@@ -63,32 +65,6 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Writes the frame; returns its length.
-    ///
-    /// # Errors
-    /// `out` is too short; nothing is written then.
-    pub fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
-        let (needed, available) = (self.encoded_len(), out.len());
-        if needed > available {
-            return Err(EncodeError::BufferTooSmall { needed, available });
-        }
-        let mut rest = out;
-        self.write(|bytes| {
-            if let Some((slot, behind)) = core::mem::take(&mut rest).split_at_mut_checked(bytes.len()) {
-                slot.copy_from_slice(bytes);
-                rest = behind;
-            }
-        });
-        Ok(needed)
-    }
-
-    /// The length on the wire.
-    pub fn encoded_len(&self) -> usize {
-        let mut len = 0;
-        self.write(|bytes| len += bytes.len());
-        len
-    }
-
     /// Appends the frame; grows or panics as the buffer's `put_slice` does.
     #[cfg(feature = "bytes")]
     pub fn append_to(&self, out: &mut impl bytes::BufMut) {
@@ -111,10 +87,10 @@ impl<'a> Frame<'a> {
             put(&[FLAG]);
         }
         let mut rest = self.payload;
-        while let Some((marked, behind)) = rest.split_at_checked(find_mark(rest) + 1) {
+        while let Some((marked, after)) = rest.split_at_checked(find_mark(rest) + 1) {
             put(marked);
             put(&[MARK]);
-            rest = behind;
+            rest = after;
         }
         put(rest);
         put(&[MARK, self.profile.tail.byte()]);
@@ -124,6 +100,31 @@ impl<'a> Frame<'a> {
             Width::U16Le => put(&sum.to_le_bytes()),
             Width::U16Be => put(&sum.to_be_bytes()),
         }
+    }
+}
+
+impl Encode for Frame<'_> {
+    type Error = EncodeError;
+
+    fn encoded_len(&self) -> usize {
+        let mut len = 0;
+        self.write(|bytes| len += bytes.len());
+        len
+    }
+
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let (needed, available) = (self.encoded_len(), out.len());
+        if needed > available {
+            return Err(EncodeError::BufferTooSmall { needed, available });
+        }
+        let mut rest = out;
+        self.write(|bytes| {
+            if let Some((slot, after)) = core::mem::take(&mut rest).split_at_mut_checked(bytes.len()) {
+                slot.copy_from_slice(bytes);
+                rest = after;
+            }
+        });
+        Ok(needed)
     }
 }
 
@@ -163,9 +164,9 @@ pub(crate) struct Body {
     pub(crate) used: usize,
 }
 
-/// What is wrong with a frame, and how many of its bytes were looked at to see it.
+/// What is wrong with a frame, and how many of its bytes were examined to see it.
 #[derive(Debug)]
-pub(crate) struct Damage {
+pub(crate) struct Corrupt {
     pub(crate) error: DecodeError,
     pub(crate) examined: usize,
 }
@@ -182,7 +183,7 @@ impl Scan {
         raw: &[u8],
         payload: &mut [u8],
         profile: &Profile,
-    ) -> Result<Option<Body>, Damage> {
+    ) -> Result<Option<Body>, Corrupt> {
         if self.is_new() {
             let Some(begin) = begin(raw, profile)? else { return Ok(None) };
             (self.begin, self.read) = (begin, begin);
@@ -201,14 +202,14 @@ impl Scan {
                 [_, byte, ..] if profile.tail.ends_with(byte) => return self.end(raw, payload, profile),
                 [_, found, ..] => {
                     let error = DecodeError::Stuffing { offset: self.read + 1, found };
-                    return Err(Damage { error, examined: self.read + 2 });
+                    return Err(Corrupt { error, examined: self.read + 2 });
                 }
             }
         }
     }
 
     /// Takes a stretch of the payload.
-    fn take(&mut self, stretch: &[u8], payload: &mut [u8]) -> Result<(), Damage> {
+    fn take(&mut self, stretch: &[u8], payload: &mut [u8]) -> Result<(), Corrupt> {
         let limit = payload.len();
         let room = payload.get_mut(self.len..).unwrap_or_default();
         let copied = self.is_copied();
@@ -217,7 +218,7 @@ impl Scan {
             Some(_) => {}
             None => {
                 let offset = self.read + room.len();
-                return Err(Damage { error: DecodeError::TooLong { offset, limit }, examined: offset + 1 });
+                return Err(Corrupt { error: DecodeError::TooLong { offset, limit }, examined: offset + 1 });
             }
         }
         self.len += stretch.len();
@@ -238,8 +239,8 @@ impl Scan {
         self.begin + self.len != self.read
     }
 
-    /// Checks what stands behind the tail.
-    fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<Body>, Damage> {
+    /// Checks what comes after the tail.
+    fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<Body>, Corrupt> {
         let offset = self.read + 2;
         let Some(found) = check_word(raw.get(offset..).unwrap_or_default(), profile) else { return Ok(None) };
         let body = Body { scan: *self, used: offset + profile.checksum.len() };
@@ -248,13 +249,13 @@ impl Scan {
             Ok(Some(body))
         } else {
             let error = DecodeError::Checksum { offset, expected, found };
-            Err(Damage { error, examined: body.used })
+            Err(Corrupt { error, examined: body.used })
         }
     }
 }
 
 impl Body {
-    /// The payload, where it stands on the wire or where it has been copied.
+    /// The payload, where it is on the wire or where it has been copied.
     #[inline]
     pub(crate) fn payload<'a>(&self, raw: &'a [u8], copied: &'a [u8]) -> &'a [u8] {
         let Scan { begin, read, len } = self.scan;
@@ -264,7 +265,7 @@ impl Body {
 }
 
 /// The length of everything in front of the payload, once it and the first tag are there and as they must be.
-fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, Damage> {
+fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, Corrupt> {
     let len = HEAD.len() + usize::from(profile.flag == Flag::Separate);
     let (error, examined) = match *raw {
         [0xEB, 0x90, 0x82, flag, ..] if flag != FLAG && profile.flag == Flag::Separate => {
@@ -278,7 +279,7 @@ fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, Damage> {
         [] | [0xEB] | [0xEB, 0x90] => return Ok(None),
         _ => (DecodeError::NoHead { skipped: raw.len() }, raw.len()),
     };
-    Err(Damage { error, examined })
+    Err(Corrupt { error, examined })
 }
 
 /// Where the first head in `bytes` begins, whole or cut off by their end; their length if none does.
@@ -304,27 +305,27 @@ pub(crate) fn has_head(bytes: &[u8]) -> bool {
 /// search is a branch a byte.
 fn find_mark(bytes: &[u8]) -> usize {
     let mut rest = bytes;
-    while let Some((block, behind)) = rest.split_first_chunk::<64>()
+    while let Some((block, after)) = rest.split_first_chunk::<64>()
         && is_clean(block)
     {
-        rest = behind;
+        rest = after;
     }
-    while let Some((block, behind)) = rest.split_first_chunk::<16>()
+    while let Some((block, after)) = rest.split_first_chunk::<16>()
         && is_clean(block)
     {
-        rest = behind;
+        rest = after;
     }
-    while let Some((word, behind)) = rest.split_first_chunk::<8>() {
+    while let Some((word, after)) = rest.split_first_chunk::<8>() {
         let marks = marks(*word);
         if marks != 0 {
             return bytes.len() - rest.len() + marks.trailing_zeros() as usize / 8;
         }
-        rest = behind;
+        rest = after;
     }
-    while let [byte, behind @ ..] = rest
+    while let [byte, after @ ..] = rest
         && *byte != MARK
     {
-        rest = behind;
+        rest = after;
     }
     bytes.len() - rest.len()
 }
@@ -334,7 +335,7 @@ fn is_clean<const N: usize>(block: &[u8; N]) -> bool {
     !block.iter().fold(false, |any, &b| any | (b == MARK))
 }
 
-/// The lowest bit that is set stands at the top of the first byte that is 90h (Mycroft's test for a zero byte).
+/// The lowest bit that is set is the top of the first byte that is 90h (Mycroft's test for a zero byte).
 #[inline]
 fn marks(word: [u8; 8]) -> u64 {
     const ONES: u64 = u64::from_le_bytes([0x01; 8]);
@@ -374,13 +375,13 @@ fn checksum(payload: &[u8], profile: &Profile) -> u16 {
 /// The sum of all bytes, in blocks of a fixed size: each becomes a vector sum.
 fn sum(bytes: &[u8]) -> u32 {
     let (mut rest, mut sum) = (bytes, 0);
-    while let Some((block, behind)) = rest.split_first_chunk::<64>() {
+    while let Some((block, after)) = rest.split_first_chunk::<64>() {
         sum += add(block);
-        rest = behind;
+        rest = after;
     }
-    while let Some((block, behind)) = rest.split_first_chunk::<16>() {
+    while let Some((block, after)) = rest.split_first_chunk::<16>() {
         sum += add(block);
-        rest = behind;
+        rest = after;
     }
     sum + add(rest)
 }

@@ -6,11 +6,13 @@ use serde::de::{DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess,
 use serde::ser::{Error as _, SerializeSeq, SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 
-use crate::error::EncodeError;
+use crate::error::{ConfigError, EncodeError};
 use crate::frame::Frame;
-use crate::message::{Items, Number, Payload, Values};
+use crate::items::{Item, Items, Number, Values};
+use crate::payload::Payload;
+use crate::words::{ErrorCodes, Range, Words};
 
-/// Fails on an item that is damaged; [`Items::check`] says which error it is.
+/// Fails on a corrupt item; [`Items::check`] returns which error it is.
 impl Serialize for Frame<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut object = serializer.serialize_struct("Frame", 1)?;
@@ -39,17 +41,30 @@ impl<T: Number + Serialize> Serialize for Values<'_, T> {
     }
 }
 
-/// Bytes as a string of the characters U+0000 to U+00FF.
-pub(crate) fn latin1<S: Serializer>(bytes: &&[u8], serializer: S) -> Result<S::Ok, S::Error> {
-    struct Latin1<'a>(&'a [u8]);
-
-    impl fmt::Display for Latin1<'_> {
-        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            self.0.iter().try_for_each(|&byte| fmt::Write::write_char(f, char::from(byte)))
+impl Serialize for Item<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::F32(values) => serializer.serialize_newtype_variant("Item", 0, "f32", values),
+            Self::I16(values) => serializer.serialize_newtype_variant("Item", 1, "i16", values),
+            Self::U8(values) => serializer.serialize_newtype_variant("Item", 2, "u8", values),
+            Self::Char(values) => serializer.serialize_newtype_variant("Item", 3, "char", &Latin1(values)),
         }
     }
+}
 
-    serializer.collect_str(&Latin1(bytes))
+/// Bytes as a string of the characters U+0000 to U+00FF.
+struct Latin1<'a>(&'a [u8]);
+
+impl fmt::Display for Latin1<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|&byte| fmt::Write::write_char(f, char::from(byte)))
+    }
+}
+
+impl Serialize for Latin1<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
 }
 
 /// Reads a `message` object into the payload: `(&mut payload).deserialize(deserializer)`.
@@ -228,4 +243,60 @@ impl<'de> Deserialize<'de> for Text {
 
 fn too_many<E: serde::de::Error>(count: usize) -> E {
     E::custom(EncodeError::TooManyValues { count: count + 1 })
+}
+
+impl Serialize for Words {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut object = serializer.serialize_struct("Words", 2)?;
+        object.serialize_field("commands", self.ranges())?;
+        object.serialize_field("errors", self.errors())?;
+        object.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for Words {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Object {
+            commands: Ranges,
+            #[serde(default)]
+            errors: ErrorCodes,
+        }
+        let Object { commands, errors } = Object::deserialize(deserializer)?;
+        let mut words = Self::without_commands(errors).map_err(D::Error::custom)?;
+        for range in commands.0.into_iter().flatten() {
+            words.add(range).map_err(D::Error::custom)?;
+        }
+        Ok(words)
+    }
+}
+
+struct Ranges([Option<Range>; Words::MAX_RANGES]);
+
+impl<'de> Deserialize<'de> for Ranges {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Read;
+
+        impl<'de> Visitor<'de> for Read {
+            type Value = Ranges;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a list of ranges of command words")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Ranges, A::Error> {
+                let mut ranges = Ranges([None; Words::MAX_RANGES]);
+                let mut slots = ranges.0.iter_mut();
+                while let Some(range) = list.next_element()? {
+                    let limit = Words::MAX_RANGES;
+                    let full = || A::Error::custom(ConfigError::TooManyRanges { limit });
+                    *slots.next().ok_or_else(full)? = Some(range);
+                }
+                Ok(ranges)
+            }
+        }
+
+        deserializer.deserialize_seq(Read)
+    }
 }

@@ -2,31 +2,30 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(feature = "tokio")]
-extern crate std;
-
-#[cfg(feature = "tokio")]
-pub mod codec;
 pub mod controller;
 pub mod decoder;
 pub mod error;
 pub mod frame;
 pub mod host;
 pub mod instruction;
+pub mod items;
 #[cfg(feature = "serde")]
 mod json;
-pub mod message;
+pub mod payload;
 pub mod profile;
-pub mod state;
 pub mod timing;
+pub mod words;
 
-#[cfg(feature = "tokio")]
-pub use codec::{Codec, OwnedFrame};
-pub use controller::{Controller, ControllerConfig, ControllerEvent};
+pub use controller::{Controller, ControllerConfig, ControllerEvent, ControllerStatistics};
 pub use decoder::Decoder;
-pub use error::{DecodeError, EncodeError, SessionError};
+pub use error::{ConfigError, DecodeError, EncodeError, SessionError};
 pub use frame::{Frame, MAX_PAYLOAD};
-pub use host::{Doubt, Host, HostConfig, HostEvent};
-pub use instruction::{Class, ErrorCodes, Instruction, Instructions, Refusal, Words};
-pub use message::{Item, Items, Payload, Values};
+pub use host::machine::UnknownReason;
+pub use host::{Host, HostConfig, HostEvent, HostStatistics};
+pub use instruction::{Instruction, Instructions};
+pub use items::{Item, Items, Values};
+pub use payload::Payload;
 pub use profile::{ByteOrder, Flag, Profile, Tags, Tail, Width};
+pub use robot_session;
+pub use robot_session::{Decoder as _, Encode as _, Session as _};
+pub use words::{Class, ErrorCodes, Refusal, Words};

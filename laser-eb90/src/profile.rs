@@ -3,7 +3,7 @@
 /// How one installation writes its frames.
 ///
 /// The source prints the frame's marks and two of the four tags; everything else here is open. Each default is our
-/// reading, and its field says why. Both ends must agree: a capture from a real controller would settle all of them.
+/// reading, and its field's doc gives the reason. Both ends must agree: a capture from a real controller would settle all of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(
     feature = "serde",
@@ -13,7 +13,7 @@
 pub struct Profile {
     /// The frame's end mark. Printed as `90 82`, the same as the last two bytes of the head.
     pub tail: Tail,
-    /// Where the frame flag F0h (帧标志) stands. F0h is also the tag of floats, so it may be one and the same byte.
+    /// Where the frame flag F0h (帧标志) is. F0h is also the tag of floats, so it may be one and the same byte.
     pub flag: Flag,
     /// The tags in front of the values. F0h (float) and F3h (char) are printed; F1h and F2h follow from the sizes.
     pub tags: Tags,
@@ -42,7 +42,7 @@ pub enum Tail {
 }
 
 impl Tail {
-    /// The byte behind 90h that is written.
+    /// The byte after 90h that is written.
     pub(crate) fn byte(self) -> u8 {
         match self {
             Tail::Printed | Tail::Either => 0x82,
@@ -56,7 +56,7 @@ impl Tail {
     }
 }
 
-/// Where the frame flag F0h stands.
+/// Where the frame flag F0h is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]

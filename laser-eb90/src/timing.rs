@@ -8,6 +8,9 @@ pub const TICK: Duration = Duration::from_millis(16);
 /// The baud rate that is assumed where none is given: the source names none, 9600 is ours.
 pub const BAUD: u32 = 9600;
 
+/// An answer without values, in bytes: 11, and two more where its word has a 90h twice.
+pub(crate) const SHORT_ANSWER: usize = 13;
+
 /// The time that `bytes` take on the line, ten bits each (8N1). A rate of 0 never ends.
 pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     match (bytes as u64).saturating_mul(10_000_000_000).checked_div(baud as u64) {

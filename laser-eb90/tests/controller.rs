@@ -4,7 +4,8 @@
 
 mod common;
 
-use common::{CUT, MS, STOP, controller, cut, echo, frame};
+use common::{CUT, MS, STOP, WHERE, controller, cut, echo, frame};
+use laser_eb90::robot_session::{Session as _, Unexpected};
 use laser_eb90::{Class, ControllerConfig, ControllerEvent, Frame, Refusal, SessionError};
 
 /// §2: "对于立即执行指令,先执行该指令,然后才返回应答": executed first, then answered, however long it takes.
@@ -13,16 +14,23 @@ fn an_immediate_instruction_is_executed_before_it_is_answered() {
     let (mut controller, _reader) = controller(ControllerConfig::default(), 7);
     let mut out = [0; Frame::MAX_LEN];
     controller.handle_input(MS, &echo(STOP));
-    let Some(ControllerEvent::Execute { class: Class::Immediate, instruction }) = controller.poll_event()
-    else {
-        panic!("nothing to execute")
-    };
+    assert_eq!(
+        controller.answer(MS, |_| Ok(())),
+        Err(SessionError::NotExecuting),
+        "its event has not been taken"
+    );
+    assert_eq!(
+        controller.poll_event(),
+        Some(ControllerEvent::Execute { class: Class::Immediate, word: STOP })
+    );
+    let instruction = controller.instruction().unwrap();
     assert_eq!((instruction.word, instruction.parameters.is_empty()), (STOP, true));
     assert_eq!(controller.poll_transmit(MS * 5000, &mut out), None);
     controller.answer(MS * 5001, |_| Ok(())).unwrap();
     assert_eq!(controller.poll_timeout(), Some(MS * 5008), "the end of a cycle");
     let n = controller.poll_transmit(MS * 5008, &mut out).unwrap();
     assert_eq!(out[..n], echo(STOP));
+    assert_eq!(controller.instruction(), None);
     assert_eq!(controller.answer(MS * 5009, |_| Ok(())), Err(SessionError::NotExecuting));
     assert_eq!(controller.refuse(MS * 5009, Refusal::BadParameters), Err(SessionError::NotExecuting));
 }
@@ -58,9 +66,98 @@ fn what_the_controller_refuses() {
     assert_eq!(refused(echo(0x7777)), echo(0xE003));
     assert_eq!(refused(frame(&[1, 2, 3, 4, 5, 6, 7, 8], |_| ())), echo(0xE004));
     assert_eq!(refused(frame(&[1], |p| drop(p.word(STOP)))), echo(0xE004));
+    assert_eq!(refused(frame(&[], |p| drop(p.word(STOP).and_then(|p| p.word(CUT))))), echo(0xE004));
+    assert_eq!(refused(frame(&[], |p| drop(p.word(WHERE).and_then(|p| p.word(STOP))))), echo(0xE004));
     assert_eq!(refused(frame(&[1], |p| drop(p.word(0x7777)))), echo(0xE003));
     assert_eq!(refused(frame(&[1], |p| drop(p.word(CUT)))), echo(0xE005));
     assert_eq!(refused(frame(&[], |p| drop(p.u8(&[1])))), echo(0xE002));
+    assert_eq!(refused(not_finite(CUT, 1)), echo(0xE005));
+    assert_eq!(refused(not_finite(STOP, 0)), echo(0xE005));
+}
+
+/// A frame with a NaN, which our own end would not write.
+fn not_finite(word: u16, shorts: usize) -> Vec<u8> {
+    let mut bytes = vec![0xF1, 1];
+    bytes.extend(word.to_le_bytes());
+    bytes.extend([0xF1, 2, 9, 0, 0, 0].repeat(shorts));
+    bytes.extend([0xF0, 1]);
+    bytes.extend(f32::NAN.to_le_bytes());
+    let sum = bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
+    let mut out = vec![0xEB, 0x90, 0x82, 0xF0];
+    out.extend(bytes);
+    out.extend([0x90, 0x82, sum]);
+    out
+}
+
+/// The numbers of the queue are ours alone: the longest queue that there is works.
+#[test]
+fn a_queue_of_9999_takes_9999() {
+    let (mut controller, mut reader) = controller(ControllerConfig::default(), 9999);
+    let mut out = [0; Frame::MAX_LEN];
+    let mut now = MS;
+    let mut send = |indices: &[u32]| {
+        now += MS * 100;
+        controller.handle_input(now, &frame(indices, |_| ()));
+        let length = controller.poll_transmit(now + MS * 16, &mut out).unwrap();
+        out[..length].to_vec()
+    };
+    let all: Vec<u32> = (0..9999).collect();
+    for batch in all.chunks(7) {
+        assert_eq!(send(batch), echo(CUT));
+    }
+    assert_eq!(reader.len(), 9999);
+    assert_eq!(send(&[9999]), echo(0xE006));
+    for index in 0..5000 {
+        assert_eq!(reader.take().map(|job| job.complete()), Some(cut(index)));
+    }
+    assert_eq!(send(&[9999, 10_000]), echo(CUT));
+    for index in 5000..10_001 {
+        assert_eq!(reader.take().map(|job| job.complete()), Some(cut(index)));
+    }
+    assert!(reader.is_empty());
+}
+
+/// What comes after a pause longer than the silence has no head: it is no part of the frame before.
+#[test]
+fn the_first_half_of_a_frame_is_dropped_when_the_line_is_silent() {
+    let (mut controller, reader) = controller(ControllerConfig::default(), 21);
+    let mut out = [0; Frame::MAX_LEN];
+    let frame = frame(&[1, 2, 3], |_| ());
+    let (head, rest) = frame.split_at(20);
+    controller.handle_input(MS, head);
+    assert_eq!(controller.poll_timeout(), Some(MS * 51));
+    controller.handle_timeout(MS * 51);
+    assert_eq!(controller.poll_timeout(), Some(MS * 64));
+    let length = controller.poll_transmit(MS * 64, &mut out).unwrap();
+    assert_eq!(out[..length], echo(0xE002));
+    controller.handle_input(MS * 70, rest);
+    let length = controller.poll_transmit(MS * 128, &mut out).unwrap();
+    assert_eq!(out[..length], echo(0xE002), "the rest is answered once");
+    assert_eq!(controller.poll_transmit(MS * 1000, &mut out), None);
+    assert!(reader.is_empty());
+}
+
+/// What is executed goes on when the connection is lost; its answer goes nowhere.
+#[test]
+fn an_execution_outlasts_its_connection_and_its_answer_does_not() {
+    let (mut controller, reader) = controller(ControllerConfig::default(), 21);
+    let mut out = [0; Frame::MAX_LEN];
+    controller.handle_input(MS, &echo(STOP));
+    controller.handle_disconnected(MS * 2);
+    assert!(matches!(controller.poll_event(), Some(ControllerEvent::Execute { word: STOP, .. })));
+    controller.handle_input(MS * 3, &echo(STOP));
+    let unexpected = Unexpected { state: "Disconnected, executing", input: "Bytes" };
+    assert_eq!(controller.poll_event(), Some(ControllerEvent::Unexpected(unexpected)));
+    controller.handle_connected(MS * 10);
+    controller.handle_input(MS * 20, &frame(&[1], |_| ()));
+    assert_eq!(controller.poll_transmit(MS * 1000, &mut out), None, "it is busy");
+    controller.answer(MS * 1000, |_| Ok(())).unwrap();
+    let length = controller.poll_transmit(MS * 1008, &mut out).unwrap();
+    assert_eq!((&out[..length], reader.len()), (&echo(CUT)[..], 1));
+    controller.handle_input(MS * 2000, &frame(&[2], |_| ()));
+    controller.handle_disconnected(MS * 2001);
+    controller.handle_connected(MS * 2002);
+    assert_eq!(controller.poll_transmit(MS * 3000, &mut out), None, "queued, and its answer is gone");
 }
 
 /// The host has stopped waiting for the first answer: it would take it for the second's.
@@ -80,7 +177,7 @@ fn a_frame_withdraws_the_answer_that_it_overtakes() {
 }
 
 #[test]
-fn the_controller_does_not_speak_while_it_hears() {
+fn the_controller_does_not_send_while_it_receives() {
     let (mut controller, _reader) = controller(ControllerConfig::default(), 21);
     let mut out = [0; Frame::MAX_LEN];
     controller.handle_input(MS, &frame(&[1], |_| ()));

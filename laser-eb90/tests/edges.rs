@@ -3,10 +3,11 @@
 
 use core::time::Duration;
 
+use laser_eb90::robot_session::{Decoder as _, Encode as _, Session as _};
 use laser_eb90::{
     Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, EncodeError, ErrorCodes, Frame,
     Host, HostConfig, HostEvent, Instruction, Instructions, Item, Items, MAX_PAYLOAD, Payload, Profile,
-    Refusal, SessionError, Tags, Width, Words,
+    Refusal, SessionError, Tags, Width,
 };
 use serde::de::DeserializeSeed as _;
 
@@ -58,11 +59,11 @@ fn json_that_is_no_message_says_what_it_should_be() {
 }
 
 #[test]
-fn a_damaged_item_has_no_json() {
+fn a_corrupt_item_has_no_json() {
     let mut buffer = [0; 8];
     let bytes = [0xEB, 0x90, 0x82, 0xF0, 0xF2, 5, 0x90, 0x82, 0xF7];
-    let damaged = Frame::decode(&bytes, &mut buffer, &Profile::default());
-    let (frame, used) = damaged.unwrap().unwrap();
+    let corrupt = Frame::decode(&bytes, &mut buffer, &Profile::default());
+    let (frame, used) = corrupt.unwrap().unwrap();
     assert_eq!((used, frame.items().check()), (9, Err(DecodeError::Item { offset: 0, needed: 7, found: 2 })));
     let error = serde_json::to_string(&frame).unwrap_err();
     assert_eq!(error.to_string(), "an item needs 7 bytes, the payload has 2 left (at payload byte 0)");
@@ -147,7 +148,7 @@ fn a_payload_without_items_makes_no_frame() {
 }
 
 #[test]
-fn bytes_that_begin_with_no_head_are_told_by_the_frame_itself() {
+fn bytes_that_begin_with_no_head_are_an_error_of_the_frame_itself() {
     let decode = |bytes: &[u8]| Frame::decode(bytes, &mut [0; 8], &Profile::default()).map(drop);
     assert_eq!(decode(&[0xEB, 0x91, 0x82]), Err(DecodeError::NoHead { skipped: 3 }));
     assert_eq!(decode(&[0xEB, 0x90]), Ok(()));
@@ -165,8 +166,8 @@ fn noise_is_an_error_as_soon_as_there_are_512_bytes_of_it() {
 }
 
 #[test]
-fn damage_costs_the_bytes_that_were_looked_at_and_no_error_more() {
-    for (damaged, error) in [
+fn corruption_costs_the_bytes_that_were_examined_and_no_error_more() {
+    for (corrupt, error) in [
         (
             &[0xEB, 0x90, 0x82, 0xF0, 0xF2, 2, 1, 0x90, 0x55][..],
             DecodeError::Stuffing { offset: 8, found: 0x55 },
@@ -175,9 +176,9 @@ fn damage_costs_the_bytes_that_were_looked_at_and_no_error_more() {
         (&[0xEB, 0x90, 0x82, 0x55], DecodeError::Flag { offset: 3, expected: 0xF0, found: 0x55 }),
     ] {
         let mut decoder = Decoder::new(&Profile::default());
-        decoder.push(&[damaged, &word(0x0101)].concat());
+        let _ = decoder.push(&[corrupt, &word(0x0101)].concat());
         assert_eq!(decoder.next_frame(), Some(Err(error)));
-        assert_eq!(decoder.position(), damaged.len() as u64);
+        assert_eq!(decoder.position(), corrupt.len() as u64);
         assert_eq!(decoder.next_frame().unwrap().unwrap().payload(), [0xF1, 1, 1, 1]);
     }
 }
@@ -188,10 +189,10 @@ fn a_payload_is_too_long_with_its_513th_byte() {
     stream.extend([0xF2; 517]);
     for first in [516, 521] {
         let mut decoder = Decoder::new(&Profile::default());
-        decoder.push(&stream[..first]);
+        assert_eq!(decoder.push(&stream[..first]), first);
         if first == 516 {
             assert_eq!(decoder.next_frame(), None);
-            decoder.push(&stream[first..]);
+            assert_eq!(decoder.push(&stream[first..]), stream.len() - first);
         }
         assert_eq!(decoder.next_frame(), Some(Err(DecodeError::TooLong { offset: 516, limit: 512 })));
         assert_eq!(decoder.position(), 517);
@@ -200,12 +201,14 @@ fn a_payload_is_too_long_with_its_513th_byte() {
 
 #[test]
 fn what_came_before_a_frame_was_sent_is_no_part_of_its_answer() {
-    let (mut host, now, mut out) = (Host::new(HostConfig::default()), Duration::ZERO, [0; Frame::MAX_LEN]);
+    let (mut host, mut out) = (Host::new(HostConfig::default()).unwrap(), [0; Frame::MAX_LEN]);
+    let now = Duration::from_secs(2);
+    host.handle_connected(Duration::ZERO);
     for first in [0, 1] {
         assert_eq!(host.submit(0x0101, |_| Ok(())), Ok(first));
         let length = host.poll_transmit(now, &mut out).unwrap();
         assert_eq!(out[..length], word(0x0101));
-        // Behind the answer the beginning of another frame: with the next answer behind it, it would be a damaged one.
+        // After the answer the beginning of another frame: with the next answer after it, it would be a corrupt one.
         host.handle_input(now, &[&word(0x0101)[..], &word(0x0101)[..6]].concat());
         let done = HostEvent::Done { first, count: 1, resends: 0, unanswered: 0 };
         assert_eq!(host.poll_event(), Some(done));
@@ -235,7 +238,8 @@ fn word(word: u16) -> Vec<u8> {
 #[test]
 fn an_instruction_that_cannot_be_executed_is_answered_with_its_error_code() {
     let (writer, _reader) = robot_work_queue::boxed::<Any>(4, 99).unwrap();
-    let mut controller = Controller::new(ControllerConfig::default(), writer);
+    let mut controller = Controller::new(ControllerConfig::default(), writer).unwrap();
+    controller.handle_connected(Duration::ZERO);
     let (now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
     assert_eq!(controller.refuse(now, Refusal::BadParameters), Err(SessionError::NotExecuting));
     controller.handle_input(now, &word(0x0201));
@@ -251,16 +255,4 @@ fn an_instruction_that_cannot_be_executed_is_answered_with_its_error_code() {
     let length = controller.poll_transmit(later, &mut out).unwrap();
     assert_eq!(out[..length], word(ErrorCodes::default().bad_parameters));
     assert_eq!(controller.queue().free(), 4);
-}
-
-#[test]
-fn a_set_of_words_keeps_its_codes() {
-    let errors = ErrorCodes { queue_full: 0xE0FF, ..ErrorCodes::default() };
-    let words = Words::new(&[(0x0400..=0x0400, laser_eb90::Class::Query)], errors).unwrap();
-    assert_eq!((words.class(0x0400), words.class(0x0401)), (Some(laser_eb90::Class::Query), None));
-    assert_eq!(words.errors().code(Refusal::QueueFull), 0xE0FF);
-    assert_eq!(
-        [0xE0FF, 0xE005, 0xE006, 0x0400].map(|code| words.errors().refusal(code)),
-        [Some(Refusal::QueueFull), Some(Refusal::BadParameters), None, None]
-    );
 }

@@ -1,7 +1,8 @@
-//! What holds for every payload, profile, cutting and damage.
+//! What holds for every payload, profile, cutting and corruption.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+use laser_eb90::robot_session::{Decoder as _, Encode as _};
 use laser_eb90::{
     ByteOrder, DecodeError, Decoder, EncodeError, Flag, Frame, Instructions, Item, MAX_PAYLOAD, Payload,
     Profile, Tags, Tail, Width,
@@ -33,8 +34,9 @@ fn byte() -> impl Strategy<Value = u8> {
 }
 
 fn item() -> impl Strategy<Value = Owned> {
-    let float =
-        any::<[u8; 4]>().prop_map(f32::from_le_bytes).prop_filter("NaN is not itself", |v| !v.is_nan());
+    let float = any::<[u8; 4]>()
+        .prop_map(f32::from_le_bytes)
+        .prop_filter("no frame carries another", |v| v.is_finite());
     prop_oneof![
         prop::collection::vec(prop_oneof![float, Just(18.0)], 0..12).prop_map(Owned::F32),
         prop::collection::vec(prop_oneof![any::<i16>(), Just(0x90)], 0..12).prop_map(Owned::I16),
@@ -110,7 +112,7 @@ fn decode(stream: &[u8], cuts: &[usize], profile: &Profile) -> Vec<Result<Vec<Ow
         while from < end {
             let taken = decoder.push(&stream[from..end]);
             from += taken;
-            assert!(drain(&mut decoder, &mut found) || taken > 0, "the decoder stands still");
+            assert!(drain(&mut decoder, &mut found) || taken > 0, "the decoder makes no progress");
         }
     }
     decoder.finish();
@@ -143,11 +145,11 @@ proptest! {
     }
 
     #[test]
-    fn damage_costs_no_more_than_the_frames_it_touches(
+    fn corruption_costs_no_more_than_the_frames_it_touches(
         frames in prop::collection::vec(items(), 1..6),
         profile in profile(),
         at in any::<prop::sample::Index>(),
-        damage in prop::collection::vec(byte(), 0..4),
+        corruption in prop::collection::vec(byte(), 0..4),
         lost in 0usize..4,
         cuts in prop::collection::vec(any::<usize>(), 0..6),
     ) {
@@ -155,7 +157,7 @@ proptest! {
         let mut stream = encoded.concat();
         let at = at.index(stream.len());
         let end = (at + lost).min(stream.len());
-        stream.splice(at..end, damage.iter().copied());
+        stream.splice(at..end, corruption.iter().copied());
         let mut expected = Vec::new();
         let mut offset = 0;
         for (frame, bytes) in frames.iter().zip(&encoded) {

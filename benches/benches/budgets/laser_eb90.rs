@@ -3,6 +3,7 @@
 use std::hint::black_box;
 
 use benches::{Budget, Count, Link};
+use laser_eb90::robot_session::{Decoder as _, Encode as _};
 use laser_eb90::{Decoder, Frame, Item, MAX_PAYLOAD, Payload, Profile, timing};
 
 pub const LINK: Link = Link { name: "laser-eb90", counts: COUNTS, budgets };
@@ -16,7 +17,7 @@ const ECHO_LEN: usize = 11;
 
 const COUNTS: &[Count] = &[
     Count {
-        what: "217-byte batch: unstuffed, summed, 14 items told by type",
+        what: "217-byte batch: unstuffed, summed, 14 items by their types",
         goal: Some(2.5),
         units: BATCH_LEN as f64,
         unit: "byte",
@@ -71,7 +72,7 @@ fn read(frame: &Frame<'_>) {
     }
 }
 
-/// Each of the 14 items told by its type and how many values it holds; the numbers themselves are not read.
+/// Each of the 14 items by its type and how many values it holds; the numbers themselves are not read.
 #[inline(always)]
 fn view(frame: &Frame<'_>) {
     let (mut words, mut floats) = (0, 0);
@@ -101,7 +102,7 @@ fn stream(rounds: u64) {
     let bytes = batch(&AXES);
     let mut decoder = Decoder::new(&Profile::default());
     for _ in 0..rounds {
-        decoder.push(black_box(&bytes));
+        let _ = decoder.push(black_box(&bytes));
         let Some(Ok(frame)) = decoder.next_frame() else { panic!("the batch is whole") };
         read(&frame);
     }

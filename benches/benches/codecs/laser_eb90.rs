@@ -1,6 +1,7 @@
 use std::hint::black_box;
 
 use criterion::Criterion;
+use laser_eb90::robot_session::Encode as _;
 use laser_eb90::{Frame, MAX_PAYLOAD, Payload, Profile};
 
 const AXES: [f32; 6] = [100.0, -50.5, 250.0, 0.0, 90.0, -45.25];

@@ -6,6 +6,7 @@
 use std::hint::black_box;
 
 use dle_encoder::DleEncoder;
+use laser_eb90::robot_session::Encode as _;
 use laser_eb90::{MAX_PAYLOAD, Payload, Profile};
 use val2_alter::Framing;
 

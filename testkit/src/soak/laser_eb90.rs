@@ -6,6 +6,7 @@ use laser_eb90::{
     Class, Controller, ControllerConfig, ControllerEvent, DecodeError, EncodeError, Frame, Host, HostConfig,
     HostEvent, Instruction, Instructions, Item, Items, Payload, Profile, SessionError,
 };
+use robot_session::Session as _;
 use robot_work_queue::Reader;
 
 use super::{Check, Ledger, Log, Row, Tally, Told, Unseen, Wire};
@@ -101,6 +102,10 @@ fn session(seed: u64, log: Log) -> Tally {
         full_timeout: Duration::from_secs(2),
         ..HostConfig::default()
     };
+    let (mut host, mut controller) =
+        (Host::new(config).unwrap(), Controller::new(ControllerConfig::default(), writer).unwrap());
+    host.handle_connected(Duration::ZERO);
+    controller.handle_connected(Duration::ZERO);
     let mut cell = Cell {
         now: Duration::ZERO,
         log,
@@ -108,9 +113,9 @@ fn session(seed: u64, log: Log) -> Tally {
         ledger: Ledger::default(),
         aliens: Vec::new(),
         sent: Vec::new(),
-        host: Host::new(config),
+        host,
         insists: config.resend_on_silence,
-        controller: Controller::new(ControllerConfig::default(), writer),
+        controller,
         reader,
         motion_at: Duration::ZERO,
         pace: [MS, 20 * MS, 700 * MS][rng.below(3)],
@@ -201,6 +206,7 @@ impl Cell {
                 HostEvent::Refused { first, count, .. } => (first, count, Told::NotDone),
                 HostEvent::Unknown { first, count, .. } if self.insists => (first, count, Told::AnyTimes(0)),
                 HostEvent::Unknown { first, count, .. } => (first, count, Told::Unknown),
+                _ => continue,
             };
             for job in first..first + u64::from(count) {
                 self.ledger.tell(job as usize, told, self.wire.mark());
@@ -211,8 +217,8 @@ impl Cell {
     fn obey(&mut self) {
         while let Some(event) = self.controller.poll_event() {
             self.log.say(self.now, format_args!("  controller: {event:?}"));
-            let ControllerEvent::Execute { class, instruction } = event else { continue };
-            let Ok(marked) = Marked::try_from(instruction) else {
+            let ControllerEvent::Execute { class, .. } = event else { continue };
+            let Some(Ok(marked)) = self.controller.instruction().map(Marked::try_from) else {
                 self.controller.refuse(self.now, laser_eb90::Refusal::BadParameters).unwrap();
                 continue;
             };

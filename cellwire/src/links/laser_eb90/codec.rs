@@ -1,4 +1,5 @@
 use anyhow::{Context, Result};
+use laser_eb90::robot_session::{Decoder as _, Encode as _};
 use laser_eb90::{Decoder, MAX_PAYLOAD, Payload, Profile};
 use serde::de::DeserializeSeed;
 use serde_json::Value;

@@ -6,6 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
+use laser_eb90::robot_session::Session as _;
 use laser_eb90::{
     Controller, ControllerConfig, ControllerEvent, Frame, Instruction, Item, Items, Profile, Refusal, timing,
 };
@@ -88,8 +89,9 @@ impl RobotCounts {
 /// The settings of the simulator beside those of its profile.
 const OWN: [&str; 3] = ["baud", "queue", "execution_ms"];
 
-/// The jobs of the queue are numbered up to this.
-const NUMBERS: u16 = 9999;
+/// The longest queue, in instructions, and up to which number they are numbered: above it.
+const LONGEST: usize = 9999;
+const NUMBERS: u16 = 10_000;
 
 /// `cellwire simulate laser`.
 ///
@@ -99,7 +101,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = Settings::new("laser", &options.settings, &[&OWN[..], &super::PROFILE].concat())?;
     let mut fields = options.settings.clone();
     fields.retain(|name, _| !OWN.contains(&name.as_str()));
-    let queue = settings.number_in("queue", 64, 1..=NUMBERS.into())?;
+    let queue = settings.number_in("queue", 64, 1..=LONGEST)?;
     let execution = Duration::from_millis(settings.number("execution_ms", 20u32)?.into());
     let robot = Robot { profile: super::profile(&fields)?, queue, execution, boot: 1 };
     serve("laser", "laser", options, settings.baud(timing::BAUD)?, |line, clock| {
@@ -156,7 +158,7 @@ pub fn run(
     let motion = Motion { robot, switch, halted: &halted, done: &done, executed };
     let mut task = Communication {
         motion,
-        controller: Controller::new(config, writer),
+        controller: Controller::new(config, writer)?,
         tell,
         counts: RobotCounts::default(),
     };
@@ -184,6 +186,7 @@ struct Communication<'a, F> {
 impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
     fn run(&mut self, line: &mut Line, clock: Clock) -> Result<()> {
         let mut out = [0; Frame::MAX_LEN];
+        self.controller.handle_connected(clock.now());
         loop {
             let latest = clock.now() + Duration::from_millis(50);
             let due = self.controller.poll_timeout().unwrap_or(latest);
@@ -214,8 +217,9 @@ impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
                     self.counts.refused += 1;
                     (self.tell)(json!({"event": "refused", "refusal": refusal}))?;
                 }
-                ControllerEvent::Execute { class, instruction: Instruction { word, parameters } } => {
-                    (self.tell)(json!({"event": class, "word": word, "items": parameters}))?;
+                ControllerEvent::Execute { class, word } => {
+                    let items = self.controller.instruction().map(|instruction| instruction.parameters);
+                    (self.tell)(json!({"event": class, "word": word, "items": items}))?;
                     self.execute(now, word)?;
                 }
                 _ => {}

@@ -8,7 +8,7 @@ use anyhow::Result;
 use laser_eb90::{HostConfig, Profile, timing};
 
 use super::controller::{self, Job, Robot, RobotCounts, Switch};
-use super::host::Cutter;
+use super::host::{Cutter, Plan};
 use super::path::{self, Cut, SHEET};
 use super::tally::Tally;
 use crate::demo::DemoOptions;
@@ -22,7 +22,7 @@ use crate::settings::Settings;
 /// hundred instructions.
 const BAUD: u32 = 115_200;
 
-/// With `--faults` one byte in a thousand is damaged: turned over, lost, or preceded by noise.
+/// With `--faults` one byte in a thousand is corrupt: turned over, lost, or preceded by noise.
 const FAULT_RATE: f64 = 0.001 / 3.0;
 
 /// How long the robot is off when it restarts.
@@ -67,6 +67,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let (cutter, rates) = cut?;
     let executed = executed.into_inner()?;
     let cuts: Vec<Option<Cut>> = executed.iter().map(|job| Cut::of(job, &Profile::default())).collect();
+    let cutter = cutter.plan;
     let tally = Tally::new(&path, &cutter.known, &cuts);
     if let Some(file) = &options.out {
         drawing::write_svg(file, SHEET, &lines(&cuts))?;
@@ -83,22 +84,30 @@ fn cut<'a>(
     options: &DemoOptions,
     robot: &Switch,
 ) -> Result<(Cutter<'a>, [f64; 2])> {
-    // The simulated robot executes immediate instructions at once.
+    let defaults = HostConfig::at_baud(baud);
+    // The simulated robot executes immediate instructions at once, and drops the beginning of a frame when it answers an error
+    // code. Nobody has sent anything before.
     let (answer_timeout, execution_timeout) = if options.faults {
-        (HostConfig::default().answer_timeout, Duration::from_millis(500))
+        (defaults.answer_timeout, defaults.answer_timeout * 2)
     } else {
         (PATIENCE, PATIENCE)
     };
-    let config = HostConfig { baud, batch: 1, answer_timeout, execution_timeout, ..HostConfig::default() };
-    let mut cutter = Cutter::new(serial::open(port, baud)?, clock, path, config);
+    let config = HostConfig {
+        answer_timeout,
+        execution_timeout,
+        longest_frame: 0,
+        controller_drops_partial: true,
+        ..defaults
+    };
+    let mut cutter = Cutter::new(serial::open(port, baud)?, path, config)?;
     let start = clock.now();
-    let rate = |cutter: &mut Cutter<'a>, end: Duration| -> Result<f64> {
+    let rate = |cutter: &mut Cutter<'a>, end: Duration, batch: u8| -> Result<f64> {
         let begin = clock.now();
-        let queued = cutter.cut(end, |position| options.progress.set_position(position))?;
+        let progress = |position| options.progress.set_position(position);
+        let queued = cutter.cut(end.saturating_sub(begin), batch, progress)?;
         Ok(queued as f64 / (clock.now() - begin).as_secs_f64())
     };
-    let one = rate(&mut cutter, start + (seconds / 3).min(SINGLE))?;
-    cutter.set(HostConfig { batch: 7, ..config });
+    let one = rate(&mut cutter, start + (seconds / 3).min(SINGLE), 1)?;
     let seven = thread::scope(|scope| {
         if options.faults {
             scope.spawn(|| {
@@ -106,7 +115,7 @@ fn cut<'a>(
                 robot.kill();
             });
         }
-        rate(&mut cutter, start + seconds)
+        rate(&mut cutter, start + seconds, 7)
     })?;
     Ok((cutter, [one, seven]))
 }
@@ -147,7 +156,7 @@ fn report(
     (options, baud): (&DemoOptions, u32),
     path: usize,
     line: &Line,
-    cutter: &Cutter<'_>,
+    cutter: &Plan<'_>,
     robot: &RobotCounts,
     tally: Tally,
     [one, seven]: [f64; 2],

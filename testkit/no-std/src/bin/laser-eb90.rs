@@ -4,6 +4,7 @@
 
 use core::time::Duration;
 
+use laser_eb90::robot_session::Session as _;
 use laser_eb90::{Controller, ControllerConfig, Frame, Host, HostConfig, HostEvent, Instruction, Item};
 use no_std as _;
 use robot_work_queue::WorkQueue;
@@ -29,16 +30,20 @@ impl TryFrom<Instruction<'_>> for Cut {
 fn run() -> Option<[f32; 2]> {
     let mut queue = WorkQueue::<Cut, 7>::new(9999).ok()?;
     let (writer, mut reader) = queue.split();
-    let mut controller = Controller::new(ControllerConfig::default(), writer);
-    let mut host = Host::new(HostConfig::default());
+    let mut controller = Controller::new(ControllerConfig::default(), writer).ok()?;
+    let mut host = Host::new(HostConfig::default()).ok()?;
+    controller.handle_connected(Duration::ZERO);
+    host.handle_connected(Duration::ZERO);
     let mut line = [0; Frame::MAX_LEN];
     for x in [4.0, 5.0, 6.0] {
         host.submit(0x0101, |parameters| parameters.f32(&[x, 18.0]).map(drop)).ok()?;
     }
-    let n = host.poll_transmit(Duration::ZERO, &mut line)?;
-    controller.handle_input(Duration::ZERO, line.get(..n)?);
-    let n = controller.poll_transmit(Duration::from_millis(16), &mut line)?;
-    host.handle_input(Duration::from_millis(16), line.get(..n)?);
+    let start = host.poll_timeout()?;
+    let n = host.poll_transmit(start, &mut line)?;
+    controller.handle_input(start, line.get(..n)?);
+    let end = controller.poll_timeout()?;
+    let n = controller.poll_transmit(end, &mut line)?;
+    host.handle_input(end, line.get(..n)?);
     match host.poll_event()? {
         HostEvent::Done { count: 3, .. } => reader.take().map(|job| job.0),
         _ => None,

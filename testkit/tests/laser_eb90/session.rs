@@ -1,50 +1,15 @@
-//! Both ends on a line: the state tables, and the rules of the source that both keep.
+//! The rules of the source that both ends keep.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod common;
-
-use core::fmt::Debug;
 use core::time::Duration;
 
-use common::{Cell, Event, MS, STOP, WHERE, controller, cut};
-use laser_eb90::state::{ControllerInput, ControllerState, HostInput, HostState};
-use laser_eb90::{ControllerConfig, Doubt, Frame, HostConfig, Refusal, SessionError, timing};
-use testkit::link::{End, Faults};
+use laser_eb90::{HostConfig, HostEvent, Profile, Refusal, SessionError, UnknownReason, timing};
+use robot_session::Session as _;
+use testkit::link::End;
 
-fn matrix<S: Copy + Debug, I: Copy + Debug, A: Debug>(
-    states: &[S],
-    inputs: &[I],
-    on: impl Fn(S, I) -> (S, A),
-) -> String {
-    let rows = states.iter().flat_map(|s| inputs.iter().map(move |i| (s, i)));
-    rows.map(|(s, i)| {
-        let (next, action) = on(*s, *i);
-        format!("{s:?} × {i:?} -> {next:?}, {action:?}\n")
-    })
-    .collect()
-}
+use crate::cell::{Cell, KNOWN, MS, START, STOP, WHERE, controller, cut};
 
-#[test]
-fn every_state_and_event_is_defined() {
-    use ControllerInput as C;
-    use HostInput as H;
-    let host = [HostState::Idle, HostState::Awaiting, HostState::Resending, HostState::Held];
-    let host_inputs = [
-        H::Send,
-        H::Echo,
-        H::Refusal,
-        H::LastRefusal,
-        H::OtherWord,
-        H::Silence,
-        H::RetriedSilence,
-        H::Resume,
-    ];
-    let controller = [ControllerState::Listening, ControllerState::Executing, ControllerState::Answering];
-    let controller_inputs = [C::Decided, C::Immediate, C::Damaged, C::Done, C::Sent];
-    let text = matrix(&host, &host_inputs, HostState::on)
-        + &matrix(&controller, &controller_inputs, ControllerState::on);
-    assert_eq!(text, include_str!("state_matrix.txt"));
+const fn done(first: u64, count: u8, resends: u8, unanswered: u8) -> HostEvent {
+    HostEvent::Done { first, count, resends, unanswered }
 }
 
 /// §3(6): "在一个数据报里同时发送了多条指令,而下位机只需应答第一条指令": several instructions travel in one frame, and only the
@@ -58,7 +23,7 @@ fn seven_instructions_travel_together_and_the_first_is_answered() {
     }
     assert_eq!(cell.submit(7), Err(SessionError::Full));
     cell.run_for(Duration::from_secs(1));
-    assert_eq!(cell.events, [Event::Done { first: 0, count: 7, resends: 0, unanswered: 0 }]);
+    assert_eq!(cell.events, [done(0, 7, 0, 0)]);
     assert_eq!(cell.frames_sent, 1);
     assert_eq!(cell.reader.len(), 7);
     cell.halted = false;
@@ -74,9 +39,9 @@ fn an_answer_leaves_at_the_end_of_the_cycle() {
     cell.run_for(Duration::from_millis(30));
     assert!(cell.events.is_empty());
     // 23 bytes take 23.96 ms, the cycle ends at 32 ms, 11 bytes of answer take 11.46 ms.
-    cell.run_until(Duration::from_micros(43_400));
+    cell.run_until(START + Duration::from_micros(43_400));
     assert!(cell.events.is_empty());
-    cell.run_until(Duration::from_micros(43_600));
+    cell.run_until(START + Duration::from_micros(43_600));
     assert_eq!(cell.events.len(), 1);
 }
 
@@ -93,17 +58,11 @@ fn immediate_instructions_and_queries_travel_alone() {
     cell.run_for(MS * 200);
     cell.host.submit(WHERE, |_| Ok(())).unwrap();
     cell.run_for(MS * 200);
-    assert_eq!(
-        cell.events,
-        [
-            Event::Done { first: 0, count: 1, resends: 0, unanswered: 0 },
-            Event::Done { first: 1, count: 1, resends: 0, unanswered: 0 },
-            Event::Answer { ticket: 2, values: vec![1.5, -2.5] },
-        ]
-    );
+    assert_eq!(cell.events, [done(0, 1, 0, 0), done(1, 1, 0, 0), HostEvent::Answer { ticket: 2 },]);
+    assert_eq!(cell.answer, [1.5, -2.5]);
 }
 
-/// §3(4): a damaged frame is dropped and answered with an error code; the host keeps a backup "直到确认接收正确了,才将其消除" and
+/// §3(4): a corrupt frame is dropped and answered with an error code; the host keeps a backup "直到确认接收正确了,才将其消除" and
 /// sends it again.
 #[test]
 fn an_error_code_is_answered_from_the_backup() {
@@ -111,14 +70,14 @@ fn an_error_code_is_answered_from_the_backup() {
     for index in 0..7 {
         cell.submit(index).unwrap();
     }
-    let mut out = [0; Frame::MAX_LEN];
+    let mut out = [0; laser_eb90::Host::MAX_TRANSMIT];
     let n = cell.host.poll_transmit(cell.now, &mut out).unwrap();
     let sent = out[..n].to_vec();
-    let mut damaged = sent.clone();
-    damaged[20] ^= 0x04;
-    cell.link.send(End::A, cell.now, &damaged);
+    let mut corrupt = sent.clone();
+    corrupt[20] ^= 0x04;
+    cell.link.send(End::A, cell.now, &corrupt);
     cell.run_for(Duration::from_secs(1));
-    assert_eq!(cell.events, [Event::Done { first: 0, count: 7, resends: 1, unanswered: 0 }]);
+    assert_eq!(cell.events, [done(0, 7, 1, 0)]);
     assert_eq!(cell.executed, (0..7).map(cut).collect::<Vec<_>>());
 }
 
@@ -127,25 +86,23 @@ fn an_error_code_is_answered_from_the_backup() {
 fn silence_is_an_unknown_outcome_and_nothing_is_sent_again() {
     let mut cell = Cell::clean();
     cell.submit(0).unwrap();
-    cell.run_until(MS * 30);
+    cell.run_until(START + MS * 30);
     cell.link.disconnect(cell.now);
     cell.run_for(Duration::from_secs(5));
-    assert_eq!(cell.events, [Event::Unknown { first: 0, count: 1, cause: Doubt::Silence }]);
+    assert_eq!(cell.events, [HostEvent::Unknown { first: 0, count: 1, reason: UnknownReason::Silence }]);
     assert_eq!((cell.frames_sent, cell.executed.len()), (1, 1));
     assert_eq!(cell.host.poll_timeout(), None);
 }
 
 #[test]
 fn a_resend_on_silence_is_asked_for_and_says_what_it_may_have_done() {
-    let config = HostConfig { resend_on_silence: true, ..HostConfig::default() };
-    let faults = Faults::NONE.at_baud(9600);
-    let mut cell = Cell::new(1, faults, config, ControllerConfig::default());
+    let mut cell = Cell::configured(HostConfig { resend_on_silence: true, ..KNOWN() });
     cell.submit(0).unwrap();
-    cell.run_until(MS * 35);
+    cell.run_until(START + MS * 35);
     cell.link.disconnect(cell.now);
     cell.link.reconnect(); // the answer, which left at 32 ms, is lost
     cell.run_for(Duration::from_secs(5));
-    assert_eq!(cell.events, [Event::Done { first: 0, count: 1, resends: 1, unanswered: 1 }]);
+    assert_eq!(cell.events, [done(0, 1, 1, 1)]);
     assert_eq!(cell.executed, [cut(0), cut(0)], "executed twice: this is why it must be asked for");
 }
 
@@ -165,7 +122,7 @@ fn a_full_queue_takes_the_whole_frame_or_nothing() {
     cell.halted = false;
     cell.run_for(MS * 400);
     assert_eq!(cell.events.len(), 4);
-    assert_eq!(cell.events[3], Event::Done { first: 18, count: 6, resends: 0, unanswered: 0 });
+    assert_eq!(cell.events[3], done(18, 6, 0, 0));
     assert_eq!(cell.executed, (0..24).map(cut).collect::<Vec<_>>());
 }
 
@@ -180,7 +137,7 @@ fn a_queue_that_stays_full_is_a_refusal() {
         cell.run_for(MS * 500);
     }
     cell.run_for(Duration::from_secs(61));
-    assert_eq!(cell.events[3], Event::Refused { first: 21, count: 7, refusal: Refusal::QueueFull });
+    assert_eq!(cell.events[3], HostEvent::Refused { first: 21, count: 7, refusal: Refusal::QueueFull });
     cell.halted = false;
     cell.run_for(Duration::from_secs(1));
     assert_eq!(cell.executed, (0..21).map(cut).collect::<Vec<_>>());
@@ -189,16 +146,16 @@ fn a_queue_that_stays_full_is_a_refusal() {
 /// A PC that pauses within a frame gets an error code for each half. The second must not be taken for the answer to the
 /// resend, which would then be sent, and executed, twice.
 #[test]
-fn a_second_error_code_for_the_same_damage_is_not_the_resends() {
+fn a_second_error_code_for_the_same_corruption_is_not_the_resends() {
     let mut cell = Cell::clean();
     for index in 0..7 {
         cell.submit(index).unwrap();
     }
-    let mut out = [0; Frame::MAX_LEN];
+    let mut out = [0; laser_eb90::Host::MAX_TRANSMIT];
     let n = cell.host.poll_transmit(cell.now, &mut out).unwrap();
     let (head, tail) = out[..n].split_at(n / 2);
     cell.link.send(End::A, cell.now, head);
-    cell.run_until(MS * 140); // an error code has come at 124 ms
+    cell.run_until(START + MS * 140); // an error code has come at 124 ms
     cell.link.send(End::A, cell.now, tail);
     cell.run_for(Duration::from_secs(3));
     assert_eq!(cell.events.len(), 1);
@@ -211,11 +168,11 @@ fn a_controller_that_restarts_within_a_batch_leaves_it_unknown() {
     for index in 0..7 {
         cell.submit(index).unwrap();
     }
-    cell.run_until(MS * 126); // the frame takes 124 ms, the cycle ends at 128 ms
+    cell.run_until(START + MS * 126); // the frame takes 124 ms, the cycle ends at 128 ms
     assert_eq!(cell.executed.len(), 7, "queued and executed, but not answered");
-    (cell.controller, cell.reader) = controller(ControllerConfig::default(), 21);
+    (cell.controller, cell.reader) = controller(Profile::default());
     cell.run_for(Duration::from_secs(5));
-    assert_eq!(cell.events, [Event::Unknown { first: 0, count: 7, cause: Doubt::Silence }]);
+    assert_eq!(cell.events, [HostEvent::Unknown { first: 0, count: 7, reason: UnknownReason::Silence }]);
     assert_eq!((cell.frames_sent, cell.executed.len()), (1, 7), "not sent again");
 }
 

@@ -1,9 +1,8 @@
 //! Every reference vector, both ways and through every way of cutting the stream.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
 use laser_eb90::{DecodeError, Decoder, Frame, MAX_PAYLOAD, Payload, Profile};
-use serde::de::DeserializeSeed;
+use robot_session::{Decoder as _, Encode as _};
+use serde::de::DeserializeSeed as _;
 use serde_json::{Value, json};
 use testkit::chunking::{behind_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};
@@ -177,27 +176,4 @@ fn what_is_no_message_is_refused() {
         refused(json!({"items": [{"f64": []}]})),
         "unknown field `f64`, expected one of `f32`, `i16`, `u8`, `char`"
     );
-}
-
-#[test]
-fn a_tokio_transport_gives_the_same_frames_and_errors() {
-    use bytes::BytesMut;
-    use laser_eb90::Codec;
-    use tokio_util::codec::{Decoder as _, Encoder as _};
-
-    for v in vectors("laser-eb90") {
-        let expected: Vec<_> =
-            decode(&profile(&v), &[&v.hex]).into_iter().map(|(content, _)| content).collect();
-        let mut codec = Codec::new(&profile(&v));
-        let (mut src, mut found) = (BytesMut::from(&v.hex[..]), Vec::new());
-        while let Some(item) = codec.decode_eof(&mut src).unwrap() {
-            let mut out = BytesMut::new();
-            if let Ok(owned) = &item {
-                codec.encode(owned.frame(), &mut out).unwrap();
-                assert_eq!(out == v.hex, v.result == Outcome::Valid, "{}", v.id);
-            }
-            found.push(item.map(|owned| object(&owned.frame())).map_err(|error| object(&error)));
-        }
-        assert_eq!(found, expected, "{}", v.id);
-    }
 }

@@ -1,12 +1,10 @@
 //! What a frame carries: items, each a tag, a count and that many values of one type.
 
-use crate::error::{DecodeError, EncodeError};
-use crate::frame::{Frame, MAX_PAYLOAD};
+use crate::error::DecodeError;
 use crate::profile::{ByteOrder, Profile, Tags};
 
 /// One item of a payload: values of one type.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "lowercase"))]
 pub enum Item<'a> {
     /// `float` values, tag F0h by default: IEEE 754, whatever the unit of the instruction is.
     F32(Values<'a, f32>),
@@ -16,12 +14,12 @@ pub enum Item<'a> {
     U8(&'a [u8]),
     /// `char` values, tag F3h by default: bytes of an unstated character set. In JSON each is the character U+0000 to
     /// U+00FF of the same number.
-    Char(#[cfg_attr(feature = "serde", serde(serialize_with = "crate::json::latin1"))] &'a [u8]),
+    Char(&'a [u8]),
 }
 
 /// The items of a payload, in the order of the wire, read one by one.
 ///
-/// A payload may have the right checksum and still be wrong: the first item that is damaged is an error, and the last.
+/// A payload may have the right checksum and still be wrong: the first corrupt item is an error, and the last.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Items<'a> {
     rest: &'a [u8],
@@ -37,7 +35,7 @@ impl<'a> Items<'a> {
         Self { rest: payload, whole: payload.len(), tags: profile.tags, order: profile.byte_order }
     }
 
-    /// The items that are left, as they stand in the payload.
+    /// The items that are left, as they are in the payload.
     pub fn as_bytes(&self) -> &'a [u8] {
         self.rest
     }
@@ -116,7 +114,7 @@ impl<'a> Iterator for Items<'a> {
     }
 }
 
-/// Numbers of one type as they stand in the payload, read when asked for.
+/// Numbers of one type as they are in the payload, read when asked for.
 #[derive(Clone, Copy)]
 pub struct Values<'a, T> {
     bytes: &'a [u8],
@@ -208,120 +206,7 @@ mod private {
     pub trait Sealed {}
 }
 
-/// Writes items into a buffer, one behind the other. What fails leaves the payload as it was.
-///
-/// ```
-/// use laser_eb90::{Payload, Profile};
-///
-/// let mut buffer = [0; 64];
-/// let mut payload = Payload::new(&mut buffer, &Profile::default());
-/// payload.i16(&[0x0101])?.f32(&[100.0, -50.5])?;
-/// assert_eq!(payload.as_bytes(), [0xF1, 1, 1, 1, 0xF0, 2, 0, 0, 0xC8, 0x42, 0, 0, 0x4A, 0xC2]);
-/// # Ok::<(), laser_eb90::EncodeError>(())
-/// ```
-#[derive(Debug)]
-pub struct Payload<'b> {
-    buffer: &'b mut [u8],
-    len: usize,
-    profile: Profile,
-}
-
-impl<'b> Payload<'b> {
-    /// An empty payload in `buffer`, of which it uses [`MAX_PAYLOAD`] bytes at most.
-    pub fn new(buffer: &'b mut [u8], profile: &Profile) -> Self {
-        Self::with_len(buffer, 0, profile)
-    }
-
-    /// Goes on behind the `len` bytes that are there.
-    pub(crate) fn with_len(buffer: &'b mut [u8], len: usize, profile: &Profile) -> Self {
-        let room = buffer.len().min(MAX_PAYLOAD);
-        Self { buffer: buffer.get_mut(..room).unwrap_or_default(), len, profile: *profile }
-    }
-
-    /// Adds an item of floats.
-    ///
-    /// # Errors
-    /// More than 255 values, or no room.
-    pub fn f32(&mut self, values: &[f32]) -> Result<&mut Self, EncodeError> {
-        let order = self.profile.byte_order;
-        self.numbers(self.profile.tags.f32, values, |v| match order {
-            ByteOrder::Little => v.to_le_bytes(),
-            ByteOrder::Big => v.to_be_bytes(),
-        })
-    }
-
-    /// Adds an item of shorts.
-    ///
-    /// # Errors
-    /// More than 255 values, or no room.
-    pub fn i16(&mut self, values: &[i16]) -> Result<&mut Self, EncodeError> {
-        let order = self.profile.byte_order;
-        self.numbers(self.profile.tags.i16, values, |v| match order {
-            ByteOrder::Little => v.to_le_bytes(),
-            ByteOrder::Big => v.to_be_bytes(),
-        })
-    }
-
-    /// Adds an item of bytes.
-    ///
-    /// # Errors
-    /// More than 255 values, or no room.
-    pub fn u8(&mut self, values: &[u8]) -> Result<&mut Self, EncodeError> {
-        self.numbers(self.profile.tags.u8, values, |v| [v])
-    }
-
-    /// Adds an item of characters.
-    ///
-    /// # Errors
-    /// More than 255 values, or no room.
-    pub fn char(&mut self, values: &[u8]) -> Result<&mut Self, EncodeError> {
-        self.numbers(self.profile.tags.char, values, |v| [v])
-    }
-
-    /// Adds a command word, or the error code of a reply: a short of its own, unsigned.
-    ///
-    /// # Errors
-    /// No room.
-    pub fn word(&mut self, word: u16) -> Result<&mut Self, EncodeError> {
-        self.i16(&[word.cast_signed()])
-    }
-
-    /// What has been written.
-    pub fn as_bytes(&self) -> &[u8] {
-        self.buffer.get(..self.len).unwrap_or_default()
-    }
-
-    /// The frame that carries it.
-    ///
-    /// # Errors
-    /// A payload without items.
-    pub fn frame(&self) -> Result<Frame<'_>, EncodeError> {
-        if self.len == 0 { Err(EncodeError::Empty) } else { Ok(Frame::new(self.as_bytes(), &self.profile)) }
-    }
-
-    fn numbers<T: Copy, const N: usize>(
-        &mut self,
-        tag: u8,
-        values: &[T],
-        bytes: impl Fn(T) -> [u8; N],
-    ) -> Result<&mut Self, EncodeError> {
-        let count =
-            u8::try_from(values.len()).map_err(|_| EncodeError::TooManyValues { count: values.len() })?;
-        let room = self.buffer.get_mut(self.len..).unwrap_or_default();
-        let (available, needed) = (room.len(), 2 + N * values.len());
-        let Some((head, body)) = room.get_mut(..needed).and_then(|item| item.split_first_chunk_mut()) else {
-            return Err(EncodeError::BufferTooSmall { needed, available });
-        };
-        *head = [tag, count];
-        for (slot, value) in body.chunks_exact_mut(N).zip(values) {
-            slot.copy_from_slice(&bytes(*value));
-        }
-        self.len += needed;
-        Ok(self)
-    }
-}
-
-/// Whether a payload can begin with this byte: what tells a head from a false one. Nearly all begin with a command word.
+/// Whether a payload can begin with this byte: what distinguishes a head from a false one. Nearly all begin with a command word.
 #[inline]
 pub(crate) fn is_tag(byte: u8, tags: &Tags) -> bool {
     byte == tags.i16 || is_tag_of_values(byte, tags)

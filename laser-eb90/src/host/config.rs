@@ -1,0 +1,167 @@
+//! How the host behaves, and what it assumes of controller and line.
+
+use core::time::Duration;
+
+use crate::error::ConfigError;
+use crate::frame::Frame;
+use crate::profile::Profile;
+use crate::timing;
+use crate::words::{Class, Words};
+
+/// How the host behaves, and what it assumes of controller and line.
+///
+/// Frames have no number, so which frame an answer belongs to follows from time alone: the fields marked *assumption*. Where
+/// one of them is wrong, an answer can be taken for another frame's. It is then followed by an answer that nobody asked for:
+/// [`HostEvent::Unasked`](crate::HostEvent::Unasked) is the sign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HostConfig {
+    /// How frames are written.
+    pub profile: Profile,
+    /// Command words and error codes.
+    pub words: Words,
+    /// The line's baud rate, 10 bits a byte: an answer cannot be awaited before the frame has been transmitted. Above 0.
+    /// Default: 9600.
+    pub baud: u32,
+    /// How many interpreted instructions a frame holds at most. Default: 7, as in the source (§3(6)); at least 1.
+    pub batch: u8,
+    /// How often a frame that an error code answers is sent again. Default: 3; the source gives no limit.
+    pub resends: u8,
+    /// Sends a frame again when no answer comes, up to the same limit: whatever it holds may then be executed several
+    /// times. Default: off.
+    pub resend_on_silence: bool,
+    /// From the frame's last byte to the answer of interpreted instructions. Default: 250 ms, which holds the controller's
+    /// cycle, its silence before an error code, and a short answer at 9600 baud.
+    pub answer_timeout: Duration,
+    /// From the frame's last byte to the answer of an immediate instruction or a query, which is executed first.
+    /// *Assumption:* above the longest execution. Default: 30 s.
+    pub execution_timeout: Duration,
+    /// *Assumption:* no answer comes later than this after the last byte of what it answers, or after the end of the
+    /// execution. After an error code and after an unknown outcome nothing is sent until all of the frame has certainly been
+    /// received, and for this long after that. Above the controller's silence, cycle and answer together. Default: 100 ms.
+    pub settle: Duration,
+    /// *Assumption:* the longest that PC and line pause within a frame, all pauses together. A driver that calls
+    /// `handle_transmitted` before it passes on what was received since makes it unnecessary, but for the first frame of a
+    /// connection. Default: 300 ms.
+    pub max_pause: Duration,
+    /// *Assumption:* the longest from the controller's decision to the last byte of its answer: an error code that comes later
+    /// than this after the end of the frame refers to the whole frame. Default: 40 ms.
+    pub reply_time: Duration,
+    /// *Assumption:* the longest frame in bytes that a host on this line sends. The first frame of a connection waits until one
+    /// that an earlier host began has passed. Default: [`Frame::MAX_LEN`](crate::Frame::MAX_LEN).
+    pub longest_frame: usize,
+    /// *Assumption:* how long an immediate instruction or a query that an earlier host has sent may still be executed when a
+    /// connection is made: its answer could be taken for the first frame's. Default: 0; set it to the longest execution where
+    /// a host may be restarted while the robot executes.
+    pub earlier_execution: Duration,
+    /// The controller drops the bytes that it holds of a frame when it answers an error code, as ours does. Then "bad frame"
+    /// always proves that nothing was taken. A controller that keeps them takes the rest after a pause as the same frame, so
+    /// "bad frame" that comes early proves nothing: the outcome is
+    /// [`UnknownReason::PartialFrame`](crate::UnknownReason::PartialFrame) unless the echo follows. Default: off, the safe
+    /// side.
+    pub controller_drops_partial: bool,
+    /// How long to wait when the controller's queue is full. Default: 100 ms.
+    pub backoff: Duration,
+    /// How long the queue may stay full before the frame counts as refused. Default: 60 s.
+    pub full_timeout: Duration,
+    /// The rule that the machine leaves out: for the model, which shows that it is needed.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub without: Option<HostRule>,
+}
+
+/// A rule of the host's machine that no setting takes out: for the model.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum HostRule {
+    /// The first frame of a connection waits until what an earlier host has sent has been answered.
+    DrainFirst,
+    /// An echo confirms, also after an error code.
+    ConfirmLate,
+    /// Only a bad checksum, a bad frame and a full queue are answered by sending again.
+    FinalCodes,
+    /// An immediate instruction whose execution failed has an unknown outcome.
+    FailedIsUnknown,
+    /// What may be executing is waited for before the next frame.
+    OutlastExecution,
+    /// An error code refers to the last transmission alone.
+    UnansweredIsUnknown,
+    /// Another word than the command's is no confirmation.
+    CompareWord,
+}
+
+impl HostConfig {
+    /// The defaults for a line of this rate: below 9600 baud, an answer is given the time that it takes longer.
+    pub fn at_baud(baud: u32) -> Self {
+        let answer = |baud| timing::transmission_time(timing::SHORT_ANSWER, baud);
+        let longer = answer(baud).saturating_sub(answer(timing::BAUD));
+        let ms = |ms| Duration::from_millis(ms);
+        Self {
+            profile: Profile::default(),
+            words: Words::default(),
+            baud,
+            batch: 7,
+            resends: 3,
+            resend_on_silence: false,
+            answer_timeout: ms(250).saturating_add(longer),
+            execution_timeout: ms(30_000).saturating_add(longer),
+            settle: ms(100).saturating_add(longer),
+            max_pause: ms(300),
+            reply_time: ms(40).saturating_add(longer),
+            longest_frame: Frame::MAX_LEN,
+            earlier_execution: Duration::ZERO,
+            controller_drops_partial: false,
+            backoff: ms(100),
+            full_timeout: ms(60_000),
+            #[cfg(feature = "model")]
+            without: None,
+        }
+    }
+
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        match self {
+            Self { batch: 0, .. } => Err(ConfigError::NoBatch),
+            Self { baud: 0, .. } => Err(ConfigError::NoBaud),
+            _ => Ok(()),
+        }
+    }
+
+    /// How long an instruction is executed before it is answered.
+    pub(crate) fn execution(&self, class: Class) -> Duration {
+        match class {
+            Class::Interpreted => Duration::ZERO,
+            Class::Immediate | Class::Query => self.execution_timeout,
+        }
+    }
+
+    /// How long an answer is awaited.
+    pub(crate) fn timeout(&self, class: Class) -> Duration {
+        match class {
+            Class::Interpreted => self.answer_timeout,
+            Class::Immediate | Class::Query => self.execution_timeout,
+        }
+    }
+
+    /// How long what an earlier host has sent can still have effects.
+    pub(crate) fn drain(&self) -> Duration {
+        timing::transmission_time(self.longest_frame, self.baud)
+            .saturating_add(self.max_pause)
+            .saturating_add(self.earlier_execution)
+            .saturating_add(self.settle)
+    }
+
+    #[cfg(feature = "model")]
+    pub(crate) fn keeps(&self, rule: HostRule) -> bool {
+        self.without != Some(rule)
+    }
+
+    #[cfg(not(feature = "model"))]
+    pub(crate) const fn keeps(&self, _: HostRule) -> bool {
+        true
+    }
+}
+
+impl Default for HostConfig {
+    fn default() -> Self {
+        Self::at_baud(timing::BAUD)
+    }
+}

@@ -1,0 +1,374 @@
+//! The host: the PC that sends instructions and learns whether they were taken.
+
+mod config;
+pub mod machine;
+
+use core::time::Duration;
+
+use robot_session::{Decoder as _, Encode as _, EventQueue, Session, Unexpected};
+
+pub use self::config::{HostConfig, HostRule};
+use self::machine::{Due, HostAction, HostInput, HostLink, HostMachine, Outcome, UnknownReason};
+use crate::decoder::Decoder;
+use crate::error::{ConfigError, DecodeError, EncodeError, SessionError};
+use crate::frame::{Frame, MAX_PAYLOAD};
+use crate::instruction::{Instruction, word_of};
+use crate::items::Items;
+use crate::payload::Payload;
+use crate::timing;
+use crate::words::{Class, Refusal};
+
+/// The host (上位机): sends one frame at a time, compares the echo, resends from its backup (§3(4), §3(5)).
+///
+/// [`submit`](Self::submit) instructions until it returns [`SessionError::Full`]; drive it as every [`Session`].
+///
+/// - Interpreted instructions that are submitted while a frame is in flight travel together in the next one, up to
+///   [`batch`](HostConfig::batch); immediate instructions and queries travel alone.
+/// - A bad checksum, a bad frame and a full queue prove that nothing of the frame was taken: it is sent again, up to
+///   [`resends`](HostConfig::resends) times. Other error codes refuse it for good. An immediate instruction whose execution
+///   failed may have had effects: its outcome is [`Unknown`](HostEvent::Unknown).
+/// - Silence proves nothing, because the frames have no number: what was lost may be the answer. Its outcome is unknown, and so
+///   is that of an answer with another command word.
+/// - After an error code and after an unknown outcome the line is left alone until whatever the frame can cause has come. The
+///   first frame of a connection waits until the same holds for what an earlier host has sent.
+/// - After `Refused` and `Unknown` nothing is sent until [`resume`](Self::resume), so that the caller can look first.
+/// - Corrupt bytes are skipped and reported. An answer that nobody asked for is reported: it is the only sign that an assumption
+///   of [`HostConfig`] is wrong.
+/// - There is one outcome for each frame, and nothing is sent before it has been taken. What was submitted and not sent when a
+///   connection is lost is sent on the next.
+#[derive(Debug, Clone)]
+pub struct Host {
+    config: HostConfig,
+    machine: HostMachine,
+    decoder: Decoder,
+    /// The frame that is being filled.
+    next: Buffer,
+    /// The frame in flight (备份): kept until its answer has come.
+    backup: Buffer,
+    /// The values of the query that was answered last.
+    answer: Buffer,
+    events: EventQueue<HostEvent, EVENTS>,
+    statistics: HostStatistics,
+}
+
+/// What has happened. Instructions are numbered as they were submitted, from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum HostEvent {
+    /// The controller echoed the command word: interpreted instructions are queued (not yet executed), an immediate one is
+    /// executed.
+    Done {
+        /// The first instruction.
+        first: u64,
+        /// How many.
+        count: u8,
+        /// How often the frame was sent again.
+        resends: u8,
+        /// How many of the transmissions before brought no answer: each may have been taken as well. 0 unless
+        /// [`resend_on_silence`](HostConfig::resend_on_silence) is on.
+        unanswered: u8,
+    },
+    /// A query was answered: its values are in [`Host::answer`] until the next one is.
+    Answer {
+        /// The query.
+        ticket: u64,
+    },
+    /// Error codes to the end: nothing of the frame was taken.
+    Refused {
+        /// The first instruction.
+        first: u64,
+        /// How many.
+        count: u8,
+        /// The last error code.
+        refusal: Refusal,
+    },
+    /// The instructions may have been taken or not, not more than once unless
+    /// [`resend_on_silence`](HostConfig::resend_on_silence) is on.
+    Unknown {
+        /// The first instruction.
+        first: u64,
+        /// How many.
+        count: u8,
+        /// Why.
+        reason: UnknownReason,
+    },
+    /// A notice: an answer that nobody asked for. An assumption of [`HostConfig`] is wrong, or somebody else talks to the
+    /// controller.
+    Unasked {
+        /// Its word.
+        word: u16,
+    },
+    /// A notice: bytes that are no answer.
+    Corrupt(DecodeError),
+    /// A notice: a call that the state does not allow.
+    Unexpected(Unexpected),
+}
+
+/// What a host has counted since it was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct HostStatistics {
+    /// Instructions submitted: also the number of the next one.
+    pub submitted: u64,
+    /// Frames sent, again or for the first time.
+    pub frames: u64,
+    /// Frames sent again.
+    pub resends: u64,
+    /// Answers that nobody asked for.
+    pub unasked: u64,
+    /// Corrupt stretches of bytes.
+    pub corrupt: u64,
+    /// Inputs that the machine did not expect.
+    pub unexpected: u64,
+    /// Notices dropped because nobody took them.
+    pub dropped_notices: u64,
+}
+
+const EVENTS: usize = 8;
+
+impl Host {
+    /// A host without a connection.
+    ///
+    /// # Errors
+    /// A configuration that cannot work.
+    pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self {
+            config,
+            machine: HostMachine::NEW,
+            decoder: Decoder::new(&config.profile),
+            next: Buffer::EMPTY,
+            backup: Buffer::EMPTY,
+            answer: Buffer::EMPTY,
+            events: EventQueue::new(),
+            statistics: HostStatistics::default(),
+        })
+    }
+
+    /// Adds an instruction to the next frame; returns the number that events know it by: 0, 1, 2 …
+    ///
+    /// `parameters` writes what follows the command word. In an interpreted instruction no item may be a single short: that
+    /// begins the next instruction. In any other no single short may be a command word.
+    ///
+    /// # Errors
+    /// [`SessionError::Full`] when the frame has no room, or would mix classes: call again when it has been sent. A word
+    /// that is no command, and parameters that no frame can carry. Nothing has changed then.
+    pub fn submit(
+        &mut self,
+        word: u16,
+        parameters: impl FnOnce(&mut Payload<'_>) -> Result<(), EncodeError>,
+    ) -> Result<u64, SessionError> {
+        let class = self.config.words.class(word).ok_or(SessionError::UnknownWord { word })?;
+        if !self.machine.has_room(class, &self.config) {
+            return Err(SessionError::Full);
+        }
+        let begin = if self.machine.next.is_some() { self.next.len } else { 0 };
+        let mut payload = Payload::with_len(&mut self.next.bytes, begin, &self.config.profile);
+        let written = payload.word(word).map(drop).and_then(|()| parameters(&mut payload));
+        let len = payload.as_bytes().len();
+        match written {
+            Err(EncodeError::BufferTooSmall { .. }) if begin > 0 => return Err(SessionError::Full),
+            Err(error) => return Err(SessionError::Encode(error)),
+            Ok(()) => {}
+        }
+        let instruction = self.next.bytes.get(begin..len).unwrap_or_default();
+        let shorts = Items::new(instruction, &self.config.profile).flatten().skip(1);
+        let mut shorts = shorts.filter_map(|item| word_of(&item));
+        if shorts.any(|word| class == Class::Interpreted || self.config.words.class(word).is_some()) {
+            return Err(SessionError::LoneShort);
+        }
+        let ticket = self.statistics.submitted;
+        self.statistics.submitted += 1;
+        self.next.len = len;
+        self.advance(Duration::ZERO, HostInput::Submit { ticket, word, class });
+        Ok(ticket)
+    }
+
+    /// Goes on after `Refused` or `Unknown`. What has been submitted meanwhile is sent when the line has settled.
+    pub fn resume(&mut self) {
+        self.advance(Duration::ZERO, HostInput::Resume);
+    }
+
+    /// Takes back the instructions that have not been sent yet; returns how many. They will have no event.
+    pub fn take_back(&mut self) -> u8 {
+        let count = self.machine.next.map_or(0, |next| next.count);
+        self.advance(Duration::ZERO, HostInput::TakeBack);
+        count
+    }
+
+    /// The values of the query that was answered last.
+    pub fn answer(&self) -> Items<'_> {
+        Items::new(self.answer.as_bytes(), &self.config.profile)
+    }
+
+    /// Whether the host waits for [`resume`](Self::resume).
+    pub fn is_held(&self) -> bool {
+        matches!(self.machine.link, HostLink::Held { .. } | HostLink::Disconnected { held: true, .. })
+    }
+
+    /// Whether nothing is submitted, in flight or unreported.
+    pub fn is_idle(&self) -> bool {
+        matches!(self.machine.link, HostLink::Idle { .. } | HostLink::Disconnected { held: false, .. })
+            && self.machine.next.is_none()
+            && self.events.has_room(EVENTS)
+    }
+
+    /// The machine.
+    pub fn machine(&self) -> &HostMachine {
+        &self.machine
+    }
+
+    /// Reads the answers that are there.
+    fn read(&mut self, now: Duration) {
+        while let Some(frame) = self.decoder.next_frame() {
+            let answer = frame.and_then(|frame| Instruction::single(frame.items()));
+            let input = match answer {
+                Ok(Instruction { word, .. }) => {
+                    HostInput::Answer { word, refusal: self.config.words.errors().refusal(word) }
+                }
+                Err(_) => HostInput::Corrupt,
+            };
+            let action = self.machine.on(now, input, &self.config);
+            match answer {
+                Ok(answer) if answers_query(action) => self.answer.copy(answer.parameters.as_bytes()),
+                Ok(_) => {}
+                Err(error) => {
+                    self.statistics.corrupt += 1;
+                    self.events.push_notice(HostEvent::Corrupt(error));
+                }
+            }
+            self.report(action);
+        }
+    }
+
+    fn advance(&mut self, now: Duration, input: HostInput) {
+        let action = self.machine.on(now, input, &self.config);
+        self.report(action);
+    }
+
+    fn report(&mut self, action: Result<HostAction, Unexpected>) {
+        match action {
+            Ok(HostAction::Nothing) => {}
+            // What came before this frame is no answer to it.
+            Ok(HostAction::Transmit) => self.decoder.clear(),
+            Ok(HostAction::Report(batch, outcome)) => {
+                let (first, count) = (batch.first, batch.count);
+                let event = match outcome {
+                    Outcome::Done { .. } if batch.class == Class::Query => {
+                        HostEvent::Answer { ticket: first }
+                    }
+                    Outcome::Done { resends, unanswered } => {
+                        HostEvent::Done { first, count, resends, unanswered }
+                    }
+                    Outcome::Refused(refusal) => HostEvent::Refused { first, count, refusal },
+                    Outcome::Unknown(reason) => HostEvent::Unknown { first, count, reason },
+                };
+                // There is room: a frame is sent when no outcome waits.
+                let _ = self.events.push_outcome(event);
+            }
+            Ok(HostAction::Unasked { word }) => {
+                self.statistics.unasked += 1;
+                self.events.push_notice(HostEvent::Unasked { word });
+            }
+            Err(unexpected) => {
+                self.statistics.unexpected += 1;
+                self.events.push_notice(HostEvent::Unexpected(unexpected));
+            }
+        }
+    }
+}
+
+impl Session for Host {
+    type Event = HostEvent;
+    type Statistics = HostStatistics;
+
+    const MAX_TRANSMIT: usize = Frame::MAX_LEN;
+
+    fn handle_connected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.advance(now, HostInput::Connected);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.advance(now, HostInput::Disconnected);
+    }
+
+    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            let taken = self.decoder.push(bytes);
+            bytes = bytes.get(taken..).unwrap_or_default();
+            self.read(now);
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        if self.machine.deadline().is_none_or(|at| now < at) {
+            return;
+        }
+        if matches!(self.machine.link, HostLink::Awaiting(_)) {
+            self.decoder.finish();
+            self.read(now);
+        }
+        self.advance(now, HostInput::Timeout);
+    }
+
+    fn handle_transmitted(&mut self, now: Duration) {
+        self.advance(now, HostInput::Transmitted);
+    }
+
+    fn poll_event(&mut self) -> Option<HostEvent> {
+        self.events.pop()
+    }
+
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        self.handle_timeout(now);
+        if !self.events.has_room(EVENTS) {
+            return None;
+        }
+        let due = self.machine.due(now)?;
+        let buffer = if due == Due::Next { &self.next } else { &self.backup };
+        let len = Frame::new(buffer.as_bytes(), &self.config.profile).encode(out).ok()?;
+        if due == Due::Next {
+            core::mem::swap(&mut self.next, &mut self.backup);
+        }
+        self.statistics.frames += 1;
+        self.statistics.resends += u64::from(due == Due::Again);
+        let line = timing::transmission_time(len, self.config.baud);
+        self.advance(now, HostInput::Transmit { line });
+        Some(len)
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.machine.deadline()
+    }
+
+    fn statistics(&self) -> HostStatistics {
+        HostStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    }
+}
+
+fn answers_query(action: Result<HostAction, Unexpected>) -> bool {
+    matches!(action, Ok(HostAction::Report(batch, Outcome::Done { .. })) if batch.class == Class::Query)
+}
+
+/// The bytes of a payload.
+#[derive(Debug, Clone)]
+struct Buffer {
+    bytes: [u8; MAX_PAYLOAD],
+    len: usize,
+}
+
+impl Buffer {
+    const EMPTY: Self = Self { bytes: [0; MAX_PAYLOAD], len: 0 };
+
+    fn as_bytes(&self) -> &[u8] {
+        self.bytes.get(..self.len).unwrap_or_default()
+    }
+
+    fn copy(&mut self, bytes: &[u8]) {
+        if let Some(slot) = self.bytes.get_mut(..bytes.len()) {
+            slot.copy_from_slice(bytes);
+            self.len = bytes.len();
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! laser-eb90: its reference vectors, and both ends on a faulty line.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod bad_line;
+mod cell;
+mod session;
+mod vectors;

@@ -69,5 +69,5 @@ pub use queue::boxed;
 pub use reader::{Iter, Reader, Taken};
 #[cfg(loom)]
 #[doc(hidden)]
-pub use sync::order;
+pub use sync::{check, order};
 pub use writer::{Claim, Writer};

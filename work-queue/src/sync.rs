@@ -111,3 +111,40 @@ orderings! {
     #[cfg_attr(not(feature = "alloc"), allow(dead_code))]
     leave: AcqRel or Acquire, Release, Relaxed;
 }
+
+macro_rules! checks {
+    ($($(#[$doc:meta])* $name:ident;)*) => {
+        /// One name for each check of the watermark that the proof of the queue depends on.
+        #[cfg(not(loom))]
+        pub(crate) mod check {
+            $($(#[$doc])* #[inline(always)] pub(crate) const fn $name() -> bool { true })*
+        }
+
+        /// The same, but each can be removed by a test, which must then fail.
+        #[cfg(loom)]
+        pub mod check {
+            std::thread_local! {
+                static REMOVED: core::cell::Cell<Option<&'static str>> = const { core::cell::Cell::new(None) };
+            }
+
+            /// Every check that can be removed.
+            pub const MUTANTS: &[&str] = &[$(stringify!($name)),*];
+
+            /// Removes one check for everything that runs on this thread from now on: loom runs its threads on it.
+            pub fn remove(mutant: Option<&'static str>) {
+                REMOVED.set(mutant);
+            }
+
+            $($(#[$doc])* pub(crate) fn $name() -> bool {
+                REMOVED.get() != Some(stringify!($name))
+            })*
+        }
+    };
+}
+
+checks! {
+    /// The oldest job is taken only after what a reset discards was discarded.
+    watermark_in_take;
+    /// A job is searched for only after what a reset discards was discarded.
+    watermark_in_find;
+}

@@ -1,7 +1,7 @@
 //! Model checking of the code that ships: loom runs every interleaving and every reordering that the memory model allows, and
 //! sees each access to a slot that the accesses of the other end do not happen before. Run with `.ci/loom`.
 //!
-//! The last test weakens each ordering in turn, and expects a model to fail.
+//! The last tests weaken each ordering and remove each check of the watermark in turn, and expect a model to fail.
 #![cfg(loom)]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![expect(clippy::arc_with_non_send_sync, reason = "loom's cells are checked at every access instead")]
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use loom::cell::UnsafeCell;
 use loom::thread;
-use robot_work_queue::{Reader, WorkQueue, Writer, boxed, order};
+use robot_work_queue::{Reader, WorkQueue, Writer, boxed, check, order};
 
 /// A job that counts its drops, and that is torn if its halves differ.
 struct Job {
@@ -73,6 +73,8 @@ impl World {
 fn model(run: impl Fn() + Send + Sync + 'static) {
     let mutant = std::env::var("WEAKEN").ok().map(|index| order::MUTANTS[index.parse::<usize>().unwrap()]);
     order::weaken(mutant);
+    let removed = std::env::var("REMOVE").ok();
+    check::remove(removed.map(|name| *check::MUTANTS.iter().find(|known| **known == name).unwrap()));
     loom::model(run);
 }
 
@@ -307,6 +309,42 @@ mod models {
         });
     }
 
+    /// Two jobs, a reset, a third job: a reader that has seen the third looks for a job.
+    fn look_after_a_reset(look: fn(&mut Reader<'_, Job>) -> Option<u16>) {
+        model(move || {
+            let jobs = Arc::new(Counter::default());
+            let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
+            let reader = thread::spawn(move || {
+                while !reader.iter().any(|(number, _)| number == 3) {
+                    thread::yield_now();
+                }
+                assert_eq!(look(&mut reader), Some(3), "what a reset has discarded is not executed");
+            });
+            queue_next(&mut writer, &jobs);
+            queue_next(&mut writer, &jobs);
+            writer.clear();
+            queue_next(&mut writer, &jobs);
+            reader.join().unwrap();
+            assert!(writer.is_settled(), "a look lets a reset settle");
+            assert_eq!(writer.free(), 3);
+            drop(writer);
+            jobs.assert_each_dropped_once();
+        });
+    }
+
+    #[test]
+    fn take_after_a_reset() {
+        look_after_a_reset(|reader| execute(reader));
+    }
+
+    #[test]
+    fn find_after_a_reset() {
+        look_after_a_reset(|reader| {
+            let job = reader.take_where(|_, _| true)?;
+            Some(job.complete().value)
+        });
+    }
+
     /// A job completed out of order and a reset: the discarded one before it is not discarded twice, nor the overtaker at all.
     #[test]
     fn out_of_order_across_a_reset() {
@@ -473,21 +511,40 @@ const GUARDS: [(&str, &str, &str); 9] = [
     ("leave", "both_leave", "every job is dropped once"),
 ];
 
+/// For each check that can be removed: a model that fails then, and its message.
+const CHECK_GUARDS: [(&str, &str, &str); 2] = [
+    ("watermark_in_take", "take_after_a_reset", "what a reset has discarded is not executed"),
+    ("watermark_in_find", "find_after_a_reset", "a look lets a reset settle"),
+];
+
 /// Every ordering is needed: weaken any one of them, and a model fails.
 #[test]
 fn every_weakened_ordering_fails() {
     for (index, mutant) in order::MUTANTS.iter().enumerate() {
         let (_, model, complaint) = GUARDS.into_iter().find(|guard| guard.0 == mutant.0).unwrap();
-        // In a process of its own: loom does not always survive the failure of a model.
-        let run = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", &format!("models::{model}"), "--nocapture"])
-            .env("WEAKEN", index.to_string())
-            .output()
-            .unwrap();
-        let output = format!("{run:?}");
-        assert!(output.contains("running 1 test"), "{model} did not run");
-        assert!(!run.status.success(), "{model} passes with {mutant:?}");
-        assert!(output.contains(complaint), "{model} fails with {mutant:?} for another reason: {output}");
-        println!("{mutant:?}: {model} fails");
+        assert_fails(model, complaint, "WEAKEN", &index.to_string(), &format!("{mutant:?}"));
     }
+}
+
+/// Every check of the watermark is needed: remove any one of them, and a model fails.
+#[test]
+fn every_removed_check_fails() {
+    for mutant in check::MUTANTS {
+        let (_, model, complaint) = CHECK_GUARDS.into_iter().find(|guard| guard.0 == *mutant).unwrap();
+        assert_fails(model, complaint, "REMOVE", mutant, mutant);
+    }
+}
+
+/// Runs a model with a mutant in a process of its own: loom does not always survive the failure of a model.
+fn assert_fails(model: &str, complaint: &str, variable: &str, value: &str, mutant: &str) {
+    let run = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", &format!("models::{model}"), "--nocapture"])
+        .env(variable, value)
+        .output()
+        .unwrap();
+    let output = format!("{run:?}");
+    assert!(output.contains("running 1 test"), "{model} did not run");
+    assert!(!run.status.success(), "{model} passes with {mutant}");
+    assert!(output.contains(complaint), "{model} fails with {mutant} for another reason: {output}");
+    println!("{mutant}: {model} fails");
 }

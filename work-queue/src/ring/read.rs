@@ -2,6 +2,7 @@ use core::fmt;
 
 use super::{Hold, Ring, Slot};
 use crate::position::{Position, Stamp};
+use crate::sync::check;
 
 /// The end that takes jobs and completes them.
 pub(crate) struct ReadEnd<T> {
@@ -34,7 +35,9 @@ impl<T> ReadEnd<T> {
     /// The oldest job.
     #[inline(always)]
     pub(crate) fn take(&mut self) -> Option<Held<'_, T>> {
-        self.apply_watermark();
+        if check::watermark_in_take() {
+            self.apply_watermark();
+        }
         let (ring, front) = (self.hold.ring(), &mut self.front);
         let position = front.head;
         // SAFETY: a head is the position of a slot.
@@ -47,7 +50,9 @@ impl<T> ReadEnd<T> {
 
     /// The oldest job for which `predicate` returns true.
     pub(crate) fn find(&mut self, mut predicate: impl FnMut(u16, &T) -> bool) -> Option<Held<'_, T>> {
-        self.apply_watermark();
+        if check::watermark_in_find() {
+            self.apply_watermark();
+        }
         let (ring, front) = (self.hold.ring(), &mut self.front);
         let mut waiting = front.waiting(ring);
         let (position, number) = loop {

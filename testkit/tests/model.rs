@@ -448,6 +448,21 @@ fn fingerprints_count_as_whole_states_do() {
     assert!(graph.holds() && whole.holds());
 }
 
+#[cfg(feature = "stateright")]
+#[test]
+fn another_checker_counts_the_same() {
+    let mut broken = line();
+    broken.steps.extend([(3, 5, 0), (1, 5, 0), (5, 6, 0), (2, 0, 1)]);
+    broken.bad = vec![5];
+    let systems =
+        [Setting::new("a line", line()), Setting::new("a broken one", broken), Setting::new("a grid", Grid)];
+    for (setting, counts) in systems.iter().zip([(4, 3), (5, 6), (101 * 101, 2 * 101 * 100)]) {
+        let explored = setting.explore(&Options::default());
+        assert_eq!((explored.states, explored.steps), counts, "{setting:?}");
+        assert_eq!(setting.count(), counts, "{setting:?}");
+    }
+}
+
 #[cfg(feature = "links")]
 mod pairs {
     use testkit::links::PAIRS;

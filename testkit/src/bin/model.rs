@@ -24,6 +24,10 @@ struct Cli {
     /// Bounds of up to five minutes a pair instead of seconds.
     #[arg(long)]
     deep: bool,
+    /// Counts states and steps with the model checker stateright, too. Exit 1 if they differ.
+    #[cfg(feature = "stateright")]
+    #[arg(long)]
+    stateright: bool,
     #[command(flatten)]
     common: Common,
 }
@@ -69,12 +73,15 @@ fn known(name: &str) -> Result<String, String> {
 }
 
 fn main() -> ExitCode {
-    let Cli { command, deep, common } = Cli::parse();
+    let cli = Cli::parse();
+    let (common, depth) = (cli.common, if cli.deep { Depth::Deep } else { Depth::Quick });
     let selected =
         |pair: &&Pair| common.links.is_empty() || common.links.iter().any(|name| pair.name.contains(name));
     let pairs: Vec<Pair> = PAIRS.iter().filter(selected).copied().collect();
-    let good = match command {
-        None => explore(&pairs, if deep { Depth::Deep } else { Depth::Quick }, &common),
+    let good = match cli.command {
+        #[cfg(feature = "stateright")]
+        None if cli.stateright => cross_check(&pairs, depth, &common),
+        None => explore(&pairs, depth, &common),
         Some(Command::MustFail { traces }) => must_fail(&pairs, traces, &common),
         Some(Command::Diagrams { check }) => diagrams(&pairs, !check),
     };
@@ -82,10 +89,7 @@ fn main() -> ExitCode {
 }
 
 fn explore(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
-    let work = |pair: &Pair| {
-        (pair.settings)(depth).into_iter().map(|setting| (pair.name, setting)).collect::<Vec<_>>()
-    };
-    let settings: Vec<(&str, Setting)> = pairs.iter().flat_map(work).collect();
+    let settings = settings(pairs, depth);
     let begin = Instant::now();
     let rows = run(&settings, common, |(_, setting), options| setting.explore(options));
     let time = begin.elapsed();
@@ -116,6 +120,29 @@ fn explore(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
     let good = rows.iter().all(Explored::holds) && !rows.is_empty();
     println!("{states} states of {} settings in {:.1} s", rows.len(), time.as_secs_f64());
     println!("{}", if good { "every property holds in every state" } else { "FAILED" });
+    good
+}
+
+fn settings(pairs: &[Pair], depth: Depth) -> Vec<(&'static str, Setting)> {
+    let settings = |pair: &Pair| {
+        (pair.settings)(depth).into_iter().map(|setting| (pair.name, setting)).collect::<Vec<_>>()
+    };
+    pairs.iter().flat_map(settings).collect()
+}
+
+#[cfg(feature = "stateright")]
+fn cross_check(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
+    let settings = settings(pairs, depth);
+    let rows = run(&settings, common, |(_, setting), options| (setting.explore(options), setting.count()));
+    let mut table = table(&["pair", "setting", "states", "stateright's", "steps", "stateright's"], 2..6);
+    let mut good = !rows.is_empty();
+    for ((pair, setting), (row, (states, steps))) in settings.iter().zip(&rows) {
+        let counts = [row.states, *states, row.steps, *steps].map(thousands);
+        table.add_row([(*pair).into(), setting.name.clone()].into_iter().chain(counts));
+        good &= row.complete && (row.states, row.steps) == (*states, *steps);
+    }
+    println!("{table}\n");
+    println!("{}", if good { "both count the same" } else { "FAILED: the counts differ" });
     good
 }
 

@@ -17,6 +17,8 @@ mod graph;
 mod machine;
 mod pair;
 mod runs;
+#[cfg(feature = "stateright")]
+mod second;
 mod system;
 
 pub use diagram::{check_or_write, mermaid};

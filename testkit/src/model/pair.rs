@@ -2,6 +2,7 @@
 
 use core::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::diagram::mermaid;
@@ -50,12 +51,18 @@ impl Setting {
     where
         S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
     {
-        Self { name: name.into(), system: Box::new(system) }
+        Self { name: name.into(), system: Box::new(Arc::new(system)) }
     }
 
     /// Explores it.
     pub fn explore(&self, options: &Options<'_>) -> Explored {
         self.system.explored(self.name.clone(), options)
+    }
+
+    /// How many states and steps another model checker counts.
+    #[cfg(feature = "stateright")]
+    pub fn count(&self) -> (usize, usize) {
+        self.system.count()
     }
 
     /// Every transition of its machines.
@@ -151,15 +158,20 @@ pub fn draw(link: &str, ends: &[&str], settings: &[Setting]) -> Vec<Diagram> {
 trait Explorable: Send + Sync {
     fn explored(&self, setting: String, options: &Options<'_>) -> Explored;
     fn edges(&self) -> Vec<Edge>;
+    #[cfg(feature = "stateright")]
+    fn count(&self) -> (usize, usize);
 }
 
-impl<S: System + Send + Sync> Explorable for S {
+impl<S> Explorable for Arc<S>
+where
+    S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
+{
     fn explored(&self, setting: String, options: &Options<'_>) -> Explored {
         let begin = Instant::now();
-        let graph = explore(self, options);
+        let graph = explore(&**self, options);
         let broken = graph.findings().into_iter().map(|finding| {
             let path = graph.path(finding.at);
-            Broken { property: finding.property, steps: path.len(), trace: trace(self, &path) }
+            Broken { property: finding.property, steps: path.len(), trace: trace(&**self, &path) }
         });
         Explored {
             setting,
@@ -174,6 +186,11 @@ impl<S: System + Send + Sync> Explorable for S {
     }
 
     fn edges(&self) -> Vec<Edge> {
-        explore(self, &Options { edges: true, ..Options::default() }).edges.into_keys().collect()
+        explore(&**self, &Options { edges: true, ..Options::default() }).edges.into_keys().collect()
+    }
+
+    #[cfg(feature = "stateright")]
+    fn count(&self) -> (usize, usize) {
+        super::second::count(self.clone())
     }
 }

@@ -1,0 +1,50 @@
+//! A second opinion: any system as a model of `stateright`.
+//!
+//! Its search shares nothing with ours but the system. Its traces are not the shortest, and its liveness misses cycles: it counts.
+
+use std::sync::Arc;
+
+use stateright::{Checker as _, Model, Property};
+
+use super::system::System;
+
+/// How many states there are, and how many steps between them.
+pub(super) fn count<S>(system: Arc<S>) -> (usize, usize)
+where
+    S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
+{
+    let checker = Second(system).checker().spawn_bfs().join();
+    // It counts the first state as a step.
+    (checker.unique_state_count(), checker.state_count() - 1)
+}
+
+struct Second<S>(Arc<S>);
+
+impl<S> Model for Second<S>
+where
+    S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
+{
+    type State = S::State;
+    type Action = S::Act;
+
+    fn init_states(&self) -> Vec<S::State> {
+        vec![self.0.init()]
+    }
+
+    fn actions(&self, state: &S::State, acts: &mut Vec<S::Act>) {
+        let mut broken = Vec::new();
+        self.0.broken(state, &mut broken);
+        if broken.is_empty() {
+            self.0.acts(state, acts);
+        }
+    }
+
+    fn next_state(&self, state: &S::State, act: S::Act) -> Option<S::State> {
+        Some(self.0.step(state, act, None))
+    }
+
+    /// It stops when nothing is left to be found out.
+    fn properties(&self) -> Vec<Property<Self>> {
+        vec![Property::always("goes on to the last state", |_, _| true)]
+    }
+}

@@ -1,4 +1,4 @@
-//! The teleoperation cell over pseudo-terminals: properties that hold even on a busy machine.
+//! The teleoperation cell over pseudo-terminals: what must hold whatever the machine does meanwhile.
 #![cfg(unix)]
 #![allow(
     clippy::unwrap_used,
@@ -28,10 +28,10 @@ use val2_alter::{ErrorCode, HostConfig, Mode, Motion, Pose};
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn next(events: &Receiver<PumaEvent>) -> PumaEvent {
-    events.recv_timeout(PATIENCE).expect("an event of the robot")
+    events.recv_timeout(PATIENCE).expect("the robot tells something")
 }
 
-/// The pose of the arm at the beginning of ALTER.
+/// Where the arm stands at the beginning of ALTER.
 fn wait_for_start(events: &Receiver<PumaEvent>) -> Pose {
     loop {
         if let PumaEvent::Started(pose) = next(events) {
@@ -40,8 +40,7 @@ fn wait_for_start(events: &Receiver<PumaEvent>) -> Pose {
     }
 }
 
-/// The error that ended ALTER and the pose of the arm, after the host has disconnected. On a busy machine ALTER may have ended
-/// and begun again before.
+/// Where the arm stands, and why, when the host has gone. A busy machine may have missed a window before.
 fn wait_for_end(events: &Receiver<PumaEvent>) -> (ErrorCode, Pose) {
     let (mut is_connected, mut end) = (true, None);
     loop {
@@ -57,11 +56,11 @@ fn wait_for_end(events: &Receiver<PumaEvent>) -> (ErrorCode, Pose) {
     }
 }
 
-/// Waits until the robot reports that it has moved.
+/// Waits until the robot itself says that it has moved.
 fn wait_for_motion(host: &Teleop) {
     let mut begin = None;
     loop {
-        let (_, told) = host.wait(PATIENCE).expect("a report of the host");
+        let (_, told) = host.wait(PATIENCE).expect("the host tells something");
         let Told::Motion(Motion { transform: Some(transform), .. }) = told else { continue };
         if *begin.get_or_insert(transform) != transform {
             return;
@@ -71,19 +70,19 @@ fn wait_for_motion(host: &Teleop) {
 
 /// §3.3.3: "da die Robotersteuerung bei Ausbleiben von Antwortpaketen den ALTER-Betrieb beendet".
 #[test]
-fn the_arm_stops_when_the_host_disappears_and_the_next_host_takes_over() {
+fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes_over() {
     let clock = Clock::start();
     let off = TraceArgs::off();
     let stop = Arc::new(AtomicBool::new(false));
     let (robot_port, robot) = serial::pair().unwrap();
     let (ball_port, ball) = serial::pair().unwrap();
-    let (sender, events) = channel();
+    let (tell, events) = channel();
     let config = PumaConfig { restart: Duration::from_millis(200), ..PumaConfig::default() };
     let mut line = Line::over_port(robot_port, clock, 38_400, off.start("robot")).unwrap();
     let stopped = Arc::clone(&stop);
     let robot_thread = thread::spawn(move || {
         puma::run(&mut line, clock, config, &stopped, |_, event| {
-            let _ = sender.send(event);
+            let _ = tell.send(event);
             Ok(())
         })
     });
@@ -106,12 +105,12 @@ fn the_arm_stops_when_the_host_disappears_and_the_next_host_takes_over() {
     let first = host();
     let begin = wait_for_start(&events);
     wait_for_motion(&first);
-    drop(first); // without a ramp and without an end message
-    let (error, stopped) = wait_for_end(&events);
+    drop(first); // without a word: no ramp, no end
+    let (error, stands) = wait_for_end(&events);
     assert_eq!(error, ErrorCode::Timeout);
-    assert_ne!(stopped, begin, "the arm had moved");
+    assert_ne!(stands, begin, "the arm had moved");
     let second = host();
-    assert_eq!(wait_for_start(&events), stopped, "the arm did not move meanwhile");
+    assert_eq!(wait_for_start(&events), stands, "the arm stood still meanwhile");
     drop(second);
     stop.store(true, Ordering::Relaxed);
     let record = robot_thread.join().unwrap().unwrap();
@@ -119,9 +118,9 @@ fn the_arm_stops_when_the_host_disappears_and_the_next_host_takes_over() {
     ball_thread.join().unwrap().unwrap();
 }
 
-/// §9.2: "so daß in keinem Fall höhere Beschleunigungen auftreten", with all faults of the lines and of the host.
+/// §9.2: "so daß in keinem Fall höhere Beschleunigungen auftreten", however the lines and the host misbehave.
 #[test]
-fn the_robot_never_receives_more_than_the_limits_with_any_fault() {
+fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
     let config = CellConfig {
         time: Duration::from_millis(4500),
         baud: 38_400,

@@ -25,21 +25,20 @@ pub fn tokio_codecs(data: &[u8]) {
             assert_eq!(read(&mut codec, stream, size), expected);
         }
         2 => {
-            use kawasaki_msg::{Charset, Codec, Decoder};
+            use kawasaki_msg::robot_session::{self, Decoder as _, tokio::Codec};
+            use kawasaki_msg::{Charset, Decoder, Message};
             let charset = if second { Charset::Latin1 } else { Charset::Ascii };
+            let written = |message: Message<'_>| {
+                let mut out = vec![0; message.encoded_len()];
+                message.encode(charset, &mut out).unwrap();
+                out
+            };
             let mut decoder = Decoder::new(charset);
-            let written = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
-                d.next_frame().map(|message| {
-                    message.map(|message| {
-                        let mut out = vec![0; message.encoded_len()];
-                        message.encode(charset, &mut out).unwrap();
-                        out
-                    })
-                })
+            let (push, finish) = (robot_session::Decoder::push, robot_session::Decoder::finish);
+            let expected = items(stream, &mut decoder, push, finish, |d| {
+                d.next_frame().map(|message| message.map(written))
             });
-            let frames = read(&mut Codec::new(charset), stream, size);
-            let bytes = |frame: kawasaki_msg::Frame| frame.as_bytes().to_vec();
-            assert_eq!(frames.into_iter().map(|frame| frame.map(bytes)).collect::<Vec<_>>(), written);
+            assert_eq!(read(&mut Codec::new(Decoder::new(charset), written), stream, size), expected);
         }
         3 => {
             use laser_eb90::robot_session::Decoder as _;

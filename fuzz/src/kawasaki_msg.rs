@@ -3,6 +3,7 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
+use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
     Acks, Bounds, Charset, DecodeError, Decoder, Dialect, EncodeError, Job, JobKind, Limits, Line, Message,
     Packet, Params, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, Role, Room, Supply, Value,
@@ -12,7 +13,7 @@ use robot_work_queue::Reader;
 
 use crate::written;
 
-/// The bytes of a message as it is written, or an error, and the stream offset behind it.
+/// The bytes of a message as it is written, or an error, and the stream offset after it.
 type Item = (Result<Vec<u8>, DecodeError>, u64);
 
 /// The first byte is how long the reads are and which character set it is, the rest the stream.
@@ -81,8 +82,8 @@ fn decode(charset: Charset, stream: &[u8], size: usize) -> Vec<Item> {
     decoder.finish();
     drain(&mut decoder, charset, &mut items);
     let good = Message::new("TilausAlkaa", &[Value::Number(50), Value::Number(1)]);
-    decoder.push(b"<TilausAlkaa$4#50$1#>");
-    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what comes behind the end is read");
+    assert_eq!(decoder.push(b"<TilausAlkaa$4#50$1#>"), 21);
+    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what follows the end is read");
     items
 }
 
@@ -193,6 +194,7 @@ struct Motion {
 impl Motion {
     fn new(config: RobotConfig, capacity: usize, max_number: u16) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+        let config = RobotConfig { max_number, ..config };
         Self { robot: Robot::new(config, writer).unwrap(), reader, executed: 0, max_number }
     }
 
@@ -214,7 +216,7 @@ impl Motion {
             assert!(events.len() < 40, "the queue of events is bounded");
             match event {
                 RobotEvent::Connect if connects => self.robot.handle_connected(now),
-                RobotEvent::Connect | RobotEvent::Disconnect => self.robot.handle_closed(now),
+                RobotEvent::Connect | RobotEvent::Disconnect => self.robot.handle_disconnected(now),
                 RobotEvent::OrderStarted { .. } => self.executed = 0,
                 _ => {}
             }
@@ -271,7 +273,7 @@ pub fn kawasaki_msg_robot(data: &[u8]) {
                 185..=224 => (0..=action % 8).for_each(|_| motion.execute(now)),
                 225..=229 => _ = motion.robot.clear_queue(),
                 230..=234 => _ = motion.robot.reset_order(),
-                235..=239 => motion.robot.handle_closed(now),
+                235..=239 => motion.robot.handle_disconnected(now),
                 _ => {}
             }
         }
@@ -280,9 +282,10 @@ pub fn kawasaki_msg_robot(data: &[u8]) {
         let (sent, events) = quick.pass(now, connects);
         let (same, others) = slow.pass(now, connects);
         assert_eq!(sent, same, "both ways of reading jobs come to the same");
-        let damage = |event: &RobotEvent| matches!(event, RobotEvent::Damaged(_));
-        let known = |events: Vec<RobotEvent>| events.into_iter().filter(|e| !damage(e)).collect::<Vec<_>>();
-        if quick.robot.statistics().missed_events == 0 && slow.robot.statistics().missed_events == 0 {
+        let corrupt = |event: &RobotEvent| matches!(event, RobotEvent::Corrupt(_));
+        let known = |events: Vec<RobotEvent>| events.into_iter().filter(|e| !corrupt(e)).collect::<Vec<_>>();
+        let dropped = |motion: &Motion| motion.robot.statistics().dropped_notices;
+        if dropped(&quick) + dropped(&slow) == 0 {
             assert_eq!(known(events), known(others));
         }
         let answer = if has_long(&answer) { Vec::new() } else { unbroken(answer) };
@@ -384,7 +387,7 @@ pub fn kawasaki_msg_pc(data: &[u8]) {
             235..=237 => _ = pc.end(),
             238..=240 => _ = pc.interrupt(),
             241..=245 => {
-                pc.handle_closed(now);
+                pc.handle_disconnected(now);
                 pc.handle_connected(now);
                 heard = false;
             }
@@ -398,7 +401,7 @@ pub fn kawasaki_msg_pc(data: &[u8]) {
             events += 1;
             assert!(events < 50, "the queue of events is bounded");
             if event == PcEvent::Disconnect {
-                pc.handle_closed(now);
+                pc.handle_disconnected(now);
                 pc.handle_connected(now);
                 heard = false;
             }

@@ -1,12 +1,12 @@
-//! A robot that draws what a PC sends: `cargo run --example robot`, with `cargo run --example pc` in another terminal.
-#![allow(clippy::disallowed_methods, clippy::disallowed_types, clippy::indexing_slicing, clippy::unwrap_used)]
+//! A robot that draws what a PC sends: `cargo run --features std --example robot`, with `--example pc` in another terminal.
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, clippy::unwrap_used)]
 
+use core::ops::ControlFlow;
 use core::time::Duration;
-use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::sync::mpsc;
-use std::time::Instant;
 
+use kawasaki_msg::robot_session::{Driver, Session as _, now};
 use kawasaki_msg::{Job, Robot, RobotConfig, RobotEvent};
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
@@ -19,40 +19,36 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
             report.send(job.number).map(|()| job.complete()).unwrap(); // first report, and only then complete
         }
     });
-    let (mut robot, epoch) = (Robot::new(RobotConfig::TCP, writer)?, Instant::now());
-    let (mut stream, mut buffer) = (None, [0; 4096]);
+    let mut robot = Robot::new(RobotConfig::TCP, writer)?;
     loop {
-        reports.try_iter().try_for_each(|number| robot.job_done(epoch.elapsed(), number))?;
-        robot.handle_timeout(epoch.elapsed());
-        let mut lost = false;
-        while let Some(event) = robot.poll_event() {
-            match event {
-                RobotEvent::Connect => match TcpStream::connect("127.0.0.1:9105") {
-                    Ok(connection) => {
-                        connection.set_read_timeout(Some(tick))?; // the queue wants to be looked at, too
-                        robot.handle_connected(epoch.elapsed());
-                        stream = Some(connection);
-                    }
-                    Err(_) => lost = true,
-                },
-                RobotEvent::Disconnect => lost = true,
-                event => println!("{event:?}"),
-            }
+        // The session says when: at once, and some time after a connection was lost.
+        while robot.poll_event() != Some(RobotEvent::Connect) {
+            std::thread::sleep(tick);
+            robot.handle_timeout(now());
         }
-        std::thread::sleep(if stream.is_none() { tick } else { Duration::ZERO });
-        if let Some(stream) = &mut stream {
-            if let Some(length) = robot.poll_transmit(epoch.elapsed(), &mut buffer) {
-                lost |= stream.write_all(&buffer[..length]).is_err();
+        let Ok(stream) = TcpStream::connect("127.0.0.1:9105") else {
+            robot.handle_disconnected(now());
+            continue;
+        };
+        robot.handle_connected(now());
+        let mut driver = Driver::new(stream);
+        let lost = loop {
+            reports.try_iter().try_for_each(|number| robot.job_done(now(), number))?;
+            // No longer than a tick: the queue is looked at, too.
+            let turn = driver.turn(&mut robot, Some(tick), |_, event| {
+                println!("{event:?}");
+                if event == RobotEvent::Disconnect {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            });
+            match turn {
+                Ok(ControlFlow::Continue(())) => {}
+                lost => break lost,
             }
-            match stream.read(&mut buffer) {
-                Ok(length @ 1..) => robot.handle_input(epoch.elapsed(), &buffer[..length]),
-                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
-                _ => lost = true,
-            }
-        }
-        if lost {
-            stream = None;
-            robot.handle_closed(epoch.elapsed());
-        }
+        };
+        println!("connection lost: {lost:?}");
+        robot.handle_disconnected(now());
     }
 }

@@ -8,22 +8,23 @@ use crate::value::{Charset, DATA, START};
 
 /// Finds the messages in a stream of bytes.
 ///
-/// Call [`push`](Self::push) with what was read, then [`next_frame`](Self::next_frame) until it gives `None`, and push the
-/// rest. A message may be cut anywhere and by as many reads as it likes. An error costs the bytes up to the next `<`, and
-/// nothing before or behind them; it is told when that `<` has come. Holds one message of the greatest length and never more.
+/// Its verbs are those of [`robot_session::Decoder`]. A message may be cut anywhere and by any number of reads. An error costs the
+/// bytes up to the next `<`, and nothing before or after them; it is returned when that `<` has come. Holds one message of the
+/// greatest length and never more.
 ///
 /// ```
+/// use kawasaki_msg::robot_session::Decoder as _;
 /// use kawasaki_msg::{Charset, Decoder};
 ///
 /// let mut decoder = Decoder::new(Charset::Ascii);
 /// assert_eq!(decoder.push(b"<TilausKuit"), 11);
 /// assert!(decoder.next_frame().is_none());
-/// decoder.push(b"taus$2#50#>");
+/// assert_eq!(decoder.push(b"taus$2#50#>"), 11);
 /// assert_eq!(decoder.next_frame().unwrap().unwrap().name, "TilausKuittaus");
 /// ```
 #[derive(Debug, Clone)]
 pub struct Decoder {
-    /// The bytes behind the longest message are only looked at, eight at a time, never filled.
+    /// The bytes after the longest message are only looked at, eight at a time, never filled.
     buffer: [u8; Message::MAX_LEN + WINDOW],
     charset: Charset,
     cursor: Cursor,
@@ -33,59 +34,6 @@ impl Decoder {
     /// An empty decoder at the beginning of a stream.
     pub const fn new(charset: Charset) -> Self {
         Self { buffer: [0; Message::MAX_LEN + WINDOW], charset, cursor: Cursor::START }
-    }
-
-    /// Takes bytes and says how many: fewer than there are when the buffer is full, which
-    /// [`next_frame`](Self::next_frame) empties.
-    pub fn push(&mut self, bytes: &[u8]) -> usize {
-        let Self { buffer, cursor, .. } = self;
-        if cursor.end + bytes.len() > Message::MAX_LEN {
-            buffer.copy_within(cursor.start..cursor.end, 0);
-            cursor.end -= cursor.start;
-            cursor.start = 0;
-        }
-        let taken = bytes.len().min(Message::MAX_LEN - cursor.end);
-        let place = buffer.get_mut(cursor.end..cursor.end + taken);
-        if let (Some(place), Some(bytes)) = (place, bytes.get(..taken)) {
-            place.copy_from_slice(bytes);
-            cursor.end += taken;
-        }
-        taken
-    }
-
-    /// The next message, or what was wrong in its place. `None`: more bytes are needed.
-    pub fn next_frame(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
-        let Self { buffer, charset, cursor } = self;
-        if let Some(error) = cursor.find_start(buffer)? {
-            return Some(Err(error));
-        }
-        let bytes = buffer.get(cursor.start..cursor.end)?;
-        if let Some(new) = bytes.get(cursor.scanned..)
-            && cursor.scanned > 0
-            && !(cursor.finished || bytes.len() == Message::MAX_LEN)
-            && !new.iter().any(|byte| charset.ends_text(*byte))
-        {
-            cursor.scanned = bytes.len();
-            return None;
-        }
-        match Message::decode(bytes, *charset) {
-            Ok(Some((message, used))) => {
-                cursor.advance(used);
-                cursor.position = cursor.offset;
-                return Some(Ok(message));
-            }
-            Ok(None) if !cursor.finished => {
-                // Behind a `#` any byte may end it.
-                cursor.scanned = if bytes.last() == Some(&DATA) { 0 } else { bytes.len() };
-                return None;
-            }
-            Ok(None) => {
-                cursor.damage = Some(DecodeError::Incomplete { offset: cursor.offset, found: bytes.len() });
-            }
-            Err(error) => cursor.damage = Some(error.moved(cursor.offset)),
-        }
-        cursor.advance(1);
-        cursor.find_start(buffer).flatten().map(Err)
     }
 
     /// Gives the plain jobs that come next to `take`, until it refuses one or one is not plain.
@@ -113,25 +61,79 @@ impl Decoder {
         cursor.position = cursor.offset;
     }
 
-    /// Says that the stream or the datagram has ended: [`next_frame`](Self::next_frame) gives what is left over as errors,
-    /// then `None`, and begins anew.
-    pub fn finish(&mut self) {
-        self.cursor.finished = true;
-    }
-
-    /// Forgets everything: a new connection begins at offset 0.
-    pub fn clear(&mut self) {
-        self.cursor = Cursor::START;
-    }
-
-    /// Where in the stream [`next_frame`](Self::next_frame) is: just behind the message or the damage that it gave last.
-    pub fn position(&self) -> u64 {
-        self.cursor.position as u64
-    }
-
     /// Whether the bytes so far end inside a message that may still become whole.
     pub fn is_inside_message(&self) -> bool {
         self.cursor.end > self.cursor.start
+    }
+}
+
+impl robot_session::Decoder for Decoder {
+    type Frame<'a> = Message<'a>;
+    type Error = DecodeError;
+
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        let Self { buffer, cursor, .. } = self;
+        if cursor.end + bytes.len() > Message::MAX_LEN {
+            buffer.copy_within(cursor.start..cursor.end, 0);
+            cursor.end -= cursor.start;
+            cursor.start = 0;
+        }
+        let taken = bytes.len().min(Message::MAX_LEN - cursor.end);
+        let place = buffer.get_mut(cursor.end..cursor.end + taken);
+        if let (Some(place), Some(bytes)) = (place, bytes.get(..taken)) {
+            place.copy_from_slice(bytes);
+            cursor.end += taken;
+        }
+        taken
+    }
+
+    fn next_frame(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
+        let Self { buffer, charset, cursor } = self;
+        if let Some(error) = cursor.find_start(buffer)? {
+            return Some(Err(error));
+        }
+        let bytes = buffer.get(cursor.start..cursor.end)?;
+        if let Some(new) = bytes.get(cursor.scanned..)
+            && cursor.scanned > 0
+            && !(cursor.finished || bytes.len() == Message::MAX_LEN)
+            && !new.iter().any(|byte| charset.ends_text(*byte))
+        {
+            cursor.scanned = bytes.len();
+            return None;
+        }
+        match Message::decode(bytes, *charset) {
+            Ok(Some((message, used))) => {
+                cursor.advance(used);
+                cursor.position = cursor.offset;
+                return Some(Ok(message));
+            }
+            Ok(None) if !cursor.finished => {
+                // After a `#` any byte may end it.
+                cursor.scanned = if bytes.last() == Some(&DATA) { 0 } else { bytes.len() };
+                return None;
+            }
+            Ok(None) => {
+                cursor.corruption =
+                    Some(DecodeError::Incomplete { offset: cursor.offset, found: bytes.len() });
+            }
+            Err(error) => cursor.corruption = Some(error.moved(cursor.offset)),
+        }
+        cursor.advance(1);
+        cursor.find_start(buffer).flatten().map(Err)
+    }
+
+    fn finish(&mut self) {
+        self.cursor.finished = true;
+    }
+
+    fn position(&self) -> u64 {
+        self.cursor.position as u64
+    }
+
+    fn clear(&mut self) {
+        let Cursor { start, end, offset, .. } = self.cursor;
+        let offset = offset.wrapping_add(end - start);
+        self.cursor = Cursor { offset, position: offset, ..Cursor::START };
     }
 }
 
@@ -145,16 +147,16 @@ struct Cursor {
     scanned: usize,
     /// The stream's offset of `start`.
     offset: usize,
-    /// The stream's offset behind what was returned last.
+    /// The stream's offset after what was returned last.
     position: usize,
     /// Why the bytes from `position` to `offset` are skipped; without it they are garbage.
-    damage: Option<DecodeError>,
+    corruption: Option<DecodeError>,
     finished: bool,
 }
 
 impl Cursor {
     const START: Self =
-        Self { start: 0, end: 0, scanned: 0, offset: 0, position: 0, damage: None, finished: false };
+        Self { start: 0, end: 0, scanned: 0, offset: 0, position: 0, corruption: None, finished: false };
 
     fn advance(&mut self, bytes: usize) {
         self.start += bytes;
@@ -176,7 +178,7 @@ impl Cursor {
         let (offset, length) = (self.position, self.offset.wrapping_sub(self.position));
         if length > 0 {
             self.position = self.offset;
-            return Some(Some(self.damage.take().unwrap_or(DecodeError::Garbage { offset, length })));
+            return Some(Some(self.corruption.take().unwrap_or(DecodeError::Garbage { offset, length })));
         }
         if ended {
             self.finished = false;
@@ -189,6 +191,8 @@ impl Cursor {
 #[cfg(test)]
 mod tests {
     use std::vec::Vec;
+
+    use robot_session::Decoder as _;
 
     use super::*;
     use crate::dialect::Dialect;
@@ -211,11 +215,11 @@ mod tests {
     fn plain_jobs_are_given_up_to_the_last_whole_one() {
         for (length, given) in [(JOBS.len(), 3), (JOBS.len() - 1, 2), (25, 1), (24, 1), (23, 0)] {
             let mut decoder = Decoder::new(Charset::Ascii);
-            decoder.push(&JOBS[..length]);
+            assert_eq!(decoder.push(&JOBS[..length]), length);
             let next = &mut Next::new(1, 9999);
             assert_eq!(numbers(&mut decoder, next, 9), [1, 2, 3][..given], "of {length} bytes");
             assert_eq!((decoder.position(), usize::from(next.number())), (24 * given as u64, given + 1));
-            decoder.push(&JOBS[length..]);
+            let _ = decoder.push(&JOBS[length..]);
             assert_eq!(numbers(&mut decoder, next, 9), [1, 2, 3][given..]);
             assert_eq!((decoder.position(), decoder.is_inside_message()), (72, false));
         }
@@ -224,7 +228,7 @@ mod tests {
     #[test]
     fn a_job_that_is_refused_is_the_next_message() {
         let mut decoder = Decoder::new(Charset::Ascii);
-        decoder.push(JOBS);
+        let _ = decoder.push(JOBS);
         let next = &mut Next::new(1, 9999);
         assert_eq!(numbers(&mut decoder, next, 2), [1, 2]);
         assert_eq!((decoder.position(), next.number()), (24, 2));

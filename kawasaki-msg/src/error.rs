@@ -2,8 +2,7 @@
 
 use core::fmt;
 
-use crate::dialect::Role;
-use crate::value::Value;
+use crate::role::Role;
 
 /// Damage in the bytes from the peer. The decoder goes on at the next `<`.
 ///
@@ -105,6 +104,10 @@ pub enum MessageError {
     #[error("the queue is full, job {number} has no place")]
     #[allow(missing_docs, reason = "the sentence says it")]
     QueueFull { number: u16 },
+    /// An order's end, though jobs before it are missing: they are asked for again.
+    #[error("the end of order {order} came before job {expected}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    JobsMissing { order: u16, expected: u16 },
     /// A message that the other end never sends, or not now.
     #[error("a message of the role {role:?} is not expected here")]
     #[allow(missing_docs, reason = "the sentence says it")]
@@ -119,10 +122,10 @@ pub struct Name {
 }
 
 impl Name {
-    pub(crate) fn new(name: Value<'_>) -> Self {
+    pub(crate) fn new(name: impl Iterator<Item = char>) -> Self {
         let mut text = [0; 15];
         let mut length = 0;
-        for (place, c) in text.iter_mut().zip(name.chars()) {
+        for (place, c) in text.iter_mut().zip(name) {
             *place = u8::try_from(c).unwrap_or(b'?');
             length += 1;
         }
@@ -199,6 +202,10 @@ pub enum ConfigError {
     #[error("a packet of {packet} bytes in strings of {element} cannot carry the messages of the table")]
     #[allow(missing_docs, reason = "the sentence says it")]
     Limits { element: usize, packet: usize },
+    /// The queue numbers its jobs up to another number than the configuration names.
+    #[error("the queue numbers jobs up to {queue}, the configuration up to {config}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    QueueNumbers { queue: u16, config: u16 },
     /// Job numbers are from 1 to 9999.
     #[error("the highest job number cannot be {found}: it is from 2 to 9999")]
     #[allow(missing_docs, reason = "the sentence says it")]
@@ -230,6 +237,9 @@ pub enum SessionError {
     #[error("the table has no command {id}")]
     #[allow(missing_docs, reason = "the sentence says it")]
     UnknownCommand { id: u8 },
+    /// Events wait, and there is no room for the outcome of what is to begin: poll them.
+    #[error("too many events wait")]
+    TooManyEvents,
     /// Commands wait for their turn and no more find room.
     #[error("{waiting} commands wait already")]
     #[allow(missing_docs, reason = "the sentence says it")]

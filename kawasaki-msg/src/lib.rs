@@ -2,38 +2,39 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(any(test, feature = "tokio"))]
+#[cfg(test)]
 extern crate std;
 
-#[cfg(feature = "tokio")]
-mod codec;
+mod content;
 mod decoder;
 mod dialect;
 mod error;
-mod events;
 mod job;
 mod message;
 mod number;
 mod numbering;
 mod packet;
-mod pc;
+pub mod pc;
+mod phase;
 mod plain;
-mod robot;
-pub mod state;
+pub mod robot;
+mod role;
 mod statistics;
 pub mod timing;
 mod value;
 
-#[cfg(feature = "tokio")]
-pub use codec::{Codec, Frame};
+pub use content::{FromPc, FromRobot, Status};
 pub use decoder::Decoder;
-pub use dialect::{Dialect, Entry, Field, Params, Role};
+pub use dialect::{Dialect, Entry, Params};
 pub use error::{ConfigError, DecodeError, EncodeError, MessageError, Name, SessionError};
 pub use job::{Bounds, Job, JobKind, Line, Point};
-pub use message::Message;
+pub use message::{InCharset, Message};
+pub use numbering::{ALL_NUMBERS, NumberSet, Numbering};
 pub use packet::{Limits, Packet, Room};
-pub use pc::{JobSource, Pc, PcConfig, PcEvent, Supply, Takeover};
-pub use robot::{Acks, Ladder, Robot, RobotConfig, RobotEvent, Rung};
-pub use state::{Link, Phase};
-pub use statistics::{Statistics, Times};
+pub use pc::{CommandOutcome, JobSource, Pc, PcConfig, PcEvent, Supply, Takeover};
+pub use phase::Phase;
+pub use robot::{Acks, RecoveryLimits, RecoveryStep, Robot, RobotConfig, RobotEvent};
+pub use robot_session;
+pub use role::{Field, Role};
+pub use statistics::{PcStatistics, RobotStatistics, Times};
 pub use value::{Charset, DATA, END, SEPARATOR, START, Value, Values};

@@ -111,6 +111,22 @@ impl<'a> Message<'a> {
     }
 }
 
+/// A message and the character set that it is to be written in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct InCharset<'a>(pub Message<'a>, pub Charset);
+
+impl robot_session::Encode for InCharset<'_> {
+    type Error = EncodeError;
+
+    fn encoded_len(&self) -> usize {
+        self.0.encoded_len()
+    }
+
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        self.0.encode(self.1, out)
+    }
+}
+
 /// The grammar: `< name $ header $ length # data # >`.
 fn message(input: &[u8], charset: Charset) -> Parsed<'_, Message<'_>> {
     let (header_at, ()) = mark(START)(input)?;

@@ -2,58 +2,68 @@
 
 /// Numbers run from 1 to `max`, then from 1 again (thesis, section 11.1.1); the sessions count on. A number means the one count
 /// in a window shorter than `max` that has it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Numbering {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Numbering {
     max: u16,
 }
 
 impl Numbering {
-    pub(crate) const fn new(max: u16) -> Self {
+    /// Numbers up to `max`, which is at least 1.
+    pub const fn new(max: u16) -> Self {
         Self { max: if max == 0 { 1 } else { max } }
     }
 
-    pub(crate) const fn max(self) -> u16 {
+    /// The highest number.
+    pub const fn max(self) -> u16 {
         self.max
     }
 
+    /// Whether this is a number at all.
+    pub const fn contains(self, number: u16) -> bool {
+        1 <= number && number <= self.max
+    }
+
     /// The number of the job that is the `count`-th of its order; `None` for the zeroth. 0 is never sent.
-    pub(crate) fn number(self, count: u32) -> Option<u16> {
+    pub fn number(self, count: u32) -> Option<u16> {
         let before = count.checked_sub(1)?;
         u16::try_from(before % u32::from(self.max)).ok().map(|n| n + 1)
     }
 
-    /// The number of the job behind the `count`-th.
-    pub(crate) fn next(self, count: u32) -> u16 {
+    /// The number of the job that follows the `count`-th.
+    pub fn next(self, count: u32) -> u16 {
         self.number(count + 1).unwrap_or(1)
     }
 
     /// How far a number is ahead of the job that is the `count`-th: `0..max`.
-    pub(crate) fn ahead(self, count: u32, number: u16) -> u32 {
-        let (max, behind) = (u32::from(self.max), count % u32::from(self.max));
-        (u32::from(number) + max - behind) % max
+    pub fn ahead(self, count: u32, number: u16) -> u32 {
+        let (max, last) = (u32::from(self.max), count % u32::from(self.max));
+        (u32::from(number) + max - last) % max
     }
 }
 
-/// A set of job numbers.
-#[derive(Debug, Clone)]
-pub(crate) struct NumberSet {
-    bits: [u64; Self::WORDS],
+/// The words of a [`NumberSet`] that holds every number of a job, up to 9999.
+pub const ALL_NUMBERS: usize = 10_000usize.div_ceil(64);
+
+/// A set of job numbers, below 64 for each of its words.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct NumberSet<const WORDS: usize = ALL_NUMBERS> {
+    bits: [u64; WORDS],
     count: u32,
 }
 
-impl NumberSet {
-    const WORDS: usize = 10_000usize.div_ceil(64);
-
-    pub(crate) const fn new() -> Self {
-        Self { bits: [0; Self::WORDS], count: 0 }
+impl<const WORDS: usize> NumberSet<WORDS> {
+    /// The empty set.
+    pub const fn new() -> Self {
+        Self { bits: [0; WORDS], count: 0 }
     }
 
-    pub(crate) fn contains(&self, number: u16) -> bool {
+    /// Whether a number is in the set.
+    pub fn contains(&self, number: u16) -> bool {
         self.bits.get(usize::from(number / 64)).is_some_and(|word| word >> (number % 64) & 1 == 1)
     }
 
-    /// Whether it was not there.
-    pub(crate) fn insert(&mut self, number: u16) -> bool {
+    /// Adds a number; whether it was not there.
+    pub fn insert(&mut self, number: u16) -> bool {
         let new = !self.contains(number);
         if let Some(word) = self.bits.get_mut(usize::from(number / 64)) {
             *word |= 1 << (number % 64);
@@ -62,8 +72,8 @@ impl NumberSet {
         new
     }
 
-    /// Whether it was there.
-    pub(crate) fn remove(&mut self, number: u16) -> bool {
+    /// Removes a number; whether it was there.
+    pub fn remove(&mut self, number: u16) -> bool {
         let there = self.contains(number);
         if let Some(word) = self.bits.get_mut(usize::from(number / 64)) {
             *word &= !(1 << (number % 64));
@@ -72,21 +82,31 @@ impl NumberSet {
         there
     }
 
-    pub(crate) fn clear(&mut self) {
-        *self = Self::new();
+    /// Removes all numbers.
+    pub fn clear(&mut self) {
+        if !self.is_empty() {
+            *self = Self::new();
+        }
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
+    /// Whether no number is in the set.
+    pub const fn is_empty(&self) -> bool {
         self.count == 0
     }
 
     /// The least number in the set.
-    pub(crate) fn first(&self) -> Option<u16> {
+    pub fn first(&self) -> Option<u16> {
         let (i, word) = self.bits.iter().enumerate().find(|(_, word)| **word != 0)?;
         u16::try_from(i * 64)
             .ok()
             .zip(u16::try_from(word.trailing_zeros()).ok())
             .map(|(base, bit)| base + bit)
+    }
+}
+
+impl<const WORDS: usize> Default for NumberSet<WORDS> {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
@@ -120,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_set_holds_every_number() {
-        let mut set = NumberSet::new();
+        let mut set: NumberSet = NumberSet::new();
         assert!(set.is_empty() && set.first().is_none());
         let numbers = [1, 63, 65, 128, 9999];
         for number in numbers {

@@ -8,8 +8,9 @@
 //! What is known beforehand is compared and not parsed: the name, the order, the next number, and where the line begins, which is
 //! where the last one ended: the robot is there.
 
-use crate::dialect::{Dialect, Field, Role};
+use crate::dialect::Dialect;
 use crate::job::{Bounds, Job, JobKind, Line, Point};
+use crate::role::{Field, Role};
 use crate::value::{DATA, END, SEPARATOR, START};
 
 const DRAW: u16 = u16::from_le_bytes([b'1', SEPARATOR]);
@@ -119,6 +120,7 @@ impl Next {
         next
     }
 
+    #[cfg(test)]
     pub(crate) fn number(&self) -> u16 {
         self.number
     }

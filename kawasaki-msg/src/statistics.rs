@@ -7,6 +7,8 @@ use core::time::Duration;
 pub struct Times {
     rounds: [Duration; Self::ROUNDS],
     count: u64,
+    /// When the round that is being measured began.
+    since: Option<Duration>,
 }
 
 impl Times {
@@ -22,6 +24,23 @@ impl Times {
         self.count += 1;
     }
 
+    /// A round begins.
+    pub(crate) fn begin(&mut self, now: Duration) {
+        self.since = Some(now);
+    }
+
+    /// The round that began is over.
+    pub(crate) fn end(&mut self, now: Duration) {
+        if let Some(since) = self.since.take() {
+            self.record(now.saturating_sub(since));
+        }
+    }
+
+    /// The round that began does not count.
+    pub(crate) fn cancel(&mut self) {
+        self.since = None;
+    }
+
     /// The last round; `None` before the first.
     pub fn last(&self) -> Option<Duration> {
         let before = self.count.checked_sub(1)? % Self::ROUNDS as u64;
@@ -31,7 +50,8 @@ impl Times {
     /// The mean of the last 20 rounds, or of as many as there were.
     pub fn mean(&self) -> Option<Duration> {
         let rounds = u32::try_from(self.count.min(Self::ROUNDS as u64)).ok()?;
-        let sum: Duration = self.rounds.iter().take(usize::try_from(rounds).ok()?).sum();
+        let last = self.rounds.iter().take(usize::try_from(rounds).ok()?);
+        let sum = last.fold(Duration::ZERO, |sum, round| sum.saturating_add(*round));
         sum.checked_div(rounds)
     }
 
@@ -43,12 +63,12 @@ impl Times {
 
 /// What a robot session has measured and counted since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Statistics {
+pub struct RobotStatistics {
     /// From sending a packet to having received its answer.
     pub exchange: Times,
     /// Unpacking a packet and queueing its jobs, as the caller measured it.
     pub unpack: Times,
-    /// From one job done to the next.
+    /// From one job executed to the next one of the same order.
     pub work_cycle: Times,
     /// Packets sent.
     pub packets: u64,
@@ -58,12 +78,29 @@ pub struct Statistics {
     pub executed: u64,
     /// Jobs that came again and were dropped.
     pub repeated: u64,
-    /// Jobs refused or discarded: asked for again.
+    /// Messages that were destroyed because one before them in the packet failed, or refused: jobs are asked for again.
     pub discarded: u64,
+    /// Pieces of corrupt bytes.
+    pub corrupt: u64,
     /// Cycles without an answer.
     pub unanswered: u64,
-    /// Events that found no place because nobody polled them.
-    pub missed_events: u64,
+    /// Inputs that the state did not allow.
+    pub unexpected: u64,
+    /// Notices that were dropped because nobody polled them.
+    pub dropped_notices: u64,
+}
+
+/// What a PC session has counted since it was made.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct PcStatistics {
+    /// Packets sent.
+    pub packets: u64,
+    /// Pieces of corrupt bytes.
+    pub corrupt: u64,
+    /// Inputs that the state did not allow.
+    pub unexpected: u64,
+    /// Notices that were dropped because nobody polled them.
+    pub dropped_notices: u64,
 }
 
 #[cfg(test)]

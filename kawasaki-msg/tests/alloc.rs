@@ -6,6 +6,7 @@ use core::cell::Cell;
 use core::time::Duration;
 use std::alloc::System;
 
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Charset, Dialect, Job, JobKind, Limits, Line, Packet, Params, Pc, PcConfig, Point};
 use kawasaki_msg::{Robot, RobotConfig, Role, Room, Supply};
 

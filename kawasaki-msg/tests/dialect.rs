@@ -3,6 +3,7 @@
 
 use core::time::Duration;
 
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
     Charset, ConfigError, Dialect, Entry, Field, Message, MessageError, Params, Pc, PcConfig, Robot,
     RobotConfig, RobotEvent, Role, Supply,

@@ -2,12 +2,13 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use bytes::BytesMut;
+use kawasaki_msg::robot_session::Decoder as _;
+use kawasaki_msg::robot_session::tokio::Codec;
 use kawasaki_msg::{
-    Bounds, Charset, Codec, ConfigError, DecodeError, Decoder, Dialect, EncodeError, Entry, Field, Job,
-    JobKind, JobSource, Ladder, Limits, Line, Message, MessageError, Params, Pc, PcConfig, Point, Robot,
+    Bounds, Charset, ConfigError, DecodeError, Decoder, Dialect, EncodeError, Entry, Field, Job, JobKind,
+    JobSource, Limits, Line, Message, MessageError, Params, Pc, PcConfig, Point, RecoveryLimits, Robot,
     RobotConfig, Role, Supply, Value, Values,
 };
-use tokio_util::codec::Decoder as _;
 
 /// The default table, changed.
 fn table(change: impl FnOnce(&mut Vec<Entry>)) -> Result<Dialect, ConfigError> {
@@ -51,8 +52,11 @@ fn a_table_has_every_role_once_with_its_fields_and_a_name_of_its_own() {
 fn a_configuration_that_cannot_work_is_refused() {
     let robot = |config: RobotConfig, max_number| {
         let (writer, _reader) = robot_work_queue::boxed::<Job>(4, max_number).unwrap();
-        Robot::new(config, writer).err()
+        Robot::new(RobotConfig { max_number, ..config }, writer).err()
     };
+    let (writer, _reader) = robot_work_queue::boxed::<Job>(4, 99).unwrap();
+    let other = Robot::new(RobotConfig::TCP, writer).err();
+    assert_eq!(other, Some(ConfigError::QueueNumbers { queue: 99, config: 9999 }));
     assert_eq!(robot(RobotConfig::default(), 9999), None);
     assert_eq!(robot(RobotConfig::TCP, 10_000), Some(ConfigError::MaxNumber { found: 10_000 }));
     let origin = Point::new(0, 0);
@@ -75,8 +79,8 @@ fn a_configuration_that_cannot_work_is_refused() {
         assert_eq!(pc(PcConfig { max_number: found, ..PcConfig::TCP }), error);
     }
     assert_eq!(
-        (Limits::default(), Ladder::default()),
-        (Limits::TCP, Ladder { resends: 3, pauses: 3, clears: 1 })
+        (Limits::default(), RecoveryLimits::default()),
+        (Limits::TCP, RecoveryLimits { resends: 3, pauses: 3, clears: 1 })
     );
 }
 
@@ -175,7 +179,7 @@ fn a_decoder_holds_the_longest_message_and_not_a_byte_more() {
 #[test]
 fn a_message_without_an_end_is_given_up_when_the_buffer_is_full() {
     let mut decoder = Decoder::new(Charset::Ascii);
-    decoder.push(b"<");
+    assert_eq!(decoder.push(b"<"), 1);
     for _ in 1..4096 {
         assert!(decoder.next_frame().is_none());
         assert_eq!(decoder.push(b"x"), 1);
@@ -244,14 +248,13 @@ fn a_slice_is_a_source_of_jobs_until_it_ends() {
 #[test]
 fn a_codec_gives_what_is_whole_before_it_gives_up_the_rest() {
     let mut wire = BytesMut::from("<A$1#b#><C");
-    let mut codec = Codec::new(Charset::Ascii);
-    let mut next =
-        || codec.decode_eof(&mut wire).unwrap().map(|item| item.map(|frame| frame.as_bytes().to_vec()));
-    assert_eq!(next(), Some(Ok(b"<A$1#b#>".to_vec())));
+    let mut codec = Codec::new(Decoder::new(Charset::Ascii), |message: Message<'_>| message.name.to_string());
+    let mut next = || tokio_util::codec::Decoder::decode_eof(&mut codec, &mut wire).unwrap();
+    assert_eq!(next(), Some(Ok("A".to_string())));
     assert!(matches!(next(), Some(Err(DecodeError::Incomplete { .. }))));
     assert_eq!(next(), None);
     let mut decoder = Decoder::new(Charset::Ascii);
-    decoder.push(b"<A");
+    assert_eq!(decoder.push(b"<A"), 2);
     assert!(decoder.is_inside_message());
     decoder.clear();
     assert!(!decoder.is_inside_message());

@@ -8,6 +8,7 @@
 )]
 
 use bytes::{BufMut, BytesMut};
+use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
     Charset, DecodeError, Decoder, EncodeError, Limits, Message, Packet, Room, Value, Values,
 };
@@ -167,7 +168,7 @@ proptest! {
     }
 
     #[test]
-    fn damage_costs_only_the_messages_that_it_touches(
+    fn corruption_costs_only_the_messages_that_it_touches(
         messages in prop::collection::vec(message(false), 3..8),
         hit in 1usize..7,
         at in any::<prop::sample::Index>(),
@@ -282,13 +283,14 @@ fn queue_of(name: &'static str, answer: &str) -> (Vec<kawasaki_msg::Job>, Vec<ka
     let dialect = Dialect::new(table.leak()).unwrap();
     let bounds = Bounds { min: Point::new(-1000, 0), max: Point::new(1000, 500) };
     let (writer, reader) = robot_work_queue::boxed(9, 12).unwrap();
-    let mut robot = Robot::new(RobotConfig { dialect, bounds, ..RobotConfig::TCP }, writer).unwrap();
+    let mut robot =
+        Robot::new(RobotConfig { dialect, bounds, max_number: 12, ..RobotConfig::TCP }, writer).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");
     robot.handle_input(Duration::ZERO, answer.replace("<Tyo$", &format!("<{name}$")).as_bytes());
     let events = core::iter::from_fn(|| robot.poll_event());
-    let events = events.filter(|event| !matches!(event, kawasaki_msg::RobotEvent::Damaged(_))).collect();
+    let events = events.filter(|event| !matches!(event, kawasaki_msg::RobotEvent::Corrupt(_))).collect();
     (reader.iter().map(|(_, job)| *job).collect(), events)
 }
 
@@ -319,30 +321,36 @@ proptest! {
     }
 }
 
-/// A transport of tokio's gives the same messages and the same damage, and writes what was read.
+/// A transport of tokio's gives the same messages and the same errors, and writes what was read.
 #[test]
 fn the_codec_reads_and_writes_the_stream() {
-    use kawasaki_msg::Codec;
+    use kawasaki_msg::InCharset;
+    use kawasaki_msg::robot_session::tokio::Codec;
     use tokio_util::codec::{Decoder as _, Encoder as _};
     let stream = b"<TilausAlkaa$4#50$1#>roskaa<X$2#1#><Huuhaa$ 0##><Til";
-    let mut codec = Codec::new(Charset::Ascii);
-    let (mut said, mut src, mut written) = (Vec::new(), BytesMut::new(), BytesMut::new());
+    let written = |message: Message<'_>| {
+        let mut wire = vec![0; message.encoded_len()];
+        message.encode(Charset::Ascii, &mut wire).unwrap();
+        wire
+    };
+    let mut codec = Codec::new(Decoder::new(Charset::Ascii), written);
+    let (mut items, mut src, mut wire) = (Vec::new(), BytesMut::new(), BytesMut::new());
     for byte in stream {
         src.put_u8(*byte);
         while let Some(item) = codec.decode(&mut src).unwrap() {
-            said.push(item);
+            items.push(item);
         }
     }
     while let Some(item) = codec.decode_eof(&mut src).unwrap() {
-        said.push(item);
+        items.push(item);
     }
-    let messages: Vec<_> = said.iter().flatten().collect();
-    for frame in &messages {
-        codec.encode(&frame.message(), &mut written).unwrap();
+    let messages: Vec<_> = items.iter().flatten().collect();
+    for bytes in &messages {
+        let (message, _) = Message::decode(bytes, Charset::Ascii).unwrap().unwrap();
+        codec.encode(InCharset(message, Charset::Ascii), &mut wire).unwrap();
     }
-    assert_eq!(&written[..], b"<TilausAlkaa$4#50$1#><Huuhaa$0##>");
-    assert_eq!(messages[0].as_bytes(), b"<TilausAlkaa$4#50$1#>");
-    let errors: Vec<_> = said.iter().filter_map(|item| item.as_ref().err()).collect();
+    assert_eq!(&wire[..], b"<TilausAlkaa$4#50$1#><Huuhaa$0##>");
+    let errors: Vec<_> = items.iter().filter_map(|item| item.as_ref().err()).collect();
     assert_eq!(
         errors,
         [
@@ -351,6 +359,7 @@ fn the_codec_reads_and_writes_the_stream() {
             &DecodeError::Incomplete { offset: 48, found: 4 },
         ]
     );
-    let bad = Message::new("a$b", &[]);
-    assert!(codec.encode(&bad, &mut written).is_err());
+    let bad = InCharset(Message::new("a$b", &[]), Charset::Ascii);
+    assert!(codec.encode(bad, &mut wire).is_err());
+    assert_eq!(wire.len(), 33, "as it was");
 }

@@ -4,7 +4,7 @@ use benches::{Budget, Count, Link};
 use fanuc_ls::{Arm, Kinematics, Program, Rules};
 
 const TEXT: &str = include_str!("../../../reference/ls/figure-4.canonical.ls");
-/// The length of the text in the type of `Count::units`.
+/// A const divides by it: the length as the table wants it.
 const BYTES: f64 = TEXT.len() as f64;
 
 pub const LINK: Link = Link {

@@ -4,6 +4,7 @@ use core::hint::black_box;
 use core::time::Duration;
 
 use benches::{Budget, Count, Link};
+use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{Charset, Decoder, Job, JobKind, Limits, Line, Message, Packet, Params, Point, Room};
 use kawasaki_msg::{Dialect, Robot, RobotConfig, Role, Value, timing};
 use robot_work_queue::Reader;
@@ -91,7 +92,7 @@ fn find_messages(rounds: u64) {
     let packet = the_packet(1);
     let mut decoder = Decoder::new(Charset::Ascii);
     for _ in 0..rounds {
-        decoder.push(black_box(&packet));
+        assert_eq!(decoder.push(black_box(&packet)), packet.len());
         let mut found = 0;
         while let Some(message) = decoder.next_frame() {
             found += u16::from(black_box(message).is_ok());
@@ -111,7 +112,7 @@ fn grow_a_message(rounds: u64) {
     for _ in 0..rounds {
         let mut found = 0;
         for byte in black_box(&wire) {
-            decoder.push(core::slice::from_ref(byte));
+            assert_eq!(decoder.push(core::slice::from_ref(byte)), 1);
             found += u16::from(decoder.next_frame().is_some());
         }
         assert_eq!(found, 1);

@@ -63,9 +63,9 @@ fn batch<T>(take: impl FnOnce(laser_eb90::Frame<'_>) -> T) -> T {
 /// What is the same in these races, and what is not.
 const NOTES: &str = "\
 Each has the same data and its sum in its own framing, and checks the sum. Not the same: DLE STX and DLE ETX
-around the data for dle-encoder, one byte between frames for SLIP and COBS; COBS does not escape but stores the
-distance to the next zero. slipspeed returns a new Vec, laser-eb90 does not copy a batch without a 90h, the others
-copy.
+around the data for dle-encoder, one byte between frames for SLIP and COBS; COBS escapes nothing, it says where
+the next zero stands. slipspeed returns a new Vec, laser-eb90 leaves a batch without a 90h where it stands, the
+others copy.
 ";
 
 pub(crate) fn races() {

@@ -2,33 +2,61 @@ use core::time::Duration;
 
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
+use crate::numbering::Numbering;
 use crate::packet::Limits;
 use crate::timing;
 
-/// What a PC session needs to be told. The source gives the limits and the reply delay; the rest is ours.
+/// How a PC session works. The source gives the limits and the reply delay; the rest is ours.
+///
+/// Every duration may be [`Duration::MAX`]: never.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PcConfig {
-    /// The table of messages.
+    /// The table of messages; by default [`Dialect::DEFAULT`].
     pub dialect: Dialect,
-    /// The limits of a packet.
+    /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
-    /// Every input is a datagram: no message goes on in the next one.
+    /// Every input is a datagram: no message goes on in the next one, and it may come late. False by default.
     pub datagrams: bool,
-    /// The highest job number, which both ends have agreed on; above the capacity of the robot's queue. Where it covers the whole
-    /// order, a mistake at the wrap is impossible (thesis, section 11.1.1).
+    /// The highest job number, 2 to 9999, which both ends have agreed on; above the capacity of the robot's queue. 9999 by default.
+    /// At most one job less is in flight, over datagrams half as many. Where it covers the whole order, a mistake at the wrap is
+    /// impossible (thesis, section 11.1.1).
     pub max_number: u16,
-    /// Whether an acknowledgement covers all jobs before it: not where jobs may overtake one another.
+    /// Whether an acknowledgement covers all jobs before it: not where jobs may overtake one another. True by default.
     pub cumulative_acks: bool,
-    /// How long after the last byte from the robot the answer goes out.
+    /// How long after the last byte from the robot the answer is sent; 2 ms by default.
     pub reply_delay: Duration,
-    /// After so long without a message the connection is given up; zero: never.
+    /// After so long without a message the connection is given up, and after so long without an answer to a start; 10 s by default.
     pub silence: Duration,
-    /// What to do when the robot refuses a start because another order is active.
+    /// What to do when the robot refuses a start because another order is active; by default it is interrupted.
     pub takeover: Takeover,
-    /// How often a start that the robot refuses without an active order is tried again.
+    /// How often a start that the robot refuses without an active order is tried again; 10 times by default.
     pub start_retries: u16,
-    /// End the order when all its jobs are executed.
+    /// End the order when all its jobs are executed. True by default.
     pub end_when_done: bool,
+    /// For the model only: a rule that is left out.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub without: Option<PcRule>,
+}
+
+/// The rules that keep a PC from reporting what is not so; the model shows that each is needed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[doc(hidden)]
+pub enum PcRule {
+    /// No start before the robot's status on this connection; an order of our number that we have sent no start for is not ours,
+    /// also where it has no jobs: some may be executed ahead.
+    LearnIdentity,
+    /// An interruption waits for the answer to the start: an end of our number before that is that of the order before.
+    CancelWaits,
+    /// A start is sent once on a connection; one that is not answered in time ends the connection, and with it what is still in
+    /// flight.
+    StartOnce,
+    /// Where each job is acknowledged by itself, an end after corrupt or lost bytes leaves unknown what else was executed.
+    DoubtCorrupt,
+    /// One number is never in flight twice.
+    Window,
+    /// Over datagrams, a report of another order may be late.
+    LateReports,
 }
 
 impl PcConfig {
@@ -44,6 +72,8 @@ impl PcConfig {
         takeover: Takeover::Interrupt,
         start_retries: 10,
         end_when_done: true,
+        #[cfg(feature = "model")]
+        without: None,
     };
 
     /// Over UDP.
@@ -54,6 +84,35 @@ impl PcConfig {
             return Err(ConfigError::MaxNumber { found: self.max_number });
         }
         self.limits.check(&self.dialect)
+    }
+
+    /// The numbers of the jobs.
+    pub(crate) const fn numbering(&self) -> Numbering {
+        Numbering::new(self.max_number)
+    }
+
+    /// How many jobs may be in flight: with as many as there are numbers one would be executed twice, and a late datagram may
+    /// bring an old number back: half the numbers are kept apart for it.
+    pub(super) fn window(&self) -> u32 {
+        let max = u32::from(self.max_number);
+        match self.datagrams {
+            _ if !self.keeps(PcRule::Window) => max,
+            true => max / 2,
+            false => max - 1,
+        }
+    }
+
+    /// Whether a rule holds: always, but in the model.
+    #[cfg(not(feature = "model"))]
+    #[expect(clippy::unused_self, reason = "the model's configuration can leave a rule out")]
+    pub(super) const fn keeps(&self, _: PcRule) -> bool {
+        true
+    }
+
+    /// Whether a rule holds.
+    #[cfg(feature = "model")]
+    pub(super) fn keeps(&self, rule: PcRule) -> bool {
+        self.without != Some(rule)
     }
 }
 

@@ -1,13 +1,19 @@
-use crate::error::{DecodeError, MessageError};
-use crate::state::Phase;
+use robot_session::{EventQueue, Unexpected};
 
-/// What a PC session has to tell. Jobs are counted from the beginning of the order, not by their numbers, which wrap.
+use crate::error::{DecodeError, MessageError};
+use crate::pc::state::CommandOutcome;
+use crate::phase::Phase;
+
+/// What a PC session reports. Jobs are counted from the beginning of the order, not by their numbers, which wrap.
+///
+/// Outcomes, which are never dropped: `OrderRefused` that is given up, `OrderOver`, `OutcomeUnknown`, `Command` and `Disconnect`. Of
+/// `Progress` the last state is reported. The others are notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum PcEvent {
-    /// The robot is silent: close the connection, then call `handle_closed`.
+    /// The robot is silent: close the connection, then call `handle_disconnected`.
     Disconnect,
     /// The robot has taken the order.
     OrderStarted { order: u16 },
@@ -15,20 +21,98 @@ pub enum PcEvent {
     OrderRefused { order: u16, active: u16, given_up: bool },
     /// So many jobs are executed, all of them from the first on; the robot has queued so many.
     Progress { executed: u32, queued: u32 },
-    /// This job, counted from 0, was executed ahead of others. `Progress` covers it when they are executed too.
+    /// This job, counted from 0, was executed ahead of others. `Progress` covers it when they are executed too;
+    /// [`Pc::is_executed`](crate::Pc::is_executed) has all of them.
     ExecutedAhead { index: u32 },
-    /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were told ahead.
+    /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were executed ahead.
     OrderOver { order: u16, executed: u32, complete: bool },
     /// The robot no longer knows the order: it was restarted, or somebody else has begun another. Or it has broken the order off,
-    /// jobs may overtake one another, and the acknowledgement of one may be lost with its datagram. The jobs before `executed` are
-    /// executed; of those from there up to `sent` nobody knows; those from `sent` on are not.
+    /// jobs may overtake one another, and the acknowledgement of one may be lost. The jobs before `executed` are executed; of those
+    /// from there up to `sent` nobody knows; those from `sent` on are not.
     OutcomeUnknown { order: u16, executed: u32, sent: u32 },
-    /// The robot wants no jobs for now.
+    /// The robot takes no jobs for now.
     Paused { queued: u32 },
     /// The robot's status has changed.
     PeerStatus { order: u16, phase: Phase, queued: Option<u16>, executed: Option<u16> },
-    /// Damaged bytes; everything around them was read.
-    Damaged(DecodeError),
+    /// What became of a command.
+    Command { id: u8, value: i32, outcome: CommandOutcome },
+    /// Corrupt bytes; everything around them was read.
+    Corrupt(DecodeError),
     /// A whole message that cannot be used; everything around it was.
     Rejected(MessageError),
+    /// The caller did what the state does not allow: it has changed nothing.
+    Unexpected { state: &'static str, input: &'static str },
+}
+
+/// The events of a PC session, and what of its state was reported last.
+#[derive(Debug)]
+pub(super) struct Events {
+    pub(super) queue: EventQueue<PcEvent, { Self::CAPACITY }>,
+    pub(super) disconnect: bool,
+    /// Bytes have come without a connection.
+    pub(super) stray: bool,
+    progress: (u32, u32),
+    peer: Option<(u16, Phase, Option<u16>, Option<u16>)>,
+}
+
+impl Events {
+    const CAPACITY: usize = 32;
+    /// The outcomes of an order and of all commands.
+    pub(super) const OUTCOMES: usize = 5;
+
+    pub(super) const fn new() -> Self {
+        Self { queue: EventQueue::new(), disconnect: false, stray: false, progress: (0, 0), peer: None }
+    }
+
+    /// A connection begins or ends.
+    pub(super) fn connection_changed(&mut self) {
+        (self.disconnect, self.peer) = (false, None);
+    }
+
+    /// An order begins.
+    pub(super) fn order_begins(&mut self) {
+        self.progress = (0, 0);
+    }
+
+    pub(super) fn notice(&mut self, event: PcEvent) {
+        self.queue.push_notice(event);
+    }
+
+    pub(super) fn outcome(&mut self, event: PcEvent) {
+        let pushed = self.queue.push_outcome(event);
+        debug_assert!(pushed.is_ok(), "begun only with room for its outcome");
+    }
+
+    pub(super) fn unexpected(&mut self, Unexpected { state, input }: Unexpected) {
+        self.queue.push_notice(PcEvent::Unexpected { state, input });
+    }
+
+    pub(super) fn peer_status(
+        &mut self,
+        order: u16,
+        phase: Phase,
+        queued: Option<u16>,
+        executed: Option<u16>,
+    ) {
+        let status = Some((order, phase, queued, executed));
+        if self.peer != status {
+            self.peer = status;
+            self.queue.push_notice(PcEvent::PeerStatus { order, phase, queued, executed });
+        }
+    }
+
+    pub(super) fn pop(&mut self, executed: u32, queued: u32) -> Option<PcEvent> {
+        if core::mem::take(&mut self.disconnect) {
+            return Some(PcEvent::Disconnect);
+        }
+        if core::mem::take(&mut self.stray) {
+            return Some(PcEvent::Unexpected { state: "not connected", input: "bytes" });
+        }
+        if let Some(event) = self.queue.pop() {
+            return Some(event);
+        }
+        let progress = (executed, queued);
+        let changed = core::mem::replace(&mut self.progress, progress) != progress;
+        changed.then_some(PcEvent::Progress { executed, queued })
+    }
 }

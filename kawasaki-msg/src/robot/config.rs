@@ -4,47 +4,83 @@ use core::time::Duration;
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
 use crate::job::Bounds;
+use crate::numbering::Numbering;
 use crate::packet::Limits;
-use crate::robot::recovery::Ladder;
+use crate::robot::state::RecoveryStep;
 use crate::timing;
 
-/// What a robot session needs to be told. The source gives the limits and the exchange time; the other times and counts are
-/// ours.
+/// How a robot session works. The source gives the limits and the exchange time; the other times and counts are ours.
+///
+/// Every duration may be [`Duration::MAX`]: never.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RobotConfig {
-    /// The table of messages.
+    /// The table of messages; by default [`Dialect::DEFAULT`].
     pub dialect: Dialect,
-    /// The limits of a packet.
+    /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
     /// Every input is a datagram: no message goes on in the next one, and it may come late. The start of an order that has ended
-    /// is refused, and none is heard for [`LATEST_DATAGRAM`](timing::LATEST_DATAGRAM) after the first connection.
+    /// is refused, and none is looked at for [`LATEST_DATAGRAM`](timing::LATEST_DATAGRAM) after the first connection. False by
+    /// default.
     pub datagrams: bool,
-    /// The coordinates that the robot can reach.
+    /// The highest job number, 2 to 9999, which both ends have agreed on; the queue's too. 9999 by default.
+    pub max_number: u16,
+    /// The coordinates that the robot can reach, in hundredths of a millimetre; by default seven digits.
     pub bounds: Bounds,
-    /// How executed jobs are acknowledged; the PC has to know.
+    /// How executed jobs are acknowledged; the PC has to know. Every job by default.
     pub acks: Acks,
     /// After the queue was full, jobs are asked for when at most this many are left in it; half the queue by default.
     pub low_water: Option<usize>,
-    /// How often each rung of the recovery is tried.
-    pub ladder: Ladder,
-    /// How long the recovery pauses.
+    /// How often each step of the recovery is taken; 3 resends, 3 pauses and 1 clear by default.
+    pub recovery: RecoveryLimits,
+    /// How long nothing may be left to execute, and the next job be missing, before a step of the recovery is taken: 1 s by
+    /// default, which an order whose jobs take longer to work out must raise. See [`alarm_bound`](Self::alarm_bound).
+    pub patience: Duration,
+    /// How long the recovery pauses; 500 ms by default.
     pub pause: Duration,
-    /// How long a cycle waits for an answer before it starts again.
+    /// How long a cycle waits for an answer before it starts again; 1 s by default.
     pub reply_timeout: Duration,
-    /// The least time from one packet to the next: the 32 ms of the source's controller.
+    /// The least time from one packet to the next; by default the 32 ms of the source's controller.
     pub exchange: Duration,
-    /// After so many cycles without an answer the connection is given up; 0: never.
+    /// After so many cycles without an answer the connection is given up; 0: never. 5 by default.
     pub silent_cycles: u16,
-    /// How long to wait before a lost connection is opened again.
+    /// How long to wait before a lost connection is opened again; 1 s by default.
     pub reconnect_delay: Duration,
-    /// How often at least the status is sent.
+    /// How often at least the status is sent; once in 1 s by default.
     pub status_period: Duration,
     /// Answer 0 to the start of the order that is active already and has jobs: without it the source's answer, the order's own
-    /// number, looks like acceptance. The start of an order without jobs is accepted again in any case.
+    /// number, looks like acceptance. The start of an order without jobs is accepted again in any case. True by default.
     pub refuse_repeated_start: bool,
     /// End the active order when the PC's status names another one or none. The source calls it less safe than waiting for the
-    /// PC to end it (thesis, section 11.2).
+    /// PC to end it (thesis, section 11.2). False by default.
     pub end_foreign_order: bool,
+    /// For the model only: a rule that is left out.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub without: Option<RobotRule>,
+}
+
+/// The rules that keep a robot from executing wrong jobs or none; the model shows that each is needed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[doc(hidden)]
+pub enum RobotRule {
+    /// What follows a failed message in what is read is destroyed, the order's end too; corrupt bytes are a failed message.
+    DestroyRest,
+    /// An end does not count until the missing jobs have come, or has to come twice, each time to a request.
+    EndFillsGap,
+    /// After a new connection jobs are missing, too, and an end is not obeyed while the list is cleared.
+    GapAtConnection,
+    /// Steps of recovery by the clock, while nothing is left to execute.
+    StepsByClock,
+    /// A connection that ends while nothing is left to execute is a step, too.
+    ClosingIsStep,
+    /// No fast path in what is destroyed.
+    SlowInRest,
+    /// A cleared queue is looked at twice, and what was executed until then is reported between.
+    SettledTwice,
+    /// Over datagrams, the start of an order that is over is refused.
+    NewStarts,
+    /// Over datagrams, a robot that was just started looks at no start.
+    IgnoreStarts,
 }
 
 impl RobotConfig {
@@ -53,29 +89,77 @@ impl RobotConfig {
         dialect: Dialect::DEFAULT,
         limits: Limits::TCP,
         datagrams: false,
+        max_number: Dialect::MAX_NUMBER,
         bounds: Bounds::WIDEST,
         acks: Acks::Cumulative { every: NonZeroU16::MIN },
         low_water: None,
-        ladder: Ladder { resends: 3, pauses: 3, clears: 1 },
+        recovery: RecoveryLimits { resends: 3, pauses: 3, clears: 1 },
+        patience: Duration::from_secs(1),
         pause: Duration::from_millis(500),
         reply_timeout: Duration::from_secs(1),
         exchange: timing::EXCHANGE,
         silent_cycles: 5,
         reconnect_delay: Duration::from_secs(1),
         status_period: Duration::from_secs(1),
-        refuse_repeated_start: false,
+        refuse_repeated_start: true,
         end_foreign_order: false,
+        #[cfg(feature = "model")]
+        without: None,
     };
 
     /// Over UDP.
     pub const UDP: Self = Self { limits: Limits::UDP, datagrams: true, ..Self::TCP };
+
+    /// How long an order can make no progress before the alarm, whatever the PC does while it is connected: from when nothing is
+    /// left to execute. Connections that are being opened do not count, nor a motion task that does not look at its queue. With
+    /// the defaults 17.5 s at the most; 10 s if the PC answers every packet at once.
+    pub fn alarm_bound(&self) -> Duration {
+        let RecoveryLimits { resends, pauses, clears } = self.recovery;
+        let steps = u32::from(resends) + u32::from(pauses) + u32::from(clears) + 1;
+        // The time of a step begins with a packet, and that comes with the next cycle.
+        let each = self.reply_timeout.max(self.exchange).saturating_add(self.patience);
+        each.saturating_mul(steps).saturating_add(self.pause.saturating_mul(u32::from(pauses)))
+    }
 
     pub(crate) fn check(&self) -> Result<(), ConfigError> {
         let Bounds { min, max } = self.bounds;
         if min.x > max.x || min.y > max.y {
             return Err(ConfigError::Bounds);
         }
+        if !(2..=Dialect::MAX_NUMBER).contains(&self.max_number) {
+            return Err(ConfigError::MaxNumber { found: self.max_number });
+        }
         self.limits.check(&self.dialect)
+    }
+
+    /// The numbers of the jobs.
+    pub(crate) const fn numbering(&self) -> Numbering {
+        Numbering::new(self.max_number)
+    }
+
+    /// What is done about so many failures.
+    pub(super) fn step(&self, failures: u32) -> RecoveryStep {
+        let RecoveryLimits { resends, pauses, clears } = self.recovery;
+        let (resends, pauses, clears) = (u32::from(resends), u32::from(pauses), u32::from(clears));
+        match failures {
+            _ if failures <= resends => RecoveryStep::Resend,
+            _ if failures <= resends + pauses => RecoveryStep::Pause,
+            _ if failures <= resends + pauses + clears => RecoveryStep::Clear,
+            _ => RecoveryStep::Alarm,
+        }
+    }
+
+    /// Whether a rule holds: always, but in the model.
+    #[cfg(not(feature = "model"))]
+    #[expect(clippy::unused_self, reason = "the model's configuration can leave a rule out")]
+    pub(super) const fn keeps(&self, _: RobotRule) -> bool {
+        true
+    }
+
+    /// Whether a rule holds.
+    #[cfg(feature = "model")]
+    pub(super) fn keeps(&self, rule: RobotRule) -> bool {
+        self.without != Some(rule)
     }
 }
 
@@ -89,9 +173,26 @@ impl Default for RobotConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Acks {
     /// Jobs are executed in the order of their numbers, and an acknowledgement covers all before it: every job, or every k-th,
-    /// and what is left when there is nothing else to send.
+    /// and what is left when there is nothing else to send or to execute.
     #[allow(missing_docs, reason = "the sentence says it")]
     Cumulative { every: NonZeroU16 },
     /// Jobs may overtake one another: each is acknowledged by itself.
     Individual,
+}
+
+/// How often each step of the recovery is taken before the next. The source names the steps; the counts are ours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RecoveryLimits {
+    /// How often the jobs are asked for again.
+    pub resends: u16,
+    /// How often the PC is asked to pause.
+    pub pauses: u16,
+    /// How often the queue is cleared.
+    pub clears: u16,
+}
+
+impl Default for RecoveryLimits {
+    fn default() -> Self {
+        Self { resends: 3, pauses: 3, clears: 1 }
+    }
 }

@@ -1,16 +1,20 @@
-use crate::error::{DecodeError, MessageError};
-use crate::robot::recovery::Rung;
-use crate::state::Phase;
+use robot_session::{EventQueue, Unexpected};
 
-/// What a robot session has to tell.
+use crate::error::{DecodeError, MessageError};
+use crate::phase::Phase;
+use crate::robot::state::RecoveryStep;
+
+/// What a robot session reports.
+///
+/// Outcomes, which are never dropped: `Connect`, `Disconnect`, the four of an order, `Alarm` and `Command`. The others are notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]
 pub enum RobotEvent {
-    /// Open a connection, then call `handle_connected` or, if it fails, `handle_closed`.
+    /// Open a connection, then call `handle_connected` or, if it fails, `handle_disconnected`.
     Connect,
-    /// The PC is silent: close the connection, then call `handle_closed`.
+    /// The PC is silent: close the connection, then call `handle_disconnected`.
     Disconnect,
     /// An order has begun; its first job is number 1.
     OrderStarted { order: u16 },
@@ -26,20 +30,82 @@ pub enum RobotEvent {
     Command { id: u8, value: Option<i32> },
     /// The PC's status has changed: its order, how far it is, the last job sent, the last job known to be executed.
     PeerStatus { order: u16, phase: Phase, sent: Option<u16>, executed: Option<u16> },
-    /// The queue is full behind this job; the PC is asked to pause.
+    /// The queue is full after this job; the PC is asked to pause.
     QueueFull { last: Option<u16> },
     /// The queue has drained: jobs from this one on are asked for.
     QueueDrained { next: u16 },
-    /// Something is wrong with the jobs; this is done about it.
-    Recovery { rung: Rung, next: u16 },
+    /// Nothing is left to execute, and the next job has not come in time; this is done about it.
+    Recovery { step: RecoveryStep, next: u16 },
     /// For the motion program: stop and raise an alarm. `clear_queue` or `reset_order` leads out of it.
     Alarm { order: u16, next: u16 },
     /// The queue is cleared; jobs come again from this one on.
     QueueCleared { next: u16 },
     /// A cycle has ended without an answer.
     NoReply,
-    /// Damaged bytes; everything around them was read.
-    Damaged(DecodeError),
-    /// A whole message that cannot be used; everything around it was.
+    /// Corrupt bytes; everything around them was read.
+    Corrupt(DecodeError),
+    /// A whole message that cannot be used. A job that cannot takes the rest of its packet with it.
     Rejected(MessageError),
+    /// The caller did what the state does not allow: it has changed nothing.
+    Unexpected { state: &'static str, input: &'static str },
+}
+
+/// The events of a robot session, and what was reported last of the PC.
+#[derive(Debug)]
+pub(super) struct Events {
+    pub(super) queue: EventQueue<RobotEvent, { Self::CAPACITY }>,
+    pub(super) connect: bool,
+    pub(super) disconnect: bool,
+    /// Bytes have come without a connection.
+    pub(super) stray: bool,
+    peer: Option<(u16, Phase, Option<u16>, Option<u16>)>,
+}
+
+impl Events {
+    const CAPACITY: usize = 32;
+    /// The outcomes of an order: started, ending, interrupted, over, and an alarm.
+    pub(super) const OF_ORDER: usize = 5;
+
+    pub(super) const fn new() -> Self {
+        Self { queue: EventQueue::new(), connect: false, disconnect: false, stray: false, peer: None }
+    }
+
+    /// A connection begins or ends.
+    pub(super) fn connection_changed(&mut self) {
+        (self.connect, self.disconnect, self.peer) = (false, false, None);
+    }
+
+    pub(super) fn notice(&mut self, event: RobotEvent) {
+        self.queue.push_notice(event);
+    }
+
+    pub(super) fn outcome(&mut self, event: RobotEvent) {
+        let pushed = self.queue.push_outcome(event);
+        debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
+    }
+
+    pub(super) fn unexpected(&mut self, Unexpected { state, input }: Unexpected) {
+        self.queue.push_notice(RobotEvent::Unexpected { state, input });
+    }
+
+    pub(super) fn peer_status(&mut self, order: u16, phase: Phase, sent: Option<u16>, executed: Option<u16>) {
+        let status = Some((order, phase, sent, executed));
+        if self.peer != status {
+            self.peer = status;
+            self.queue.push_notice(RobotEvent::PeerStatus { order, phase, sent, executed });
+        }
+    }
+
+    pub(super) fn pop(&mut self) -> Option<RobotEvent> {
+        if core::mem::take(&mut self.connect) {
+            return Some(RobotEvent::Connect);
+        }
+        if core::mem::take(&mut self.disconnect) {
+            return Some(RobotEvent::Disconnect);
+        }
+        if core::mem::take(&mut self.stray) {
+            return Some(RobotEvent::Unexpected { state: "not connected", input: "bytes" });
+        }
+        self.queue.pop()
+    }
 }

@@ -1,205 +1,183 @@
-//! The jobs of the active order on their way from the packet to the motion task: which is next, which are executed.
+//! What a robot does with orders and jobs.
 
-use robot_work_queue::Writer;
+use core::time::Duration;
 
-use crate::decoder::Decoder;
-use crate::error::{MessageError, SessionError};
-use crate::job::Job;
-use crate::numbering::{NumberSet, Numbering};
-use crate::plain::{Next, PlainJobs};
+use super::config::{Acks, RobotConfig, RobotRule};
+use super::state::{AckState, Action, Flow, Gap, Machine, Order, Recovery, Rejection, Stage, Starts};
 
-/// The queue's writer and the numbers around it.
-///
-/// The queue numbers its slots by itself. The numbers here are those on the wire: they go back when the queue is cleared, since
-/// what was in it has to come again.
-#[derive(Debug)]
-pub(crate) struct Intake<'q> {
-    writer: Writer<'q, Job>,
-    numbering: Numbering,
-    /// How many jobs of the order were queued.
-    queued: u32,
-    /// The number that the next one must have.
-    expected: u16,
-    /// Up to which count all are executed.
-    executed: u32,
-    /// Executed ahead of those before them.
-    done: NumberSet,
-    pending: Option<Pending>,
-}
-
-/// A reset that has not taken effect yet.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Pending {
-    reset: Reset,
-    /// The queue had settled when this was looked at last: what was executed meanwhile has been said now.
-    seen: bool,
-}
-
-/// The two resets of the source (thesis, section 11.1.1).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Reset {
-    /// The list is cleared; what was in it comes again.
-    List,
-    /// The list is cleared, and the order is forgotten.
-    Order,
-}
-
-impl<'q> Intake<'q> {
-    pub(crate) fn new(writer: Writer<'q, Job>) -> Self {
-        let numbering = Numbering::new(writer.max_number());
-        let done = NumberSet::new();
-        Self { writer, numbering, queued: 0, expected: 1, executed: 0, done, pending: None }
+impl<const WORDS: usize> Machine<WORDS> {
+    /// The order and the number of the job that may be queued without asking, and those that follow it; `None` where every
+    /// message has to be looked at. How many were is [`Input::Queued`](super::state::Input::Queued).
+    pub fn fast_path(&self, config: &RobotConfig) -> Option<(u16, u16)> {
+        let Order::Active { number, stage: Stage::Intake { gap, .. } } = self.order else { return None };
+        let rest = gap == Gap::Rest && config.keeps(RobotRule::SlowInRest);
+        let open = self.is_connected() && !rest && self.acks.is_in_order();
+        open.then(|| (number, config.numbering().next(self.queued)))
     }
 
-    /// A new order: counts from 1.
-    pub(crate) fn begin(&mut self) {
-        (self.queued, self.expected, self.executed) = (0, 1, 0);
-        self.done.clear();
-    }
-
-    /// Queues a job if it is the next one.
-    pub(crate) fn offer(&mut self, job: Job) -> Result<(), MessageError> {
-        if job.number != self.expected {
-            return Err(self.misplaced(job.number));
-        }
-        if self.done.contains(job.number) {
-            // Executed ahead of the others before the list was cleared.
-            self.count_queued();
-            return Ok(());
-        }
-        if self.pending.is_some() {
-            return Err(MessageError::QueueFull { number: job.number });
-        }
-        let claim = self.writer.claim().map_err(|_| MessageError::QueueFull { number: job.number })?;
-        claim.push(job);
-        self.count_queued();
-        Ok(())
-    }
-
-    /// Queues the plain jobs that come next in the stream, as far as there is room; how many there were.
-    #[inline(never)] // by itself it fits the registers
-    pub(crate) fn offer_plain(&mut self, decoder: &mut Decoder, plain: &PlainJobs) -> u32 {
-        if self.pending.is_some() || !self.done.is_empty() {
-            return 0;
-        }
-        let (mut next, mut queued) = (Next::new(self.expected, self.numbering.max()), 0);
-        decoder.plain_jobs(plain, &mut next, |job| {
-            let Ok(claim) = self.writer.claim() else { return false };
-            claim.push(job);
-            queued += 1;
-            true
-        });
-        self.queued += queued;
-        self.expected = next.number();
-        queued
-    }
-
-    fn count_queued(&mut self) {
-        self.queued += 1;
-        self.expected = if self.expected >= self.numbering.max() { 1 } else { self.expected + 1 };
-    }
-
-    #[cold]
-    fn misplaced(&self, found: u16) -> MessageError {
-        let expected = self.expected;
-        let ahead = self.numbering.ahead(self.queued, found);
-        if found == 0 || found > self.numbering.max() {
-            let max = i32::from(self.numbering.max());
-            MessageError::OutOfRange { field: 1, found: i32::from(found), min: 1, max }
-        } else if (2..=u32::from(self.numbering.max()) / 2).contains(&ahead) {
-            MessageError::OutOfOrder { expected, found }
-        } else {
-            MessageError::Repeated { expected, found }
-        }
-    }
-
-    /// The motion task has executed a job.
-    pub(crate) fn done(&mut self, number: u16) -> Result<(), SessionError> {
-        let ahead = self.numbering.ahead(self.executed, number);
-        let window = self.queued - self.executed;
-        if number == 0
-            || number > self.numbering.max()
-            || !(1..=window).contains(&ahead)
-            || !self.done.insert(number)
-        {
-            return Err(SessionError::NotQueued { number });
-        }
-        self.settle_executed();
-        Ok(())
-    }
-
-    /// Moves the frontier over what was executed ahead of it, also past what was queued again after the list was cleared.
-    fn settle_executed(&mut self) {
-        while self.done.remove(self.numbering.next(self.executed)) {
-            self.executed += 1;
-        }
-        if self.queued < self.executed {
-            self.queued = self.executed;
-            self.expected = self.numbering.next(self.queued);
-        }
-    }
-
-    /// Begins a reset. A reset of the order takes in one of the list.
-    pub(crate) fn reset(&mut self, reset: Reset) {
-        match reset {
-            Reset::List => self.writer.clear(),
-            Reset::Order => self.writer.reset(),
-        }
-        let order = self.pending.is_some_and(|pending| pending.reset == Reset::Order);
-        let reset = if order { Reset::Order } else { reset };
-        self.pending = Some(Pending { reset, seen: false });
-    }
-
-    /// The reset that has just taken effect. The motion task says that a job is done before it completes it, so that a settled
-    /// queue and one more round of reports are the whole truth.
-    pub(crate) fn poll_reset(&mut self) -> Option<Reset> {
-        let pending = self.pending.as_mut()?;
-        if !pending.seen {
-            pending.seen = self.writer.is_settled() || self.writer.is_abandoned();
+    pub(super) fn on_queued(&mut self, count: u32) -> Option<Action> {
+        let Order::Active { stage: Stage::Intake { gap, recovery, .. }, .. } = &mut self.order else {
             return None;
+        };
+        *gap = Gap::Closed;
+        *recovery = Recovery::Resting { failures: recovery.failures() };
+        self.queued += count;
+        self.answered()?;
+        Some(Action::Nothing)
+    }
+
+    /// "If the job is not the next one, or its values are out of bounds, it and what follows it in the packet is destroyed"
+    /// (thesis, sections 7.2 and 12).
+    pub(super) fn on_job(
+        &mut self,
+        (order, number): (u16, u16),
+        good: bool,
+        room: bool,
+        config: &RobotConfig,
+    ) -> Action {
+        let numbering = config.numbering();
+        let Order::Active { number: active, stage: Stage::Intake { flow, gap, recovery } } = &mut self.order
+        else {
+            let other = self.order.number() != order;
+            return Action::Rejected(if other { Rejection::WrongOrder } else { Rejection::NotExpected });
+        };
+        if *gap == Gap::Rest && config.keeps(RobotRule::DestroyRest) {
+            return Action::Discarded;
         }
-        let reset = pending.reset;
-        self.pending = None;
-        self.queued = self.executed;
-        self.expected = self.numbering.next(self.queued);
-        Some(reset)
+        let next = numbering.next(self.queued);
+        if order != *active {
+            return self.failed(Rejection::WrongOrder, config);
+        }
+        if !good {
+            return self.failed(Rejection::Bad, config);
+        }
+        if number == next {
+            // Executed ahead of the others before the list was cleared.
+            let is_executed = self.acks.is_ahead(number);
+            if !is_executed && !room {
+                if *flow != Flow::Full {
+                    *flow = Flow::Full;
+                    self.replies.pause = true;
+                }
+                *gap = Gap::Rest;
+                return Action::Rejected(Rejection::QueueFull);
+            }
+            self.queued += 1;
+            *gap = Gap::Closed;
+            *recovery = Recovery::Resting { failures: recovery.failures() };
+            return if is_executed { Action::Nothing } else { Action::Queue };
+        }
+        let ahead = numbering.ahead(self.queued, number);
+        if !numbering.contains(number) {
+            return self.failed(Rejection::OutOfRange, config);
+        }
+        if (2..=u32::from(numbering.max()) / 2).contains(&ahead) {
+            return self.failed(Rejection::OutOfOrder, config);
+        }
+        // Sent twice: harmless, and what follows it may be new.
+        Action::Rejected(Rejection::Repeated)
     }
 
-    pub(crate) fn is_resetting(&self) -> bool {
-        self.pending.is_some()
+    /// A message that should have been a job was none: jobs are missing from here on.
+    pub(super) fn failed(&mut self, why: Rejection, config: &RobotConfig) -> Action {
+        if let Order::Active { stage: Stage::Intake { gap, .. }, .. } = &mut self.order {
+            let before = core::mem::replace(gap, Gap::Rest);
+            if before == Gap::Rest && config.keeps(RobotRule::DestroyRest) {
+                return Action::Discarded;
+            }
+        }
+        Action::Rejected(why)
     }
 
-    /// Whether at most `low_water` jobs are left in the queue.
-    pub(crate) fn drained(&self, low_water: usize) -> bool {
-        self.writer.drained(low_water)
+    /// "If the order went through, its number is returned, otherwise 0 or the number of the active order" (thesis, section 10.1).
+    ///
+    /// A late datagram may name an order that is over: one of a number that has just ended is refused. A robot that has just been
+    /// started knows none of them, and looks at no start for as long as such a datagram may still come.
+    pub(super) fn on_start(
+        &mut self,
+        now: Duration,
+        (order, first): (u16, u16),
+        room: bool,
+        config: &RobotConfig,
+    ) -> Action {
+        let is_old = match self.starts {
+            Starts::Any => false,
+            Starts::New { ignored_until, .. } if now < ignored_until => return Action::Nothing,
+            Starts::New { ended, .. } => ended.contains(&order) && config.keeps(RobotRule::NewStarts),
+        };
+        self.replies.status = true;
+        let Order::Active { number, .. } = self.order else {
+            if order == 0 || first != 1 || is_old || !room {
+                self.replies.start = Some(0);
+                let refused = order == 0 || first == 1;
+                return if refused { Action::Refused } else { Action::Rejected(Rejection::NotFromFirst) };
+            }
+            let recovery = Recovery::Resting { failures: 0 };
+            let stage = Stage::Intake { flow: Flow::Asking, gap: Gap::Closed, recovery };
+            self.order = Order::Active { number: order, stage };
+            (self.queued, self.executed) = (0, 0);
+            self.acks = AckState::new(config.acks == Acks::Individual);
+            self.replies.start = Some(order);
+            return Action::Started;
+        };
+        // The active order, of which nothing has come: the answer was lost. Nothing begins again, the recovery neither.
+        let again = number == order && self.queued == 0 && first == 1;
+        let refused = config.refuse_repeated_start && number == order && !again;
+        self.replies.start = Some(if refused { 0 } else { number });
+        if again { Action::Nothing } else { Action::Refused }
     }
 
-    pub(crate) fn capacity(&self) -> usize {
-        self.writer.capacity()
+    pub(super) fn on_end(&mut self, order: u16, config: &RobotConfig) -> Action {
+        let Order::Active { number, stage } = &mut self.order else {
+            self.repeat_end(order);
+            return Action::Nothing;
+        };
+        if *number != order {
+            self.repeat_end(order);
+            return Action::Nothing;
+        }
+        let missing = Action::Rejected(Rejection::JobsMissing);
+        match stage {
+            Stage::Intake { gap: Gap::Rest, .. } if config.keeps(RobotRule::DestroyRest) => {
+                return Action::Discarded;
+            }
+            Stage::Intake { gap: gap @ (Gap::Asked | Gap::EndOnce), .. }
+                if config.keeps(RobotRule::EndFillsGap) =>
+            {
+                *gap = Gap::EndOnce;
+                return missing;
+            }
+            Stage::Clearing { .. } if config.keeps(RobotRule::GapAtConnection) => return missing,
+            Stage::Intake { .. } | Stage::Clearing { .. } | Stage::Alarm => {}
+            Stage::Ending | Stage::Interrupted { .. } => return Action::Nothing,
+        }
+        *stage = Stage::Ending;
+        self.replies.status = true;
+        Action::Ending
     }
 
-    pub(crate) fn is_abandoned(&self) -> bool {
-        self.writer.is_abandoned()
+    pub(super) fn on_interrupt(&mut self, order: u16) -> Action {
+        if order == 0 || order != self.order.number() {
+            self.repeat_end(order);
+            return Action::Nothing;
+        }
+        self.interrupt().unwrap_or(Action::Nothing)
     }
 
-    pub(crate) fn numbering(&self) -> Numbering {
-        self.numbering
+    pub(super) fn on_status(&mut self, order: u16, config: &RobotConfig) -> Action {
+        if config.end_foreign_order && order != self.order.number() {
+            return self.interrupt().unwrap_or(Action::Nothing);
+        }
+        Action::Nothing
     }
 
-    pub(crate) fn expected(&self) -> u16 {
-        self.expected
-    }
-
-    pub(crate) fn queued(&self) -> u32 {
-        self.queued
-    }
-
-    pub(crate) fn executed(&self) -> u32 {
-        self.executed
-    }
-
-    /// The jobs that were executed ahead of others.
-    pub(crate) fn done_ahead(&self) -> &NumberSet {
-        &self.done
+    /// The end of an order that is not active is acknowledged again if it was the last one. How far another came is not known
+    /// here: the status reports which orders are.
+    fn repeat_end(&mut self, order: u16) {
+        if self.ended.is_some_and(|ended| ended.order == order) {
+            self.replies.end = true;
+        } else {
+            self.replies.status = true;
+        }
     }
 }

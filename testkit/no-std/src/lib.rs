@@ -1,4 +1,4 @@
-//! The common part of the programs: a panic handler, and the C library that starts them.
+//! What every proof program needs: a panic handler, and the C library that starts it.
 #![no_std]
 
 #[link(name = "c")]

@@ -3,6 +3,7 @@
 use core::num::NonZeroU16;
 use core::time::Duration;
 
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
     Acks, Job, JobKind, JobSource, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent,
     Supply, Takeover,
@@ -155,7 +156,8 @@ impl Cell {
         };
         let robot = RobotConfig {
             acks,
-            refuse_repeated_start: rng.chance(0.3),
+            refuse_repeated_start: rng.chance(0.7),
+            max_number,
             end_foreign_order: rng.chance(0.2),
             ..robot
         };
@@ -306,7 +308,7 @@ impl Cell {
         while let Some(delivery) = self.wire.receive(End::A, self.now) {
             match delivery {
                 Delivery::Bytes(bytes) => self.robot.handle_input(self.now, &bytes),
-                Delivery::Closed => self.robot.handle_closed(self.now),
+                Delivery::Closed => self.robot.handle_disconnected(self.now),
             }
         }
         for number in self.reports.drain(..) {
@@ -318,19 +320,19 @@ impl Cell {
             match event {
                 RobotEvent::Connect if self.unreachable > 0 => {
                     self.unreachable -= 1;
-                    self.robot.handle_closed(self.now);
+                    self.robot.handle_disconnected(self.now);
                 }
                 RobotEvent::Connect => {
                     if !self.config.0.datagrams {
                         self.wire.reconnect(self.now);
-                        self.pc.handle_closed(self.now);
+                        self.pc.handle_disconnected(self.now);
                     }
                     self.pc.handle_connected(self.now);
                     self.robot.handle_connected(self.now);
                 }
                 RobotEvent::Disconnect => {
                     self.lose_connection();
-                    self.robot.handle_closed(self.now);
+                    self.robot.handle_disconnected(self.now);
                 }
                 // The motion program deals with it.
                 RobotEvent::Alarm { .. } => self.robot.clear_queue().unwrap(),
@@ -347,7 +349,7 @@ impl Cell {
         while let Some(delivery) = self.wire.receive(End::B, self.now) {
             match delivery {
                 Delivery::Bytes(bytes) => self.pc.handle_input(self.now, &bytes),
-                Delivery::Closed => self.pc.handle_closed(self.now),
+                Delivery::Closed => self.pc.handle_disconnected(self.now),
             }
         }
         self.pc.handle_timeout(self.now);
@@ -356,7 +358,7 @@ impl Cell {
             match event {
                 PcEvent::Disconnect => {
                     self.lose_connection();
-                    self.pc.handle_closed(self.now);
+                    self.pc.handle_disconnected(self.now);
                     if self.config.0.datagrams {
                         self.pc.handle_connected(self.now);
                     }

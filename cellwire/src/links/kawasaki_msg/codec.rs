@@ -1,4 +1,5 @@
 use anyhow::{Context, Result};
+use kawasaki_msg::robot_session::Decoder as _;
 use kawasaki_msg::{Charset, Decoder, Message, Value as Field, Values};
 use serde::Deserialize;
 use serde_json::Value;

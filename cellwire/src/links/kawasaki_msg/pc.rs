@@ -7,6 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Line, Pc, PcConfig, PcEvent, START, timing};
 
 use crate::tcp;
@@ -175,7 +176,7 @@ impl<'a, P: Program<'a>> Server<'_, 'a, P> {
         if self.connection.take().is_none() {
             return Ok(());
         }
-        self.session.handle_closed(self.epoch.elapsed());
+        self.session.handle_disconnected(self.epoch.elapsed());
         self.program.told(Told::Disconnected(why))?;
         match self.trace.session_ended(why)? {
             Some(path) => self.program.told(Told::Traced(path)),

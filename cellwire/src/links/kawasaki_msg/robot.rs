@@ -8,7 +8,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
-use kawasaki_msg::{Dialect, Job, Robot, RobotConfig, RobotEvent, Statistics, timing};
+use kawasaki_msg::robot_session::Session as _;
+use kawasaki_msg::{Job, Robot, RobotConfig, RobotEvent, RobotStatistics, timing};
 use robot_work_queue::Reader;
 
 use super::pc::SOON;
@@ -42,7 +43,7 @@ pub struct Run {
     /// Reading a packet, checking it and queueing its jobs.
     pub unpack: Samples,
     /// What the session has counted.
-    pub statistics: Statistics,
+    pub statistics: RobotStatistics,
     /// How often a connection was opened.
     pub connections: u64,
 }
@@ -81,7 +82,7 @@ pub fn run(
     strokes: Sender<Stroke>,
     tell: impl FnMut(Told<'_>) -> Result<()>,
 ) -> Result<Run> {
-    let (writer, reader) = robot_work_queue::boxed::<Job>(setup.queue, Dialect::MAX_NUMBER)?;
+    let (writer, reader) = robot_work_queue::boxed::<Job>(setup.queue, setup.config.max_number)?;
     let (report, reports) = mpsc::channel();
     let mut task = Communication {
         session: Robot::new(setup.config, writer)?,
@@ -203,7 +204,7 @@ impl<T: FnMut(Told<'_>) -> Result<()>> Communication<'_, T> {
     }
 
     fn disconnected(&mut self, why: &str) -> Result<()> {
-        self.session.handle_closed(self.epoch.elapsed());
+        self.session.handle_disconnected(self.epoch.elapsed());
         if self.connection.take().is_some() || self.said != why {
             (self.tell)(Told::Disconnected(why))?;
             why.clone_into(&mut self.said);

@@ -1,4 +1,4 @@
-//! A program through the reader and the writer. Programs store texts, so this uses the allocator of the C library, and no std.
+//! A program through the reader and the writer. It holds texts, so it needs an allocator: the C library's, and no std.
 #![no_std]
 #![no_main]
 
@@ -15,8 +15,8 @@ unsafe extern "C" {
     fn free(block: *mut c_void);
 }
 
-// SAFETY: `aligned_alloc` returns blocks of this alignment and size (rounded up to the alignment, as C requires), or null;
-// `free` frees them.
+// SAFETY: `aligned_alloc` gives blocks of this size (rounded up to the alignment, as C wants it) and alignment, or null;
+// `free` takes them back.
 unsafe impl GlobalAlloc for Malloc {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let align = layout.align().max(size_of::<*mut c_void>());
@@ -33,8 +33,8 @@ unsafe impl GlobalAlloc for Malloc {
 #[global_allocator]
 static MALLOC: Malloc = Malloc;
 
-/// The toolchain's compiled `alloc` refers to these two symbols of the unwinder, which only std provides. Nothing unwinds here,
-/// so they are never called.
+/// The `alloc` that comes compiled with the toolchain names these two, although nothing unwinds here: they stand for the
+/// unwinder, which only std brings.
 #[unsafe(no_mangle)]
 extern "C" fn rust_eh_personality() {}
 

@@ -4,6 +4,7 @@
 
 use core::time::Duration;
 
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Job, JobKind, Line, Pc, PcConfig, Point, Robot, RobotConfig};
 use no_std as _;
 use robot_work_queue::WorkQueue;
@@ -17,7 +18,7 @@ extern "C" fn main() -> i32 {
 fn run() -> Option<(i32, u32)> {
     let mut queue: WorkQueue<Job, 2> = WorkQueue::new(9).ok()?;
     let (writer, mut motion) = queue.split();
-    let mut robot = Robot::new(RobotConfig::TCP, writer).ok()?;
+    let mut robot = Robot::new(RobotConfig { max_number: 9, ..RobotConfig::TCP }, writer).ok()?;
     let mut pc = Pc::new(PcConfig { max_number: 9, ..PcConfig::TCP }).ok()?;
     let line = |x| Line { kind: JobKind::Draw, start: Point::new(x, 0), end: Point::new(x + 100, 0) };
     let picture = [line(0), line(100), line(200)];

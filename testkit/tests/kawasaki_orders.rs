@@ -1,4 +1,5 @@
 //! Orders: start, refusal, takeover, end, interruption, the two resets, and what happens when an end restarts.
+#![cfg(feature = "links")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -7,12 +8,13 @@
     clippy::cast_possible_truncation
 )]
 
-mod common;
+mod kawasaki_rig;
 
 use core::time::Duration;
 
-use common::{MS, Rig, Source, expected, picture, sent};
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Pc, PcConfig, PcEvent, Phase, RobotConfig, RobotEvent, SessionError, Takeover};
+use kawasaki_rig::{MS, Rig, Source, expected, picture, sent};
 use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
@@ -51,15 +53,18 @@ fn over_a_stream_a_start_is_sent_once() {
             let length = pc.poll_transmit(now + MS * 2, &mut out).unwrap();
             sent(&[out[..length].to_vec()], "TilausAlkaa").len()
         };
+        let (filler, idle) = (b"<Huuhaa$0##>".as_slice(), b"<Tila$6#0$0$$$#>".as_slice());
         pc.handle_connected(Duration::ZERO);
         let repeats = usize::from(config.datagrams);
-        assert_eq!([1, 1, 9, 1].map(|s| starts(&mut pc, s, b"<Huuhaa$0##>")), [1, repeats, 1, repeats]);
+        let said = [filler, idle, filler, idle, filler].map(|robot| starts(&mut pc, 1, robot));
+        assert_eq!(said, [0, 1, repeats, repeats, repeats], "not before the robot has reported where it is");
         // Refused, and not by another order: again.
         assert_eq!(starts(&mut pc, 1, b"<TilausKuittaus$1#0#>"), 1);
         assert_eq!(starts(&mut pc, 1, b"<Huuhaa$0##>"), repeats);
-        pc.handle_closed(Duration::ZERO);
+        pc.handle_disconnected(Duration::ZERO);
         pc.handle_connected(Duration::ZERO);
-        assert_eq!([1, 1].map(|s| starts(&mut pc, s, b"<Huuhaa$0##>")), [1, repeats]);
+        let said = [filler, idle, filler].map(|robot| starts(&mut pc, 1, robot));
+        assert_eq!(said, [0, 1, repeats]);
     }
 }
 
@@ -175,13 +180,14 @@ fn another_order_of_the_same_number_is_not_taken_for_ours() {
     assert_eq!(rig.lines()[..first], expected(50, first as u32));
 }
 
+/// A PC that knows nothing of the order, on the connection of the one before it: no start before the robot's status.
 #[test]
-fn the_same_without_a_status_in_time() {
-    // The acknowledgement alone looks like acceptance; the first request shows that it is not.
+fn so_it_is_on_a_connection_that_is_not_new_to_the_robot() {
     for refuse_repeated_start in [false, true] {
         let robot = RobotConfig { refuse_repeated_start, ..RobotConfig::TCP };
         let mut rig = in_the_middle(PcConfig::TCP, robot);
         rig.pc = kawasaki_msg::Pc::new(PcConfig::TCP).unwrap();
+        (rig.from_pc, rig.from_robot) = (Vec::new(), Vec::new());
         rig.pc_events.clear();
         rig.pc.handle_connected(rig.now);
         rig.pc.start(50, picture(50, 500)).unwrap();
@@ -189,8 +195,10 @@ fn the_same_without_a_status_in_time() {
         let first = rig.executed.len() - 500;
         assert_eq!(rig.lines()[first..], expected(50, 500), "from its first job on");
         assert_eq!(rig.lines()[..first], expected(50, first as u32));
-        let zero = sent(&rig.from_robot, "TilausKuittaus").contains(&"<TilausKuittaus$1#0#>".to_string());
-        assert_eq!(zero, refuse_repeated_start);
+        let refused = PcEvent::OrderRefused { order: 50, active: 50, given_up: false };
+        assert!(rig.pc_events.contains(&refused), "{:?}", rig.pc_events);
+        assert_eq!(sent(&rig.from_pc, "TilausAlkaa").len(), 1);
+        assert_eq!(sent(&rig.from_robot, "TilausKuittaus"), ["<TilausKuittaus$2#50#>"]);
     }
 }
 
@@ -213,7 +221,7 @@ fn a_robot_without_a_motion_task_takes_no_order() {
 #[test]
 fn a_restarted_robot_leaves_the_outcome_unknown() {
     let mut rig = in_the_middle(PcConfig::TCP, RobotConfig::TCP);
-    common::restart(&mut rig, 64, 9999);
+    kawasaki_rig::restart(&mut rig, 64, 9999);
     rig.run_until(LIMIT, Rig::is_over);
     let Some(&PcEvent::OutcomeUnknown { order: 50, executed, sent }) =
         rig.pc_events.iter().find(|e| matches!(e, PcEvent::OutcomeUnknown { .. }))

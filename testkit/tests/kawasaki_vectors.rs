@@ -1,6 +1,8 @@
 //! Every vector of `reference/vectors/kawasaki-msg.json`, however it is cut.
+#![cfg(feature = "links")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+use kawasaki_msg::robot_session::Decoder as _;
 use kawasaki_msg::{Charset, Decoder, Message, Value, Values};
 use serde_json::{Value as Json, json};
 use testkit::chunking::{behind_a_cut, chunkings};

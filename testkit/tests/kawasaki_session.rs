@@ -1,4 +1,5 @@
 //! Both ends over a link on a virtual clock: whatever the transport commits, every job is executed once.
+#![cfg(feature = "links")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -7,13 +8,14 @@
     clippy::cast_possible_truncation
 )]
 
-mod common;
+mod kawasaki_rig;
 
 use core::num::NonZeroU16;
 use core::time::Duration;
 
-use common::{MS, Rig, Source, expected, line, picture};
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Acks, Limits, PcConfig, PcEvent, RobotConfig, RobotEvent, Supply};
+use kawasaki_rig::{MS, Rig, Source, expected, line, picture};
 use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(300);
@@ -47,7 +49,7 @@ fn a_picture_of_5000_lines_is_drawn() {
     // As many messages a packet as fit: 5000 jobs of some 38 bytes, and few packets more for the acknowledgements.
     assert!(rig.from_pc.len() < 300, "{}", rig.from_pc.len());
     assert!(rig.from_pc.iter().any(|packet| packet.len() > 4096 - 45));
-    let odd = |event: &RobotEvent| matches!(event, RobotEvent::Damaged(_) | RobotEvent::Recovery { .. });
+    let odd = |event: &RobotEvent| matches!(event, RobotEvent::Corrupt(_) | RobotEvent::Recovery { .. });
     assert!(!rig.robot_events.iter().any(odd), "{:?}", rig.robot_events);
 }
 
@@ -188,10 +190,11 @@ fn what_the_pc_says_is_true_when_anything_can_happen() {
         match rng.below(4) {
             0 => _ = rig.pc.interrupt(),
             1 => _ = rig.robot.reset_order(),
-            2 => common::restart(&mut rig, 16, 100),
+            2 => kawasaki_rig::restart(&mut rig, 16, 100),
             _ => rig.link.disconnect(rig.now),
         }
         rig.run_until(LIMIT, |rig| rig.is_over() || rig.pc.order().is_none());
+        rig.pc_pass();
         let executed = rig.executed.len() as u32;
         assert_eq!(rig.lines(), expected(9, executed), "seed {seed}: in order, none twice");
         let said = rig.pc_events.iter().rev().find_map(|event| match *event {

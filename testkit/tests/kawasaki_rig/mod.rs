@@ -4,6 +4,7 @@
 use core::time::Duration;
 use std::collections::VecDeque;
 
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
     Job, JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, Supply,
 };
@@ -77,6 +78,7 @@ impl Rig {
         pc: PcConfig,
     ) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+        let (robot, pc) = (RobotConfig { max_number, ..robot }, PcConfig { max_number, ..pc });
         Self {
             now: Duration::ZERO,
             link: Link::new(seed, faults),
@@ -174,7 +176,7 @@ impl Rig {
                 Delivery::Bytes(bytes) => self.robot.handle_input(self.now, &bytes),
                 Delivery::Closed => {
                     self.connected = false;
-                    self.robot.handle_closed(self.now);
+                    self.robot.handle_disconnected(self.now);
                 }
             }
         }
@@ -185,14 +187,14 @@ impl Rig {
                 RobotEvent::Connect if self.reachable => {
                     self.link.reconnect();
                     self.connected = true;
-                    self.pc.handle_closed(self.now);
+                    self.pc.handle_disconnected(self.now);
                     self.pc.handle_connected(self.now);
                     self.robot.handle_connected(self.now);
                 }
-                RobotEvent::Connect => self.robot.handle_closed(self.now),
+                RobotEvent::Connect => self.robot.handle_disconnected(self.now),
                 RobotEvent::Disconnect => {
                     self.link.disconnect(self.now);
-                    self.robot.handle_closed(self.now);
+                    self.robot.handle_disconnected(self.now);
                 }
                 _ => {}
             }
@@ -208,7 +210,7 @@ impl Rig {
         while let Some(delivery) = self.link.receive(End::B, self.now) {
             match delivery {
                 Delivery::Bytes(bytes) => self.pc.handle_input(self.now, &bytes),
-                Delivery::Closed => self.pc.handle_closed(self.now),
+                Delivery::Closed => self.pc.handle_disconnected(self.now),
             }
         }
         self.pc.handle_timeout(self.now);
@@ -216,7 +218,7 @@ impl Rig {
             self.pc_events.push(event);
             if event == PcEvent::Disconnect {
                 self.link.disconnect(self.now);
-                self.pc.handle_closed(self.now);
+                self.pc.handle_disconnected(self.now);
             }
         }
         let mut out = [0; 4096];
@@ -242,7 +244,7 @@ impl Rig {
 pub fn restart(rig: &mut Rig, capacity: usize, max_number: u16) {
     let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
     rig.link.disconnect(rig.now);
-    rig.robot = Robot::new(RobotConfig::TCP, writer).unwrap();
+    rig.robot = Robot::new(RobotConfig { max_number, ..RobotConfig::TCP }, writer).unwrap();
     rig.reader = reader;
     rig.reports.clear();
 }

@@ -1,12 +1,14 @@
 //! Over UDP a datagram may be lost, come twice, and come late: what that must not do to an order.
+#![cfg(feature = "links")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-mod common;
+mod kawasaki_rig;
 
 use core::time::Duration;
 
-use common::{MS, Rig, expected, picture, sent};
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Acks, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent};
+use kawasaki_rig::{MS, Rig, expected, picture, sent};
 use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
@@ -83,7 +85,7 @@ fn a_robot_that_was_just_started_does_not_acknowledge_the_end_of_an_order_that_i
 #[test]
 fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
     let (writer, mut reader) = robot_work_queue::boxed(8, 99).unwrap();
-    let mut robot = Robot::new(RobotConfig::UDP, writer).unwrap();
+    let mut robot = Robot::new(RobotConfig { max_number: 99, ..RobotConfig::UDP }, writer).unwrap();
     let (mut now, mut out) = (MS, [0; 1472]);
     robot.handle_timeout(now);
     robot.handle_connected(now);
@@ -103,12 +105,12 @@ fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
     }
     say(&mut robot, now + MS * 100, b"");
     robot.reset_order().unwrap();
-    for _ in 0..3 {
-        robot.handle_timeout(now + MS * 101);
+    for later in [101, 104] {
+        robot.handle_timeout(now + MS * later);
         assert!(reader.take().is_none());
     }
     assert_eq!(robot.order(), None);
-    robot.handle_input(now + MS * 102, b"<TilausAlkaa$3#2$1#>");
+    robot.handle_input(now + MS * 105, b"<TilausAlkaa$3#2$1#>");
     assert_eq!(robot.order(), Some(2));
     let told = say(&mut robot, now + MS * 150, b"");
     assert!(told.contains("<LoppuKuittaus$5#3$2$2#>"), "{told}");

@@ -1,4 +1,5 @@
 //! The cycle: who may speak when, what is said when there is nothing to say, and what happens in silence.
+#![cfg(feature = "links")]
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -7,15 +8,16 @@
     clippy::cast_possible_truncation
 )]
 
-mod common;
+mod kawasaki_rig;
 
 use core::time::Duration;
 
-use common::{MS, Rig, Source, expected, picture, sent};
+use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    Dialect, Entry, Field, Link, MessageError, Pc, PcConfig, PcEvent, Phase, Robot, RobotConfig, RobotEvent,
-    Role, SessionError, Supply,
+    Dialect, Entry, Field, MessageError, Pc, PcConfig, PcEvent, Phase, Robot, RobotConfig, RobotEvent, Role,
+    SessionError, Supply,
 };
+use kawasaki_rig::{MS, Rig, Source, expected, picture, sent};
 use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
@@ -65,10 +67,10 @@ fn the_pc_is_silent_until_it_has_heard_something() {
         assert_eq!(answer(&mut pc, now), None);
     }
     let now = Duration::from_secs(5);
-    pc.handle_input(now, b"<Huuhaa$0##>");
+    pc.handle_input(now, b"<Tila$6#0$0$$$#>");
     assert_eq!(answer(&mut pc, now + MS), None, "not sooner than 2 ms: the robot may not be listening");
     assert_eq!(pc.poll_timeout(), Some(now + 2 * MS));
-    assert_eq!(answer(&mut pc, now + 2 * MS).unwrap(), "<TilausAlkaa$3#1$1#>");
+    assert_eq!(answer(&mut pc, now + 2 * MS).unwrap(), "<Tila$6#1$1$$$#><TilausAlkaa$3#1$1#>");
     assert_eq!(answer(&mut pc, now + 3 * MS), None, "one answer");
 }
 
@@ -87,7 +89,7 @@ fn the_whole_packet_is_read_before_it_is_answered() {
         }
         answer(pc, now + 2 * MS).unwrap()
     };
-    say(&mut pc, &[b"<TilausKuittaus$1#0#>"]);
+    say(&mut pc, &[b"<Tila$6#0$0$$$#>"]);
     say(&mut pc, &[b"<TilausKuittaus$1#1#>"]);
     let jobs = say(&mut pc, &[b"<TyoPyynto$3#1$1#>"]);
     assert_eq!(jobs.matches("<Tyo$").count(), 4);
@@ -111,7 +113,7 @@ fn an_answer_is_waited_for_but_not_for_ever() {
     assert_eq!(robot.poll_event(), None);
     robot.handle_timeout(Duration::ZERO);
     assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));
-    assert_eq!((robot.link(), robot.poll_timeout()), (Link::Connecting, None));
+    assert_eq!((robot.machine().link, robot.poll_timeout()), (kawasaki_msg::robot::Link::Connecting, None));
     robot.handle_connected(Duration::ZERO);
     let second = Duration::from_secs(1);
     for cycle in 1..5 {
@@ -127,7 +129,7 @@ fn an_answer_is_waited_for_but_not_for_ever() {
     robot.handle_timeout(second * 5);
     assert_eq!(robot.poll_event(), Some(RobotEvent::Disconnect), "the fifth cycle without an answer");
     assert_eq!(robot.poll_event(), Some(RobotEvent::NoReply));
-    robot.handle_closed(second * 5);
+    robot.handle_disconnected(second * 5);
     assert_eq!(robot.poll_timeout(), Some(second * 6));
     robot.handle_timeout(second * 6);
     assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));
@@ -175,8 +177,8 @@ fn a_silent_robot_is_given_up() {
     assert_eq!(pc.poll_timeout(), Some(Duration::from_secs(10)));
     pc.handle_timeout(Duration::from_secs(10));
     assert_eq!(pc.poll_event(), Some(PcEvent::Disconnect));
-    pc.handle_closed(Duration::from_secs(10));
-    assert_eq!((pc.link(), pc.poll_timeout()), (Link::Connecting, None));
+    pc.handle_disconnected(Duration::from_secs(10));
+    assert_eq!((pc.machine().link, pc.poll_timeout()), (kawasaki_msg::pc::Link::Listening, None));
 }
 
 #[test]
@@ -196,7 +198,7 @@ fn jobs_that_are_not_worked_out_yet_are_waited_for() {
     let source: Source = Box::new(move |index| match index {
         100.. => Supply::End,
         _ if index >= known.get() => Supply::Later,
-        _ => Supply::Line(common::line(9, index)),
+        _ => Supply::Line(kawasaki_rig::line(9, index)),
     });
     rig.pc.start(9, source).unwrap();
     rig.run_for(Duration::from_secs(2));
@@ -268,7 +270,7 @@ fn other_names_in_another_order_of_fields_work_as_well() {
     rig.run_until(LIMIT, Rig::is_over);
     assert_eq!(rig.lines(), expected(50, 300));
     assert!(!sent(&rig.from_pc, "Piirto").is_empty() && !sent(&rig.from_pc, "Ping").is_empty());
-    let odd = |event: &PcEvent| matches!(event, PcEvent::Rejected(_) | PcEvent::Damaged(_));
+    let odd = |event: &PcEvent| matches!(event, PcEvent::Rejected(_) | PcEvent::Corrupt(_));
     assert!(!rig.pc_events.iter().any(odd), "{:?}", rig.pc_events);
 }
 
@@ -279,10 +281,10 @@ fn damage_is_told_and_the_session_goes_on() {
     let events: Vec<_> = core::iter::from_fn(|| pc.poll_event()).collect();
     assert!(matches!(
         events[0],
-        PcEvent::Damaged(kawasaki_msg::DecodeError::Length { expected: 5, found: 6, .. })
+        PcEvent::Corrupt(kawasaki_msg::DecodeError::Length { expected: 5, found: 6, .. })
     ));
     assert!(matches!(events[1], PcEvent::Rejected(MessageError::UnknownName { .. })));
-    assert!(matches!(events[2], PcEvent::Damaged(kawasaki_msg::DecodeError::Garbage { length: 6, .. })));
+    assert!(matches!(events[2], PcEvent::Corrupt(kawasaki_msg::DecodeError::Garbage { length: 6, .. })));
     assert_eq!(events.len(), 3);
     assert_eq!(answer(&mut pc, 10 * MS).unwrap(), "<Huuhaa$0##>");
 }
@@ -294,9 +296,11 @@ fn a_flood_of_damage_leaves_room_for_what_matters() {
     for _ in 0..10 {
         pc.handle_input(Duration::ZERO, &b"<<<<<<<<".repeat(1000));
     }
-    pc.handle_input(Duration::ZERO, b"<TilausKuittaus$1#1#>");
+    pc.handle_input(Duration::ZERO, b"<Tila$6#0$0$$$#>");
+    answer(&mut pc, 2 * MS).unwrap();
+    pc.handle_input(3 * MS, b"<TilausKuittaus$1#1#>");
     let events: Vec<_> = core::iter::from_fn(|| pc.poll_event()).collect();
-    assert_eq!(events.iter().filter(|e| matches!(e, PcEvent::Damaged(_))).count(), 20);
+    assert_eq!(events.iter().filter(|e| matches!(e, PcEvent::Corrupt(_))).count(), 30);
     assert!(events.contains(&PcEvent::OrderStarted { order: 1 }));
-    assert_eq!(pc.missed_events(), 80_000 - 20);
+    assert_eq!(pc.statistics().dropped_notices, 80_000 - 30);
 }

@@ -1,0 +1,368 @@
+use core::time::Duration;
+
+use robot_session::{Decoder as _, Session, Unexpected};
+
+use super::config::PcConfig;
+use super::event::{Events, PcEvent};
+use super::packet::PacketAnswer;
+use super::source::JobSource;
+use super::state::{Action, CommandOutcome, Commands, Input, Machine, Outcome, Rejection};
+use crate::content::{FromRobot, phase};
+use crate::decoder::Decoder;
+use crate::dialect::Params;
+use crate::error::{ConfigError, MessageError, SessionError};
+use crate::message::Message;
+use crate::packet::Packet;
+use crate::phase::Phase;
+use crate::role::{Field, Role};
+use crate::statistics::PcStatistics;
+
+/// The session of a PC: it listens, and sends only what the robot waits for. Drive it as [`Session`] describes, each packet in
+/// one write: a connection that was accepted is [`handle_connected`](Session::handle_connected), its end
+/// [`handle_disconnected`](Session::handle_disconnected). The order goes on with the next one.
+///
+/// Nothing is sent unless the robot has sent something first: it cannot flush what it does not expect (thesis, section 10.4).
+/// The whole of what has come is read before it is answered, and the answer is made from the state of then: nothing of an earlier
+/// answer is left to be sent twice (thesis, sections 11.3 and 12.2). It holds the messages for which a reply is defined, or
+/// filler.
+///
+/// **Corrupt bytes** cost the message that they touch and are reported as an event; the bytes always advance. All bytes of an
+/// input are taken. **Events** that nobody polls: see [`PcEvent`].
+///
+/// **Orders** may have a number that was used before, also at once (over UDP not: give every order a new number there). An order
+/// that the robot is in when it connects is not ours unless we have sent its start, whatever its number is.
+#[derive(Debug)]
+pub struct Pc<S> {
+    config: PcConfig,
+    machine: Machine,
+    decoder: Decoder,
+    source: Option<S>,
+    /// The commands that have no outcome yet, oldest first.
+    commands: [(u8, i32); Commands::MAX as usize],
+    events: Events,
+    statistics: PcStatistics,
+}
+
+impl<S: JobSource> Pc<S> {
+    /// A session without an order that listens.
+    ///
+    /// # Errors
+    /// When the configuration cannot work.
+    pub fn new(config: PcConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self {
+            config,
+            machine: Machine::new(),
+            decoder: Decoder::new(config.dialect.charset()),
+            source: None,
+            commands: [(0, 0); Commands::MAX as usize],
+            events: Events::new(),
+            statistics: PcStatistics::default(),
+        })
+    }
+
+    /// Begins an order. The robot receives it in its next cycle, also when it is not connected yet.
+    ///
+    /// # Errors
+    /// When there is an order already, `order` is 0, or too many events wait.
+    pub fn start(&mut self, order: u16, source: S) -> Result<(), SessionError> {
+        if order == 0 {
+            return Err(SessionError::OrderZero);
+        }
+        if !self.events.queue.has_room(Events::OUTCOMES) {
+            return Err(SessionError::TooManyEvents);
+        }
+        let active = self.machine.order.number();
+        self.request(Input::Start { order }).map_err(|_| SessionError::OrderActive { active })?;
+        self.source = Some(source);
+        self.events.order_begins();
+        Ok(())
+    }
+
+    /// Ends the order when the jobs that the robot has queued are executed.
+    ///
+    /// # Errors
+    /// When no order is active.
+    pub fn end(&mut self) -> Result<(), SessionError> {
+        self.request(Input::End).map_err(|_| SessionError::NoOrder)
+    }
+
+    /// Ends the order when the job that is being executed is done. It cannot go on after that (thesis, section 11.1).
+    ///
+    /// # Errors
+    /// When there is no order.
+    pub fn interrupt(&mut self) -> Result<(), SessionError> {
+        self.request(Input::Interrupt).map_err(|_| SessionError::NoOrder)
+    }
+
+    /// Sends a command past the queue with the next answer, once: no reply is defined for it. What became of it is
+    /// [`PcEvent::Command`].
+    ///
+    /// # Errors
+    /// When the dialect has no such command, or too many wait.
+    pub fn command(&mut self, id: u8, value: i32) -> Result<(), SessionError> {
+        if self.config.dialect.entry(Role::Command(id)).role != Role::Command(id) {
+            return Err(SessionError::UnknownCommand { id });
+        }
+        let Commands { in_flight, waiting } = self.machine.commands;
+        let place = usize::from(in_flight + waiting);
+        let too_many = SessionError::TooManyCommands { waiting: place };
+        if !self.events.queue.has_room(Events::OUTCOMES) {
+            return Err(too_many);
+        }
+        self.request(Input::Command).map_err(|_| too_many)?;
+        if let Some(command) = self.commands.get_mut(place) {
+            *command = (id, value);
+        }
+        Ok(())
+    }
+
+    /// Whether a job of the order, or of the last one, counted from 0, is known to be executed.
+    pub fn is_executed(&self, index: u32) -> bool {
+        let count = &self.machine.count;
+        index < count.executed
+            || index < count.sent && count.ahead.contains(self.config.numbering().next(index))
+    }
+
+    /// Everything that decides what the session does next.
+    pub const fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// How far the order is.
+    pub const fn phase(&self) -> Phase {
+        self.machine.phase()
+    }
+
+    /// The order of ours; `None` when there is none.
+    pub fn order(&self) -> Option<u16> {
+        let number = self.machine.order.number();
+        (number != 0).then_some(number)
+    }
+
+    /// Up to which count the jobs of the order, or of the last one, are executed.
+    pub const fn executed(&self) -> u32 {
+        self.machine.count.executed
+    }
+
+    /// How many jobs of the order, or of the last one, the robot has queued, as far as it has reported.
+    pub const fn queued(&self) -> u32 {
+        self.machine.count.queued
+    }
+
+    /// How many jobs of the order, or of the last one, were ever sent.
+    pub const fn sent(&self) -> u32 {
+        self.machine.count.sent
+    }
+
+    /// A request of the caller.
+    fn request(&mut self, input: Input) -> Result<(), Unexpected> {
+        let order = self.machine.order.number();
+        let action = self.machine.on(Duration::ZERO, input, &self.config)?;
+        self.act(order, action);
+        Ok(())
+    }
+
+    fn input(&mut self, now: Duration, input: Input) {
+        let order = self.machine.order.number();
+        match self.machine.on(now, input, &self.config) {
+            Ok(action) => self.act(order, action),
+            Err(unexpected) => self.unexpected(unexpected),
+        }
+    }
+
+    #[cold]
+    fn unexpected(&mut self, unexpected: Unexpected) {
+        self.statistics.unexpected += 1;
+        self.events.unexpected(unexpected);
+    }
+
+    /// Does what the machine asks for; `order` is the one that was active before.
+    fn act(&mut self, order: u16, action: Action) {
+        match action {
+            // What is rejected is reported where the message is known.
+            Action::Nothing | Action::Rejected(_) => {}
+            Action::Disconnect => self.events.disconnect = true,
+            Action::Started => self.events.notice(PcEvent::OrderStarted { order }),
+            Action::Refused { active } => {
+                self.events.notice(PcEvent::OrderRefused { order, active, given_up: false });
+            }
+            Action::Paused => {
+                self.events.notice(PcEvent::Paused { queued: self.machine.count.queued });
+            }
+            Action::ExecutedAhead { index } => self.events.notice(PcEvent::ExecutedAhead { index }),
+            Action::Commands { count, outcome } => {
+                commands_end(&mut self.commands, &mut self.events, count, outcome);
+            }
+            Action::Outcome(outcome) => {
+                self.source = None;
+                self.events.outcome(match outcome {
+                    Outcome::Over { executed, complete } => PcEvent::OrderOver { order, executed, complete },
+                    Outcome::Unknown { executed, sent } => PcEvent::OutcomeUnknown { order, executed, sent },
+                    Outcome::GivenUp { active } => PcEvent::OrderRefused { order, active, given_up: true },
+                });
+            }
+        }
+    }
+}
+
+impl<S> Pc<S> {
+    /// What the machine is to do with a message; why it is not used is for the event.
+    fn on_message(
+        config: &PcConfig,
+        machine: &mut Machine,
+        events: &mut Events,
+        commands: &mut [(u8, i32)],
+        now: Duration,
+        message: &Message<'_>,
+    ) -> Result<Action, Unexpected> {
+        if let Action::Commands { count, outcome } = machine.on(now, Input::Received, config)? {
+            commands_end(commands, events, count, outcome);
+        }
+        let (role, params) = match config.dialect.read(message) {
+            Ok(read) => read,
+            Err(error) => {
+                events.notice(PcEvent::Rejected(error));
+                return machine.on(now, Input::Message(FromRobot::Unusable), config);
+            }
+        };
+        let action = machine.on(now, Input::Message(FromRobot::read(role, &params)), config)?;
+        if role == Role::Status {
+            let (queued, executed) = (params.number(Field::Queued), params.number(Field::Executed));
+            let order = params.number(Field::Order).unwrap_or(0);
+            events.peer_status(order, phase(&params), queued, executed);
+        }
+        if let Action::Rejected(why) = action {
+            events.notice(PcEvent::Rejected(rejected(config, machine, why, role, &params)));
+        }
+        Ok(action)
+    }
+}
+
+/// The first commands have an outcome.
+fn commands_end(commands: &mut [(u8, i32)], events: &mut Events, count: u8, outcome: CommandOutcome) {
+    let count = usize::from(count);
+    for (id, value) in commands.iter().take(count).copied() {
+        events.outcome(PcEvent::Command { id, value, outcome });
+    }
+    commands.rotate_left(count);
+}
+
+#[cold]
+fn rejected(
+    config: &PcConfig,
+    machine: &Machine,
+    why: Rejection,
+    role: Role,
+    params: &Params,
+) -> MessageError {
+    match why {
+        Rejection::WrongOrder => MessageError::WrongOrder {
+            active: machine.order.number(),
+            found: params.number(Field::Order).unwrap_or(0),
+        },
+        Rejection::OutOfOrder => {
+            let field = if role == Role::JobAck || role == Role::JobRequest {
+                Field::Number
+            } else {
+                Field::Executed
+            };
+            let known = if role == Role::JobRequest { machine.count.sent } else { machine.count.executed };
+            let found = params.number(field).unwrap_or(0);
+            MessageError::OutOfOrder { expected: config.numbering().next(known), found }
+        }
+        Rejection::NotExpected => MessageError::NotExpected { role },
+    }
+}
+
+impl<S: JobSource> Session for Pc<S> {
+    type Event = PcEvent;
+    type Statistics = PcStatistics;
+
+    const MAX_TRANSMIT: usize = Message::MAX_LEN;
+
+    fn handle_connected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.events.connection_changed();
+        self.input(now, Input::Connected);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        self.events.connection_changed();
+        self.input(now, Input::Disconnected);
+    }
+
+    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
+        if !self.machine.is_connected() {
+            self.statistics.unexpected += 1;
+            self.events.stray = true;
+            return;
+        }
+        loop {
+            let taken = self.decoder.push(bytes);
+            bytes = bytes.get(taken..).unwrap_or_default();
+            if bytes.is_empty() && self.config.datagrams {
+                self.decoder.finish();
+            }
+            loop {
+                let order = self.machine.order.number();
+                let action = match self.decoder.next_frame() {
+                    None => break,
+                    Some(Ok(message)) => {
+                        let (machine, events) = (&mut self.machine, &mut self.events);
+                        Self::on_message(&self.config, machine, events, &mut self.commands, now, &message)
+                    }
+                    Some(Err(error)) => {
+                        self.statistics.corrupt += 1;
+                        self.events.notice(PcEvent::Corrupt(error));
+                        self.machine.on(now, Input::Corrupt, &self.config)
+                    }
+                };
+                match action {
+                    Ok(action) => self.act(order, action),
+                    Err(unexpected) => self.unexpected(unexpected),
+                }
+            }
+            if bytes.is_empty() {
+                break;
+            }
+        }
+        let whole = !self.decoder.is_inside_message();
+        self.input(now, Input::ReadEnd { whole });
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        // The answer to a start and the silence of the robot may be due at once.
+        self.input(now, Input::Timeout);
+        self.input(now, Input::Timeout);
+    }
+
+    fn poll_event(&mut self) -> Option<PcEvent> {
+        self.events.pop(self.machine.count.executed, self.machine.count.queued)
+    }
+
+    /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        let out = out.get_mut(..self.config.limits.packet)?;
+        let mut packet = Packet::new(out, self.config.limits, self.config.dialect.charset());
+        let Commands { in_flight, waiting } = self.machine.commands;
+        let (first, last) = (usize::from(in_flight), usize::from(in_flight + waiting));
+        let mut answer = PacketAnswer {
+            packet: &mut packet,
+            dialect: &self.config.dialect,
+            source: &mut self.source,
+            commands: self.commands.get(first..last).unwrap_or_default(),
+        };
+        let sent = self.machine.transmit(now, &self.config, &mut answer);
+        self.statistics.packets += u64::from(sent);
+        sent.then(|| packet.as_bytes().len())
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.machine.deadline()
+    }
+
+    fn statistics(&self) -> PcStatistics {
+        PcStatistics { dropped_notices: self.events.queue.dropped_notices(), ..self.statistics }
+    }
+}

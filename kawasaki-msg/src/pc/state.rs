@@ -1,0 +1,338 @@
+//! The state of a PC: everything that decides what it does next.
+
+use core::time::Duration;
+
+use crate::content::FromRobot;
+use crate::numbering::{ALL_NUMBERS, NumberSet};
+
+/// A PC's machine. [`on`](Self::on) and [`transmit`](Self::transmit) change it; bytes, the lines of the jobs, the values of commands,
+/// events and statistics are the session's.
+///
+/// `WORDS` is how many job numbers it can tell apart, by 64: all of them, or fewer for a model.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Machine<const WORDS: usize = ALL_NUMBERS> {
+    /// The connection.
+    pub link: Link,
+    /// The order; it outlives the connection.
+    pub order: Order,
+    /// How far the order, or the last one, is.
+    pub count: Count<WORDS>,
+    /// The commands that have no outcome yet.
+    pub commands: Commands,
+}
+
+/// The connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Link {
+    /// There is none.
+    Listening,
+    /// Bytes can flow.
+    Connected {
+        /// The robot is given up if no message has come by then.
+        silent_at: Duration,
+        /// What the robot waits for.
+        reply: Reply,
+        /// The order that the robot is in.
+        robot: Known,
+    },
+}
+
+/// Nothing is sent that the robot does not wait for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Reply {
+    /// Nothing.
+    Nothing,
+    /// A message has come, and half of another is there.
+    Receiving {
+        /// What the answer has to hold.
+        contents: Contents,
+    },
+    /// The answer is sent at this time.
+    Due {
+        /// When.
+        at: Duration,
+        /// What it has to hold.
+        contents: Contents,
+    },
+}
+
+/// What an answer has to hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Contents {
+    /// The status.
+    pub status: bool,
+    /// The jobs from this count on.
+    pub jobs_from: Option<u32>,
+}
+
+/// The order that the robot is in, as it has reported on this connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Known {
+    /// Nothing was reported.
+    Nothing,
+    /// It was.
+    In {
+        /// The order; 0 for none.
+        order: u16,
+    },
+}
+
+/// The order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Order {
+    /// There is none.
+    Idle,
+    /// The robot is to take it.
+    Starting {
+        /// Its number, from 1.
+        number: u16,
+        /// How far the start is.
+        start: Start,
+        /// How often the robot has refused it without being in another order.
+        refusals: u16,
+        /// The caller has interrupted it; what became of the start that was sent is still waited for.
+        cancelled: bool,
+    },
+    /// The robot is in it.
+    Running {
+        /// Its number.
+        number: u16,
+        /// How far it is.
+        stage: Stage,
+        /// Over datagrams, when the robot is taken to have left the order: its reports of another one may be late.
+        /// [`Duration::MAX`] without such a report.
+        left_at: Duration,
+    },
+}
+
+/// How far a start is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Start {
+    /// It has to be sent.
+    Unsent,
+    /// The connection on which it was sent is lost: the robot's status shows what became of it.
+    Lost,
+    /// It was sent on this connection.
+    Sent {
+        /// It is answered by then, or the connection is given up. Over datagrams it is sent again, and once it is
+        /// cancelled, it cannot arrive any more by then.
+        answer_by: Duration,
+    },
+    /// Another order, or an old one of the same number, has to end first.
+    Foreign {
+        /// Its number.
+        order: u16,
+    },
+}
+
+/// How far an order is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// Jobs are sent.
+    Active,
+    /// No job follows.
+    Ending,
+    /// The robot is to end it after the job that is being executed.
+    Interrupted,
+}
+
+/// Counts of jobs: `executed <= queued <= sent`.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Count<const WORDS: usize = ALL_NUMBERS> {
+    /// Up to which count all are executed.
+    pub executed: u32,
+    /// How many the robot has queued, as far as it has reported.
+    pub queued: u32,
+    /// How many were ever sent.
+    pub sent: u32,
+    /// How many there are, once the source has shown it.
+    pub total: Option<u32>,
+    /// Executed ahead of those before them.
+    pub ahead: NumberSet<WORDS>,
+    /// Corrupt bytes came: an acknowledgement may be lost.
+    pub is_unsure: bool,
+}
+
+/// The commands that have no outcome yet, oldest first: those in flight, then those that wait.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Commands {
+    /// Sent since the robot's last packet.
+    pub in_flight: u8,
+    /// Not sent.
+    pub waiting: u8,
+}
+
+impl Commands {
+    /// How many there can be.
+    pub const MAX: u8 = 4;
+}
+
+/// What the session has understood, and what its caller requests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Input {
+    /// A connection was accepted.
+    Connected,
+    /// It is closed.
+    Disconnected,
+    /// Time has passed.
+    Timeout,
+    /// A message has come: what it is follows.
+    Received,
+    /// What it is.
+    Message(FromRobot),
+    /// Bytes that are no message.
+    Corrupt,
+    /// All that was read is understood.
+    ReadEnd {
+        /// No half message is held.
+        whole: bool,
+    },
+    /// The caller begins an order.
+    Start {
+        /// Its number.
+        order: u16,
+    },
+    /// The caller ends it after what is queued.
+    End,
+    /// The caller ends it after the job that is being executed.
+    Interrupt,
+    /// The caller sends a command.
+    Command,
+}
+
+/// What the session is to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Action {
+    /// Nothing.
+    Nothing,
+    /// Close the connection.
+    Disconnect,
+    /// The message is not used.
+    Rejected(Rejection),
+    /// The robot has taken the order.
+    Started,
+    /// It has not, because of this order, or of none: 0. It is tried again.
+    Refused {
+        /// The order.
+        active: u16,
+    },
+    /// The robot takes no jobs for now.
+    Paused,
+    /// A job was executed ahead of others.
+    ExecutedAhead {
+        /// Which, counted from 0.
+        index: u32,
+    },
+    /// The commands in flight, so many, are known to be transmitted, or it is unknown.
+    Commands {
+        /// How many, oldest first.
+        count: u8,
+        /// What became of them.
+        outcome: CommandOutcome,
+    },
+    /// The order has ended.
+    Outcome(Outcome),
+}
+
+/// What became of a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+pub enum CommandOutcome {
+    /// It was sent, and the robot has sent a packet since. No reply is defined for a command: whether it was obeyed nobody reports.
+    Transmitted,
+    /// It was sent, and the connection has ended before the robot's next packet.
+    Unknown,
+}
+
+/// How an order has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Outcome {
+    /// The jobs before `executed` and those ahead are executed, no others will be.
+    Over {
+        /// The count.
+        executed: u32,
+        /// They are all jobs of the order.
+        complete: bool,
+    },
+    /// The jobs before `executed` and those ahead are executed, of the others up to `sent` nobody knows.
+    Unknown {
+        /// The count.
+        executed: u32,
+        /// The count.
+        sent: u32,
+    },
+    /// The robot has not taken the order, and it is not tried again.
+    GivenUp {
+        /// The order that the robot is in; 0 for none.
+        active: u16,
+    },
+}
+
+/// Why a message is not used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Rejection {
+    /// It is of another order.
+    WrongOrder,
+    /// No job that this could mean was sent.
+    OutOfOrder,
+    /// It is not expected at this end.
+    NotExpected,
+}
+
+/// What became of a job that was to be put into an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JobSent {
+    /// It is in the answer.
+    Sent,
+    /// It has no room there.
+    NoRoom,
+    /// It is not worked out yet.
+    Later,
+    /// There is no such job: the order ends before it.
+    End,
+}
+
+impl Order {
+    /// Its number; 0 for none.
+    pub const fn number(&self) -> u16 {
+        match self {
+            Order::Idle => 0,
+            Order::Starting { number, .. } | Order::Running { number, .. } => *number,
+        }
+    }
+}
+
+impl<const WORDS: usize> Default for Count<WORDS> {
+    fn default() -> Self {
+        Self { executed: 0, queued: 0, sent: 0, total: None, ahead: NumberSet::new(), is_unsure: false }
+    }
+}
+
+impl Input {
+    /// Its name.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Input::Connected => "connected",
+            Input::Disconnected => "disconnected",
+            Input::Timeout => "timeout",
+            Input::Received => "message received",
+            Input::Message(message) => match message {
+                FromRobot::JobAck { .. } => "job acknowledged",
+                FromRobot::OrderAck { .. } => "start answered",
+                FromRobot::EndAck { .. } => "end acknowledged",
+                FromRobot::Status(_) => "status",
+                FromRobot::Pause { .. } => "pause",
+                FromRobot::Request { .. } => "request",
+                FromRobot::Filler => "filler",
+                FromRobot::WrongSide => "message of the PC's",
+                FromRobot::Unusable => "unusable message",
+            },
+            Input::Corrupt => "corrupt bytes",
+            Input::ReadEnd { .. } => "end of what was read",
+            Input::Start { .. } => "start",
+            Input::End => "end",
+            Input::Interrupt => "interrupt",
+            Input::Command => "command",
+        }
+    }
+}

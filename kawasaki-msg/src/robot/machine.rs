@@ -1,0 +1,408 @@
+//! What a robot does: `on` for what has happened, with everything but jobs and orders in this file.
+
+use core::time::Duration;
+
+use robot_session::Unexpected;
+
+use super::config::{Acks, RobotConfig, RobotRule};
+use super::state::{
+    AckState, Action, Cycle, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
+    Rejection, Replies, Stage, Starts,
+};
+use crate::content::FromPc;
+use crate::phase::Phase;
+use crate::timing;
+
+impl<const WORDS: usize> Machine<WORDS> {
+    /// A robot that wants to connect at once.
+    pub fn new(config: &RobotConfig) -> Self {
+        let starts = if config.datagrams {
+            Starts::New { ignored_until: Duration::MAX, ended: [0; 16] }
+        } else {
+            Starts::Any
+        };
+        Self {
+            link: Link::Disconnected { connect_at: Duration::ZERO },
+            order: Order::Idle,
+            queued: 0,
+            executed: 0,
+            acks: AckState::new(config.acks == Acks::Individual),
+            ended: None,
+            replies: Replies::default(),
+            starts,
+        }
+    }
+
+    /// What happens, and what is to be done about it.
+    ///
+    /// # Errors
+    /// When the input is none that the state allows; nothing has changed then.
+    pub fn on(&mut self, now: Duration, input: Input, config: &RobotConfig) -> Result<Action, Unexpected> {
+        let unexpected = Unexpected { state: self.name(), input: input.name() };
+        match input {
+            Input::Connected => self.on_connected(now, config),
+            Input::Disconnected => return Ok(self.on_disconnected(now, config)),
+            Input::Timeout => return Ok(self.on_timeout(now, config)),
+            Input::Message { message, room } => {
+                return self.on_message(now, message, room, config).ok_or(unexpected);
+            }
+            Input::Corrupt => return self.on_corrupt(config).ok_or(unexpected),
+            Input::Queued { count } => return self.on_queued(count).ok_or(unexpected),
+            Input::ReadEnd => self.on_read_end(now),
+            Input::Executed { number } => return self.on_executed(number, config).ok_or(unexpected),
+            Input::Settled => return Ok(self.on_settled(now, config)),
+            Input::Drained => return Ok(self.on_drained()),
+            Input::ClearQueue => return self.clear_queue().ok_or(unexpected),
+            Input::ResetOrder => return self.interrupt().ok_or(unexpected),
+        }
+        Ok(Action::Nothing)
+    }
+
+    /// When [`Input::Timeout`], [`Input::Settled`] or a packet is due.
+    pub fn deadline(&self) -> Option<Duration> {
+        let mut order = Duration::MAX;
+        match self.order {
+            Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } if self.is_connected() => {
+                if let Flow::Held { until } = flow {
+                    order = until;
+                }
+                if let Recovery::Waiting { until, .. } = recovery {
+                    order = order.min(until);
+                }
+            }
+            Order::Active {
+                stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
+                ..
+            } => order = reported_at,
+            Order::Active { .. } | Order::Idle => {}
+        }
+        let link = match self.link {
+            Link::Disconnected { connect_at } => connect_at,
+            Link::Connecting => Duration::MAX,
+            Link::Connected { cycle: Cycle::Ready { at }, .. } => at,
+            Link::Connected { cycle: Cycle::Waiting { overdue_at, .. }, .. } => overdue_at,
+        };
+        Some(link.min(order)).filter(|at| *at != Duration::MAX)
+    }
+
+    /// Visits every time in the state.
+    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+        match &mut self.link {
+            Link::Disconnected { connect_at } => f(connect_at),
+            Link::Connecting => {}
+            Link::Connected { cycle, status_at, .. } => {
+                f(status_at);
+                match cycle {
+                    Cycle::Ready { at } => f(at),
+                    Cycle::Waiting { not_before, overdue_at, .. } => {
+                        f(not_before);
+                        f(overdue_at);
+                    }
+                }
+            }
+        }
+        match &mut self.order {
+            Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } => {
+                if let Flow::Held { until } = flow {
+                    f(until);
+                }
+                if let Recovery::Waiting { until, .. } = recovery {
+                    f(until);
+                }
+            }
+            Order::Active {
+                stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
+                ..
+            } => f(reported_at),
+            Order::Active { .. } | Order::Idle => {}
+        }
+        if let Starts::New { ignored_until, .. } = &mut self.starts {
+            f(ignored_until);
+        }
+    }
+
+    /// The state's name: that of the order, or of the connection where there is no order.
+    pub const fn name(&self) -> &'static str {
+        match (&self.order, &self.link) {
+            (Order::Active { stage: Stage::Intake { gap: Gap::Closed, .. }, .. }, _) => "active",
+            (Order::Active { stage: Stage::Intake { .. }, .. }, _) => "active, jobs missing",
+            (Order::Active { stage: Stage::Clearing { .. }, .. }, _) => "clearing",
+            (Order::Active { stage: Stage::Ending, .. }, _) => "ending",
+            (Order::Active { stage: Stage::Interrupted { .. }, .. }, _) => "interrupted",
+            (Order::Active { stage: Stage::Alarm, .. }, _) => "alarm",
+            (Order::Idle, Link::Disconnected { .. }) => "disconnected",
+            (Order::Idle, Link::Connecting) => "connecting",
+            (Order::Idle, Link::Connected { .. }) => "idle",
+        }
+    }
+
+    /// How far the order is, as the status reports it.
+    pub const fn phase(&self) -> Phase {
+        match self.order {
+            Order::Idle => Phase::Idle,
+            Order::Active { stage, .. } => match stage {
+                Stage::Intake { .. } | Stage::Clearing { .. } => Phase::Active,
+                Stage::Ending => Phase::Ending,
+                Stage::Interrupted { .. } => Phase::Interrupted,
+                Stage::Alarm => Phase::Alarm,
+            },
+        }
+    }
+
+    /// There is a connection.
+    pub const fn is_connected(&self) -> bool {
+        matches!(self.link, Link::Connected { .. })
+    }
+
+    /// A packet was sent, and its answer has not come.
+    pub const fn is_waiting(&self) -> bool {
+        matches!(self.link, Link::Connected { cycle: Cycle::Waiting { .. }, .. })
+    }
+
+    fn on_connected(&mut self, now: Duration, config: &RobotConfig) {
+        self.link = Link::Connected {
+            cycle: Cycle::Ready { at: now },
+            silent: 0,
+            synced: false,
+            status_at: now.saturating_add(config.status_period),
+        };
+        if let Starts::New { ignored_until, .. } = &mut self.starts
+            && *ignored_until == Duration::MAX
+        {
+            let wait = config.keeps(RobotRule::IgnoreStarts);
+            *ignored_until = now.saturating_add(if wait { timing::LATEST_DATAGRAM } else { Duration::ZERO });
+        }
+        // The status reports it all; a start whose answer was lost is repeated.
+        (self.replies.status, self.replies.start) = (true, None);
+        self.acks.repeat(self.executed);
+        if let Order::Active { stage: Stage::Intake { gap, .. }, .. } = &mut self.order
+            && config.keeps(RobotRule::GapAtConnection)
+        {
+            *gap = Gap::Rest;
+        }
+    }
+
+    fn on_disconnected(&mut self, now: Duration, config: &RobotConfig) -> Action {
+        let connected = match self.link {
+            // It is closed already.
+            Link::Disconnected { .. } => return Action::Nothing,
+            Link::Connecting => false,
+            Link::Connected { .. } => true,
+        };
+        self.link = Link::Disconnected { connect_at: now.saturating_add(config.reconnect_delay) };
+        let is_step = config.keeps(RobotRule::ClosingIsStep) && connected && self.executed == self.queued;
+        let Order::Active { stage: Stage::Intake { recovery, .. }, .. } = &mut self.order else {
+            return Action::Nothing;
+        };
+        *recovery = Recovery::Resting { failures: recovery.failures() };
+        if is_step { self.step(now, config) } else { Action::Nothing }
+    }
+
+    /// One thing that is due: the others are with the next call. A step of recovery comes first: the next cycle would begin its time
+    /// anew.
+    fn on_timeout(&mut self, now: Duration, config: &RobotConfig) -> Action {
+        if let Link::Disconnected { connect_at } = self.link
+            && now >= connect_at
+        {
+            self.link = Link::Connecting;
+            return Action::Connect;
+        }
+        let Link::Connected { cycle, silent, .. } = &mut self.link else { return Action::Nothing };
+        if let Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } = &mut self.order {
+            if matches!(flow, Flow::Held { until } if now >= *until) {
+                *flow = Flow::Asking;
+            }
+            if let Recovery::Waiting { failures, until } = *recovery
+                && now >= until
+            {
+                *recovery = Recovery::Resting { failures };
+                return self.step(now, config);
+            }
+        }
+        if let Cycle::Waiting { overdue_at, .. } = *cycle
+            && now >= overdue_at
+        {
+            *cycle = Cycle::Ready { at: now };
+            let limit = config.silent_cycles;
+            *silent = silent.saturating_add(1).min(limit);
+            let is_lost = limit != 0 && *silent == limit;
+            return if is_lost { Action::Disconnect } else { Action::NoReply };
+        }
+        Action::Nothing
+    }
+
+    /// A step of recovery (thesis, section 6.3).
+    fn step(&mut self, now: Duration, config: &RobotConfig) -> Action {
+        let Order::Active { stage, .. } = &mut self.order else { return Action::Nothing };
+        let Stage::Intake { flow, recovery, .. } = stage else { return Action::Nothing };
+        let failures = recovery.failures().saturating_add(1);
+        *recovery = Recovery::Resting { failures };
+        let step = config.step(failures);
+        match step {
+            RecoveryStep::Resend => {}
+            RecoveryStep::Pause => {
+                *flow = Flow::Held { until: now.saturating_add(config.pause) };
+                self.replies.pause = true;
+            }
+            RecoveryStep::Clear => *stage = Stage::Clearing { failures, reported_at: Duration::MAX },
+            RecoveryStep::Alarm => {
+                *stage = Stage::Alarm;
+                self.replies.status = true;
+            }
+        }
+        Action::Step(step)
+    }
+
+    fn on_message(
+        &mut self,
+        now: Duration,
+        message: FromPc,
+        room: bool,
+        config: &RobotConfig,
+    ) -> Option<Action> {
+        self.answered()?;
+        Some(match message {
+            FromPc::Status { order } => self.on_status(order, config),
+            FromPc::Filler => Action::Nothing,
+            FromPc::WrongSide => Action::Rejected(Rejection::NotExpected),
+            FromPc::Unusable => self.failed(Rejection::Bad, config),
+            FromPc::Job { order, number, good } => self.on_job((order, number), good, room, config),
+            FromPc::Start { order, first } => self.on_start(now, (order, first), room, config),
+            FromPc::End { order } => self.on_end(order, config),
+            FromPc::Interrupt { order } => self.on_interrupt(order),
+        })
+    }
+
+    fn on_corrupt(&mut self, config: &RobotConfig) -> Option<Action> {
+        if !self.is_connected() {
+            return None;
+        }
+        if config.keeps(RobotRule::DestroyRest) {
+            self.answered()?;
+            // The session reports the bytes themselves.
+            self.failed(Rejection::Bad, config);
+        }
+        Some(Action::Nothing)
+    }
+
+    /// Something has come; `None` without a connection.
+    pub(super) fn answered(&mut self) -> Option<()> {
+        let Link::Connected { cycle, .. } = &mut self.link else { return None };
+        if let Cycle::Waiting { answered, .. } = cycle {
+            *answered = true;
+        }
+        Some(())
+    }
+
+    /// An answer is whole when a message has come and none is left half read.
+    fn on_read_end(&mut self, now: Duration) {
+        if let Link::Connected { cycle, silent, synced, .. } = &mut self.link
+            && let Cycle::Waiting { not_before, answered: true, .. } = *cycle
+        {
+            *cycle = Cycle::Ready { at: now.max(not_before) };
+            (*silent, *synced) = (0, true);
+        }
+    }
+
+    fn on_drained(&mut self) -> Action {
+        if let Order::Active { stage: Stage::Intake { flow: flow @ Flow::Full, .. }, .. } = &mut self.order {
+            *flow = Flow::Asking;
+            return Action::Drained;
+        }
+        Action::Nothing
+    }
+
+    fn on_executed(&mut self, number: u16, config: &RobotConfig) -> Option<Action> {
+        let numbering = config.numbering();
+        let Order::Active { stage, .. } = &mut self.order else { return None };
+        let ahead = numbering.ahead(self.executed, number);
+        if !numbering.contains(number) || !(1..=self.queued - self.executed).contains(&ahead) {
+            return None;
+        }
+        match &mut self.acks {
+            AckState::Cumulative { .. } if ahead == 1 => self.executed += 1,
+            AckState::Cumulative { .. } => return None,
+            AckState::Individual { ahead, unacked } => {
+                if !ahead.insert(number) {
+                    return None;
+                }
+                unacked.insert(number);
+                while ahead.remove(numbering.next(self.executed)) {
+                    self.executed += 1;
+                }
+                // Also past what was queued again after the list was cleared.
+                self.queued = self.queued.max(self.executed);
+            }
+        }
+        match stage {
+            Stage::Intake { recovery, .. } => *recovery = Recovery::Resting { failures: 0 },
+            Stage::Clearing { failures, .. } => *failures = 0,
+            Stage::Ending | Stage::Interrupted { .. } | Stage::Alarm => {}
+        }
+        Some(Action::Nothing)
+    }
+
+    /// The motion task reports a job before it completes it, and its reports are handed over before every look at the queue: a
+    /// settled queue and a later look at it are the whole truth.
+    fn on_settled(&mut self, now: Duration, config: &RobotConfig) -> Action {
+        let Order::Active { number, stage } = &mut self.order else { return Action::Nothing };
+        let number = *number;
+        if let Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at } = stage
+            && config.keeps(RobotRule::SettledTwice)
+        {
+            *reported_at = (*reported_at).min(now.saturating_add(timing::CPU_CYCLE));
+            if now < *reported_at {
+                return Action::Nothing;
+            }
+        }
+        match *stage {
+            Stage::Clearing { failures, .. } => {
+                self.queued = self.executed;
+                let recovery = Recovery::Resting { failures };
+                *stage = Stage::Intake { flow: Flow::Asking, gap: Gap::Rest, recovery };
+                Action::Cleared
+            }
+            Stage::Interrupted { .. } => self.over(number, config),
+            Stage::Ending if self.executed == self.queued => self.over(number, config),
+            Stage::Ending | Stage::Intake { .. } | Stage::Alarm => Action::Nothing,
+        }
+    }
+
+    fn over(&mut self, order: u16, config: &RobotConfig) -> Action {
+        self.order = Order::Idle;
+        self.queued = self.executed;
+        if let AckState::Cumulative { acked } = &mut self.acks {
+            // The end reports it.
+            *acked = self.executed;
+        }
+        if let Starts::New { ended, .. } = &mut self.starts {
+            ended.rotate_right(1);
+            ended[0] = order;
+        }
+        self.ended = Some(Ended { order, executed: config.numbering().number(self.executed) });
+        (self.replies.status, self.replies.end, self.replies.pause) = (true, true, false);
+        Action::Over
+    }
+
+    fn clear_queue(&mut self) -> Option<Action> {
+        match &mut self.order {
+            Order::Active { stage: stage @ (Stage::Intake { .. } | Stage::Alarm), .. } => {
+                self.replies.status |= *stage == Stage::Alarm;
+                *stage = Stage::Clearing { failures: 0, reported_at: Duration::MAX };
+                Some(Action::Clear)
+            }
+            Order::Active { .. } | Order::Idle => None,
+        }
+    }
+
+    pub(super) fn interrupt(&mut self) -> Option<Action> {
+        match &mut self.order {
+            Order::Active { stage: Stage::Interrupted { .. }, .. } | Order::Idle => None,
+            Order::Active { stage, .. } => {
+                *stage = Stage::Interrupted { reported_at: Duration::MAX };
+                self.replies.status = true;
+                Some(Action::Interrupt)
+            }
+        }
+    }
+}

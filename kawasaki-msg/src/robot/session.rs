@@ -1,0 +1,486 @@
+use core::time::Duration;
+
+use robot_session::{Decoder as _, Session, Unexpected};
+use robot_work_queue::Writer;
+
+use super::config::RobotConfig;
+use super::event::{Events, RobotEvent};
+use super::state::{Action, Input, Machine, RecoveryStep, Rejection};
+use crate::content::{FromPc, phase};
+use crate::decoder::Decoder;
+use crate::dialect::Params;
+use crate::error::{ConfigError, MessageError, SessionError};
+use crate::job::Job;
+use crate::message::Message;
+use crate::packet::{Packet, Room};
+use crate::phase::Phase;
+use crate::plain::{Next, PlainJobs};
+use crate::role::{Field, Role};
+use crate::statistics::RobotStatistics;
+
+/// The session of a robot: it opens the connection, speaks first in every cycle, and queues the jobs that the PC sends.
+///
+/// Drive it as [`Session`] describes, each packet in one write, and before every [`handle_timeout`](Session::handle_timeout) hand
+/// over every report of the motion task with [`job_done`](Self::job_done). Call `handle_timeout` in every pass: a settled queue
+/// has no other way to be seen. On [`RobotEvent::Connect`] open a connection and call
+/// [`handle_connected`](Session::handle_connected), or [`handle_disconnected`](Session::handle_disconnected) if it fails.
+///
+/// One cycle is: send at least one message, filler if there is none; wait for the answer, but not longer than
+/// [`RobotConfig::reply_timeout`]; start again.
+///
+/// **The motion task** takes a job from the queue's [`Reader`](robot_work_queue::Reader), executes it, *reports its number*, and
+/// only then completes it. Reported before it is completed, a job that was executed when an order is interrupted or the queue
+/// is cleared is never asked for again. It keeps taking while it is idle: that is when a cleared queue is swept.
+///
+/// **Corrupt bytes** and jobs that cannot be used are reported as events, and cost what follows them in the packet: it is destroyed
+/// (thesis, sections 7.2 and 12), and asked for again. The bytes always advance. All bytes of an input are taken. **Events** that
+/// nobody polls: see [`RobotEvent`]; while there is no room for outcomes, no order begins.
+///
+/// **No progress**: while nothing is left to execute and the next job does not come, a step of recovery is taken after each
+/// [`RobotConfig::patience`], up to the alarm, which comes within [`RobotConfig::alarm_bound`]. A job that takes long is progress.
+///
+/// An order outlives its connection. After a new one both ends report by status what is queued and executed, and the
+/// robot asks for the job after the last that it has queued.
+#[derive(Debug)]
+pub struct Robot<'q> {
+    config: RobotConfig,
+    machine: Machine,
+    decoder: Decoder,
+    writer: Writer<'q, Job>,
+    /// How the jobs of the order are read in one pass; `None` where they cannot be.
+    plain: Option<PlainJobs>,
+    events: Events,
+    statistics: RobotStatistics,
+}
+
+impl<'q> Robot<'q> {
+    /// A session that wants to connect at once. It queues its jobs through `writer`, whose highest job number is the one that
+    /// both ends have agreed on.
+    ///
+    /// # Errors
+    /// When the configuration cannot work.
+    pub fn new(config: RobotConfig, writer: Writer<'q, Job>) -> Result<Self, ConfigError> {
+        config.check()?;
+        if writer.max_number() != config.max_number {
+            return Err(ConfigError::QueueNumbers { queue: writer.max_number(), config: config.max_number });
+        }
+        Ok(Self {
+            config,
+            machine: Machine::new(&config),
+            decoder: Decoder::new(config.dialect.charset()),
+            writer,
+            plain: None,
+            events: Events::new(),
+            statistics: RobotStatistics::default(),
+        })
+    }
+
+    /// The motion task has executed a job. Hand over every report before the next
+    /// [`handle_timeout`](Session::handle_timeout).
+    ///
+    /// # Errors
+    /// When no job of this number is in the queue, or it was reported before.
+    pub fn job_done(&mut self, now: Duration, number: u16) -> Result<(), SessionError> {
+        self.request(now, Input::Executed { number }).map_err(|_| SessionError::NotQueued { number })?;
+        self.statistics.executed += 1;
+        self.statistics.work_cycle.end(now);
+        self.statistics.work_cycle.begin(now);
+        Ok(())
+    }
+
+    /// The first reset: clears the queue of all jobs but the one that is being executed; those not executed come again. Leads out
+    /// of an alarm.
+    ///
+    /// # Errors
+    /// When no order is active, or it is ending or being cleared; when too many events wait.
+    pub fn clear_queue(&mut self) -> Result<(), SessionError> {
+        if !self.events.queue.has_room(Events::OF_ORDER) {
+            return Err(SessionError::TooManyEvents);
+        }
+        self.request(Duration::ZERO, Input::ClearQueue).map_err(|_| SessionError::NoOrder)
+    }
+
+    /// The second reset: clears the queue and forgets the order, as an interruption by the PC does.
+    ///
+    /// # Errors
+    /// When no order is active, or it is interrupted already.
+    pub fn reset_order(&mut self) -> Result<(), SessionError> {
+        self.request(Duration::ZERO, Input::ResetOrder).map_err(|_| SessionError::NoOrder)
+    }
+
+    /// Keeps a time that the caller has measured: unpacking one packet and queueing its jobs.
+    pub fn record_unpack(&mut self, time: Duration) {
+        self.statistics.unpack.record(time);
+    }
+
+    /// Everything that decides what the session does next.
+    pub const fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// How far the order is.
+    pub const fn phase(&self) -> Phase {
+        self.machine.phase()
+    }
+
+    /// The active order; `None` when the robot is idle.
+    pub fn order(&self) -> Option<u16> {
+        let number = self.machine.order.number();
+        (number != 0).then_some(number)
+    }
+
+    /// How many jobs of the active order, or of the last one, were queued.
+    pub const fn queued(&self) -> u32 {
+        self.machine.queued
+    }
+
+    /// Up to which count the jobs of the active order, or of the last one, are executed.
+    pub const fn executed(&self) -> u32 {
+        self.machine.executed
+    }
+
+    /// Whether the motion task has dropped its end of the queue.
+    pub fn is_abandoned(&self) -> bool {
+        self.writer.is_abandoned()
+    }
+
+    /// A request of the caller.
+    fn request(&mut self, now: Duration, input: Input) -> Result<(), Unexpected> {
+        let order = self.machine.order.number();
+        let action = self.machine.on(now, input, &self.config)?;
+        self.act(order, action);
+        Ok(())
+    }
+
+    fn input(&mut self, now: Duration, input: Input) {
+        let order = self.machine.order.number();
+        match self.machine.on(now, input, &self.config) {
+            Ok(action) => self.act(order, action),
+            Err(unexpected) => self.unexpected(unexpected),
+        }
+    }
+
+    #[cold]
+    fn unexpected(&mut self, unexpected: Unexpected) {
+        self.statistics.unexpected += 1;
+        self.events.unexpected(unexpected);
+    }
+
+    /// Everything that the decoder has: plain jobs in one pass, the rest message by message.
+    fn read(&mut self, now: Duration) {
+        loop {
+            self.read_plain_jobs(now);
+            let order = self.machine.order.number();
+            let action = match self.decoder.next_frame() {
+                None => break,
+                Some(Ok(message)) => {
+                    let mut reading = Reading {
+                        config: &self.config,
+                        machine: &mut self.machine,
+                        writer: &mut self.writer,
+                        events: &mut self.events,
+                        statistics: &mut self.statistics,
+                    };
+                    reading.message(now, &message)
+                }
+                Some(Err(error)) => {
+                    self.statistics.corrupt += 1;
+                    self.events.notice(RobotEvent::Corrupt(error));
+                    self.machine.on(now, Input::Corrupt, &self.config)
+                }
+            };
+            match action {
+                Ok(action) => self.act(order, action),
+                Err(unexpected) => self.unexpected(unexpected),
+            }
+        }
+    }
+
+    /// Queues the plain jobs that come next, as far as there is room. The next message, whatever it is, is read the general way.
+    fn read_plain_jobs(&mut self, now: Duration) {
+        let Some((order, number)) = self.machine.fast_path(&self.config) else { return };
+        let Some(plain) = &self.plain else { return };
+        debug_assert_eq!(order, self.machine.order.number());
+        let mut next = Next::new(number, self.config.max_number);
+        let count = queue_plain_jobs(&mut self.decoder, &mut self.writer, plain, &mut next);
+        if count > 0 {
+            self.statistics.queued += u64::from(count);
+            self.input(now, Input::Queued { count });
+        }
+    }
+
+    /// Does what the machine asks for; `order` is the one that was active before.
+    fn act(&mut self, order: u16, action: Action) {
+        let next = self.config.numbering().next(self.machine.queued);
+        match action {
+            // What concerns a single message is done where the message is known.
+            Action::Nothing | Action::Queue | Action::Refused | Action::Rejected(_) | Action::Discarded => {}
+            Action::Connect => self.events.connect = true,
+            Action::Disconnect => {
+                self.statistics.unanswered += 1;
+                self.events.disconnect = true;
+                self.events.notice(RobotEvent::NoReply);
+            }
+            Action::NoReply => {
+                self.statistics.unanswered += 1;
+                self.events.notice(RobotEvent::NoReply);
+            }
+            Action::Clear => self.writer.clear(),
+            Action::Interrupt => {
+                self.writer.clear();
+                self.events.outcome(RobotEvent::OrderInterrupted { order });
+            }
+            Action::Started => {
+                let order = self.machine.order.number();
+                self.plain = PlainJobs::new(&self.config.dialect, &self.config.bounds, order);
+                self.statistics.work_cycle.cancel();
+                self.events.outcome(RobotEvent::OrderStarted { order });
+            }
+            Action::Ending => self.events.outcome(RobotEvent::OrderEnding { order }),
+            Action::Over => {
+                self.writer.reset();
+                self.plain = None;
+                let executed = self.machine.executed;
+                self.events.outcome(RobotEvent::OrderOver { order, executed });
+            }
+            Action::Cleared => self.events.notice(RobotEvent::QueueCleared { next }),
+            Action::Drained => self.events.notice(RobotEvent::QueueDrained { next }),
+            Action::Step(RecoveryStep::Alarm) => self.events.outcome(RobotEvent::Alarm { order, next }),
+            Action::Step(step) => {
+                if step == RecoveryStep::Clear {
+                    self.writer.clear();
+                }
+                self.events.notice(RobotEvent::Recovery { step, next });
+            }
+        }
+    }
+}
+
+#[inline(never)] // by itself it fits the registers
+fn queue_plain_jobs(
+    decoder: &mut Decoder,
+    writer: &mut Writer<'_, Job>,
+    plain: &PlainJobs,
+    next: &mut Next,
+) -> u32 {
+    let mut queued = 0;
+    decoder.plain_jobs(plain, next, |job| {
+        let Ok(claim) = writer.claim() else { return false };
+        claim.push(job);
+        queued += 1;
+        true
+    });
+    queued
+}
+
+/// What a message is read with, beside the decoder that holds it.
+struct Reading<'a, 'q> {
+    config: &'a RobotConfig,
+    machine: &'a mut Machine,
+    writer: &'a mut Writer<'q, Job>,
+    events: &'a mut Events,
+    statistics: &'a mut RobotStatistics,
+}
+
+impl Reading<'_, '_> {
+    fn message(&mut self, now: Duration, message: &Message<'_>) -> Result<Action, Unexpected> {
+        let dialect = &self.config.dialect;
+        let (role, params) = match dialect.read(message) {
+            Ok((Role::Job, params)) => return self.job(now, &params),
+            Ok(read) => read,
+            Err(error) => return self.unusable(now, error),
+        };
+        let mut room = true;
+        match role {
+            // An order is begun only with room for all that it can report, and a motion task.
+            Role::OrderStart => {
+                room = self.events.queue.has_room(2 * Events::OF_ORDER) && !self.writer.is_abandoned();
+            }
+            Role::Status => {
+                let (sent, executed) = (params.number(Field::Queued), params.number(Field::Executed));
+                let order = params.number(Field::Order).unwrap_or(0);
+                self.events.peer_status(order, phase(&params), sent, executed);
+            }
+            Role::Command(id) if self.events.queue.has_room(2 * Events::OF_ORDER + 1) => {
+                self.events.outcome(RobotEvent::Command { id, value: params.get(Field::Value) });
+            }
+            Role::Command(_) => {
+                self.statistics.discarded += 1;
+                self.events.notice(RobotEvent::Rejected(MessageError::NotExpected { role }));
+            }
+            _ => {}
+        }
+        let active = self.machine.order.number();
+        let message = FromPc::read(role, &params);
+        let action = self.machine.on(now, Input::Message { message, room }, self.config)?;
+        let order = params.number(Field::Order).unwrap_or(0);
+        match action {
+            Action::Refused => self.events.notice(RobotEvent::OrderRefused { order, active }),
+            Action::Rejected(why) => self.rejected(why, role, &params),
+            Action::Discarded => self.statistics.discarded += 1,
+            _ => {}
+        }
+        Ok(action)
+    }
+
+    fn job(&mut self, now: Duration, params: &Params) -> Result<Action, Unexpected> {
+        let job = params.job(&self.config.dialect, &self.config.bounds);
+        let order = params.number(Field::Order).unwrap_or(0);
+        let number = params.number(Field::Number).unwrap_or(0);
+        let message = FromPc::Job { order, number, good: job.is_ok() };
+        let claim = self.writer.claim();
+        let room = claim.is_ok();
+        let queued = self.machine.queued;
+        let action = self.machine.on(now, Input::Message { message, room }, self.config)?;
+        if action == Action::Queue
+            && let (Ok(claim), Ok(job)) = (claim, job)
+        {
+            claim.push(job);
+        }
+        // One that was executed before the list was cleared counts as queued again.
+        self.statistics.queued += u64::from(self.machine.queued - queued);
+        match (action, job) {
+            (Action::Rejected(Rejection::Bad), Err(error)) => {
+                self.statistics.discarded += 1;
+                self.events.notice(RobotEvent::Rejected(error));
+            }
+            (Action::Rejected(why), _) => self.rejected(why, Role::Job, params),
+            (Action::Discarded, _) => self.statistics.discarded += 1,
+            _ => {}
+        }
+        Ok(action)
+    }
+
+    /// A whole message that is none of the table's.
+    #[cold]
+    fn unusable(&mut self, now: Duration, error: MessageError) -> Result<Action, Unexpected> {
+        let input = Input::Message { message: FromPc::Unusable, room: false };
+        let action = self.machine.on(now, input, self.config)?;
+        self.statistics.discarded += 1;
+        if action != Action::Discarded {
+            self.events.notice(RobotEvent::Rejected(error));
+        }
+        Ok(action)
+    }
+
+    #[cold]
+    fn rejected(&mut self, why: Rejection, role: Role, params: &Params) {
+        let number = |field| params.number(field).unwrap_or(0);
+        let (found, found_order) = (number(Field::Number), number(Field::Order));
+        let expected = self.config.numbering().next(self.machine.queued);
+        let active = self.machine.order.number();
+        let error = match why {
+            Rejection::WrongOrder => MessageError::WrongOrder { active, found: found_order },
+            Rejection::Repeated => MessageError::Repeated { expected, found },
+            Rejection::OutOfOrder => MessageError::OutOfOrder { expected, found },
+            Rejection::OutOfRange => {
+                let max = i32::from(self.config.max_number);
+                MessageError::OutOfRange { field: 1, found: i32::from(found), min: 1, max }
+            }
+            Rejection::NotFromFirst => {
+                MessageError::OutOfRange { field: 1, found: i32::from(found), min: 1, max: 1 }
+            }
+            Rejection::QueueFull => MessageError::QueueFull { number: found },
+            Rejection::JobsMissing => MessageError::JobsMissing { order: found_order, expected },
+            Rejection::Bad | Rejection::NotExpected => MessageError::NotExpected { role },
+        };
+        match why {
+            Rejection::Repeated => self.statistics.repeated += 1,
+            _ => self.statistics.discarded += 1,
+        }
+        self.events.notice(RobotEvent::Rejected(error));
+        if why == Rejection::QueueFull {
+            let last = self.config.numbering().number(self.machine.queued);
+            self.events.notice(RobotEvent::QueueFull { last });
+        }
+    }
+}
+
+impl Session for Robot<'_> {
+    type Event = RobotEvent;
+    type Statistics = RobotStatistics;
+
+    const MAX_TRANSMIT: usize = Message::MAX_LEN;
+
+    fn handle_connected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.events.connection_changed();
+        self.statistics.exchange.cancel();
+        self.input(now, Input::Connected);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        self.events.connection_changed();
+        self.input(now, Input::Disconnected);
+    }
+
+    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
+        if !self.machine.is_connected() {
+            self.statistics.unexpected += 1;
+            self.events.stray = true;
+            return;
+        }
+        loop {
+            let taken = self.decoder.push(bytes);
+            bytes = bytes.get(taken..).unwrap_or_default();
+            if bytes.is_empty() && self.config.datagrams {
+                self.decoder.finish();
+            }
+            self.read(now);
+            if bytes.is_empty() {
+                break;
+            }
+        }
+        if !self.decoder.is_inside_message() {
+            let waited = self.machine.is_waiting();
+            self.input(now, Input::ReadEnd);
+            if waited && !self.machine.is_waiting() {
+                self.statistics.exchange.end(now);
+            }
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        // A step of recovery and the end of a cycle may be due at once.
+        self.input(now, Input::Timeout);
+        self.input(now, Input::Timeout);
+        if self.writer.is_settled() || self.writer.is_abandoned() {
+            self.input(now, Input::Settled);
+        }
+        let low_water = self.config.low_water.unwrap_or(self.writer.capacity() / 2);
+        if self.writer.drained(low_water) {
+            self.input(now, Input::Drained);
+        }
+    }
+
+    fn poll_event(&mut self) -> Option<RobotEvent> {
+        self.events.pop()
+    }
+
+    /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        let out = out.get_mut(..self.config.limits.packet)?;
+        let dialect = &self.config.dialect;
+        let mut packet = Packet::new(out, self.config.limits, dialect.charset());
+        let sent = self.machine.transmit(now, &self.config, |message| {
+            let (role, params) = message.write();
+            let room = dialect.write(role, &params, |message| packet.push(message));
+            // One that no packet could hold is refused when the session is made.
+            matches!(room, Ok(Room::Added))
+        });
+        if !sent {
+            return None;
+        }
+        self.statistics.packets += 1;
+        self.statistics.exchange.begin(now);
+        Some(packet.as_bytes().len())
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.machine.deadline()
+    }
+
+    fn statistics(&self) -> RobotStatistics {
+        RobotStatistics { dropped_notices: self.events.queue.dropped_notices(), ..self.statistics }
+    }
+}

@@ -1,0 +1,88 @@
+//! What messages and their fields mean to the sessions.
+
+use crate::job::JobKind;
+
+/// What a message means to the sessions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Role {
+    /// PC: one line to draw or to move along.
+    Job,
+    /// Robot: a job has been executed.
+    JobAck,
+    /// Robot: send the jobs from this number on, be it for the first time or again.
+    JobRequest,
+    /// Robot: the queue is full, or something is wrong: send no job before the next request.
+    Pause,
+    /// PC: an order begins with this job number.
+    OrderStart,
+    /// Robot: the order that is active now; 0 when none is.
+    OrderAck,
+    /// PC: no job follows; the order ends when those in the queue are executed.
+    OrderEnd,
+    /// PC: the order ends after the job that is being executed; the queue is cleared.
+    OrderInterrupt,
+    /// Robot: an order is over, and which one is active now: 0.
+    EndAck,
+    /// Both: order, phase and progress.
+    Status,
+    /// Both: nothing to say. It keeps the connection alive (thesis, section 10.4).
+    Filler,
+    /// PC: a command of the application's own past the queue, such as a speed or a delay (thesis, section 11.1).
+    Command(u8),
+}
+
+/// What a field holds. Everything is a whole number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Field {
+    /// An order's number, from 1; 0 for none.
+    Order,
+    /// The order that ended last; empty since the robot's start.
+    Ended,
+    /// A phase's code.
+    Phase,
+    /// A job's number, from 1.
+    Number,
+    /// The job that was queued (robot) or sent (PC) last; empty for none.
+    Queued,
+    /// The job up to which all are executed; empty for none.
+    Executed,
+    /// A [`JobKind`]'s code.
+    Kind,
+    /// Where a line begins, in hundredths of a millimetre.
+    StartX,
+    /// See [`Field::StartX`].
+    StartY,
+    /// Where a line ends, in hundredths of a millimetre.
+    EndX,
+    /// See [`Field::EndX`].
+    EndY,
+    /// A value of a [`Role::Command`].
+    Value,
+    /// A field that the sessions do not need: written empty, not looked at when read.
+    Unused,
+}
+
+impl Field {
+    pub(crate) const COUNT: usize = 13;
+
+    /// The least and the greatest value.
+    pub(crate) const fn range(self) -> (i32, i32) {
+        match self {
+            Field::Order | Field::Ended => (0, u16::MAX as i32),
+            Field::Phase => (0, u8::MAX as i32),
+            Field::Number | Field::Queued | Field::Executed => (1, 9999),
+            Field::Kind => (JobKind::Draw.code(), JobKind::Move.code()),
+            Field::StartX | Field::StartY | Field::EndX | Field::EndY | Field::Value | Field::Unused => {
+                (i32::MIN, i32::MAX)
+            }
+        }
+    }
+
+    pub(crate) const fn may_be_empty(self) -> bool {
+        matches!(self, Field::Ended | Field::Queued | Field::Executed | Field::Unused)
+    }
+}

@@ -1,0 +1,206 @@
+//! Both machines: every state with every input, printed and compared with what is committed.
+#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
+
+use core::fmt::Debug;
+use core::time::Duration;
+
+use kawasaki_msg::{FromPc, FromRobot, PcConfig, Phase, RobotConfig, Status, pc, robot};
+
+const NOW: Duration = Duration::from_secs(100);
+const LATER: Duration = Duration::from_secs(1000);
+
+/// A line for each state and input: the next state and the action, or `unexpected`.
+fn matrix<M: Clone + PartialEq + Debug, I: Copy + Debug, A: Debug>(
+    states: &[M],
+    inputs: &[(I, &str)],
+    name: impl Fn(&M) -> &'static str,
+    on: impl Fn(&mut M, I) -> Result<A, kawasaki_msg::robot_session::Unexpected>,
+) -> String {
+    let mut text = String::new();
+    for state in states {
+        for (input, input_name) in inputs {
+            let mut next = state.clone();
+            let line = match on(&mut next, *input) {
+                Ok(action) => format!("{} / {action:?}", name(&next)),
+                Err(unexpected) => {
+                    assert_eq!(next, *state, "nothing has changed");
+                    assert_eq!((unexpected.state, unexpected.input), (name(state), *input_name));
+                    "unexpected".into()
+                }
+            };
+            text += &format!("{} + {input:?} -> {line}\n", name(state));
+        }
+    }
+    text
+}
+
+fn compare(found: &str, committed: &str, file: &str) {
+    if std::env::var_os("UPDATE").is_some() {
+        std::fs::write(format!("{}/tests/{file}", env!("CARGO_MANIFEST_DIR")), found).unwrap();
+        return;
+    }
+    assert_eq!(found, committed, "write it with: UPDATE=1 cargo test -p kawasaki-msg --test machines");
+}
+
+#[test]
+fn what_a_robot_does_is_what_is_committed() {
+    use robot::{Input, Machine};
+    let config = RobotConfig { max_number: 63, patience: Duration::MAX, ..RobotConfig::TCP };
+    let message = |message| Input::Message { message, room: true };
+    let job = |number| message(FromPc::Job { order: 50, number, good: true });
+    let inputs = [
+        Input::Connected,
+        Input::Disconnected,
+        Input::Timeout,
+        message(FromPc::Status { order: 51 }),
+        message(FromPc::Start { order: 50, first: 1 }),
+        message(FromPc::Start { order: 51, first: 1 }),
+        message(FromPc::End { order: 50 }),
+        message(FromPc::Interrupt { order: 50 }),
+        job(3),
+        job(5),
+        Input::Message { message: FromPc::Job { order: 50, number: 3, good: true }, room: false },
+        message(FromPc::Filler),
+        message(FromPc::WrongSide),
+        message(FromPc::Unusable),
+        Input::Corrupt,
+        Input::Queued { count: 1 },
+        Input::ReadEnd,
+        Input::Executed { number: 2 },
+        Input::Settled,
+        Input::Drained,
+        Input::ClearQueue,
+        Input::ResetOrder,
+    ];
+    let run = |inputs: &[Input]| {
+        let mut machine = Machine::<1>::new(&config);
+        for input in inputs {
+            machine.on(NOW, *input, &config).unwrap();
+        }
+        machine
+    };
+    let start = [Input::Timeout, Input::Connected, message(FromPc::Start { order: 50, first: 1 })];
+    let active = [&start[..], &[job(1), job(2), Input::Executed { number: 1 }]].concat();
+    let and = |more: &[Input]| run(&[&active[..], more].concat());
+    let mut alarm = and(&[Input::Executed { number: 2 }]);
+    for _ in 0..8 {
+        for input in [Input::Disconnected, Input::Timeout, Input::Connected, Input::Settled] {
+            alarm.on(LATER, input, &config).unwrap();
+        }
+        alarm.on(LATER + LATER, Input::Settled, &config).unwrap();
+    }
+    let states = [
+        run(&[]),
+        run(&[Input::Timeout]),
+        run(&[Input::Timeout, Input::Connected]),
+        and(&[]),
+        and(&[Input::Corrupt]),
+        and(&[Input::ClearQueue]),
+        and(&[message(FromPc::End { order: 50 })]),
+        and(&[Input::ResetOrder]),
+        alarm,
+    ];
+    let inputs = inputs.map(|input| (input, input.name()));
+    let found = matrix(&states, &inputs, Machine::name, |machine, input| machine.on(LATER, input, &config));
+    compare(&found, include_str!("robot_matrix.txt"), "robot_matrix.txt");
+    for name in ["active, jobs missing", "clearing", "ending", "interrupted", "alarm", "connecting"] {
+        assert!(found.contains(&format!("\n{name} + ")), "{name}");
+    }
+}
+
+#[test]
+fn what_a_pc_does_is_what_is_committed() {
+    use pc::{Answer, Input, JobSent, Machine};
+    /// Takes everything, and has four jobs.
+    struct All;
+    impl Answer for All {
+        fn send(&mut self, _: FromPc) -> bool {
+            true
+        }
+        fn status(&mut self, _: u16, _: Phase, _: Option<u16>, _: Option<u16>) -> bool {
+            true
+        }
+        fn command(&mut self, _: u16) -> bool {
+            true
+        }
+        fn job(&mut self, _: u16, _: u16, index: u32) -> JobSent {
+            if index < 4 { JobSent::Sent } else { JobSent::End }
+        }
+        fn is_end(&mut self, index: u32) -> bool {
+            index >= 4
+        }
+    }
+    let config = PcConfig { max_number: 63, ..PcConfig::TCP };
+    let status = |order, queued, executed| {
+        let phase = if order == 0 { Phase::Idle } else { Phase::Active };
+        Input::Message(FromRobot::Status(Status { order, phase, queued, executed, ended: 0 }))
+    };
+    let idle = status(0, None, None);
+    let request = Input::Message(FromRobot::Request { order: 50, number: 1 });
+    let accepted = Input::Message(FromRobot::OrderAck { active: 50 });
+    let inputs = [
+        Input::Connected,
+        Input::Disconnected,
+        Input::Timeout,
+        Input::Received,
+        Input::Message(FromRobot::JobAck { order: 50, number: 2 }),
+        accepted,
+        Input::Message(FromRobot::OrderAck { active: 0 }),
+        Input::Message(FromRobot::OrderAck { active: 51 }),
+        Input::Message(FromRobot::EndAck { ended: 50, active: 0, executed: Some(4) }),
+        idle,
+        status(50, Some(3), Some(1)),
+        status(51, None, None),
+        Input::Message(FromRobot::Pause { order: 50, queued: Some(3) }),
+        request,
+        Input::Message(FromRobot::Filler),
+        Input::Message(FromRobot::WrongSide),
+        Input::Message(FromRobot::Unusable),
+        Input::Corrupt,
+        Input::ReadEnd { whole: true },
+        Input::ReadEnd { whole: false },
+        Input::Start { order: 50 },
+        Input::End,
+        Input::Interrupt,
+        Input::Command,
+    ];
+    // The answer is sent at once.
+    let run = |steps: &[Input]| {
+        let mut machine = Machine::<1>::new();
+        for input in steps {
+            machine.on(NOW, *input, &config).unwrap();
+            machine.transmit(LATER, &config, &mut All);
+        }
+        machine
+    };
+    let start = [Input::Connected, Input::Start { order: 50 }];
+    let read = |report| [Input::Received, report, Input::ReadEnd { whole: true }];
+    let sent = [&start[..], &read(idle)].concat();
+    let active = [&sent[..], &read(accepted), &read(request)].concat();
+    let and = |before: &[Input], more: &[Input]| run(&[before, more].concat());
+    let states = [
+        run(&[]),
+        run(&[Input::Connected]),
+        run(&start),
+        run(&sent),
+        and(&sent, &[Input::Disconnected]),
+        and(&sent, &[Input::Message(FromRobot::OrderAck { active: 51 })]),
+        and(&sent, &[Input::Interrupt]),
+        run(&active),
+        and(&active, &[Input::End]),
+        and(&active, &[Input::Interrupt]),
+    ];
+    let inputs = inputs.map(|input| (input, input.name()));
+    let found = matrix(&states, &inputs, Machine::name, |machine, input| machine.on(LATER, input, &config));
+    compare(&found, include_str!("pc_matrix.txt"), "pc_matrix.txt");
+    for name in ["starting, start sent", "starting, start lost", "starting, another order ends", "ending"] {
+        assert!(found.contains(&format!("\n{name} + ")), "{name}");
+    }
+}
+
+#[test]
+fn every_code_of_a_phase_survives() {
+    for code in 0..=u8::MAX {
+        assert_eq!(u8::from(Phase::from(code)), code);
+    }
+}

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 mod isra_ball;
+mod laser_eb90;
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -39,9 +40,12 @@ fn every_session() {
     }
     hold::<isra_ball::Host>();
     hold::<isra_ball::Ball>();
+    hold::<laser_eb90::Host>();
+    hold::<laser_eb90::Controller>();
 }
 
 #[test]
 fn every_decoder() {
     isra_ball::decoder();
+    laser_eb90::decoder();
 }

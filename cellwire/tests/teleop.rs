@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use cellwire::line::{Clock, Line};
 use cellwire::links::isra_ball::ball;
+use cellwire::links::val2_alter::Pose;
 use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
 use cellwire::serial;
 use cellwire::teleop::cell::{self, CellConfig};
@@ -23,7 +24,7 @@ use cellwire::teleop::verdict::Extremes;
 use cellwire::teleop::{LIMITS, Mapping, PortConfig, Teleop, TeleopConfig, Told, Traces, host_config};
 use cellwire::trace::TraceArgs;
 use indicatif::ProgressBar;
-use val2_alter::{ErrorCode, HostConfig, Mode, Motion, Pose};
+use val2_alter::{ErrorCode, HostConfig, Mode, Motion};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 

@@ -87,11 +87,14 @@ fn mmacell(device: bool, stream: &[u8], size: usize) {
     }
 }
 
-fn alter<M: Message>(stream: &[u8], size: usize) {
-    use val2_alter::{Codec, Decoder, Framing};
+fn alter<M: Message + 'static>(stream: &[u8], size: usize) {
+    use robot_session::Decoder as _;
+    use val2_alter::{Decoder, Framing, Received};
     let mut decoder = Decoder::<M>::new(Framing::DEFAULT);
     let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, Decoder::next_frame);
-    assert_eq!(read(&mut Codec::<M>::new(Framing::DEFAULT), stream, size), expected);
+    let own = |received: Received<M>| received;
+    let mut codec = robot_session::tokio::Codec::new(Decoder::<M>::new(Framing::DEFAULT), own);
+    assert_eq!(read(&mut codec, stream, size), expected);
 }
 
 /// The items of a decoder.

@@ -1,55 +1,56 @@
-//! Bytes in, messages out; finds its feet again after damage.
+//! Bytes in, messages out; continues after corrupt bytes.
 
 use core::marker::PhantomData;
 
-use crate::frame::{DLE, STX, find_dle};
+use crate::error::DecodeError;
+use crate::frame::{DLE, Frame, Framing, STX, find_dle};
 use crate::message::Message;
-use crate::{DecodeError, Frame, Framing};
 
-/// A message and where its frame stood.
+/// A message and where its frame is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Received<M> {
     /// The frame's first byte, counted from the first byte that the decoder was given; wraps with `usize`.
     pub offset: usize,
     /// The frame's length on the line.
     pub length: usize,
-    /// What it says.
+    /// The message.
     pub message: M,
 }
 
 /// Finds the messages of one side ([`RobotMessage`](crate::RobotMessage) or [`HostMessage`](crate::HostMessage)) in a
-/// stream.
-///
-/// [`push`](Decoder::push) bytes, then call [`next_frame`](Decoder::next_frame) until it gives `None`, and push the rest if
-/// not all were taken: then there is room. When the line falls silent in the middle of a frame, or ends, call
-/// [`finish`](Decoder::finish) before that.
+/// stream. Its verbs are those of [`robot_session::Decoder`]; when the line is silent in the middle of a frame, or ends, call
+/// `finish`.
 ///
 /// The start mark is not unique: data `10 02` is doubled to `10 10 02`. When a frame is cut off, the next one looks like
-/// its data, and both would be lost. So when a frame turns out to be damaged, only the first byte of its start mark is
+/// its data, and both would be lost. So when a frame turns out to be corrupt, only the first byte of its start mark is
 /// given up, and the rest of its *raw* bytes is searched again. A frame is consumed only once its marks, its checksum and
-/// its message are right; one that was found among the bytes of a damaged frame must also name only codes that the source
+/// its message are right; one that was found among the bytes of a corrupt frame must also name only codes that the source
 /// names ([`Message::is_plausible`]). The work is bounded: a byte is looked at once for each start mark in the
 /// [`Frame::MAX_LEN`] bytes before it.
 ///
-/// Each stretch of damage gives one error, as soon as it is certain: a host has to ask again within the window. How far the
-/// damage reaches shows when the next message comes, in its [`offset`](Received::offset).
+/// Frames and errors tile the stream: an error covers the bytes from the start mark of a corrupt frame to where the next frame
+/// may begin, which may be inside of it. Where that is shows when the next start mark comes; that something is wrong is certain
+/// earlier, and [`corruption`](Self::corruption) returns it then.
 #[derive(Debug, Clone)]
 pub struct Decoder<M> {
     framing: Framing,
     buffer: [u8; CAPACITY],
     start: usize,
     end: usize,
-    /// The stream offset of `buffer[start]`.
-    offset: usize,
-    /// The bytes from `start` on that have been read already: a frame that begins among them is a second reading.
-    read_before: usize,
-    /// What is wrong with them, or directly behind them, is the same damage.
-    silenced: bool,
-    /// Bytes in front of `start` that belong to no frame and are not reported yet, and where they begin.
-    noise: usize,
-    noise_offset: usize,
-    /// DLEs between them and `start`: noise, unless a start mark follows.
+    /// The end of what `next_frame` returned last.
+    position: usize,
+    /// Bytes from `position` on that belong to no frame and are not reported yet.
+    skipped: usize,
+    /// DLEs after them: part of the next frame if a start mark follows, else skipped.
     spare_dles: usize,
+    /// `buffer[start]` is the checksum of the frame before: counted there, but perhaps the first DLE of the next start mark.
+    lent: bool,
+    /// So many bytes from `start` on have been read as a corrupt frame: a frame that begins there is a second reading.
+    read_before: usize,
+    /// What is wrong with the skipped bytes, if a frame began there.
+    error: Option<DecodeError>,
+    /// The same, until `corruption` returns it.
+    news: Option<DecodeError>,
     finished: bool,
     side: PhantomData<M>,
 }
@@ -64,19 +65,130 @@ impl<M: Message> Decoder<M> {
             buffer: [0; CAPACITY],
             start: 0,
             end: 0,
-            offset: 0,
-            read_before: 0,
-            silenced: false,
-            noise: 0,
-            noise_offset: 0,
+            position: 0,
+            skipped: 0,
             spare_dles: 0,
+            lent: false,
+            read_before: 0,
+            error: None,
+            news: None,
             finished: false,
             side: PhantomData,
         }
     }
 
-    /// Takes as many of `bytes` as there is room for, and returns how many.
-    pub fn push(&mut self, bytes: &[u8]) -> usize {
+    /// The error of a corrupt frame, once, as soon as `next_frame` has found it; `next_frame` returns it when the bytes that it
+    /// covers are known. For an end that has to answer at once.
+    pub fn corruption(&mut self) -> Option<DecodeError> {
+        self.news.take()
+    }
+
+    /// The number of bytes that are neither returned as a frame nor as an error.
+    pub fn pending(&self) -> usize {
+        self.skipped + self.spare_dles + (self.end - self.start) - usize::from(self.lent)
+    }
+
+    /// Reads the frame at `start`, of which `available` bytes are there. An error comes with the number of bytes that it is about.
+    fn read(&self, available: usize, finished: bool) -> Result<Option<(M, usize)>, (DecodeError, usize)> {
+        let bytes = self.bytes().get(..available).unwrap_or_default();
+        match Frame::decode_limited(bytes, self.framing, M::MAX_DATA) {
+            Ok(Some((frame, length))) => match M::decode(frame.data(), self.framing) {
+                Ok(message) if self.read_before > 0 && !message.is_plausible() => {
+                    Err((DecodeError::Length { offset: 0, found: frame.data().len() }, length))
+                }
+                Ok(message) => Ok(Some((message, length))),
+                Err(error) => Err((error, length)),
+            },
+            Ok(None) if finished => {
+                Err((DecodeError::Incomplete { offset: 0, length: bytes.len() }, bytes.len()))
+            }
+            Ok(None) => Ok(None),
+            Err(error @ DecodeError::TooLong { limit, .. }) => Err((error, limit)),
+            Err(error) => Err((error, error.offset())),
+        }
+    }
+
+    /// Skips what cannot belong to a start mark. True: `start` is at one; false: at its beginning or at the end.
+    fn seek_mark(&mut self) -> bool {
+        let needed = self.framing.leading_dle.count();
+        loop {
+            let bytes = self.bytes();
+            let before = find_dle(bytes);
+            let run = bytes.iter().skip(before).take_while(|byte| **byte == DLE).count();
+            let next = bytes.get(before + run).copied();
+            self.skip(before);
+            match next {
+                Some(STX) if run >= needed => {
+                    self.spare(run - needed);
+                    return true;
+                }
+                Some(_) => self.skip(run),
+                None if self.finished => {
+                    self.skip(run);
+                    return false;
+                }
+                None => {
+                    self.spare(run.saturating_sub(needed));
+                    return false;
+                }
+            }
+        }
+    }
+
+    /// Bytes at `start` belong to no frame, nor do the DLEs before them.
+    fn skip(&mut self, count: usize) {
+        if count > 0 {
+            self.skipped += core::mem::take(&mut self.spare_dles);
+            self.skipped += self.consume(count);
+        }
+    }
+
+    fn spare(&mut self, dles: usize) {
+        self.spare_dles += self.consume(dles);
+    }
+
+    /// Removes bytes from the buffer; returns how many of them are not counted yet.
+    fn consume(&mut self, count: usize) -> usize {
+        self.start += count;
+        self.read_before = self.read_before.saturating_sub(count);
+        count - usize::from(count > 0 && core::mem::take(&mut self.lent))
+    }
+
+    /// The error for all that was skipped.
+    fn take_error(&mut self) -> Option<DecodeError> {
+        let (offset, length) = (self.position, core::mem::take(&mut self.skipped));
+        self.position = self.position.wrapping_add(length);
+        let error = self.error.take();
+        (length > 0).then(|| error.unwrap_or(DecodeError::StartMark { offset, length }))
+    }
+
+    fn accept(&mut self, length: usize) -> (usize, usize) {
+        let offset = self.position;
+        let checksum = self.bytes().get(length - 1);
+        let lent = !self.framing.stuffed_checksum && checksum == Some(&DLE);
+        let length = core::mem::take(&mut self.spare_dles) + self.consume(length);
+        self.position = offset.wrapping_add(length);
+        if lent {
+            self.start -= 1;
+            self.read_before = self.read_before.max(1);
+            self.lent = true;
+        }
+        (offset, length)
+    }
+
+    fn bytes(&self) -> &[u8] {
+        self.buffer.get(self.start..self.end).unwrap_or_default()
+    }
+}
+
+impl<M: Message> robot_session::Decoder for Decoder<M> {
+    type Frame<'a>
+        = Received<M>
+    where
+        M: 'a;
+    type Error = DecodeError;
+
+    fn push(&mut self, bytes: &[u8]) -> usize {
         if bytes.len() > CAPACITY - self.end {
             self.buffer.copy_within(self.start..self.end, 0);
             self.end -= self.start;
@@ -91,145 +203,57 @@ impl<M: Message> Decoder<M> {
         taken
     }
 
-    /// The next message, or the next stretch of damage. `None`: more bytes are needed.
-    pub fn next_frame(&mut self) -> Option<Result<Received<M>, DecodeError>> {
+    fn next_frame(&mut self) -> Option<Result<Received<M>, DecodeError>> {
         loop {
             let at_mark = self.seek_mark();
-            if (at_mark || self.finished)
-                && let Some(noise) = self.take_noise()
-            {
-                return Some(Err(noise));
+            if at_mark && self.read_before > 0 && self.error.is_some() {
+                // Judged by the corrupt frame's own bytes alone, or the cuts of the stream would count.
+                let within = self.read_before.min(self.end - self.start);
+                if self.read(within, false).is_err() {
+                    self.skip(1);
+                    continue;
+                }
+            }
+            if at_mark || self.finished {
+                if !at_mark {
+                    self.skipped += core::mem::take(&mut self.spare_dles);
+                }
+                if let Some(error) = self.take_error() {
+                    return Some(Err(error));
+                }
             }
             if !at_mark {
                 self.finished = false;
                 return None;
             }
-            let second_reading = self.read_before > 0;
-            self.silenced &= second_reading;
-            match self.read(second_reading) {
+            match self.read(self.end - self.start, self.finished) {
                 Ok(None) => return None,
                 Ok(Some((message, length))) => {
-                    let offset = self.offset;
-                    self.consume_frame(length);
+                    let (offset, length) = self.accept(length);
                     return Some(Ok(Received { offset, length, message }));
                 }
                 Err((error, extent)) => {
-                    let error = error.shifted(self.offset);
-                    let news = !core::mem::replace(&mut self.silenced, true);
+                    let at = self.position.wrapping_add(self.spare_dles).wrapping_sub(self.lent.into());
+                    let error = error.shifted(at);
+                    (self.error, self.news) = (Some(error), Some(error));
                     self.read_before = self.read_before.max(extent);
-                    self.consume(1);
-                    if news {
-                        return Some(Err(error));
-                    }
+                    self.skip(1);
                 }
             }
         }
     }
 
-    /// Says that nothing will follow the bytes pushed so far: until `next_frame` next gives `None`, a frame that is not
-    /// complete is damage, and what is left of it is searched for complete ones.
-    pub fn finish(&mut self) {
+    fn finish(&mut self) {
         self.finished = true;
     }
 
-    /// The number of bytes that wait for more.
-    pub fn pending(&self) -> usize {
-        self.end - self.start
+    fn position(&self) -> u64 {
+        self.position as u64
     }
 
-    /// Drops the bytes that wait. Offsets count on.
-    pub fn clear(&mut self) {
-        self.consume(self.pending());
-        (self.read_before, self.noise, self.spare_dles) = (0, 0, 0);
-        (self.silenced, self.finished) = (false, false);
-    }
-
-    /// Reads the frame at `start`. An error comes with the number of bytes that it is about.
-    fn read(&self, second_reading: bool) -> Result<Option<(M, usize)>, (DecodeError, usize)> {
-        let bytes = self.bytes();
-        match Frame::decode_limited(bytes, self.framing, M::MAX_DATA) {
-            Ok(Some((frame, length))) => match M::decode(frame.data(), self.framing) {
-                Ok(message) if second_reading && !message.is_plausible() => {
-                    Err((DecodeError::Length { offset: 0, found: frame.data().len() }, length))
-                }
-                Ok(message) => Ok(Some((message, length))),
-                Err(error) => Err((error, length)),
-            },
-            Ok(None) if self.finished => {
-                Err((DecodeError::Incomplete { offset: 0, length: bytes.len() }, bytes.len()))
-            }
-            Ok(None) => Ok(None),
-            Err(error @ DecodeError::TooLong { limit, .. }) => Err((error, limit)),
-            Err(error) => Err((error, error.offset())),
-        }
-    }
-
-    /// Drops what cannot belong to a start mark. True: `start` is at one; false: at its beginning or at the end.
-    fn seek_mark(&mut self) -> bool {
-        let needed = self.framing.leading_dle.count();
-        loop {
-            let bytes = self.bytes();
-            let before = find_dle(bytes);
-            let run = bytes.iter().skip(before).take_while(|byte| **byte == DLE).count();
-            let behind = bytes.get(before + run).copied();
-            self.drop_noise(before);
-            match behind {
-                Some(STX) if run >= needed => {
-                    self.consume(run - needed);
-                    self.spare_dles = 0;
-                    return true;
-                }
-                Some(_) => self.drop_noise(run),
-                None if self.finished => {
-                    self.drop_noise(run);
-                    return false;
-                }
-                None => {
-                    let spare = run.saturating_sub(needed);
-                    self.spare_dles += spare.saturating_sub(self.read_before);
-                    self.consume(spare);
-                    return false;
-                }
-            }
-        }
-    }
-
-    fn drop_noise(&mut self, count: usize) {
-        if count > 0 {
-            let spare = core::mem::take(&mut self.spare_dles);
-            let known = count.min(self.read_before);
-            if !self.silenced {
-                if self.noise == 0 {
-                    self.noise_offset = self.offset.wrapping_add(known).wrapping_sub(spare);
-                }
-                self.noise += spare + count - known;
-            }
-            self.consume(count);
-        }
-    }
-
-    fn take_noise(&mut self) -> Option<DecodeError> {
-        let length = core::mem::take(&mut self.noise);
-        (length > 0).then_some(DecodeError::StartMark { offset: self.noise_offset, length })
-    }
-
-    /// Consumes a good frame, but for a checksum of DLE: when the checksum was lost, that is the next frame's first byte.
-    fn consume_frame(&mut self, length: usize) {
-        let borrowed = usize::from(
-            !self.framing.stuffed_checksum && self.bytes().get(length - 1).is_some_and(|byte| *byte == DLE),
-        );
-        self.consume(length - borrowed);
-        self.read_before = self.read_before.max(borrowed);
-        self.silenced = false;
-    }
-
-    fn consume(&mut self, count: usize) {
-        self.start += count;
-        self.offset = self.offset.wrapping_add(count);
-        self.read_before = self.read_before.saturating_sub(count);
-    }
-
-    fn bytes(&self) -> &[u8] {
-        self.buffer.get(self.start..self.end).unwrap_or_default()
+    fn clear(&mut self) {
+        self.position = self.position.wrapping_add(self.pending());
+        (self.start, self.end, self.skipped, self.spare_dles, self.read_before) = (0, 0, 0, 0, 0);
+        (self.lent, self.error, self.news, self.finished) = (false, None, None, false);
     }
 }

@@ -1,4 +1,5 @@
-//! What can be wrong: [`DecodeError`] is the peer's fault, [`EncodeError`] and [`SessionError`] are the caller's.
+//! What can be wrong: [`DecodeError`] is the peer's fault; [`EncodeError`], [`SessionError`] and [`ConfigError`] are the
+//! caller's.
 
 use crate::message::ErrorCode;
 
@@ -8,7 +9,7 @@ use crate::message::ErrorCode;
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DecodeError {
-    /// Bytes without a start mark in front of them (§3.2).
+    /// Bytes without a start mark before them (§3.2).
     #[error("{length} bytes at byte {offset} belong to no frame")]
     StartMark {
         /// The first of them.
@@ -21,7 +22,7 @@ pub enum DecodeError {
         "DLE is followed by {found:#04x} at byte {offset}: neither a doubled DLE nor the end of the frame"
     )]
     EndMark {
-        /// Where the byte behind the DLE stands.
+        /// Where the byte after the DLE is.
         offset: usize,
         /// That byte.
         found: u8,
@@ -29,7 +30,7 @@ pub enum DecodeError {
     /// The checksum is not the sum of the data (§3.2).
     #[error("checksum is {found:#04x}, the data gives {expected:#04x} (at byte {offset})")]
     Checksum {
-        /// Where the checksum stands.
+        /// Where the checksum is.
         offset: usize,
         /// What the data gives.
         expected: u8,
@@ -112,7 +113,7 @@ impl DecodeError {
         }
     }
 
-    /// Where the damage begins.
+    /// Where it was found: at the first byte of what is wrong, or of the frame that is.
     pub fn offset(self) -> usize {
         match self {
             Self::StartMark { offset, .. }
@@ -176,10 +177,10 @@ pub enum EncodeError {
 }
 
 /// A call that the session's state or its configuration does not allow.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
-    /// No exception subroutine stands in the ALTER instruction: an exception would abort the robot's program (§3).
+    /// The ALTER instruction names no exception subroutine: an exception would abort the robot's program (§3).
     #[error("no exception subroutine is installed: an exception would abort the robot's program")]
     NoSubroutine,
     /// ALTER is not running.
@@ -188,10 +189,39 @@ pub enum SessionError {
     /// The exception before this one has not been sent yet.
     #[error("exception {pending} has not been sent yet")]
     ExceptionPending {
-        /// The code that waits.
+        /// The code that is pending.
         pending: u8,
     },
     /// ALTER runs already.
     #[error("ALTER has been started already")]
     AlreadyStarted,
+    /// The port is not open.
+    #[error("not connected")]
+    NotConnected,
+    /// Outcomes wait to be fetched, and there is no room for another.
+    #[error("events wait to be fetched")]
+    EventsFull,
+}
+
+/// A configuration that cannot work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// What the shortest message of the mode leaves of a cycle is too short for a reply with one value.
+    #[error("at {baud} baud no value fits the reply window of mode {mode}")]
+    Window {
+        /// The baud rate.
+        baud: u32,
+        /// The mode.
+        mode: u8,
+    },
+    /// A controller counts as lost after two cycles at the earliest: messages are a cycle apart.
+    #[error("lost after {found} cycles without a message: messages are one cycle apart")]
+    SilenceCycles {
+        /// The configured number.
+        found: u32,
+    },
+    /// A controller makes at least one attempt to start.
+    #[error("no attempt to start")]
+    Attempts,
 }

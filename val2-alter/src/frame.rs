@@ -1,6 +1,6 @@
 //! The envelope: `DLE DLE STX <data> DLE ETX <checksum>`, every DLE in the data doubled (§3.2).
 
-use crate::{DecodeError, EncodeError};
+use crate::error::{DecodeError, EncodeError};
 
 /// Data link escape: begins both marks, and is doubled inside the data.
 pub const DLE: u8 = 0x10;

@@ -2,12 +2,6 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(feature = "tokio")]
-extern crate std;
-
-mod clamp;
-#[cfg(feature = "tokio")]
-mod codec;
 mod controller;
 mod decoder;
 mod error;
@@ -15,25 +9,39 @@ mod frame;
 mod host;
 mod limit;
 mod message;
-mod pose;
 mod queue;
 mod scale;
-pub mod state;
 pub mod timing;
-mod transform;
 pub mod viewer;
 
-pub use clamp::Clamp;
-#[cfg(feature = "tokio")]
-pub use codec::Codec;
-pub use controller::{Controller, ControllerConfig, ControllerEvent, ControllerStats};
+pub use controller::{
+    Controller, ControllerConfig, ControllerEvent, ControllerState, ControllerStatistics, Unselected,
+};
 pub use decoder::{Decoder, Received};
-pub use error::{DecodeError, EncodeError, SessionError};
+pub use error::{ConfigError, DecodeError, EncodeError, SessionError};
 pub use frame::{DLE, ETX, Frame, Framing, LeadingDle, STX};
-pub use host::{Host, HostConfig, HostEvent, HostStats, Policy, Select, Unselected};
+pub use host::{
+    ExceptionOutcome, Host, HostConfig, HostEvent, HostState, HostStatistics, LostReason, Policy,
+    UnknownReason,
+};
 pub use limit::{Limiter, Limits};
 pub use message::*;
-pub use pose::Pose;
+pub use robot_session;
+pub use robot_session::{Decoder as _, Session as _};
 pub use scale::Scale;
-pub use state::{ControllerState, HostState};
-pub use transform::{Layout, Order, Transform};
+
+/// The machines of both ends: pure, without bytes. For those who look into a session, and for the model that proves the pair.
+pub mod machine {
+    #[doc(hidden)]
+    pub use crate::controller::ControllerRule;
+    pub use crate::controller::{
+        Alter, ControllerActions, ControllerInput, ControllerMachine, ControllerPhase, Handling, Outgoing,
+        Progress, StartOutcome, Taken, Turn,
+    };
+    #[doc(hidden)]
+    pub use crate::host::HostRule;
+    pub use crate::host::{
+        Active, Answer, Course, Draft, Due, HostActions, HostInput, HostMachine, HostPhase, Pending, Request,
+        Stage, Target, Wanted,
+    };
+}

@@ -85,7 +85,7 @@ impl Limiter {
         self.position
     }
 
-    /// The controller could not read the last value: the arm did not move by it, and stands.
+    /// The controller could not read the last value: the arm did not move by it, and is at rest.
     pub fn rejected(&mut self) {
         for (position, speed) in self.position.iter_mut().zip(&self.speed) {
             *position = position.saturating_sub(*speed);
@@ -93,9 +93,18 @@ impl Limiter {
         self.rest();
     }
 
-    /// The controller had no value in the last cycle: the arm stands where it is.
+    /// The controller had no value in the last cycle: the arm is at rest where it is.
     pub fn rest(&mut self) {
         self.speed = [0; AXES];
+    }
+
+    /// The axes of this mask (bit *i* is axis *i*) must stay where they are on the path, at rest: their words were not sent.
+    pub fn hold(&mut self, axes: u8) {
+        for (axis, (speed, position)) in self.speed.iter_mut().zip(&mut self.position).enumerate() {
+            if axes >> axis & 1 != 0 {
+                (*speed, *position) = (0, 0);
+            }
+        }
     }
 
     /// Begins anew, at rest on the path.

@@ -6,18 +6,16 @@ pub(crate) struct Queue<T, const N: usize> {
     places: [Option<T>; N],
     first: usize,
     len: usize,
-    lost: u64,
 }
 
 impl<T: Copy, const N: usize> Queue<T, N> {
     pub(crate) fn new() -> Self {
-        Self { places: [None; N], first: 0, len: 0, lost: 0 }
+        Self { places: [None; N], first: 0, len: 0 }
     }
 
     pub(crate) fn push(&mut self, item: T) {
         if self.len == N {
             self.pop();
-            self.lost += 1;
         }
         if let Some(place) = self.places.get_mut((self.first + self.len) % N) {
             *place = Some(item);
@@ -30,9 +28,5 @@ impl<T: Copy, const N: usize> Queue<T, N> {
         self.first = (self.first + 1) % N;
         self.len -= 1;
         Some(item)
-    }
-
-    pub(crate) fn lost(&self) -> u64 {
-        self.lost
     }
 }

@@ -1,6 +1,6 @@
 //! Words to millimetres and degrees, and back (§3.3.2).
 
-use crate::EncodeError;
+use crate::error::EncodeError;
 
 /// The scaling of a robot's ALTER values: `millimetres = word / per_mm`, `degrees = word / per_degree`.
 ///
@@ -64,24 +64,23 @@ impl Default for Scale {
     }
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "a float saturates when cast to an integer, and NaN gives 0"
-)]
-pub(crate) fn word(units: f64) -> Result<i16, EncodeError> {
-    let units = libm::round(units);
-    if (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&units) {
-        Ok(units as i16)
-    } else {
-        let found = if units.is_nan() { i32::MAX } else { units as i32 };
-        Err(EncodeError::Range { found })
+fn word(units: f64) -> Result<i16, EncodeError> {
+    let found = rounded(units);
+    if units.is_nan() {
+        return Err(EncodeError::Range { found: i32::MAX });
     }
+    i16::try_from(found).map_err(|_| EncodeError::Range { found })
 }
 
+fn word_saturating(units: f64) -> i16 {
+    i16::try_from(rounded(units)).unwrap_or(if units < 0.0 { i16::MIN } else { i16::MAX })
+}
+
+/// To the nearest whole number, halves away from zero.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a float saturates when cast to an integer, and NaN gives 0"
 )]
-pub(crate) fn word_saturating(units: f64) -> i16 {
-    libm::round(units) as i16
+fn rounded(units: f64) -> i32 {
+    (units + if units < 0.0 { -0.5 } else { 0.5 }) as i32
 }

@@ -6,10 +6,10 @@
 
 use core::time::Duration;
 
+use crate::frame::{Frame, Framing};
 use crate::message::{AXES, Accumulation};
-use crate::{Frame, Framing};
 
-/// The controller sends a standard message, and wants a reply, every 28 ms (§3.4).
+/// The controller sends a standard message, to be answered, every 28 ms (§3.4).
 pub const CYCLE: Duration = Duration::from_millis(28);
 
 /// The baud rate of the source's line (§3.2), 8N1. Its reply table is for 19200.
@@ -76,6 +76,16 @@ impl Budget {
 /// what the source's table lists.
 pub const fn reply_slack(accumulation: Accumulation, baud: u32, reply_len: usize) -> Option<Duration> {
     window(accumulation).checked_sub(transmission(reply_len, baud))
+}
+
+/// The shortest standard message, without a doubled DLE: 12 bytes, with transformation 36 (two leading DLEs).
+pub const fn min_request_len(transform: bool, framing: Framing) -> usize {
+    framing.leading_dle.count() + 4 + if transform { 30 } else { 6 }
+}
+
+/// The shortest reply with this number of values, without a doubled DLE: 8 bytes and two a value (two leading DLEs).
+pub const fn min_reply_len(values: usize, framing: Framing) -> usize {
+    framing.leading_dle.count() + 6 + 2 * values
 }
 
 /// The longest standard message: 16 bytes, with transformation 64 (two leading DLEs, checksum not doubled). Control byte

@@ -3,13 +3,11 @@
 
 use core::time::Duration;
 
-use bytes::BytesMut;
-use tokio_util::codec::Decoder as _;
-use val2_alter::viewer::{PosePacket, ViewerError};
+use robot_session::{Decoder as _, Encode as _, Session as _};
 use val2_alter::{
-    Codec, Controller, ControllerConfig, DecodeError, Decoder, EncodeError, End, ErrorCode, Exception, Frame,
-    Framing, Host, HostConfig, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode, Motion, Pose,
-    Received, Reply, RobotMessage, Start, Transform, timing,
+    ConfigError, Controller, ControllerConfig, DecodeError, Decoder, EncodeError, End, ErrorCode, Exception,
+    Frame, Framed, Framing, Host, HostConfig, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode,
+    Motion, Received, Reply, RobotMessage, Start, StartCode, timing,
 };
 
 #[test]
@@ -84,7 +82,7 @@ fn every_error_knows_its_place_and_its_code() {
 }
 
 #[test]
-fn bytes_that_begin_with_no_mark_are_told_by_the_frame_itself() {
+fn bytes_that_begin_with_no_mark_are_reported_by_the_frame_itself() {
     assert_eq!(
         Frame::decode(&[0x02, 0x10], Framing::DEFAULT),
         Err(DecodeError::StartMark { offset: 0, length: 2 })
@@ -119,30 +117,38 @@ fn the_longest_frame_has_every_byte_doubled() {
 }
 
 #[test]
-fn a_codec_gives_what_is_whole_before_it_gives_up_the_rest() {
+fn what_is_whole_comes_before_the_rest_is_given_up() {
     let end = RobotMessage::End(End { error: ErrorCode::None });
-    let mut wire = BytesMut::new();
+    let mut wire = Vec::new();
     end.append_to(Framing::DEFAULT, &mut wire);
     wire.extend_from_slice(&[0x10, 0x10, 0x02]);
-    let mut codec = Codec::<RobotMessage>::new(Framing::DEFAULT);
-    let mut next = || codec.decode_eof(&mut wire).unwrap();
-    assert_eq!(next(), Some(Ok(Received { offset: 0, length: 7, message: end })));
-    assert_eq!(next(), Some(Err(DecodeError::Incomplete { offset: 7, length: 3 })));
-    assert_eq!(next(), None);
+    let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
+    assert_eq!(decoder.push(&wire), 10);
+    assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 0, length: 7, message: end })));
+    assert_eq!((decoder.next_frame(), decoder.pending()), (None, 3));
+    decoder.finish();
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Incomplete { offset: 7, length: 3 })));
+    assert_eq!((decoder.next_frame(), decoder.position(), decoder.pending()), (None, 10, 0));
+}
+
+#[test]
+fn a_message_in_its_envelope_writes_itself() {
+    let framing = Framing { negated_sum: true, ..Framing::DEFAULT };
+    let framed = Framed { message: HostMessage::StartReply(StartCode::Repeat), framing };
+    let mut out = [0; 7];
+    assert_eq!((framed.encoded_len(), framed.encode(&mut out)), (7, Ok(7)));
+    assert_eq!(&out, b"\x10\x10\x02\x01\x10\x03\xFF");
+    let short = EncodeError::BufferTooSmall { needed: 7, available: 6 };
+    assert_eq!(framed.encode(&mut out[..6]), Err(short));
 }
 
 #[test]
 fn what_was_set_is_what_is_read() {
     let config = ControllerConfig { mode: Mode::CUMULATIVE_23, ..ControllerConfig::default() };
-    let mut controller = Controller::new(config);
+    let controller = Controller::new(config).unwrap();
     assert_eq!(controller.config().mode, Mode::CUMULATIVE_23);
-    let mut path = Pose::default();
-    assert_eq!(path, Pose::IDENTITY);
-    path.p = [100.0, 0.0, -50.0];
-    controller.set_path(path);
-    assert_eq!(controller.pose(), path, "without values the tool is on its path");
-    let host = Host::new(HostConfig::default());
-    assert_eq!(host.mode(), Mode::default(), "none was started");
+    let host = Host::new(HostConfig::default()).unwrap();
+    assert_eq!(host.config().mode, Mode::CUMULATIVE_23);
     assert_eq!(Limits::default(), Limits::GENTLE);
     assert_eq!(*Limiter::new(Limits::default()).limits(), Limits::GENTLE);
     let reply = Reply::all([1, -2, 3, -4, 5, -6]);
@@ -152,27 +158,6 @@ fn what_was_set_is_what_is_read() {
     assert_eq!(format!("{:?}", start.data), "[1, -2]");
     assert_eq!(timing::max_reply_len(7, Framing::DEFAULT), timing::max_reply_len(6, Framing::DEFAULT));
     assert_eq!(timing::transmission(48, 38_400), Duration::from_micros(12_500));
-}
-
-#[test]
-fn each_part_of_a_pose_line_is_checked_in_its_place() {
-    let mut line = [0; PosePacket::MAX_LEN];
-    let packet = PosePacket { count: 65_535, pose: Transform([-32_768; 12]) };
-    let length = packet.encode(&mut line).unwrap();
-    assert_eq!(length, PosePacket::MAX_LEN, "the longest line there is");
-    assert_eq!(PosePacket::decode(&line), Ok(Some((packet, length))));
-    let with = |at: usize, byte: u8| {
-        let mut line = line;
-        line[at] = byte;
-        PosePacket::decode(&line)
-    };
-    let star = length - 5;
-    assert_eq!(with(star, b'+'), Err(ViewerError::Format { offset: star }));
-    assert_eq!(with(star + 1, b'g'), Err(ViewerError::Format { offset: star + 1 }));
-    assert_eq!(with(star + 2, b'G'), Err(ViewerError::Format { offset: star + 2 }));
-    assert_eq!(with(star + 3, b' '), Err(ViewerError::Format { offset: star + 3 }));
-    assert_eq!(with(star + 4, b' '), Err(ViewerError::TooLong { limit: PosePacket::MAX_LEN }));
-    assert_eq!(with(6, b'7'), Err(ViewerError::Number { offset: 6 }), "75535 packets");
 }
 
 #[test]
@@ -194,15 +179,165 @@ fn what_is_cleared_is_forgotten_and_offsets_count_on() {
 fn a_checksum_of_dle_may_begin_the_next_frame_unless_it_is_doubled() {
     // A0h and 70h make 110h.
     let message = RobotMessage::Start(Start::new(Mode(0x70), List::EMPTY));
-    for (stuffed_checksum, length, pending) in [(false, 8, 1), (true, 9, 0)] {
+    for (stuffed_checksum, length) in [(false, 8), (true, 9)] {
         let framing = Framing { stuffed_checksum, ..Framing::DEFAULT };
         let mut bytes = [0; Frame::MAX_LEN];
         assert_eq!(message.encode(framing, &mut bytes), Ok(length));
         assert_eq!(bytes[length - 1], 0x10);
         let mut decoder = Decoder::new(framing);
-        decoder.push(&bytes[..length]);
+        assert_eq!(decoder.push(&bytes[..length]), length);
         assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 0, length, message })));
-        assert_eq!(decoder.pending(), pending);
-        assert_eq!(decoder.next_frame(), None);
+        assert_eq!((decoder.next_frame(), decoder.pending(), decoder.position()), (None, 0, length as u64));
+    }
+}
+
+/// The first checksum is lost: what is read for it is the first DLE of the next frame.
+#[test]
+fn a_lost_checksum_of_dle_costs_no_frame() {
+    let message = RobotMessage::Start(Start::new(Mode(0x70), List::EMPTY));
+    let good = RobotMessage::End(End { error: ErrorCode::None });
+    let mut stream = Vec::new();
+    message.append_to(Framing::DEFAULT, &mut stream);
+    stream.pop();
+    good.append_to(Framing::DEFAULT, &mut stream);
+    let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
+    assert_eq!(decoder.push(&stream), 14);
+    assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 0, length: 8, message })));
+    assert_eq!(decoder.next_frame(), Some(Ok(Received { offset: 8, length: 6, message: good })));
+    assert_eq!((decoder.next_frame(), decoder.position()), (None, 14));
+}
+
+fn items(stream: &[u8]) -> Vec<(Result<Received<RobotMessage>, DecodeError>, u64)> {
+    let mut decoder = Decoder::new(Framing::DEFAULT);
+    let mut items = Vec::new();
+    assert_eq!(decoder.push(stream), stream.len());
+    for finished in [false, true] {
+        if finished {
+            decoder.finish();
+        }
+        while let Some(item) = decoder.next_frame() {
+            items.push((item, decoder.position()));
+        }
+    }
+    items
+}
+
+/// A cut frame, and a whole one whose start mark looks like its data.
+#[test]
+fn messages_are_reported_where_they_are() {
+    let stream = b"\x10\x10\x02\x0e\x01\x10\x10\x02\xa0\x16\x05\x00\xff\xff\x10\x03\xb9";
+    let start = Start::new(Mode(22), List::new(&[5, -1]).unwrap());
+    let message = RobotMessage::Start(start);
+    let sum = DecodeError::Checksum { offset: 16, expected: 0xDA, found: 0xB9 };
+    assert_eq!(items(stream), [(Err(sum), 5), (Ok(Received { offset: 5, length: 12, message }), 17)]);
+}
+
+#[test]
+fn a_wrong_checksum_is_reported_as_such_and_covers_its_frame() {
+    let frame = b"\x10\x10\x02\xe0\x10\x03\xe1";
+    let sum = |offset| Err(DecodeError::Checksum { offset, expected: 0xE0, found: 0xE1 });
+    assert_eq!(items(frame), [(sum(6), 7)]);
+    assert_eq!(items(&[*frame, *frame].concat()), [(sum(6), 7), (sum(13), 14)]);
+    assert_eq!(items(&[b"noise".as_slice(), frame, b"noise"].concat())[1], (sum(11), 17));
+    // It is known before the next frame shows where it ends.
+    let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
+    assert_eq!(decoder.push(frame), 7);
+    assert_eq!(decoder.next_frame(), None);
+    assert_eq!((decoder.corruption(), decoder.corruption()), (sum(6).err(), None));
+}
+
+/// "000 … 110" (§3.2.2): seven has no meaning.
+#[test]
+fn error_code_7_is_not_named() {
+    let motion = |error: u8| {
+        let frame = [0x80 | error, 2, 1, 0, 0, 32];
+        RobotMessage::decode(&frame, Framing::DEFAULT).unwrap()
+    };
+    assert!((0..7).all(|error| motion(error).is_plausible()));
+    let RobotMessage::Motion(seven) = motion(7) else { panic!() };
+    assert_eq!((seven.error, motion(7).is_plausible()), (ErrorCode::Other(7), false));
+    assert!(!RobotMessage::End(End { error: ErrorCode::Other(7) }).is_plausible());
+}
+
+#[test]
+fn what_cannot_work_is_refused() {
+    let host = |change: fn(&mut HostConfig)| {
+        let mut config = HostConfig::default();
+        change(&mut config);
+        Host::new(config).map(|_| ())
+    };
+    assert_eq!(host(|config| config.baud = 19_200), Ok(()));
+    let window = ConfigError::Window { baud: 9600, mode: 23 };
+    assert_eq!(host(|config| config.baud = 9600), Err(window));
+    assert_eq!(window.to_string(), "at 9600 baud no value fits the reply window of mode 23");
+    assert_eq!(host(|config| (config.baud, config.mode) = (9600, Mode(19))), Ok(()));
+    assert_eq!(host(|config| config.baud = 0), Err(ConfigError::Window { baud: 0, mode: 23 }));
+    assert_eq!(
+        host(|config| config.reserve = Duration::MAX),
+        Err(ConfigError::Window { baud: 38_400, mode: 23 })
+    );
+    assert_eq!(host(|config| config.silence_cycles = 1), Err(ConfigError::SilenceCycles { found: 1 }));
+    let controller = |config| Controller::new(config).map(|_| ());
+    let default = ControllerConfig::default();
+    assert_eq!(controller(ControllerConfig { attempts: 0, ..default }), Err(ConfigError::Attempts));
+    assert_eq!(controller(ControllerConfig { baud: 9600, ..default }), Err(window));
+}
+
+/// Every time that a session takes may be the last one there is, in its configuration too.
+#[test]
+fn the_end_of_time_is_survived() {
+    const MAX: Duration = Duration::MAX;
+    let start = b"\x10\x10\x02\xA0\x17\x10\x03\xB7";
+    let motion = b"\x10\x10\x02\x80\x02\x01\x00\x00\x20\x10\x03\xA3";
+    let configs = [
+        HostConfig { subroutine: true, ..HostConfig::default() },
+        HostConfig { gap: Some(MAX), subroutine: true, ..HostConfig::default() },
+        HostConfig {
+            target_timeout: MAX,
+            max_delay: MAX,
+            silence_cycles: u32::MAX,
+            subroutine: true,
+            ..HostConfig::default()
+        },
+    ];
+    let mut out = [0; Frame::MAX_LEN];
+    for config in configs {
+        for times in
+            [[MAX; 4], [Duration::ZERO, MAX, Duration::ZERO, MAX], [MAX - Duration::from_millis(28); 4]]
+        {
+            let [a, b, c, d] = times;
+            let mut host = Host::new(config).unwrap();
+            host.handle_connected(a);
+            host.handle_input(a, start);
+            let accepted = host.poll_transmit(a, &mut out);
+            host.set_target(b, [80; 6]);
+            host.handle_input(b, &motion[..4]);
+            host.handle_timeout(b);
+            host.handle_input(b, &motion[4..]);
+            let _ = host.exception(b, Exception::CloseGripper);
+            host.poll_transmit(b, &mut out);
+            host.handle_input(c, motion);
+            host.handle_input(c, b"\x10\x10\x02\x80\x10\x04");
+            host.poll_timeout();
+            host.stop(c);
+            host.clear_target(c);
+            host.handle_timeout(d);
+            host.poll_transmit(d, &mut out);
+            host.handle_disconnected(d);
+            assert!(accepted.is_some() || a == MAX);
+        }
+        for now in [MAX, MAX - Duration::from_millis(1)] {
+            let mut controller =
+                Controller::new(ControllerConfig { gap: config.gap, ..Default::default() }).unwrap();
+            controller.handle_connected(now);
+            assert_eq!(controller.start(now), Ok(()));
+            assert_eq!(controller.poll_transmit(now, &mut out), Some(8));
+            controller.handle_input(now, b"\x10\x10\x02\x00");
+            controller.handle_input(MAX, b"\x10\x03\x00");
+            controller.poll_transmit(MAX, &mut out);
+            controller.handle_timeout(MAX);
+            controller.poll_timeout();
+            let _ = controller.finish(MAX);
+        }
     }
 }

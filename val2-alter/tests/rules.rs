@@ -1,15 +1,13 @@
-//! The source's rules that need no session: times, scaling, limits, keys, coordinates.
+//! The source's rules that need no session: times, scaling, limits, modes.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::time::Duration;
 
 use proptest::prelude::*;
-use testkit::rng::Rng;
 use val2_alter::timing::{self, Budget};
 use val2_alter::{
-    Accumulation, Clamp, CoordinateFrame, EncodeError, Exception, Frame, Framing, HostMessage, Layout,
-    LeadingDle, Limiter, Limits, List, Message, Mode, Motion, MotionPhase, Order, Polarity, Pose, Reply,
-    RobotMessage, Scale, Transform,
+    Accumulation, CoordinateFrame, EncodeError, Exception, Frame, Framing, HostMessage, LeadingDle, Limiter,
+    Limits, List, Message, Mode, Motion, MotionPhase, Polarity, Reply, RobotMessage, Scale, Transform,
 };
 
 use Accumulation::{Cumulative, NonCumulative};
@@ -254,13 +252,14 @@ proptest! {
     }
 
     #[test]
-    fn a_target_that_moves_is_followed_within_the_limits(seed: u64, acceleration in 1..500u16) {
-        let mut rng = Rng::new(seed);
+    fn a_target_that_moves_is_followed_within_the_limits(
+        targets in prop::collection::vec(-10_000..10_000i16, 200),
+        acceleration in 1..500u16
+    ) {
         let limits = Limits { velocity: [700; 6], acceleration: [acceleration; 6] };
         let mut limiter = Limiter::new(limits);
         let (mut position, mut speed) = (0, 0);
-        for _ in 0..200 {
-            let target = i16::try_from(rng.below(20_000)).unwrap() - 10_000;
+        for target in targets {
             let next = i32::from(limiter.positions([target; 6])[0]);
             prop_assert!((next - position).abs() <= 700);
             prop_assert!((next - position - speed).abs() <= i32::from(acceleration));
@@ -297,110 +296,9 @@ fn a_rejected_offset_is_taken_back() {
 }
 
 #[test]
-fn a_key_gives_one_code_for_each_press() {
-    let mut clamp = Clamp::default();
-    // Held since before: it must be let go first.
-    let keys = [0b01, 0b01, 0b00, 0b01, 0b01, 0b00, 0b10, 0b11, 0b11, 0b00, 0b11, 0b100];
-    let codes = keys.map(|keys| clamp.keys(keys).map_or(0, u8::from));
-    assert_eq!(codes, [0, 0, 0, 253, 0, 0, 254, 253, 0, 0, 0, 0]);
-    clamp.set_enabled(false);
-    assert_eq!((clamp.keys(0b01), clamp.is_enabled()), (None, false));
-    clamp.set_enabled(true);
-    assert_eq!(clamp.keys(0b01), None, "pressed while it was off");
-    assert_eq!((clamp.keys(0), clamp.keys(0b01)), (None, Some(Exception::CloseGripper)));
-}
-
-/// Rounded to the nearest 1/1000: quarter turns are whole numbers.
-fn rounded(pose: &Pose) -> [[i64; 3]; 4] {
-    #[allow(clippy::cast_possible_truncation)]
-    [pose.n, pose.o, pose.a, pose.p].map(|v| v.map(|x| (x * 1000.0).round() as i64))
-}
-
-const QUARTER: i16 = 16384;
-
-#[test]
-fn a_quarter_turn_about_each_axis() {
-    let turn = |rx, ry, rz| rounded(&Pose::from_values([32, 64, 96, rx, ry, rz], &Scale::PUMA_562));
-    let p = [1000, 2000, 3000];
-    assert_eq!(turn(QUARTER, 0, 0), [[1000, 0, 0], [0, 0, 1000], [0, -1000, 0], p]);
-    assert_eq!(turn(0, QUARTER, 0), [[0, 0, -1000], [0, 1000, 0], [1000, 0, 0], p]);
-    assert_eq!(turn(0, 0, QUARTER), [[0, 1000, 0], [-1000, 0, 0], [0, 0, 1000], p]);
-    // About x, then about the world's y, then about the world's z.
-    let all = Pose::from_values([0, 0, 0, QUARTER, QUARTER, QUARTER], &Scale::PUMA_562);
-    let [x, y, z] = [0, 1, 2].map(|axis| {
-        let mut values = [0; 6];
-        values[3 + axis] = QUARTER;
-        Pose::from_values(values, &Scale::PUMA_562)
-    });
-    assert_eq!(rounded(&all), rounded(&z.times(&y).times(&x)));
-}
-
-/// World: `pos = acc + set; ori = acc · set`. Tool: `T = set · acc`.
-#[test]
-fn increments_add_up_in_world_and_in_tool_coordinates() {
-    let scale = Scale::PUMA_562;
-    let shift = Pose::from_values([32, 0, 0, 0, 0, 0], &scale);
-    let turn = Pose::from_values([0, 0, 0, 0, 0, QUARTER], &scale);
-    let add = |frame, steps: [&Pose; 2]| {
-        steps.iter().fold(Pose::IDENTITY, |sum: Pose, step| sum.accumulated(step, frame))
-    };
-    let attitude = [[0, 1000, 0], [-1000, 0, 0], [0, 0, 1000]];
-    let with = |p: [i64; 3]| [attitude[0], attitude[1], attitude[2], p];
-    // In world coordinates a turn leaves the position alone, whichever comes first.
-    assert_eq!(rounded(&add(CoordinateFrame::World, [&shift, &turn])), with([1000, 0, 0]));
-    assert_eq!(rounded(&add(CoordinateFrame::World, [&turn, &shift])), with([1000, 0, 0]));
-    // In tool coordinates `set` stands in front: a turn turns what has been added up.
-    assert_eq!(rounded(&add(CoordinateFrame::Tool, [&shift, &turn])), with([0, 1000, 0]));
-    assert_eq!(rounded(&add(CoordinateFrame::Tool, [&turn, &shift])), with([1000, 0, 0]));
-
-    // The path's place with a correction: along the world's axes, or along the tool's.
-    let path = Pose { p: [10.0, 20.0, 30.0], ..turn };
-    assert_eq!(rounded(&path.corrected(&shift, CoordinateFrame::World))[3], [11_000, 20_000, 30_000]);
-    assert_eq!(rounded(&path.corrected(&shift, CoordinateFrame::Tool))[3], [10_000, 21_000, 30_000]);
-}
-
-#[test]
-fn an_attitude_stays_orthonormal_over_an_hour_of_cycles() {
-    let mut rng = Rng::new(2);
-    let mut sum = Pose::IDENTITY;
-    for _ in 0..128_571 {
-        let mut word = || i16::try_from(rng.below(301)).unwrap() - 150;
-        let set = Pose::from_values(core::array::from_fn(|_| word()), &Scale::PUMA_562);
-        sum = sum.accumulated(&set, CoordinateFrame::Tool);
-    }
-    assert!(sum.orthonormality() < 1e-14, "{}", sum.orthonormality());
-}
-
-#[test]
-fn a_transformation_is_read_by_its_layout() {
-    let words = Transform([16384, 0, 0, 0, -16384, 0, 0, 0, -16384, 12800, -4816, 16]);
-    let pose = words.pose(&Layout::default());
-    let wanted =
-        Pose { n: [1.0, 0.0, 0.0], o: [0.0, -1.0, 0.0], a: [0.0, 0.0, -1.0], p: [400.0, -150.5, 0.5] };
-    assert_eq!(pose, wanted);
-    assert_eq!(pose.orthonormality(), 0.0);
-
-    let turned =
-        Pose { p: [400.0, -150.5, 0.5], ..Pose::from_values([0, 0, 0, 500, -900, 7000], &Scale::PUMA_562) };
-    for (name, layout) in Layout::NAMED {
-        let words = Transform::from_pose(&turned, &layout).unwrap();
-        let back = words.pose(&layout);
-        assert!(back.orthonormality() < 2e-4, "{name}: {}", back.orthonormality());
-        assert_eq!(back.p, turned.p);
-        // A layout that puts the position elsewhere shows; the transpose of a rotation does not.
-        for (other_name, other) in Layout::NAMED {
-            let place = |layout: &Layout| match layout.order {
-                Order::Columns | Order::RotationRowsThenPosition => 0,
-                order => 1 + usize::from(order == Order::Rows),
-            };
-            let fits = words.pose(&other).orthonormality() < 2e-4;
-            assert_eq!(fits, place(&layout) == place(&other), "{name} read as {other_name}");
-        }
-    }
-    let far = Pose { p: [1024.0, 0.0, -2000.0], ..Pose::IDENTITY };
-    let layout = Layout::COLUMNS;
-    assert_eq!(Transform::from_pose(&far, &layout), Err(EncodeError::Range { found: 32768 }));
-    assert_eq!(Transform::from_pose_saturating(&far, &layout).0[9..], [32767, 0, -32768]);
-    let mirrored = Pose { a: [0.0, 0.0, -1.0], ..Pose::IDENTITY };
-    assert_eq!(mirrored.orthonormality(), 2.0);
+fn an_axis_that_must_wait_stays_on_the_path() {
+    let mut limiter = Limiter::new(Limits { velocity: [50; 6], acceleration: [20; 6] });
+    assert_eq!(limiter.positions([500; 6])[..2], [20, 20]);
+    limiter.hold(0b10);
+    assert_eq!(limiter.positions([500; 6])[..3], [60, 20, 60]);
 }

@@ -189,3 +189,24 @@ proptest! {
         prop_assert_eq!(last, Some(Ok(packet)));
     }
 }
+
+#[test]
+fn each_part_of_a_pose_line_is_checked_in_its_place() {
+    let mut line = [0; PosePacket::MAX_LEN];
+    let packet = PosePacket { count: 65_535, pose: Transform([-32_768; 12]) };
+    let length = packet.encode(&mut line).unwrap();
+    assert_eq!(length, PosePacket::MAX_LEN, "the longest line there is");
+    assert_eq!(PosePacket::decode(&line), Ok(Some((packet, length))));
+    let with = |at: usize, byte: u8| {
+        let mut line = line;
+        line[at] = byte;
+        PosePacket::decode(&line)
+    };
+    let star = length - 5;
+    assert_eq!(with(star, b'+'), Err(ViewerError::Format { offset: star }));
+    assert_eq!(with(star + 1, b'g'), Err(ViewerError::Format { offset: star + 1 }));
+    assert_eq!(with(star + 2, b'G'), Err(ViewerError::Format { offset: star + 2 }));
+    assert_eq!(with(star + 3, b' '), Err(ViewerError::Format { offset: star + 3 }));
+    assert_eq!(with(star + 4, b' '), Err(ViewerError::TooLong { limit: PosePacket::MAX_LEN }));
+    assert_eq!(with(6, b'7'), Err(ViewerError::Number { offset: 6 }), "75535 packets");
+}

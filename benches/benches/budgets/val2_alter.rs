@@ -4,6 +4,7 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use benches::{Budget, Count, Link};
+use robot_session::{Decoder as _, Session as _};
 use val2_alter::{
     Accumulation, Decoder, ErrorCode, Frame, Framing, Host, HostConfig, HostMessage, Limiter, Limits,
     Message, Motion, MotionPhase, Reply, RobotMessage, SegmentStatus, Transform, timing,
@@ -89,7 +90,7 @@ fn stream(rounds: u64) {
     let mut limiter = Limiter::new(black_box(Limits::GENTLE));
     let mut out = [0; Frame::MAX_LEN];
     for _ in 0..rounds {
-        decoder.push(black_box(&REQUEST));
+        assert_eq!(decoder.push(black_box(&REQUEST)), REQUEST.len());
         black_box(&decoder.next_frame().expect("a whole request").expect("a good request"));
         let reply = HostMessage::Reply(Reply::all(limiter.speeds(black_box(TARGET))));
         black_box(reply.encode(Framing::DEFAULT, black_box(&mut out)).expect("it fits"));
@@ -97,16 +98,17 @@ fn stream(rounds: u64) {
 }
 
 fn session(rounds: u64) {
-    let mut host = Host::new(HostConfig::default());
+    let mut host = Host::new(HostConfig::default()).expect("it can work");
     let mut out = [0; Frame::MAX_LEN];
     let mut now = Duration::ZERO;
+    host.handle_connected(now);
     host.handle_input(now, &START);
     host.poll_transmit(now, &mut out).expect("accepted");
     host.poll_event();
     for _ in 0..rounds {
         now += timing::CYCLE;
         host.handle_input(now, black_box(&REQUEST));
-        host.set_target(black_box(TARGET));
+        host.set_target(now, black_box(TARGET));
         black_box(host.poll_event().expect("a standard message"));
         black_box(host.poll_transmit(now, black_box(&mut out)).expect("a reply"));
     }
@@ -127,7 +129,7 @@ fn budgets() -> Vec<Budget> {
         }
         rows.push(row(accumulation, 38_400, longest, "the longest reply"));
     }
-    // At 19200 baud the longest reply does not fit the cumulative window: send changed values only.
+    // At 19200 baud the longest reply does not fit the cumulative window: a reply leaves out words that are zero.
     rows.push(row(
         Accumulation::Cumulative,
         19_200,

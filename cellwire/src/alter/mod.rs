@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Result, ensure};
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
+use val2_alter::Mode;
 
 use crate::line::Clock;
 use crate::links::val2_alter::workstation;
@@ -40,6 +41,9 @@ pub struct Args {
     /// The baud rate of the robot's port
     #[arg(long, value_name = "N", default_value_t = val2_alter::timing::BAUD, value_parser = serial::baud_rate())]
     robot_baud: u32,
+    /// The mode of the robot's ALTER instruction: another one is refused
+    #[arg(long, value_name = "N", default_value_t = Mode::CUMULATIVE_23.0, value_parser = clap::value_parser!(u8).range(0..=31))]
+    mode: u8,
     /// The baud rate of the ball's port
     #[arg(long, value_name = "N", default_value_t = isra_ball::timing::BAUD, value_parser = serial::baud_rate())]
     ball_baud: u32,
@@ -74,6 +78,7 @@ pub fn run(args: &Args) -> Result<bool> {
         viewer: ports.viewer.clone(),
         alter: val2_alter::HostConfig {
             baud: args.robot_baud,
+            mode: Mode(args.mode),
             limits: LIMITS,
             subroutine: args.clamp,
             policy: val2_alter::Policy::Ignore,

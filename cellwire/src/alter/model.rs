@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use isra_ball::Packet;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
-use val2_alter::{AXES, HostState, Motion, Policy, Start};
+use val2_alter::{AXES, ExceptionOutcome, HostState, Motion, Policy, Start};
 
 use crate::links::val2_alter::puma::error_text;
 use crate::report::Samples;
-use crate::teleop::{Order, PortConfig, Told, Traces};
+use crate::teleop::{Order, PortConfig, Told, Traces, lost_text};
 use crate::trace::Trace;
 
 const MESSAGES: usize = 200;
@@ -115,7 +115,7 @@ impl Model {
             ports,
             traces,
             view: View::Main,
-            state: HostState::Idle,
+            state: HostState::Disconnected,
             policy: Policy::Ignore,
             clamp,
             start: None,
@@ -183,11 +183,19 @@ impl Model {
                 self.counts.damaged += 1;
                 self.say_damage(format!("robot: {error}"));
             }
-            Told::Lost => self.say("the robot fell silent".into()),
+            Told::Lost(reason) => self.say(lost_text(reason).into()),
             Told::Stopped => self.say("at rest; no reply any more".into()),
             Told::State(state) => self.state = state,
             Told::Clamp(exception, Ok(())) => self.say(format!("gripper: exception {}", u8::from(exception))),
             Told::Clamp(_, Err(error)) => self.say(format!("gripper: {error}")),
+            Told::ClampOutcome(exception, outcome) => {
+                let outcome = match outcome {
+                    ExceptionOutcome::Done => "done",
+                    ExceptionOutcome::NotDone => "not done",
+                    ExceptionOutcome::Unknown(_) => "unknown",
+                };
+                self.say(format!("gripper: exception {}: {outcome}", u8::from(exception)));
+            }
             Told::Ball(packet, took) => {
                 if core::mem::take(&mut self.ball_is_stale) {
                     self.say("the ball is back".into());
@@ -252,7 +260,8 @@ impl Model {
     /// Whether the operator wants to quit, and the robot is at rest or does not come to rest.
     pub(super) fn may_quit(&self) -> bool {
         self.quitting.is_some_and(|until| {
-            matches!(self.state, HostState::Idle | HostState::Silent) || until <= self.now
+            matches!(self.state, HostState::Disconnected | HostState::Idle | HostState::Silent)
+                || until <= self.now
         })
     }
 
@@ -273,7 +282,7 @@ impl Model {
             }
             'w' => self.begin_test("workstation"),
             'k' => self.begin_test("ball"),
-            't' if self.state != HostState::Idle => {
+            't' if !matches!(self.state, HostState::Disconnected | HostState::Idle) => {
                 self.say("port test: not while ALTER runs".into());
                 None
             }

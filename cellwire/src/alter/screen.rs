@@ -5,11 +5,10 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph};
-use val2_alter::{
-    Accumulation, CoordinateFrame, HostState, Layout as Words, Mode, Polarity, Policy, SegmentStatus,
-};
+use val2_alter::{Accumulation, CoordinateFrame, HostState, Mode, Polarity, Policy, SegmentStatus};
 
 use super::model::{Model, View};
+use crate::links::val2_alter::Layout as Words;
 
 const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];
 
@@ -58,6 +57,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
         (HostState::Interrupted, _) => ("ALTER interrupted", Color::Yellow),
         (HostState::Stopping, _) => ("coming to rest", Color::Yellow),
         (HostState::Silent, _) => ("at rest, silent", Color::Yellow),
+        (HostState::Disconnected, _) => ("no port", Color::Red),
         (HostState::Idle, Policy::Accept) => ("waiting for the robot", Color::Yellow),
         (HostState::Idle, Policy::Refuse) => ("ALTER refused", Color::Red),
         (HostState::Idle, Policy::Ignore) => ("no ALTER", Color::Reset),
@@ -197,7 +197,7 @@ fn transform_lines(model: &Model) -> Vec<Line<'static>> {
     let Some(transform) = model.motion.as_ref().and_then(|motion| motion.transform) else {
         return vec![Line::from("not transmitted")];
     };
-    let pose = transform.pose(&Words::COLUMNS);
+    let pose = Words::COLUMNS.pose(&transform);
     let mut lines = vec![Line::from("    n      o      a        p, mm")];
     for row in 0..3 {
         let at = |v: [f64; 3]| v.get(row).copied().unwrap_or_default();

@@ -7,8 +7,8 @@ use std::time::Duration;
 use anyhow::{Context as _, Result, anyhow};
 use indicatif::ProgressBar;
 use isra_ball::{BallStatistics, Status};
-use val2_alter::timing::{self, Budget};
-use val2_alter::{AXES, Exception, HostConfig, HostState, Mode, Select};
+use val2_alter::timing;
+use val2_alter::{AXES, Exception, HostConfig, HostState, Mode};
 
 use super::{LIMITS, Mapping, Order, PortConfig, Teleop, TeleopConfig, Told, Traces};
 use crate::demo::DemoOptions;
@@ -191,13 +191,9 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     })
 }
 
-/// Six values in every reply where the line is fast enough for them, whatever bytes they hold; else what has changed.
 fn host_config(config: &CellConfig) -> HostConfig {
-    let default = HostConfig { baud: config.baud, limits: LIMITS, subroutine: true, ..super::host_config() };
-    let (accumulation, transform) = (config.mode.accumulation(), config.mode.has_transform());
-    let worst = Budget::worst_case(accumulation, config.baud, transform, AXES, default.framing);
-    let select = if worst.slack().is_some() { Select::All } else { Select::Needed };
-    HostConfig { select, ..default }
+    let (baud, mode) = (config.baud, config.mode);
+    HostConfig { baud, mode, limits: LIMITS, subroutine: true, ..super::host_config() }
 }
 
 /// A simulated device's line on a pseudo-terminal, and the path of its other end.
@@ -279,7 +275,7 @@ impl HostRecord {
                 self.ends += 1;
                 self.runs = false;
             }
-            Told::Lost => self.runs = false,
+            Told::Lost(_) => self.runs = false,
             Told::Missed => {
                 self.missed += 1;
                 self.stood += 1;

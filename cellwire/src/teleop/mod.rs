@@ -16,6 +16,7 @@
 mod ball;
 pub mod cell;
 mod filter;
+mod gripper;
 mod mapping;
 mod port;
 mod robot;
@@ -35,7 +36,8 @@ use std::time::Duration;
 use anyhow::Result;
 use isra_ball::Packet;
 use val2_alter::{
-    AXES, End, ErrorCode, Exception, HostConfig, HostState, Limits, Motion, Policy, SessionError, Start,
+    AXES, End, ErrorCode, Exception, ExceptionOutcome, HostConfig, HostState, Limits, LostReason, Motion,
+    Policy, SessionError, Start,
 };
 
 use crate::line::Clock;
@@ -116,14 +118,16 @@ pub enum Told {
     Rejected(ErrorCode),
     /// Bytes from the robot that are no message.
     Damaged(val2_alter::DecodeError),
-    /// The robot fell silent.
-    Lost,
+    /// ALTER is over without an end message.
+    Lost(LostReason),
     /// The values are zero after [`Order::Stop`]; no message is answered any more.
     Stopped,
     /// The session's state after something happened.
     State(HostState),
     /// A key of the gripper was pressed, and what became of it.
     Clamp(Exception, Result<(), SessionError>),
+    /// What became of it at the robot.
+    ClampOutcome(Exception, ExceptionOutcome),
     /// A packet of the ball with new values, and how long after the poll it was whole.
     Ball(Packet, Duration),
     /// The same without new values.
@@ -281,6 +285,15 @@ fn tell_trace(trace: &Trace, why: &str, tell: &Sender<(Duration, Told)>, clock: 
 /// The session's defaults for a computer with an operating system: bytes that came together may be read far apart.
 pub fn host_config() -> HostConfig {
     HostConfig { gap: None, ..HostConfig::default() }
+}
+
+/// Why ALTER is over without an end message, in words.
+pub fn lost_text(reason: LostReason) -> &'static str {
+    match reason {
+        LostReason::Silence => "the robot sends nothing",
+        LostReason::Restart => "the robot has started ALTER again",
+        LostReason::Disconnected => "the port is gone",
+    }
 }
 
 /// Limits at which the source's Figure 9 is easily seen: 100 mm/s and 30 °/s, reached in a third of a second.

@@ -6,8 +6,10 @@ use std::time::Duration;
 
 use anyhow::Result;
 use isra_ball::Packet;
-use val2_alter::{AXES, Clamp, Decoder, Framing, Host, HostEvent, HostState, Mode, RobotMessage, Transform};
+use robot_session::{Decoder as _, Session as _};
+use val2_alter::{AXES, Decoder, Framing, Host, HostEvent, HostState, RobotMessage, Transform};
 
+use super::gripper::GripperKeys;
 use super::port::Port;
 use super::{Context, Mapping, Order, TeleopConfig, Told};
 use crate::priority::{self, Rank};
@@ -22,7 +24,7 @@ pub(super) struct Robot {
     port: Port,
     host: Host,
     mapping: Mapping,
-    clamp: Clamp,
+    gripper: GripperKeys,
     packet: Option<Packet>,
     /// Until when the packet's values may be used: the ball's thread may be late itself.
     packet_until: Duration,
@@ -52,9 +54,9 @@ impl Robot {
         Ok(Self {
             port: Port::open("robot", &config.robot, &context)?,
             context,
-            host: Host::new(config.alter),
+            host: Host::new(config.alter)?,
             mapping: config.mapping,
-            clamp: Clamp::default(),
+            gripper: GripperKeys::default(),
             packet: None,
             packet_until: Duration::ZERO,
             orders,
@@ -67,10 +69,12 @@ impl Robot {
 
     pub(super) fn run(mut self) {
         self.context.tell(Told::Priority(priority::raise(Rank::Reply)));
+        self.follow_port(self.context.clock.now());
         while !self.context.is_stopped() {
             self.read();
             self.obey();
             let now = self.context.clock.now();
+            self.follow_port(now);
             self.host.handle_timeout(now);
             self.collect();
             self.reply();
@@ -80,7 +84,17 @@ impl Robot {
         self.context.end_trace("the host ends");
     }
 
-    /// Waits for bytes, at most until the session wants to be called. Takes all that there are: a reply that is late would be
+    /// Tells the session when the port goes away or comes back.
+    fn follow_port(&mut self, now: Duration) {
+        match (self.port.is_open(), self.host.state()) {
+            (true, HostState::Disconnected) => self.host.handle_connected(now),
+            (false, HostState::Disconnected) => {}
+            (true, _) => {}
+            (false, _) => self.host.handle_disconnected(now),
+        }
+    }
+
+    /// Waits for bytes, at most until the session's timeout. Takes all that there are: a reply that is late would be
     /// taken for the answer to the next request, so none is written while that one waits to be read.
     fn read(&mut self) {
         let mut buffer = [0; 256];
@@ -99,21 +113,22 @@ impl Robot {
     }
 
     fn obey(&mut self) {
+        let now = self.context.clock.now();
         while let Ok(order) = self.orders.try_recv() {
             match order {
                 Order::Ball(packet, until) => {
-                    if let Some(exception) = self.clamp.keys(packet.keys.0) {
-                        let outcome = self.host.exception(exception);
+                    if let Some(exception) = self.gripper.keys(packet.keys.0) {
+                        let outcome = self.host.exception(now, exception);
                         self.later.push(Told::Clamp(exception, outcome));
                     }
                     (self.packet, self.packet_until) = (Some(packet), until);
                 }
                 Order::BallStale => self.packet = None,
-                Order::Policy(policy) => self.host.set_policy(policy),
-                Order::Stop => self.host.stop(),
+                Order::Policy(policy) => self.host.set_policy(now, policy),
+                Order::Stop => self.host.stop(now),
                 Order::Clamp(on) => {
-                    self.clamp.set_enabled(on);
-                    self.host.set_subroutine(on);
+                    self.gripper.set_enabled(on);
+                    self.host.set_subroutine(now, on);
                 }
                 Order::Probe => self.probe(),
                 Order::Stall(time) => thread::sleep(time),
@@ -132,34 +147,39 @@ impl Robot {
                 }
                 HostEvent::Motion(motion) => Told::Motion(motion),
                 HostEvent::End(end) => Told::End(end),
-                HostEvent::Damaged(error) => Told::Damaged(error),
+                HostEvent::Corrupt(error) => Told::Damaged(error),
                 HostEvent::Missed => Told::Missed,
                 HostEvent::Rejected(code) => Told::Rejected(code),
                 HostEvent::Stopped => Told::Stopped,
-                HostEvent::Lost => Told::Lost,
+                HostEvent::Exception(exception, outcome) => Told::ClampOutcome(exception, outcome),
+                HostEvent::Lost(reason) => Told::Lost(reason),
                 _ => continue,
             });
         }
     }
 
     fn reply(&mut self) {
-        let demand = self.demand(self.host.mode());
-        self.host.set_target(demand);
-        let mut out = [0; Host::MAX_TRANSMIT];
-        let replies = self.host.stats().replies;
+        let mode = self.host.config().mode;
         let now = self.context.clock.now();
+        // Without new values from the ball the arm comes to rest.
+        let demand = self.packet.map(|packet| self.mapping.target(&packet, mode));
+        match demand {
+            Some(demand) => self.host.set_target(now, demand),
+            None => self.host.clear_target(now),
+        }
+        let mut out = [0; Host::MAX_TRANSMIT];
+        let replies = self.host.statistics().replies;
         let Some(length) = self.host.poll_transmit(now, &mut out) else { return };
         let bytes = out.get(..length).unwrap_or_default();
         let Some(written) = self.port.write(&self.context, bytes) else { return };
-        if self.host.stats().replies > replies {
+        if self.host.statistics().replies > replies {
             let thinking = written.saturating_sub(self.last_read);
-            self.later.push(Told::Reply { demand, values: self.host.values(), thinking });
+            self.later.push(Told::Reply {
+                demand: demand.unwrap_or([0; AXES]),
+                values: self.host.values(),
+                thinking,
+            });
         }
-    }
-
-    /// What the ball asks for. Without new values from it: rest.
-    fn demand(&self, mode: Mode) -> [i16; AXES] {
-        self.packet.map_or([0; AXES], |packet| self.mapping.target(&packet, mode))
     }
 
     fn tell_later(&mut self) {
@@ -172,7 +192,7 @@ impl Robot {
                     }
                 }
                 Told::End(end) => ended = Some(format!("ALTER ended with error {}", u8::from(end.error))),
-                Told::Lost => ended = Some("the robot fell silent".into()),
+                Told::Lost(reason) => ended = Some(super::lost_text(*reason).into()),
                 _ => {}
             }
             self.context.tell(told);

@@ -2,25 +2,30 @@
 
 use core::time::Duration;
 
+use robot_session::Session as _;
 use val2_alter::{
-    Accumulation, Controller, ControllerConfig, ControllerEvent, ControllerState, DecodeError, ErrorCode,
-    Exception, Frame, Framing, Host, HostConfig, HostEvent, HostMessage, HostState, Limits, Message, Mode,
-    MotionPhase, RobotMessage, Select, Unselected,
+    Accumulation, Controller, ControllerConfig, ControllerEvent, ControllerState, DecodeError,
+    End as EndMessage, ErrorCode, Exception, ExceptionOutcome, Frame, Framing, Host, HostConfig, HostEvent,
+    HostMessage, HostState, Limits, List, Message, Mode, Motion, MotionPhase, Policy, Reply, RobotMessage,
+    SegmentStatus, Start, StartCode, Transform, Unselected, timing,
 };
 
 use super::{Check, Ledger, Log, Mark, Row, Tally, Told, Unseen, Wire};
-use crate::link::{Delivery, End, Faults};
+use crate::link::{End, Faults};
 use crate::rng::Rng;
+use crate::turn;
 
 pub(super) const SERIAL: Row =
     Row { link: "val2-alter", transport: "serial", job: "replies", one_in: Some(256), session };
 
 const MS: Duration = Duration::from_millis(1);
 const LIMIT: Duration = Duration::from_secs(300);
+/// So many jobs must be done in the fault-free minute at the end.
+const AT_THE_END: usize = 5;
 
 type Values = [i16; 6];
 
-/// The values of a job: they say which one it is, and are never all zero. Some stay as they were, or are zero.
+/// What the host is to send as a job: its first value says which one it is. Some values stay as they were, or are zero.
 fn values(job: usize) -> Values {
     let n = job as i16 + 1;
     [n, n / 2, (n / 4).wrapping_mul(31), (n & 1) * 0x1010, 0x0210, -n]
@@ -31,8 +36,10 @@ struct Cell {
     log: Log,
     wire: Wire,
     ledger: Ledger,
-    /// Taken by the controller, and nobody sent it; and whether the host was misled.
-    aliens: Vec<(HostMessage, bool)>,
+    /// The values of each job, as they were sent; zeros for an exception.
+    sent: Vec<Values>,
+    /// Taken by the controller, and nobody sent it.
+    aliens: Vec<HostMessage>,
     controller: Controller,
     host: Host,
     /// Whether values are offsets from the path, and which ones hold.
@@ -42,23 +49,25 @@ struct Cell {
     interrupted: bool,
     /// When the robot's program executes ALTER again.
     again_at: Option<Duration>,
-    /// Before the message that the host answers next: what it says may be wrong too.
+    /// Before the message that the host answers next: its content may be wrong too.
     cause: Mark,
-    /// Whether the controller keeps the words that a reply leaves out: then one that is wrong stays so, up to the next start.
-    keeps: bool,
-    /// The mode of the controller, and whether the host has heard of another: then all that it says may be wrong, up to the end.
-    mode: Mode,
-    misled: bool,
+    /// Whether the line keeps the assumption of `HostConfig::max_delay`: else a rejection may be about another reply.
+    in_time: bool,
     /// The reply, and the exception, whose fate is not known yet.
     reply: Option<usize>,
     exception: Option<(usize, Exception)>,
+    done: usize,
 }
 
 fn session(seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
+    if rng.chance(0.1) {
+        return hostile(&mut rng);
+    }
     let bad = [0.1, 0.5, 2.0][rng.below(3)];
     // A pause of more than 4 ms ends a frame. All delays of a cycle together stay below 11 ms: a reply that comes as late as
-    // the next message would pass for the reply to that, since it has no number.
+    // the next message would pass for the reply to that, since it has no number. Or they do not, and the host knows it.
+    let in_time = rng.chance(0.6);
     let (pause, max_delay) = [(MS, 4 * MS), (5 * MS, MS / 2)][rng.below(2)];
     let faults = Faults {
         flip: 0.002 * bad,
@@ -67,19 +76,23 @@ fn session(seed: u64, log: Log) -> Tally {
         lose: 0.02 * bad,
         pause,
         max_delay,
+        stall: if in_time { 0.0 } else { 0.01 * bad },
         ..Faults::SERIAL
     };
+    let baud = [38_400, 19_200][rng.below(2)];
     let config = ControllerConfig {
+        baud,
         mode: [Mode::CUMULATIVE_23, Mode(19), Mode::NON_CUMULATIVE_22, Mode(18)][rng.below(4)],
         subroutine: true,
         unselected: [Unselected::ByMode, Unselected::Hold, Unselected::Zero][rng.below(3)],
         ..ControllerConfig::default()
     };
     let host = HostConfig {
+        baud,
+        mode: config.mode,
         limits: Limits::NONE,
         subroutine: true,
-        select: [Select::All, Select::Needed][rng.below(2)],
-        unselected: config.unselected,
+        max_delay: if in_time { 11 * MS } else { timing::CYCLE },
         ..HostConfig::default()
     };
     let mut cell = Cell {
@@ -87,32 +100,126 @@ fn session(seed: u64, log: Log) -> Tally {
         log,
         wire: Wire::new(seed, faults.at_baud(config.baud), ["controller", "host"], false, log),
         ledger: Ledger::default(),
+        sent: Vec::new(),
         aliens: Vec::new(),
-        controller: Controller::new(config),
-        host: Host::new(host),
+        controller: Controller::new(config).expect("it can work"),
+        host: Host::new(host).expect("it can work"),
         holds: config.mode.accumulation() == Accumulation::NonCumulative,
         applied: [0; 6],
         interrupted: false,
         again_at: Some(Duration::ZERO),
         cause: Mark::default(),
-        keeps: host.select == Select::Needed && host.unselected != Unselected::Zero,
-        mode: config.mode,
-        misled: false,
+        in_time,
         reply: None,
         exception: None,
+        done: 0,
     };
+    cell.controller.handle_connected(cell.now);
+    cell.host.handle_connected(cell.now);
+    if !in_time {
+        cell.wire.poll_late(0.003 * bad);
+    }
     let jobs = 5 + rng.below(60);
     while cell.ledger.len() < jobs && cell.now < LIMIT {
-        cell.users(&mut rng);
+        cell.users(&mut rng, true);
         cell.step();
     }
+    // A minute without faults, in which work is asked for.
+    cell.wire.heal(cell.now);
+    let (end, enough) = (cell.now + Duration::from_secs(60), cell.done + AT_THE_END);
+    while cell.now < end && cell.done < enough {
+        cell.users(&mut rng, false);
+        cell.step();
+    }
+    let stuck = cell.done < enough;
     log.say(cell.now, format_args!("the host stops"));
-    cell.host.stop();
+    cell.host.stop(cell.now);
     let end = cell.now + Duration::from_secs(1);
     while cell.now < end && (cell.host.state() != HostState::Idle || cell.open()) {
         cell.step();
     }
-    cell.settle()
+    let unexpected = cell.host.statistics().unexpected + cell.controller.statistics().unexpected;
+    assert_eq!(unexpected, 0, "the contract is kept");
+    let mut tally = cell.settle();
+    tally.stuck = stuck.into();
+    tally
+}
+
+/// A random walk over the protocol's messages instead of the other end: everything that was asked for has one outcome.
+fn hostile(rng: &mut Rng) -> Tally {
+    let mut now = Duration::ZERO;
+    let mut host = Host::new(HostConfig { subroutine: true, ..HostConfig::default() }).expect("it can work");
+    let config = ControllerConfig { subroutine: true, ..ControllerConfig::default() };
+    let mut controller = Controller::new(config).expect("it can work");
+    let (mut asked, mut answered, mut started, mut ended) = (0, 0, 0, 0);
+    let mut out = [0; Frame::MAX_LEN];
+    host.handle_connected(now);
+    controller.handle_connected(now);
+    for _ in 0..200 {
+        now += match rng.below(8) {
+            0 => rng.log_uniform(MS, Duration::from_secs(5)),
+            1..4 => Duration::ZERO,
+            _ => timing::CYCLE,
+        };
+        let error = ErrorCode::from(rng.below(8) as u8);
+        let message = match rng.below(8) {
+            0 => RobotMessage::Start(Start { error, ..Start::new(Mode::CUMULATIVE_23, List::EMPTY) }),
+            1 => RobotMessage::End(EndMessage { error }),
+            other => RobotMessage::Motion(Motion {
+                phase: if other == 2 { MotionPhase::Interrupted } else { MotionPhase::Running },
+                error: if other < 5 { error } else { ErrorCode::None },
+                segment_status: SegmentStatus::Normal,
+                segment: 1,
+                percent: 0,
+                transform: Some(Transform([0; 12])),
+            }),
+        };
+        let len = message.encode(Framing::DEFAULT, &mut out).unwrap_or_default();
+        host.handle_input(now, &out[..len]);
+        host.set_target(now, [50; 6]);
+        asked += usize::from(rng.chance(0.3) && host.exception(now, Exception::CloseGripper).is_ok());
+        if rng.chance(0.02) {
+            host.stop(now);
+        }
+        if rng.chance(0.05) {
+            host.set_policy(now, Policy::Accept);
+        }
+        host.handle_timeout(now);
+        while host.poll_transmit(now, &mut out).is_some() {}
+        while let Some(event) = host.poll_event() {
+            answered += usize::from(matches!(event, HostEvent::Exception(..)));
+        }
+
+        let message = match rng.below(6) {
+            0 => HostMessage::StartReply(StartCode::Accept),
+            1 => HostMessage::StartReply([StartCode::Repeat, StartCode::Refuse][rng.below(2)]),
+            2 => HostMessage::Reply(Reply { exception: Exception::OpenGripper, ..Reply::NOTHING }),
+            _ => HostMessage::Reply(Reply::all([7; 6])),
+        };
+        started += usize::from(controller.start(now).is_ok());
+        controller.handle_timeout(now);
+        while controller.poll_transmit(now, &mut out).is_some() {}
+        let len = message.encode(Framing::DEFAULT, &mut out).unwrap_or_default();
+        controller.handle_input(now, &out[..len]);
+        if rng.chance(0.1) {
+            let _ = controller.resume(now);
+        }
+        while let Some(event) = controller.poll_event() {
+            use ControllerEvent::{Ended, GaveUp, Refused};
+            ended += usize::from(matches!(event, Ended(_) | GaveUp | Refused));
+        }
+    }
+    host.handle_disconnected(now);
+    controller.handle_disconnected(now);
+    while let Some(event) = host.poll_event() {
+        answered += usize::from(matches!(event, HostEvent::Exception(..)));
+    }
+    while let Some(event) = controller.poll_event() {
+        ended += usize::from(matches!(event, ControllerEvent::Ended(_)));
+    }
+    assert_eq!((asked, started), (answered, ended), "one outcome for each request");
+    assert_eq!(host.statistics().unexpected + controller.statistics().unexpected, 0);
+    Tally::default()
 }
 
 impl Cell {
@@ -120,78 +227,94 @@ impl Cell {
         self.reply.is_some() || self.exception.is_some()
     }
 
-    /// What the robot's program and the operator do.
-    fn users(&mut self, rng: &mut Rng) {
+    /// What the robot's program and the operator do, and what goes wrong with their machines.
+    fn users(&mut self, rng: &mut Rng, faults: bool) {
         if self.controller.state() == ControllerState::Off {
             let again_at = *self.again_at.get_or_insert_with(|| self.now + MS * rng.below(100) as u32);
             if again_at <= self.now {
                 self.log.say(self.now, format_args!("the robot's program executes ALTER"));
-                self.controller.start(self.now).unwrap();
+                self.controller.start(self.now).expect("it is off");
                 (self.again_at, self.interrupted, self.applied) = (None, false, [0; 6]);
             }
         }
         if self.interrupted && rng.chance(0.1) {
             self.log.say(self.now, format_args!("the exception subroutine returns"));
-            self.controller.resume();
+            let _ = self.controller.resume(self.now);
             self.interrupted = false;
         }
-        if rng.chance(0.003) {
+        if faults && rng.chance(0.003) {
             self.log.say(self.now, format_args!("the robot's program ends ALTER"));
-            self.controller.finish();
+            let _ = self.controller.finish(self.now);
+        }
+        if faults && rng.chance(0.001) {
+            self.restart_host();
+        }
+        if faults && rng.chance(0.001) {
+            self.log.say(self.now, format_args!("the controller loses its memory"));
+            self.controller = Controller::new(*self.controller.config()).expect("it worked before");
+            self.controller.handle_connected(self.now);
+            (self.again_at, self.interrupted, self.applied) = (None, false, [0; 6]);
         }
         if self.exception.is_none() && rng.chance(0.03) {
             let exception = [Exception::CloseGripper, Exception::OpenGripper][rng.below(2)];
-            if self.host.exception(exception).is_ok() {
-                let job = self.ledger.send(self.cause);
+            if self.host.exception(self.now, exception).is_ok() {
+                let job = self.send([0; 6]);
                 self.log.say(self.now, format_args!("job {job}: {exception:?}"));
                 self.exception = Some((job, exception));
             }
         }
     }
 
-    fn step(&mut self) {
-        let mut out = [0; Frame::MAX_LEN];
-        while let Some(Delivery::Bytes(bytes)) = self.wire.receive(End::A, self.now) {
-            self.controller.handle_input(self.now, &bytes);
-        }
-        self.controller.handle_timeout(self.now);
-        self.obey();
-        while let Some(len) = self.controller.poll_transmit(self.now, &mut out) {
-            self.wire.send(End::A, self.now, &out[..len]);
-        }
-        self.obey();
-        while let Some(Delivery::Bytes(bytes)) = self.wire.receive(End::B, self.now) {
-            self.host.handle_input(self.now, &bytes);
-        }
-        self.host.handle_timeout(self.now);
+    /// The host's process dies: nobody learns what became of its last reply.
+    fn restart_host(&mut self) {
+        self.log.say(self.now, format_args!("the host loses its memory"));
         self.hear();
-        let job = self.ledger.len();
-        self.host.set_target(values(job));
-        let runs = self.host.state() == HostState::Running;
-        while let Some(len) = self.host.poll_transmit(self.now, &mut out) {
-            if runs && self.host.values() == values(job) {
-                self.ledger.send(self.cause);
-                self.log.say(self.now, format_args!("job {job}: {:?}", values(job)));
+        let mark = self.wire.mark();
+        for job in [self.reply.take(), self.exception.take().map(|(job, _)| job)].into_iter().flatten() {
+            self.ledger.tell(job, Told::Unknown, mark);
+        }
+        self.host = Host::new(*self.host.config()).expect("it worked before");
+        self.host.handle_connected(self.now);
+    }
+
+    fn send(&mut self, values: Values) -> usize {
+        self.sent.push(values);
+        self.ledger.send(self.cause)
+    }
+
+    fn step(&mut self) {
+        let (now, mut told) = (self.now, Vec::new());
+        // What a reply does is seen before the next one comes.
+        let values = |controller: &mut Controller, event| told.push((event, controller.values()));
+        turn(&mut self.wire, End::A, &mut self.controller, now, values);
+        self.obey(told);
+        self.host.set_target(now, values_of(&self.ledger));
+        let (before, ran) = (self.host.statistics().replies, self.host.state() == HostState::Running);
+        let mark = self.wire.mark();
+        let mut events = Vec::new();
+        turn(&mut self.wire, End::B, &mut self.host, now, |_, event| events.push(event));
+        self.note(events, mark);
+        let runs = ran || self.host.state() == HostState::Running;
+        if self.host.statistics().replies > before {
+            let values = self.host.values();
+            if runs && values != [0; 6] {
+                let job = self.send(values);
+                self.log.say(now, format_args!("job {job}: {values:?}"));
                 self.reply = Some(job);
             }
-            if !self.keeps && !self.misled {
-                self.cause = self.wire.mark();
-            }
-            self.wire.send(End::B, self.now, &out[..len]);
+            self.cause = mark;
         }
-        self.hear();
         let times = [self.host.poll_timeout(), self.controller.poll_timeout(), self.again_at];
         self.now = self.wire.next(self.now, times);
     }
 
-    fn obey(&mut self) {
-        while let Some(event) = self.controller.poll_event() {
+    fn obey(&mut self, events: Vec<(ControllerEvent, Values)>) {
+        for (event, taken) in events {
             self.log.say(self.now, format_args!("  controller: {event:?}"));
             match event {
-                // While the subroutine runs the arm stands.
+                // While the subroutine runs the arm is at rest.
                 ControllerEvent::Reply(reply) if !self.interrupted => {
-                    let taken = self.controller.values();
-                    let job = (0..self.ledger.len()).rposition(|job| values(job) == taken);
+                    let job = self.sent.iter().rposition(|sent| *sent == taken);
                     // An offset that stays is no job.
                     let stays = self.holds && taken == self.applied;
                     match job {
@@ -201,8 +324,7 @@ impl Cell {
                             self.applied = taken;
                             self.ledger.execute(job);
                         }
-                        // The one that it has replaced comes again and is no job either.
-                        None => self.aliens.push((HostMessage::Reply(reply), self.misled)),
+                        None => self.aliens.push(HostMessage::Reply(reply)),
                     }
                 }
                 ControllerEvent::Exception(exception) => {
@@ -210,8 +332,8 @@ impl Cell {
                     match self.exception {
                         Some((job, sent)) if sent == exception => _ = self.ledger.execute(job),
                         _ => {
-                            let reply = val2_alter::Reply { exception, ..val2_alter::Reply::NOTHING };
-                            self.aliens.push((HostMessage::Reply(reply), self.misled));
+                            let reply = Reply { exception, ..Reply::NOTHING };
+                            self.aliens.push(HostMessage::Reply(reply));
                         }
                     }
                 }
@@ -221,33 +343,38 @@ impl Cell {
     }
 
     fn hear(&mut self) {
-        while let Some(event) = self.host.poll_event() {
+        let events: Vec<_> = core::iter::from_fn(|| self.host.poll_event()).collect();
+        let mark = self.wire.mark();
+        self.note(events, mark);
+    }
+
+    fn note(&mut self, events: Vec<HostEvent>, mark: Mark) {
+        for event in events {
             self.log.say(self.now, format_args!("  host: {event:?}"));
-            let mark = self.wire.mark();
+            if let HostEvent::Exception(_, outcome) = event
+                && let Some((job, _)) = self.exception.take()
+            {
+                let told = match outcome {
+                    ExceptionOutcome::Done => Told::Done,
+                    ExceptionOutcome::NotDone => Told::NotDone,
+                    ExceptionOutcome::Unknown(_) => Told::Unknown,
+                };
+                self.done += usize::from(told == Told::Done);
+                self.ledger.tell(job, told, mark);
+            }
             let told = match event {
-                HostEvent::Motion(motion) => {
-                    if motion.phase == MotionPhase::Interrupted
-                        && let Some((job, _)) = self.exception.take()
-                    {
-                        self.ledger.tell(job, Told::Done, mark);
-                    }
-                    (motion.error == ErrorCode::None).then_some(Told::Done)
-                }
-                HostEvent::Rejected(_) => Some(Told::NotDone),
-                HostEvent::Start(_) | HostEvent::End(_) | HostEvent::Lost => {
-                    self.misled = matches!(&event, HostEvent::Start(start) if start.mode != self.mode);
-                    if !self.misled {
-                        self.cause = mark;
-                    }
-                    if let Some((job, _)) = self.exception.take() {
-                        self.ledger.tell(job, Told::Unknown, mark);
-                    }
+                HostEvent::Motion(motion) => (motion.error == ErrorCode::None).then_some(Told::Done),
+                HostEvent::Rejected(_) if self.in_time => Some(Told::NotDone),
+                HostEvent::Rejected(_) => Some(Told::Unknown),
+                HostEvent::Start(_) | HostEvent::End(_) | HostEvent::Lost(_) => {
+                    self.cause = mark;
                     Some(Told::Unknown)
                 }
                 _ => None,
             };
             if let (Some(told), Some(job)) = (told, self.reply) {
                 self.reply = None;
+                self.done += usize::from(told == Told::Done);
                 self.ledger.tell(job, told, mark);
             }
         }
@@ -267,12 +394,12 @@ impl Cell {
             };
             if reads { Check::Good(len) } else { Check::Nothing }
         });
-        for (alien, misled) in self.aliens {
+        for alien in self.aliens {
             // An exception is sent again by a host that was told, wrongly, that it was not read.
             let again = matches!(alien, HostMessage::Reply(reply) if reply.exception != Exception::None);
             let made = |unseen: &Unseen| match unseen.from {
-                End::A => again || misled,
-                End::B => self.keeps || says(&unseen.bytes, alien),
+                End::A => again,
+                End::B => says(&unseen.bytes, alien),
             };
             if !unseen.iter().any(made) {
                 self.log.say(self.now, format_args!("!!! nobody sent {alien:?}"));
@@ -284,6 +411,11 @@ impl Cell {
         });
         tally
     }
+}
+
+/// What the next job is to be.
+fn values_of(ledger: &Ledger) -> Values {
+    values(ledger.len())
 }
 
 /// Whether a frame that damage has made says this: its values, or for an exception, that.

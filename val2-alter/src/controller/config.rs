@@ -1,62 +1,125 @@
-//! What a controller is told, and what it tells.
+//! What a controller is configured with, what it reports, and what it counts.
 
 use core::time::Duration;
 
-use crate::host::Unselected;
-use crate::message::{ErrorCode, Exception, List, Mode, Polarity, Reply};
-use crate::{Framing, Layout, Pose, Scale, timing};
+use robot_session::Unexpected;
 
-/// How a [`Controller`](crate::Controller) behaves: the ALTER instruction and the robot.
-#[derive(Debug, Clone, Copy, PartialEq)]
+use crate::error::ConfigError;
+use crate::frame::Framing;
+use crate::message::{Accumulation, ErrorCode, Exception, HostMessage, List, Mode, Reply};
+use crate::timing::{self, Budget};
+
+/// How a [`Controller`](crate::Controller) behaves: the ALTER instruction and the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ControllerConfig {
-    /// The envelope.
+    /// The envelope. Default: [`Framing::DEFAULT`].
     pub framing: Framing,
-    /// The line's baud rate: the reply window opens when the request has left.
+    /// The line's baud rate: the reply window opens when the request has left. Default: 38400.
     pub baud: u32,
-    /// The mode of the ALTER instruction.
+    /// The mode of the ALTER instruction. Default: 23.
     pub mode: Mode,
-    /// Which way round mode bit 1 is.
-    pub polarity: Polarity,
-    /// The data list of the ALTER instruction.
+    /// The data list of the ALTER instruction. Default: empty.
     pub data: List,
-    /// Whether the ALTER instruction names an exception subroutine; without one, an exception aborts the program.
+    /// Whether the ALTER instruction names an exception subroutine; without one, an exception aborts the program. Default: no.
     pub subroutine: bool,
-    /// Start messages sent before giving up: three. (The source has "up to twice repeated" in one place and "after the third
-    /// repetition" in another; set 4 for the second reading.)
+    /// Start messages sent before giving up, from 1. Default: 3. (The source has "up to twice repeated" in one place and "after
+    /// the third repetition" in another; set 4 for the second reading.)
     pub attempts: u8,
-    /// What a value that a reply does not transmit means.
+    /// What a value that a reply does not transmit means. Default: [`Unselected::ByMode`].
     pub unselected: Unselected,
-    /// The robot's scaling.
-    pub scale: Scale,
-    /// The layout of the transformations that it sends.
-    pub layout: Layout,
-    /// Where the arm stands at first.
-    pub home: Pose,
-    /// A gap of more than this between bytes ends a frame.
+    /// A silence of more than this inside a frame ends the frame. Default: 4 ms.
     pub gap: Option<Duration>,
+    /// The rule of the machine that does not apply.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub without: Option<ControllerRule>,
+}
+
+/// A rule of the controller's machine that the model takes out to show what it is needed for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[doc(hidden)]
+pub enum ControllerRule {
+    /// An interruption is in one message at least.
+    ReportInterruption,
+    /// Only the first reply of a window counts.
+    FirstReply,
+    /// A missing reply ends ALTER.
+    EndOnMissing,
+    /// While the subroutine runs no exception starts it again.
+    OneSubroutine,
+    /// An unread start message is sent again.
+    Attempts,
+    /// The arm does not move while the subroutine runs.
+    RestInterrupted,
+}
+
+impl ControllerConfig {
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        if self.attempts == 0 {
+            return Err(ConfigError::Attempts);
+        }
+        let request = timing::min_request_len(self.mode.has_transform(), self.framing);
+        let reply = timing::min_reply_len(1, self.framing);
+        let budget = Budget::new(self.mode.accumulation(), self.baud, request, reply);
+        let window = ConfigError::Window { baud: self.baud, mode: self.mode.0 };
+        budget.slack().map(|_| ()).ok_or(window)
+    }
+
+    #[cfg(feature = "model")]
+    pub(super) fn keeps(&self, rule: ControllerRule) -> bool {
+        self.without != Some(rule)
+    }
+
+    #[cfg(not(feature = "model"))]
+    pub(super) const fn keeps(&self, _: ControllerRule) -> bool {
+        true
+    }
 }
 
 impl Default for ControllerConfig {
-    /// `ALTER(0, 23)`, no subroutine, on the source's robot, with the tool pointing down in front of it.
+    /// `ALTER(0, 23)`, no subroutine, on the source's line.
     fn default() -> Self {
         Self {
             framing: Framing::DEFAULT,
             baud: timing::BAUD,
             mode: Mode::CUMULATIVE_23,
-            polarity: Polarity::default(),
             data: List::EMPTY,
             subroutine: false,
             attempts: 3,
             unselected: Unselected::default(),
-            scale: Scale::PUMA_562,
-            layout: Layout::COLUMNS,
-            home: Pose { n: [1.0, 0.0, 0.0], o: [0.0, -1.0, 0.0], a: [0.0, 0.0, -1.0], p: [400.0, 0.0, 0.0] },
             gap: Some(Duration::from_millis(4)),
+            #[cfg(feature = "model")]
+            without: None,
         }
     }
 }
 
-/// What a [`Controller`](crate::Controller) tells its caller.
+/// What a controller makes of a value that a reply does not transmit.
+///
+/// The source: "Im kumulativen Betrieb wird jedes nicht übertragene Datenwort von VAL-II intern unverändert gelassen.
+/// Anfangs werden alle Werte als Null angenommen" (§3.3.2). Word for word, an increment would then repeat for ever.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Unselected {
+    /// Cumulative: zero, nothing moves. Non-cumulative: as before, the offset stays.
+    #[default]
+    ByMode,
+    /// As before, also in cumulative mode: the words of the source.
+    Hold,
+    /// Zero in both.
+    Zero,
+}
+
+impl Unselected {
+    pub(super) fn holds(self, accumulation: Accumulation) -> bool {
+        match self {
+            Self::ByMode => accumulation == Accumulation::NonCumulative,
+            Self::Hold => true,
+            Self::Zero => false,
+        }
+    }
+}
+
+/// What a [`Controller`](crate::Controller) reports. Each start ends in `Refused`, `GaveUp` or `Ended`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ControllerEvent {
@@ -68,19 +131,23 @@ pub enum ControllerEvent {
     GaveUp,
     /// A reply was taken.
     Reply(Reply),
-    /// A reply or an answer to a start message could not be read, or did not come; the next message says so to the host.
+    /// A reply or an answer to a start message could not be read, or did not come; the next message reports it to the host.
     BadReply(ErrorCode),
     /// The exception subroutine begins: call [`Controller::resume`](crate::Controller::resume) when it returns.
     Exception(Exception),
     /// An exception came, and there is no subroutine: the program is aborted.
     Aborted(Exception),
-    /// The end message was sent: ALTER is over, the arm stands.
+    /// ALTER is over, the arm is at rest: the end message was sent, or the port is gone.
     Ended(ErrorCode),
+    /// A message that no window was open for; it has no effect.
+    Stray(HostMessage),
+    /// A call that the contract does not allow, or an input that the machine did not expect; nothing has changed.
+    Unexpected(Unexpected),
 }
 
 /// What a [`Controller`](crate::Controller) has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct ControllerStats {
+pub struct ControllerStatistics {
     /// Start messages sent.
     pub attempts: u64,
     /// Times that ALTER began.
@@ -93,6 +160,10 @@ pub struct ControllerStats {
     pub bad_replies: u64,
     /// Cycles without a reply: each has ended ALTER.
     pub timeouts: u64,
-    /// Events that were dropped because nobody fetched them.
-    pub events_lost: u64,
+    /// Messages that no window was open for.
+    pub strays: u64,
+    /// Inputs that the machine did not expect.
+    pub unexpected: u64,
+    /// Notices that were dropped because nobody fetched them.
+    pub dropped_notices: u64,
 }

@@ -1,169 +1,94 @@
-//! The robot controller's end: a simulated MARK III.
+//! The robot controller's end.
 
 mod config;
+mod machine;
 
-pub use config::{ControllerConfig, ControllerEvent, ControllerStats};
+pub use config::{ControllerConfig, ControllerEvent, ControllerRule, ControllerStatistics, Unselected};
+pub use machine::{
+    Alter, ControllerActions, ControllerInput, ControllerMachine, ControllerPhase, Handling, Outgoing,
+    Progress, StartOutcome, Taken, Turn,
+};
 
 use core::time::Duration;
 
-use crate::decoder::Decoder;
-use crate::message::{
-    AXES, Accumulation, End, ErrorCode, Exception, HostMessage, Message, Motion, MotionPhase, Reply,
-    RobotMessage, SegmentStatus, Start, StartCode,
-};
-use crate::queue::Queue;
-use crate::state::{ControllerInput, ControllerState};
-use crate::timing::{self, Budget};
-use crate::{Pose, SessionError, Transform};
+use robot_session::{Decoder as _, EventQueue, Session};
 
-/// The controller's session, and the arm that it moves. It never reads a clock and never blocks.
+use crate::decoder::Decoder;
+use crate::error::{ConfigError, SessionError};
+use crate::frame::Frame;
+use crate::message::{
+    AXES, Accumulation, End, HostMessage, Message, Motion, Reply, RobotMessage, SegmentStatus, Start,
+    Transform,
+};
+
+/// The controller's session: a MARK III without its arm. Its verbs are those of [`robot_session::Session`]; it never reads a
+/// clock and never blocks. [`start`](Controller::start) executes the ALTER instruction.
 ///
-/// Order: [`handle_input`](Controller::handle_input) with what was read and the time when it arrived,
-/// [`handle_timeout`](Controller::handle_timeout), [`poll_event`](Controller::poll_event) until `None`,
-/// [`poll_transmit`](Controller::poll_transmit) and write what it gives, then wait for bytes until
-/// [`poll_timeout`](Controller::poll_timeout). [`start`](Controller::start) executes the ALTER instruction.
-///
-/// The first good reply in the window of a message decides; what comes outside a window is thrown away. A reply that cannot
-/// be read gives the error code of the next message, and the arm does not move by it; a missing one ends ALTER with
-/// error 6. A session that is late itself sends the next message late: it never sends two in one cycle. Of 16 events that
-/// nobody fetches, the oldest is dropped and counted.
+/// The first good reply in the window of a message decides; what comes outside a window has no effect. A reply that cannot be
+/// read gives the error code of the next message, and the arm does not move by it; a missing one ends ALTER with error 6. A
+/// session that is late itself sends the next message late: it never sends two in one cycle. Of 16 events that nobody fetches,
+/// the oldest notice is dropped and counted; how a start goes, exceptions and the end of ALTER are outcomes and are not.
 #[derive(Debug, Clone)]
 pub struct Controller {
     config: ControllerConfig,
+    machine: ControllerMachine,
     decoder: Decoder<HostMessage>,
-    events: Queue<ControllerEvent, 16>,
-    stats: ControllerStats,
-    state: ControllerState,
-    attempt: u8,
-    /// When the next message is to be sent.
-    slot: Duration,
-    /// Until when a reply to the last one is taken.
-    window: Option<Duration>,
-    last_input: Duration,
-    /// What was wrong with the last reply.
-    error: ErrorCode,
-    /// What was wrong with the bytes of this window.
-    damage: Option<ErrorCode>,
+    events: EventQueue<ControllerEvent, 16>,
+    statistics: ControllerStatistics,
+    /// What the next standard messages say.
     segment: (SegmentStatus, u16, u16),
+    transform: Transform,
     /// The words that the controller keeps, and what they did to the arm in the last cycle.
     words: [i16; AXES],
     applied: [i16; AXES],
-    path: Pose,
-    correction: Pose,
 }
 
-impl Controller {
-    /// A controller whose program does not execute ALTER yet.
-    pub fn new(config: ControllerConfig) -> Self {
-        Self {
-            config,
-            decoder: Decoder::new(config.framing),
-            events: Queue::new(),
-            stats: ControllerStats::default(),
-            state: ControllerState::Off,
-            attempt: 0,
-            slot: Duration::ZERO,
-            window: None,
-            last_input: Duration::ZERO,
-            error: ErrorCode::None,
-            damage: None,
-            segment: (SegmentStatus::Normal, 1, 0),
-            words: [0; AXES],
-            applied: [0; AXES],
-            path: config.home,
-            correction: Pose::IDENTITY,
-        }
-    }
+/// The outcomes of an ALTER: started, an exception, ended.
+const OUTCOMES: usize = 3;
 
-    /// Executes the ALTER instruction: the first start message is due at `now`. The path is the place where the arm stands
-    /// (the source's program says `MOVES HERE`), until [`Controller::set_path`] changes it.
+impl Controller {
+    /// A controller whose port is not open.
     ///
     /// # Errors
-    /// [`SessionError::AlreadyStarted`]
+    /// [`ConfigError::Window`]: no reply fits the line; [`ConfigError::Attempts`].
+    pub fn new(config: ControllerConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self {
+            config,
+            machine: ControllerMachine::NEW,
+            decoder: Decoder::new(config.framing),
+            events: EventQueue::new(),
+            statistics: ControllerStatistics::default(),
+            segment: (SegmentStatus::Normal, 1, 0),
+            transform: Transform([0; 12]),
+            words: [0; AXES],
+            applied: [0; AXES],
+        })
+    }
+
+    /// Executes the ALTER instruction: the first start message is due at `now`.
+    ///
+    /// # Errors
+    /// [`SessionError::NotConnected`], [`SessionError::AlreadyStarted`], [`SessionError::EventsFull`]
     pub fn start(&mut self, now: Duration) -> Result<(), SessionError> {
-        if self.state != ControllerState::Off {
-            return Err(SessionError::AlreadyStarted);
-        }
-        self.path = self.pose();
-        self.correction = Pose::IDENTITY;
-        (self.words, self.applied) = ([0; AXES], [0; AXES]);
-        (self.attempt, self.error, self.slot) = (0, ErrorCode::None, now);
-        self.on(ControllerInput::Start);
-        Ok(())
+        let has_room = self.events.has_room(OUTCOMES);
+        self.request(now, ControllerInput::Start { has_room })
     }
 
-    /// The program ends ALTER: the end message goes out with the next cycle.
-    pub fn finish(&mut self) {
-        if matches!(self.state, ControllerState::Running | ControllerState::Interrupted) {
-            self.error = ErrorCode::None;
-        }
-        self.window = None;
-        self.stand();
-        self.on(ControllerInput::Finish);
+    /// The program ends ALTER: the end message is sent with the next cycle.
+    ///
+    /// # Errors
+    /// [`SessionError::NotRunning`]
+    pub fn finish(&mut self, now: Duration) -> Result<(), SessionError> {
+        self.request(now, ControllerInput::Finish)
     }
 
-    /// The exception subroutine returns.
-    pub fn resume(&mut self) {
-        self.on(ControllerInput::Return);
-    }
-
-    /// Takes bytes that arrived at `now`. All of them are taken.
-    pub fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
-        self.handle_timeout(now);
-        let silent = now.saturating_sub(self.last_input);
-        if self.decoder.pending() > 0 && self.config.gap.is_some_and(|gap| silent > gap) {
-            self.decoder.finish();
-            self.read();
-        }
-        self.last_input = now;
-        let mut rest = bytes;
-        while !rest.is_empty() && self.window.is_some() {
-            let taken = self.decoder.push(rest);
-            rest = rest.get(taken..).unwrap_or_default();
-            self.read();
-        }
-    }
-
-    /// Lets time pass: a window that closes without a good reply is a bad or a missing one.
-    pub fn handle_timeout(&mut self, now: Duration) {
-        if self.window.is_some_and(|closes| now >= closes) {
-            self.decoder.finish();
-            self.read();
-            if self.window.take().is_some() {
-                self.on_no_reply();
-            }
-        }
-    }
-
-    /// Writes the message that is due into `out`, which has room for [`Frame::MAX_LEN`](crate::Frame::MAX_LEN) bytes, and
-    /// returns its length.
-    pub fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.handle_timeout(now);
-        if self.state == ControllerState::Off || self.window.is_some() || now < self.slot {
-            return None;
-        }
-        let message = match self.state {
-            ControllerState::Starting => {
-                let start = Start::new(self.config.mode, self.config.data);
-                RobotMessage::Start(Start { error: self.error, ..start })
-            }
-            ControllerState::Running => RobotMessage::Motion(self.motion(MotionPhase::Running)),
-            ControllerState::Interrupted => RobotMessage::Motion(self.motion(MotionPhase::Interrupted)),
-            ControllerState::Ending | ControllerState::Off => RobotMessage::End(End { error: self.error }),
-        };
-        let len = message.encode(self.config.framing, out).ok()?;
-        self.sent(now, len, &message);
-        Some(len)
-    }
-
-    /// The next event.
-    pub fn poll_event(&mut self) -> Option<ControllerEvent> {
-        self.events.pop()
-    }
-
-    /// When the window closes, or when the next message is to be sent.
-    pub fn poll_timeout(&self) -> Option<Duration> {
-        (self.state != ControllerState::Off).then(|| self.window.unwrap_or(self.slot))
+    /// The exception subroutine returns. At least one message says that it ran.
+    ///
+    /// # Errors
+    /// [`SessionError::NotRunning`]
+    pub fn resume(&mut self, now: Duration) -> Result<(), SessionError> {
+        self.request(now, ControllerInput::Return)
     }
 
     /// Sets what the next messages say of the motion segment: its status, its number (from 1), and the part of it that is done
@@ -172,14 +97,9 @@ impl Controller {
         self.segment = (status, number, percent);
     }
 
-    /// Moves the programmed path: the corrections of ALTER come on top of it.
-    pub fn set_path(&mut self, path: Pose) {
-        self.path = path;
-    }
-
-    /// Where the arm is: the path with all corrections.
-    pub fn pose(&self) -> Pose {
-        self.path.corrected(&self.correction, self.config.mode.frame(self.config.polarity))
+    /// Sets where the next messages say that the tool is, if mode bit 2 asks for it. At first all words are zero.
+    pub fn set_transform(&mut self, transform: Transform) {
+        self.transform = transform;
     }
 
     /// The values that moved the arm in the last cycle (cumulative), or that hold it off the path (non-cumulative).
@@ -187,9 +107,23 @@ impl Controller {
         self.applied
     }
 
-    /// Where the session stands.
+    /// The machine: what the session is doing.
+    pub fn machine(&self) -> &ControllerMachine {
+        &self.machine
+    }
+
+    /// What the session is doing, in a word.
     pub fn state(&self) -> ControllerState {
-        self.state
+        match &self.machine.phase {
+            ControllerPhase::Disconnected => ControllerState::Disconnected,
+            ControllerPhase::Off => ControllerState::Off,
+            ControllerPhase::On(alter) => match alter.progress {
+                Progress::Starting { .. } => ControllerState::Starting,
+                Progress::Running => ControllerState::Running,
+                Progress::Interrupted { .. } => ControllerState::Interrupted,
+                Progress::Ending => ControllerState::Ending,
+            },
+        }
     }
 
     /// The configuration.
@@ -197,155 +131,197 @@ impl Controller {
         &self.config
     }
 
-    /// What has been counted.
-    pub fn stats(&self) -> ControllerStats {
-        ControllerStats { events_lost: self.events.lost(), ..self.stats }
+    fn request(&mut self, now: Duration, input: ControllerInput) -> Result<(), SessionError> {
+        self.on(now, input).refused.map_or(Ok(()), Err)
     }
 
-    fn motion(&self, phase: MotionPhase) -> Motion {
-        let (segment_status, segment, percent) = self.segment;
-        let transform = self.config.mode.has_transform();
-        let transform = transform.then(|| Transform::from_pose_saturating(&self.pose(), &self.config.layout));
-        Motion { phase, error: self.error, segment_status, segment, percent, transform }
-    }
-
-    fn sent(&mut self, now: Duration, len: usize, message: &RobotMessage) {
-        let accumulation = self.config.mode.accumulation();
-        let budget = Budget::new(accumulation, self.config.baud, len, 0);
-        let closes = now + budget.request + budget.window;
-        // On a raster of 28 ms; late once, the next one keeps its window too.
-        self.slot = (self.slot + timing::CYCLE).max(closes);
-        self.decoder.clear();
-        self.damage = None;
-        self.window = Some(closes);
-        match message {
-            RobotMessage::Start(_) => {
-                self.attempt += 1;
-                self.stats.attempts += 1;
-            }
-            RobotMessage::Motion(_) => self.stats.cycles += 1,
-            RobotMessage::End(end) => {
-                self.window = None;
-                self.on(ControllerInput::EndSent);
-                self.events.push(ControllerEvent::Ended(end.error));
-            }
-        }
-    }
-
-    fn read(&mut self) {
+    fn read(&mut self, now: Duration) {
         while let Some(outcome) = self.decoder.next_frame() {
-            if self.window.is_none() {
-                self.decoder.clear();
-                return;
-            }
-            match (self.state, outcome.map(|received| received.message)) {
-                (ControllerState::Starting, Ok(HostMessage::StartReply(code))) => self.on_start_reply(code),
-                (ControllerState::Running | ControllerState::Interrupted, Ok(HostMessage::Reply(reply))) => {
-                    self.on_reply(reply)
-                }
-                (_, Ok(_)) => self.note(ErrorCode::Format),
-                (_, Err(error)) => self.note(error.code()),
+            match outcome.map(|received| received.message) {
+                Ok(message) => self.on_message(now, message),
+                Err(error) => _ = self.on(now, ControllerInput::Corrupt(error.code())),
             }
         }
     }
 
-    fn note(&mut self, code: ErrorCode) {
-        self.damage.get_or_insert(code);
+    fn on_message(&mut self, now: Duration, message: HostMessage) {
+        let input = match &message {
+            HostMessage::StartReply(code) => ControllerInput::StartReply(*code),
+            HostMessage::Reply(Reply { exception, .. }) => {
+                // The exception's, and that of the end.
+                let has_room = self.events.has_room(2);
+                ControllerInput::Reply { exception: *exception, has_room }
+            }
+        };
+        let Ok(actions) = self.step(now, input) else { return };
+        if actions.stray {
+            self.statistics.strays += 1;
+            self.events.push_notice(ControllerEvent::Stray(message));
+        }
+        if let (Some(taken), HostMessage::Reply(reply)) = (actions.taken, message) {
+            self.statistics.replies += 1;
+            self.events.push_notice(ControllerEvent::Reply(reply));
+            if taken == Taken::Moves {
+                self.take(&reply);
+            }
+        }
+        self.act(now, &actions);
     }
 
-    fn on_start_reply(&mut self, code: StartCode) {
-        self.window = None;
-        match code {
-            StartCode::Accept => {
-                self.error = ErrorCode::None;
-                self.stats.starts += 1;
-                self.on(ControllerInput::Accept);
-                self.events.push(ControllerEvent::Started);
+    /// Gives the machine an input and does what it says, but for sending and for taking a reply.
+    fn on(&mut self, now: Duration, input: ControllerInput) -> ControllerActions {
+        let actions = self.step(now, input).unwrap_or_default();
+        self.act(now, &actions);
+        actions
+    }
+
+    fn step(&mut self, now: Duration, input: ControllerInput) -> Result<ControllerActions, ()> {
+        self.machine.on(now, input, &self.config).map_err(|unexpected| {
+            self.statistics.unexpected += 1;
+            self.events.push_notice(ControllerEvent::Unexpected(unexpected));
+        })
+    }
+
+    fn act(&mut self, now: Duration, actions: &ControllerActions) {
+        if actions.restart {
+            (self.words, self.applied) = ([0; AXES], [0; AXES]);
+        }
+        if actions.end_frame || actions.close_window {
+            self.decoder.finish();
+            self.read(now);
+        }
+        if actions.close_window {
+            self.on(now, ControllerInput::WindowClosed);
+        }
+        // Without a reply the arm is at rest: no increment, and an offset stays.
+        if actions.rest && self.config.mode.accumulation() == Accumulation::Cumulative {
+            self.applied = [0; AXES];
+        }
+        if let Some(code) = actions.bad_reply {
+            if actions.start.is_none() && self.state() != ControllerState::Starting {
+                self.statistics.bad_replies += u64::from(self.state() != ControllerState::Ending);
+                self.statistics.timeouts += u64::from(self.state() == ControllerState::Ending);
             }
-            StartCode::Repeat => self.try_again(ErrorCode::None),
-            StartCode::Refuse => {
-                self.on(ControllerInput::Refuse);
-                self.events.push(ControllerEvent::Refused);
+            self.events.push_notice(ControllerEvent::BadReply(code));
+        }
+        match actions.start {
+            Some(StartOutcome::Started) => {
+                self.statistics.starts += 1;
+                self.push_outcome(ControllerEvent::Started);
             }
+            Some(StartOutcome::Refused) => self.push_outcome(ControllerEvent::Refused),
+            Some(StartOutcome::GaveUp) => self.push_outcome(ControllerEvent::GaveUp),
+            None => {}
+        }
+        match actions.exception {
+            Some(Handling::Subroutine(exception)) => self.push_outcome(ControllerEvent::Exception(exception)),
+            Some(Handling::Abort(exception)) => self.push_outcome(ControllerEvent::Aborted(exception)),
+            None => {}
+        }
+        if let Some(error) = actions.ended {
+            self.push_outcome(ControllerEvent::Ended(error));
         }
     }
 
-    fn on_reply(&mut self, reply: Reply) {
-        self.window = None;
-        self.error = ErrorCode::None;
-        self.stats.replies += 1;
-        self.on(ControllerInput::Reply);
-        self.events.push(ControllerEvent::Reply(reply));
-        if self.state != ControllerState::Running {
-            self.stand();
-        } else {
-            if self.config.mode.uses_inputs() {
-                self.move_arm(&reply);
-            }
-            if reply.exception != Exception::None {
-                let (input, event) = if self.config.subroutine {
-                    (ControllerInput::Exception, ControllerEvent::Exception(reply.exception))
-                } else {
-                    (ControllerInput::Abort, ControllerEvent::Aborted(reply.exception))
-                };
-                self.on(input);
-                self.events.push(event);
-            }
-        }
+    fn push_outcome(&mut self, event: ControllerEvent) {
+        let pushed = self.events.push_outcome(event);
+        debug_assert!(pushed.is_ok(), "room was asked for when it began");
     }
 
-    /// The window closed without a good reply.
-    fn on_no_reply(&mut self) {
-        let code = self.damage.take().unwrap_or(ErrorCode::Timeout);
-        self.events.push(ControllerEvent::BadReply(code));
-        if self.state == ControllerState::Starting {
-            self.try_again(code);
-        } else if code == ErrorCode::Timeout {
-            self.error = code;
-            self.stats.timeouts += 1;
-            self.on(ControllerInput::MissingReply);
-        } else {
-            self.error = code;
-            self.stats.bad_replies += 1;
-            self.on(ControllerInput::BadReply);
-        }
-        self.stand();
-    }
-
-    fn try_again(&mut self, code: ErrorCode) {
-        self.error = code;
-        if self.attempt < self.config.attempts {
-            self.on(ControllerInput::Repeat);
-        } else {
-            self.on(ControllerInput::GaveUp);
-            self.events.push(ControllerEvent::GaveUp);
-        }
-    }
-
-    fn move_arm(&mut self, reply: &Reply) {
-        let accumulation = self.config.mode.accumulation();
-        let holds = self.config.unselected.holds(accumulation);
+    fn take(&mut self, reply: &Reply) {
+        let holds = self.config.unselected.holds(self.config.mode.accumulation());
         for (word, sent) in self.words.iter_mut().zip(reply.values) {
             *word = sent.unwrap_or(if holds { *word } else { 0 });
         }
         self.applied = self.words;
-        let set = Pose::from_values(self.words, &self.config.scale);
-        self.correction = match accumulation {
-            Accumulation::Cumulative => {
-                self.correction.accumulated(&set, self.config.mode.frame(self.config.polarity))
-            }
-            Accumulation::NonCumulative => set,
-        };
     }
 
-    /// Without a reply the arm stands: no increment, and an offset stays.
-    fn stand(&mut self) {
-        if self.config.mode.accumulation() == Accumulation::Cumulative {
-            self.applied = [0; AXES];
+    fn message(&self, due: Outgoing) -> RobotMessage {
+        match due {
+            Outgoing::Start(error) => {
+                RobotMessage::Start(Start { error, ..Start::new(self.config.mode, self.config.data) })
+            }
+            Outgoing::Motion(phase, error) => {
+                let (segment_status, segment, percent) = self.segment;
+                let transform = self.config.mode.has_transform().then_some(self.transform);
+                RobotMessage::Motion(Motion { phase, error, segment_status, segment, percent, transform })
+            }
+            Outgoing::End(error) => RobotMessage::End(End { error }),
         }
     }
+}
 
-    fn on(&mut self, input: ControllerInput) {
-        self.state = self.state.on(input);
+impl Session for Controller {
+    type Event = ControllerEvent;
+    type Statistics = ControllerStatistics;
+
+    const MAX_TRANSMIT: usize = Frame::MAX_LEN;
+
+    fn handle_connected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.on(now, ControllerInput::Connected);
     }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.on(now, ControllerInput::Disconnected);
+    }
+
+    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
+        self.handle_timeout(now);
+        let mut rest = bytes;
+        while !rest.is_empty() && self.machine.phase != ControllerPhase::Disconnected {
+            let taken = self.decoder.push(rest);
+            rest = rest.get(taken..).unwrap_or_default();
+            self.read(now);
+        }
+        self.on(now, ControllerInput::Bytes { partial: self.decoder.pending() > 0 });
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        self.on(now, ControllerInput::Timeout);
+    }
+
+    fn poll_event(&mut self) -> Option<ControllerEvent> {
+        self.events.pop()
+    }
+
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        self.handle_timeout(now);
+        let message = self.message(self.machine.due(now)?);
+        let len = message.encode(self.config.framing, out).ok()?;
+        self.on(now, ControllerInput::Transmit { len: u8::try_from(len).unwrap_or(u8::MAX) }).send?;
+        self.decoder.clear();
+        match message {
+            RobotMessage::Start(_) => self.statistics.attempts += 1,
+            RobotMessage::Motion(_) => self.statistics.cycles += 1,
+            RobotMessage::End(_) => {}
+        }
+        Some(len)
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.machine.deadline()
+    }
+
+    fn statistics(&self) -> ControllerStatistics {
+        ControllerStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    }
+}
+
+/// What a controller is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ControllerState {
+    /// The port is not open.
+    Disconnected,
+    /// No ALTER: the arm is at rest.
+    Off,
+    /// Start messages are sent until one is accepted or there were enough.
+    Starting,
+    /// A standard message is sent each cycle, and the replies move the arm.
+    Running,
+    /// The same while the exception subroutine runs; the replies move nothing.
+    Interrupted,
+    /// The end message is sent with the next cycle; the arm is at rest.
+    Ending,
 }

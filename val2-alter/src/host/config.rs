@@ -1,36 +1,124 @@
-//! What a host is told, what it tells, and what it counts.
+//! What a host is configured with, what it reports, and what it counts.
 
 use core::time::Duration;
 
+use robot_session::Unexpected;
+
+use crate::error::{ConfigError, DecodeError};
+use crate::frame::Framing;
 use crate::limit::Limits;
-use crate::message::{Accumulation, End, ErrorCode, Motion, Start};
-use crate::{DecodeError, Framing, timing};
+use crate::message::{End, ErrorCode, Exception, Mode, Motion, Start};
+use crate::timing::{self, Budget};
 
 /// How a [`Host`](crate::Host) behaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HostConfig {
-    /// The envelope.
+    /// The envelope. Default: [`Framing::DEFAULT`].
     pub framing: Framing,
-    /// The line's baud rate: what a reply takes of the window follows from it.
+    /// The line's baud rate: what a reply takes of the window follows from it. Default: 38400.
     pub baud: u32,
-    /// What each axis may do.
+    /// The mode of the ALTER instruction. A start message with another one is refused. Default: 23.
+    pub mode: Mode,
+    /// What each axis may do. Default: [`Limits::GENTLE`].
     pub limits: Limits,
-    /// Which values a reply transmits.
-    pub select: Select,
-    /// What the controller makes of a value that is not transmitted; matters for [`Select::Needed`] alone.
-    pub unselected: Unselected,
     /// Whether the ALTER instruction names an exception subroutine. Without one an exception aborts the robot's program,
-    /// and [`Host::exception`](crate::Host::exception) refuses it.
+    /// and [`Host::exception`](crate::Host::exception) refuses it. Default: no.
     pub subroutine: bool,
-    /// How start messages are answered; [`Host::set_policy`](crate::Host::set_policy) changes it.
+    /// How start messages are answered; [`Host::set_policy`](crate::Host::set_policy) changes it. Default: accept.
     pub policy: Policy,
-    /// How often in a row a damaged start message is asked for again. The controller gives up after its third attempt.
+    /// How often in a row a corrupt start message is asked for again; the next one is refused. Default: 2, since a controller
+    /// gives up after its third attempt.
     pub repeats: u8,
-    /// After how many cycles without a message the controller counts as gone.
+    /// After how many cycles without a message the controller counts as lost; from 2. Default: 4.
     pub silence_cycles: u32,
-    /// A gap of more than this between bytes ends a frame. `None` when reads are far apart though bytes are not, as with an
-    /// adapter that collects them.
+    /// A silence of more than this inside a frame ends the frame. `None` when reads are far apart though bytes are not, as with
+    /// an adapter that collects them. Default: 4 ms.
     pub gap: Option<Duration>,
+    /// How long a target holds. Then speeds go to zero (cumulative), and an offset stays where it is (non-cumulative).
+    /// [`Duration::MAX`] is for ever. Default: 200 ms.
+    pub target_timeout: Duration,
+    /// What must be left of the window when another axis begins to move: for doubled DLEs in the next messages, and for the time
+    /// that the host takes. Matters on slow lines. Default: 1 ms.
+    pub reserve: Duration,
+    /// The longest that reading a message and sending its reply are late together, beyond the time that the bytes take on the
+    /// line: an assumption. A reply has no number, and one that is later than this may be taken for the reply to the next
+    /// message; an exception that it carries could then be executed twice. From 14 ms on an exception that the controller could
+    /// not read is not sent again, but reported as unknown. Default: 10 ms.
+    pub max_delay: Duration,
+    /// The rule of the machine that does not apply.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub without: Option<HostRule>,
+}
+
+/// A rule of the host's machine that the model takes out to show what it is needed for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[doc(hidden)]
+pub enum HostRule {
+    /// Only the configured mode is accepted.
+    Mode,
+    /// A word counts as zero only when the zero was read.
+    WordsUntilRead,
+    /// What a controller makes of words during an interruption is not known.
+    WordsInterrupted,
+    /// Words that may be other than zero are always sent.
+    WordsKept,
+    /// An error code counts only in the message that follows the reply directly.
+    InSequence,
+    /// Only error codes that say that a reply came let an exception be sent again.
+    RejectedOnly,
+    /// An exception that was read is not sent again.
+    SendOnce,
+    /// No exception is sent while the subroutine runs.
+    NotInterrupted,
+    /// A stop is done when the zeros were read.
+    ZerosRead,
+    /// After a stop no message is answered.
+    Silent,
+    /// A target is not for ever.
+    Stale,
+    /// Another start message ends the ALTER before.
+    Restart,
+    /// A controller that sends nothing is lost.
+    Lost,
+    /// A reply that is too late is not sent.
+    Late,
+    /// Requests to repeat are forgotten.
+    Forget,
+}
+
+impl HostConfig {
+    /// When the reply to a message of `len` bytes that arrived at `now` must have ended.
+    pub(super) fn end_of_window(&self, now: Duration, len: usize) -> Duration {
+        now.saturating_add(Budget::new(self.mode.accumulation(), self.baud, len, 0).window)
+    }
+
+    /// The length of a reply with this many values and no doubled DLE.
+    pub(super) fn reply_len(&self, values: usize) -> usize {
+        timing::min_reply_len(values, self.framing)
+    }
+
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        if self.silence_cycles < 2 {
+            return Err(ConfigError::SilenceCycles { found: self.silence_cycles });
+        }
+        let request = timing::min_request_len(self.mode.has_transform(), self.framing);
+        let budget = Budget::new(self.mode.accumulation(), self.baud, request, self.reply_len(1));
+        match budget.slack() {
+            Some(slack) if slack >= self.reserve => Ok(()),
+            _ => Err(ConfigError::Window { baud: self.baud, mode: self.mode.0 }),
+        }
+    }
+
+    #[cfg(feature = "model")]
+    pub(super) fn keeps(&self, rule: HostRule) -> bool {
+        self.without != Some(rule)
+    }
+
+    #[cfg(not(feature = "model"))]
+    pub(super) const fn keeps(&self, _: HostRule) -> bool {
+        true
+    }
 }
 
 impl Default for HostConfig {
@@ -38,14 +126,18 @@ impl Default for HostConfig {
         Self {
             framing: Framing::DEFAULT,
             baud: timing::BAUD,
+            mode: Mode::CUMULATIVE_23,
             limits: Limits::GENTLE,
-            select: Select::All,
-            unselected: Unselected::ByMode,
             subroutine: false,
             policy: Policy::Accept,
-            repeats: 3,
+            repeats: 2,
             silence_cycles: 4,
             gap: Some(Duration::from_millis(4)),
+            target_timeout: Duration::from_millis(200),
+            reserve: Duration::from_millis(1),
+            max_delay: Duration::from_millis(10),
+            #[cfg(feature = "model")]
+            without: None,
         }
     }
 }
@@ -53,7 +145,7 @@ impl Default for HostConfig {
 /// How start messages are answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Policy {
-    /// Accepted; a damaged one is asked for again.
+    /// Accepted; a corrupt one is asked for again.
     Accept,
     /// Refused: VAL II ends its program with an error (the operator's command "Verweigern", §10.6).
     Refuse,
@@ -61,42 +153,7 @@ pub enum Policy {
     Ignore,
 }
 
-/// Which values a reply transmits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Select {
-    /// All six in every reply: right whatever the controller makes of the others. Up to 33 bytes, which fit at 38400 baud;
-    /// at 19200 only without many doubled DLEs.
-    All,
-    /// Only those that differ from what the controller assumes. For slow lines; needs [`Unselected`] to be right.
-    Needed,
-}
-
-/// What a controller makes of a value that a reply does not transmit.
-///
-/// The source: "Im kumulativen Betrieb wird jedes nicht übertragene Datenwort von VAL-II intern unverändert gelassen.
-/// Anfangs werden alle Werte als Null angenommen" (§3.3.2). Word for word, an increment would then repeat for ever.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Unselected {
-    /// Cumulative: zero, nothing moves. Non-cumulative: as before, the offset stays.
-    #[default]
-    ByMode,
-    /// As before, also in cumulative mode: the words of the source.
-    Hold,
-    /// Zero in both.
-    Zero,
-}
-
-impl Unselected {
-    pub(crate) fn holds(self, accumulation: Accumulation) -> bool {
-        match self {
-            Self::ByMode => accumulation == Accumulation::NonCumulative,
-            Self::Hold => true,
-            Self::Zero => false,
-        }
-    }
-}
-
-/// What a [`Host`](crate::Host) tells its caller.
+/// What a [`Host`](crate::Host) reports. Each ALTER of which a message came ends in one `End` or `Lost`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum HostEvent {
@@ -106,37 +163,80 @@ pub enum HostEvent {
     Motion(Motion),
     /// The controller has ended ALTER. The host takes its next start by itself.
     End(End),
+    /// ALTER is over without an end message.
+    Lost(LostReason),
+    /// What became of an exception.
+    Exception(Exception, ExceptionOutcome),
+    /// [`Host::stop`](crate::Host::stop) is done: the controller has read zeros, and no message is answered any more.
+    Stopped,
     /// Bytes that are no message. `Host` has done what is to be done about it.
-    Damaged(DecodeError),
+    Corrupt(DecodeError),
     /// The deadline passed before `poll_transmit` was called: no reply was sent, and the controller will end ALTER.
     Missed,
-    /// The controller could not read the last reply, and said why. (An exception in it will be sent again.)
+    /// The controller could not read the last reply, and why.
     Rejected(ErrorCode),
-    /// [`Host::stop`](crate::Host::stop) is done: the values are zero, and no message is answered any more.
-    Stopped,
-    /// Nothing was heard for several cycles.
-    Lost,
+    /// No target was set for [`HostConfig::target_timeout`].
+    TargetStale,
+    /// A call that the contract does not allow, or an input that the machine did not expect; nothing has changed.
+    Unexpected(Unexpected),
+}
+
+/// Why ALTER is over without an end message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum LostReason {
+    /// Nothing was received for several cycles.
+    Silence,
+    /// The controller sent a new start message.
+    Restart,
+    /// The connection is gone.
+    Disconnected,
+}
+
+/// What became of an exception.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ExceptionOutcome {
+    /// The controller has read it: the subroutine was started.
+    Done,
+    /// It was never sent, or the controller could not read it.
+    NotDone,
+    /// It was sent, and nobody knows whether it was read.
+    Unknown(UnknownReason),
+}
+
+/// Why nobody knows whether an exception was read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum UnknownReason {
+    /// ALTER ended before the next message.
+    Ended,
+    /// A message was lost in between: the error code may be about another reply.
+    OutOfSequence,
+    /// The next message has an error code that does not say that the reply was not read.
+    Unclear,
 }
 
 /// What a [`Host`](crate::Host) has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct HostStats {
+pub struct HostStatistics {
     /// Start messages accepted.
     pub starts: u64,
-    /// Standard messages that wanted a reply.
+    /// Standard messages to be answered.
     pub cycles: u64,
     /// Replies sent.
     pub replies: u64,
+    /// Replies in which an axis had to wait at rest because its word did not fit the window.
+    pub held: u64,
     /// Cycles whose deadline passed without a reply.
     pub missed: u64,
     /// Replies that the controller could not read.
     pub rejected: u64,
-    /// Stretches of damaged bytes.
-    pub damaged: u64,
+    /// Stretches of corrupt bytes.
+    pub corrupt: u64,
     /// Ends by the controller.
     pub ends: u64,
-    /// Times that the controller fell silent.
+    /// Times that ALTER was over without an end message.
     pub lost: u64,
-    /// Events that were dropped because nobody fetched them.
-    pub events_lost: u64,
+    /// Inputs that the machine did not expect.
+    pub unexpected: u64,
+    /// Notices that were dropped because nobody fetched them.
+    pub dropped_notices: u64,
 }

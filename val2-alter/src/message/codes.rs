@@ -1,4 +1,4 @@
-//! The codes of the messages. Every enum is total: what the source does not name is kept and goes out again unchanged.
+//! The codes of the messages. Every enum is total: what the source does not name is kept and is written again unchanged.
 
 /// Declares a code enum with `From<u8>`, `From<Code> for u8` and, with `serde`, its number as its serial form.
 macro_rules! codes {
@@ -103,9 +103,9 @@ codes! {
 pub enum StartCode {
     /// 00: ready for ALTER.
     Accept,
-    /// 01: the start message was damaged and shall be repeated.
+    /// 01: the start message was corrupt and is to be repeated.
     Repeat,
-    /// FF (−1): the host does not want ALTER; VAL II ends its program with an error.
+    /// FF (−1): the host refuses ALTER; VAL II ends its program with an error.
     Refuse,
 }
 

@@ -1,7 +1,9 @@
-//! What the host says (§3.3).
+//! What the host sends (§3.3).
 
-use crate::message::{Exception, Message, StartCode};
-use crate::{DecodeError, Frame, Framing};
+use super::codes::{Exception, StartCode};
+use super::side::{Message, Sealed};
+use crate::error::DecodeError;
+use crate::frame::{Frame, Framing};
 
 /// The axes of a reply, in the order of its words and of its select bits: X, Y, Z, RX, RY, RZ.
 pub const AXES: usize = 6;
@@ -14,6 +16,8 @@ pub enum HostMessage {
     /// The answer to a standard message.
     Reply(Reply),
 }
+
+impl Sealed for HostMessage {}
 
 impl Message for HostMessage {
     const MAX_DATA: usize = 2 + 2 * AXES;

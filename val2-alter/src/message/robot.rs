@@ -1,18 +1,24 @@
-//! What the robot controller says (§3.2).
+//! What the robot controller sends (§3.2).
 
-use crate::message::{ErrorCode, Message, Mode, SegmentStatus};
-use crate::{DecodeError, EncodeError, Frame, Framing, Transform};
+use super::codes::{ErrorCode, SegmentStatus};
+use super::mode::Mode;
+use super::side::{Message, Sealed};
+use super::transform::Transform;
+use crate::error::{DecodeError, EncodeError};
+use crate::frame::{Frame, Framing};
 
 /// A message from the controller to the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RobotMessage {
-    /// ALTER begins: wants an answer.
+    /// ALTER begins: to be answered.
     Start(Start),
-    /// The standard message of each cycle: wants an answer.
+    /// The standard message of each cycle: to be answered.
     Motion(Motion),
-    /// ALTER has ended: wants none.
+    /// ALTER has ended: not to be answered.
     End(End),
 }
+
+impl Sealed for RobotMessage {}
 
 impl Message for RobotMessage {
     const MAX_DATA: usize = Frame::MAX_DATA;
@@ -43,11 +49,13 @@ impl Message for RobotMessage {
     }
 
     fn is_plausible(&self) -> bool {
-        match self {
-            Self::Start(start) => start.marked && start.mode.is_named(),
-            Self::Motion(motion) => !matches!(motion.segment_status, SegmentStatus::Other(_)),
-            Self::End(_) => true,
-        }
+        let error = match self {
+            Self::Start(start) if start.marked && start.mode.is_named() => start.error,
+            Self::Motion(motion) if !matches!(motion.segment_status, SegmentStatus::Other(_)) => motion.error,
+            Self::End(end) => end.error,
+            Self::Start(_) | Self::Motion(_) => return false,
+        };
+        !matches!(error, ErrorCode::Other(_))
     }
 }
 
@@ -107,8 +115,8 @@ impl Start {
 /// no longer than the longest standard message.
 #[derive(Clone, Copy, PartialEq, Eq, Default)]
 pub struct List {
-    words: [i16; List::MAX],
-    len: usize,
+    pub(super) words: [i16; List::MAX],
+    pub(super) len: usize,
 }
 
 impl List {
@@ -247,6 +255,3 @@ impl End {
         }
     }
 }
-
-#[cfg(feature = "serde")]
-mod json;

@@ -1,10 +1,16 @@
-//! val2-alter in the tool: its codec, the simulated robot and the simulated graphics workstation.
+//! val2-alter in the tool: its codec, the simulated robot and its arm, and the simulated graphics workstation.
 
+mod arm;
 mod codec;
 mod demo;
+mod layout;
 mod plot;
+mod pose;
 pub mod puma;
 pub mod workstation;
 
+pub use arm::ArmConfig;
 pub use codec::codec;
 pub use demo::demo;
+pub use layout::{Layout, Order};
+pub use pose::Pose;

@@ -5,13 +5,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
+use robot_session::Session as _;
 use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{
     AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Frame, Mode,
-    Motion, Pose, SegmentStatus,
+    Motion, SegmentStatus,
 };
 
+use super::arm::{Arm, ArmConfig};
+use super::pose::Pose;
 use crate::device::serve;
 use crate::line::{Clock, Line};
 use crate::priority::{self, Rank};
@@ -30,8 +33,10 @@ pub const MODES: RangeInclusive<u8> = 0..=31;
 /// How the simulated robot behaves.
 #[derive(Debug, Clone, Copy)]
 pub struct PumaConfig {
-    /// The ALTER instruction, the line and the arm.
+    /// The ALTER instruction and the line.
     pub controller: ControllerConfig,
+    /// The arm.
+    pub arm: ArmConfig,
     /// The operator starts the program again so long after it ended.
     pub restart: Duration,
 }
@@ -41,7 +46,7 @@ impl Default for PumaConfig {
     fn default() -> Self {
         // Bytes that came together may be read apart on a busy machine: no gap ends a frame.
         let controller = ControllerConfig { subroutine: true, gap: None, ..ControllerConfig::default() };
-        Self { controller, restart: Duration::from_secs(1) }
+        Self { controller, arm: ArmConfig::default(), restart: Duration::from_secs(1) }
     }
 }
 
@@ -130,7 +135,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         ..default.controller
     };
     let restart = Duration::from_millis(settings.number("restart_ms", 1000u64)?);
-    let config = PumaConfig { controller, restart };
+    let config = PumaConfig { controller, restart, ..default };
     serve("puma", "robot", options, controller.baud, |line, clock| {
         run(line, clock, config, &AtomicBool::new(false), |at, event| log(&to_json(at, event)))?;
         Ok(())
@@ -149,7 +154,7 @@ pub fn run(
     mut tell: impl FnMut(Duration, PumaEvent) -> Result<()>,
 ) -> Result<PumaRecord> {
     priority::raise(Rank::Hardware);
-    let mut puma = Puma::new(config);
+    let mut puma = Puma::new(config)?;
     let mut out = [0; Frame::MAX_LEN];
     // When this process gets no processor, a request leaves late through no fault of the host: the robot's clock stands still.
     let mut stood = Duration::ZERO;
@@ -181,6 +186,7 @@ pub fn run(
 /// The controller, its operator, its program and its gripper.
 struct Puma {
     controller: Controller,
+    arm: Arm,
     config: PumaConfig,
     record: PumaRecord,
     events: Vec<PumaEvent>,
@@ -200,9 +206,10 @@ struct Request {
 }
 
 impl Puma {
-    fn new(config: PumaConfig) -> Self {
-        Self {
-            controller: Controller::new(config.controller),
+    fn new(config: PumaConfig) -> Result<Self> {
+        Ok(Self {
+            controller: Controller::new(config.controller)?,
+            arm: Arm::new(config.arm, config.controller.mode),
             config,
             record: PumaRecord::default(),
             events: Vec::new(),
@@ -211,14 +218,13 @@ impl Puma {
             resume_at: None,
             request: None,
             stands_at: None,
-        }
+        })
     }
 
     /// When there is something to do at the latest.
     fn wake(&self, now: Duration) -> Duration {
         let idle = now + Duration::from_millis(20);
-        let start =
-            (self.controller.state() == ControllerState::Off && self.connected).then_some(self.start_at);
+        let start = (self.controller.state() == ControllerState::Off).then_some(self.start_at);
         [self.controller.poll_timeout(), self.resume_at, start].into_iter().flatten().fold(idle, Ord::min)
     }
 
@@ -239,14 +245,20 @@ impl Puma {
     fn operate(&mut self, now: Duration, connected: bool) {
         if self.resume_at.is_some_and(|at| at <= now) {
             self.resume_at = None;
-            self.controller.resume();
+            // ALTER may have ended meanwhile.
+            let _ = self.controller.resume(now);
         }
         if connected != self.connected {
             self.connected = connected;
+            if connected {
+                self.controller.handle_connected(now);
+            } else {
+                self.controller.handle_disconnected(now);
+            }
             self.start_at = self.start_at.max(now + Duration::from_millis(200));
             self.events.push(PumaEvent::Connected(connected));
         }
-        if connected && self.controller.state() == ControllerState::Off && now >= self.start_at {
+        if self.controller.state() == ControllerState::Off && now >= self.start_at {
             // It cannot have been started already: it is off.
             let _ = self.controller.start(now);
         }
@@ -254,6 +266,7 @@ impl Puma {
         let done = now.as_millis() % SEGMENT.as_millis() * u128::from(Motion::DONE) / SEGMENT.as_millis();
         let [number, done] = [1 + number, done].map(|word| u16::try_from(word).unwrap_or_default());
         self.controller.set_segment(SegmentStatus::Normal, number, done);
+        self.controller.set_transform(self.arm.transform());
     }
 
     /// A message was sent; its last byte arrives at `arrived`.
@@ -267,7 +280,8 @@ impl Puma {
         while let Some(event) = self.controller.poll_event() {
             match event {
                 ControllerEvent::Started => {
-                    let pose = self.controller.pose();
+                    self.arm.begin();
+                    let pose = self.arm.pose();
                     if let Some(stood) = self.stands_at.take() {
                         self.record.drift = self.record.drift.max(distance(&stood, &pose));
                     }
@@ -275,7 +289,7 @@ impl Puma {
                 }
                 ControllerEvent::Refused => self.off(PumaEvent::Refused),
                 ControllerEvent::GaveUp => self.off(PumaEvent::GaveUp),
-                ControllerEvent::Reply(reply) => self.measure(reply.values.map(Option::unwrap_or_default)),
+                ControllerEvent::Reply(_) => self.measure(),
                 ControllerEvent::BadReply(code) => {
                     if !matches!(self.controller.state(), ControllerState::Starting | ControllerState::Off) {
                         self.record.without.push(now + self.record.stood);
@@ -295,7 +309,7 @@ impl Puma {
                     self.events.push(PumaEvent::Exception(exception.into()))
                 }
                 ControllerEvent::Ended(error) => {
-                    let pose = self.controller.pose();
+                    let pose = self.arm.pose();
                     self.stands_at = Some(pose);
                     self.record.ends.push((now + self.record.stood, error));
                     self.off(PumaEvent::Ended(error, pose));
@@ -303,14 +317,16 @@ impl Puma {
                 _ => {}
             }
         }
-        let stats = self.controller.stats();
+        let stats = self.controller.statistics();
         let record = &mut self.record;
         (record.cycles, record.missed, record.bad_replies) =
             (stats.cycles, stats.timeouts, stats.bad_replies);
         record.starts = stats.starts;
     }
 
-    fn measure(&mut self, values: [i16; AXES]) {
+    fn measure(&mut self) {
+        let values = self.controller.values();
+        self.arm.take(values);
         let Some(Request { arrived, window, first_byte: Some(first), last_byte }) = self.request.take()
         else {
             return;
@@ -322,7 +338,7 @@ impl Puma {
         record.thinking.add(first.saturating_sub(byte_time).saturating_sub(arrived));
         record.margin.add(window.saturating_sub(turn_around));
         record.window = Some(record.window.map_or(window, |least| least.min(window)));
-        let stats = self.controller.stats();
+        let stats = self.controller.statistics();
         record.replies.push(Taken { at: last_byte, session: stats.starts, cycle: stats.cycles, values });
     }
 

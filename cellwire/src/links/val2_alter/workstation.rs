@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use anyhow::Result;
 use serde_json::{Value, json};
-use val2_alter::Layout;
 use val2_alter::viewer::{PosePacket, Viewer, ViewerError};
 
+use super::layout::Layout;
 use crate::device::serve;
 use crate::line::{Clock, Line};
 use crate::priority::{self, Rank};
@@ -109,7 +109,7 @@ pub fn run(
 fn to_json(event: &Result<PosePacket, ViewerError>) -> Value {
     match event {
         Ok(packet) => {
-            let pose = packet.pose.pose(&Layout::COLUMNS);
+            let pose = Layout::COLUMNS.pose(&packet.pose);
             let position = pose.p.map(|mm| (mm * 100.0).round() / 100.0);
             json!({"event": "pose", "count": packet.count, "position_mm": position})
         }

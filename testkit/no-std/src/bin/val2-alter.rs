@@ -5,16 +5,19 @@
 use core::time::Duration;
 
 use no_std as _;
+use val2_alter::robot_session::Session as _;
 use val2_alter::{Controller, ControllerConfig, Frame, Host, HostConfig, Limits, timing};
 
 #[unsafe(no_mangle)]
 extern "C" fn main() -> i32 {
-    i32::from(run() != Some(402.5))
+    i32::from(run() != Some(80))
 }
 
-fn run() -> Option<f64> {
-    let mut controller = Controller::new(ControllerConfig::default());
-    let mut host = Host::new(HostConfig { limits: Limits::NONE, ..HostConfig::default() });
+fn run() -> Option<i16> {
+    let mut controller = Controller::new(ControllerConfig::default()).ok()?;
+    let mut host = Host::new(HostConfig { limits: Limits::NONE, ..HostConfig::default() }).ok()?;
+    controller.handle_connected(Duration::ZERO);
+    host.handle_connected(Duration::ZERO);
     let mut buf = [0; Frame::MAX_LEN];
     controller.start(Duration::ZERO).ok()?;
     for now in [Duration::ZERO, timing::CYCLE] {
@@ -22,7 +25,7 @@ fn run() -> Option<f64> {
         host.handle_input(now, buf.get(..n)?);
         let n = host.poll_transmit(now, &mut buf)?;
         controller.handle_input(now, buf.get(..n)?);
-        host.set_target([80, 0, 0, 0, 0, 0]);
+        host.set_target(now, [80, 0, 0, 0, 0, 0]);
     }
-    Some(controller.pose().p[0])
+    controller.values().first().copied()
 }

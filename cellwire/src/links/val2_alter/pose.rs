@@ -1,7 +1,6 @@
 //! Place and attitude of the tool, and how ALTER's increments add up to them.
 
-use crate::message::{AXES, CoordinateFrame};
-use crate::scale::Scale;
+use val2_alter::{AXES, CoordinateFrame, Scale};
 
 /// Place and attitude: the columns n, o, a of a rotation, and a position in mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +26,7 @@ impl Pose {
         let [x, y, z, rx, ry, rz] = values;
         let sin_cos = |word| {
             let radians = scale.degrees(word).to_radians();
-            (libm::sin(radians), libm::cos(radians))
+            (f64::sin(radians), f64::cos(radians))
         };
         let ((sx, cx), (sy, cy), (sz, cz)) = (sin_cos(rx), sin_cos(ry), sin_cos(rz));
         Self {
@@ -74,10 +73,10 @@ impl Pose {
     /// How far n, o, a are from a right-handed orthonormal frame: the largest of | |n|−1 |, | |o|−1 |, | |a|−1 | and the
     /// elements of n×o − a. Zero for a rotation; below about 0.0002 for one that was rounded to Q14.
     pub fn orthonormality(&self) -> f64 {
-        let lengths = [self.n, self.o, self.a].map(|v| libm::fabs(length(v) - 1.0));
+        let lengths = [self.n, self.o, self.a].map(|v| (length(v) - 1.0).abs());
         let [x, y, z] = cross(self.n, self.o);
-        let handed = [x - self.a[0], y - self.a[1], z - self.a[2]].map(libm::fabs);
-        lengths.into_iter().chain(handed).fold(0.0, libm::fmax)
+        let handed = [x - self.a[0], y - self.a[1], z - self.a[2]].map(f64::abs);
+        lengths.into_iter().chain(handed).fold(0.0, f64::max)
     }
 
     /// The same attitude at the origin.
@@ -98,12 +97,12 @@ impl Pose {
     }
 
     /// Row x, y, z of column n, o, a, p; zero outside.
-    pub(crate) fn element(&self, row: usize, column: usize) -> f64 {
+    pub(super) fn element(&self, row: usize, column: usize) -> f64 {
         let columns = [self.n, self.o, self.a, self.p];
         columns.get(column).and_then(|vector| vector.get(row)).copied().unwrap_or_default()
     }
 
-    pub(crate) fn column_mut(&mut self, column: usize) -> Option<&mut [f64; 3]> {
+    pub(super) fn column_mut(&mut self, column: usize) -> Option<&mut [f64; 3]> {
         [&mut self.n, &mut self.o, &mut self.a, &mut self.p].into_iter().nth(column)
     }
 }
@@ -127,7 +126,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 fn length(v: [f64; 3]) -> f64 {
-    libm::sqrt(dot(v, v))
+    dot(v, v).sqrt()
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {

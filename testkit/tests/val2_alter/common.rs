@@ -1,12 +1,14 @@
 //! Both ends on a line with the transmission times of its baud rate, on a virtual clock.
-#![allow(dead_code, unreachable_pub, missing_debug_implementations, reason = "a helper of several tests")]
+#![allow(unreachable_pub, missing_debug_implementations, reason = "a helper of several tests")]
 
 use core::time::Duration;
 
-use testkit::link::{Delivery, End as Side, Faults, Link};
+use robot_session::Session as _;
+use testkit::link::{End as Side, Faults, Link};
+use testkit::turn;
 use val2_alter::{
-    Controller, ControllerConfig, ControllerEvent, ControllerState, Frame, Host, HostConfig, HostEvent,
-    HostState, Limits, Motion, timing,
+    Accumulation, Controller, ControllerConfig, ControllerEvent, ControllerState, Frame, Host, HostConfig,
+    HostEvent, HostState, Limits, Motion, timing,
 };
 
 pub const MS: Duration = Duration::from_millis(1);
@@ -36,8 +38,8 @@ impl Cell {
         Self {
             link: Link::new(seed, faults.at_baud(controller.baud)),
             now: Duration::ZERO,
-            host: Host::new(host),
-            controller: Controller::new(controller),
+            host: connected(HostConfig { mode: controller.mode, ..host }),
+            controller: self::controller(controller),
             host_is_alive: true,
             host_events: Vec::new(),
             controller_events: Vec::new(),
@@ -69,41 +71,33 @@ impl Cell {
     }
 
     fn step(&mut self) {
-        let mut out = [0; Frame::MAX_LEN];
-        while let Some(Delivery::Bytes(bytes)) = self.link.receive(Side::A, self.now) {
-            self.controller.handle_input(self.now, &bytes);
-        }
-        self.controller.handle_timeout(self.now);
-        while let Some(event) = self.controller.poll_event() {
+        let Self { link, now, host, controller, .. } = self;
+        let (applied, sent, events) = (&mut self.applied, &mut self.sent, &mut self.controller_events);
+        let mut recorder = Recorder { link, sent };
+        turn(&mut recorder, Side::A, controller, *now, |controller, event| {
             if let ControllerEvent::Reply(_) = event {
-                self.applied.push(self.controller.values());
+                applied.push(controller.values());
             }
-            self.controller_events.push(event);
-        }
-        while let Some(len) = self.controller.poll_transmit(self.now, &mut out) {
-            self.sent.push((self.now, out[..len].to_vec()));
-            self.link.send(Side::A, self.now, &out[..len]);
-        }
-        while let Some(event) = self.controller.poll_event() {
-            self.controller_events.push(event);
-        }
-        while let Some(Delivery::Bytes(bytes)) = self.link.receive(Side::B, self.now) {
-            if self.host_is_alive {
-                self.host.handle_input(self.now, &bytes);
-            }
-        }
+            events.push(event);
+        });
         if self.host_is_alive {
-            self.host.handle_timeout(self.now);
-            while let Some(event) = self.host.poll_event() {
-                self.host_events.push(event);
-            }
-            while let Some(len) = self.host.poll_transmit(self.now, &mut out) {
-                self.link.send(Side::B, self.now, &out[..len]);
-            }
-            while let Some(event) = self.host.poll_event() {
-                self.host_events.push(event);
-            }
+            turn(link, Side::B, host, *now, |_, event| self.host_events.push(event));
+        } else {
+            while link.receive(Side::B, *now).is_some() {}
         }
+    }
+
+    /// How far the arm is off the path: the sum of the values, or in non-cumulative ALTER the last ones.
+    pub fn offset(&self) -> [i32; 6] {
+        let mut offset = [0; 6];
+        for (axis, offset) in offset.iter_mut().enumerate() {
+            let values = self.applied.iter().map(|values| i32::from(values[axis]));
+            *offset = match self.controller.config().mode.accumulation() {
+                Accumulation::Cumulative => values.sum(),
+                Accumulation::NonCumulative => values.last().unwrap_or_default(),
+            };
+        }
+        offset
     }
 
     pub fn last_motion(&self) -> Motion {
@@ -124,7 +118,22 @@ pub fn running(host: HostConfig, controller: ControllerConfig) -> Cell {
 }
 
 pub fn plain() -> (HostConfig, ControllerConfig) {
-    (HostConfig { limits: Limits::NONE, ..HostConfig::default() }, ControllerConfig::default())
+    let host = HostConfig { limits: Limits::NONE, target_timeout: Duration::MAX, ..HostConfig::default() };
+    (host, ControllerConfig::default())
+}
+
+/// A host on an open port.
+pub fn connected(config: HostConfig) -> Host {
+    let mut host = Host::new(config).unwrap();
+    host.handle_connected(Duration::ZERO);
+    host
+}
+
+/// A controller on an open port.
+pub fn controller(config: ControllerConfig) -> Controller {
+    let mut controller = Controller::new(config).unwrap();
+    controller.handle_connected(Duration::ZERO);
+    controller
 }
 
 pub fn x(value: i16) -> [i16; 6] {
@@ -133,7 +142,7 @@ pub fn x(value: i16) -> [i16; 6] {
 
 /// A controller in its first cycle, at 28 ms, whose message has just left.
 pub fn in_first_cycle(config: ControllerConfig) -> Controller {
-    let mut controller = Controller::new(config);
+    let mut controller = self::controller(config);
     let mut out = [0; Frame::MAX_LEN];
     controller.start(Duration::ZERO).unwrap();
     controller.poll_transmit(Duration::ZERO, &mut out).unwrap();
@@ -141,4 +150,21 @@ pub fn in_first_cycle(config: ControllerConfig) -> Controller {
     assert_eq!(controller.poll_event(), Some(ControllerEvent::Started));
     controller.poll_transmit(CYCLE, &mut out).unwrap();
     controller
+}
+
+/// A link that remembers when the controller sent what.
+struct Recorder<'a> {
+    link: &'a mut Link,
+    sent: &'a mut Vec<(Duration, Vec<u8>)>,
+}
+
+impl testkit::Carrier for Recorder<'_> {
+    fn send(&mut self, from: Side, now: Duration, bytes: &[u8]) {
+        self.sent.push((now, bytes.to_vec()));
+        self.link.send(from, now, bytes);
+    }
+
+    fn receive(&mut self, at: Side, now: Duration) -> Option<testkit::link::Delivery> {
+        self.link.receive(at, now)
+    }
 }

@@ -5,8 +5,10 @@ use core::fmt;
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::{End, ErrorCode, List, Mode, Motion, MotionPhase, RobotMessage, SegmentStatus, Start};
-use crate::Transform;
+use super::codes::{ErrorCode, SegmentStatus};
+use super::mode::Mode;
+use super::robot::{End, List, Motion, MotionPhase, RobotMessage, Start};
+use super::transform::Transform;
 
 #[derive(Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

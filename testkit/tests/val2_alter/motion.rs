@@ -1,12 +1,9 @@
 //! What the replies do to the arm: increments, offsets, limits, exceptions.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-
-mod common;
-
-use common::{CYCLE, MS, in_first_cycle, plain, running, x};
+use crate::common::{CYCLE, MS, connected, in_first_cycle, plain, running, x};
+use robot_session::Session as _;
 use val2_alter::{
-    ControllerConfig, ControllerEvent, ControllerState, End, ErrorCode, Exception, Frame, Framing, Host,
-    HostConfig, HostEvent, HostMessage, HostState, Limits, Message, Mode, MotionPhase, Policy, Select,
+    ControllerConfig, ControllerEvent, ControllerState, End, ErrorCode, Exception, ExceptionOutcome, Frame,
+    Framing, Host, HostConfig, HostEvent, HostMessage, HostState, Limits, Message, Mode, MotionPhase, Policy,
     SessionError, StartCode, Unselected,
 };
 
@@ -14,14 +11,10 @@ use val2_alter::{
 fn an_increment_moves_the_arm_by_its_value_in_each_cycle() {
     let (host, controller) = plain();
     let mut cell = running(host, controller);
-    let x_before = cell.controller.pose().p[0];
-    cell.host.set_target(x(80));
+    cell.applied.clear();
+    cell.host.set_target(cell.now, x(80));
     cell.cycles(10);
-    // Mode 23 is tool coordinates, and the tool's x axis is the world's: ten times 2.5 mm.
-    assert_eq!(cell.controller.pose().p[0] - x_before, 25.0);
-    // The message that was heard last left before the tenth reply.
-    let transform = cell.last_motion().transform.unwrap();
-    assert_eq!(f64::from(transform.0[9]), (x_before + 22.5) * 32.0);
+    assert_eq!(cell.offset()[0], 10 * 80);
 }
 
 #[test]
@@ -30,7 +23,7 @@ fn letting_go_of_the_ball_never_exceeds_the_acceleration() {
     let (host, controller) = plain();
     let mut cell = running(HostConfig { limits, ..host }, controller);
     for target in [x(127), [-127, 127, 0, 50, -3, 9], [0; 6], [i16::MAX; 6], [i16::MIN; 6], [0; 6]] {
-        cell.host.set_target(target);
+        cell.host.set_target(cell.now, target);
         cell.cycles(13);
     }
     assert!(cell.applied.len() > 70);
@@ -49,23 +42,24 @@ fn a_stop_ramps_to_zero_and_then_falls_silent() {
     let limits = Limits { velocity: [50; 6], acceleration: [20; 6] };
     let (host, controller) = plain();
     let mut cell = running(HostConfig { limits, ..host }, controller);
-    cell.host.set_target(x(50));
+    cell.host.set_target(cell.now, x(50));
     cell.cycles(4);
     cell.applied.clear();
-    cell.host.stop();
+    cell.host.stop(cell.now);
     assert_eq!((cell.host.state(), cell.host.policy()), (HostState::Stopping, Policy::Ignore));
-    cell.host.set_target(x(50)); // has no effect any more
+    cell.host.set_target(cell.now, x(50)); // has no effect any more
     cell.cycles(8);
     let values: Vec<_> = cell.applied.iter().map(|values| values[0]).collect();
+    // The zero is sent once, and was read.
     assert_eq!(values, [30, 10, 0]);
     assert!(cell.host_events.contains(&HostEvent::Stopped));
     assert_eq!(cell.controller_events.last(), Some(&ControllerEvent::Ended(ErrorCode::Timeout)));
-    assert_eq!((cell.host.state(), cell.host.stats().missed), (HostState::Idle, 0));
+    assert_eq!((cell.host.state(), cell.host.statistics().missed), (HostState::Idle, 0));
 
     cell.start();
     cell.cycles(5);
     assert_eq!(cell.controller.state(), ControllerState::Off, "a stopped host does not answer");
-    cell.host.set_policy(Policy::Accept);
+    cell.host.set_policy(cell.now, Policy::Accept);
     cell.start();
     cell.cycles(2);
     assert_eq!(cell.host.state(), HostState::Running);
@@ -78,31 +72,31 @@ fn a_non_cumulative_offset_is_gone_to_and_come_back_from() {
     let controller = ControllerConfig { mode: Mode::NON_CUMULATIVE_22, ..controller };
     let mut cell = running(HostConfig { limits, ..host }, controller);
     cell.applied.clear();
-    cell.host.set_target(x(200));
+    cell.host.set_target(cell.now, x(200));
     cell.cycles(9);
     let values: Vec<_> = cell.applied.iter().map(|values| values[0]).collect();
     assert_eq!(values, [20, 60, 110, 160, 190, 200, 200, 200, 200]);
-    assert_eq!(cell.controller.pose().p[0], 400.0 + 200.0 / 32.0);
+    assert_eq!(cell.offset()[0], 200);
     cell.applied.clear();
-    cell.host.stop();
+    cell.host.stop(cell.now);
     cell.cycles(12);
     let values: Vec<_> = cell.applied.iter().map(|values| values[0]).collect();
     assert_eq!(values, [180, 140, 90, 40, 10, 0, 0]);
-    assert_eq!(cell.controller.pose().p[0], 400.0);
+    assert_eq!(cell.offset()[0], 0);
     assert_eq!(cell.controller.state(), ControllerState::Off);
 }
 
 #[test]
 fn after_a_cycle_in_which_it_stood_the_arm_begins_again_from_rest() {
     let limits = Limits { velocity: [50; 6], acceleration: [20; 6] };
-    let mut host = Host::new(HostConfig { limits, ..HostConfig::default() });
+    let mut host = connected(HostConfig { limits, ..plain().0 });
     let mut out = [0; Frame::MAX_LEN];
     host.handle_input(MS, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
     host.poll_transmit(MS, &mut out).unwrap();
-    host.set_target(x(50));
+    host.set_target(MS, x(50));
     let mut values = Vec::new();
     let mut now = MS;
-    for (error, late) in [(0, 0), (0, 0), (0, 0), (1, 0), (0, 0), (0, 12), (0, 0), (0, 0)] {
+    for (error, late) in [(0, 0), (0, 0), (0, 0), (1, 0), (0, 0), (0, 13), (0, 0), (0, 0)] {
         let frame = [0x10, 0x10, 0x02, 0x80 | error, 2, 1, 0, 0, 32, 0x10, 0x03, 0xA3 + error];
         now += CYCLE;
         host.handle_input(now, &frame);
@@ -111,26 +105,37 @@ fn after_a_cycle_in_which_it_stood_the_arm_begins_again_from_rest() {
     assert_eq!(values, [20, 40, 50, 20, 40, 0, 20, 40]);
 }
 
+/// "Im kumulativen Betrieb wird jedes nicht übertragene Datenwort von VAL-II intern unverändert gelassen" (§3.3.2), or is zero:
+/// what a reply leaves out is right under both readings.
 #[test]
-fn values_that_are_not_transmitted_are_what_both_ends_agree_on() {
+fn values_that_are_not_transmitted_mean_the_same_to_every_controller() {
     for mode in [22, 23] {
-        for unselected in [Unselected::ByMode, Unselected::Hold, Unselected::Zero] {
-            let mut poses = Vec::new();
-            for select in [Select::All, Select::Needed] {
-                let (host, controller) = plain();
-                let host = HostConfig { select, unselected, baud: 19_200, ..host };
-                let controller =
-                    ControllerConfig { mode: Mode(mode & !4), baud: 19_200, unselected, ..controller };
-                let mut cell = running(host, controller);
-                for target in [x(5), x(5), [1, 2, 3, 4, 5, 6], [0, 0, 3, 0, 5, 0], [0; 6], x(-9)] {
-                    cell.host.set_target(target);
-                    cell.cycles(2);
-                }
-                assert_eq!(cell.host.stats().missed, 0);
-                poses.push((cell.controller.pose(), cell.applied));
+        let mut all = Vec::new();
+        for (baud, unselected) in [38_400, 19_200]
+            .into_iter()
+            .flat_map(|baud| [Unselected::ByMode, Unselected::Hold, Unselected::Zero].map(|way| (baud, way)))
+        {
+            let (host, controller) = plain();
+            let host = HostConfig { baud, mode: Mode(mode), ..host };
+            let controller = ControllerConfig { mode: Mode(mode), baud, unselected, ..controller };
+            let mut cell = running(host, controller);
+            for target in [
+                x(5),
+                x(5),
+                [1, 2, 0, 0, 5, 0],
+                [0, 0, 0, 0, 5, 0],
+                [0, 0, 3, 0, 5, 0],
+                [0; 6],
+                x(-9),
+                [0, 0, 7, 0, 0, 0],
+            ] {
+                cell.host.set_target(cell.now, target);
+                cell.cycles(2);
             }
-            assert_eq!(poses[0], poses[1], "mode {mode}, {unselected:?}");
+            assert_eq!((cell.host.statistics().missed, cell.host.statistics().held), (0, 0));
+            all.push(cell.applied);
         }
+        assert!(all.iter().all(|applied| *applied == all[0]), "mode {mode}: {all:?}");
     }
     // Word for word, an increment that is not transmitted repeats for ever.
     let mut controller =
@@ -140,51 +145,84 @@ fn values_that_are_not_transmitted_are_what_both_ends_agree_on() {
     for cycle in 2..5 {
         controller.poll_transmit(CYCLE * cycle, &mut out).unwrap();
         controller.handle_input(CYCLE * cycle + MS, b"\x10\x10\x02\x00\x00\x10\x03\x00");
+        assert_eq!(controller.values(), x(80));
     }
-    assert_eq!(controller.pose().p[0], 400.0 + 4.0 * 2.5);
+}
+
+/// 36 bytes leave 9.25 ms of a cycle at 19200 baud: 17 bytes.
+#[test]
+fn at_19200_baud_in_mode_23_an_axis_waits_until_its_word_fits() {
+    let (host, controller) = plain();
+    let mut cell =
+        running(HostConfig { baud: 19_200, ..host }, ControllerConfig { baud: 19_200, ..controller });
+    cell.host.set_target(cell.now, [5, 0, 6, 7, 8, 9]);
+    cell.cycles(100);
+    assert_eq!(cell.host.values(), [5, 0, 6, 7, 0, 0], "three words, and a millisecond is left");
+    assert_eq!(cell.controller.values(), cell.host.values());
+    cell.host.set_target(cell.now, [5, 0, 0, 7, 8, 9]);
+    cell.cycles(1);
+    assert_eq!(
+        cell.host.values(),
+        [5, 0, 0, 7, 0, 0],
+        "the word of an axis that came to rest is sent once more"
+    );
+    cell.cycles(1);
+    assert_eq!(cell.host.values(), [5, 0, 0, 7, 8, 0]);
+    cell.cycles(100);
+    let statistics = cell.host.statistics();
+    assert_eq!(
+        (statistics.missed, statistics.rejected, cell.controller.state()),
+        (0, 0, ControllerState::Running)
+    );
+    assert!(statistics.held > 190, "{statistics:?}");
 }
 
 #[test]
-fn after_a_rejected_reply_all_six_values_are_sent() {
-    let config = HostConfig {
-        select: Select::Needed,
-        unselected: Unselected::Hold,
-        limits: Limits::NONE,
-        ..HostConfig::default()
-    };
-    let mut host = Host::new(config);
-    let mut out = [0; Frame::MAX_LEN];
-    host.handle_input(MS, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
-    host.poll_transmit(MS, &mut out).unwrap();
-    host.set_target(x(80));
-    let mut lengths = Vec::new();
-    for error in [0, 0, 1, 0] {
-        let frame = [0x10, 0x10, 0x02, 0x80 | error, 2, 1, 0, 0, 32, 0x10, 0x03, 0xA3 + error];
-        host.handle_input(MS, &frame);
-        lengths.push(host.poll_transmit(MS, &mut out).unwrap());
-    }
-    assert_eq!(lengths, [10, 8, 20, 8]);
-}
-
-/// Nobody knows whether a controller keeps the words of a reply while its subroutine runs; the one here does not.
-#[test]
-fn after_an_interruption_all_six_values_are_sent() {
-    for (mode, at_rest) in [(Mode(19), [0; 6]), (Mode(18), [7, 5, 0, 0, 0, 0])] {
+fn when_an_input_is_old_speeds_go_to_zero_and_an_offset_stays() {
+    for (mode, rest) in [(Mode::CUMULATIVE_23, 0), (Mode::NON_CUMULATIVE_22, 80)] {
         let (host, controller) = plain();
-        let unselected = Unselected::Hold;
-        let host = HostConfig { select: Select::Needed, unselected, subroutine: true, ..host };
-        let mut cell = running(host, ControllerConfig { mode, unselected, subroutine: true, ..controller });
-        cell.host.set_target([7, 5, 0, 0, 0, 0]);
-        cell.cycles(3);
-        cell.host.exception(Exception::CloseGripper).unwrap();
+        let host = HostConfig { mode, target_timeout: 5 * CYCLE, ..host };
+        let mut cell = running(host, ControllerConfig { mode, ..controller });
+        cell.host.set_target(cell.now, x(80));
         cell.cycles(4);
-        assert_eq!((cell.controller.state(), cell.host.values()), (ControllerState::Interrupted, at_rest));
-        cell.host.set_target([9, 0, 0, 0, 0, 0]);
-        cell.controller.resume();
+        assert_eq!(cell.controller.values(), x(80));
         cell.cycles(3);
-        assert_eq!(cell.host.values(), [9, 0, 0, 0, 0, 0], "{mode:?}");
-        assert_eq!(cell.controller.values(), cell.host.values(), "{mode:?}: the second axis still moves");
+        assert_eq!(cell.controller.values(), x(rest));
+        assert!(cell.host_events.contains(&HostEvent::TargetStale));
+        cell.host.set_target(cell.now, x(60));
+        cell.cycles(2);
+        assert_eq!(cell.controller.values(), x(60));
+        cell.host.clear_target(cell.now);
+        cell.cycles(2);
+        assert_eq!(cell.controller.values(), x(if rest == 0 { 0 } else { 60 }));
     }
+}
+
+#[test]
+fn a_short_subroutine_is_in_one_message_too() {
+    let (host, controller) = plain();
+    let mut cell =
+        running(HostConfig { subroutine: true, ..host }, ControllerConfig { subroutine: true, ..controller });
+    cell.host.exception(cell.now, Exception::CloseGripper).unwrap();
+    while cell.controller.state() != ControllerState::Interrupted {
+        cell.run(cell.now + MS);
+    }
+    cell.controller.resume(cell.now).unwrap();
+    assert_eq!(cell.controller.resume(cell.now), Err(SessionError::NotRunning), "it has returned");
+    cell.host_events.clear();
+    cell.cycles(3);
+    let phases: Vec<_> = cell
+        .host_events
+        .iter()
+        .filter_map(|event| match event {
+            HostEvent::Motion(motion) => Some(motion.phase),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(phases, [MotionPhase::Interrupted, MotionPhase::Running, MotionPhase::Running]);
+    assert!(
+        cell.host_events.contains(&HostEvent::Exception(Exception::CloseGripper, ExceptionOutcome::Done))
+    );
 }
 
 #[test]
@@ -194,7 +232,7 @@ fn words_are_zero_at_first_in_every_start() {
     let mut out = [0; Frame::MAX_LEN];
     controller.handle_input(CYCLE + MS, b"\x10\x10\x02\x00\x01\x50\x00\x10\x03\x51");
     assert_eq!(controller.values(), x(80));
-    controller.finish();
+    controller.finish(CYCLE * 2).unwrap();
     controller.poll_transmit(CYCLE * 2, &mut out).unwrap();
     controller.start(CYCLE * 3).unwrap();
     assert_eq!(controller.values(), [0; 6]);
@@ -202,7 +240,7 @@ fn words_are_zero_at_first_in_every_start() {
     controller.handle_input(CYCLE * 3 + MS, b"\x10\x10\x02\x00\x10\x03\x00");
     controller.poll_transmit(CYCLE * 4, &mut out).unwrap();
     controller.handle_input(CYCLE * 4 + MS, b"\x10\x10\x02\x00\x00\x10\x03\x00");
-    assert_eq!((controller.values(), controller.stats().replies), ([0; 6], 2));
+    assert_eq!((controller.values(), controller.statistics().replies), ([0; 6], 2));
 }
 
 #[test]
@@ -211,17 +249,18 @@ fn a_new_start_begins_on_the_path_at_rest_and_without_a_target() {
     for mode in [Mode::NON_CUMULATIVE_22, Mode::CUMULATIVE_23] {
         let (host, controller) = plain();
         let mut cell = running(HostConfig { limits, ..host }, ControllerConfig { mode, ..controller });
-        cell.host.set_target(x(50));
+        cell.host.set_target(cell.now, x(50));
         cell.cycles(6);
         assert_eq!(cell.host.values(), x(50));
-        cell.controller.finish();
+        cell.controller.finish(cell.now).unwrap();
         cell.cycles(2);
-        let pose = cell.controller.pose();
+        let offset = cell.offset();
         cell.start();
         cell.cycles(4);
         assert_eq!((cell.host.state(), cell.host.values()), (HostState::Running, [0; 6]), "{mode:?}");
-        assert_eq!(cell.controller.pose(), pose, "{mode:?}");
-        cell.host.set_target(x(50));
+        let stays = if mode == Mode::CUMULATIVE_23 { offset } else { [0; 6] };
+        assert_eq!(cell.offset(), stays, "{mode:?}");
+        cell.host.set_target(cell.now, x(50));
         cell.cycles(1);
         assert_eq!(cell.host.values(), x(20), "{mode:?}");
     }
@@ -232,10 +271,10 @@ fn an_exception_starts_the_subroutine_once() {
     let (host, controller) = plain();
     let host = HostConfig { subroutine: true, ..host };
     let mut cell = running(host, ControllerConfig { subroutine: true, ..controller });
-    cell.host.set_target(x(10));
-    cell.host.exception(Exception::CloseGripper).unwrap();
+    cell.host.set_target(cell.now, x(10));
+    cell.host.exception(cell.now, Exception::CloseGripper).unwrap();
     let pending = SessionError::ExceptionPending { pending: 253 };
-    assert_eq!(cell.host.exception(Exception::OpenGripper), Err(pending));
+    assert_eq!(cell.host.exception(cell.now, Exception::OpenGripper), Err(pending));
     cell.cycles(4);
     let exceptions: Vec<_> =
         cell.controller_events.iter().filter(|e| matches!(e, ControllerEvent::Exception(_))).collect();
@@ -245,25 +284,25 @@ fn an_exception_starts_the_subroutine_once() {
         (cell.host.state(), cell.last_motion().phase),
         (HostState::Interrupted, MotionPhase::Interrupted)
     );
-    assert_eq!(cell.host.exception(Exception::OpenGripper), Err(SessionError::NotRunning));
+    assert_eq!(cell.host.exception(cell.now, Exception::OpenGripper), Err(SessionError::NotRunning));
     assert_eq!(cell.host.values(), [0; 6]);
-    let pose = cell.controller.pose();
+    let offset = cell.offset();
     cell.cycles(4);
-    assert_eq!(cell.controller.pose(), pose, "the arm stands while the subroutine runs");
-    cell.controller.resume();
+    assert_eq!(cell.offset(), offset, "the arm is at rest while the subroutine runs");
+    cell.controller.resume(cell.now).unwrap();
     cell.cycles(3);
     assert_eq!((cell.host.state(), cell.host.values()), (HostState::Running, x(10)));
-    assert_ne!(cell.controller.pose(), pose);
+    assert_ne!(cell.offset(), offset);
 }
 
 #[test]
 fn without_a_subroutine_an_exception_is_refused_here_and_aborts_there() {
     let (host, controller) = plain();
     let mut cell = running(host, controller);
-    assert_eq!(cell.host.exception(Exception::CloseGripper), Err(SessionError::NoSubroutine));
+    assert_eq!(cell.host.exception(cell.now, Exception::CloseGripper), Err(SessionError::NoSubroutine));
     // A host that is wrong about it.
-    cell.host.set_subroutine(true);
-    cell.host.exception(Exception::Other(5)).unwrap();
+    cell.host.set_subroutine(cell.now, true);
+    cell.host.exception(cell.now, Exception::Other(5)).unwrap();
     cell.cycles(3);
     let end = [ControllerEvent::Aborted(Exception::Other(5)), ControllerEvent::Ended(ErrorCode::None)];
     assert_eq!(cell.controller_events[cell.controller_events.len() - 2..], end);
@@ -272,7 +311,7 @@ fn without_a_subroutine_an_exception_is_refused_here_and_aborts_there() {
 
 #[test]
 fn an_exception_that_was_not_read_is_sent_again() {
-    let mut host = Host::new(HostConfig { subroutine: true, limits: Limits::NONE, ..HostConfig::default() });
+    let mut host = connected(HostConfig { subroutine: true, limits: Limits::NONE, ..HostConfig::default() });
     let mut out = [0; Frame::MAX_LEN];
     let mut turn = |host: &mut Host, bytes: &[u8]| {
         host.handle_input(MS, bytes);
@@ -286,14 +325,20 @@ fn an_exception_that_was_not_read_is_sent_again() {
         turn(&mut host, b"\x10\x10\x02\xA0\x17\x10\x03\xB7"),
         HostMessage::StartReply(StartCode::Accept)
     );
-    host.exception(Exception::OpenGripper).unwrap();
+    assert_eq!(host.exception(MS, Exception::OpenGripper), Err(SessionError::NotRunning));
+    turn(&mut host, good);
+    host.exception(MS, Exception::OpenGripper).unwrap();
     let mut exceptions = Vec::new();
     for bytes in [good, rejected, rejected, good, rejected] {
         let HostMessage::Reply(reply) = turn(&mut host, bytes) else { panic!() };
         exceptions.push(u8::from(reply.exception));
     }
     assert_eq!(exceptions, [254, 254, 254, 0, 0]);
-    assert_eq!(host.stats().rejected, 3);
+    assert_eq!(host.statistics().rejected, 3);
+    let outcomes =
+        core::iter::from_fn(|| host.poll_event()).filter(|e| matches!(e, HostEvent::Exception(..)));
+    let done = HostEvent::Exception(Exception::OpenGripper, ExceptionOutcome::Done);
+    assert_eq!(outcomes.collect::<Vec<_>>(), [done]);
 }
 
 #[test]
@@ -302,9 +347,9 @@ fn an_offset_is_held_while_the_subroutine_runs() {
     let (host, controller) = plain();
     let controller = ControllerConfig { mode: Mode::NON_CUMULATIVE_22, subroutine: true, ..controller };
     let mut cell = running(HostConfig { limits, subroutine: true, ..host }, controller);
-    cell.host.set_target(x(300));
+    cell.host.set_target(cell.now, x(300));
     cell.cycles(8);
-    cell.host.exception(Exception::CloseGripper).unwrap();
+    cell.host.exception(cell.now, Exception::CloseGripper).unwrap();
     cell.cycles(8);
     assert_eq!((cell.host.state(), cell.host.values()), (HostState::Interrupted, x(300)));
     assert_eq!(cell.controller.values(), x(300));
@@ -315,11 +360,11 @@ fn without_mode_bit_4_only_the_exception_counts() {
     let (host, controller) = plain();
     let controller = ControllerConfig { mode: Mode(7), subroutine: true, ..controller };
     let mut cell = running(HostConfig { subroutine: true, ..host }, controller);
-    let pose = cell.controller.pose();
-    cell.host.set_target(x(80));
+    let offset = cell.offset();
+    cell.host.set_target(cell.now, x(80));
     cell.cycles(4);
-    assert_eq!(cell.controller.pose(), pose);
-    cell.host.exception(Exception::CloseGripper).unwrap();
+    assert_eq!(cell.offset(), offset);
+    cell.host.exception(cell.now, Exception::CloseGripper).unwrap();
     cell.cycles(2);
     assert_eq!(cell.controller.state(), ControllerState::Interrupted);
 }

@@ -1,10 +1,10 @@
 //! The gripper on the keys of the control ball (§9.3).
 
-use crate::message::Exception;
+use val2_alter::Exception;
 
 /// Turns key presses into exception codes: one code for each press, none while a key is held.
 ///
-/// Give each code to [`Host::exception`](crate::Host::exception), which refuses it when the ALTER instruction names no
+/// Give each code to [`Host::exception`](val2_alter::Host::exception), which refuses it when the ALTER instruction names no
 /// subroutine: VAL II would abort the program. The program of the source that works with this is
 ///
 /// ```text
@@ -14,33 +14,23 @@ use crate::message::Exception;
 /// ```
 ///
 /// (The source prints mode 22, non-cumulative, for it, and mode 23 without a subroutine elsewhere.)
-///
-/// ```
-/// use val2_alter::{Clamp, Exception};
-///
-/// let mut clamp = Clamp::new(0b0000_0001, 0b0000_0010);
-/// assert_eq!(clamp.keys(0b00), None);
-/// assert_eq!(clamp.keys(0b01), Some(Exception::CloseGripper));
-/// assert_eq!(clamp.keys(0b01), None);
-/// assert_eq!(clamp.keys(0b11), Some(Exception::OpenGripper));
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Clamp {
+pub(super) struct GripperKeys {
     close: u8,
     open: u8,
     held: u8,
     enabled: bool,
 }
 
-impl Clamp {
+impl GripperKeys {
     /// `close` and `open` are masks of the key byte: bit *k* is key *k* + 1. The source does not say which keys it took. A
-    /// key that is held from the beginning must be let go first.
-    pub const fn new(close: u8, open: u8) -> Self {
+    /// key that is held from the beginning must be released first.
+    pub(super) const fn new(close: u8, open: u8) -> Self {
         Self { close, open, held: u8::MAX, enabled: true }
     }
 
-    /// Takes the key byte of a ball packet. Pressing both in the same packet says nothing.
-    pub fn keys(&mut self, keys: u8) -> Option<Exception> {
+    /// Takes the key byte of a ball packet. Pressing both in the same packet has no effect.
+    pub(super) fn keys(&mut self, keys: u8) -> Option<Exception> {
         let pressed = keys & !self.held;
         self.held = keys;
         match (pressed & self.close != 0, pressed & self.open != 0) {
@@ -51,19 +41,33 @@ impl Clamp {
     }
 
     /// The operator's switch (§10.6). Keys that are pressed while it is off stay without effect.
-    pub fn set_enabled(&mut self, enabled: bool) {
+    pub(super) fn set_enabled(&mut self, enabled: bool) {
         self.enabled = enabled;
-    }
-
-    /// Whether key presses have an effect.
-    pub fn is_enabled(&self) -> bool {
-        self.enabled
     }
 }
 
 /// Key 1 closes, key 2 opens: our choice.
-impl Default for Clamp {
+impl Default for GripperKeys {
     fn default() -> Self {
         Self::new(0b0000_0001, 0b0000_0010)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_gives_one_code_for_each_press() {
+        let mut gripper = GripperKeys::default();
+        // Held since before: it must be released first.
+        let keys = [0b01, 0b01, 0b00, 0b01, 0b01, 0b00, 0b10, 0b11, 0b11, 0b00, 0b11, 0b100];
+        let codes = keys.map(|keys| gripper.keys(keys).map_or(0, u8::from));
+        assert_eq!(codes, [0, 0, 0, 253, 0, 0, 254, 253, 0, 0, 0, 0]);
+        gripper.set_enabled(false);
+        assert_eq!(gripper.keys(0b01), None);
+        gripper.set_enabled(true);
+        assert_eq!(gripper.keys(0b01), None, "pressed while it was off");
+        assert_eq!((gripper.keys(0), gripper.keys(0b01)), (None, Some(Exception::CloseGripper)));
     }
 }

@@ -1,0 +1,7 @@
+//! VAL II ALTER: both ends on one line, and the vectors.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+mod common;
+mod motion;
+mod session;
+mod vectors;

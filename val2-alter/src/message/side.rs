@@ -1,0 +1,73 @@
+//! What both sides' messages have in common.
+
+use robot_session::Encode;
+
+use crate::error::{DecodeError, EncodeError};
+use crate::frame::{Frame, Framing};
+
+/// What one side of the link sends. Implemented by [`RobotMessage`](crate::RobotMessage) and
+/// [`HostMessage`](crate::HostMessage), and closed.
+pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
+    /// The most data bytes that a message of this side has.
+    const MAX_DATA: usize;
+
+    /// Reads a frame's data. Unknown codes are kept.
+    ///
+    /// # Errors
+    /// The data is no message of this side.
+    fn decode(data: &[u8], framing: Framing) -> Result<Self, DecodeError>;
+
+    /// The frame of this message.
+    fn frame(&self) -> Frame;
+
+    /// Whether every code in it is one that the source names. A frame that was found inside the bytes of a corrupt one
+    /// has passed only an 8-bit sum, and must also pass this.
+    fn is_plausible(&self) -> bool;
+
+    /// Writes the message's frame and returns its length.
+    ///
+    /// # Errors
+    /// The output is too short.
+    fn encode(&self, framing: Framing, out: &mut [u8]) -> Result<usize, EncodeError> {
+        self.frame().encode(framing, out)
+    }
+
+    /// The length of the message's frame on the line.
+    fn encoded_len(&self, framing: Framing) -> usize {
+        self.frame().encoded_len(framing)
+    }
+
+    /// Appends the message's frame to a growing buffer.
+    #[cfg(feature = "bytes")]
+    fn append_to(&self, framing: Framing, out: &mut impl bytes::BufMut) {
+        let mut frame = [0; Frame::MAX_LEN];
+        if let Ok(len) = self.encode(framing, &mut frame) {
+            out.put_slice(frame.get(..len).unwrap_or_default());
+        }
+    }
+}
+
+/// A message with the envelope that it is written in: what a framed transport sends
+/// ([`robot_session::tokio::Codec`](https://docs.rs/robot-session)).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Framed<M> {
+    /// The message.
+    pub message: M,
+    /// Its envelope.
+    pub framing: Framing,
+}
+
+impl<M: Message> Encode for Framed<M> {
+    type Error = EncodeError;
+
+    fn encoded_len(&self) -> usize {
+        self.message.encoded_len(self.framing)
+    }
+
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        self.message.encode(self.framing, out)
+    }
+}
+
+/// Closes [`Message`].
+pub trait Sealed {}

@@ -1,13 +1,13 @@
-use crate::frame::find_end;
-use crate::{DecodeError, Dialect, Line};
+use crate::dialect::Dialect;
+use crate::error::DecodeError;
+use crate::frame::{Line, find_end};
 
 /// Bytes in, lines out.
 ///
-/// Call [`push`](Self::push), then [`next_frame`](Self::next_frame) until it gives `None`. `push` takes fewer bytes than it
-/// is offered when its buffer is full: poll the lines, then offer the rest. After `None` there is always room.
+/// After `next_frame` has returned `None` there is always room.
 ///
 /// A line that is too long is dropped up to its end, however long it is, and gives one error there: nothing within it is
-/// taken for a message, and the line behind it is found.
+/// taken for a message, and the line after it is found.
 #[derive(Debug, Clone)]
 pub struct Decoder {
     dialect: Dialect,
@@ -25,48 +25,6 @@ impl Decoder {
     pub const fn new(dialect: Dialect) -> Self {
         let buffer = [0; Line::MAX_LEN];
         Self { dialect, buffer, start: 0, end: 0, dropped: 0, position: 0, finished: false }
-    }
-
-    /// Takes bytes, and says how many; 0 when the buffer is full.
-    pub fn push(&mut self, bytes: &[u8]) -> usize {
-        if self.start > 0 {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
-            self.start = 0;
-        }
-        self.finished = false;
-        let Some(room) = self.buffer.get_mut(self.end..) else { return 0 };
-        let taken = room.len().min(bytes.len());
-        if let (Some(to), Some(from)) = (room.get_mut(..taken), bytes.get(..taken)) {
-            to.copy_from_slice(from);
-        }
-        self.end += taken;
-        taken
-    }
-
-    /// The next line. `None`: more bytes needed.
-    pub fn next_frame(&mut self) -> Option<Result<Line<'_>, DecodeError>> {
-        let waiting = self.buffer.get(self.start..self.end)?;
-        let Some((content, used)) = find_end(waiting, &self.dialect) else {
-            return self.without_end().map(Err);
-        };
-        let content = self.start..self.start + content.len();
-        self.start += used;
-        self.position += used as u64 + self.dropped;
-        if core::mem::take(&mut self.dropped) > 0 {
-            return Some(Err(DecodeError::TooLong { limit: Line::MAX_LEN }));
-        }
-        Some(Ok(Line::new(self.buffer.get(content)?)))
-    }
-
-    /// The stream has ended: a line without its end becomes an error.
-    pub fn finish(&mut self) {
-        self.finished = true;
-    }
-
-    /// Where in the stream the line or error ended that [`next_frame`](Self::next_frame) gave last.
-    pub const fn position(&self) -> u64 {
-        self.position
     }
 
     fn without_end(&mut self) -> Option<DecodeError> {
@@ -90,6 +48,60 @@ impl Decoder {
     }
 }
 
+impl robot_session::Decoder for Decoder {
+    type Frame<'a> = Line<'a>;
+    type Error = DecodeError;
+
+    #[inline]
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        if self.start > 0 {
+            self.buffer.copy_within(self.start..self.end, 0);
+            self.end -= self.start;
+            self.start = 0;
+        }
+        // What ends here is not whole: `next_frame` reports that first.
+        if self.finished && self.end as u64 + self.dropped > 0 {
+            return 0;
+        }
+        self.finished = false;
+        let Some(room) = self.buffer.get_mut(self.end..) else { return 0 };
+        let taken = room.len().min(bytes.len());
+        if let (Some(to), Some(from)) = (room.get_mut(..taken), bytes.get(..taken)) {
+            to.copy_from_slice(from);
+        }
+        self.end += taken;
+        taken
+    }
+
+    #[inline]
+    fn next_frame(&mut self) -> Option<Result<Line<'_>, DecodeError>> {
+        let waiting = self.buffer.get(self.start..self.end)?;
+        let Some((content, used)) = find_end(waiting, &self.dialect) else {
+            return self.without_end().map(Err);
+        };
+        let content = self.start..self.start + content.len();
+        self.start += used;
+        self.position += used as u64 + self.dropped;
+        if core::mem::take(&mut self.dropped) > 0 {
+            return Some(Err(DecodeError::TooLong { limit: Line::MAX_LEN }));
+        }
+        Some(Ok(Line::new(self.buffer.get(content)?)))
+    }
+
+    fn finish(&mut self) {
+        self.finished = true;
+    }
+
+    fn position(&self) -> u64 {
+        self.position
+    }
+
+    fn clear(&mut self) {
+        self.position += (self.end - self.start) as u64 + self.dropped;
+        (self.start, self.end, self.dropped, self.finished) = (0, 0, 0, false);
+    }
+}
+
 impl Default for Decoder {
     fn default() -> Self {
         Self::new(Dialect::STRICT)
@@ -99,6 +111,8 @@ impl Default for Decoder {
 #[cfg(test)]
 mod tests {
     use std::{vec, vec::Vec};
+
+    use robot_session::Decoder as _;
 
     use super::*;
 

@@ -1,6 +1,8 @@
-/// What is accepted beyond the letter of the source. Everything is off by default; nothing here changes what is encoded.
+/// The places where the source contradicts itself, and a peer may have been written from the other reading. Everything is off by
+/// default: the source's own definition.
 ///
-/// The source contradicts itself in these places, and a peer may have been written from the other reading.
+/// Decoding accepts both readings of what is on; encoding writes the other one, and only that. So what is accepted and what is
+/// written are two values: [`TOLERANT`](Self::TOLERANT) is for what is accepted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(
     feature = "serde",
@@ -16,11 +18,11 @@ pub struct Dialect {
     pub clos: bool,
     /// `SRVOFF` is `SRVOF`.
     pub off: bool,
-    /// A line may end with a line feed alone: §4 spells the end of a line in three ways.
+    /// A line ends with a line feed alone: §4 spells the end of a line in three ways.
     pub lone_lf: bool,
-    /// One blank may stand behind the sign of an integer: §4 prints `+ 00001`.
+    /// A blank follows the sign of an integer: §4 prints `+ 00001`.
     pub blank: bool,
-    /// Five digits are taken as they stand, also above 32767.
+    /// All five digits of an integer count, also above 32767.
     pub wide_integers: bool,
 }
 
@@ -36,7 +38,7 @@ impl Dialect {
         wide_integers: false,
     };
 
-    /// Every other reading of the source too.
+    /// Every other reading of the source.
     pub const TOLERANT: Self = Self {
         itr: true,
         ovrd: true,

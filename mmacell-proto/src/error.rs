@@ -1,9 +1,9 @@
-//! [`DecodeError`] is the peer's fault; [`EncodeError`] and [`SessionError`] are the caller's.
+//! [`DecodeError`] is the peer's fault; [`EncodeError`], [`SessionError`] and [`ConfigError`] are the caller's.
 
 use core::fmt;
 
 /// Why a line is not a command or a reply. Offsets count from the beginning of the line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DecodeError {
@@ -74,7 +74,7 @@ pub enum DecodeError {
 }
 
 /// What a field allows at some place.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Expected {
@@ -138,8 +138,8 @@ pub enum EncodeError {
         /// Micrometres or tenths of a milliradian.
         found: i32,
     },
-    /// An integer beyond 16 bits.
-    #[error("the integer {found} is outside −32768 to 32767")]
+    /// An integer beyond 16 bits, or in a dialect of five digits beyond those.
+    #[error("the integer {found} does not fit its field: −32768 to 32767, or ±99999 where a dialect has wide integers")]
     IntegerRange {
         /// The value.
         found: i32,
@@ -160,15 +160,33 @@ pub enum EncodeError {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum SessionError {
-    /// A command is under way, or the events of the last one have not been polled.
-    #[error("the last command is not done with: one command is outstanding at a time")]
+    /// A command is not finished, or its outcome has not been polled.
+    #[error("the last command is not finished: one command is outstanding at a time")]
     Busy,
-    /// The connection is closed: open a new one with a new session.
-    #[error("the session is closed")]
-    Closed,
+    /// There is no connection, or it has ended.
+    #[error("there is no connection")]
+    NotConnected,
+    /// The owner accepts or refuses an order that is not pending.
+    #[error("this order is not pending")]
+    NotPending,
+    /// The order has become impossible since it was asked for, and is refused.
+    #[error("the order is not possible any more, and is refused")]
+    NotPossible,
     /// The command has no form on the wire.
     #[error(transparent)]
     Encode(#[from] EncodeError),
+}
+
+/// Why a session cannot work as configured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// Every reply would be overdue at once.
+    #[error("the timeout of a reply is 0")]
+    Timeout,
+    /// The error number of a refusal has no form on the wire.
+    #[error("the error number of a refusal is 0, or does not fit its field")]
+    Refusal,
 }
 
 /// Bytes as the text that they were meant to be.

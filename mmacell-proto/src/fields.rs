@@ -1,7 +1,8 @@
 //! The fields that messages are made of, each read beside where it is written.
 
+use crate::dialect::Dialect;
+use crate::error::{DecodeError, EncodeError, Expected};
 use crate::format::{ANGLE, Format, INTEGER, LENGTH};
-use crate::{DecodeError, Dialect, EncodeError, Expected};
 
 /// Reads one field after the other from a line.
 ///
@@ -17,6 +18,7 @@ pub struct Reader<'a> {
 #[derive(Debug)]
 pub struct Writer<'a> {
     rest: &'a mut [u8],
+    dialect: &'a Dialect,
 }
 
 impl<'a> Reader<'a> {
@@ -211,10 +213,14 @@ impl<'a> Reader<'a> {
 
 impl<'a> Writer<'a> {
     /// A writer of `needed` bytes at the beginning of `buffer`.
-    pub(crate) fn new(buffer: &'a mut [u8], needed: usize) -> Result<Self, EncodeError> {
+    pub(crate) fn new(
+        buffer: &'a mut [u8],
+        needed: usize,
+        dialect: &'a Dialect,
+    ) -> Result<Self, EncodeError> {
         let found = buffer.len();
         let rest = buffer.get_mut(..needed).ok_or(EncodeError::Buffer { needed, found })?;
-        Ok(Self { rest })
+        Ok(Self { rest, dialect })
     }
 
     pub(crate) fn put<const N: usize>(&mut self, bytes: &[u8; N]) {
@@ -232,7 +238,7 @@ impl<'a> Writer<'a> {
         values: [i32; N],
     ) -> Result<(), EncodeError> {
         for (axis, (format, found)) in formats.iter().zip(values).enumerate() {
-            if found.unsigned_abs() > 999_999 {
+            if !coordinate_fits(found) {
                 return Err(EncodeError::AxisRange { axis, found });
             }
             self.put(&format.text(found).to_le_bytes());
@@ -241,12 +247,21 @@ impl<'a> Writer<'a> {
     }
 
     pub(crate) fn integer(&mut self, found: i32) -> Result<(), EncodeError> {
-        if i16::try_from(found).is_err() {
+        if !integer_fits(found, self.dialect) {
             return Err(EncodeError::IntegerRange { found });
         }
-        let [_, _, field @ ..] = INTEGER.text(found).to_le_bytes();
-        self.put(&field);
+        let [_, _, sign, digits @ ..] = INTEGER.text(found).to_le_bytes();
+        self.put(&[sign]);
+        if self.dialect.blank {
+            self.put(b" ");
+        }
+        self.put(&digits);
         Ok(())
+    }
+
+    /// The end of the line.
+    pub(crate) fn end(&mut self) {
+        if self.dialect.lone_lf { self.put(b"\n") } else { self.put(b"\r\n") }
     }
 
     pub(crate) fn flag(&mut self, flag: bool) {
@@ -256,6 +271,26 @@ impl<'a> Writer<'a> {
     pub(crate) fn percent(&mut self, found: u8) -> Result<(), EncodeError> {
         if found > 100 { Err(EncodeError::Percent { found }) } else { self.integer(found.into()) }
     }
+}
+
+/// Whether a coordinate in units of its last digit has a form on the wire.
+pub(crate) fn coordinate_fits(value: i32) -> bool {
+    value.unsigned_abs() <= 999_999
+}
+
+/// Whether an integer has a form on the wire.
+pub(crate) fn integer_fits(value: i32, dialect: &Dialect) -> bool {
+    i16::try_from(value).is_ok() || dialect.wide_integers && value.unsigned_abs() <= 99_999
+}
+
+/// The length of an integer, in bytes.
+pub(crate) fn integer_len(dialect: &Dialect) -> usize {
+    6 + usize::from(dialect.blank)
+}
+
+/// The length of the end of a line, in bytes.
+pub(crate) fn end_len(dialect: &Dialect) -> usize {
+    2 - usize::from(dialect.lone_lf)
 }
 
 /// The formats of a robot's axes: X, Y, Z, C.

@@ -1,6 +1,6 @@
 //! Fields of digits, eight characters at a time in one word whose lowest byte is the first character.
 
-use crate::Expected;
+use crate::error::Expected;
 
 /// A sign and digits, with or without a point.
 #[derive(Debug, Clone, Copy)]

@@ -1,4 +1,5 @@
-use crate::{DecodeError, Dialect};
+use crate::dialect::Dialect;
+use crate::error::DecodeError;
 
 /// The envelope: a line without its end (§4: carriage return, line feed).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

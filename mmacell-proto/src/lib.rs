@@ -2,12 +2,10 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(any(test, feature = "tokio"))]
+#[cfg(test)]
 extern crate std;
 
-#[cfg(feature = "tokio")]
-mod codec;
-pub mod controller;
+pub mod central;
 mod decoder;
 pub mod device;
 mod dialect;
@@ -16,27 +14,24 @@ mod fields;
 mod format;
 mod frame;
 mod message;
-mod outgoing;
 mod pose;
 #[cfg(feature = "serde")]
 mod serde_impls;
-pub mod state;
-pub mod task;
 mod units;
 
-#[cfg(feature = "tokio")]
-pub use codec::{ControllerCodec, DeviceCodec};
-pub use controller::Controller;
+pub use central::{Central, CentralConfig, CentralEvent, CentralStatistics, Closing, Miss, Progress, Unfinished};
 pub use decoder::Decoder;
-pub use device::Device;
+pub use device::{Device, DeviceClosing, DeviceConfig, DeviceEvent, DeviceStatistics, Order, Rejection};
 pub use dialect::Dialect;
-pub use error::{DecodeError, EncodeError, Expected, SessionError};
+pub use error::{ConfigError, DecodeError, EncodeError, Expected, SessionError};
 pub use frame::Line;
-pub use message::{BLOW, Command, ErrorCode, Mode, Reply, Status, VACUUM};
+pub use message::{BLOW, Command, ErrorCode, InDialect, Mode, Reply, Status, VACUUM};
 pub use pose::{AnyPose, NoPose, PlatformPose, Pose, RobotPose};
+pub use robot_session;
+pub use robot_session::{Encode, Session};
 pub use units::{Angle, Length};
 
-/// The TCP ports on which the devices listen; the controller connects to all three and keeps them open for the whole task
+/// The TCP ports on which the devices listen; the central controller connects to all three and keeps them open for the whole task
 /// (§2).
 pub mod port {
     /// The robot controller (RC), at 192.168.0.1 in the source's cell.

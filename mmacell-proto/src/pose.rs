@@ -1,10 +1,14 @@
-use crate::fields::{PLATFORM, ROBOT, Reader, Writer};
-use crate::{Angle, DecodeError, EncodeError, Expected, Length};
+use crate::error::{DecodeError, EncodeError, Expected};
+use crate::fields::{PLATFORM, ROBOT, Reader, Writer, coordinate_fits};
+use crate::units::{Angle, Length};
 
 /// Where the axes of one kind of device stand. Which messages there are, and how long they are, follows from it.
-pub trait Pose: Copy + Eq + core::fmt::Debug + sealed::Axes {
+pub trait Pose: Copy + Eq + core::hash::Hash + core::fmt::Debug + sealed::Axes {
     /// The sum, axis by axis: where a relative motion leads. `None` when an axis leaves the range of its field.
     fn plus(self, by: Self) -> Option<Self>;
+
+    /// Whether every axis fits its field.
+    fn has_form(self) -> bool;
 
     /// Whether no axis differs by more than `tolerance` units of its last digit: 1 µm, 0.1 mrad.
     fn is_near(self, other: Self, tolerance: u32) -> bool;
@@ -90,6 +94,10 @@ impl PlatformPose {
 }
 
 impl Pose for RobotPose {
+    fn has_form(self) -> bool {
+        self.units().into_iter().all(coordinate_fits)
+    }
+
     fn plus(self, by: Self) -> Option<Self> {
         sum(self.units(), by.units()).map(Self::from_units)
     }
@@ -100,6 +108,10 @@ impl Pose for RobotPose {
 }
 
 impl Pose for PlatformPose {
+    fn has_form(self) -> bool {
+        self.units().into_iter().all(coordinate_fits)
+    }
+
     fn plus(self, by: Self) -> Option<Self> {
         sum(self.units(), by.units()).map(Self::from_units)
     }
@@ -110,6 +122,10 @@ impl Pose for PlatformPose {
 }
 
 impl Pose for NoPose {
+    fn has_form(self) -> bool {
+        match self {}
+    }
+
     fn plus(self, _: Self) -> Option<Self> {
         match self {}
     }
@@ -120,6 +136,13 @@ impl Pose for NoPose {
 }
 
 impl Pose for AnyPose {
+    fn has_form(self) -> bool {
+        match self {
+            Self::Robot(pose) => pose.has_form(),
+            Self::Platform(pose) => pose.has_form(),
+        }
+    }
+
     fn plus(self, by: Self) -> Option<Self> {
         match (self, by) {
             (Self::Robot(pose), Self::Robot(by)) => pose.plus(by).map(Self::Robot),
@@ -223,7 +246,7 @@ impl sealed::Axes for AnyPose {
 
 fn sum<const N: usize>(mut pose: [i32; N], by: [i32; N]) -> Option<[i32; N]> {
     for (axis, by) in pose.iter_mut().zip(by) {
-        *axis = axis.checked_add(by).filter(|sum| sum.unsigned_abs() <= 999_999)?;
+        *axis = axis.checked_add(by).filter(|sum| coordinate_fits(*sum))?;
     }
     Some(pose)
 }

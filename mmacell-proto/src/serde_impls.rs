@@ -5,7 +5,8 @@ use core::fmt;
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::{AnyPose, Command, ErrorCode, Mode, NoPose, PlatformPose, Reply, RobotPose, Status};
+use crate::message::{Command, ErrorCode, Mode, Reply, Status};
+use crate::pose::{AnyPose, NoPose, PlatformPose, RobotPose};
 
 impl Serialize for RobotPose {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

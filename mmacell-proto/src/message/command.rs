@@ -1,5 +1,11 @@
-use crate::fields::{Reader, Writer};
-use crate::{DecodeError, Dialect, EncodeError, Expected, Line, Pose};
+use robot_session::Encode;
+
+use super::in_dialect::InDialect;
+use crate::dialect::Dialect;
+use crate::error::{DecodeError, EncodeError, Expected};
+use crate::fields::{Reader, Writer, end_len, integer_len};
+use crate::frame::Line;
+use crate::pose::Pose;
 
 /// The gripper whose "open" turns the vacuum on (§4.10).
 pub const VACUUM: i32 = 0;
@@ -84,7 +90,7 @@ pub enum Mode {
 }
 
 impl<P: Pose> Command<P> {
-    /// The longest command with its end, in bytes.
+    /// The longest command with its end, in any dialect, in bytes.
     pub const MAX_LEN: usize = 38;
 
     /// The command that a line holds.
@@ -110,19 +116,47 @@ impl<P: Pose> Command<P> {
         Ok(command)
     }
 
-    /// Writes the command with its end, and says how many bytes that took.
+    /// The command as a dialect writes it: each of its readings that is on instead of the source's own.
+    pub const fn in_dialect(self, dialect: Dialect) -> InDialect<Self> {
+        InDialect { message: self, dialect }
+    }
+
+    /// Appends the command with its end, as the source defines it.
     ///
     /// # Errors
-    /// A value does not fit its field, or the command does not fit into the buffer, whose content is then undefined.
-    pub fn encode(&self, buffer: &mut [u8]) -> Result<usize, EncodeError> {
-        let len = self.encoded_len();
-        let mut writer = Writer::new(buffer, len)?;
+    /// A value does not fit its field, or there is no room; nothing is appended.
+    #[cfg(feature = "bytes")]
+    pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
+        self.in_dialect(Dialect::STRICT).append_to(buffer)
+    }
+
+    pub(super) fn len_in(&self, dialect: &Dialect) -> usize {
+        let content = match self {
+            Self::Status | Self::Stop | Self::Reset | Self::Close => 3,
+            Self::Servo { on: true } => 5,
+            Self::Servo { on: false } => 5 + usize::from(dialect.off),
+            Self::Override { .. } => 3 + usize::from(dialect.ovrd) + integer_len(dialect),
+            Self::Acquire { .. } => 3 + integer_len(dialect),
+            Self::Move { pose, .. } => 4 + pose.encoded_len(),
+            Self::Grip { open: true, .. } => 7 + integer_len(dialect),
+            Self::Grip { open: false, .. } => 8 - usize::from(dialect.clos) + integer_len(dialect),
+        };
+        content + end_len(dialect)
+    }
+
+    pub(super) fn write(&self, dialect: &Dialect, buffer: &mut [u8]) -> Result<usize, EncodeError> {
+        let len = self.len_in(dialect);
+        let mut writer = Writer::new(buffer, len, dialect)?;
         match self {
             Self::Status => writer.put(b"STA"),
             Self::Servo { on: true } => writer.put(b"SRVON"),
+            Self::Servo { on: false } if dialect.off => writer.put(b"SRVOFF"),
             Self::Servo { on: false } => writer.put(b"SRVOF"),
             Self::Override { percent } => {
                 writer.put(b"OVR");
+                if dialect.ovrd {
+                    writer.put(b"D");
+                }
                 writer.percent(*percent)?;
             }
             Self::Move { mode, pose } => {
@@ -132,6 +166,7 @@ impl<P: Pose> Command<P> {
                 });
                 pose.write(&mut writer)?;
             }
+            Self::Stop if dialect.itr => writer.put(b"ITR"),
             Self::Stop => writer.put(b"STP"),
             Self::Reset => writer.put(b"RST"),
             Self::Close => writer.put(b"CLO"),
@@ -142,38 +177,28 @@ impl<P: Pose> Command<P> {
             Self::Grip { gripper, open } => {
                 writer.put(b"HND");
                 writer.integer(*gripper)?;
-                if *open { writer.put(b"OPEN") } else { writer.put(b"CLOSE") }
+                match open {
+                    true => writer.put(b"OPEN"),
+                    false if dialect.clos => writer.put(b"CLOS"),
+                    false => writer.put(b"CLOSE"),
+                }
             }
         }
-        writer.put(b"\r\n");
+        writer.end();
         Ok(len)
     }
+}
 
-    /// The length of the command with its end, in bytes.
-    pub fn encoded_len(&self) -> usize {
-        match self {
-            Self::Status | Self::Stop | Self::Reset | Self::Close => 5,
-            Self::Servo { .. } => 7,
-            Self::Override { .. } | Self::Acquire { .. } => 11,
-            Self::Move { pose, .. } => 6 + pose.encoded_len(),
-            Self::Grip { open: true, .. } => 15,
-            Self::Grip { open: false, .. } => 16,
-        }
+/// As the source defines it.
+impl<P: Pose> Encode for Command<P> {
+    type Error = EncodeError;
+
+    fn encoded_len(&self) -> usize {
+        self.len_in(&Dialect::STRICT)
     }
 
-    /// Appends the command with its end.
-    ///
-    /// # Errors
-    /// A value does not fit its field, or there is no room; nothing is appended.
-    #[cfg(feature = "bytes")]
-    pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
-        let mut bytes = [0; 38];
-        let needed = self.encode(&mut bytes)?;
-        if needed > buffer.remaining_mut() {
-            return Err(EncodeError::Buffer { needed, found: buffer.remaining_mut() });
-        }
-        buffer.put_slice(bytes.get(..needed).unwrap_or_default());
-        Ok(())
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        self.write(&Dialect::STRICT, out)
     }
 }
 

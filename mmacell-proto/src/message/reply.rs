@@ -1,5 +1,11 @@
-use crate::fields::{Reader, Writer};
-use crate::{DecodeError, Dialect, EncodeError, Expected, Line, Pose};
+use robot_session::Encode;
+
+use super::in_dialect::InDialect;
+use crate::dialect::Dialect;
+use crate::error::{DecodeError, EncodeError, Expected};
+use crate::fields::{Reader, Writer, end_len, integer_fits, integer_len};
+use crate::frame::Line;
+use crate::pose::Pose;
 
 /// A reply of a device whose axes are `P` (§4).
 ///
@@ -63,8 +69,8 @@ pub enum ErrorCode {
 }
 
 impl<P: Pose> Reply<P> {
-    /// The longest reply with its end, in bytes.
-    pub const MAX_LEN: usize = 50;
+    /// The longest reply with its end, in any dialect, in bytes: 50, and two blanks.
+    pub const MAX_LEN: usize = 52;
 
     /// The reply that a line holds.
     ///
@@ -89,13 +95,32 @@ impl<P: Pose> Reply<P> {
         Ok(reply)
     }
 
-    /// Writes the reply with its end, and says how many bytes that took.
+    /// The reply as a dialect writes it: each of its readings that is on instead of the source's own.
+    pub const fn in_dialect(self, dialect: Dialect) -> InDialect<Self> {
+        InDialect { message: self, dialect }
+    }
+
+    /// Appends the reply with its end, as the source defines it.
     ///
     /// # Errors
-    /// A value does not fit its field, or the reply does not fit into the buffer, whose content is then undefined.
-    pub fn encode(&self, buffer: &mut [u8]) -> Result<usize, EncodeError> {
-        let len = self.encoded_len();
-        let mut writer = Writer::new(buffer, len)?;
+    /// A value does not fit its field, or there is no room; nothing is appended.
+    #[cfg(feature = "bytes")]
+    pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
+        self.in_dialect(Dialect::STRICT).append_to(buffer)
+    }
+
+    pub(super) fn len_in(&self, dialect: &Dialect) -> usize {
+        let content = match self {
+            Self::Ok => 2,
+            Self::Error { .. } => 2 + integer_len(dialect),
+            Self::Status(status) => 4 + status.pose.encoded_len() + 2 * integer_len(dialect),
+        };
+        content + end_len(dialect)
+    }
+
+    pub(super) fn write(&self, dialect: &Dialect, buffer: &mut [u8]) -> Result<usize, EncodeError> {
+        let len = self.len_in(dialect);
+        let mut writer = Writer::new(buffer, len, dialect)?;
         match self {
             Self::Ok => writer.put(b"OK"),
             Self::Error { error: ErrorCode::None | ErrorCode::Other(0) } => {
@@ -114,32 +139,29 @@ impl<P: Pose> Reply<P> {
                 writer.integer(status.error.into())?;
             }
         }
-        writer.put(b"\r\n");
+        writer.end();
         Ok(len)
     }
+}
 
-    /// The length of the reply with its end, in bytes.
-    pub fn encoded_len(&self) -> usize {
-        match self {
-            Self::Ok => 4,
-            Self::Error { .. } => 10,
-            Self::Status(status) => 18 + status.pose.encoded_len(),
-        }
+/// As the source defines it.
+impl<P: Pose> Encode for Reply<P> {
+    type Error = EncodeError;
+
+    fn encoded_len(&self) -> usize {
+        self.len_in(&Dialect::STRICT)
     }
 
-    /// Appends the reply with its end.
-    ///
-    /// # Errors
-    /// A value does not fit its field, or there is no room; nothing is appended.
-    #[cfg(feature = "bytes")]
-    pub fn append_to(&self, buffer: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
-        let mut bytes = [0; 50];
-        let needed = self.encode(&mut bytes)?;
-        if needed > buffer.remaining_mut() {
-            return Err(EncodeError::Buffer { needed, found: buffer.remaining_mut() });
-        }
-        buffer.put_slice(bytes.get(..needed).unwrap_or_default());
-        Ok(())
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        self.write(&Dialect::STRICT, out)
+    }
+}
+
+impl ErrorCode {
+    /// Whether an error reply can carry it: not 0, and within its field.
+    pub fn has_form(self, dialect: &Dialect) -> bool {
+        let number = self.into();
+        number != 0 && integer_fits(number, dialect)
     }
 }
 

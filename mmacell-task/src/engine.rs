@@ -1,69 +1,68 @@
 use core::time::Duration;
 
-use super::channel::{Channel, Flight};
-use super::{Device, Event, Failure, Output, Step, Trigger};
-use crate::{BLOW, Command, Mode, PlatformPose, RobotPose, VACUUM};
+use mmacell_proto::{BLOW, Command, Mode, PlatformPose, RobotPose, VACUUM};
+
+use crate::channel::{Channel, Flight};
+use crate::config::TaskConfig;
+use crate::event::{Event, Failure, Fault};
+use crate::output::{Device, Output};
+use crate::step::{Step, Trigger, Wait};
 
 /// Runs the task: events in, orders out.
 ///
-/// 1. Tell it what happens by [`handle_event`](Self::handle_event); [`Event::from_controller`] translates the events of a
-///    [`Controller`](crate::Controller). Call [`handle_timeout`](Self::handle_timeout) when the time of
+/// 1. Report what happens by [`handle_event`](Self::handle_event); [`Event::from_central`] translates the events of a
+///    [`Central`](mmacell_proto::Central). Call [`handle_timeout`](Self::handle_timeout) when the time of
 ///    [`poll_timeout`](Self::poll_timeout) has come.
 /// 2. Carry out what [`poll_output`](Self::poll_output) gives until it gives `None`.
 ///
 /// It gives an order to a device only when the last one to the same device is answered, so each can be sent at once. While it
-/// waits for a motion to end it asks for the status every [`Config::poll`]. Up to eight [`Output::Entered`] wait to be polled;
+/// waits for a motion to end it asks for the status every [`TaskConfig::poll`], and goes on when the device has
+/// [arrived](mmacell_proto::Progress::Arrived): a device that is at rest elsewhere has failed. Up to eight [`Output::Entered`] wait to be polled;
 /// then the oldest is dropped.
 #[derive(Debug, Clone)]
 pub struct Task {
-    config: Config,
+    config: TaskConfig,
     step: Step,
     channels: [Channel; 5],
     switch: bool,
+    /// The switch has gone high since the vacuum was ordered on.
+    risen: bool,
+    /// It has gone low since the robot was sent to the place.
+    fallen: bool,
+    /// Picks of this part that have failed.
+    attempts: u32,
     found: Option<bool>,
     part: (PlatformPose, RobotPose),
     place: RobotPose,
     asked: Option<Trigger>,
     failed: bool,
-    failure: Option<(Device, Failure)>,
+    fault: Option<Fault>,
+    /// When a dwell time ends.
     elapses: Option<Duration>,
+    /// When the step has taken too long.
+    overdue: Option<Duration>,
     entered: [Option<Step>; 8],
-}
-
-/// What the source leaves to the set-up of the cell.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Config {
-    /// Home of the robot.
-    pub robot_home: RobotPose,
-    /// Home of the platform.
-    pub platform_home: PlatformPose,
-    /// Where the robot makes room for camera 1; `None` where it need not (§6 step 7).
-    pub camera_1: Option<RobotPose>,
-    /// Where the robot makes room for camera 2; `None` where it need not (§6 step 11).
-    pub camera_2: Option<RobotPose>,
-    /// Override of robot and platform, 0 to 100 %.
-    pub percent: u8,
-    /// The length of the blow that frees the part: "a few milliseconds" (§6 step 21). Default: 5 ms.
-    pub blow: Duration,
-    /// How often a moving device is asked for its status. Default: 20 ms.
-    pub poll: Duration,
 }
 
 impl Task {
     /// A task at step 1.
-    pub fn new(config: Config) -> Self {
+    pub fn new(config: TaskConfig) -> Self {
         let mut task = Self {
             config,
             step: Step::AwaitDevices,
             channels: [Channel::IDLE; 5],
             switch: false,
+            risen: false,
+            fallen: false,
+            attempts: 0,
             found: None,
             part: (PlatformPose::ORIGIN, RobotPose::ORIGIN),
             place: RobotPose::ORIGIN,
             asked: None,
             failed: false,
-            failure: None,
+            fault: None,
             elapses: None,
+            overdue: None,
             entered: [None; 8],
         };
         task.enter(Duration::ZERO, Step::AwaitDevices);
@@ -75,14 +74,17 @@ impl Task {
         match event {
             Event::Ready(device) => self.channel(device).ready = true,
             Event::Done(device) => self.channel(device).answered(),
-            Event::Status { device, moving } => {
+            Event::Status { device, motion } => {
                 let poll_at = now.saturating_add(self.config.poll);
                 let channel = self.channel(device);
-                if channel.flight == Flight::Poll {
-                    channel.at_rest = !moving;
-                    channel.poll_at = poll_at;
-                }
+                let is_poll = channel.flight == Flight::Poll;
                 channel.answered();
+                if is_poll {
+                    channel.poll_at = poll_at;
+                    if let Err(failure) = channel.observe(motion) {
+                        self.fail(Fault::Device { device, failure });
+                    }
+                }
             }
             Event::Failed { device, failure } => {
                 let channel = self.channel(device);
@@ -90,8 +92,7 @@ impl Task {
                 if failure == Failure::Lost {
                     *channel = Channel::IDLE;
                 }
-                self.failed = true;
-                self.failure = Some((device, failure));
+                self.fail(Fault::Device { device, failure });
             }
             Event::PartFound { platform, pick } => {
                 if self.seen(Step::FindPart, true) {
@@ -106,7 +107,12 @@ impl Task {
             Event::NotFound => {
                 self.seen(self.step, false);
             }
-            Event::Switch { high } => self.switch = high,
+            Event::Switch { high } => {
+                self.risen |= high && !self.switch;
+                self.fallen |= !high && self.switch;
+                self.switch = high;
+            }
+            Event::Abort => self.fail(Fault::Aborted),
             Event::Next => self.asked = Some(Trigger::Next),
             Event::Finish => self.asked = Some(Trigger::Finish),
             Event::Recover => self.asked = Some(Trigger::Recover),
@@ -143,7 +149,7 @@ impl Task {
     /// When to call [`handle_timeout`](Self::handle_timeout) and [`poll_output`](Self::poll_output) again, if nothing happens.
     pub fn poll_timeout(&self) -> Option<Duration> {
         let polls = self.watched().iter().filter_map(|device| self.poll_at(*device));
-        polls.chain(self.elapses).min()
+        polls.chain(self.elapses).chain(self.overdue).min()
     }
 
     /// Where the task is.
@@ -151,9 +157,16 @@ impl Task {
         self.step
     }
 
-    /// What brought it to [`Step::Faulted`] last.
-    pub fn failure(&self) -> Option<(Device, Failure)> {
-        self.failure
+    /// What led to [`Step::Faulted`] last.
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault
+    }
+
+    fn fail(&mut self, fault: Fault) {
+        self.failed = true;
+        if self.step.next(Trigger::Failed).is_some() {
+            self.fault = Some(fault);
+        }
     }
 
     fn advance(&mut self, now: Duration) {
@@ -161,6 +174,18 @@ impl Task {
             self.step.transitions().iter().find(|(trigger, _)| self.holds(now, *trigger))
         {
             self.asked = self.asked.filter(|asked| asked != trigger);
+            match (trigger, self.step) {
+                (Trigger::High, Step::GoPick) | (Trigger::TimedOut, Step::CheckReleased) => {
+                    self.fault = Some(Fault::SwitchHigh { step: self.step });
+                }
+                (Trigger::TimedOut, step) => {
+                    self.fault = Some(Fault::Timeout { step });
+                    // Nobody else ends these: a connection's session ends the others.
+                    self.channel(Device::Vision).answered();
+                    self.channel(Device::Gripper).answered();
+                }
+                _ => {}
+            }
             self.enter(now, *step);
         }
         self.failed = false;
@@ -173,15 +198,15 @@ impl Task {
             Trigger::Recover => self.asked == Some(trigger) && self.all_ready(),
             Trigger::Low => !self.switch,
             Trigger::High => self.switch,
+            Trigger::Risen => self.risen,
+            Trigger::Fallen => self.fallen,
             Trigger::NotFound => self.found == Some(false),
             Trigger::Found => self.found == Some(true),
             Trigger::Ready => self.all_ready(),
             Trigger::Elapsed => self.elapses.is_some_and(|at| at <= now),
-            Trigger::AtRest => {
-                let at_rest =
-                    |device: &Device| self.channels.get(*device as usize).is_some_and(|c| c.at_rest);
-                self.all_answered() && self.watched().iter().all(at_rest)
-            }
+            Trigger::TimedOut => self.overdue.is_some_and(|at| at <= now),
+            Trigger::AtRest => self.all_at_rest(),
+            Trigger::Exhausted => self.all_at_rest() && self.attempts >= self.config.attempts,
             Trigger::Answered => self.all_answered(),
         }
     }
@@ -190,7 +215,28 @@ impl Task {
         self.step = step;
         self.failed = false;
         self.found = None;
-        self.elapses = (step == Step::Blow).then(|| now.saturating_add(self.config.blow));
+        let dwell = match step {
+            Step::GripDwell => Some(self.config.grip_dwell),
+            Step::PlaceDwell => Some(self.config.place_dwell),
+            Step::Blow => Some(self.config.blow),
+            _ => None,
+        };
+        self.elapses = dwell.map(|dwell| now.saturating_add(dwell));
+        let limit = match step.waits_for() {
+            Wait::Caller | Wait::Time => None,
+            Wait::Devices => Some(self.config.ready_timeout),
+            Wait::Replies => Some(self.config.order_timeout),
+            Wait::Motion => Some(self.config.motion_timeout),
+        };
+        // For ever is not a time that comes.
+        self.overdue = limit.and_then(|limit| now.checked_add(limit)).filter(|at| *at < Duration::MAX);
+        match step {
+            Step::VacuumOn => self.risen = false,
+            Step::GoPlace => self.fallen = false,
+            Step::GiveUp => self.attempts = self.attempts.saturating_add(1),
+            Step::Placed | Step::Unpicked | Step::NothingFound | Step::Resetting => self.attempts = 0,
+            _ => {}
+        }
         for channel in &mut self.channels {
             channel.begin_step(now);
         }
@@ -245,10 +291,14 @@ impl Task {
             | Step::AwaitCamera1
             | Step::AwaitCamera2
             | Step::AwaitPick
+            | Step::GripDwell
             | Step::CheckGrip
             | Step::AwaitPlace
+            | Step::PlaceDwell
             | Step::Blow
+            | Step::CheckReleased
             | Step::Placed
+            | Step::Unpicked
             | Step::NothingFound
             | Step::Finished => {}
         }
@@ -320,6 +370,11 @@ impl Task {
         robot.ready && platform.ready && conditioning.ready
     }
 
+    fn all_at_rest(&self) -> bool {
+        let at_rest = |device: &Device| self.channels.get(*device as usize).is_some_and(|c| c.at_rest);
+        self.all_answered() && self.watched().iter().all(at_rest)
+    }
+
     fn all_answered(&self) -> bool {
         self.channels.iter().all(|channel| channel.orders[0].is_none() && channel.flight != Flight::Order)
     }
@@ -327,24 +382,5 @@ impl Task {
     #[expect(clippy::indexing_slicing, reason = "there is a channel for each of the five devices")]
     fn channel(&mut self, device: Device) -> &mut Channel {
         &mut self.channels[device as usize]
-    }
-}
-
-impl Config {
-    /// Times as documented; no camera needs room, and home is the origin.
-    pub const DEFAULT: Self = Self {
-        robot_home: RobotPose::ORIGIN,
-        platform_home: PlatformPose::ORIGIN,
-        camera_1: None,
-        camera_2: None,
-        percent: 100,
-        blow: Duration::from_millis(5),
-        poll: Duration::from_millis(20),
-    };
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self::DEFAULT
     }
 }

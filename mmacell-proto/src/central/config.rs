@@ -1,0 +1,79 @@
+use core::time::Duration;
+
+use crate::dialect::Dialect;
+use crate::error::ConfigError;
+
+/// What the source leaves open at the central controller's end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CentralConfig {
+    /// What is accepted of replies. Default: [`Dialect::STRICT`].
+    pub accepts: Dialect,
+    /// How commands are written: each reading that is on is written instead of the source's own. Default: [`Dialect::STRICT`].
+    pub writes: Dialect,
+    /// How long a reply may take, from 1 ns; `Duration::MAX` is for ever, and then a connection that is half open is never
+    /// noticed. The source says "immediately" (§3) and gives no figure. Default: 1 s.
+    pub timeout: Duration,
+    /// How soon after the start of a motion a status "standing" is not believed, unless the device has arrived: the status may
+    /// be older than the motion. If a device takes longer to begin, its motion is reported as missed. Default: 100 ms.
+    pub settle: Duration,
+    /// How far from its target a device has arrived, in units of the last digit: 1 µm, 0.1 mrad. Default: 10.
+    pub tolerance: u32,
+    /// The rule that the machine is to do without. For the model's must-fail cases only.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub without: Option<CentralRule>,
+}
+
+/// A rule of the machine that no other setting takes out.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum CentralRule {
+    /// A device has arrived only with its servo motors on.
+    ServoOn,
+    /// A reply that nobody asked for ends the connection.
+    EndOnStray,
+    /// A reply of another kind than the command has ends the connection.
+    EndOnMismatch,
+    /// Bytes that are no reply end the connection.
+    EndOnCorrupt,
+    /// A command that was sent and not answered is unknown.
+    UnknownWhenSent,
+    /// What is known of a motion belongs to its connection.
+    ForgetMotion,
+    /// A halt ends the motion's target.
+    ForgetTarget,
+}
+
+impl CentralConfig {
+    /// The documented defaults.
+    pub const DEFAULT: Self = Self {
+        accepts: Dialect::STRICT,
+        writes: Dialect::STRICT,
+        timeout: Duration::from_secs(1),
+        settle: Duration::from_millis(100),
+        tolerance: 10,
+        #[cfg(feature = "model")]
+        without: None,
+    };
+
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        if self.timeout.is_zero() { Err(ConfigError::Timeout) } else { Ok(()) }
+    }
+
+    #[cfg(feature = "model")]
+    pub(super) fn keeps(&self, rule: CentralRule) -> bool {
+        self.without != Some(rule)
+    }
+
+    #[cfg(not(feature = "model"))]
+    #[expect(clippy::unused_self, reason = "only the model takes rules out")]
+    pub(super) const fn keeps(&self, _: CentralRule) -> bool {
+        true
+    }
+}
+
+impl Default for CentralConfig {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

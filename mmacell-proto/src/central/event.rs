@@ -1,0 +1,101 @@
+use robot_session::Unexpected;
+
+use crate::error::DecodeError;
+use crate::message::{Command, ErrorCode, Status};
+
+/// What happened at the central controller's end. All but the last are outcomes; each command has exactly one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum CentralEvent<P> {
+    /// The device has executed the command, or has started it. The outcome of a [`Command::Close`] is
+    /// [`Closing::Agreed`] instead.
+    Done {
+        /// The command.
+        command: Command<P>,
+    },
+    /// The device has not executed the command.
+    Refused {
+        /// The command.
+        command: Command<P>,
+        /// Why not.
+        error: ErrorCode,
+    },
+    /// The reply to a [`Command::Status`].
+    Status {
+        /// As the device reports it.
+        status: Status<P>,
+        /// What it means for the motion that was commanded last.
+        motion: Progress,
+    },
+    /// The caller has aborted the command before it was sent. It was not executed.
+    Aborted {
+        /// The command.
+        command: Command<P>,
+    },
+    /// The connection has ended: close it, unless the reason is [`Closing::Disconnected`].
+    Closed {
+        /// Why.
+        reason: Closing,
+        /// The outcome of the command that was not finished.
+        unfinished: Unfinished<P>,
+    },
+    /// A notice: an input that the machine did not expect. It has changed nothing.
+    Unexpected(Unexpected),
+}
+
+/// Why a connection has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Closing {
+    /// The device has agreed to a [`Command::Close`].
+    Agreed,
+    /// No reply in time.
+    Timeout,
+    /// The caller has aborted a command whose reply was awaited: replies have no number, so the next one could be taken for
+    /// another command's.
+    Aborted,
+    /// The caller reported that the connection is gone.
+    Disconnected,
+    /// A line that is no reply of such a device.
+    Malformed(DecodeError),
+    /// A well-formed reply that was not asked for, or of another kind than the command has.
+    Mismatch,
+}
+
+/// The command that was not finished when its connection ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Unfinished<P> {
+    /// There was none.
+    Nothing,
+    /// It was not sent: it was not executed.
+    NotSent(Command<P>),
+    /// It was sent: whether it was executed is unknown.
+    Unknown(Command<P>),
+}
+
+/// What a status means for the motion that was commanded last on this connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Progress {
+    /// The device stands, and there is no target to compare with: no motion was commanded, it was stopped, or it was a
+    /// [`Command::Reset`] or a relative motion from an unknown pose.
+    Still,
+    /// It has accepted a motion and has not been seen moving. It may seem to stand: the status may be older than the motion.
+    Starting,
+    /// It moves.
+    Moving,
+    /// It has accepted a halt, and moves.
+    Stopping,
+    /// It stands within tolerance of its target, with its servo motors on.
+    Arrived,
+    /// It stands, and the motion has failed.
+    Missed(Miss),
+}
+
+/// How a motion has failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Miss {
+    /// The device stands elsewhere than at its target.
+    Elsewhere,
+    /// Its servo motors are off.
+    ServoOff,
+}

@@ -1,0 +1,99 @@
+use robot_session::Unexpected;
+
+use crate::error::DecodeError;
+
+/// What happened at the device's end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum DeviceEvent<P> {
+    /// The central controller orders this. Answer with [`Device::accept`](crate::Device::accept), and carry it out only if that
+    /// succeeds, or with [`Device::refuse`](crate::Device::refuse).
+    Asked {
+        /// The order.
+        order: Order<P>,
+    },
+    /// The connection has ended: close it.
+    Closed {
+        /// Why.
+        reason: DeviceClosing,
+    },
+    /// A notice: a command was refused by the protocol itself.
+    Rejected {
+        /// Why.
+        reason: Rejection,
+    },
+    /// A notice: an input that the machine did not expect. It has changed nothing.
+    Unexpected(Unexpected),
+}
+
+/// What a device is to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "order", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Order<P> {
+    /// Switch the servo motors; off stops the motion too.
+    Servo {
+        /// On.
+        on: bool,
+    },
+    /// Go at this speed from now on.
+    Override {
+        /// 0 to 100 %.
+        percent: u8,
+    },
+    /// Go there, then call [`Device::arrived`](crate::Device::arrived). A relative motion has been added up.
+    Move {
+        /// Where.
+        target: P,
+    },
+    /// Stop, then call [`Device::arrived`](crate::Device::arrived).
+    Stop,
+    /// Clear the error, switch the servo motors on, leave any other motion, go home, then call
+    /// [`Device::arrived`](crate::Device::arrived).
+    Home,
+    /// Agree to the end of the connection.
+    Close,
+    /// Take a picture.
+    Acquire {
+        /// The camera.
+        camera: i32,
+    },
+    /// Open or close a gripper.
+    Grip {
+        /// The gripper.
+        gripper: i32,
+        /// Open: for [`VACUUM`](crate::VACUUM) and [`BLOW`](crate::BLOW) this turns the air on.
+        open: bool,
+    },
+}
+
+/// Why a connection has ended at the device's end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum DeviceClosing {
+    /// The central controller has closed it; the reply has been sent.
+    Agreed,
+    /// The central controller does not wait for replies, and more commands have arrived than can be kept.
+    Overrun,
+}
+
+/// Why the protocol itself refuses a command.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
+#[non_exhaustive]
+pub enum Rejection {
+    /// It cannot be read.
+    #[error(transparent)]
+    Malformed(#[from] DecodeError),
+    /// Not in this state.
+    #[error("not possible in the state {state}")]
+    NotNow {
+        /// The state of the axes.
+        state: &'static str,
+    },
+    /// A relative motion that leads out of the range of a coordinate.
+    #[error("the motion leads out of range")]
+    OutOfRange,
+    /// The device's pose is not known, or has no form on the wire.
+    #[error("the pose of the axes is not known")]
+    NoPose,
+}

@@ -1,0 +1,398 @@
+//! Every rule of the device's end. Nothing here knows of bytes, and nothing of time: a device has no deadlines.
+//!
+//! The connection: a command is read when the reply to the one before has been sent.
+//!
+//! ```text
+//!     Down ── connected ──► Idle ── command ──► Asked ── accept, refuse ──► Answering
+//!                            ▲ └── status, refused by the protocol ───────────┘ │
+//!                            └───────────────── transmit ───────────────────────┘
+//!     Asked ── accept CLO ──► Leaving ── transmit ──► Ended
+//! ```
+//!
+//! The axes (§4.2 to §4.7):
+//!
+//! ```text
+//!     Off ── servo on ──► Still ── move ──► Moving ── stop ──► Stopping
+//!      ▲                  │ ▲ ▲              │ arrived            │ arrived
+//!      └──── servo off ───┘ │ └──────────────┴────────────────────┘
+//!                           │
+//!     reset leads from everywhere to Moving, homewards; failed to Fault, which only a reset leaves
+//! ```
+
+use robot_session::Unexpected;
+
+use super::config::{DeviceConfig, DeviceRule as Rule};
+use super::event::{DeviceClosing, DeviceEvent as Event, Order, Rejection};
+use crate::error::DecodeError;
+use crate::message::{Command, ErrorCode, Mode, Reply, Status};
+use crate::pose::Pose;
+
+/// The end of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct DeviceMachine<P> {
+    /// The connection and the command on it.
+    pub link: DeviceLink<P>,
+    /// What the axes do.
+    pub axes: Axes,
+    /// Where they are, if that is known and has a form on the wire.
+    pub pose: Option<P>,
+    /// The override.
+    pub percent: u8,
+}
+
+/// The connection and the command on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum DeviceLink<P> {
+    /// There is no connection.
+    Down,
+    /// A command can be read.
+    Idle,
+    /// The owner has to accept or refuse this.
+    Asked {
+        /// The order.
+        order: Order<P>,
+    },
+    /// A reply is to be sent.
+    Answering {
+        /// The reply.
+        reply: Reply<P>,
+    },
+    /// The reply to `CLO` is to be sent, and then the connection ends.
+    Leaving,
+    /// The connection has ended, and its owner is to close it.
+    Ended,
+}
+
+/// What the axes do.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Axes {
+    /// Servo motors off.
+    #[default]
+    Off,
+    /// Servo motors on, at rest.
+    Still,
+    /// In a motion, or on the way home.
+    Moving,
+    /// Stopping, and not at rest yet.
+    Stopping,
+    /// An error occurred: at rest, servo motors off.
+    Fault {
+        /// The error that the status shows.
+        error: ErrorCode,
+    },
+}
+
+/// What happens at the device's end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum DeviceInput<P> {
+    /// A connection was made.
+    Connected,
+    /// The connection is gone.
+    Disconnected,
+    /// A well-formed command.
+    Command(Command<P>),
+    /// A line that is no command.
+    Corrupt(DecodeError),
+    /// More commands than can be kept.
+    Overrun,
+    /// The owner accepts an order.
+    Accept(Order<P>),
+    /// The owner refuses an order.
+    Refuse(Order<P>, ErrorCode),
+    /// Bytes can be sent.
+    Transmit,
+    /// The axes are here; `None` if that is not known or has no form on the wire.
+    Pose(Option<P>),
+    /// The axes are at rest.
+    Arrived,
+    /// An error occurred.
+    Failed(ErrorCode),
+}
+
+/// What the session is to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum DeviceAction<P> {
+    /// Nothing.
+    None,
+    /// Send this reply.
+    Send(Reply<P>),
+    /// Send the reply to `CLO`, then report the end of the connection.
+    Leave,
+    /// Report this.
+    Report(Event<P>),
+}
+
+type Step<P> = Result<DeviceAction<P>, Unexpected>;
+
+impl<P: Pose> DeviceMachine<P> {
+    /// Without a connection, servo motors off, the override at 100 %, its pose unknown.
+    pub const NEW: Self = Self { link: DeviceLink::Down, axes: Axes::Off, pose: None, percent: 100 };
+
+    /// Takes an input, and says what is to be done.
+    ///
+    /// # Errors
+    /// The state does not allow this input, and nothing has changed: a command that is read while another one is not answered or
+    /// without a connection, an order accepted or refused that is not pending.
+    #[inline]
+    pub fn on(&mut self, input: DeviceInput<P>, config: &DeviceConfig) -> Step<P> {
+        use DeviceAction as A;
+        use DeviceInput as I;
+        use DeviceLink as L;
+        Ok(match (self.link, input) {
+            (L::Idle, I::Command(command)) => match self.read(command, config) {
+                Ok(action) => action,
+                Err(reason) => self.reject(reason, config),
+            },
+            (L::Idle, I::Corrupt(error)) => self.reject(Rejection::Malformed(error), config),
+            (L::Answering { reply }, I::Transmit) => {
+                self.link = L::Idle;
+                A::Send(reply)
+            }
+            (L::Leaving, I::Transmit) => {
+                self.link = L::Ended;
+                A::Leave
+            }
+            (L::Asked { order }, I::Accept(accepted))
+                if order == accepted || !config.keeps(Rule::AcceptPending) =>
+            {
+                self.accept(order, config)
+            }
+            (L::Asked { order }, I::Refuse(refused, error)) if order == refused => {
+                self.link = L::Answering { reply: Reply::Error { error } };
+                A::None
+            }
+            (L::Answering { .. } | L::Leaving | L::Asked { .. }, I::Connected)
+                if !config.keeps(Rule::TakeOver) =>
+            {
+                A::None
+            }
+            (
+                L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
+                I::Connected,
+            ) => {
+                self.link = L::Idle;
+                A::None
+            }
+            (
+                L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
+                I::Disconnected,
+            ) => {
+                self.link = L::Down;
+                A::None
+            }
+            (L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving, I::Overrun) => {
+                self.link = L::Ended;
+                A::Report(Event::Closed { reason: DeviceClosing::Overrun })
+            }
+            (
+                L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
+                I::Pose(pose),
+            ) => {
+                self.pose = pose;
+                A::None
+            }
+            (
+                L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
+                I::Arrived,
+            ) => {
+                self.axes = self.axes.arrived();
+                A::None
+            }
+            (
+                L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
+                I::Failed(error),
+            ) => {
+                self.axes = Axes::Fault { error };
+                A::None
+            }
+            (L::Down | L::Idle | L::Asked { .. } | L::Ended, I::Transmit) => A::None,
+            // What still arrives on a connection that has ended.
+            (L::Ended, I::Command(_) | I::Corrupt(_) | I::Overrun) => A::None,
+            (
+                L::Down | L::Asked { .. } | L::Answering { .. } | L::Leaving,
+                I::Command(_) | I::Corrupt(_),
+            )
+            | (L::Down, I::Overrun)
+            | (
+                L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
+                I::Accept(_) | I::Refuse(..),
+            ) => {
+                return Err(Unexpected { state: self.name(), input: input.name() });
+            }
+        })
+    }
+
+    /// Whether a command can be read.
+    pub const fn reads(&self) -> bool {
+        matches!(self.link, DeviceLink::Idle | DeviceLink::Ended | DeviceLink::Down)
+    }
+
+    /// What is to be sent now.
+    pub const fn pending(&self) -> Option<Reply<P>> {
+        match self.link {
+            DeviceLink::Answering { reply } => Some(reply),
+            DeviceLink::Leaving => Some(Reply::Ok),
+            DeviceLink::Down | DeviceLink::Idle | DeviceLink::Asked { .. } | DeviceLink::Ended => None,
+        }
+    }
+
+    /// What the device reports of itself; `None` while its pose is not known.
+    pub fn status(&self) -> Option<Status<P>> {
+        Some(Status {
+            moving: self.axes.moving(),
+            pose: self.pose?,
+            servo: self.axes.servo(),
+            percent: self.percent,
+            error: self.axes.error(),
+        })
+    }
+
+    /// The name of the connection's state.
+    pub const fn name(&self) -> &'static str {
+        match self.link {
+            DeviceLink::Down => "Down",
+            DeviceLink::Idle => "Idle",
+            DeviceLink::Asked { .. } => "Asked",
+            DeviceLink::Answering { .. } => "Answering",
+            DeviceLink::Leaving => "Leaving",
+            DeviceLink::Ended => "Ended",
+        }
+    }
+
+    fn read(&mut self, command: Command<P>, config: &DeviceConfig) -> Result<DeviceAction<P>, Rejection> {
+        let order = match command {
+            Command::Status => {
+                let status = self.status().ok_or(Rejection::NoPose)?;
+                self.link = DeviceLink::Answering { reply: Reply::Status(status) };
+                return Ok(DeviceAction::None);
+            }
+            Command::Servo { on } => Order::Servo { on },
+            Command::Override { percent } => Order::Override { percent },
+            Command::Move { mode: Mode::Absolute, pose } => Order::Move { target: pose },
+            Command::Move { mode: Mode::Relative, pose: by } => {
+                let from = self.pose.ok_or(Rejection::NoPose)?;
+                Order::Move { target: from.plus(by).ok_or(Rejection::OutOfRange)? }
+            }
+            Command::Stop => Order::Stop,
+            Command::Reset => Order::Home,
+            Command::Close => Order::Close,
+            Command::Acquire { camera } => Order::Acquire { camera },
+            Command::Grip { gripper, open } => Order::Grip { gripper, open },
+        };
+        self.axes.after(order, config).ok_or(Rejection::NotNow { state: self.axes.name() })?;
+        self.link = DeviceLink::Asked { order };
+        Ok(DeviceAction::Report(Event::Asked { order }))
+    }
+
+    fn accept(&mut self, order: Order<P>, config: &DeviceConfig) -> DeviceAction<P> {
+        let possible = self.axes.after(order, config);
+        let axes = match possible {
+            Some(axes) => axes,
+            None if config.keeps(Rule::AcceptPossible) => {
+                return self.reject(Rejection::NotNow { state: self.axes.name() }, config);
+            }
+            None => Axes::Moving,
+        };
+        // The state changes before the reply is sent: a status asked for after `OK` says that the device moves.
+        self.axes = axes;
+        if let Order::Override { percent } = order {
+            self.percent = percent;
+        }
+        self.link = match order {
+            Order::Close => DeviceLink::Leaving,
+            Order::Servo { .. }
+            | Order::Override { .. }
+            | Order::Move { .. }
+            | Order::Stop
+            | Order::Home
+            | Order::Acquire { .. }
+            | Order::Grip { .. } => DeviceLink::Answering { reply: Reply::Ok },
+        };
+        DeviceAction::None
+    }
+
+    fn reject(&mut self, reason: Rejection, config: &DeviceConfig) -> DeviceAction<P> {
+        self.link = DeviceLink::Answering { reply: Reply::Error { error: config.refusal } };
+        DeviceAction::Report(Event::Rejected { reason })
+    }
+}
+
+impl Axes {
+    /// What the axes do after an order; `None` when they cannot obey it, which the source leaves open.
+    pub fn after<P>(self, order: Order<P>, config: &DeviceConfig) -> Option<Self> {
+        Some(match (self, order) {
+            (Self::Off | Self::Still, Order::Servo { on: true }) => Self::Still,
+            (Self::Moving | Self::Stopping, Order::Servo { on: true }) => self,
+            (Self::Fault { .. }, Order::Servo { on: true } | Order::Move { .. }) => return None,
+            (Self::Off | Self::Still | Self::Moving | Self::Stopping, Order::Servo { on: false }) => Self::Off,
+            (Self::Still, Order::Move { .. }) => Self::Moving,
+            (Self::Moving | Self::Stopping, Order::Move { .. }) if !config.keeps(Rule::OneMotion) => Self::Moving,
+            (Self::Off | Self::Moving | Self::Stopping, Order::Move { .. }) => return None,
+            (Self::Off | Self::Still | Self::Fault { .. }, Order::Stop)
+            | (Self::Fault { .. }, Order::Servo { on: false }) => self,
+            (Self::Moving | Self::Stopping, Order::Stop) => Self::Stopping,
+            (Self::Off | Self::Still | Self::Moving | Self::Stopping | Self::Fault { .. }, Order::Home) => {
+                Self::Moving
+            }
+            (
+                Self::Off | Self::Still | Self::Moving | Self::Stopping | Self::Fault { .. },
+                Order::Override { .. } | Order::Close | Order::Acquire { .. } | Order::Grip { .. },
+            ) => self,
+        })
+    }
+
+    /// Whether the servo motors are on.
+    pub const fn servo(self) -> bool {
+        matches!(self, Self::Still | Self::Moving | Self::Stopping)
+    }
+
+    /// Whether a motion is under way.
+    pub const fn moving(self) -> bool {
+        matches!(self, Self::Moving | Self::Stopping)
+    }
+
+    /// The error that the status shows.
+    pub const fn error(self) -> ErrorCode {
+        match self {
+            Self::Fault { error } => error,
+            Self::Off | Self::Still | Self::Moving | Self::Stopping => ErrorCode::None,
+        }
+    }
+
+    /// The name of the state.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Off => "Off",
+            Self::Still => "Still",
+            Self::Moving => "Moving",
+            Self::Stopping => "Stopping",
+            Self::Fault { .. } => "Fault",
+        }
+    }
+
+    const fn arrived(self) -> Self {
+        match self {
+            Self::Moving | Self::Stopping => Self::Still,
+            Self::Off | Self::Still | Self::Fault { .. } => self,
+        }
+    }
+}
+
+impl<P> DeviceInput<P> {
+    /// The name of the input.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Connected => "Connected",
+            Self::Disconnected => "Disconnected",
+            Self::Command(_) => "Command",
+            Self::Corrupt(_) => "Corrupt",
+            Self::Overrun => "Overrun",
+            Self::Accept(_) => "Accept",
+            Self::Refuse(..) => "Refuse",
+            Self::Transmit => "Transmit",
+            Self::Pose(_) => "Pose",
+            Self::Arrived => "Arrived",
+            Self::Failed(_) => "Failed",
+        }
+    }
+}

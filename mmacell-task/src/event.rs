@@ -1,0 +1,117 @@
+use mmacell_proto::{CentralEvent, Closing, ErrorCode, Miss, PlatformPose, Pose, Progress, RobotPose};
+
+use crate::output::Device;
+use crate::step::Step;
+
+/// What happens in the cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Event {
+    /// The device is connected and ready. Only robot, platform and conditioning system are waited for.
+    Ready(Device),
+    /// The device has carried out its order, or has begun to.
+    Done(Device),
+    /// The robot or the platform has answered a [`Command::Status`](mmacell_proto::Command::Status).
+    Status {
+        /// Which.
+        device: Device,
+        /// What it means for the motion that was ordered last.
+        motion: Progress,
+    },
+    /// The device will not carry out its order, or cannot.
+    Failed {
+        /// Which.
+        device: Device,
+        /// How.
+        failure: Failure,
+    },
+    /// Camera 1 sees a part.
+    PartFound {
+        /// The pose of the platform that turns its place towards the gripper.
+        platform: PlatformPose,
+        /// Where the robot takes it.
+        pick: RobotPose,
+    },
+    /// Camera 2 sees the place.
+    SlotFound {
+        /// Where the robot puts the part.
+        place: RobotPose,
+    },
+    /// The camera sees nothing.
+    NotFound,
+    /// The level of the vacuum switch. It is taken for low until this says otherwise; the task acts on its edges.
+    Switch {
+        /// High: the vacuum is deep enough for a part to be on the gripper.
+        high: bool,
+    },
+    /// Stop everything now, from whatever step: [`Step::Faulted`] follows. A command that a session has in flight is answered
+    /// first, or its session's `abort` is called.
+    Abort,
+    /// After [`Step::Placed`], [`Step::Unpicked`] or [`Step::NothingFound`]: the next part. This and the next two wait until they
+    /// can be followed; the last one counts.
+    Next,
+    /// After [`Step::Placed`], [`Step::Unpicked`], [`Step::NothingFound`] or [`Step::Faulted`]: close the connections.
+    Finish,
+    /// After [`Step::Faulted`], as soon as all devices are ready: reset, and on from step 3.
+    Recover,
+}
+
+/// How a device failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Failure {
+    /// It refused an order.
+    Refused(ErrorCode),
+    /// Its status shows an error.
+    Error(ErrorCode),
+    /// Its motion has ended, and it has not arrived.
+    Missed(Miss),
+    /// Its order was aborted before it was sent.
+    Aborted,
+    /// Its connection is gone; it has to become ready again.
+    Lost,
+}
+
+/// What led to [`Step::Faulted`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Fault {
+    /// A device failed.
+    Device {
+        /// Which.
+        device: Device,
+        /// How.
+        failure: Failure,
+    },
+    /// A step took longer than it may.
+    Timeout {
+        /// Which.
+        step: Step,
+    },
+    /// The vacuum switch is high where nothing can be on the gripper: before the vacuum is on, or after the part was blown off.
+    SwitchHigh {
+        /// In which step.
+        step: Step,
+    },
+    /// [`Event::Abort`].
+    Aborted,
+}
+
+impl Event {
+    /// What an event at the central controller's end of this device's connection means to the task.
+    pub fn from_central<P: Pose>(device: Device, event: &CentralEvent<P>) -> Option<Self> {
+        let failed = |failure| Some(Self::Failed { device, failure });
+        match *event {
+            CentralEvent::Done { .. } | CentralEvent::Closed { reason: Closing::Agreed, .. } => {
+                Some(Self::Done(device))
+            }
+            CentralEvent::Refused { error, .. } => failed(Failure::Refused(error)),
+            CentralEvent::Status { status, .. } if status.error != ErrorCode::None => {
+                failed(Failure::Error(status.error))
+            }
+            CentralEvent::Status { motion, .. } => Some(Self::Status { device, motion }),
+            CentralEvent::Aborted { .. } => failed(Failure::Aborted),
+            CentralEvent::Closed { .. } => failed(Failure::Lost),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,46 @@
+use mmacell_proto::{Command, NoPose, PlatformPose, RobotPose};
+
+use crate::step::Step;
+
+/// Who takes orders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+pub enum Device {
+    /// The robot (RC).
+    Robot,
+    /// The orientation platform (OPC).
+    Platform,
+    /// The conditioning system (CSC). It has to be there; the source gives it no orders but to close.
+    Conditioning,
+    /// The cameras, whether the central controller's own or behind a connection.
+    Vision,
+    /// The valves of the gripper, whether the central controller's own or behind a connection.
+    Gripper,
+}
+
+/// What is to be done for the task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Output {
+    /// Nothing: the task has entered this step.
+    Entered(Step),
+    /// Send this to the robot.
+    Robot(Command<RobotPose>),
+    /// Send this to the platform.
+    Platform(Command<PlatformPose>),
+    /// Send this to the conditioning system.
+    Conditioning(Command<NoPose>),
+    /// Take a picture, then report what is in it: [`Event::PartFound`](crate::Event::PartFound),
+    /// [`Event::SlotFound`](crate::Event::SlotFound) or [`Event::NotFound`](crate::Event::NotFound).
+    Acquire {
+        /// 1 or 2.
+        camera: i32,
+    },
+    /// Set a valve, then report [`Event::Done`](crate::Event::Done).
+    Grip {
+        /// [`VACUUM`](mmacell_proto::VACUUM) or [`BLOW`](mmacell_proto::BLOW).
+        gripper: i32,
+        /// On.
+        open: bool,
+    },
+}

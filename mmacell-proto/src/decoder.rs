@@ -27,6 +27,11 @@ impl Decoder {
         Self { dialect, buffer, start: 0, end: 0, dropped: 0, position: 0, finished: false }
     }
 
+    /// Bytes that are held and not looked at yet, but for those of a line that is too long.
+    pub(crate) const fn held(&self) -> usize {
+        self.end - self.start
+    }
+
     fn without_end(&mut self) -> Option<DecodeError> {
         let waiting = self.end - self.start;
         if waiting == Line::MAX_LEN {
@@ -139,6 +144,12 @@ mod tests {
         lines
     }
 
+    /// Whole, byte by byte, and in two pieces at every byte.
+    fn chunkings(bytes: &[u8]) -> impl Iterator<Item = Vec<&[u8]>> {
+        let halves = (1..bytes.len()).map(|at| vec![&bytes[..at], &bytes[at..]]);
+        [vec![bytes], bytes.chunks(1).collect()].into_iter().chain(halves)
+    }
+
     #[test]
     fn a_line_without_an_end_costs_itself_alone() {
         for len in [64, 65, 127, 128, 129, 1000] {
@@ -147,7 +158,7 @@ mod tests {
             stream.extend_from_slice(b"\r\nSTP\r\n");
             let expected =
                 [Ok(b"STA".to_vec()), Err(DecodeError::TooLong { limit: 64 }), Ok(b"STP".to_vec())];
-            for pieces in testkit::chunking::chunkings(&stream) {
+            for pieces in chunkings(&stream) {
                 assert_eq!(lines(pieces, Dialect::STRICT), expected, "{len}");
             }
         }
@@ -171,7 +182,7 @@ mod tests {
                 let mut stream = b"STA\r\n".to_vec();
                 stream.extend(vec![b'x'; len - 1]);
                 stream.push(last);
-                for pieces in testkit::chunking::chunkings(&stream) {
+                for pieces in chunkings(&stream) {
                     assert_eq!(lines(pieces, Dialect::STRICT), expected, "{len}");
                 }
             }

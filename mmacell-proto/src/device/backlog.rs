@@ -11,11 +11,12 @@ impl<const N: usize> Backlog<N> {
         Self { bytes: [0; N], start: 0, end: 0 }
     }
 
-    /// Takes as many bytes as there is room for, and says how many.
-    pub(super) fn fill(&mut self, bytes: &[u8]) -> usize {
+    /// Takes as many bytes as there is room for beside those that the decoder holds, and says how many.
+    pub(super) fn fill(&mut self, held: usize, bytes: &[u8]) -> usize {
         self.bytes.copy_within(self.start..self.end, 0);
         (self.start, self.end) = (0, self.end - self.start);
-        let room = self.bytes.get_mut(self.end..).unwrap_or_default();
+        let limit = N.saturating_sub(held).max(self.end);
+        let room = self.bytes.get_mut(self.end..limit).unwrap_or_default();
         let taken = room.len().min(bytes.len());
         room.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
         self.end += taken;

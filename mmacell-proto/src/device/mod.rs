@@ -67,7 +67,7 @@ pub struct DeviceStatistics {
 }
 
 impl<P: Pose> Device<P> {
-    /// The bytes that wait for the replies before them, at most; those of a line that is read are not among them.
+    /// The bytes that wait for the replies before them, at most.
     pub const BACKLOG: usize = 512;
 
     /// A device without a connection, with its servo motors off, its override at 100 %, and its pose unknown.
@@ -218,14 +218,15 @@ impl<P: Pose> Session for Device<P> {
     #[inline]
     fn handle_input(&mut self, _now: Duration, mut bytes: &[u8]) {
         loop {
-            let taken = self.backlog.fill(bytes);
+            let taken = self.backlog.fill(self.decoder.held(), bytes);
             bytes = bytes.get(taken..).unwrap_or_default();
             self.read();
             if bytes.is_empty() {
                 return;
             }
-            if self.backlog.bytes().len() == Self::BACKLOG {
+            if taken == 0 {
                 self.apply(DeviceInput::Overrun);
+                self.decoder.clear();
                 return self.backlog.clear();
             }
         }

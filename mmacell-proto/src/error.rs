@@ -139,7 +139,7 @@ pub enum EncodeError {
         found: i32,
     },
     /// An integer beyond 16 bits, or in a dialect of five digits beyond those.
-    #[error("the integer {found} does not fit its field: −32768 to 32767, or ±99999 where a dialect has wide integers")]
+    #[error("the integer {found} does not fit its field")]
     IntegerRange {
         /// The value.
         found: i32,

@@ -5,7 +5,7 @@ mod common;
 
 use core::time::Duration;
 
-use common::{HOME, MS, ZERO, by, central, central_with, closed, go, pose, receive, send};
+use common::{HOME, MS, ZERO, by, central, central_with, closed, connect, go, pose, receive, send};
 use mmacell_proto::{
     Central, CentralConfig, CentralEvent as Event, Closing, Command, ConfigError, DecodeError, Dialect,
     EncodeError, ErrorCode, Miss, NoPose, Progress, RobotPose, Session, SessionError, Status, Unfinished,
@@ -40,7 +40,7 @@ fn nothing_is_requested_while_there_is_no_room_for_its_outcome() {
     assert_eq!(waiting[..3], [Event::Done { command: Command::Stop }; 3]);
     assert_eq!(waiting[3..], [closing], "the connection before");
     assert_eq!(c.request(Command::Stop), Err(SessionError::NotConnected), "the new one could not be reported");
-    c.handle_connected(ZERO);
+    connect(&mut c);
     assert_eq!(c.request(Command::Stop), Ok(()));
 }
 
@@ -86,7 +86,7 @@ fn silence_ends_the_connection_and_the_outcome_is_unknown() {
     assert_eq!(c.request(Command::Status), Err(SessionError::NotConnected));
     c.handle_disconnected(deadline);
     assert_eq!(c.poll_event(), None, "a connection ends once");
-    c.handle_connected(deadline);
+    connect(&mut c);
     assert_eq!(send(&mut c, deadline, Command::Status), b"STA\r\n");
     assert_eq!(c.statistics().unknown, 1);
 }
@@ -141,8 +141,8 @@ fn nothing_of_a_connection_leaks_into_the_next() {
     c.handle_input(ZERO, b"OK\r\nER+00");
     assert_eq!(c.poll_event(), Some(Event::Done { command: go(pose(5.0)) }));
     send(&mut c, ZERO, Command::Status);
-    c.handle_connected(ZERO);
-    assert_eq!(c.poll_event(), Some(closed(Closing::Disconnected, Unfinished::Unknown(Command::Status))));
+    let before = closed(Closing::Disconnected, Unfinished::Unknown(Command::Status));
+    assert_eq!(connect(&mut c), Some(before));
     assert_eq!(query(&mut c, ZERO, false, 1.0, true), Progress::Still, "neither half a line nor a target");
     c.handle_disconnected(ZERO);
     assert_eq!(c.poll_event(), Some(closed(Closing::Disconnected, Unfinished::Nothing)));

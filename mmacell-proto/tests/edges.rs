@@ -2,10 +2,11 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use bytes::BytesMut;
-use mmacell_proto::task::{self, Task};
+use mmacell_proto::robot_session::Decoder as _;
+use mmacell_proto::robot_session::tokio::Codec;
 use mmacell_proto::{
-    AnyPose, Command, Controller, ControllerCodec, DecodeError, Decoder, DeviceCodec, Dialect, EncodeError,
-    ErrorCode, Expected, Line, Mode, NoPose, PlatformPose, Pose, Reply, RobotPose, Status, controller,
+    AnyPose, CentralConfig, Command, DecodeError, Decoder, DeviceConfig, Dialect, Encode, EncodeError,
+    ErrorCode, Expected, Line, Mode, NoPose, PlatformPose, Pose, Reply, RobotPose, Status,
 };
 use tokio_util::codec::{Decoder as _, Encoder as _};
 
@@ -158,7 +159,7 @@ fn each_character_of_the_numbers_that_end_a_status_counts() {
 }
 
 #[test]
-fn a_blank_is_allowed_once_behind_the_sign_of_an_integer_where_the_dialect_says_so() {
+fn a_blank_is_allowed_once_after_the_sign_of_an_integer_where_the_dialect_says_so() {
     let blank = Dialect { blank: true, ..Dialect::STRICT };
     let command = |line: &[u8], dialect| Command::<PlatformPose>::decode(Line::new(line), dialect);
     let unexpected = |offset, found, expected| Err(DecodeError::Unexpected { offset, found, expected });
@@ -198,11 +199,11 @@ fn what_does_not_fit_its_field_is_not_written() {
         "the override 101 % is above 100 %"
     );
     let wide = refused(Reply::Status(Status { error: ErrorCode::Other(32_768), ..status }));
-    assert_eq!(wide, "the integer 32768 is outside −32768 to 32767");
+    assert_eq!(wide, "the integer 32768 does not fit its field");
     assert_eq!(wide, refused(Reply::Error { error: ErrorCode::Other(32_768) }));
     let mut grip = [0; 16];
     let grip = Command::<NoPose>::Grip { gripper: -32_769, open: true }.encode(&mut grip).unwrap_err();
-    assert_eq!(grip.to_string(), "the integer -32769 is outside −32768 to 32767");
+    assert_eq!(grip.to_string(), "the integer -32769 does not fit its field");
     for (room, outcome) in [(33, Err(EncodeError::Buffer { needed: 34, found: 33 })), (34, Ok(()))] {
         let mut buffer = [0; 34];
         assert_eq!(Reply::Status(status).append_to(&mut &mut buffer[..room]), outcome);
@@ -226,80 +227,54 @@ fn what_does_not_fit_its_field_is_not_written() {
 }
 
 #[test]
-fn both_codecs_read_on_to_the_end_of_the_stream() {
+fn a_codec_reads_on_after_corrupt_lines_and_to_the_end_of_the_stream() {
+    let dialect = Dialect::STRICT;
+    let mut central =
+        Codec::new(Decoder::new(dialect), |line: Line<'_>| Reply::<PlatformPose>::decode(line, &dialect));
+    let mut device =
+        Codec::new(Decoder::new(dialect), |line: Line<'_>| Command::<PlatformPose>::decode(line, &dialect));
     let mut wire = BytesMut::new();
-    DeviceCodec::<NoPose>::new(Dialect::STRICT).encode(Reply::Ok, &mut wire).unwrap();
-    wire.extend_from_slice(b"ER+0");
-    let mut controller = ControllerCodec::<NoPose>::new(Dialect::STRICT);
-    let mut end = || controller.decode_eof(&mut wire).unwrap();
-    assert_eq!((end(), end(), end()), (Some(Ok(Reply::Ok)), Some(Err(DecodeError::Incomplete)), None));
-    let mut device = DeviceCodec::<NoPose>::new(Dialect::STRICT);
-    assert_eq!(device.decode(&mut BytesMut::from("STA\r\n")).unwrap(), Some(Ok(Command::Status)));
+    central.encode(Command::<PlatformPose>::Status, &mut wire).unwrap();
+    wire.extend_from_slice(b"what?\r\n");
+    central.encode(Command::<PlatformPose>::Stop, &mut wire).unwrap();
+    wire.extend_from_slice(b"ST");
+    let read: Vec<_> = core::iter::from_fn(|| device.decode_eof(&mut wire).unwrap()).take(9).collect();
+    let unknown = DecodeError::UnknownCommand { found: *b"wha" };
+    let expected =
+        [Ok(Ok(Command::Status)), Ok(Err(unknown)), Ok(Ok(Command::Stop)), Err(DecodeError::Incomplete)];
+    assert_eq!(read, expected);
+    device.encode(Reply::<PlatformPose>::Ok, &mut wire).unwrap();
+    assert_eq!(central.decode(&mut wire).unwrap(), Some(Ok(Ok(Reply::Ok))));
+    assert_eq!(central.decode(&mut wire).unwrap(), None);
+    let refused = central.encode(Command::<PlatformPose>::Override { percent: 101 }, &mut wire).unwrap_err();
+    assert_eq!(refused.to_string(), "the override 101 % is above 100 %");
+    assert!(wire.is_empty());
 }
 
 #[test]
 fn the_defaults_are_the_documented_ones() {
-    assert_eq!(controller::Config::default(), controller::Config::DEFAULT);
-    assert_eq!(task::Config::default(), task::Config::DEFAULT);
-    assert_eq!(Task::new(task::Config::default()).step(), task::Step::AwaitDevices);
+    assert_eq!(CentralConfig::default(), CentralConfig::DEFAULT);
+    assert_eq!(DeviceConfig::default(), DeviceConfig::DEFAULT);
 }
 
 #[test]
-fn of_steps_that_nobody_asks_for_the_newest_eight_are_kept() {
-    let mut task = Task::new(task::Config::DEFAULT);
-    let now = core::time::Duration::ZERO;
-    for device in [task::Device::Robot, task::Device::Platform, task::Device::Conditioning] {
-        task.handle_event(now, task::Event::Ready(device));
-    }
-    let mut entered = Vec::new();
-    for round in 0..9 {
-        let event = match round % 2 {
-            0 => task::Event::Failed {
-                device: task::Device::Robot,
-                failure: task::Failure::Refused(ErrorCode::Generic),
-            },
-            _ => task::Event::Recover,
-        };
-        task.handle_event(now, event);
-        entered.push(task.step());
-    }
-    let told: Vec<_> = core::iter::from_fn(|| task.poll_output(now))
-        .filter_map(|output| match output {
-            task::Output::Entered(step) => Some(step),
-            _ => None,
-        })
-        .collect();
-    assert_eq!(told, entered[entered.len() - 8..]);
-    assert_eq!(task::Trigger::Failed.label(), "a device failed");
-}
-
-#[test]
-fn the_reply_is_awaited_from_the_last_byte_on() {
-    let mut session = Controller::<RobotPose>::new(controller::Config::DEFAULT);
-    let (now, mut buffer) = (core::time::Duration::from_secs(5), [0; 8]);
-    session.send(Command::Status).unwrap();
-    assert_eq!(session.poll_transmit(now, &mut []), None, "no room, no bytes");
-    assert_eq!((session.poll_transmit(now, &mut buffer[..3]), session.poll_timeout()), (Some(3), None));
-    assert_eq!(session.poll_transmit(now, &mut buffer[3..]), Some(2));
-    assert_eq!(
-        (&buffer[..5], session.poll_timeout()),
-        (&b"STA\r\n"[..], Some(now + controller::Config::DEFAULT.timeout))
-    );
-    assert_eq!(session.poll_transmit(now, &mut buffer), None);
-    let mut session = Controller::<RobotPose>::new(controller::Config::DEFAULT);
-    session.send(Command::Status).unwrap();
-    session.handle_disconnect();
-    assert_eq!(
-        session.poll_transmit(now, &mut buffer),
-        None,
-        "nothing is written to a connection that is gone"
-    );
+fn what_ended_is_reported_before_more_is_taken() {
+    let mut decoder = Decoder::new(Dialect::STRICT);
+    assert_eq!(decoder.push(b"ST"), 2);
+    decoder.finish();
+    assert_eq!(decoder.push(b"A\r\n"), 0);
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Incomplete)));
+    assert_eq!(decoder.push(b"STA\r\n"), 5);
+    assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b"STA"))));
+    assert_eq!(decoder.push(b"ST"), 2);
+    decoder.clear();
+    assert_eq!((decoder.position(), decoder.next_frame()), (9, None));
 }
 
 #[test]
 fn sixteen_ends_in_a_row_are_sixteen_lines() {
     let mut decoder = Decoder::new(Dialect { lone_lf: true, ..Dialect::STRICT });
-    decoder.push(b"\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\nSTA\r\n");
+    assert_eq!(decoder.push(b"\n\n\n\n\n\n\n\n\n\n\n\n\n\n\n\nSTA\r\n"), 21);
     for _ in 0..16 {
         assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b""))));
     }

@@ -3,10 +3,12 @@ use robot_session::Unexpected;
 use crate::error::DecodeError;
 use crate::message::{Command, ErrorCode, Status};
 
-/// What happened at the central controller's end. All but the last are outcomes; each command has exactly one.
+/// What happened at the central controller's end. All but the first and the last are outcomes; each command has exactly one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum CentralEvent<P> {
+    /// A notice: there is a connection, and a command may be requested.
+    Connected,
     /// The device has executed the command, or has started it. The outcome of a [`Command::Close`] is
     /// [`Closing::Agreed`] instead.
     Done {

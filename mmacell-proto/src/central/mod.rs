@@ -28,7 +28,7 @@ use crate::pose::Pose;
 ///   one well-formed reply of the right kind, in time, ends the connection: [`CentralEvent::Closed`] gives the command that was
 ///   sent as unknown. Close the connection then and make a new one.
 /// - A command is written by `poll_transmit` in one piece; its reply is awaited from then on.
-/// - A request is refused while more than two events wait, and a connection is not begun then: no outcome is ever lost.
+/// - A request is refused while more than two outcomes wait, and a connection is not begun then: no outcome is ever lost.
 /// - What is known of a motion belongs to its connection: after a new one a status says [`Progress::Still`] or
 ///   [`Progress::Moving`] until a motion is commanded.
 #[derive(Debug, Clone)]
@@ -147,8 +147,12 @@ impl<P: Pose> Session for Central<P> {
         self.decoder.clear();
         self.statistics.connections += 1;
         // Two outcomes at most: the connection before, and this one.
-        let input = if self.events.has_room(2) { CentralInput::Connected } else { CentralInput::Disconnected };
-        self.apply(now, input);
+        if self.events.has_room(2) {
+            self.apply(now, CentralInput::Connected);
+            self.events.push_notice(CentralEvent::Connected);
+        } else {
+            self.apply(now, CentralInput::Disconnected);
+        }
     }
 
     fn handle_disconnected(&mut self, now: Duration) {

@@ -31,8 +31,19 @@ pub fn central() -> Central<RobotPose> {
 
 pub fn central_with<P: Pose>(config: CentralConfig) -> Central<P> {
     let mut central = Central::new(config).unwrap();
-    central.handle_connected(ZERO);
+    connect(&mut central);
     central
+}
+
+/// A new connection; the outcome of the one before.
+pub fn connect<P: Pose>(central: &mut Central<P>) -> Option<CentralEvent<P>> {
+    central.handle_connected(ZERO);
+    let first = central.poll_event().unwrap();
+    if first == CentralEvent::Connected {
+        return None;
+    }
+    assert_eq!(central.poll_event(), Some(CentralEvent::Connected));
+    Some(first)
 }
 
 /// A device with a connection, and its axes here.

@@ -71,19 +71,23 @@ fn modbus(tcp: bool, client: bool, stream: &[u8], size: usize) {
 }
 
 fn mmacell(device: bool, stream: &[u8], size: usize) {
-    use mmacell_proto::{Command, ControllerCodec, Decoder, DeviceCodec, Dialect, Reply, RobotPose};
+    use mmacell_proto::robot_session::Decoder as _;
+    use mmacell_proto::robot_session::tokio::Codec;
+    use mmacell_proto::{Command, Decoder, Dialect, Line, Reply, RobotPose};
     let dialect = Dialect::STRICT;
     let mut decoder = Decoder::new(dialect);
     if device {
+        let command = |line: Line<'_>| Command::<RobotPose>::decode(line, &dialect);
         let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
-            d.next_frame().map(|line| line.and_then(|line| Command::<RobotPose>::decode(line, &dialect)))
+            d.next_frame().map(|line| line.map(command))
         });
-        assert_eq!(read(&mut DeviceCodec::new(dialect), stream, size), expected);
+        assert_eq!(read(&mut Codec::new(Decoder::new(dialect), command), stream, size), expected);
     } else {
+        let reply = |line: Line<'_>| Reply::<RobotPose>::decode(line, &dialect);
         let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
-            d.next_frame().map(|line| line.and_then(|line| Reply::<RobotPose>::decode(line, &dialect)))
+            d.next_frame().map(|line| line.map(reply))
         });
-        assert_eq!(read(&mut ControllerCodec::new(dialect), stream, size), expected);
+        assert_eq!(read(&mut Codec::new(Decoder::new(dialect), reply), stream, size), expected);
     }
 }
 

@@ -1,15 +1,15 @@
-//! The MM&A cell: commands and replies, both sessions, and the pick-and-place task, whatever they hear and in whatever order.
+//! The MM&A cell: commands and replies, both sessions, and the pick-and-place task, whatever they receive and in whatever order.
 
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use mmacell_proto::controller::{self, Controller};
-use mmacell_proto::state::Connection;
-use mmacell_proto::task::{self, Failure, Output, Step, Task};
+use mmacell_proto::robot_session::Decoder as _;
 use mmacell_proto::{
-    AnyPose, BLOW, Command, DecodeError, Decoder, Device, Dialect, ErrorCode, Line, Mode, PlatformPose, Pose,
-    Reply, RobotPose, Status, VACUUM,
+    AnyPose, BLOW, Central, CentralConfig, CentralEvent, Command, DecodeError, Decoder, Device, DeviceConfig,
+    DeviceEvent, Dialect, Encode, ErrorCode, Line, Miss, Mode, Order, PlatformPose, Pose, Progress, Reply,
+    RobotPose, Session, Status, Unfinished, VACUUM,
 };
+use mmacell_task::{self as task, Event, Failure, Output, Step, Task, TaskConfig};
 
 use crate::written;
 
@@ -27,6 +27,10 @@ pub fn mmacell_proto_command(data: &[u8]) {
             }
             Err(error) => assert!(dialect.wide_integers, "{error}"),
         }
+        let bytes = written(command.in_dialect(*dialect).encoded_len(), |out| command.in_dialect(*dialect).encode(out));
+        let bytes = bytes.expect("what a dialect reads it writes");
+        let Ok(Some((again, _))) = Line::decode(&bytes, dialect) else { panic!("a whole line") };
+        assert_eq!(Command::decode(again, dialect), Ok(command));
     });
 }
 
@@ -44,6 +48,10 @@ pub fn mmacell_proto_reply(data: &[u8]) {
             }
             Err(error) => assert!(dialect.wide_integers, "{error}"),
         }
+        let bytes = written(reply.in_dialect(*dialect).encoded_len(), |out| reply.in_dialect(*dialect).encode(out));
+        let bytes = bytes.expect("what a dialect reads it writes");
+        let Ok(Some((again, _))) = Line::decode(&bytes, dialect) else { panic!("a whole line") };
+        assert_eq!(Reply::decode(again, dialect), Ok(reply));
     }
     messages(data, |line, dialect| {
         check::<RobotPose>(line, dialect);
@@ -114,85 +122,113 @@ fn check_message<P: Pose>(kind: u8, percent: u8, number: i32, axes: [i32; 4], po
 }
 
 /// Steps of an operation, a pause, a length, and so many bytes from the line.
-pub fn mmacell_proto_controller(mut data: &[u8]) {
-    let mut session = Controller::<RobotPose>::new(controller::Config::DEFAULT);
+pub fn mmacell_proto_central(mut data: &[u8]) {
+    let mut session = Central::<RobotPose>::new(CentralConfig::DEFAULT).expect("the defaults work");
     let (mut now, mut buffer) = (Duration::ZERO, [0; 64]);
+    session.handle_connected(now);
     let mut outstanding = None;
-    let mut closed = false;
     while let [operation, pause, length, rest @ ..] = data {
         let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
         data = rest;
         now += Duration::from_millis((*pause).into());
+        match operation {
+            0xFF => session.handle_disconnected(now),
+            0xFE => session.handle_connected(now),
+            0xFD => session.abort(now),
+            _ => {}
+        }
         let command = any_command(*operation);
-        if session.send(command).is_ok() {
+        if session.request(command).is_ok() {
             assert_eq!(outstanding.replace(command), None, "one command at a time");
         }
         let room = buffer.len().min(usize::from(operation >> 4) * 4);
         while session.poll_transmit(now, &mut buffer[..room]).is_some() {}
         session.handle_input(now, bytes);
         session.handle_timeout(now);
-        if *operation == 0xFF {
-            session.handle_disconnect();
-        }
         assert!(session.poll_timeout().is_none_or(|at| at > now));
         while let Some(event) = session.poll_event() {
-            assert!(!closed, "nothing comes behind the end");
             match event {
-                controller::Event::Done { command } | controller::Event::Refused { command, .. } => {
-                    assert_eq!(outstanding.take(), Some(command));
+                CentralEvent::Done { command }
+                | CentralEvent::Refused { command, .. }
+                | CentralEvent::Aborted { command } => assert_eq!(outstanding.take(), Some(command)),
+                CentralEvent::Status { .. } => assert_eq!(outstanding.take(), Some(Command::Status)),
+                CentralEvent::Closed { reason: mmacell_proto::Closing::Agreed, .. } => {
+                    assert_eq!(outstanding.take(), Some(Command::Close));
                 }
-                controller::Event::Status { .. } => assert_eq!(outstanding.take(), Some(Command::Status)),
-                controller::Event::Closed { unknown, .. } => {
-                    assert_eq!(outstanding.take(), unknown, "what was under way is handed back");
-                    closed = true;
+                CentralEvent::Closed { unfinished, .. } => {
+                    let command = match unfinished {
+                        Unfinished::Nothing => None,
+                        Unfinished::NotSent(command) | Unfinished::Unknown(command) => Some(command),
+                    };
+                    assert_eq!(outstanding.take(), command, "the command that is not finished is given back");
                 }
+                CentralEvent::Connected | CentralEvent::Unexpected(_) => {}
                 other => panic!("{other:?}"),
             }
         }
-        assert_eq!(closed, session.connection() == Connection::Closed);
+        assert!(outstanding.is_none() || !session.is_idle());
     }
+    assert_eq!(session.statistics().dropped_notices, 0);
 }
 
 /// Steps of an operation, a length, and so many bytes from the line.
 pub fn mmacell_proto_device(mut data: &[u8]) {
-    let mut device = Device::new(RobotPose::ORIGIN, Dialect::STRICT);
+    let mut device = Device::new(DeviceConfig::DEFAULT).expect("the defaults work");
+    device.set_pose(RobotPose::ORIGIN);
     let (now, mut buffer) = (Duration::ZERO, [0; 64]);
-    let (mut lines, mut replies) = (0, Vec::new());
-    let mut open = true;
+    device.handle_connected(now);
+    let mut pending: Option<Order<RobotPose>> = None;
     while let [operation, length, rest @ ..] = data {
-        let (mut bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
         data = rest;
-        match operation % 8 {
+        match operation % 16 {
             0 => device.arrived(),
             1 => device.fail(ErrorCode::from(i32::from(*operation))),
-            2 => device.set_pose(RobotPose::from_units([i32::from(*operation) * 1000; 4])),
+            2 => device.set_pose(RobotPose::from_units([i32::from(*operation) * 8000; 4])),
+            3 => (device.handle_connected(now), pending = None).0,
+            4 => (device.handle_disconnected(now), pending = None).0,
             _ => {}
         }
-        while !bytes.is_empty() {
-            let taken = device.handle_input(now, bytes);
-            assert!(taken > 0, "nothing waits");
-            bytes = &bytes[taken..];
-            let before = replies.len();
-            while let Some(len) = device.poll_transmit(now, &mut buffer[..1 + usize::from(operation >> 4)]) {
-                replies.extend_from_slice(&buffer[..len]);
+        device.handle_input(now, bytes);
+        for turns in 0.. {
+            assert!(turns < 200, "a few lines for each byte");
+            let event = device.poll_event();
+            if let Some(DeviceEvent::Asked { order }) = event {
+                assert_eq!(pending.replace(order), None, "one order at a time");
             }
-            if replies.len() > before {
-                lines += 1;
-                assert!(replies.ends_with(b"\r\n"));
-                let line = Line::new(&replies[before..replies.len() - 2]);
-                Reply::<RobotPose>::decode(line, &Dialect::STRICT)
-                    .expect("a reply that a controller can read");
-                assert!(open, "nothing is said behind the end");
+            if let Some(DeviceEvent::Closed { .. }) = event {
+                assert!(device.is_ended());
+                pending = None;
             }
-            open &= device.poll_event() != Some(mmacell_proto::device::Event::Closed);
-            assert_eq!(device.poll_event(), None);
+            // Some owners take their time.
+            if let Some(order) = pending.take_if(|_| *operation < 0xF0) {
+                let before = device.machine().axes;
+                if operation & 0x20 == 0 {
+                    let refused = device.refuse(order, ErrorCode::Other(77));
+                    assert!(refused.is_ok() && device.machine().axes == before, "{order:?}");
+                } else if device.accept(order).is_err() {
+                    assert_eq!(device.machine().axes, before, "{order:?} was not possible");
+                }
+            }
+            let reply = device.poll_transmit(now, &mut buffer);
+            if let Some(length) = reply {
+                assert!(pending.is_none(), "the owner has not answered {pending:?}");
+                let bytes = &buffer[..length];
+                assert!(bytes.ends_with(b"\r\n"));
+                Reply::<RobotPose>::decode(Line::new(&bytes[..length - 2]), &Dialect::STRICT)
+                    .expect("a reply that a central controller can read");
+            }
+            if event.is_none() && reply.is_none() {
+                break;
+            }
         }
-        assert_eq!(replies.iter().filter(|byte| **byte == b'\n').count(), lines, "one reply a line");
     }
+    let statistics = device.statistics();
+    assert!(statistics.replies <= statistics.lines, "one reply a line: {statistics:?}");
 }
 
-/// A byte an event: what the cell tells the task, in any order.
-pub fn mmacell_proto_task(data: &[u8]) {
+/// A byte an event: what happens in the cell, in any order.
+pub fn mmacell_task(data: &[u8]) {
     const DEVICES: [task::Device; 5] = [
         task::Device::Robot,
         task::Device::Platform,
@@ -200,7 +236,7 @@ pub fn mmacell_proto_task(data: &[u8]) {
         task::Device::Vision,
         task::Device::Gripper,
     ];
-    let mut task = Task::new(task::Config::DEFAULT);
+    let mut task = Task::new(TaskConfig::DEFAULT);
     let mut now = Duration::ZERO;
     let mut step: Option<Step> = None;
     let mut busy = [false; 5];
@@ -210,24 +246,28 @@ pub fn mmacell_proto_task(data: &[u8]) {
         let index = device as usize;
         now += Duration::from_millis(1);
         let event = match byte & 15 {
-            0..=3 => task::Event::Done(device),
-            4 | 5 => task::Event::Status { device, moving: byte & 1 == 1 },
-            6 => task::Event::Failed { device, failure: Failure::Lost },
-            7 => task::Event::Failed { device, failure: Failure::Refused(ErrorCode::Generic) },
-            8 => task::Event::Switch { high: byte >> 7 == 1 },
-            9 => task::Event::PartFound { platform: PlatformPose::ORIGIN, pick: RobotPose::ORIGIN },
-            10 => task::Event::SlotFound { place: RobotPose::ORIGIN },
-            11 => task::Event::NotFound,
-            12 => task::Event::Ready(device),
-            13 => task::Event::Next,
-            14 => task::Event::Recover,
-            _ => task::Event::Finish,
+            0..=3 => Event::Done(device),
+            4 | 5 => {
+                let motions = [Progress::Still, Progress::Arrived, Progress::Moving, Progress::Missed(Miss::Elsewhere)];
+                Event::Status { device, motion: motions[usize::from(byte & 1) + 2 * usize::from(byte >> 7)] }
+            }
+            6 => Event::Failed { device, failure: Failure::Lost },
+            7 => Event::Failed { device, failure: Failure::Refused(ErrorCode::Generic) },
+            8 => Event::Switch { high: byte >> 7 == 1 },
+            9 => Event::PartFound { platform: PlatformPose::ORIGIN, pick: RobotPose::ORIGIN },
+            10 => Event::SlotFound { place: RobotPose::ORIGIN },
+            11 => Event::NotFound,
+            12 => Event::Ready(device),
+            13 if byte >> 7 == 1 => Event::Abort,
+            13 => Event::Next,
+            14 => Event::Recover,
+            _ => Event::Finish,
         };
         match event {
-            task::Event::Done(_) | task::Event::Status { .. } | task::Event::Failed { .. } => {
+            Event::Done(_) | Event::Status { .. } | Event::Failed { .. } => {
                 busy[index] = false
             }
-            task::Event::PartFound { .. } | task::Event::SlotFound { .. } | task::Event::NotFound => {
+            Event::PartFound { .. } | Event::SlotFound { .. } | Event::NotFound => {
                 busy[3] = false
             }
             _ => {}
@@ -299,8 +339,8 @@ fn lines(stream: &[u8], size: usize, dialect: Dialect) -> Vec<(Result<Vec<u8>, D
     }
     decoder.finish();
     drain(&mut decoder);
-    decoder.push(b"STA\r\n");
-    assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b"STA"))), "what comes behind the end is read");
+    assert_eq!(decoder.push(b"STA\r\n"), 5);
+    assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b"STA"))), "what comes after the end is read");
     items
 }
 

@@ -2,19 +2,22 @@
 
 use core::time::Duration;
 
-use mmacell_proto::controller::{self, Controller};
-use mmacell_proto::device::{Device, Event as Order};
-use mmacell_proto::task::{self, Event, Output, Step, Task};
-use mmacell_proto::{Command, Dialect, ErrorCode, NoPose, PlatformPose, Pose, RobotPose, VACUUM};
+use mmacell_proto::{
+    Central, CentralConfig, CentralEvent, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose, Order,
+    PlatformPose, Pose, RobotPose, Session, VACUUM,
+};
+use mmacell_task::{self as task, Event, Output, Step, Task, TaskConfig};
 
 use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
+use crate::{Carrier, turn};
 
 pub(super) const TASK: Row =
     Row { link: "mmacell-proto", transport: "task", job: "parts", one_in: None, session };
 
 const MS: Duration = Duration::from_millis(1);
+const S: Duration = Duration::from_secs(1);
 const LIMIT: Duration = Duration::from_secs(600);
 
 /// A pose part of the way between two others.
@@ -47,14 +50,15 @@ fn place(part: usize) -> RobotPose {
     RobotPose::from_units([-3000 - part as i32, 100, -500, 0])
 }
 
-/// One device, its connection, and the controller's end of it. The conditioning system has no axes that anybody asks for.
+/// One device, its connection, and the central controller's end of it. The conditioning system has no axes that anybody asks for.
 struct Station<P, D> {
     name: task::Device,
     wire: Wire,
-    controller: Controller<P>,
+    central: Central<P>,
     device: Device<D>,
-    inbox: Vec<u8>,
-    gone: [bool; 2],
+    /// No byte arrives, and no end is notified of it.
+    cut: bool,
+    connects_at: Option<Duration>,
     motion: Option<Motion<D>>,
 }
 
@@ -77,17 +81,17 @@ impl<P: Pose, D: Axes> Station<P, D> {
         Self {
             name,
             wire: Wire::new(seed, faults, names, true, log),
-            controller: Controller::new(controller::Config::DEFAULT),
-            device: Device::new(home, Dialect::STRICT),
-            inbox: Vec::new(),
-            gone: [false; 2],
+            central: Central::new(CentralConfig::DEFAULT).unwrap(),
+            device: at(home),
+            cut: false,
+            connects_at: Some(Duration::ZERO),
             motion: None,
         }
     }
 
     fn pose(&self, now: Duration) -> D {
         match &self.motion {
-            None => self.device.status().pose,
+            None => self.device.machine().pose.unwrap(),
             Some(motion) => {
                 let whole = (motion.end - motion.begin).as_secs_f64().max(1e-9);
                 let part = now.saturating_sub(motion.begin).as_secs_f64() / whole;
@@ -107,76 +111,118 @@ impl<P: Pose, D: Axes> Station<P, D> {
         self.device.set_pose(pose);
     }
 
-    /// Both ends, once; what the task has to hear of it.
-    fn step(&mut self, now: Duration, home: D, rng: &mut Rng, heard: &mut Vec<Event>) {
-        let mut buffer = [0; 64];
-        while let Some(len) = self.controller.poll_transmit(now, &mut buffer) {
-            self.wire.send(End::A, now, &buffer[..len]);
+    fn request(&mut self, command: Command<P>) {
+        self.central.request(command).unwrap();
+    }
+
+    /// Both ends, once; what happened to the task.
+    fn step(&mut self, now: Duration, home: D, bad: f64, rng: &mut Rng, events: &mut Vec<Event>) {
+        self.fail(now, bad, rng);
+        if self.connects_at.take_if(|at| *at <= now).is_some() {
+            self.wire.reconnect(now);
+            self.cut = false;
+            // The device may not know that the connection before is gone.
+            self.device.handle_connected(now);
+            self.central.handle_connected(now);
         }
-        self.controller.handle_timeout(now);
         if self.motion.as_ref().is_some_and(|motion| motion.end <= now) {
             self.stand(now);
             self.device.arrived();
         }
-        if rng.chance(0.0003) {
-            self.stand(now);
-            self.device.fail(ErrorCode::Servo2);
-        }
-        while let Some(delivery) = self.wire.receive(End::B, now) {
-            match delivery {
-                Delivery::Bytes(bytes) => self.inbox.extend(bytes),
-                Delivery::Closed => self.gone[1] = true,
-            }
-        }
-        while !self.inbox.is_empty() {
-            let taken = self.device.handle_input(now, &self.inbox);
-            self.inbox.drain(..taken);
-            let event = self.device.poll_event();
-            match event {
-                Some(Order::Move { target }) => self.go(now, target, rng),
-                Some(Order::Home) => self.go(now, home, rng),
-                Some(Order::Stop) => {
-                    self.stand(now);
-                    self.device.arrived();
+        loop {
+            let (mut line, mut asked) = (Line { wire: &mut self.wire, cut: self.cut }, None);
+            turn(&mut line, End::B, &mut self.device, now, |_, event| {
+                if let DeviceEvent::Asked { order } = event {
+                    asked = Some(order);
                 }
-                Some(Order::Servo { on: false }) => self.stand(now),
-                _ => {}
+            });
+            let Some(order) = asked else { break };
+            if rng.chance(0.002 * bad) {
+                let _ = self.device.refuse(order, ErrorCode::Other(77));
+            } else if self.device.accept(order).is_ok() {
+                self.carry_out(now, order, home, bad, rng);
             }
             let pose = self.pose(now);
             self.device.set_pose(pose);
-            while let Some(len) = self.device.poll_transmit(now, &mut buffer) {
-                self.wire.send(End::B, now, &buffer[..len]);
-            }
-            if taken == 0 && event.is_none() {
-                break;
-            }
         }
-        while let Some(delivery) = self.wire.receive(End::A, now) {
-            match delivery {
-                Delivery::Bytes(bytes) => self.controller.handle_input(now, &bytes),
-                Delivery::Closed => {
-                    self.gone[0] = true;
-                    self.controller.handle_disconnect();
-                }
+        let pose = self.pose(now);
+        self.device.set_pose(pose);
+        let (mut line, mut closed) = (Line { wire: &mut self.wire, cut: self.cut }, false);
+        turn(&mut line, End::A, &mut self.central, now, |_, event| {
+            closed |= matches!(event, CentralEvent::Closed { .. });
+            if event == CentralEvent::Connected {
+                events.push(Event::Ready(self.name));
             }
-        }
-        while let Some(event) = self.controller.poll_event() {
-            if let controller::Event::Closed { .. } = event
-                && self.wire.is_connected()
-            {
+            events.extend(Event::from_central(self.name, &event));
+        });
+        if closed {
+            if self.wire.is_connected() && rng.chance(0.5) {
                 self.wire.disconnect(now);
             }
-            heard.extend(Event::from_controller(self.name, &event));
-        }
-        if self.gone == [true; 2] {
-            self.wire.reconnect(now);
-            self.inbox.clear();
-            self.device.connect();
-            self.controller = Controller::new(controller::Config::DEFAULT);
-            self.gone = [false; 2];
-            heard.push(Event::Ready(self.name));
+            self.connects_at = Some(now + rng.log_uniform(MS, 100 * MS));
         }
     }
+
+    /// What goes wrong beside the transport.
+    fn fail(&mut self, now: Duration, bad: f64, rng: &mut Rng) {
+        if rng.chance(0.0003 * bad) {
+            self.stand(now);
+            self.device.fail(ErrorCode::Servo2);
+        }
+        if rng.chance(0.0002 * bad) {
+            // It restarts, and nobody is notified.
+            let pose = self.pose(now);
+            (self.motion, self.device, self.cut) = (None, at(pose), true);
+        }
+        if rng.chance(0.0002 * bad) {
+            self.cut = true;
+        }
+    }
+
+    fn carry_out(&mut self, now: Duration, order: Order<D>, home: D, bad: f64, rng: &mut Rng) {
+        match order {
+            Order::Move { target } => {
+                self.go(now, target, rng);
+                // Something is in its way, and it does not notice.
+                if let Some(motion) = self.motion.as_mut().filter(|_| rng.chance(0.01 * bad)) {
+                    motion.to = D::between(motion.from, motion.to, 0.5);
+                }
+            }
+            Order::Home => self.go(now, home, rng),
+            Order::Stop => {
+                self.stand(now);
+                self.device.arrived();
+            }
+            Order::Servo { on: false } => self.stand(now),
+            _ => {}
+        }
+    }
+}
+
+/// The wire, as long as it is not cut.
+struct Line<'a> {
+    wire: &'a mut Wire,
+    cut: bool,
+}
+
+impl Carrier for Line<'_> {
+    fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
+        if !self.cut {
+            self.wire.send(from, now, bytes);
+        }
+    }
+
+    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
+        let delivery = self.wire.receive(at, now)?;
+        if self.cut && delivery != Delivery::Closed { self.receive(at, now) } else { Some(delivery) }
+    }
+}
+
+/// A device that has just been switched on.
+fn at<D: Pose>(pose: D) -> Device<D> {
+    let mut device = Device::new(DeviceConfig::DEFAULT).unwrap();
+    device.set_pose(pose);
+    device
 }
 
 struct Cell {
@@ -195,6 +241,13 @@ struct Cell {
     /// The part that lies there to be picked, and whether it hangs on the gripper.
     part: Option<usize>,
     held: bool,
+    /// The vacuum switch is high whatever the vacuum does, until somebody looks after a fault.
+    stuck_high: bool,
+    switch: bool,
+    /// How often things go wrong: 0 in the last minute.
+    bad: f64,
+    /// A part was placed when nothing went wrong any more.
+    is_done: bool,
 }
 
 fn session(seed: u64, log: Log) -> Tally {
@@ -206,10 +259,14 @@ fn session(seed: u64, log: Log) -> Tally {
         pause: 20 * MS,
         ..Faults::TCP
     };
-    let config = task::Config {
+    let config = TaskConfig {
         camera_1: Some(RobotPose::from_units([0, 5000, 0, 0])),
         camera_2: rng.chance(0.5).then_some(RobotPose::from_units([0, 0, 5000, 0])),
-        ..task::Config::DEFAULT
+        grip_dwell: 50 * MS,
+        place_dwell: [Duration::ZERO, 20 * MS][rng.below(2)],
+        order_timeout: 5 * S,
+        motion_timeout: 10 * S,
+        ..TaskConfig::DEFAULT
     };
     let seeds = [seed, seed ^ 1 << 62, seed ^ 2 << 62];
     let names = [["central", "robot"], ["central", "platform"], ["central", "conditioning"]];
@@ -227,16 +284,20 @@ fn session(seed: u64, log: Log) -> Tally {
         vacuum: false,
         part: None,
         held: false,
+        stuck_high: false,
+        switch: false,
+        bad: rng.unit(),
+        is_done: false,
     };
-    for device in [task::Device::Robot, task::Device::Platform, task::Device::Conditioning] {
-        cell.task.handle_event(cell.now, Event::Ready(device));
+    for station in [&mut cell.robot.wire, &mut cell.platform.wire, &mut cell.conditioning.wire] {
+        station.poll_late(0.002 * cell.bad);
     }
     let parts = 1 + rng.below(4);
-    while cell.task.step() != Step::Finished {
-        assert!(cell.now < LIMIT, "the task stands still in {:?}", cell.task.step());
-        cell.step(&config, parts, &mut rng);
+    while cell.ledger.len() < parts && cell.now < LIMIT {
+        cell.step(&config, &mut rng);
     }
     let mut tally = Tally::default();
+    cell.last_minute(&config, &mut tally, &mut rng);
     for wire in [&cell.robot.wire, &cell.platform.wire, &cell.conditioning.wire] {
         wire.settle(cell.now, &mut tally, 0, |_, _| Check::Nothing);
     }
@@ -245,38 +306,62 @@ fn session(seed: u64, log: Log) -> Tally {
 }
 
 impl Cell {
-    fn step(&mut self, config: &task::Config, parts: usize, rng: &mut Rng) {
-        let (now, mut heard) = (self.now, Vec::new());
-        self.robot.step(now, config.robot_home, rng, &mut heard);
-        self.platform.step(now, config.platform_home, rng, &mut heard);
-        self.conditioning.step(now, config.platform_home, rng, &mut heard);
+    /// Nothing goes wrong any more: a part has to be placed, and the task has to end.
+    fn last_minute(&mut self, config: &TaskConfig, tally: &mut Tally, rng: &mut Rng) {
+        for wire in [&mut self.robot.wire, &mut self.platform.wire, &mut self.conditioning.wire] {
+            wire.heal(self.now);
+        }
+        self.bad = 0.0;
+        // What was cut and nobody has noticed is noticed by the next command; the conditioning system gets none.
+        self.conditioning.cut = false;
+        // What waits for its caller goes on.
+        self.entered(self.task.step());
+        let end = self.now + 60 * S;
+        while self.task.step() != Step::Finished && self.now < end {
+            self.step(config, rng);
+        }
+        if !self.is_done || self.task.step() != Step::Finished {
+            self.log.say(self.now, format_args!("!!! no part in a minute, step {:?}", self.task.step()));
+            tally.stuck += 1;
+        }
+    }
+
+    fn step(&mut self, config: &TaskConfig, rng: &mut Rng) {
+        let (now, bad, mut heard) = (self.now, self.bad, Vec::new());
+        self.robot.step(now, config.robot_home, bad, rng, &mut heard);
+        self.platform.step(now, config.platform_home, bad, rng, &mut heard);
+        self.conditioning.step(now, config.platform_home, bad, rng, &mut heard);
         heard.extend(self.look(rng));
         heard.extend(self.gripper(rng));
         for event in heard {
             self.tell(event);
         }
+        if rng.chance(0.0002 * bad) {
+            self.tell(Event::Abort);
+        }
         self.task.handle_timeout(now);
-        self.obey(parts);
+        self.obey();
         let wires = [&self.platform.wire, &self.conditioning.wire].map(Wire::next_delivery);
         let replies = [
-            self.robot.controller.poll_timeout(),
-            self.platform.controller.poll_timeout(),
-            self.conditioning.controller.poll_timeout(),
+            self.robot.central.poll_timeout(),
+            self.platform.central.poll_timeout(),
+            self.conditioning.central.poll_timeout(),
         ];
+        let connects = [self.robot.connects_at, self.platform.connects_at, self.conditioning.connects_at];
         let arrivals = [
             self.robot.motion.as_ref().map(|motion| motion.end),
             self.platform.motion.as_ref().map(|motion| motion.end),
             self.conditioning.motion.as_ref().map(|motion| motion.end),
         ];
         let own = [self.task.poll_timeout(), self.picture.map(|(at, _)| at)];
-        let times = wires.into_iter().chain(replies).chain(arrivals).chain(own);
+        let times = wires.into_iter().chain(replies).chain(arrivals).chain(connects).chain(own);
         // The vacuum is looked at often enough to stop on the way.
-        self.now = self.robot.wire.next(now, times).min(now + 10 * MS);
+        self.now = self.robot.wire.next(now, times.chain([Some(now + 10 * MS)]));
     }
 
     fn tell(&mut self, event: Event) {
         if !matches!(event, Event::Status { .. }) {
-            self.log.say(self.now, format_args!("  task hears {event:?}"));
+            self.log.say(self.now, format_args!("  for the task: {event:?}"));
         }
         self.task.handle_event(self.now, event);
     }
@@ -284,7 +369,7 @@ impl Cell {
     /// The picture that was asked for.
     fn look(&mut self, rng: &mut Rng) -> Option<Event> {
         let (_, camera) = self.picture.take_if(|(at, _)| *at <= self.now)?;
-        if rng.chance(0.05) {
+        if rng.chance(0.05 * self.bad) {
             return Some(Event::NotFound);
         }
         if camera == 2 {
@@ -299,7 +384,10 @@ impl Cell {
 
     /// What vacuum and part do; the switch, when it changes.
     fn gripper(&mut self, rng: &mut Rng) -> Option<Event> {
-        let (before, pose) = (self.held, self.robot.pose(self.now));
+        let (bad, pose) = (self.bad, self.robot.pose(self.now));
+        if rng.chance(0.0005 * bad) {
+            self.stuck_high = true;
+        }
         match self.part {
             Some(part) if self.held && !self.vacuum => {
                 self.log.say(self.now, format_args!("  part {part} is put down at {:?}", pose.units()));
@@ -309,25 +397,26 @@ impl Cell {
                 (self.part, self.held) = (None, false);
             }
             // It falls on the way.
-            Some(part) if self.held && pose != place(part) && rng.chance(0.002) => {
+            Some(part) if self.held && pose != place(part) && rng.chance(0.002 * bad) => {
                 self.log.say(self.now, format_args!("  part {part} falls"));
                 (self.part, self.held) = (None, false);
             }
-            Some(part) if self.vacuum && pose == pick(part) => self.held |= rng.chance(0.8),
+            Some(part) if self.vacuum && pose == pick(part) => self.held |= rng.chance(1.0 - 0.2 * bad),
             _ => {}
         }
-        (before != self.held).then_some(Event::Switch { high: self.held })
+        let high = self.held || self.stuck_high;
+        (core::mem::replace(&mut self.switch, high) != high).then_some(Event::Switch { high })
     }
 
-    fn obey(&mut self, parts: usize) {
+    fn obey(&mut self) {
         while let Some(output) = self.task.poll_output(self.now) {
             if !matches!(output, Output::Robot(Command::Status) | Output::Platform(Command::Status)) {
                 self.log.say(self.now, format_args!("  task: {output:?}"));
             }
             match output {
-                Output::Robot(command) => self.robot.controller.send(command).unwrap(),
-                Output::Platform(command) => self.platform.controller.send(command).unwrap(),
-                Output::Conditioning(command) => self.conditioning.controller.send(command).unwrap(),
+                Output::Robot(command) => self.robot.request(command),
+                Output::Platform(command) => self.platform.request(command),
+                Output::Conditioning(command) => self.conditioning.request(command),
                 Output::Acquire { camera } => self.picture = Some((self.now + 30 * MS, camera)),
                 Output::Grip { gripper, open } => {
                     if gripper == VACUUM {
@@ -335,27 +424,36 @@ impl Cell {
                     }
                     self.tell(Event::Done(task::Device::Gripper));
                 }
-                Output::Entered(step) => self.entered(step, parts),
+                Output::Entered(step) => self.entered(step),
                 _ => {}
             }
         }
     }
 
-    /// What the operator knows when the task enters a step, and wants then.
-    fn entered(&mut self, step: Step, parts: usize) {
+    /// What the operator knows when the task enters a step, and requests then.
+    fn entered(&mut self, step: Step) {
         let told = match step {
             Step::Placed => Told::Done,
             Step::GiveUp | Step::NothingFound => Told::NotDone,
             Step::Faulted => Told::Unknown,
+            Step::Unpicked => {
+                self.tell(Event::Next);
+                return;
+            }
             _ => return,
         };
+        self.is_done |= self.bad == 0.0 && step == Step::Placed && self.open.is_some();
         if let Some(part) = self.open.take() {
             self.ledger.tell(part, told, self.robot.wire.mark());
         }
-        let enough = self.ledger.len() >= parts;
         match step {
-            Step::Placed | Step::NothingFound => self.tell(if enough { Event::Finish } else { Event::Next }),
-            Step::Faulted => self.tell(if enough { Event::Finish } else { Event::Recover }),
+            Step::Placed | Step::NothingFound => {
+                self.tell(if self.is_done { Event::Finish } else { Event::Next });
+            }
+            Step::Faulted => {
+                self.stuck_high = false;
+                self.tell(Event::Recover);
+            }
             _ => {}
         }
     }

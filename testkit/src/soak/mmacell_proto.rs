@@ -1,224 +1,446 @@
-//! A controller and a robot over TCP. A job is a motion or an override.
+//! A central controller and a robot over TCP. A job is a motion or an override.
 
 use core::time::Duration;
 
-use mmacell_proto::controller::{Closing, Config, Controller, Event};
-use mmacell_proto::device::{Device, Event as Order, Rejection};
-use mmacell_proto::state::{Connection, Motion};
-use mmacell_proto::{Command, Dialect, ErrorCode, Mode, RobotPose};
+use mmacell_proto::{
+    Central, CentralConfig, CentralEvent, Closing, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, Mode,
+    Order, Progress, Rejection, RobotPose, Session, Unfinished,
+};
 
 use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
+use crate::{Carrier, turn};
 
 pub(super) const TCP: Row =
     Row { link: "mmacell-proto", transport: "tcp", job: "commands", one_in: None, session };
 
 const MS: Duration = Duration::from_millis(1);
+const S: Duration = Duration::from_secs(1);
 const LIMIT: Duration = Duration::from_secs(3600);
 const HOME: RobotPose = RobotPose::ORIGIN;
+/// Where the robot is sent when nothing goes wrong any more.
+const LAST: RobotPose = RobotPose::from_units([-7, -7, -7, -7]);
 
 struct Cell {
     now: Duration,
     log: Log,
     wire: Wire,
+    rng: Rng,
     ledger: Ledger,
     invented: u64,
-    controller: Controller<RobotPose>,
-    device: Device<RobotPose>,
-    inbox: Vec<u8>,
-    /// When the axes stand, and where.
-    arrival: Option<(Duration, RobotPose)>,
-    /// Which ends have heard that the connection is gone.
-    gone: [bool; 2],
-    /// The commands that are jobs, by what the device makes of them.
+    central: Central<RobotPose>,
+    robot: Robot,
+    /// No byte arrives, and no end is notified of it.
+    cut: bool,
+    /// When the central controller connects again.
+    connects_at: Option<Duration>,
+    /// The job that is not finished.
     under_way: Option<usize>,
+    /// The motion that the robot has agreed to last.
+    target: Option<RobotPose>,
+    /// The robot arrived at the last target.
+    is_done: bool,
     sent: Vec<Order<RobotPose>>,
+    /// How often things go wrong: 0 in the last minute.
+    bad: f64,
+    /// The end that does not keep the rules.
+    hostile: Option<End>,
+}
+
+/// The robot's owner.
+struct Robot {
+    device: Device<RobotPose>,
+    pose: RobotPose,
+    /// When the axes come to rest, and where.
+    arrival: Option<(Duration, RobotPose)>,
+    /// An order, and when it is accepted.
+    asked: Option<(Duration, Order<RobotPose>)>,
+}
+
+/// The wire, as long as it is not cut.
+struct Line<'a> {
+    wire: &'a mut Wire,
+    cut: bool,
 }
 
 fn session(seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let bad = rng.unit();
-    // Some delays outlast the controller's patience.
+    // Some delays outlast the central controller's patience.
     let faults = Faults {
         disconnect: 0.1 * bad,
         max_delay: [300 * MS, 1500 * MS][rng.below(2)],
         pause: 50 * MS,
+        stall: 0.05 * bad,
         ..Faults::TCP
     };
     let mut cell = Cell {
         now: Duration::ZERO,
         log,
-        wire: Wire::new(seed, faults, ["controller", "robot"], true, log),
+        wire: Wire::new(seed, faults, ["central", "robot"], true, log),
         ledger: Ledger::default(),
         invented: 0,
-        controller: Controller::new(Config::DEFAULT),
-        device: Device::new(HOME, Dialect::STRICT),
-        inbox: Vec::new(),
-        arrival: None,
-        gone: [false; 2],
+        central: Central::new(CentralConfig::DEFAULT).unwrap(),
+        robot: Robot::new(HOME),
+        cut: false,
+        connects_at: Some(Duration::ZERO),
         under_way: None,
+        target: None,
+        is_done: false,
         sent: Vec::new(),
+        bad,
+        hostile: [None, None, None, None, None, None, Some(End::A), Some(End::B)][rng.below(8)],
+        rng,
     };
-    let jobs = 5 + rng.below(36);
+    cell.wire.poll_late(0.02 * bad);
+    let jobs = 5 + cell.rng.below(36);
     while cell.ledger.len() < jobs && cell.now < LIMIT {
-        cell.command(&mut rng);
-        cell.step(&mut rng);
+        cell.command();
+        cell.step();
+        // A hostile central controller has no jobs.
+        if cell.hostile == Some(End::A) && cell.now > 60 * S {
+            break;
+        }
     }
-    let end = cell.now + 10 * Duration::from_secs(1);
-    while cell.now < end && (cell.under_way.is_some() || !cell.inbox.is_empty()) {
-        cell.step(&mut rng);
-    }
-    let mut tally = Tally { invented: cell.invented, ..Tally::default() };
+    let mut tally = Tally::default();
+    cell.last_minute(&mut tally);
+    tally.invented = cell.invented;
     cell.wire.settle(cell.now, &mut tally, 0, |_, _| Check::Nothing);
     cell.ledger.settle(cell.now, log, &mut tally, |_| false);
     tally
 }
 
 impl Cell {
-    /// Sends the next command, when the last one is done with.
-    fn command(&mut self, rng: &mut Rng) {
-        if self.controller.connection() != Connection::Idle || self.gone != [false; 2] {
+    /// Nothing goes wrong any more: the robot has to arrive where it is sent.
+    fn last_minute(&mut self, tally: &mut Tally) {
+        self.wire.heal(self.now);
+        (self.bad, self.cut, self.hostile) = (0.0, false, None);
+        let end = self.now + 60 * S;
+        while !self.is_done && self.now < end {
+            if self.central.is_idle() {
+                let status = self.robot.device.status();
+                let works = status.is_some_and(|status| status.servo && status.error == ErrorCode::None);
+                let moves = status.is_some_and(|status| status.moving);
+                let command = match (works, self.target == Some(LAST)) {
+                    (false, _) => Command::Reset,
+                    (true, false) if !moves => Command::Move { mode: Mode::Absolute, pose: LAST },
+                    _ => Command::Status,
+                };
+                self.request(command, None);
+            }
+            self.step();
+        }
+        if !self.is_done {
+            self.log.say(self.now, format_args!("!!! the robot has not arrived in a minute"));
+            tally.stuck += 1;
+        }
+    }
+
+    /// Requests the next command, when the last one is finished.
+    fn command(&mut self) {
+        if !self.central.is_idle() || self.hostile == Some(End::A) {
             return;
         }
-        let status = self.device.status();
+        let status = self.robot.device.status().unwrap();
         let number = self.sent.len() as i32 + 1;
         let target = RobotPose::from_units([number, -number, 3 * number, 7]);
-        let (command, order) = match rng.below(10) {
+        let (command, order) = match self.rng.below(10) {
             0 => (Command::Status, None),
             1 => {
                 let percent = (number % 101) as u8;
                 (Command::Override { percent }, Some(Order::Override { percent }))
             }
-            2 if rng.chance(0.3) => (Command::Stop, None),
-            // The device has neither.
-            3 if rng.chance(0.2) => (Command::Acquire { camera: 1 }, None),
-            4 if rng.chance(0.2) => (Command::Close, None),
+            2 if self.rng.chance(0.3) => (Command::Stop, None),
+            // The robot has neither.
+            3 if self.rng.chance(0.2) => (Command::Acquire { camera: 1 }, None),
+            4 if self.rng.chance(0.2) => (Command::Close, None),
             _ if !status.servo || status.error != ErrorCode::None => (Command::Reset, None),
             // Most motions wait for the one before; the others are refused.
-            _ if self.controller.motion() != Motion::Still && rng.chance(0.9) => (Command::Status, None),
+            _ if status.moving && self.rng.chance(0.9) => (Command::Status, None),
             _ => {
-                let pose = target;
-                (Command::Move { mode: Mode::Absolute, pose }, Some(Order::Move { target }))
+                (Command::Move { mode: Mode::Absolute, pose: target }, Some(Order::Move { target }))
             }
         };
-        self.controller.send(command).unwrap();
+        self.request(command, order);
+    }
+
+    fn request(&mut self, command: Command<RobotPose>, order: Option<Order<RobotPose>>) {
+        self.central.request(command).unwrap();
         self.under_way = order.map(|order| {
             self.sent.push(order);
             self.ledger.send(self.wire.mark())
         });
     }
 
-    fn step(&mut self, rng: &mut Rng) {
-        let mut buffer = [0; 64];
-        while let Some(len) = self.controller.poll_transmit(self.now, &mut buffer) {
-            self.wire.send(End::A, self.now, &buffer[..len]);
+    fn step(&mut self) {
+        let robot = [self.robot.arrival.map(|(at, _)| at), self.robot.asked.map(|(at, _)| at)];
+        let central = [self.central.poll_timeout(), self.connects_at];
+        let idle = self.hostile.map(|_| self.now + 20 * MS);
+        let times = robot.into_iter().chain(central).chain([idle]);
+        // The line is silent where it is cut: time passes there, too.
+        let silent = self.cut.then_some(self.now + 100 * MS);
+        self.now = self.wire.next(self.now, times.chain([silent]));
+        self.fail();
+        self.connect();
+        self.turn_robot();
+        self.turn_central();
+    }
+
+    /// What goes wrong beside the transport.
+    fn fail(&mut self) {
+        let (now, log, bad) = (self.now, self.log, self.bad);
+        if self.rng.chance(0.005 * bad) {
+            log.say(now, format_args!("  the robot fails"));
+            self.robot.device.fail(ErrorCode::Servo1);
+            self.robot.arrival = None;
         }
-        let arrival = self.arrival.map(|(at, _)| at);
-        self.now = self.wire.next(self.now, [self.controller.poll_timeout(), arrival]);
-        self.controller.handle_timeout(self.now);
-        if let Some((_, pose)) = self.arrival.take_if(|(at, _)| *at <= self.now) {
-            self.device.set_pose(pose);
-            self.device.arrived();
+        if self.rng.chance(0.004 * bad) {
+            log.say(now, format_args!("  the robot restarts"));
+            self.robot = Robot::new(self.robot.pose);
+            // Half of the time the central controller is not notified: its commands are not answered.
+            if self.rng.chance(0.5) {
+                self.wire.disconnect(now);
+            }
+            self.cut = true;
         }
-        if rng.chance(0.005) {
-            self.log.say(self.now, format_args!("  the robot fails"));
-            self.device.fail(ErrorCode::Servo1);
-            self.arrival = None;
+        if self.rng.chance(0.004 * bad) {
+            log.say(now, format_args!("  the central controller restarts"));
+            self.central = Central::new(CentralConfig::DEFAULT).unwrap();
+            if let Some(job) = self.under_way.take() {
+                // Nobody is left who knows.
+                self.ledger.tell(job, Told::Unknown, self.wire.mark());
+            }
+            self.connects_at = Some(now + self.rng.log_uniform(MS, 10 * S));
+            self.cut = true;
         }
-        while let Some(delivery) = self.wire.receive(End::B, self.now) {
-            match delivery {
-                Delivery::Bytes(bytes) => self.inbox.extend(bytes),
-                Delivery::Closed => self.gone[1] = true,
+        if self.rng.chance(0.004 * bad) {
+            log.say(now, format_args!("  the line is cut"));
+            self.cut = true;
+        }
+        if self.rng.chance(0.01 * bad) {
+            log.say(now, format_args!("  the caller aborts"));
+            self.central.abort(now);
+        }
+        if self.hostile.is_some() && self.wire.is_connected() && !self.cut {
+            let (end, rng) = (self.hostile.unwrap_or(End::A), &mut self.rng);
+            if rng.chance(0.5) {
+                let bytes = if end == End::A { any_command(rng) } else { any_reply(rng) };
+                self.wire.send(end, now, bytes);
             }
         }
-        self.obey(rng);
-        while let Some(delivery) = self.wire.receive(End::A, self.now) {
-            match delivery {
-                Delivery::Bytes(bytes) => self.controller.handle_input(self.now, &bytes),
-                Delivery::Closed => {
-                    self.gone[0] = true;
-                    self.controller.handle_disconnect();
+    }
+
+    /// A new connection; the robot may not know that the one before is gone.
+    fn connect(&mut self) {
+        if self.connects_at.take_if(|at| *at <= self.now).is_none() {
+            return;
+        }
+        self.cut = false;
+        self.wire.reconnect(self.now);
+        self.robot.device.handle_connected(self.now);
+        self.central.handle_connected(self.now);
+    }
+
+    fn turn_robot(&mut self) {
+        let Self { robot, wire, cut, now, rng, log, sent, ledger, invented, bad, hostile, .. } = self;
+        let (now, log, bad) = (*now, *log, *bad);
+        if let Some((_, pose)) = robot.arrival.take_if(|(at, _)| *at <= now) {
+            robot.pose = pose;
+            robot.device.set_pose(pose);
+            robot.device.arrived();
+        }
+        let mut line = Line { wire, cut: *cut };
+        if *hostile == Some(End::B) {
+            // It reads what arrives and answers as it likes.
+            while line.receive(End::B, now).is_some() {}
+            return;
+        }
+        let due = robot.asked.take_if(|(at, _)| *at <= now).map(|(_, order)| order);
+        let mut asked = due;
+        loop {
+            if let Some(order) = asked.take() {
+                let refuses = rng.chance(0.03 * bad) || matches!(order, Order::Acquire { .. });
+                if refuses {
+                    let code = ErrorCode::from([1, 2, 77, -1, 32_767][rng.below(5)]);
+                    let _ = robot.device.refuse(order, code);
+                } else if robot.device.accept(order).is_ok() {
+                    log.say(now, format_args!("  robot: {order:?}"));
+                    robot.carry_out(now, order, rng, bad);
+                    if matches!(order, Order::Move { target } if target != LAST)
+                        || matches!(order, Order::Override { .. })
+                    {
+                        // Overrides come again after 101 jobs: the last one that is the same is meant.
+                        let job = sent.iter().rposition(|sent| *sent == order);
+                        if *hostile != Some(End::A) && !job.is_some_and(|job| ledger.execute(job)) {
+                            log.say(now, format_args!("!!! nobody sent {order:?}"));
+                            *invented += 1;
+                        }
+                    }
                 }
             }
-        }
-        self.hear();
-        if self.gone == [true; 2] {
-            // What was heard of the old connection has been obeyed.
-            self.wire.reconnect(self.now);
-            self.inbox.clear();
-            self.device.connect();
-            self.controller = Controller::new(Config::DEFAULT);
-            self.gone = [false; 2];
-        }
-    }
-
-    fn obey(&mut self, rng: &mut Rng) {
-        while !self.inbox.is_empty() {
-            let taken = self.device.handle_input(self.now, &self.inbox);
-            self.inbox.drain(..taken);
-            let event = self.device.poll_event();
-            if let Some(order) = event {
-                self.log.say(self.now, format_args!("  robot: {order:?}"));
-                match order {
-                    Order::Move { target } => {
-                        self.execute(order);
-                        let time = Duration::from_millis(rng.below(300) as u64);
-                        self.arrival = Some((self.now + time, target));
-                    }
-                    Order::Override { .. } => self.execute(order),
-                    Order::Home => self.arrival = Some((self.now + 50 * MS, HOME)),
-                    Order::Stop => {
-                        self.arrival = None;
-                        self.device.arrived();
-                    }
-                    Order::Rejected { reason: Rejection::Malformed(error) } => {
-                        self.log.say(self.now, format_args!("!!! TCP damages nothing: {error}"));
-                        self.invented += 1;
-                    }
-                    _ => {}
+            let mut pending = None;
+            turn(&mut line, End::B, &mut robot.device, now, |_, event| match event {
+                DeviceEvent::Asked { order } => pending = Some(order),
+                DeviceEvent::Rejected { reason: Rejection::Malformed(error) } if *hostile != Some(End::A) => {
+                    log.say(now, format_args!("!!! TCP corrupts nothing: {error}"));
+                    *invented += 1;
                 }
-            }
-            let mut buffer = [0; 64];
-            while let Some(len) = self.device.poll_transmit(self.now, &mut buffer) {
-                self.wire.send(End::B, self.now, &buffer[..len]);
-            }
-            if taken == 0 && event.is_none() {
-                break;
+                DeviceEvent::Unexpected(unexpected) => {
+                    log.say(now, format_args!("!!! {unexpected}"));
+                    *invented += 1;
+                }
+                _ => {}
+            });
+            match pending {
+                None => return,
+                // Some owners take their time: the central controller may have given up until then.
+                Some(order) if rng.chance(0.05 * bad) => {
+                    robot.asked = Some((now + rng.log_uniform(MS, 3 * S), order));
+                }
+                order => asked = order,
             }
         }
     }
 
-    fn execute(&mut self, order: Order<RobotPose>) {
-        // Overrides come again after 101 jobs: the last one that is the same is meant.
-        let job = self.sent.iter().rposition(|sent| *sent == order);
-        if !job.is_some_and(|job| self.ledger.execute(job)) {
-            self.log.say(self.now, format_args!("!!! nobody sent {order:?}"));
-            self.invented += 1;
+    fn turn_central(&mut self) {
+        let (now, log) = (self.now, self.log);
+        let mut events = Vec::new();
+        let mut line = Line { wire: &mut self.wire, cut: self.cut };
+        if self.hostile == Some(End::A) {
+            while line.receive(End::A, now).is_some() {}
+            let broken = !self.wire.is_connected();
+            if broken && self.connects_at.is_none() {
+                self.connects_at = Some(now + 100 * MS);
+            }
+            return;
         }
-    }
-
-    fn hear(&mut self) {
-        while let Some(event) = self.controller.poll_event() {
-            self.log.say(self.now, format_args!("  controller: {event:?}"));
+        turn(&mut line, End::A, &mut self.central, now, |_, event| events.push(event));
+        for event in events {
+            log.say(now, format_args!("  central: {event:?}"));
             let told = match event {
-                Event::Done { .. } => Told::Done,
-                Event::Refused { .. } => Told::NotDone,
-                Event::Closed { reason, .. } => {
-                    if let Closing::Malformed(_) | Closing::Unexpected = reason {
-                        self.log.say(self.now, format_args!("!!! TCP damages nothing"));
+                CentralEvent::Connected => continue,
+                CentralEvent::Done { command } => {
+                    if let Command::Move { pose, .. } = command {
+                        self.target = Some(pose);
+                    }
+                    Told::Done
+                }
+                CentralEvent::Refused { .. } | CentralEvent::Aborted { .. } => Told::NotDone,
+                CentralEvent::Status { status, motion } => {
+                    if motion == Progress::Arrived && self.hostile.is_none() {
+                        self.check_arrival(status.pose, status.servo);
+                    }
+                    continue;
+                }
+                CentralEvent::Closed { reason, unfinished } => {
+                    if let (Closing::Malformed(_) | Closing::Mismatch, None) = (reason, self.hostile) {
+                        log.say(now, format_args!("!!! TCP corrupts nothing"));
                         self.invented += 1;
                     }
-                    if self.wire.is_connected() {
-                        self.wire.disconnect(self.now);
+                    self.hang_up();
+                    match unfinished {
+                        Unfinished::Nothing => continue,
+                        Unfinished::NotSent(_) => Told::NotDone,
+                        Unfinished::Unknown(_) => Told::Unknown,
                     }
-                    Told::Unknown
                 }
-                _ => continue,
+                other => {
+                    log.say(now, format_args!("!!! {other:?}"));
+                    self.invented += 1;
+                    continue;
+                }
             };
             if let Some(job) = self.under_way.take() {
+                if self.hostile == Some(End::B) && told == Told::Done {
+                    // Whoever answers so has executed it.
+                    self.ledger.execute(job);
+                }
                 self.ledger.tell(job, told, self.wire.mark());
             }
         }
     }
+
+    /// Closes what is left of the connection. Half of the time the robot is not notified before the next one.
+    fn hang_up(&mut self) {
+        self.target = None;
+        if self.wire.is_connected() && self.rng.chance(0.5) {
+            self.wire.disconnect(self.now);
+        }
+        self.connects_at = Some(self.now + self.rng.log_uniform(MS, S));
+    }
+
+    fn check_arrival(&mut self, pose: RobotPose, servo: bool) {
+        if !servo || self.target != Some(pose) {
+            self.log.say(self.now, format_args!("!!! it has not arrived"));
+            self.invented += 1;
+        }
+        self.is_done = self.bad == 0.0 && pose == LAST && self.robot.pose == LAST;
+    }
+}
+
+impl Robot {
+    fn new(pose: RobotPose) -> Self {
+        let mut device = Device::new(DeviceConfig::DEFAULT).unwrap();
+        device.set_pose(pose);
+        Self { device, pose, arrival: None, asked: None }
+    }
+
+    fn carry_out(&mut self, now: Duration, order: Order<RobotPose>, rng: &mut Rng, bad: f64) {
+        match order {
+            Order::Move { target } => {
+                let time = Duration::from_millis(rng.below(300) as u64);
+                // Something is in its way, and it does not notice.
+                let end = if rng.chance(0.1 * bad) { RobotPose::from_units([5_000, 0, 0, 0]) } else { target };
+                self.arrival = Some((now + time, end));
+            }
+            Order::Home => self.arrival = Some((now + 50 * MS, HOME)),
+            Order::Stop => {
+                self.arrival = None;
+                self.device.arrived();
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Carrier for Line<'_> {
+    fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
+        if !self.cut {
+            self.wire.send(from, now, bytes);
+        }
+    }
+
+    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
+        let delivery = self.wire.receive(at, now)?;
+        // What was on its way is lost; that the connection is gone is not.
+        if self.cut && delivery != Delivery::Closed { self.receive(at, now) } else { Some(delivery) }
+    }
+}
+
+fn any_command(rng: &mut Rng) -> &'static [u8] {
+    const ALL: [&[u8]; 9] = [
+        b"STA\r\n",
+        b"SRVON\r\nSTA\r\n",
+        b"MOVA+010.000-002.000+005.999-01.2322\r\n",
+        b"MOVR+900.000",
+        b"RST\r\nCLO\r\nSTP\r\n",
+        b"ACQ+00001\r\n\r\n",
+        b"OVR+00101\r\n",
+        b"\r",
+        b"OK\r\n",
+    ];
+    ALL[rng.below(ALL.len())]
+}
+
+fn any_reply(rng: &mut Rng) -> &'static [u8] {
+    const ALL: [&[u8]; 6] = [
+        b"OK\r\n",
+        b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n",
+        b"OKT+010.000-002.000+005.999-01.2322F+00080+00002\r\n",
+        b"ER+00077\r\n",
+        b"ER+00000\r\n",
+        b"O",
+    ];
+    ALL[rng.below(ALL.len())]
 }

@@ -47,6 +47,12 @@ impl TraceArgs {
         }
     }
 
+    /// A trace of so many bytes each way.
+    #[cfg(test)]
+    pub(crate) fn keep(bytes: u32, dir: &Path) -> Self {
+        Self { trace: Some(bytes), trace_dir: dir.to_owned() }
+    }
+
     /// No trace.
     pub fn off() -> Self {
         Self { trace: None, trace_dir: PathBuf::from(".") }

@@ -27,7 +27,9 @@ pub fn mmacell_proto_command(data: &[u8]) {
             }
             Err(error) => assert!(dialect.wide_integers, "{error}"),
         }
-        let bytes = written(command.in_dialect(*dialect).encoded_len(), |out| command.in_dialect(*dialect).encode(out));
+        let bytes = written(command.in_dialect(*dialect).encoded_len(), |out| {
+            command.in_dialect(*dialect).encode(out)
+        });
         let bytes = bytes.expect("what a dialect reads it writes");
         let Ok(Some((again, _))) = Line::decode(&bytes, dialect) else { panic!("a whole line") };
         assert_eq!(Command::decode(again, dialect), Ok(command));
@@ -48,7 +50,8 @@ pub fn mmacell_proto_reply(data: &[u8]) {
             }
             Err(error) => assert!(dialect.wide_integers, "{error}"),
         }
-        let bytes = written(reply.in_dialect(*dialect).encoded_len(), |out| reply.in_dialect(*dialect).encode(out));
+        let bytes =
+            written(reply.in_dialect(*dialect).encoded_len(), |out| reply.in_dialect(*dialect).encode(out));
         let bytes = bytes.expect("what a dialect reads it writes");
         let Ok(Some((again, _))) = Line::decode(&bytes, dialect) else { panic!("a whole line") };
         assert_eq!(Reply::decode(again, dialect), Ok(reply));
@@ -248,7 +251,8 @@ pub fn mmacell_task(data: &[u8]) {
         let event = match byte & 15 {
             0..=3 => Event::Done(device),
             4 | 5 => {
-                let motions = [Progress::Still, Progress::Arrived, Progress::Moving, Progress::Missed(Miss::Elsewhere)];
+                let motions =
+                    [Progress::Still, Progress::Arrived, Progress::Moving, Progress::Missed(Miss::Elsewhere)];
                 Event::Status { device, motion: motions[usize::from(byte & 1) + 2 * usize::from(byte >> 7)] }
             }
             6 => Event::Failed { device, failure: Failure::Lost },
@@ -264,12 +268,8 @@ pub fn mmacell_task(data: &[u8]) {
             _ => Event::Finish,
         };
         match event {
-            Event::Done(_) | Event::Status { .. } | Event::Failed { .. } => {
-                busy[index] = false
-            }
-            Event::PartFound { .. } | Event::SlotFound { .. } | Event::NotFound => {
-                busy[3] = false
-            }
+            Event::Done(_) | Event::Status { .. } | Event::Failed { .. } => busy[index] = false,
+            Event::PartFound { .. } | Event::SlotFound { .. } | Event::NotFound => busy[3] = false,
             _ => {}
         }
         task.handle_event(now, event);

@@ -19,7 +19,9 @@ mod pose;
 mod serde_impls;
 mod units;
 
-pub use central::{Central, CentralConfig, CentralEvent, CentralStatistics, Closing, Miss, Progress, Unfinished};
+pub use central::{
+    Central, CentralConfig, CentralEvent, CentralStatistics, Closing, Miss, Progress, Unfinished,
+};
 pub use decoder::Decoder;
 pub use device::{Device, DeviceClosing, DeviceConfig, DeviceEvent, DeviceStatistics, Order, Rejection};
 pub use dialect::Dialect;

@@ -39,7 +39,11 @@ fn nothing_is_requested_while_there_is_no_room_for_its_outcome() {
     let waiting: Vec<_> = core::iter::from_fn(|| c.poll_event()).collect();
     assert_eq!(waiting[..3], [Event::Done { command: Command::Stop }; 3]);
     assert_eq!(waiting[3..], [closing], "the connection before");
-    assert_eq!(c.request(Command::Stop), Err(SessionError::NotConnected), "the new one could not be reported");
+    assert_eq!(
+        c.request(Command::Stop),
+        Err(SessionError::NotConnected),
+        "the new one could not be reported"
+    );
     connect(&mut c);
     assert_eq!(c.request(Command::Stop), Ok(()));
 }
@@ -93,7 +97,8 @@ fn silence_ends_the_connection_and_the_outcome_is_unknown() {
 
 #[test]
 fn a_timeout_for_ever_saturates() {
-    let mut c: Central<RobotPose> = central_with(CentralConfig { timeout: Duration::MAX, ..CentralConfig::DEFAULT });
+    let mut c: Central<RobotPose> =
+        central_with(CentralConfig { timeout: Duration::MAX, ..CentralConfig::DEFAULT });
     send(&mut c, S, Command::Stop);
     c.handle_timeout(Duration::MAX - MS);
     assert_eq!(c.poll_event(), None);
@@ -232,7 +237,11 @@ fn a_motion_has_not_ended_before_it_has_begun() {
 
     let mut c = started(go(pose(5.0)), MS);
     assert_eq!(query(&mut c, 100 * MS, false, 1.0, true), Progress::Starting);
-    assert_eq!(query(&mut c, 101 * MS, false, 1.0, true), Progress::Missed(Miss::Elsewhere), "it never began");
+    assert_eq!(
+        query(&mut c, 101 * MS, false, 1.0, true),
+        Progress::Missed(Miss::Elsewhere),
+        "it never began"
+    );
 
     let mut c = started(go(pose(5.0)), MS);
     assert_eq!(query(&mut c, 2 * MS, false, 4.99, true), Progress::Arrived, "sooner than anybody asked");
@@ -304,5 +313,9 @@ fn a_halt_ends_the_motion_and_its_target() {
     let mut c = started(go(pose(5.0)), MS);
     send(&mut c, 2 * MS, by(pose(1.0)));
     receive(&mut c, 2 * MS, b"ER+00001\r\n");
-    assert_eq!(query(&mut c, 3 * MS, false, 5.0, true), Progress::Arrived, "a refused motion changes no target");
+    assert_eq!(
+        query(&mut c, 3 * MS, false, 5.0, true),
+        Progress::Arrived,
+        "a refused motion changes no target"
+    );
 }

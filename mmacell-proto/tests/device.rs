@@ -3,12 +3,14 @@
 
 mod common;
 
-use common::{HOME, ZERO, answer, ask, central, device_at, device_with, go, obeyed, pose, receive, rejected, send};
+use common::{
+    HOME, ZERO, answer, ask, central, device_at, device_with, go, obeyed, pose, receive, rejected, send,
+};
 use mmacell_proto::device::machine::Axes;
 use mmacell_proto::{
-    CentralEvent, Command, ConfigError, DecodeError, Device, DeviceClosing, DeviceConfig, DeviceEvent as Event,
-    Dialect, EncodeError, ErrorCode, NoPose, Order, PlatformPose, Progress, Rejection, RobotPose, Session,
-    SessionError, Status,
+    CentralEvent, Command, ConfigError, DecodeError, Device, DeviceClosing, DeviceConfig,
+    DeviceEvent as Event, Dialect, EncodeError, ErrorCode, NoPose, Order, PlatformPose, Progress, Rejection,
+    RobotPose, Session, SessionError, Status,
 };
 
 /// §4, table of examples: each command, its reply, and what it means.
@@ -74,7 +76,11 @@ fn a_device_does_what_each_command_says() {
     assert_eq!(d.poll_event(), Some(Event::Closed { reason: DeviceClosing::Agreed }));
     assert!(d.is_ended());
     d.handle_input(ZERO, b"STP\r\nSTP\r\n");
-    assert_eq!((d.poll_transmit(ZERO, &mut [0; 64]), d.poll_event()), (None, None), "the connection has ended");
+    assert_eq!(
+        (d.poll_transmit(ZERO, &mut [0; 64]), d.poll_event()),
+        (None, None),
+        "the connection has ended"
+    );
     d.handle_connected(ZERO);
     assert!(d.status().unwrap().moving, "the device goes on");
 }
@@ -93,7 +99,9 @@ fn a_motion_shows_before_its_ok_is_sent() {
 #[test]
 fn a_device_refuses_whatever_it_likes_with_any_code() {
     let mut d = device_at(HOME);
-    for line in ["SRVON\r\n", "OVR+00050\r\n", "RST\r\n", "STP\r\n", "CLO\r\n", "ACQ+00001\r\n", "HND+00000OPEN\r\n"] {
+    for line in
+        ["SRVON\r\n", "OVR+00050\r\n", "RST\r\n", "STP\r\n", "CLO\r\n", "ACQ+00001\r\n", "HND+00000OPEN\r\n"]
+    {
         for (error, reply) in [
             (ErrorCode::Generic, "ER+00001\r\n"),
             (ErrorCode::Other(-32_768), "ER-32768\r\n"),
@@ -209,6 +217,10 @@ fn a_central_controller_that_does_not_wait_loses_nothing() {
     );
     d.handle_connected(ZERO);
     assert_eq!(ask(&mut d, "STP\r\n"), obeyed(Order::Stop), "the half line is forgotten");
+    d.handle_input(ZERO, b"STP\r\nRST\r\nSRVON\r\n");
+    assert_eq!(d.poll_event(), Some(Event::Asked { order: Order::Stop }));
+    d.handle_disconnected(ZERO);
+    assert_eq!(d.poll_event(), None, "what waits when it hangs up is not obeyed");
 }
 
 /// However the bytes arrive, the connection ends when more wait than can be kept, and not before.

@@ -3,8 +3,8 @@
 
 use mmacell_proto::robot_session::Decoder as _;
 use mmacell_proto::{
-    Angle, AnyPose, Command, DecodeError, Decoder, Dialect, Encode, EncodeError, ErrorCode, Length, Line, Mode,
-    NoPose, PlatformPose, Pose, Reply, RobotPose, Status,
+    Angle, AnyPose, Command, DecodeError, Decoder, Dialect, Encode, EncodeError, ErrorCode, Length, Line,
+    Mode, NoPose, PlatformPose, Pose, Reply, RobotPose, Status,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -103,18 +103,20 @@ fn corrupt() -> impl Strategy<Value = Vec<u8>> {
         }),
     ];
     let character = prop::sample::select(&b"+-0123456789. TFAROKENDSHCLP\r\n\0\xFF"[..]);
-    (message, vec((any::<prop::sample::Index>(), character, 0..3u8), 0..4)).prop_map(|(mut bytes, corruption)| {
-        for (at, byte, how) in corruption {
-            let at = at.index(bytes.len());
-            match how {
-                0 => bytes[at] = byte,
-                1 => bytes.insert(at, byte),
-                _ if bytes.len() > 1 => drop(bytes.remove(at)),
-                _ => {}
+    (message, vec((any::<prop::sample::Index>(), character, 0..3u8), 0..4)).prop_map(
+        |(mut bytes, corruption)| {
+            for (at, byte, how) in corruption {
+                let at = at.index(bytes.len());
+                match how {
+                    0 => bytes[at] = byte,
+                    1 => bytes.insert(at, byte),
+                    _ if bytes.len() > 1 => drop(bytes.remove(at)),
+                    _ => {}
+                }
             }
-        }
-        bytes
-    })
+            bytes
+        },
+    )
 }
 
 proptest! {

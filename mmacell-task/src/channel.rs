@@ -56,8 +56,11 @@ impl Channel {
         let order = core::mem::replace(first, second.take())?;
         self.flight = Flight::Order;
         match order {
-            Output::Robot(Command::Move { .. }) | Output::Platform(Command::Move { .. }) => self.travels = true,
-            Output::Robot(Command::Stop | Command::Reset) | Output::Platform(Command::Stop | Command::Reset) => {
+            Output::Robot(Command::Move { .. }) | Output::Platform(Command::Move { .. }) => {
+                self.travels = true
+            }
+            Output::Robot(Command::Stop | Command::Reset)
+            | Output::Platform(Command::Stop | Command::Reset) => {
                 self.travels = false;
             }
             _ => {}

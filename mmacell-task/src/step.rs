@@ -259,9 +259,11 @@ impl Step {
                 &[(T::Failed, Self::Faulted), (T::Answered, Self::Blow), (T::TimedOut, Self::Faulted)]
             }
             Self::Blow => &[(T::Failed, Self::Faulted), (T::Elapsed, Self::BlowOff)],
-            Self::BlowOff => {
-                &[(T::Failed, Self::Faulted), (T::Answered, Self::CheckReleased), (T::TimedOut, Self::Faulted)]
-            }
+            Self::BlowOff => &[
+                (T::Failed, Self::Faulted),
+                (T::Answered, Self::CheckReleased),
+                (T::TimedOut, Self::Faulted),
+            ],
             Self::CheckReleased => {
                 &[(T::Failed, Self::Faulted), (T::Low, Self::Placed), (T::TimedOut, Self::Faulted)]
             }
@@ -308,7 +310,9 @@ impl Step {
             | Self::BlowOff
             | Self::CheckReleased
             | Self::Closing => Wait::Replies,
-            Self::Placed | Self::Unpicked | Self::NothingFound | Self::Faulted | Self::Finished => Wait::Caller,
+            Self::Placed | Self::Unpicked | Self::NothingFound | Self::Faulted | Self::Finished => {
+                Wait::Caller
+            }
         }
     }
 

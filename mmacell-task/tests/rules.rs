@@ -3,14 +3,15 @@
 
 mod common;
 
-use common::tasks::*;
-use mmacell_proto::state::Motion;
-use mmacell_proto::task::{Device, Event, Failure, Output, Step, Task};
-use mmacell_proto::{BLOW, Command, ErrorCode, Status, VACUUM, controller};
+use common::*;
+use mmacell_proto::{
+    BLOW, CentralEvent, Closing, Command, ErrorCode, Miss, Progress, Status, Unfinished, VACUUM,
+};
+use mmacell_task::{Device, Event, Failure, Fault, Output, Step, Task, TaskConfig};
 use proptest::prelude::*;
 
 #[test]
-fn a_camera_that_sees_nothing_waits_to_be_told() {
+fn a_camera_that_sees_nothing_waits_for_its_caller() {
     for step in [Step::FindPart, Step::FindSlot] {
         let mut task = task_at(step);
         task.handle_event(ZERO, Event::NotFound);
@@ -43,8 +44,8 @@ fn a_failure_stops_the_cell_from_every_step_and_a_reset_leads_back() {
     let failures = [Failure::Refused(ErrorCode::Generic), Failure::Error(ErrorCode::Servo2), Failure::Lost];
     let immune = [Step::AwaitDevices, Step::Faulted, Step::Closing, Step::Finished];
     let reachable = Step::ALL.into_iter().filter(|step| !immune.contains(step));
-    let reachable =
-        reachable.filter(|s| !matches!(s, Step::DevicesReady | Step::NothingFound | Step::Resetting));
+    let reachable = reachable
+        .filter(|s| !matches!(s, Step::DevicesReady | Step::NothingFound | Step::Unpicked | Step::Resetting));
     for (step, failure) in reachable.flat_map(|step| failures.map(|failure| (step, failure))) {
         let device = Device::Platform;
         let mut task = task_at(step);
@@ -52,7 +53,7 @@ fn a_failure_stops_the_cell_from_every_step_and_a_reset_leads_back() {
             continue; // passed through at once
         }
         task.handle_event(ZERO, Event::Failed { device, failure });
-        assert_eq!(task.failure(), Some((device, failure)));
+        assert_eq!(task.fault(), Some(Fault::Device { device, failure }));
         let mut orders = poll(&mut task, ZERO);
         assert_eq!(orders.remove(0), Output::Entered(Step::Faulted), "{step:?}");
         // Each order may have to wait for the answer to the last one.
@@ -84,24 +85,211 @@ fn a_failure_stops_the_cell_from_every_step_and_a_reset_leads_back() {
 
 #[test]
 fn the_events_of_a_connection_are_translated() {
-    let from = |event| Event::from_controller(Device::Robot, &event);
-    let status = |error, moving| Status { moving, pose: robot(0), servo: true, percent: 1, error };
-    let done = controller::Event::Done { command: Command::Stop };
+    let from = |event| Event::from_central(Device::Robot, &event);
+    let status = |error| Status { moving: false, pose: robot(0), servo: true, percent: 1, error };
+    let done = CentralEvent::Done { command: Command::Stop };
     assert_eq!(from(done), Some(Event::Done(Device::Robot)));
-    let refused = controller::Event::Refused { command: Command::Stop, error: ErrorCode::Servo1 };
+    let refused = CentralEvent::Refused { command: Command::Stop, error: ErrorCode::Other(77) };
     let failed = |failure| Some(Event::Failed { device: Device::Robot, failure });
-    assert_eq!(from(refused), failed(Failure::Refused(ErrorCode::Servo1)));
-    for (motion, moving) in
-        [(Motion::Still, false), (Motion::Starting, true), (Motion::Moving, true), (Motion::Stopping, true)]
-    {
-        let event = controller::Event::Status { status: status(ErrorCode::None, false), motion };
-        assert_eq!(from(event), Some(Event::Status { device: Device::Robot, moving }));
-    }
-    let event = controller::Event::Status { status: status(ErrorCode::Servo2, false), motion: Motion::Still };
+    assert_eq!(from(refused), failed(Failure::Refused(ErrorCode::Other(77))));
+    let motion = Progress::Missed(Miss::ServoOff);
+    let event = CentralEvent::Status { status: status(ErrorCode::None), motion };
+    assert_eq!(from(event), Some(Event::Status { device: Device::Robot, motion }));
+    let event = CentralEvent::Status { status: status(ErrorCode::Servo2), motion: Progress::Arrived };
     assert_eq!(from(event), failed(Failure::Error(ErrorCode::Servo2)));
-    let closed = |reason| from(controller::Event::Closed { reason, unknown: None });
-    assert_eq!(closed(controller::Closing::Timeout), failed(Failure::Lost));
-    assert_eq!(closed(controller::Closing::Agreed), None);
+    assert_eq!(from(CentralEvent::Aborted { command: Command::Stop }), failed(Failure::Aborted));
+    let closed = |reason| from(CentralEvent::Closed { reason, unfinished: Unfinished::Nothing });
+    assert_eq!(closed(Closing::Timeout), failed(Failure::Lost));
+    assert_eq!(closed(Closing::Agreed), Some(Event::Done(Device::Robot)));
+    assert_eq!(from(CentralEvent::Connected), None);
+}
+
+/// D-15: at rest is not arrived. Each step that waits for a motion fails when it ends elsewhere, or without servo motors.
+#[test]
+fn a_motion_that_has_not_arrived_fails_the_step() {
+    let device = Device::Robot;
+    for step in [Step::AwaitHome, Step::AwaitCamera1, Step::AwaitCamera2, Step::AwaitPick, Step::AwaitPlace] {
+        for (motion, miss) in [
+            (Progress::Missed(Miss::Elsewhere), Miss::Elsewhere),
+            (Progress::Missed(Miss::ServoOff), Miss::ServoOff),
+            // At rest, and the session does not know where it should be.
+            (Progress::Still, Miss::Elsewhere),
+        ] {
+            let mut task = task_at(step);
+            poll(&mut task, ZERO);
+            task.handle_event(ZERO, progress(device, motion));
+            assert_eq!(task.step(), Step::Faulted, "{step:?} {motion:?}");
+            let failure = Failure::Missed(miss);
+            assert_eq!(task.fault(), Some(Fault::Device { device, failure }));
+            let released = poll(&mut task, ZERO).contains(&grip(BLOW, true));
+            assert!(!released, "nothing is put down");
+        }
+        for motion in [Progress::Starting, Progress::Moving, Progress::Stopping] {
+            let mut task = task_at(step);
+            poll(&mut task, ZERO);
+            task.handle_event(ZERO, progress(device, motion));
+            assert_eq!(task.step(), step, "{motion:?}");
+        }
+    }
+}
+
+/// D-16: high before the vacuum is on is a fault, not a part.
+#[test]
+fn a_switch_that_is_stuck_high_counts_no_parts() {
+    let mut task = task_at(Step::FindSlot);
+    poll(&mut task, ZERO);
+    task.handle_event(ZERO, Event::Switch { high: true });
+    assert_eq!(task.step(), Step::FindSlot);
+    task.handle_event(ZERO, SLOT);
+    assert_eq!(task.step(), Step::Faulted);
+    assert_eq!(task.fault(), Some(Fault::SwitchHigh { step: Step::GoPick }));
+    assert!(!poll(&mut task, ZERO).contains(&to(30)), "the robot is not sent to the part");
+    let mut task = task_at(Step::GoPick);
+    poll(&mut task, ZERO);
+    task.handle_event(ZERO, Event::Switch { high: true });
+    assert_eq!(task.step(), Step::Faulted, "before the vacuum is on");
+    // High all the time since the part was picked: it is still on the gripper, or never was.
+    let mut task = task_at(Step::AwaitPick);
+    task.handle_event(ZERO, Event::Switch { high: true });
+    let mut now = ZERO;
+    while task.step() != Step::CheckReleased {
+        for output in poll(&mut task, now) {
+            if let Some(event) = answer(output, &task) {
+                task.handle_event(now, event);
+            }
+        }
+        now = task.poll_timeout().unwrap_or(now).max(now);
+        task.handle_timeout(now);
+    }
+    task.handle_timeout(now + CONFIG.order_timeout);
+    assert_eq!(task.fault(), Some(Fault::SwitchHigh { step: Step::CheckReleased }));
+}
+
+/// The switch is acted on when it changes: what happened in between counts too.
+#[test]
+fn the_task_acts_on_edges() {
+    let mut task = task_at(Step::VacuumOn);
+    poll(&mut task, ZERO);
+    task.handle_event(ZERO, Event::Switch { high: true });
+    task.handle_event(ZERO, Event::Switch { high: false });
+    task.handle_event(ZERO, Event::Done(Device::Gripper));
+    assert_eq!(task.step(), Step::StopAtPart, "it touched the part");
+    let mut task = task_at(Step::GoPlace);
+    poll(&mut task, ZERO);
+    task.handle_event(ZERO, Event::Switch { high: false });
+    task.handle_event(ZERO, Event::Switch { high: true });
+    task.handle_event(ZERO, Event::Done(Device::Robot));
+    assert_eq!(task.step(), Step::GiveUp, "nobody knows how the part hangs now");
+}
+
+#[test]
+fn the_vacuum_has_its_time_to_build_up() {
+    let mut task = task_at(Step::GripDwell);
+    assert_eq!(task.poll_timeout(), Some(CONFIG.grip_dwell));
+    let mut late = task.clone();
+    task.handle_event(MS, Event::Switch { high: true });
+    assert_eq!(task.step(), Step::GoPlace);
+    late.handle_timeout(CONFIG.grip_dwell - MS);
+    assert_eq!(late.step(), Step::GripDwell);
+    late.handle_timeout(CONFIG.grip_dwell);
+    assert_eq!(late.step(), Step::GiveUp);
+    let mut task = Task::new(TaskConfig { place_dwell: 30 * MS, ..CONFIG });
+    ready(&mut task, ZERO);
+    run_to(&mut task, Step::AwaitPick);
+    task.handle_event(ZERO, Event::Switch { high: true });
+    run_to(&mut task, Step::PlaceDwell);
+    assert_eq!(task.poll_timeout(), Some(30 * MS));
+    task.handle_timeout(29 * MS);
+    assert_eq!(task.step(), Step::PlaceDwell);
+    let mut lost = task.clone();
+    lost.handle_event(29 * MS, Event::Switch { high: false });
+    assert_eq!(lost.step(), Step::GiveUp);
+    task.handle_timeout(30 * MS);
+    assert_eq!(task.step(), Step::Release);
+}
+
+#[test]
+fn a_part_is_picked_so_often_and_not_more() {
+    let mut task = Task::new(TaskConfig { attempts: 2, ..CONFIG });
+    ready(&mut task, ZERO);
+    for round in 0..2 {
+        let steps = entered(&run_to(&mut task, Step::Unpicked));
+        assert_eq!(steps.iter().filter(|step| **step == Step::GiveUp).count(), 2, "round {round}");
+        task.handle_event(ZERO, Event::Next);
+        assert_eq!(task.step(), Step::GoCamera1);
+    }
+}
+
+/// Every step that waits for somebody else ends by itself.
+#[test]
+fn every_step_has_a_timeout() {
+    for step in Step::ALL {
+        let waits_for_the_caller = matches!(
+            step,
+            Step::Placed | Step::Unpicked | Step::NothingFound | Step::Faulted | Step::Finished
+        );
+        // For devices to be switched on it waits for ever, unless a setting says otherwise.
+        let passes = matches!(step, Step::DevicesReady | Step::CheckGrip | Step::Resetting | Step::Closing);
+        if waits_for_the_caller || passes || step == Step::AwaitDevices {
+            continue;
+        }
+        let mut task = task_at(step);
+        if task.step() != step {
+            continue; // passed through at once
+        }
+        poll(&mut task, ZERO);
+        for now in [CONFIG.order_timeout, CONFIG.motion_timeout] {
+            task.handle_timeout(now * 2);
+        }
+        assert_ne!(task.step(), step);
+        let dwells = matches!(step, Step::GripDwell | Step::PlaceDwell | Step::Blow);
+        if !dwells && step != Step::CheckReleased {
+            assert_eq!(task.fault(), Some(Fault::Timeout { step }));
+        }
+    }
+    let mut task = Task::new(TaskConfig { ready_timeout: 5 * MS, ..CONFIG });
+    assert_eq!(task.poll_timeout(), Some(5 * MS));
+    task.handle_timeout(5 * MS);
+    assert_eq!(task.fault(), Some(Fault::Timeout { step: Step::AwaitDevices }));
+    let mut task = task_at(Step::Placed);
+    task.handle_event(ZERO, Event::Finish);
+    poll(&mut task, ZERO);
+    task.handle_timeout(CONFIG.order_timeout);
+    assert_eq!(task.step(), Step::Finished, "also when nobody answers");
+}
+
+/// A valve that never answers does not keep the valves from being closed.
+#[test]
+fn after_a_timeout_the_valves_are_closed_all_the_same() {
+    let mut task = task_at(Step::VacuumOn);
+    assert_eq!(poll(&mut task, ZERO), [grip(VACUUM, true)]);
+    task.handle_timeout(CONFIG.order_timeout);
+    assert!(poll(&mut task, CONFIG.order_timeout).contains(&grip(VACUUM, false)));
+}
+
+#[test]
+fn the_caller_aborts_from_any_step() {
+    for step in Step::ALL {
+        if matches!(
+            step,
+            Step::AwaitDevices | Step::NothingFound | Step::Unpicked | Step::Faulted | Step::Resetting
+        ) || matches!(
+            step,
+            Step::DevicesReady | Step::CheckGrip | Step::GiveUp | Step::Closing | Step::Finished
+        ) {
+            continue;
+        }
+        let mut task = task_at(step);
+        if task.step() != step {
+            continue; // passed through at once
+        }
+        task.handle_event(ZERO, Event::Abort);
+        assert_eq!((task.step(), task.fault()), (Step::Faulted, Some(Fault::Aborted)), "{step:?}");
+        assert!(poll(&mut task, ZERO).contains(&STOP));
+    }
+    let mut task = Task::new(CONFIG);
+    task.handle_event(ZERO, Event::Abort);
+    assert_eq!((task.step(), task.fault()), (Step::AwaitDevices, None), "there is nothing to stop");
 }
 
 fn device() -> impl Strategy<Value = Device> {
@@ -116,9 +304,10 @@ fn event() -> impl Strategy<Value = Option<Event>> {
         2 => any::<bool>().prop_map(|high| Some(Event::Switch { high })),
         2 => device().prop_map(|device| Some(Event::Ready(device))),
         1 => device().prop_map(|device| Some(Event::Done(device))),
-        1 => (device(), any::<bool>()).prop_map(|(device, moving)| Some(Event::Status { device, moving })),
+        1 => (device(), prop::sample::select(vec![Progress::Still, Progress::Arrived, Progress::Moving, Progress::Missed(Miss::Elsewhere)]))
+            .prop_map(|(device, motion)| Some(progress(device, motion))),
         1 => (device(), failures).prop_map(|(device, failure)| Some(Event::Failed { device, failure })),
-        1 => prop::sample::select(vec![PART, SLOT, Event::NotFound, Event::Next, Event::Finish, Event::Recover])
+        1 => prop::sample::select(vec![PART, SLOT, Event::NotFound, Event::Next, Event::Finish, Event::Recover, Event::Abort])
             .prop_map(Some),
     ]
 }
@@ -153,7 +342,7 @@ proptest! {
                     let new_attempt = matches!(entered, Step::GoCamera1 | Step::Placed | Step::ServosOn);
                     prop_assert!(!(new_attempt && vacuum), "{:?} with the vacuum on", entered);
                 } else if let Some(device) = of(output) {
-                    prop_assert!(outstanding.iter().all(|(busy, _)| *busy != device), "{:?} behind {:?}", output, outstanding);
+                    prop_assert!(outstanding.iter().all(|(busy, _)| *busy != device), "{:?} after {:?}", output, outstanding);
                     outstanding.push((device, output));
                     if let Output::Grip { gripper: VACUUM, open } = output {
                         vacuum = open;

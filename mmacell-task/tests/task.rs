@@ -6,9 +6,9 @@ mod common;
 use core::fmt::Write;
 use std::collections::HashSet;
 
-use common::tasks::*;
-use mmacell_proto::task::{Config, Device, Event, Failure, Output, Step, Task, Trigger};
+use common::*;
 use mmacell_proto::{BLOW, Command, VACUUM};
+use mmacell_task::{Device, Event, Failure, Output, Step, Task, TaskConfig, Trigger};
 
 /// All 21 steps of §6 in their order, and every order in them.
 #[test]
@@ -148,7 +148,7 @@ fn the_blow_takes_its_time() {
 
 #[test]
 fn where_no_camera_needs_room_the_robot_stays() {
-    let mut task = Task::new(Config { camera_1: None, camera_2: None, ..CONFIG });
+    let mut task = Task::new(TaskConfig { camera_1: None, camera_2: None, ..CONFIG });
     ready(&mut task, ZERO);
     let outputs = run_to(&mut task, Step::GoPick);
     let moves: Vec<_> = outputs.iter().filter(|o| matches!(o, Output::Robot(Command::Move { .. }))).collect();
@@ -183,6 +183,25 @@ fn after_a_part_comes_the_next_one_or_the_end() {
     assert_eq!(early.step(), Step::GoCamera1, "the last one told counts, as soon as it can be followed");
 }
 
+#[test]
+fn of_steps_that_nobody_polls_the_newest_eight_are_kept() {
+    let mut task = Task::new(CONFIG);
+    ready(&mut task, ZERO);
+    let mut steps = Vec::new();
+    for round in 0..9 {
+        let failure = Failure::Lost;
+        task.handle_event(
+            ZERO,
+            match round % 2 {
+                0 => Event::Failed { device: Device::Vision, failure },
+                _ => Event::Recover,
+            },
+        );
+        steps.push(task.step());
+    }
+    assert_eq!(entered(&poll(&mut task, ZERO)), steps[steps.len() - 8..]);
+}
+
 /// `docs/task.md` is what the table gives.
 #[test]
 fn the_diagram_is_drawn_from_the_table() {
@@ -193,7 +212,7 @@ fn the_diagram_is_drawn_from_the_table() {
     };
     let mut text = String::from(
         "# The pick-and-place task\n\n\
-         Drawn from the table in `src/task/step.rs`; a test compares the two. The numbers are the steps of the source, section 6.\n\n\
+         Drawn from the table in `src/step.rs`; a test compares the two. The numbers are the steps of the source, section 6.\n\n\
          ```mermaid\nstateDiagram-v2\n    [*] --> AwaitDevices\n",
     );
     for step in Step::ALL.iter().filter(|step| !fails(step)) {
@@ -206,15 +225,21 @@ fn the_diagram_is_drawn_from_the_table() {
     let edges =
         Step::ALL.iter().flat_map(|from| from.transitions().iter().map(move |(on, to)| (from, on, to)));
     let (inner, outer): (Vec<_>, Vec<_>) = edges
-        .filter(|(from, on, _)| !(fails(from) && **on == Trigger::Failed))
+        .filter(|(from, on, to)| {
+            let fault = matches!(on, Trigger::Failed | Trigger::TimedOut) && **to == Step::Faulted;
+            !(fails(from) && fault)
+        })
         .partition(|(from, _, to)| fails(from) && fails(to));
     for (from, on, to) in inner {
         writeln!(text, "        {from:?} --> {to:?}: {}", on.label()).unwrap();
     }
-    text.push_str("    }\n    Running --> Faulted: a device failed\n");
+    text.push_str("    }\n    Running --> Faulted: failed, aborted or too long\n");
     for (from, on, to) in outer {
         writeln!(text, "    {from:?} --> {to:?}: {}", on.label()).unwrap();
     }
     text.push_str("    Finished --> [*]\n```\n");
+    if std::env::var_os("WRITE_DIAGRAM").is_some() {
+        std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/task.md"), &text).unwrap();
+    }
     assert_eq!(text, include_str!("../docs/task.md"), "\n{text}");
 }

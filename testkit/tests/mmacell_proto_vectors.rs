@@ -1,7 +1,10 @@
-//! Every vector of `reference/vectors/mmacell-proto.json`: whole, in pieces, glued to its neighbours, behind a cut line.
+//! Every vector of `reference/vectors/mmacell-proto.json`: whole, in pieces, glued to its neighbours, after a cut line.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use mmacell_proto::{AnyPose, Command, DecodeError, Decoder, Dialect, Line, PlatformPose, Reply, RobotPose};
+use mmacell_proto::robot_session::Decoder as _;
+use mmacell_proto::{
+    AnyPose, Command, DecodeError, Decoder, Dialect, Encode, Line, PlatformPose, Reply, RobotPose,
+};
 use serde_json::{Value, json};
 use testkit::chunking::{behind_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};
@@ -14,7 +17,7 @@ fn dialect(vector: &Vector) -> Dialect {
 fn object(from: &str, line: Result<Line<'_>, DecodeError>, dialect: &Dialect) -> Value {
     let message = line.and_then(|line| {
         Ok(match from {
-            "controller" => json!(Command::<AnyPose>::decode(line, dialect)?),
+            "central" => json!(Command::<AnyPose>::decode(line, dialect)?),
             "robot" => json!(Reply::<RobotPose>::decode(line, dialect)?),
             "platform" => json!(Reply::<PlatformPose>::decode(line, dialect)?),
             other => panic!("{other} is no side of this link"),
@@ -34,7 +37,7 @@ fn encode(from: &str, message: &Value) -> Vec<u8> {
     }
     let message = message.clone();
     match from {
-        "controller" => {
+        "central" => {
             let command: Command<AnyPose> = serde_json::from_value(message).unwrap();
             bytes(|to| command.encode(to).unwrap(), command.encoded_len())
         }
@@ -134,10 +137,10 @@ fn the_printed_object_is_the_committed_one_to_the_letter() {
 fn a_neighbour_on_either_side_changes_nothing() {
     for vector in &vectors("mmacell-proto") {
         let from = side(vector);
-        let good: &[u8] = if from == "controller" { b"STP\r\n" } else { b"OK\r\n" };
+        let good: &[u8] = if from == "central" { b"STP\r\n" } else { b"OK\r\n" };
         let good_object = decode(from, [good], Dialect::STRICT)[0].0.clone();
         if vector.error.as_ref().is_some_and(|error| error["kind"] == "incomplete") {
-            continue; // with a neighbour behind it, it is no longer incomplete
+            continue; // with a neighbour after it, it is no longer incomplete
         }
         let ends = vector.hex.ends_with(b"\n");
         let stream = [good, &vector.hex, good, good].concat();
@@ -153,19 +156,19 @@ fn a_neighbour_on_either_side_changes_nothing() {
     }
 }
 
-/// There is no mark at the beginning of a line: a line that is cut takes the line behind it with it, and gives one error.
+/// There is no mark at the beginning of a line: a line that is cut takes the next line with it, and gives one error.
 #[test]
-fn behind_a_cut_line_one_line_is_lost_and_the_next_is_found() {
+fn after_a_cut_line_one_line_is_lost_and_the_next_is_found() {
     let valid: Vec<_> = vectors("mmacell-proto").into_iter().filter(|v| v.result == Outcome::Valid).collect();
-    for (damaged, good) in valid.iter().flat_map(|d| valid.iter().map(move |g| (d, g))) {
-        if side(damaged) != side(good) {
+    for (cut, good) in valid.iter().flat_map(|d| valid.iter().map(move |g| (d, g))) {
+        if side(cut) != side(good) {
             continue;
         }
         let twice = [&good.hex[..], &good.hex].concat();
-        for stream in behind_a_cut(&damaged.hex, &twice) {
+        for stream in behind_a_cut(&cut.hex, &twice) {
             let objects = decode(side(good), stream.chunks(1), Dialect::STRICT);
-            assert_eq!(objects.len(), 2, "{} before {}: {objects:?}", damaged.id, good.id);
-            assert!(objects[0].0.get("error").is_some(), "{} before {}: {objects:?}", damaged.id, good.id);
+            assert_eq!(objects.len(), 2, "{} before {}: {objects:?}", cut.id, good.id);
+            assert!(objects[0].0.get("error").is_some(), "{} before {}: {objects:?}", cut.id, good.id);
             assert_eq!(objects[1].0, expected(good));
         }
     }

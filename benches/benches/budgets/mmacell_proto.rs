@@ -2,8 +2,11 @@ use core::time::Duration;
 use std::hint::black_box;
 
 use benches::{Count, Link};
-use mmacell_proto::controller::Config;
-use mmacell_proto::{Command, Controller, Decoder, Device, Dialect, Line, Mode, Reply, RobotPose};
+use mmacell_proto::robot_session::Decoder as _;
+use mmacell_proto::{
+    Central, CentralConfig, Command, Decoder, Device, DeviceConfig, Dialect, Encode, Line, Mode, Reply,
+    RobotPose, Session,
+};
 
 const STATUS: &[u8; 50] = b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n";
 const MOVE: &[u8; 38] = b"MOVA+010.000-002.000+005.999-01.2322\r\n";
@@ -35,13 +38,7 @@ pub const LINK: Link = Link {
             unit: "op",
             run: serve,
         },
-        Count {
-            what: "controller: send STA, receive the status",
-            goal: None,
-            units: 1.0,
-            unit: "op",
-            run: ask,
-        },
+        Count { what: "central: send STA, receive the status", goal: None, units: 1.0, unit: "op", run: ask },
     ],
     // The source gives no figure to keep: a reply comes "immediately" (§3).
     budgets: Vec::new,
@@ -97,21 +94,25 @@ fn encode(rounds: u64) {
 }
 
 fn serve(rounds: u64) {
-    let mut device = Device::new(RobotPose::from_mm_rad(10.0, -2.0, 5.999, -1.2322), Dialect::STRICT);
+    let mut device = Device::new(DeviceConfig::DEFAULT).expect("the defaults work");
+    device.set_pose(RobotPose::from_mm_rad(10.0, -2.0, 5.999, -1.2322));
+    device.handle_connected(Duration::ZERO);
     let mut buffer = [0; 64];
     for _ in 0..rounds {
-        assert_eq!(device.handle_input(Duration::ZERO, black_box(b"STA\r\n")), 5);
+        device.handle_input(Duration::ZERO, black_box(b"STA\r\n"));
         assert_eq!(device.poll_transmit(Duration::ZERO, black_box(&mut buffer)), Some(50));
     }
 }
 
 fn ask(rounds: u64) {
-    let mut controller = Controller::<RobotPose>::new(Config::DEFAULT);
+    let mut central = Central::<RobotPose>::new(CentralConfig::DEFAULT).expect("the defaults work");
+    central.handle_connected(Duration::ZERO);
+    central.poll_event().expect("connected");
     let mut buffer = [0; 64];
     for _ in 0..rounds {
-        controller.send(black_box(Command::Status)).expect("idle");
-        assert_eq!(controller.poll_transmit(Duration::ZERO, black_box(&mut buffer)), Some(5));
-        controller.handle_input(Duration::ZERO, black_box(STATUS));
-        black_box(controller.poll_event().expect("the status"));
+        central.request(black_box(Command::Status)).expect("idle");
+        assert_eq!(central.poll_transmit(Duration::ZERO, black_box(&mut buffer)), Some(5));
+        central.handle_input(Duration::ZERO, black_box(STATUS));
+        black_box(central.poll_event().expect("the status"));
     }
 }

@@ -30,7 +30,7 @@ pub enum Link {
     FanucHmiModbus,
     /// A laser machining robot, EB 90 frames; settings: the fields of its Profile, of the demo baud
     LaserEb90,
-    /// The MM&A micro-manipulation cell; settings: the fields of its Dialect, of the demo parts, speed
+    /// The MM&A micro-manipulation cell; settings: the fields of its Dialect, of the demo parts, speed, stall_every
     MmacellProto,
 }
 
@@ -60,7 +60,7 @@ impl Link {
             Self::IsraBall => &["ball"],
             Self::FanucHmiModbus => &["client", "server"],
             Self::LaserEb90 => &["host", "controller"],
-            Self::MmacellProto => &["controller", "robot", "platform"],
+            Self::MmacellProto => &["central", "robot", "platform"],
         }
     }
 
@@ -77,7 +77,7 @@ impl Link {
             Self::IsraBall => "ball",
             Self::FanucHmiModbus if is_client => "client",
             Self::FanucHmiModbus => "server",
-            Self::MmacellProto if is_client => "controller",
+            Self::MmacellProto if is_client => "central",
             Self::MmacellProto if server_port == ::mmacell_proto::port::PLATFORM => "platform",
             Self::MmacellProto => "robot",
         }

@@ -207,10 +207,7 @@ impl<P: Pose> CentralMachine<P> {
     pub const fn deadline(&self) -> Option<Duration> {
         match self.link {
             CentralLink::Awaiting { deadline, .. } => Some(deadline),
-            CentralLink::Down
-            | CentralLink::Idle
-            | CentralLink::Sending { .. }
-            | CentralLink::Ended => None,
+            CentralLink::Down | CentralLink::Idle | CentralLink::Sending { .. } | CentralLink::Ended => None,
         }
     }
 
@@ -294,14 +291,19 @@ impl<P: Pose> CentralMachine<P> {
             (Command::Move { mode: Mode::Absolute, pose }, _) => {
                 Motion::Starting { target: Target::At(pose), believed_from }
             }
-            (Command::Move { mode: Mode::Relative, pose: by }, Motion::Rest { pose: Place::At(pose), .. }) => {
+            (
+                Command::Move { mode: Mode::Relative, pose: by },
+                Motion::Rest { pose: Place::At(pose), .. },
+            ) => {
                 let target = pose.plus(by).map_or(Target::Unknown, Target::At);
                 Motion::Starting { target, believed_from }
             }
             (Command::Move { mode: Mode::Relative, .. } | Command::Reset, _) => {
                 Motion::Starting { target: Target::Unknown, believed_from }
             }
-            (Command::Stop | Command::Servo { on: false }, motion) if !config.keeps(Rule::ForgetTarget) => motion,
+            (Command::Stop | Command::Servo { on: false }, motion) if !config.keeps(Rule::ForgetTarget) => {
+                motion
+            }
             (Command::Stop | Command::Servo { on: false }, Motion::Rest { pose, .. }) => {
                 Motion::Rest { target: Target::None, pose }
             }

@@ -8,9 +8,9 @@ use core::time::Duration;
 
 use robot_session::{Decoder as _, Encode as _, EventQueue, Session};
 
+pub use self::config::CentralConfig;
 #[doc(hidden)]
 pub use self::config::CentralRule;
-pub use self::config::CentralConfig;
 pub use self::event::{CentralEvent, Closing, Miss, Progress, Unfinished};
 use self::machine::{CentralAction, CentralInput, CentralLink, CentralMachine};
 use crate::decoder::Decoder;
@@ -101,6 +101,11 @@ impl<P: Pose> Central<P> {
     /// Whether a command may be requested.
     pub fn is_idle(&self) -> bool {
         matches!(self.machine.link, CentralLink::Idle) && self.events.has_room(2)
+    }
+
+    /// Whether there is a connection that has not ended.
+    pub const fn is_connected(&self) -> bool {
+        !matches!(self.machine.link, CentralLink::Down | CentralLink::Ended)
     }
 
     /// Whether the connection has ended, and is to be closed.

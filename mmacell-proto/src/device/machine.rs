@@ -208,10 +208,7 @@ impl<P: Pose> DeviceMachine<P> {
             (L::Down | L::Idle | L::Asked { .. } | L::Ended, I::Transmit) => A::None,
             // What still arrives on a connection that has ended.
             (L::Ended, I::Command(_) | I::Corrupt(_) | I::Overrun) => A::None,
-            (
-                L::Down | L::Asked { .. } | L::Answering { .. } | L::Leaving,
-                I::Command(_) | I::Corrupt(_),
-            )
+            (L::Down | L::Asked { .. } | L::Answering { .. } | L::Leaving, I::Command(_) | I::Corrupt(_))
             | (L::Down, I::Overrun)
             | (
                 L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
@@ -324,9 +321,13 @@ impl Axes {
             (Self::Off | Self::Still, Order::Servo { on: true }) => Self::Still,
             (Self::Moving | Self::Stopping, Order::Servo { on: true }) => self,
             (Self::Fault { .. }, Order::Servo { on: true } | Order::Move { .. }) => return None,
-            (Self::Off | Self::Still | Self::Moving | Self::Stopping, Order::Servo { on: false }) => Self::Off,
+            (Self::Off | Self::Still | Self::Moving | Self::Stopping, Order::Servo { on: false }) => {
+                Self::Off
+            }
             (Self::Still, Order::Move { .. }) => Self::Moving,
-            (Self::Moving | Self::Stopping, Order::Move { .. }) if !config.keeps(Rule::OneMotion) => Self::Moving,
+            (Self::Moving | Self::Stopping, Order::Move { .. }) if !config.keeps(Rule::OneMotion) => {
+                Self::Moving
+            }
             (Self::Off | Self::Moving | Self::Stopping, Order::Move { .. }) => return None,
             (Self::Off | Self::Still | Self::Fault { .. }, Order::Stop)
             | (Self::Fault { .. }, Order::Servo { on: false }) => self,

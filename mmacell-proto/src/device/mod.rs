@@ -10,9 +10,9 @@ use core::time::Duration;
 use robot_session::{Decoder as _, Encode as _, EventQueue, Session};
 
 use self::backlog::Backlog;
+pub use self::config::DeviceConfig;
 #[doc(hidden)]
 pub use self::config::DeviceRule;
-pub use self::config::DeviceConfig;
 pub use self::event::{DeviceClosing, DeviceEvent, Order, Rejection};
 use self::machine::{DeviceAction, DeviceInput, DeviceLink, DeviceMachine};
 use crate::decoder::Decoder;
@@ -30,7 +30,8 @@ use crate::pose::Pose;
 /// Every line gets exactly one reply (§3). The session answers a status by itself, and refuses with
 /// [`refusal`](DeviceConfig::refusal) what is unknown, malformed, or not possible now; whatever else the owner refuses, with any
 /// error number. There are no deadlines at this end. A command is read when the reply to the one before has been sent: a central
-/// controller that does not wait loses nothing, until more than [`BACKLOG`](Self::BACKLOG) bytes wait, which ends the connection.
+/// controller that does not wait loses nothing, until more than [`BACKLOG`](Self::BACKLOG) bytes wait, which ends the connection,
+/// or until it hangs up: what was not read then is not obeyed.
 ///
 /// A new connection takes the place of the one before at once, also where nobody has reported that one gone: the one before may
 /// be half open. Nothing of it is answered on the new one; what the axes do goes on.
@@ -212,6 +213,8 @@ impl<P: Pose> Session for Device<P> {
     }
 
     fn handle_disconnected(&mut self, _now: Duration) {
+        self.decoder.clear();
+        self.backlog.clear();
         self.apply(DeviceInput::Disconnected);
     }
 

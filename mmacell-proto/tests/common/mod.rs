@@ -4,8 +4,8 @@
 use core::time::Duration;
 
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Closing, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, Mode,
-    Order, Pose, Rejection, RobotPose, Session, Unfinished,
+    Central, CentralConfig, CentralEvent, Closing, Command, Device, DeviceConfig, DeviceEvent, ErrorCode,
+    Mode, Order, Pose, Rejection, RobotPose, Session, Unfinished,
 };
 
 pub const ZERO: Duration = Duration::ZERO;

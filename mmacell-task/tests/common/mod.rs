@@ -3,8 +3,8 @@
 
 use core::time::Duration;
 
-use mmacell_proto::task::{Config, Device, Event, Output, Step, Task};
-use mmacell_proto::{Command, Mode, PlatformPose, RobotPose};
+use mmacell_proto::{Command, Mode, PlatformPose, Progress, RobotPose};
+use mmacell_task::{Device, Event, Output, Step, Task, TaskConfig};
 
 pub const ZERO: Duration = Duration::ZERO;
 pub const MS: Duration = Duration::from_millis(1);
@@ -17,19 +17,23 @@ pub const fn platform(a: i32) -> PlatformPose {
     PlatformPose::from_units([a, 0])
 }
 
-pub const CONFIG: Config = Config {
+pub const CONFIG: TaskConfig = TaskConfig {
     robot_home: robot(1),
     platform_home: platform(2),
     camera_1: Some(robot(10)),
     camera_2: Some(robot(20)),
     percent: 50,
-    ..Config::DEFAULT
+    ..TaskConfig::DEFAULT
 };
 pub const PART: Event = Event::PartFound { platform: platform(3), pick: robot(30) };
 pub const SLOT: Event = Event::SlotFound { place: robot(40) };
 
 pub fn status(device: Device, moving: bool) -> Event {
-    Event::Status { device, moving }
+    progress(device, if moving { Progress::Moving } else { Progress::Arrived })
+}
+
+pub fn progress(device: Device, motion: Progress) -> Event {
+    Event::Status { device, motion }
 }
 
 pub fn to(x: i32) -> Output {
@@ -90,6 +94,9 @@ pub fn run_to(task: &mut Task, end: Step) -> Vec<Output> {
             if let Some(event) = answer(output, task) {
                 task.handle_event(now, event);
             }
+            if output == grip(mmacell_proto::BLOW, true) {
+                task.handle_event(now, Event::Switch { high: false });
+            }
         }
         now = task.poll_timeout().unwrap_or(now).max(now);
         task.handle_timeout(now);
@@ -101,9 +108,11 @@ pub fn run_to(task: &mut Task, end: Step) -> Vec<Output> {
 pub fn task_at(step: Step) -> Task {
     let mut task = Task::new(CONFIG);
     ready(&mut task, ZERO);
-    let carries =
-        matches!(step, Step::GoPlace | Step::AwaitPlace | Step::Release | Step::Blow | Step::BlowOff);
-    if carries || matches!(step, Step::Placed | Step::StopAtPart) {
+    let carries = matches!(
+        step,
+        Step::GoPlace | Step::AwaitPlace | Step::Release | Step::Blow | Step::BlowOff | Step::StopAtPart
+    );
+    if carries || matches!(step, Step::PlaceDwell | Step::CheckReleased | Step::Placed) {
         run_to(&mut task, Step::AwaitPick);
         task.handle_event(ZERO, Event::Switch { high: true });
     }

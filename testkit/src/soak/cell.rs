@@ -3,8 +3,8 @@
 use core::time::Duration;
 
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose, Order,
-    PlatformPose, Pose, RobotPose, Session, VACUUM,
+    Central, CentralConfig, CentralEvent, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose,
+    Order, PlatformPose, Pose, RobotPose, Session, VACUUM,
 };
 use mmacell_task::{self as task, Event, Output, Step, Task, TaskConfig};
 
@@ -374,6 +374,10 @@ impl Cell {
         }
         if camera == 2 {
             return self.open.map(|part| Event::SlotFound { place: place(part) });
+        }
+        if let Some(part) = self.open.take() {
+            // Its picture came when nobody waited for it any more.
+            self.ledger.tell(part, Told::NotDone, self.robot.wire.mark());
         }
         let part = self.ledger.send(self.robot.wire.mark());
         (self.open, self.part, self.held) = (Some(part), Some(part), false);

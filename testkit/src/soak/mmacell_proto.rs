@@ -3,8 +3,8 @@
 use core::time::Duration;
 
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Closing, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, Mode,
-    Order, Progress, Rejection, RobotPose, Session, Unfinished,
+    Central, CentralConfig, CentralEvent, Closing, Command, Device, DeviceConfig, DeviceEvent, ErrorCode,
+    Mode, Order, Progress, Rejection, RobotPose, Session, Unfinished,
 };
 
 use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
@@ -115,6 +115,12 @@ impl Cell {
     /// Nothing goes wrong any more: the robot has to arrive where it is sent.
     fn last_minute(&mut self, tally: &mut Tally) {
         self.wire.heal(self.now);
+        if self.hostile.is_some() {
+            // The end that keeps no rules goes, and its connection with it.
+            self.central.handle_disconnected(self.now);
+            self.turn_central();
+            self.connects_at = Some(self.now);
+        }
         (self.bad, self.cut, self.hostile) = (0.0, false, None);
         let end = self.now + 60 * S;
         while !self.is_done && self.now < end {
@@ -158,9 +164,7 @@ impl Cell {
             _ if !status.servo || status.error != ErrorCode::None => (Command::Reset, None),
             // Most motions wait for the one before; the others are refused.
             _ if status.moving && self.rng.chance(0.9) => (Command::Status, None),
-            _ => {
-                (Command::Move { mode: Mode::Absolute, pose: target }, Some(Order::Move { target }))
-            }
+            _ => (Command::Move { mode: Mode::Absolute, pose: target }, Some(Order::Move { target })),
         };
         self.request(command, order);
     }
@@ -308,6 +312,7 @@ impl Cell {
         let mut events = Vec::new();
         let mut line = Line { wire: &mut self.wire, cut: self.cut };
         if self.hostile == Some(End::A) {
+            // Nobody reads what the robot answers.
             while line.receive(End::A, now).is_some() {}
             let broken = !self.wire.is_connected();
             if broken && self.connects_at.is_none() {
@@ -391,7 +396,8 @@ impl Robot {
             Order::Move { target } => {
                 let time = Duration::from_millis(rng.below(300) as u64);
                 // Something is in its way, and it does not notice.
-                let end = if rng.chance(0.1 * bad) { RobotPose::from_units([5_000, 0, 0, 0]) } else { target };
+                let end =
+                    if rng.chance(0.1 * bad) { RobotPose::from_units([5_000, 0, 0, 0]) } else { target };
                 self.arrival = Some((now + time, end));
             }
             Order::Home => self.arrival = Some((now + 50 * MS, HOME)),

@@ -2,10 +2,12 @@
 
 use std::time::Duration;
 
-use mmacell_proto::{Dialect, PlatformPose, RobotPose, task};
+use anyhow::Result;
+use mmacell_proto::{DeviceConfig, PlatformPose, RobotPose};
+use mmacell_task::Device;
 
 use super::periphery::Periphery;
-use super::station::Station;
+use super::station::{Fate, MotionFaults, Station};
 use super::workpiece::Workpieces;
 
 /// The connections of the central controller.
@@ -34,59 +36,63 @@ impl Which {
     /// All three.
     pub const ALL: [Self; 3] = [Self::Robot, Self::Platform, Self::Periphery];
 
-    /// The devices of the task behind this connection.
-    pub fn devices(self) -> &'static [task::Device] {
+    /// The devices of the task at the other end of this connection.
+    pub fn devices(self) -> &'static [Device] {
         match self {
-            Self::Robot => &[task::Device::Robot],
-            Self::Platform => &[task::Device::Platform],
-            Self::Periphery => &[task::Device::Conditioning, task::Device::Vision, task::Device::Gripper],
+            Self::Robot => &[Device::Robot],
+            Self::Platform => &[Device::Platform],
+            Self::Periphery => &[Device::Conditioning, Device::Vision, Device::Gripper],
         }
     }
 }
 
 impl Cell {
-    /// A cell whose parts follow from `seed`; with `errors`, one motion of the robot in a hundred fails.
-    pub fn new(seed: u64, errors: bool) -> Self {
+    /// A cell whose parts follow from `seed`; with `errors`, one motion of the robot in a hundred fails, and one stalls.
+    ///
+    /// # Errors
+    /// Never, with the defaults of the protocol.
+    pub fn new(seed: u64, errors: bool, robot: MotionFaults) -> Result<Self> {
         let config = super::central::CONFIG;
-        Self {
-            robot: Station::new(config.robot_home, Dialect::STRICT),
-            platform: Station::new(config.platform_home, Dialect::STRICT),
-            periphery: Periphery::default(),
+        let device = DeviceConfig::DEFAULT;
+        Ok(Self {
+            robot: Station::new(config.robot_home, device, robot)?,
+            platform: Station::new(config.platform_home, device, MotionFaults::default())?,
+            periphery: Periphery::new()?,
             parts: Workpieces::new(seed),
             errors: errors.then(|| fastrand::Rng::with_seed(!seed)),
             motions_seen: 0,
-        }
+        })
     }
 
-    /// A new connection to a device.
-    pub fn connect(&mut self, which: Which) {
+    /// A new connection to a device takes the place of the one before.
+    pub fn connect(&mut self, which: Which, now: Duration) {
         match which {
-            Which::Robot => self.robot.connect(),
-            Which::Platform => self.platform.connect(),
-            Which::Periphery => self.periphery.connect(),
+            Which::Robot => self.robot.connect(now),
+            Which::Platform => self.platform.connect(now),
+            Which::Periphery => self.periphery.connect(now),
         }
     }
 
-    /// A device hears bytes; what it says, and whether it closes the connection then.
-    pub fn hear(&mut self, which: Which, now: Duration, bytes: &[u8]) -> (Vec<u8>, bool) {
+    /// Bytes arrive at a device; what it replies, and whether it closes the connection then.
+    pub fn receive(&mut self, which: Which, now: Duration, bytes: &[u8]) -> (Vec<u8>, bool) {
         self.advance(now);
         match which {
             Which::Robot => {
-                let heard = self.robot.hear(now, bytes);
+                let answer = self.robot.receive(now, bytes);
                 self.break_down();
                 self.advance(now);
-                (heard.replies, heard.closed)
+                (answer.replies, answer.closed)
             }
             Which::Platform => {
-                let heard = self.platform.hear(now, bytes);
-                (heard.replies, heard.closed)
+                let answer = self.platform.receive(now, bytes);
+                (answer.replies, answer.closed)
             }
             Which::Periphery => {
-                let heard = self.periphery.hear(bytes);
-                for (valve, open) in heard.valves {
+                let answer = self.periphery.receive(now, bytes);
+                for (valve, open) in answer.valves {
                     self.parts.set_valve(now, valve, open, self.robot.pose());
                 }
-                (heard.replies, heard.closed)
+                (answer.replies, answer.closed)
             }
         }
     }
@@ -103,6 +109,11 @@ impl Cell {
         &self.parts
     }
 
+    #[cfg(test)]
+    pub(super) fn drop_part(&mut self, at: Duration) {
+        self.parts.record.outcomes.push((at, super::workpiece::Outcome::Dropped));
+    }
+
     /// The robot.
     pub fn robot(&self) -> &Station<RobotPose> {
         &self.robot
@@ -113,13 +124,16 @@ impl Cell {
         &self.platform
     }
 
-    /// Now and then the motion that has just begun is going to fail.
+    /// Now and then the motion that has just begun is going to fail, or to stall.
     fn break_down(&mut self) {
         if self.robot.motions() > core::mem::replace(&mut self.motions_seen, self.robot.motions())
             && let Some(rng) = &mut self.errors
-            && rng.u32(..100) == 0
         {
-            self.robot.fail_motion();
+            match rng.u32(..100) {
+                0 => self.robot.end_motion(Fate::Fails),
+                1 => self.robot.end_motion(Fate::Stalls),
+                _ => {}
+            }
         }
     }
 }

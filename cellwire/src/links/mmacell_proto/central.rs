@@ -3,22 +3,24 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use mmacell_proto::controller::{self, Closing, Controller};
-use mmacell_proto::state::Connection;
-use mmacell_proto::task::{self, Device, Failure, Output, Step, Task};
-use mmacell_proto::{Command, NoPose, PlatformPose, Pose, RobotPose};
+use anyhow::Result;
+use mmacell_proto::{
+    Central as Session, CentralConfig, CentralEvent, Closing, Command, NoPose, PlatformPose, Pose, RobotPose,
+    Session as _, Unfinished,
+};
+use mmacell_task::{Device, Event, Failure, Fault, Output, Step, Task, TaskConfig};
 
 use super::cell::{Cell, Which};
 use crate::report::Samples;
 
-/// The set-up of the simulated cell.
-pub const CONFIG: task::Config = task::Config {
+/// The set-up of the simulated cell. Its times are those of the cell.
+pub const CONFIG: TaskConfig = TaskConfig {
     robot_home: RobotPose::from_units([0, 0, 100_000, 0]),
     platform_home: PlatformPose::ORIGIN,
     camera_1: Some(RobotPose::from_units([-120_000, 0, 60_000, 0])),
     camera_2: Some(RobotPose::from_units([120_000, 0, 60_000, 0])),
     percent: 80,
-    ..task::Config::DEFAULT
+    ..TaskConfig::DEFAULT
 };
 
 /// The two times of a run: the cell may run faster than the clock on the wall, the protocol's deadlines do not.
@@ -34,10 +36,10 @@ pub struct Now {
 #[derive(Debug)]
 pub struct Central {
     task: Task,
-    robot: Session<RobotPose>,
-    platform: Session<PlatformPose>,
-    periphery: Session<NoPose>,
-    /// Orders that wait for their turn on the third connection: the task knows two devices behind it.
+    robot: End<RobotPose>,
+    platform: End<PlatformPose>,
+    periphery: End<NoPose>,
+    /// Orders that wait for their turn on the third connection: it leads to two devices of the task.
     waiting: VecDeque<(Device, Command<NoPose>)>,
     /// Whose order is under way there.
     asked: Option<Device>,
@@ -55,7 +57,9 @@ pub struct Log {
     /// Parts that the task believes in their place.
     pub placed: u64,
     /// Faults, and what they were.
-    pub faults: Vec<(Device, Failure)>,
+    pub faults: Vec<Fault>,
+    /// Parts that were missed or lost as often as they may be.
+    pub unpicked: u64,
     /// Steps 7 that began with the vacuum on.
     pub vacuum_left_on: u64,
     /// Commands that were answered.
@@ -73,106 +77,105 @@ pub struct Log {
 }
 
 #[derive(Debug)]
-struct Session<P> {
-    controller: Controller<P>,
+struct End<P> {
+    session: Session<P>,
     sent_at: Duration,
 }
 
 impl Central {
-    /// A controller that places so many parts; `None`: until told to finish.
-    pub fn new(parts: Option<u64>) -> Self {
-        Self {
-            task: Task::new(CONFIG),
-            robot: Session::new(),
-            platform: Session::new(),
-            periphery: Session::new(),
+    /// A controller that places so many parts; `None`: until [`finish`](Self::finish). The cell runs `speed` times faster than the
+    /// clock on the wall, by which replies take their time.
+    ///
+    /// # Errors
+    /// Never, with the defaults of the protocol.
+    pub fn new(parts: Option<u64>, speed: u32) -> Result<Self> {
+        let order_timeout = CONFIG.order_timeout.saturating_mul(speed);
+        let motion_timeout = CONFIG.motion_timeout.saturating_mul(speed);
+        Ok(Self {
+            task: Task::new(TaskConfig { order_timeout, motion_timeout, ..CONFIG }),
+            robot: End::new()?,
+            platform: End::new()?,
+            periphery: End::new()?,
             waiting: VecDeque::new(),
             asked: None,
             switch: false,
             parts,
             log: Log::default(),
-        }
+        })
     }
 
     /// A connection has been opened.
     pub fn connected(&mut self, now: Now, which: Which) {
         match which {
-            Which::Robot => self.robot = Session::new(),
-            Which::Platform => self.platform = Session::new(),
-            Which::Periphery => {
-                self.periphery = Session::new();
-                (self.asked, self.waiting) = (None, VecDeque::new());
-            }
+            Which::Robot => self.robot.session.handle_connected(now.wall),
+            Which::Platform => self.platform.session.handle_connected(now.wall),
+            Which::Periphery => self.periphery.session.handle_connected(now.wall),
         }
-        which
-            .devices()
-            .iter()
-            .for_each(|device| self.task.handle_event(now.cell, task::Event::Ready(*device)));
     }
 
     /// A connection has ended.
-    pub fn disconnected(&mut self, which: Which) {
+    pub fn disconnected(&mut self, now: Now, which: Which) {
         match which {
-            Which::Robot => self.robot.controller.handle_disconnect(),
-            Which::Platform => self.platform.controller.handle_disconnect(),
-            Which::Periphery => self.periphery.controller.handle_disconnect(),
+            Which::Robot => self.robot.session.handle_disconnected(now.wall),
+            Which::Platform => self.platform.session.handle_disconnected(now.wall),
+            Which::Periphery => self.periphery.session.handle_disconnected(now.wall),
         }
     }
 
     /// Bytes from a device.
-    pub fn hear(&mut self, now: Now, which: Which, bytes: &[u8]) {
+    pub fn receive(&mut self, now: Now, which: Which, bytes: &[u8]) {
         match which {
-            Which::Robot => self.robot.controller.handle_input(now.wall, bytes),
-            Which::Platform => self.platform.controller.handle_input(now.wall, bytes),
-            Which::Periphery => self.periphery.controller.handle_input(now.wall, bytes),
+            Which::Robot => self.robot.session.handle_input(now.wall, bytes),
+            Which::Platform => self.platform.session.handle_input(now.wall, bytes),
+            Which::Periphery => self.periphery.session.handle_input(now.wall, bytes),
         }
     }
 
     /// Bytes for a device; empty when there are none.
-    pub fn say(&mut self, now: Now, which: Which) -> Vec<u8> {
+    pub fn transmit(&mut self, now: Now, which: Which) -> Vec<u8> {
         match which {
-            Which::Robot => self.robot.say(now.wall),
-            Which::Platform => self.platform.say(now.wall),
-            Which::Periphery => self.periphery.say(now.wall),
+            Which::Robot => self.robot.transmit(now.wall),
+            Which::Platform => self.platform.transmit(now.wall),
+            Which::Periphery => self.periphery.transmit(now.wall),
         }
     }
 
     /// Does everything that can be done now. The cell is looked at, not touched: its switch, and what its cameras see.
     pub fn run(&mut self, now: Now, cell: &Cell) {
-        self.robot.controller.handle_timeout(now.wall);
-        self.platform.controller.handle_timeout(now.wall);
-        self.periphery.controller.handle_timeout(now.wall);
+        self.robot.session.handle_timeout(now.wall);
+        self.platform.session.handle_timeout(now.wall);
+        self.periphery.session.handle_timeout(now.wall);
         self.task.handle_timeout(now.cell);
         loop {
             let switch = cell.parts().switch();
             if core::mem::replace(&mut self.switch, switch) != switch {
-                self.task.handle_event(now.cell, task::Event::Switch { high: switch });
+                self.task.handle_event(now.cell, Event::Switch { high: switch });
             }
             let mut idle = true;
-            while let Some(event) = self.robot.controller.poll_event() {
+            while let Some(event) = self.robot.session.poll_event() {
                 self.log.note(0, &event, now.wall.saturating_sub(self.robot.sent_at));
-                self.tell(now, Device::Robot, &event);
+                self.report(now, Which::Robot, Device::Robot, &event);
                 idle = false;
             }
-            while let Some(event) = self.platform.controller.poll_event() {
+            while let Some(event) = self.platform.session.poll_event() {
                 self.log.note(1, &event, now.wall.saturating_sub(self.platform.sent_at));
-                self.tell(now, Device::Platform, &event);
+                self.report(now, Which::Platform, Device::Platform, &event);
                 idle = false;
             }
-            while let Some(event) = self.periphery.controller.poll_event() {
+            while let Some(event) = self.periphery.session.poll_event() {
                 self.log.note(2, &event, now.wall.saturating_sub(self.periphery.sent_at));
-                self.tell_periphery(now, cell, &event);
+                self.report_periphery(now, cell, &event);
                 idle = false;
             }
             while let Some(output) = self.task.poll_output(now.cell) {
-                self.obey(now, cell, output);
+                self.carry_out(now, cell, output);
                 idle = false;
             }
             if self.asked.is_none()
                 && let Some((device, command)) = self.waiting.pop_front()
             {
                 self.asked = Some(device);
-                if self.periphery.controller.send(command).is_err() {
+                if self.periphery.session.request(command).is_err() {
                     self.periphery_lost(now);
                 }
                 idle = false;
@@ -183,24 +186,24 @@ impl Central {
         }
     }
 
-    /// When to run again, if nothing is heard: on the wall's clock, and on the cell's.
+    /// When to run again, if nothing arrives: on the wall's clock, and on the cell's.
     pub fn due(&self) -> (Option<Duration>, Option<Duration>) {
         let wall = [
-            self.robot.controller.poll_timeout(),
-            self.platform.controller.poll_timeout(),
-            self.periphery.controller.poll_timeout(),
+            self.robot.session.poll_timeout(),
+            self.platform.session.poll_timeout(),
+            self.periphery.session.poll_timeout(),
         ];
         (wall.into_iter().flatten().min(), self.task.poll_timeout())
     }
 
     /// Whether a connection has to be opened again.
     pub fn is_broken(&self, which: Which) -> bool {
-        let connection = match which {
-            Which::Robot => self.robot.controller.connection(),
-            Which::Platform => self.platform.controller.connection(),
-            Which::Periphery => self.periphery.controller.connection(),
+        let connected = match which {
+            Which::Robot => self.robot.session.is_connected(),
+            Which::Platform => self.platform.session.is_connected(),
+            Which::Periphery => self.periphery.session.is_connected(),
         };
-        connection == Connection::Closed && !matches!(self.task.step(), Step::Closing | Step::Finished)
+        !connected && !matches!(self.task.step(), Step::Closing | Step::Finished)
     }
 
     /// Where the task is.
@@ -213,14 +216,14 @@ impl Central {
         self.parts = Some(0);
     }
 
-    fn obey(&mut self, now: Now, cell: &Cell, output: Output) {
+    fn carry_out(&mut self, now: Now, cell: &Cell, output: Output) {
         let sent = match output {
             Output::Entered(step) => {
                 self.entered(now, cell, step);
                 Ok(())
             }
-            Output::Robot(command) => self.robot.controller.send(command),
-            Output::Platform(command) => self.platform.controller.send(command),
+            Output::Robot(command) => self.robot.session.request(command),
+            Output::Platform(command) => self.platform.session.request(command),
             Output::Conditioning(command) => {
                 self.waiting.push_back((Device::Conditioning, command));
                 Ok(())
@@ -237,7 +240,7 @@ impl Central {
         };
         if sent.is_err() {
             let device = if matches!(output, Output::Robot(_)) { Device::Robot } else { Device::Platform };
-            self.task.handle_event(now.cell, task::Event::Failed { device, failure: Failure::Lost });
+            self.task.handle_event(now.cell, Event::Failed { device, failure: Failure::Lost });
         }
     }
 
@@ -251,35 +254,46 @@ impl Central {
             Step::Placed => {
                 self.log.placed += 1;
                 let more = self.parts.is_none_or(|parts| self.log.placed < parts);
-                if more { task::Event::Next } else { task::Event::Finish }
+                if more { Event::Next } else { Event::Finish }
+            }
+            Step::Unpicked => {
+                self.log.unpicked += 1;
+                Event::Next
             }
             Step::Faulted => {
-                self.log.faults.extend(self.task.failure());
-                task::Event::Recover
+                self.log.faults.extend(self.task.fault());
+                Event::Recover
             }
             _ => return,
         };
         self.task.handle_event(now.cell, event);
     }
 
-    fn tell<P: Pose>(&mut self, now: Now, device: Device, event: &controller::Event<P>) {
-        if let Some(event) = task::Event::from_controller(device, event) {
+    fn report<P: Pose>(&mut self, now: Now, which: Which, device: Device, event: &CentralEvent<P>) {
+        if *event == CentralEvent::Connected {
+            which.devices().iter().for_each(|device| self.task.handle_event(now.cell, Event::Ready(*device)));
+        }
+        if let Some(event) = Event::from_central(device, event) {
             self.task.handle_event(now.cell, event);
         }
     }
 
-    fn tell_periphery(&mut self, now: Now, cell: &Cell, event: &controller::Event<NoPose>) {
+    fn report_periphery(&mut self, now: Now, cell: &Cell, event: &CentralEvent<NoPose>) {
+        if *event == CentralEvent::Connected {
+            return self.report(now, Which::Periphery, Device::Conditioning, event);
+        }
         let event = match (event, self.asked.take()) {
-            (controller::Event::Done { command: Command::Acquire { camera: 1 } }, _) => {
+            (CentralEvent::Done { command: Command::Acquire { camera: 1 } }, _) => {
                 let (platform, pick) = cell.parts().part();
-                task::Event::PartFound { platform, pick }
+                Event::PartFound { platform, pick }
             }
-            (controller::Event::Done { command: Command::Acquire { .. } }, _) => {
-                task::Event::SlotFound { place: cell.parts().place() }
+            (CentralEvent::Done { command: Command::Acquire { .. } }, _) => {
+                Event::SlotFound { place: cell.parts().place() }
             }
-            (controller::Event::Closed { reason: Closing::Agreed, .. }, _) => return,
-            (controller::Event::Closed { .. }, _) => return self.periphery_lost(now),
-            (event, Some(device)) => return self.tell(now, device, event),
+            (CentralEvent::Closed { reason, .. }, _) if *reason != Closing::Agreed => {
+                return self.periphery_lost(now);
+            }
+            (event, Some(device)) => return self.report(now, Which::Periphery, device, event),
             (_, None) => return,
         };
         self.task.handle_event(now.cell, event);
@@ -288,21 +302,21 @@ impl Central {
     fn periphery_lost(&mut self, now: Now) {
         (self.asked, self.waiting) = (None, VecDeque::new());
         for device in Which::Periphery.devices() {
-            let event = task::Event::Failed { device: *device, failure: Failure::Lost };
+            let event = Event::Failed { device: *device, failure: Failure::Lost };
             self.task.handle_event(now.cell, event);
         }
     }
 }
 
-impl<P: Pose> Session<P> {
-    fn new() -> Self {
-        Self { controller: Controller::new(controller::Config::DEFAULT), sent_at: Duration::ZERO }
+impl<P: Pose> End<P> {
+    fn new() -> Result<Self> {
+        Ok(Self { session: Session::new(CentralConfig::DEFAULT)?, sent_at: Duration::ZERO })
     }
 
-    fn say(&mut self, now: Duration) -> Vec<u8> {
+    fn transmit(&mut self, now: Duration) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut buffer = [0; 64];
-        while let Some(len) = self.controller.poll_transmit(now, &mut buffer) {
+        while let Some(len) = self.session.poll_transmit(now, &mut buffer) {
             bytes.extend_from_slice(buffer.get(..len).unwrap_or_default());
             self.sent_at = now;
         }
@@ -311,21 +325,24 @@ impl<P: Pose> Session<P> {
 }
 
 impl Log {
-    fn note<P: Pose>(&mut self, connection: usize, event: &controller::Event<P>, turn_around: Duration) {
+    fn note<P: Pose>(&mut self, connection: usize, event: &CentralEvent<P>, turn_around: Duration) {
         let motions = |counts: &mut [u64; 2], command: &Command<P>| {
             if let (Command::Move { .. }, Some(count)) = (command, counts.get_mut(connection)) {
                 *count += 1;
             }
         };
         match event {
-            controller::Event::Done { command } => motions(&mut self.agreed, command),
-            controller::Event::Refused { command: Command::Move { .. }, .. } => self.refused += 1,
-            controller::Event::Closed { unknown, .. } => {
-                if let Some(command) = unknown {
+            CentralEvent::Done { command } => motions(&mut self.agreed, command),
+            CentralEvent::Refused { command: Command::Move { .. }, .. } => self.refused += 1,
+            CentralEvent::Closed { reason, unfinished } => {
+                if let Unfinished::Unknown(command) = unfinished {
                     motions(&mut self.unknown, command);
                 }
-                return;
+                if *reason != Closing::Agreed {
+                    return;
+                }
             }
+            CentralEvent::Connected => return,
             _ => {}
         }
         self.exchanges += 1;

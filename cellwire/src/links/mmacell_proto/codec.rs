@@ -1,4 +1,5 @@
 use anyhow::{Context, Result};
+use mmacell_proto::robot_session::Decoder as _;
 use mmacell_proto::{
     AnyPose, Command, DecodeError, Decoder, Dialect, Line, PlatformPose, Pose, Reply, RobotPose,
 };
@@ -21,7 +22,7 @@ pub fn codec(side: &str, options: &CodecOptions) -> Result<Box<dyn Codec>> {
     Settings::new("mmacell-proto", &options.settings, &DIALECT)?;
     let dialect = dialect(&options.settings)?;
     let side = match side {
-        "controller" => Side { parse: parse_command, write: write_command },
+        "central" => Side { parse: parse_command, write: write_command },
         "robot" => Side { parse: parse_reply::<RobotPose>, write: write_reply::<RobotPose> },
         _ => Side { parse: parse_reply::<PlatformPose>, write: write_reply::<PlatformPose> },
     };
@@ -43,7 +44,7 @@ struct Lines {
 
 struct Side {
     parse: fn(Line<'_>, &Dialect) -> Result<Value, DecodeError>,
-    write: fn(Value) -> Result<Vec<u8>>,
+    write: fn(Value, Dialect) -> Result<Vec<u8>>,
 }
 
 impl Codec for Lines {
@@ -65,7 +66,7 @@ impl Codec for Lines {
     }
 
     fn encode(&self, message: Value) -> Result<Vec<u8>> {
-        (self.side.write)(message)
+        (self.side.write)(message, self.dialect)
     }
 }
 
@@ -77,17 +78,17 @@ fn parse_reply<P: Pose + Serialize>(line: Line<'_>, dialect: &Dialect) -> Result
     Reply::<P>::decode(line, dialect).map(json)
 }
 
-fn write_command(message: Value) -> Result<Vec<u8>> {
+fn write_command(message: Value, dialect: Dialect) -> Result<Vec<u8>> {
     let command: Command<AnyPose> = serde_json::from_value(message)?;
-    let mut bytes = vec![0; command.encoded_len()];
-    command.encode(&mut bytes)?;
+    let mut bytes = Vec::new();
+    command.in_dialect(dialect).append_to(&mut bytes)?;
     Ok(bytes)
 }
 
-fn write_reply<P: Pose + DeserializeOwned>(message: Value) -> Result<Vec<u8>> {
+fn write_reply<P: Pose + DeserializeOwned>(message: Value, dialect: Dialect) -> Result<Vec<u8>> {
     let reply: Reply<P> = serde_json::from_value(message)?;
-    let mut bytes = vec![0; reply.encoded_len()];
-    reply.encode(&mut bytes)?;
+    let mut bytes = Vec::new();
+    reply.in_dialect(dialect).append_to(&mut bytes)?;
     Ok(bytes)
 }
 

@@ -1,53 +1,58 @@
 //! `cellwire demo mmacell-proto`: the pick-and-place task over three TCP connections into a simulated cell.
 
 use std::io::{Read, Write};
-use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
-use mmacell_proto::task::Step;
+use mmacell_task::Step;
 
 use super::cell::{Cell, Which};
 use super::central::{Central, Now};
+use super::connections::{Connections, Stop};
+use super::station::MotionFaults;
 use super::timeline;
 use super::verdict::{End, attempts, is_in_order, leaves_open};
+use super::workpiece::Outcome;
 use crate::demo::DemoOptions;
 use crate::report::{Jobs, Report, Samples};
 use crate::settings::Settings;
 use crate::tcp::{self, FaultyProxy};
 use crate::trace::{Trace, Way};
 
-/// Parts of a run that is not told how long it is.
+/// Parts of a run without a limit.
 const PARTS: u64 = 100;
-/// How many times faster than life the cell runs, unless told otherwise. The protocol's own times are not changed.
+/// How many times faster than life the cell runs, unless a setting says otherwise. The protocol's own times are not changed.
 const SPEED: u32 = 200;
 /// How often a read breaks the connection when faults are wanted.
 const BREAKS: f64 = 0.001;
 /// Longer than this the task is in no step, even when every connection has to be opened again.
 const STANDSTILL: Duration = Duration::from_secs(20);
 
-/// Runs the demo. Settings: `parts`, `speed`.
+/// Runs the demo. Settings: `parts`, `speed`; `stall_every`, after how many of the robot's motions one stops half-way without an
+/// error.
 ///
 /// # Errors
 /// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stands still.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings = Settings::new("mmacell-proto", &options.settings, &["parts", "speed"])?;
+    let settings = Settings::new("mmacell-proto", &options.settings, &["parts", "speed", "stall_every"])?;
     let speed = settings.number("speed", SPEED)?;
     ensure!((1..=10_000).contains(&speed), "speed={speed} is outside 1 to 10000");
     let parts: u64 = settings.number("parts", PARTS)?;
     ensure!(parts > 0, "parts=0 leaves nothing to do");
     // A time limit counts, not a number of parts, unless both are given.
-    let until_told = options.seconds.is_some() && !options.settings.contains_key("parts");
-    let run = Run::start(options, speed)?;
-    let (log, cell) = run.place((!until_told).then_some(parts), options)?;
+    let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
+    let stalls = MotionFaults { stall_every: settings.number("stall_every", 0)?, ..MotionFaults::default() };
+    let run = Run::start(options, speed, stalls)?;
+    let (log, cell) = run.place((!until_limit).then_some(parts), options)?;
     if let Some(path) = &options.out {
         timeline::draw(path, &log, &cell)?;
     }
-    let mut report = report(&log, &cell, options.faults, speed);
-    report.require(until_told || options.seconds.is_some() || log.placed == parts, || {
+    let mut report = report(&log, &cell, options.faults || stalls.stall_every > 0, speed);
+    report.require(until_limit || options.seconds.is_some() || log.placed == parts, || {
         format!("{} of {parts} parts were placed", log.placed)
     });
     if let Some(path) = &options.out {
@@ -56,11 +61,12 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     Ok(report)
 }
 
-/// The simulated cell behind its three ports.
+/// The simulated cell and its three ports.
 struct Run {
     cell: Arc<Mutex<Cell>>,
     clock: Clock,
     addresses: [SocketAddr; 3],
+    devices: Vec<(Stop, JoinHandle<()>)>,
     _proxies: Vec<FaultyProxy>,
 }
 
@@ -79,17 +85,20 @@ impl Clock {
 }
 
 impl Run {
-    fn start(options: &DemoOptions, speed: u32) -> Result<Self> {
-        let cell = Arc::new(Mutex::new(Cell::new(options.seed, options.faults)));
+    fn start(options: &DemoOptions, speed: u32, stalls: MotionFaults) -> Result<Self> {
+        let cell = Arc::new(Mutex::new(Cell::new(options.seed, options.faults, stalls)?));
         let clock = Clock { epoch: Instant::now(), speed };
         let mut addresses = Vec::new();
         let mut proxies = Vec::new();
+        let mut devices = Vec::new();
         for which in Which::ALL {
             let listener = tcp::listen("127.0.0.1:0")?;
             let mut address = listener.local_addr()?;
             let cell = Arc::clone(&cell);
             let trace = options.trace.start(&format!("mma-{}", format!("{which:?}").to_lowercase()));
-            thread::spawn(move || serve(&listener, which, &cell, clock, &trace));
+            let connections = Connections::accept(listener);
+            let stop = connections.stop();
+            devices.push((stop, thread::spawn(move || serve(connections, which, &cell, clock, &trace))));
             if options.faults {
                 let proxy = FaultyProxy::start(address, options.seed + which as u64, BREAKS)?;
                 address = proxy.address();
@@ -99,16 +108,16 @@ impl Run {
         }
         let addresses =
             <[SocketAddr; 3]>::try_from(addresses).map_err(|_| anyhow::anyhow!("three devices"))?;
-        Ok(Self { cell, clock, addresses, _proxies: proxies })
+        Ok(Self { cell, clock, addresses, devices, _proxies: proxies })
     }
 
     /// Places so many parts, or as many as fit into the time; what happened.
     fn place(self, parts: Option<u64>, options: &DemoOptions) -> Result<(super::central::Log, Cell)> {
-        let (heard, inbox) = channel();
-        let mut central = Central::new(parts);
+        let (sender, inbox) = channel();
+        let mut central = Central::new(parts, self.clock.speed)?;
         let mut connections = Vec::new();
         for (which, address) in Which::ALL.into_iter().zip(self.addresses) {
-            connections.push(Connection::open(which, address, 0, &heard)?);
+            connections.push(Connection::open(which, address, 0, &sender)?);
             central.connected(self.clock.now(), which);
         }
         options.progress.set_length(parts.unwrap_or_default());
@@ -121,14 +130,14 @@ impl Run {
                 central.run(now, &cell);
             }
             for connection in &mut connections {
-                connection.write(&central.say(now, connection.which));
+                connection.write(&central.transmit(now, connection.which));
             }
             if options.seconds.is_some_and(|end| now.wall >= end) {
                 central.finish();
             }
             for connection in &mut connections {
                 if central.is_broken(connection.which) {
-                    *connection = connection.open_again(&heard)?;
+                    *connection = connection.open_again(&sender)?;
                     central.log.reconnections += 1;
                     central.connected(self.clock.now(), connection.which);
                 }
@@ -139,23 +148,28 @@ impl Run {
             } else if now.wall - stands_since.1 > STANDSTILL {
                 bail!("the cell stands still in step {:?}: please report this as a bug", stands_since.0);
             }
-            self.listen(now, &mut central, &mut connections, &inbox)?;
+            Self::wait(self.clock, &mut central, &mut connections, &inbox)?;
         }
         drop(connections);
-        let cell = core::mem::replace(&mut *lock(&self.cell), Cell::new(0, false));
+        // Each device leaves its trace when its last connection has ended, however long that takes to write.
+        for (stop, device) in self.devices {
+            stop.stop();
+            let _ = device.join();
+        }
+        let rest = Cell::new(0, false, MotionFaults::default())?;
+        let cell = core::mem::replace(&mut *lock(&self.cell), rest);
         Ok((central.log, cell))
     }
 
-    /// Waits for something to be heard, or for the time at which something is due.
-    fn listen(
-        &self,
-        now: Now,
+    /// Waits until something arrives, or until the time at which something is due.
+    fn wait(
+        clock: Clock,
         central: &mut Central,
         connections: &mut [Connection],
-        inbox: &Receiver<Heard>,
+        inbox: &Receiver<Arrival>,
     ) -> Result<()> {
-        let (wall, cell) = central.due();
-        let cell = cell.map(|at| at.saturating_sub(now.cell) / self.clock.speed);
+        let (now, (wall, cell)) = (clock.now(), central.due());
+        let cell = cell.map(|at| at.saturating_sub(now.cell) / clock.speed);
         let wall = wall.map(|at| at.saturating_sub(now.wall));
         // The vacuum switch is looked at at least this often.
         let wait = [Some(Duration::from_millis(1)), cell, wall].into_iter().flatten().min();
@@ -164,21 +178,21 @@ impl Run {
             Err(RecvTimeoutError::Timeout) => return Ok(()),
             Err(RecvTimeoutError::Disconnected) => bail!("every connection is gone"),
         };
-        let now = self.clock.now();
-        for heard in core::iter::once(first).chain(inbox.try_iter()) {
-            let current = connections.iter().any(|c| c.which == heard.which && c.number == heard.number);
-            match heard.bytes {
+        let now = clock.now();
+        for arrival in core::iter::once(first).chain(inbox.try_iter()) {
+            let current = connections.iter().any(|c| c.which == arrival.which && c.number == arrival.number);
+            match arrival.bytes {
                 _ if !current => {} // from a connection that has been given up
-                Some(bytes) => central.hear(now, heard.which, &bytes),
-                None => central.disconnected(heard.which),
+                Some(bytes) => central.receive(now, arrival.which, &bytes),
+                None => central.disconnected(now, arrival.which),
             }
         }
         Ok(())
     }
 }
 
-/// What a reading thread has to say: bytes, or the end.
-struct Heard {
+/// What a reading thread received: bytes, or the end.
+struct Arrival {
     which: Which,
     number: u64,
     bytes: Option<Vec<u8>>,
@@ -193,10 +207,10 @@ struct Connection {
 }
 
 impl Connection {
-    fn open(which: Which, address: SocketAddr, number: u64, heard: &Sender<Heard>) -> Result<Self> {
+    fn open(which: Which, address: SocketAddr, number: u64, sender: &Sender<Arrival>) -> Result<Self> {
         let stream = tcp::connect(&address.to_string()).with_context(|| format!("the {which:?} is gone"))?;
         let mut reader = stream.try_clone()?;
-        let heard = heard.clone();
+        let sender = sender.clone();
         thread::spawn(move || {
             let mut buffer = [0; 256];
             loop {
@@ -205,7 +219,7 @@ impl Connection {
                     Ok(len) => buffer.get(..len).map(<[u8]>::to_vec),
                 };
                 let end = bytes.is_none();
-                if heard.send(Heard { which, number, bytes }).is_err() || end {
+                if sender.send(Arrival { which, number, bytes }).is_err() || end {
                     return;
                 }
             }
@@ -213,12 +227,12 @@ impl Connection {
         Ok(Self { which, address, number, stream })
     }
 
-    fn open_again(&self, heard: &Sender<Heard>) -> Result<Self> {
+    fn open_again(&self, sender: &Sender<Arrival>) -> Result<Self> {
         let _ = self.stream.shutdown(Shutdown::Both);
-        Self::open(self.which, self.address, self.number + 1, heard)
+        Self::open(self.which, self.address, self.number + 1, sender)
     }
 
-    /// What cannot be written is lost with the connection, which the reader tells.
+    /// What cannot be written is lost with the connection, which the reader reports.
     fn write(&mut self, bytes: &[u8]) {
         if !bytes.is_empty() && self.stream.write_all(bytes).is_err() {
             let _ = self.stream.shutdown(Shutdown::Both);
@@ -232,16 +246,15 @@ impl Drop for Connection {
     }
 }
 
-/// A device behind its port, one controller at a time, for as long as the process runs.
-fn serve(listener: &TcpListener, which: Which, cell: &Mutex<Cell>, clock: Clock, trace: &Trace) {
-    for mut stream in listener.incoming().flatten() {
-        let _ = stream.set_nodelay(true);
-        lock(cell).connect(which);
+/// A device at its port, one central controller at a time: the newest.
+fn serve(connections: Connections, which: Which, cell: &Mutex<Cell>, clock: Clock, trace: &Trace) {
+    for mut stream in connections {
+        lock(cell).connect(which, clock.now().cell);
         let mut buffer = [0; 256];
         while let Ok(len @ 1..) = stream.read(&mut buffer) {
             let bytes = buffer.get(..len).unwrap_or_default();
             trace.add(clock.now().wall, Way::Received, bytes);
-            let (reply, closes) = lock(cell).hear(which, clock.now().cell, bytes);
+            let (reply, closes) = lock(cell).receive(which, clock.now().cell, bytes);
             trace.add(clock.now().wall, Way::Sent, &reply);
             if stream.write_all(&reply).is_err() || closes {
                 break;
@@ -267,6 +280,10 @@ fn report(log: &super::central::Log, cell: &Cell, faults: bool, speed: u32) -> R
     report.fact("attempts", "attempts", tries.len());
     report.fact("missed", "parts missed and tried again", record.missed);
     report.fact("fallen", "parts lost in flight and tried again", record.lost);
+    let elsewhere = let_go_elsewhere(log, cell);
+    report.fact("let_go_in_place", "parts let go in the right place", record.placed);
+    report.fact("let_go_elsewhere", "parts let go elsewhere", elsewhere);
+    report.fact("unpicked", "parts missed or lost as often as they may be", log.unpicked);
     report.fact("exchanges", "commands answered", log.exchanges);
     if faults {
         report.fact("faults", "faults that a reset led out of", log.faults.len());
@@ -285,6 +302,7 @@ fn report(log: &super::central::Log, cell: &Cell, faults: bool, speed: u32) -> R
     report.require((log.placed..=log.placed + open).contains(&record.placed), || {
         format!("{} parts are in their place, the task believes {}", record.placed, log.placed)
     });
+    report.require(elsewhere == 0, || format!("{elsewhere} parts were let go in the wrong place"));
     report.require(log.vacuum_left_on == 0 && !cell.parts().vacuum(), || "the vacuum was left on".into());
     for (number, (steps, end)) in tries.iter().enumerate() {
         report.require(is_in_order(steps, *end), || {
@@ -301,6 +319,14 @@ fn report(log: &super::central::Log, cell: &Cell, faults: bool, speed: u32) -> R
         report.timing(&key, &format!("  {number:>2} {}", step.label()), &samples, None);
     }
     report
+}
+
+/// Parts that the task let go elsewhere than in their place, without a fault that made it close the valves.
+fn let_go_elsewhere(log: &super::central::Log, cell: &Cell) -> usize {
+    let outcomes = cell.parts().record.outcomes.iter();
+    let dropped = outcomes.filter(|(_, outcome)| *outcome == Outcome::Dropped);
+    let step = |at: Duration| log.steps.iter().rev().find(|(begin, _)| *begin <= at).map(|(_, step)| *step);
+    dropped.filter(|(at, _)| !matches!(step(*at), Some(Step::Faulted | Step::Resetting))).count()
 }
 
 /// Motions as jobs: what was agreed to was executed once; what was executed was agreed to, or its reply was lost.
@@ -392,12 +418,57 @@ mod tests {
         assert_eq!((&object["lost"], &object["repeated"]), (&json!(0), &json!(0)), "{object}");
     }
 
+    /// A robot that is at rest half-way, without an error, has not arrived: nothing is let go there.
+    #[test]
+    fn a_robot_that_stalls_lets_nothing_go_in_the_wrong_place() {
+        let object = demo(&options(false, &["parts=10", "stall_every=7"])).unwrap().to_json();
+        assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(10)), "{object}");
+        assert_eq!(
+            (&object["let_go_in_place"], &object["let_go_elsewhere"]),
+            (&json!(10), &json!(0)),
+            "{object}"
+        );
+        assert!(object["faults"].as_u64().unwrap() > 0, "{object}");
+    }
+
+    #[test]
+    fn a_part_that_is_let_go_in_the_wrong_place_fails_the_demo() {
+        let mut cell = Cell::new(1, false, MotionFaults::default()).unwrap();
+        let at = Duration::from_secs;
+        cell.drop_part(at(3));
+        let mut log = super::super::central::Log::default();
+        log.steps = vec![(at(1), Step::AwaitPlace), (at(2), Step::Release), (at(4), Step::Blow)];
+        let report = report(&log, &cell, false, 1);
+        assert!(!report.is_good());
+        assert_eq!(report.to_json()["let_go_elsewhere"], 1);
+        log.steps.insert(2, (at(2), Step::Faulted));
+        assert_eq!(let_go_elsewhere(&log, &cell), 0, "a fault closes the valves");
+    }
+
+    /// Long traces, too, are whole when the demo ends.
+    #[test]
+    fn each_device_leaves_its_whole_trace() {
+        let dir = std::env::temp_dir().join(format!("cellwire-mma-trace-{}", std::process::id()));
+        std::fs::create_dir_all(&dir).unwrap();
+        let options =
+            DemoOptions { trace: TraceArgs::keep(10_000_000, &dir), ..options(false, &["parts=20"]) };
+        demo(&options).unwrap();
+        for which in ["robot", "platform", "periphery"] {
+            let text = std::fs::read_to_string(dir.join(format!("mma-{which}-1.trace"))).unwrap();
+            let last = text.lines().last().unwrap();
+            assert!(last.starts_with("4F 4B 0D 0A # "), "{which}: {last}");
+            let before = text.lines().rev().nth(1).unwrap();
+            assert!(before.starts_with("43 4C 4F 0D 0A # "), "{which}: {before}");
+        }
+        std::fs::remove_dir_all(dir).unwrap();
+    }
+
     #[test]
     fn a_setting_out_of_range_is_refused() {
         for (set, error) in [
             ("parts=0", "parts=0 leaves nothing to do"),
             ("speed=0", "speed=0 is outside 1 to 10000"),
-            ("cycles=5", "mmacell-proto has no setting `cycles`: it has parts, speed"),
+            ("cycles=5", "mmacell-proto has no setting `cycles`: it has parts, speed, stall_every"),
         ] {
             assert_eq!(demo(&options(false, &[set])).unwrap_err().to_string(), error);
         }

@@ -4,6 +4,7 @@ pub mod axes;
 pub mod cell;
 pub mod central;
 mod codec;
+mod connections;
 mod demo;
 mod periphery;
 pub mod simulate;

@@ -1,55 +1,67 @@
-//! The simulated third device: camera trigger and valves behind a controller of their own (§4.9, §4.10).
+//! The simulated third device: camera trigger and valves in a controller of their own (§4.9, §4.10).
 
-use mmacell_proto::{BLOW, Command, Decoder, Dialect, ErrorCode, NoPose, Reply, VACUUM};
+use std::time::Duration;
 
-/// What came of some bytes.
+use anyhow::Result;
+use mmacell_proto::{BLOW, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose, Order, Session, VACUUM};
+
+/// What some bytes led to.
 #[derive(Debug, Default)]
-pub(super) struct Heard {
+pub(super) struct Answer {
     pub(super) replies: Vec<u8>,
     /// Valves that were set: which, and whether open.
     pub(super) valves: Vec<(i32, bool)>,
     pub(super) closed: bool,
 }
 
-/// Reads commands for cameras and valves, and answers each line once.
-#[derive(Debug, Default)]
+/// Obeys commands for cameras and valves, and refuses the rest.
+#[derive(Debug)]
 pub(super) struct Periphery {
-    decoder: Decoder,
+    device: Device<NoPose>,
 }
 
 impl Periphery {
-    pub(super) fn connect(&mut self) {
-        self.decoder = Decoder::default();
+    pub(super) fn new() -> Result<Self> {
+        Ok(Self { device: Device::new(DeviceConfig::DEFAULT)? })
     }
 
-    pub(super) fn hear(&mut self, mut bytes: &[u8]) -> Heard {
-        let mut heard = Heard::default();
-        while !bytes.is_empty() {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            while let Some(line) = self.decoder.next_frame() {
-                let command = line.and_then(|line| Command::<NoPose>::decode(line, &Dialect::STRICT));
-                let done = match command {
-                    Ok(Command::Acquire { camera: 1 | 2 }) => true,
-                    Ok(Command::Grip { gripper: gripper @ (VACUUM | BLOW), open }) => {
-                        heard.valves.push((gripper, open));
-                        true
-                    }
-                    Ok(Command::Close) => {
-                        heard.closed = true;
-                        true
-                    }
-                    _ => false,
-                };
-                let reply: Reply<NoPose> =
-                    if done { Reply::Ok } else { Reply::Error { error: ErrorCode::Generic } };
-                let mut buffer = [0; 16];
-                // Neither reply can fail to fit.
-                let len = reply.encode(&mut buffer).unwrap_or_default();
-                heard.replies.extend_from_slice(buffer.get(..len).unwrap_or_default());
+    pub(super) fn connect(&mut self, now: Duration) {
+        self.device.handle_connected(now);
+    }
+
+    pub(super) fn receive(&mut self, now: Duration, bytes: &[u8]) -> Answer {
+        let (mut answer, mut buffer) = (Answer::default(), [0; 64]);
+        self.device.handle_input(now, bytes);
+        loop {
+            let mut idle = true;
+            while let Some(event) = self.device.poll_event() {
+                idle = false;
+                match event {
+                    DeviceEvent::Asked { order } => self.decide(order, &mut answer),
+                    DeviceEvent::Closed { .. } => answer.closed = true,
+                    _ => {}
+                }
+            }
+            while let Some(length) = self.device.poll_transmit(now, &mut buffer) {
+                idle = false;
+                answer.replies.extend_from_slice(buffer.get(..length).unwrap_or_default());
+            }
+            if idle {
+                return answer;
             }
         }
-        heard
+    }
+
+    fn decide(&mut self, order: Order<NoPose>, answer: &mut Answer) {
+        // Neither can fail: the order is pending, and the number has a form.
+        let _ = match order {
+            Order::Grip { gripper: gripper @ (VACUUM | BLOW), open } => {
+                answer.valves.push((gripper, open));
+                self.device.accept(order)
+            }
+            Order::Acquire { camera: 1 | 2 } | Order::Close => self.device.accept(order),
+            _ => self.device.refuse(order, ErrorCode::Generic),
+        };
     }
 }
 
@@ -59,13 +71,15 @@ mod tests {
 
     #[test]
     fn it_knows_cameras_and_valves_and_refuses_the_rest() {
-        let mut periphery = Periphery::default();
-        let heard = periphery.hear(b"ACQ+00002\r\nHND+00000OPEN\r\nHND+00007OPEN\r\nSTA\r\nRST\r\nCLO\r\n");
+        let mut periphery = Periphery::new().unwrap();
+        periphery.connect(Duration::ZERO);
+        let answer = periphery
+            .receive(Duration::ZERO, b"ACQ+00002\r\nHND+00000OPEN\r\nHND+00007OPEN\r\nSTA\r\nRST\r\nCLO\r\n");
         assert_eq!(
-            String::from_utf8(heard.replies).unwrap(),
+            String::from_utf8(answer.replies).unwrap(),
             "OK\r\nOK\r\nER+00001\r\nER+00001\r\nER+00001\r\nOK\r\n"
         );
-        assert_eq!(heard.valves, [(VACUUM, true)]);
-        assert!(heard.closed);
+        assert_eq!(answer.valves, [(VACUUM, true)]);
+        assert!(answer.closed);
     }
 }

@@ -1,21 +1,34 @@
-//! `cellwire simulate mma-robot` and `mma-platform`: a device to test a controller against.
+//! `cellwire simulate mma-robot` and `mma-platform`: a device to test a central controller against.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail, ensure};
-use mmacell_proto::{PlatformPose, RobotPose};
+use mmacell_proto::{DeviceConfig, Dialect, PlatformPose, RobotPose};
 use serde_json::json;
 
 use super::axes::Simulated;
 use super::central::CONFIG;
 use super::codec::{DIALECT, dialect};
-use super::station::Station;
+use super::connections::Connections;
+use super::station::{MotionFaults, Station};
 use crate::settings::Settings;
 use crate::simulate::{Endpoint, SimulateOptions, log, ready};
 use crate::tcp;
 use crate::trace::{Trace, Way};
+
+/// What it can be set to beside its dialect.
+const SETTINGS: [&str; 8] = [
+    "speed",
+    "fail_every",
+    "stall_every",
+    "refuse_every",
+    "refuse_code",
+    "mute_every",
+    "drop_every",
+    "reply_in_dialect",
+];
 
 /// The robot until interrupted.
 ///
@@ -33,28 +46,35 @@ pub fn platform(options: &SimulateOptions) -> Result<()> {
     simulate::<PlatformPose>("mma-platform", CONFIG.platform_home, options)
 }
 
-/// Settings: `speed`, how many times faster than life it moves; `fail_every`, `mute_every` and `drop_every`, after how many
-/// motions one fails with an error of servo motor 1, and after how many reads one is not answered or ends the connection;
-/// those of the dialect.
+/// Settings: `speed`, how many times faster than life it moves; `fail_every`, `stall_every` and `refuse_every`, after how many
+/// motions one fails with an error of servo motor 1, stops half-way without an error, or is refused with `refuse_code`;
+/// `mute_every` and `drop_every`, after how many reads one is not answered or ends the connection; those of the dialect, in which
+/// it also replies with `reply_in_dialect`.
 fn simulate<P: Simulated>(name: &'static str, home: P, options: &SimulateOptions) -> Result<()> {
-    let known = [&["speed", "fail_every", "mute_every", "drop_every"][..], &DIALECT].concat();
+    let known = [&SETTINGS[..], &DIALECT].concat();
     let settings = Settings::new(name, &options.settings, &known)?;
     let speed = settings.number("speed", 1u32)?;
     ensure!((1..=10_000).contains(&speed), "speed={speed} is outside 1 to 10000");
     let mut faults =
         Inject { mute: settings.number("mute_every", 0)?, drop: settings.number("drop_every", 0)?, reads: 0 };
     let Endpoint::Listen(address) = &options.endpoint else { bail!("{name} is a TCP server: use --listen") };
-    let mut station = Station::new(home, dialect(&options.settings)?);
-    station.fail_every(settings.number("fail_every", 0)?);
+    let accepts = dialect(&options.settings)?;
+    let writes = if settings.flag("reply_in_dialect", false)? { accepts } else { Dialect::STRICT };
+    let motions = MotionFaults {
+        fail_every: settings.number("fail_every", 0)?,
+        stall_every: settings.number("stall_every", 0)?,
+        refuse_every: settings.number("refuse_every", 0)?,
+        refuse_code: settings.number("refuse_code", 1)?,
+    };
+    let mut station = Station::new(home, DeviceConfig { accepts, writes, ..DeviceConfig::DEFAULT }, motions)?;
     let listener = tcp::listen(address)?;
     ready(name, "listen", &listener.local_addr()?.to_string())?;
     let clock = Instant::now();
     let trace = options.trace.start(name);
-    for stream in listener.incoming() {
-        let stream = stream?;
+    for stream in Connections::accept(listener) {
         let peer = stream.peer_addr().map_or_else(|_| "gone".into(), |peer| peer.to_string());
         log(&json!({"event": "connected", "peer": peer}))?;
-        station.connect();
+        station.connect(clock.elapsed() * speed);
         let why = match serve(stream, &mut station, &mut faults, &trace, || {
             (clock.elapsed(), clock.elapsed() * speed)
         }) {
@@ -85,17 +105,16 @@ fn serve<P: Simulated>(
     trace: &Trace,
     now: impl Fn() -> (Duration, Duration),
 ) -> Result<&'static str> {
-    stream.set_nodelay(true)?;
     let mut buffer = [0; 4096];
     loop {
         let bytes = match stream.read(&mut buffer)? {
-            0 => return Ok("the controller closed the connection"),
+            0 => return Ok("the central controller closed the connection, or another one took its place"),
             n => buffer.get(..n).unwrap_or_default(),
         };
         let (at, of_axes) = now();
         trace.add(at, Way::Received, bytes);
-        let heard = station.hear(of_axes, bytes);
-        heard.events.iter().try_for_each(log)?;
+        let answer = station.receive(of_axes, bytes);
+        answer.events.iter().try_for_each(log)?;
         faults.reads += 1;
         let every = |n: u64| n > 0 && faults.reads.is_multiple_of(n);
         if every(faults.drop) {
@@ -105,10 +124,10 @@ fn serve<P: Simulated>(
             log(&json!({"event": "muted"}))?;
             continue;
         }
-        trace.add(now().0, Way::Sent, &heard.replies);
-        stream.write_all(&heard.replies)?;
-        if heard.closed {
-            return Ok("the controller said CLO");
+        trace.add(now().0, Way::Sent, &answer.replies);
+        stream.write_all(&answer.replies)?;
+        if answer.closed {
+            return Ok("the connection ended by CLO, or by more commands than can be kept");
         }
     }
 }
@@ -118,8 +137,6 @@ mod tests {
     use std::io::{BufRead, BufReader, ErrorKind};
     use std::thread;
 
-    use mmacell_proto::Dialect;
-
     use super::*;
 
     /// What a robot with these faults answers to these lines, until it ends the connection.
@@ -127,7 +144,9 @@ mod tests {
         let listener = tcp::listen("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
         let robot = thread::spawn(move || {
-            let mut station = Station::new(RobotPose::ORIGIN, Dialect::STRICT);
+            let config = DeviceConfig::DEFAULT;
+            let mut station = Station::new(RobotPose::ORIGIN, config, MotionFaults::default()).unwrap();
+            station.connect(Duration::ZERO);
             let clock = Instant::now();
             let now = || (clock.elapsed(), clock.elapsed());
             serve(listener.accept().unwrap().0, &mut station, &mut faults, &Trace::new("x", 0, None), now)
@@ -154,11 +173,11 @@ mod tests {
     const NONE: Inject = Inject { mute: 0, drop: 0, reads: 0 };
 
     #[test]
-    fn a_robot_answers_until_it_is_told_good_bye() {
+    fn a_robot_answers_until_the_connection_ends() {
         let (replies, why) = talk(NONE, &["SRVON\r\n", "STA\r\n", "PNP\r\n", "CLO\r\n", "STA\r\n"]);
         let status = "OKF+000.000+000.000+000.000+00.0000T+00100+00000";
         assert_eq!(replies, ["OK", status, "ER+00001", "OK"]);
-        assert_eq!(why, "the controller said CLO");
+        assert_eq!(why, "the connection ended by CLO, or by more commands than can be kept");
     }
 
     #[test]
@@ -168,5 +187,32 @@ mod tests {
         let (replies, why) = talk(Inject { drop: 2, ..NONE }, &["STP\r\n", "STP\r\n", "STP\r\n"]);
         assert_eq!(replies, ["OK"]);
         assert_eq!(why, "the set fault: the connection is dropped before the reply");
+    }
+
+    /// The first connection is half open: its central controller has vanished without a word.
+    #[test]
+    fn a_second_connection_is_served_at_once_while_the_first_is_half_open() {
+        let listener = tcp::listen("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        thread::spawn(move || {
+            let mut station =
+                Station::new(RobotPose::ORIGIN, DeviceConfig::DEFAULT, MotionFaults::default()).unwrap();
+            for stream in Connections::accept(listener) {
+                station.connect(Duration::ZERO);
+                let now = || (Duration::ZERO, Duration::ZERO);
+                let _ = serve(stream, &mut station, &mut { NONE }, &Trace::new("x", 0, None), now);
+            }
+        });
+        let mut first = tcp::connect(&address).unwrap();
+        first.write_all(b"ST").unwrap();
+        for _ in 0..3 {
+            let mut second = tcp::connect(&address).unwrap();
+            second.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
+            second.write_all(b"STP\r\n").unwrap();
+            let mut reply = String::new();
+            BufReader::new(second.try_clone().unwrap()).read_line(&mut reply).unwrap();
+            assert_eq!(reply, "OK\r\n");
+            std::mem::forget(second); // half open, too
+        }
     }
 }

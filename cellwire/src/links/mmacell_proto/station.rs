@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use mmacell_proto::device::Event;
-use mmacell_proto::{Device, Dialect, ErrorCode};
+use anyhow::Result;
+use mmacell_proto::{Device, DeviceConfig, DeviceEvent, ErrorCode, Order, Session};
 use serde_json::{Value, json};
 
 use super::axes::{Axes, Simulated};
@@ -14,61 +14,113 @@ pub struct Station<P> {
     device: Device<P>,
     axes: Axes<P>,
     home: P,
+    faults: MotionFaults,
+    /// Motions that were commanded, refused ones included.
+    asked: u64,
     motions: u64,
-    /// The motion that is going on fails half-way.
-    doomed: bool,
-    /// Every how many motions one fails; 0: none.
-    fail_every: u64,
+    fate: Fate,
 }
 
-/// What came of some bytes.
+/// Every how many motions something goes wrong with one; 0: never.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct MotionFaults {
+    /// It stops half-way with an error of servo motor 1.
+    pub fail_every: u64,
+    /// It stops half-way, and the device does not notice.
+    pub stall_every: u64,
+    /// It is refused with `refuse_code`.
+    pub refuse_every: u64,
+    /// Any number but 0 that fits its field.
+    pub refuse_code: i32,
+}
+
+/// How the motion that is under way ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fate {
+    /// At its target.
+    Arrives,
+    /// Half-way, with an error.
+    Fails,
+    /// Half-way, without an error.
+    Stalls,
+}
+
+/// What some bytes led to.
 #[derive(Debug, Default)]
-pub struct Heard {
+pub struct Answer {
     /// To be written to the connection.
     pub replies: Vec<u8>,
     /// What happened, as one object each.
     pub events: Vec<Value>,
-    /// The controller has said good-bye.
+    /// The connection has ended.
     pub closed: bool,
 }
 
 impl<P: Simulated> Station<P> {
-    /// A device that stands at home with its servo motors off.
-    pub fn new(home: P, dialect: Dialect) -> Self {
-        let (device, axes) = (Device::new(home, dialect), Axes::new(home));
-        Self { device, axes, home, motions: 0, doomed: false, fail_every: 0 }
+    /// A device at home, at rest, with its servo motors off.
+    ///
+    /// # Errors
+    /// The configuration cannot work, or a motion is to be refused with a number that has no form.
+    pub fn new(home: P, config: DeviceConfig, faults: MotionFaults) -> Result<Self> {
+        let refuses = faults.refuse_every > 0;
+        anyhow::ensure!(
+            !refuses || ErrorCode::from(faults.refuse_code).has_form(&config.writes),
+            "refuse_code={} is no error number: any but 0 that fits its field",
+            faults.refuse_code
+        );
+        let mut device = Device::new(config)?;
+        device.set_pose(home);
+        let axes = Axes::new(home);
+        Ok(Self { device, axes, home, faults, asked: 0, motions: 0, fate: Fate::Arrives })
     }
 
-    /// A new connection; the device stays as it is.
-    pub fn connect(&mut self) {
-        self.device.connect();
+    /// A new connection takes the place of the one before; the device stays as it is.
+    pub fn connect(&mut self, now: Duration) {
+        self.device.handle_connected(now);
     }
 
-    /// Hears bytes at this time of the cell.
-    pub fn hear(&mut self, now: Duration, mut bytes: &[u8]) -> Heard {
-        let mut heard = Heard::default();
-        let mut buffer = [0; 64];
+    /// Bytes arrive at this time of the cell.
+    pub fn receive(&mut self, now: Duration, bytes: &[u8]) -> Answer {
+        let (mut answer, mut buffer) = (Answer::default(), [0; 64]);
         self.advance(now);
-        while !bytes.is_empty() {
-            let taken = self.device.handle_input(now, bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            while let Some(len) = self.device.poll_transmit(now, &mut buffer) {
-                heard.replies.extend_from_slice(buffer.get(..len).unwrap_or_default());
-            }
+        self.device.handle_input(now, bytes);
+        loop {
+            let mut idle = true;
             while let Some(event) = self.device.poll_event() {
-                self.obey(now, event, &mut heard);
+                idle = false;
+                match event {
+                    DeviceEvent::Asked { order } => self.decide(now, order, &mut answer),
+                    DeviceEvent::Closed { reason } => {
+                        answer.closed = true;
+                        answer
+                            .events
+                            .push(json!({"event": "closed", "reason": format!("{reason:?}").to_lowercase()}));
+                    }
+                    DeviceEvent::Rejected { reason } => {
+                        answer.events.push(json!({"event": "rejected", "reason": reason.to_string()}));
+                    }
+                    _ => {}
+                }
             }
             self.advance(now);
+            while let Some(length) = self.device.poll_transmit(now, &mut buffer) {
+                idle = false;
+                answer.replies.extend_from_slice(buffer.get(..length).unwrap_or_default());
+            }
+            if idle {
+                return answer;
+            }
         }
-        heard
     }
 
     /// Moves on to this time.
     pub fn advance(&mut self, now: Duration) {
         self.axes.advance(now);
-        if self.doomed && self.axes.stop_half_way() {
-            self.doomed = false;
-            self.device.fail(ErrorCode::Servo1);
+        if self.fate != Fate::Arrives && self.axes.stop_half_way() {
+            if self.fate == Fate::Fails {
+                self.device.fail(ErrorCode::Servo1);
+            }
+            self.fate = Fate::Arrives;
         }
         self.device.set_pose(self.axes.pose());
         if self.axes.stand() {
@@ -76,14 +128,9 @@ impl<P: Simulated> Station<P> {
         }
     }
 
-    /// Lets the motion that is going on fail half-way, with an error of servo motor 1.
-    pub fn fail_motion(&mut self) {
-        self.doomed = true;
-    }
-
-    /// Lets every `n`-th motion fail so; 0: none.
-    pub fn fail_every(&mut self, n: u64) {
-        self.fail_every = n;
+    /// Decides how the motion that is under way ends.
+    pub fn end_motion(&mut self, fate: Fate) {
+        self.fate = fate;
     }
 
     /// Where it is.
@@ -101,39 +148,50 @@ impl<P: Simulated> Station<P> {
         self.motions
     }
 
-    fn obey(&mut self, now: Duration, event: Event<P>, heard: &mut Heard) {
-        match event {
-            Event::Move { target } => {
-                self.motions += 1;
-                self.doomed = self.fail_every > 0 && self.motions.is_multiple_of(self.fail_every);
-                self.axes.go(now, target);
-                heard.events.push(json!({"event": "move", "to": target}));
+    fn decide(&mut self, now: Duration, order: Order<P>, answer: &mut Answer) {
+        let every = |count: u64, n: u64| n > 0 && count.is_multiple_of(n);
+        if let Order::Move { .. } = order {
+            self.asked += 1;
+            if every(self.asked, self.faults.refuse_every) {
+                let error = ErrorCode::from(self.faults.refuse_code);
+                // It was checked that the number has a form.
+                let _ = self.device.refuse(order, error);
+                answer.events.push(json!({"event": "refused", "error": error}));
+                return;
             }
-            Event::Stop => {
-                self.doomed = false;
+        }
+        if self.device.accept(order).is_err() {
+            return;
+        }
+        match order {
+            Order::Move { target } => {
+                self.motions += 1;
+                self.fate = match self.motions {
+                    n if every(n, self.faults.fail_every) => Fate::Fails,
+                    n if every(n, self.faults.stall_every) => Fate::Stalls,
+                    _ => Fate::Arrives,
+                };
+                self.axes.go(now, target);
+                answer.events.push(json!({"event": "move", "to": target}));
+            }
+            Order::Stop => {
+                self.fate = Fate::Arrives;
                 self.axes.stop(now);
             }
-            Event::Home => {
-                self.doomed = false;
+            Order::Home => {
+                self.fate = Fate::Arrives;
                 self.axes.go(now, self.home);
-                heard.events.push(json!({"event": "home"}));
+                answer.events.push(json!({"event": "home"}));
             }
-            Event::Servo { on } => {
+            Order::Servo { on } => {
                 if !on {
                     self.axes.stop(now);
                 }
-                heard.events.push(json!({"event": "servo", "on": on}));
+                answer.events.push(json!({"event": "servo", "on": on}));
             }
-            Event::Override { percent } => {
+            Order::Override { percent } => {
                 self.axes.set_override(now, percent);
-                heard.events.push(json!({"event": "override", "percent": percent}));
-            }
-            Event::Closed => {
-                heard.closed = true;
-                heard.events.push(json!({"event": "closed"}));
-            }
-            Event::Rejected { reason } => {
-                heard.events.push(json!({"event": "rejected", "reason": reason.to_string()}));
+                answer.events.push(json!({"event": "override", "percent": percent}));
             }
             _ => {}
         }
@@ -148,21 +206,27 @@ mod tests {
 
     const S: Duration = Duration::from_secs(1);
 
-    fn says(station: &mut Station<RobotPose>, now: Duration, line: &str) -> String {
-        String::from_utf8(station.hear(now, line.as_bytes()).replies).unwrap()
+    fn robot(faults: MotionFaults) -> Station<RobotPose> {
+        let mut robot = Station::new(RobotPose::ORIGIN, DeviceConfig::DEFAULT, faults).unwrap();
+        robot.connect(Duration::ZERO);
+        robot
+    }
+
+    fn reply(station: &mut Station<RobotPose>, now: Duration, line: &str) -> String {
+        String::from_utf8(station.receive(now, line.as_bytes()).replies).unwrap()
     }
 
     #[test]
     fn a_motion_shows_from_its_start_to_its_end() {
-        let mut robot = Station::new(RobotPose::ORIGIN, Dialect::STRICT);
-        assert_eq!(says(&mut robot, S, "SRVON\r\nMOVA+250.000+000.000+000.000+00.0000\r\n"), "OK\r\nOK\r\n");
-        assert_eq!(says(&mut robot, S, "STA\r\n"), "OKT+000.000+000.000+000.000+00.0000T+00100+00000\r\n");
+        let mut robot = robot(MotionFaults::default());
+        assert_eq!(reply(&mut robot, S, "SRVON\r\nMOVA+250.000+000.000+000.000+00.0000\r\n"), "OK\r\nOK\r\n");
+        assert_eq!(reply(&mut robot, S, "STA\r\n"), "OKT+000.000+000.000+000.000+00.0000T+00100+00000\r\n");
         assert_eq!(
-            says(&mut robot, S + S * 3 / 4, "STA\r\n"),
+            reply(&mut robot, S + S * 3 / 4, "STA\r\n"),
             "OKT+125.000+000.000+000.000+00.0000T+00100+00000\r\n"
         );
         assert_eq!(
-            says(&mut robot, S + S * 3 / 2, "STA\r\n"),
+            reply(&mut robot, S + S * 3 / 2, "STA\r\n"),
             "OKF+250.000+000.000+000.000+00.0000T+00100+00000\r\n"
         );
         assert_eq!(robot.motions(), 1);
@@ -170,18 +234,32 @@ mod tests {
 
     #[test]
     fn every_second_motion_stops_half_way_until_a_reset_brings_it_home() {
-        let mut robot = Station::new(RobotPose::ORIGIN, Dialect::STRICT);
-        robot.fail_every(2);
-        says(&mut robot, S, "SRVON\r\nMOVA+000.000+000.000+000.000+00.0000\r\n");
-        says(&mut robot, S, "MOVA+250.000+000.000+000.000+00.0000\r\n");
+        let mut robot = robot(MotionFaults { fail_every: 2, ..MotionFaults::default() });
+        reply(&mut robot, S, "SRVON\r\nMOVA+000.000+000.000+000.000+00.0000\r\n");
+        reply(&mut robot, S, "MOVA+250.000+000.000+000.000+00.0000\r\n");
         assert_eq!(
-            says(&mut robot, S * 2, "STA\r\n"),
+            reply(&mut robot, S * 2, "STA\r\n"),
             "OKF+125.000+000.000+000.000+00.0000F+00100+00002\r\n"
         );
-        assert_eq!(says(&mut robot, S * 2, "RST\r\n"), "OK\r\n");
+        assert_eq!(reply(&mut robot, S * 2, "RST\r\n"), "OK\r\n");
         assert_eq!(
-            says(&mut robot, S * 9, "STA\r\n"),
+            reply(&mut robot, S * 9, "STA\r\n"),
             "OKF+000.000+000.000+000.000+00.0000T+00100+00000\r\n"
         );
+    }
+    #[test]
+    fn a_motion_stalls_or_is_refused_with_any_number() {
+        let faults =
+            MotionFaults { stall_every: 1, refuse_every: 2, refuse_code: -7, ..MotionFaults::default() };
+        let mut robot = robot(faults);
+        let go = "MOVA+250.000+000.000+000.000+00.0000\r\n";
+        assert_eq!(reply(&mut robot, S, &format!("SRVON\r\n{go}")), "OK\r\nOK\r\n");
+        let half = "OKF+125.000+000.000+000.000+00.0000T+00100+00000\r\n";
+        assert_eq!(reply(&mut robot, S * 9, "STA\r\n"), half, "at rest, and no error");
+        assert_eq!(reply(&mut robot, S * 9, go), "ER-00007\r\n");
+        assert_eq!(robot.motions(), 1);
+        let zero = MotionFaults { refuse_every: 1, ..MotionFaults::default() };
+        let error = Station::new(RobotPose::ORIGIN, DeviceConfig::DEFAULT, zero).unwrap_err();
+        assert_eq!(error.to_string(), "refuse_code=0 is no error number: any but 0 that fits its field");
     }
 }

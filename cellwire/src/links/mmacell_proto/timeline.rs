@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use anyhow::{Result, anyhow};
-use mmacell_proto::task::Step;
+use mmacell_task::Step;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -211,9 +211,9 @@ fn robot(step: Step) -> Option<(RGBColor, &'static str)> {
         Step::GoHome | Step::AwaitHome | Step::Resetting => (ROBOT, "home"),
         Step::GoCamera1 | Step::AwaitCamera1 => (ROBOT, "camera 1"),
         Step::GoCamera2 | Step::AwaitCamera2 => (ROBOT, "camera 2"),
-        Step::GoPick | Step::VacuumOn | Step::AwaitPick => (TO_PART, "to part"),
+        Step::GoPick | Step::VacuumOn | Step::AwaitPick | Step::GripDwell => (TO_PART, "to part"),
         Step::StopAtPart => (BAD, ""),
-        Step::GoPlace | Step::AwaitPlace => (CARRY, "to place"),
+        Step::GoPlace | Step::AwaitPlace | Step::PlaceDwell => (CARRY, "to place"),
         Step::GiveUp | Step::Faulted => (BAD, "stop"),
         _ => return None,
     })

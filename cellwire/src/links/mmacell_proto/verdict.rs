@@ -1,6 +1,6 @@
 //! What a run has to show: every part in its place, no step skipped, the vacuum never left on.
 
-use mmacell_proto::task::Step;
+use mmacell_task::Step;
 
 /// The attempts of a run, by the numbers of their steps, and how each ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +35,7 @@ pub(super) fn attempts(steps: impl Iterator<Item = Step>) -> Vec<(Vec<u8>, End)>
     attempts
 }
 
-/// Whether an attempt went through the steps of §6 in their order, written down once more: 7 to 16, 17 if the switch closed on
+/// Whether an attempt went through the steps of §6 in their order, written down once more: 7 to 16, 17 if the switch went high on
 /// the way, 18, and then 19 and 21, or 20 with or without 19. A fault may break it off anywhere.
 pub(super) fn is_in_order(numbers: &[u8], end: End) -> bool {
     let Some((first, rest)) = numbers.split_at_checked(10) else {

@@ -2,53 +2,58 @@
 
 use std::time::Duration;
 
-use mmacell_proto::task::Step;
+use mmacell_task::Step;
 use testkit::link::{self, Delivery, Faults, Link};
 
 use super::cell::{Cell, Which};
 use super::central::{Central, Now};
+use super::station::MotionFaults;
 use super::verdict::{End, attempts, is_in_order, leaves_open};
 
 /// The switch is looked at this often while the vacuum is on.
 const LOOK: Duration = Duration::from_millis(5);
 
 fn run(parts: u64, seed: u64, faults: Faults, errors: bool) -> (Central, Cell) {
-    let (mut central, mut cell) = (Central::new(Some(parts)), Cell::new(seed, errors));
+    let mut central = Central::new(Some(parts), 1).unwrap();
+    let mut cell = Cell::new(seed, errors, MotionFaults::default()).unwrap();
     let mut links = [0, 1, 2].map(|n| Link::new(seed + n, faults));
     let mut time = Duration::ZERO;
     let now = |time| Now { wall: time, cell: time };
-    Which::ALL.iter().for_each(|which| central.connected(now(time), *which));
+    for which in Which::ALL {
+        cell.connect(which, time);
+        central.connected(now(time), which);
+    }
     let mut last_step = (Step::AwaitDevices, time);
     while central.step() != Step::Finished {
         for (which, link) in Which::ALL.into_iter().zip(&mut links) {
             while let Some(delivery) = link.receive(link::End::B, time) {
                 if let Delivery::Bytes(bytes) = delivery {
-                    let (reply, closes) = cell.hear(which, time, &bytes);
+                    let (reply, closes) = cell.receive(which, time, &bytes);
                     if !reply.is_empty() {
                         link.send(link::End::B, time, &reply);
                     }
                     if closes {
-                        cell.connect(which);
+                        cell.connect(which, time);
                     }
                 }
             }
             while let Some(delivery) = link.receive(link::End::A, time) {
                 match delivery {
-                    Delivery::Bytes(bytes) => central.hear(now(time), which, &bytes),
-                    Delivery::Closed => central.disconnected(which),
+                    Delivery::Bytes(bytes) => central.receive(now(time), which, &bytes),
+                    Delivery::Closed => central.disconnected(now(time), which),
                 }
             }
         }
         cell.advance(time);
         central.run(now(time), &cell);
         for (which, link) in Which::ALL.into_iter().zip(&mut links) {
-            let bytes = central.say(now(time), which);
+            let bytes = central.transmit(now(time), which);
             if !bytes.is_empty() {
                 link.send(link::End::A, time, &bytes);
             }
             if central.is_broken(which) {
                 link.reconnect();
-                cell.connect(which);
+                cell.connect(which, time);
                 central.connected(now(time), which);
             }
         }

@@ -4,8 +4,9 @@
 
 use core::time::Duration;
 
-use mmacell_proto::controller::{Config, Controller, Event};
-use mmacell_proto::{Command, Device, Dialect, RobotPose};
+use mmacell_proto::{
+    Central, CentralConfig, CentralEvent, Command, Device, DeviceConfig, RobotPose, Session,
+};
 use no_std as _;
 
 #[unsafe(no_mangle)]
@@ -14,16 +15,20 @@ extern "C" fn main() -> i32 {
 }
 
 fn run() -> Option<[i32; 4]> {
-    let mut robot = Device::new(RobotPose::from_units([10_000, -2_000, 5_999, -12_322]), Dialect::STRICT);
-    let mut controller = Controller::<RobotPose>::new(Config::DEFAULT);
+    let mut robot = Device::new(DeviceConfig::DEFAULT).ok()?;
+    robot.set_pose(RobotPose::from_units([10_000, -2_000, 5_999, -12_322]));
+    let mut central = Central::<RobotPose>::new(CentralConfig::DEFAULT).ok()?;
     let (now, mut buf) = (Duration::ZERO, [0; 64]);
-    controller.send(Command::Status).ok()?;
-    let n = controller.poll_transmit(now, &mut buf)?;
-    (robot.handle_input(now, buf.get(..n)?) == n).then_some(())?;
+    robot.handle_connected(now);
+    central.handle_connected(now);
+    central.poll_event()?;
+    central.request(Command::Status).ok()?;
+    let n = central.poll_transmit(now, &mut buf)?;
+    robot.handle_input(now, buf.get(..n)?);
     let n = robot.poll_transmit(now, &mut buf)?;
-    controller.handle_input(now, buf.get(..n)?);
-    match controller.poll_event()? {
-        Event::Status { status, .. } => Some(status.pose.units()),
+    central.handle_input(now, buf.get(..n)?);
+    match central.poll_event()? {
+        CentralEvent::Status { status, .. } => Some(status.pose.units()),
         _ => None,
     }
 }

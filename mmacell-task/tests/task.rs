@@ -45,9 +45,11 @@ fn a_part_that_is_caught_goes_through_the_21_steps() {
         &[Output::Entered(Step::StopAtPart), STOP, ASK_ROBOT],
         &[Output::Entered(Step::CheckGrip), Output::Entered(Step::GoPlace), to(40)],
         &[Output::Entered(Step::AwaitPlace), ASK_ROBOT],
+        &[Output::Entered(Step::PlaceDwell)],
         &[Output::Entered(Step::Release), grip(VACUUM, false), grip(BLOW, true)],
         &[Output::Entered(Step::Blow)],
         &[Output::Entered(Step::BlowOff), grip(BLOW, false)],
+        &[Output::Entered(Step::CheckReleased)],
         &[Output::Entered(Step::Placed)],
     ]
     .concat();
@@ -63,6 +65,7 @@ fn a_part_that_is_missed_is_tried_again_from_step_7() {
     let outputs = run_to(&mut task, Step::AwaitCamera1);
     let expected = [
         ASK_ROBOT,
+        Output::Entered(Step::GripDwell),
         Output::Entered(Step::CheckGrip),
         Output::Entered(Step::GiveUp),
         STOP,
@@ -121,7 +124,7 @@ fn a_part_that_falls_while_the_robot_starts_is_lost_when_it_has_started() {
 fn a_moving_device_is_asked_at_intervals_and_a_standing_one_no_more() {
     let mut task = task_at(Step::AwaitCamera2);
     assert_eq!(poll(&mut task, ZERO), [ASK_ROBOT, ASK_PLATFORM]);
-    assert_eq!(task.poll_timeout(), None, "both answers are awaited");
+    assert_eq!(task.poll_timeout(), Some(CONFIG.motion_timeout), "both answers are awaited");
     task.handle_event(MS, status(Device::Robot, true));
     assert_eq!(task.poll_timeout(), Some(21 * MS));
     task.handle_event(2 * MS, status(Device::Platform, false));

@@ -9,8 +9,8 @@ use core::time::Duration;
 /// [`poll_timeout`](Self::poll_timeout) is reached. No other order loses anything; calling too often or too late changes only
 /// what the protocol's own deadlines change.
 ///
-/// - **Time.** `now` is a [`Duration`] since an epoch that the caller chooses. It may jump or stand still; all arithmetic
-///   saturates, and `Duration::MAX` is legal everywhere.
+/// - **Time.** `now` is a [`Duration`] since an epoch that the caller chooses. It may jump or stand still. All arithmetic
+///   saturates, and `Duration::MAX` is legal everywhere: as a setting or a deadline it is never.
 /// - **Life.** A session begins without a connection. [`handle_connected`](Self::handle_connected) and
 ///   [`handle_disconnected`](Self::handle_disconnected) may come any number of times, on serial lines too: opening a port is a
 ///   connection. Nothing of a connection leaks into the next, except what its machine keeps on purpose.

@@ -94,18 +94,28 @@ fn run<E: End>(seed: u64, endless: bool, caller: Caller) -> Trace {
                     input(&mut session, now, &noise, caller);
                 }
             }
-            12 => now = session.poll_timeout().unwrap_or(now).max(now),
+            12 => now = session.poll_timeout().unwrap_or(now).clamp(now, LATEST),
             13 => {
-                now = now.saturating_add(rng.log_uniform(Duration::from_micros(10), Duration::from_secs(100)))
+                let step = rng.log_uniform(Duration::from_micros(10), Duration::from_secs(100));
+                now = now.saturating_add(step).min(LATEST);
             }
-            14 if rng.chance(0.1) => now = Duration::MAX,
+            14 if rng.chance(0.1) => now = LATEST,
             15 => session.handle_transmitted(now),
             _ => {}
         }
         drain::<E>(&mut session, now, caller, &mut trace);
     }
+    // Every deadline is due then, again and again: what is reported need not end, but nothing panics.
+    for _ in 0..10 {
+        session.handle_timeout(Duration::MAX);
+        let _ = session.poll_event();
+        let _ = session.poll_transmit(Duration::MAX, &mut vec![0; E::Session::MAX_TRANSMIT]);
+    }
     trace
 }
+
+/// The latest time at which a deadline may still lie ahead: [`Duration::MAX`] is never.
+const LATEST: Duration = Duration::MAX.saturating_sub(Duration::from_nanos(1));
 
 fn input(session: &mut impl Session, now: Duration, bytes: &[u8], caller: Caller) {
     if caller == Caller::Pieces {
@@ -149,7 +159,7 @@ fn drain<E: End>(session: &mut E::Session, now: Duration, caller: Caller, trace:
     }
     if let Some(at) = session.poll_timeout() {
         assert!(
-            at > now || now == Duration::MAX,
+            at > now,
             "{}: at {now:?} the timeout is {at:?}, and nothing is left to do; last {:?}",
             E::NAME,
             trace.last()

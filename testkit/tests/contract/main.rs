@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 mod isra_ball;
+mod kawasaki_msg;
 mod laser_eb90;
 
 use std::collections::BTreeMap;
@@ -40,6 +41,10 @@ fn every_session() {
     }
     hold::<isra_ball::Host>();
     hold::<isra_ball::Ball>();
+    hold::<kawasaki_msg::Pc<false>>();
+    hold::<kawasaki_msg::Pc<true>>();
+    hold::<kawasaki_msg::Robot<false>>();
+    hold::<kawasaki_msg::Robot<true>>();
     hold::<laser_eb90::Host>();
     hold::<laser_eb90::Controller>();
 }
@@ -47,5 +52,6 @@ fn every_session() {
 #[test]
 fn every_decoder() {
     isra_ball::decoder();
+    kawasaki_msg::decoder();
     laser_eb90::decoder();
 }

@@ -104,7 +104,7 @@ pub enum ConfigError {
     /// Values could become too old although nothing goes wrong.
     #[error("the greatest age {found:?} is not above the {minimum:?} that values reach between two replies")]
     MaxAge {
-        /// The period or the reply window, whichever is longer, and one reply window more.
+        /// Twice the period or the reply window, whichever is longer, and one reply window more.
         minimum: Duration,
         /// The age of the configuration.
         found: Duration,

@@ -120,7 +120,7 @@ pub enum Status {
 }
 
 impl Status {
-    /// Whether the values are new. A status that nobody knows does not say so.
+    /// Whether the values are new. A status that nobody knows is not.
     pub fn is_fresh(self) -> bool {
         self == Self::Fresh
     }

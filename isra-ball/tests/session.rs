@@ -336,12 +336,12 @@ fn a_period_or_an_age_that_cannot_be_kept_is_refused() {
     );
     assert_eq!(with(9600, MS * 14, MS * 150), Ok(()));
     assert_eq!(with(19_200, MS * 7, MS * 150), Ok(()));
-    // 28 ms from poll to poll, 27.541 ms until the reply.
-    let error = with(9600, MS * 28, Duration::from_nanos(55_541_666));
+    // Twice 28 ms from poll to poll, 27.541 ms until the reply.
+    let error = with(9600, MS * 28, Duration::from_nanos(83_541_666));
     let text =
-        "the greatest age 55.541666ms is not above the 55.541666ms that values reach between two replies";
+        "the greatest age 83.541666ms is not above the 83.541666ms that values reach between two replies";
     assert_eq!(error, Err(text.into()));
-    assert_eq!(with(9600, MS * 28, Duration::from_nanos(55_541_667)), Ok(()));
+    assert_eq!(with(9600, MS * 28, Duration::from_nanos(83_541_667)), Ok(()));
     assert!(with(0, MS * 28, MS * 150).is_err());
     assert!(with(9600, Duration::MAX, MS * 150).is_err());
     assert_eq!(with(9600, Duration::MAX, Duration::MAX), Ok(()));

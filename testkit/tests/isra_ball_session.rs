@@ -75,8 +75,8 @@ fn a_ball_that_cannot_measure_is_stale_until_it_can() {
             ball.measure([7, 0, 0], [0; 3], Keys::NONE);
         }
     });
-    let at = |wanted: HostEvent| {
-        events.iter().filter(|(_, e)| *e == wanted).map(|(at, _)| *at).collect::<Vec<_>>()
+    let at = |expected: HostEvent| {
+        events.iter().filter(|(_, e)| *e == expected).map(|(at, _)| *at).collect::<Vec<_>>()
     };
     let new = at(HostEvent::Packet(packet(Status::Fresh, 7)));
     let stale = at(HostEvent::Stale);

@@ -8,7 +8,7 @@
 /// | – | – | ● | the strongest of the six |
 /// | ● | – | ● | the strongest force |
 /// | – | ● | ● | the strongest moment |
-/// | ● | ● | – / ● | as without both: the source does not say |
+/// | ● | ● | – / ● | as without both: the source does not give it |
 ///
 /// Of equally strong axes the first of X, Y, Z, MX, MY, MZ passes. Forces and moments are compared by their raw numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -21,8 +21,6 @@ pub struct BallConfig {
 pub enum Rule {
     /// Values that were sent are old.
     MarkOld,
-    /// Polls that came before the reply is sent have one reply.
-    OneReply,
     /// A poll of one connection is not answered on the next.
     ForgetPoll,
 }

@@ -1,4 +1,7 @@
 //! The ball's machine: whether a poll is to be answered, and whether its values are new. No bytes, no clock, no deadlines.
+//!
+//! As the model has explored it:
+#![doc = include_str!("../../diagrams/ball.md")]
 
 use core::time::Duration;
 

@@ -19,8 +19,8 @@ pub struct HostConfig {
     /// packet is later, it may be taken for the reply to the next poll: its values are then older than they seem by so much.
     /// [`HostEvent::Unasked`](crate::HostEvent::Unasked) is the sign of it.
     pub max_delay: Duration,
-    /// How old values may become before they are [`HostEvent::Stale`](crate::HostEvent::Stale). Above the longest exchange and the
-    /// time between two polls. Default: 150 ms, which outlasts two lost packets in succession; the source gives none. [`Duration::MAX`] is for ever.
+    /// How old values may become before they are [`HostEvent::Stale`](crate::HostEvent::Stale). Above two
+    /// periods and a reply window. Default: 150 ms, which outlasts two lost packets in succession; the source gives none. [`Duration::MAX`] is for ever.
     pub max_age: Duration,
     /// A rule that the machine leaves out: for the model, which shows what each rule is for.
     #[cfg(feature = "model")]
@@ -38,8 +38,6 @@ pub enum Rule {
     AwaitReply,
     /// A packet that is sooner than the line can carry it is no reply.
     NotBefore,
-    /// A packet that is read later than a reply can come is no reply.
-    NotAfter,
     /// New values are newer than the reply before: without a recent one nothing is known of their age.
     ProveAge,
     /// The age of values counts from the poll that the reply before them answered.
@@ -69,9 +67,9 @@ impl HostConfig {
         if self.period < minimum {
             return Err(ConfigError::Period { minimum, found: self.period });
         }
-        // A reply comes at the end of its window, the poll before was one period or one window earlier.
+        // Values count from the poll before theirs, and hold until the next reply, at the end of its window.
         let window = self.reply_window();
-        let minimum = window.saturating_add(window.max(self.period));
+        let minimum = window.max(self.period).saturating_mul(2).saturating_add(window);
         if self.max_age <= minimum && self.max_age < Duration::MAX {
             return Err(ConfigError::MaxAge { minimum, found: self.max_age });
         }

@@ -1,8 +1,11 @@
 //! The host's machine: when it polls, which packet is the reply, and until when values may be used. No bytes, no clock.
 //!
-//! Packets have no number, and a packet says of its values only that they are newer than those of the reply before. So a packet
+//! Packets have no number, and of a packet's values it is only known that they are newer than those of the reply before. So a packet
 //! is the reply to the last poll if it comes within the time that the line takes and the longest delay; and its values are
 //! proved not to be older than [`max_age`](HostConfig::max_age) if the poll of the reply before is not.
+//!
+//! As the model has explored it:
+#![doc = include_str!("../../diagrams/host.md")]
 
 use core::time::Duration;
 
@@ -76,7 +79,7 @@ pub enum Input {
     Poll,
     /// A packet.
     Packet {
-        /// Whether the ball says that the values are new.
+        /// Whether the ball marks the values as new.
         fresh: bool,
     },
 }
@@ -231,7 +234,7 @@ impl Polling {
     fn packet(&mut self, now: Duration, fresh: bool, config: &HostConfig) -> Action {
         let Poll::Waiting { from, until, due, proof_until } = self.poll else { return Action::Unasked };
         let is_early = now < from && config.keeps(Rule::NotBefore);
-        let is_late = is_due(until, now) && config.keeps(Rule::NotAfter);
+        let is_late = is_due(until, now);
         if is_early || is_late {
             return Action::Unasked;
         }

@@ -1,8 +1,9 @@
 //! Every link's adapter to what the tests share: its pair of machines as a system that the model explores.
 
+pub mod isra_ball;
 pub mod work_queue;
 
 use crate::model::Pair;
 
 /// Every pair of ends, each in a line.
-pub const PAIRS: &[Pair] = &[work_queue::PAIR];
+pub const PAIRS: &[Pair] = &[isra_ball::PAIR, work_queue::PAIR];

@@ -2,7 +2,7 @@
 //!
 //! Values are followed from the sensor to their use: none is used that is older than the host's greatest age. The line of one half
 //! of the sessions keeps the host's assumption about delays, that of the other half does not; then values may be older by the
-//! longest delay. The ball of some sessions is hostile: it sends anything at any time, and only the polls' outcomes are checked.
+//! longest delay that there was. The ball of some sessions is hostile: it sends anything at any time, and only the polls' outcomes are checked.
 
 use core::time::Duration;
 
@@ -29,6 +29,7 @@ struct Made {
     packet: Packet,
     /// When its values were measured; `None` if they never were.
     measured: Option<Duration>,
+    at: Duration,
     received: bool,
 }
 
@@ -47,10 +48,8 @@ fn session(seed: u64, log: Log) -> Tally {
         max_delay: if is_kept { 8 * MS } else { 30 * MS },
         ..Faults::SERIAL
     };
-    // A poll that noise has made is answered too, and its packet may be taken for a reply.
-    let excess =
-        if is_kept { config.max_delay } else { faults.max_stall + faults.max_delay + config.max_delay };
-    let most = config.max_age + excess;
+    // The greatest age. A poll that noise has made is answered too, and its packet may be taken for a reply.
+    let mut most = config.max_age + config.max_delay;
     let is_hostile = rng.chance(0.15);
     let mut wire = Wire::new(seed, faults.at_baud(9600), ["host", "ball"], false, log);
     wire.poll_late(0.01);
@@ -90,6 +89,10 @@ fn session(seed: u64, log: Log) -> Tally {
                     match made.iter_mut().find(|made| made.packet == packet && !made.received) {
                         Some(made) => {
                             made.received = true;
+                            if !is_kept {
+                                most =
+                                    most.max(config.max_age + config.max_delay + now.saturating_sub(made.at));
+                            }
                             if is_new {
                                 work += 1;
                                 using = made.measured;
@@ -156,7 +159,7 @@ fn session(seed: u64, log: Log) -> Tally {
         for event in events {
             log.say(now, format_args!("  ball: {event:?}"));
             if let BallEvent::Reply(packet) = event {
-                made.push(Made { packet, measured: hand.measured, received: false });
+                made.push(Made { packet, measured: hand.measured, at: now, received: false });
             }
         }
         if is_hostile && healed.is_none() && rng.chance(0.2) {
@@ -165,7 +168,7 @@ fn session(seed: u64, log: Log) -> Tally {
             // The whole packet, a piece of it, or noise before it.
             let from = if rng.chance(0.7) { 0 } else { rng.below(n) };
             if from == 0 {
-                made.push(Made { packet, measured: Some(now), received: false });
+                made.push(Made { packet, measured: Some(now), at: now, received: false });
             }
             wire.send(End::B, now, &buffer[from..n]);
         }

@@ -15,7 +15,7 @@ use crate::priority::{self, Rank};
 use crate::settings::Settings;
 use crate::simulate::{SimulateOptions, log};
 
-/// The ball's processor makes new values this often, which the source does not say. A poll before that gets old ones.
+/// The ball's processor makes new values this often, which the source does not give. A poll before that gets old ones.
 const MEASURING: Duration = Duration::from_millis(10);
 
 /// `cellwire simulate ball`.

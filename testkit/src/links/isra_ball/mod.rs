@@ -1,0 +1,86 @@
+//! isra-ball: its host and its ball, with every fault of a serial line.
+
+mod machines;
+mod pair;
+mod refine;
+
+pub use pair::{Act, Exchange, Fate, State, TICK};
+pub use refine::{Refined, refine};
+
+use isra_ball::{ball, host};
+
+use crate::model::{Depth, Diagram, MustFail, Pair, Setting, draw};
+use pair::{AGE, ASKED, ONE_OUTCOME, PAIRED, STALE};
+
+/// The link's ends.
+pub const PAIR: Pair = Pair { name: "isra-ball host × ball", settings, must_fail, diagrams };
+
+fn settings(depth: Depth) -> Vec<Setting> {
+    let faults = match depth {
+        Depth::Quick => 2,
+        Depth::Deep => 3,
+    };
+    let steady = Exchange { faults, ..Exchange::steady() };
+    let slow = Exchange { faults, ..Exchange::slow() };
+    let noisy = Exchange { noise: true, ..steady };
+    let mut settings = vec![
+        Setting::new("no faults, a ball that measures always", Exchange { faults: 0, ..steady }),
+        Setting::new(format!("{faults} faults, a ball that measures always"), steady),
+        Setting::new(format!("{faults} faults, a ball that may not measure"), slow),
+        Setting::new(format!("{faults} faults, noise that is a poll"), noisy),
+    ];
+    if depth == Depth::Deep {
+        let all = Exchange { noise: true, ..slow };
+        settings.push(Setting::new(format!("{faults} faults, noise, a ball that may not measure"), all));
+    }
+    settings
+}
+
+fn must_fail() -> Vec<MustFail> {
+    use host::Rule;
+    let slow = Exchange { faults: 2, ..Exchange::slow() };
+    let host = |rule, exchange: Exchange| Exchange { config: exchange.config.without(rule), ..exchange };
+    let noisy = Exchange { noise: true, ..slow };
+    let patient = Exchange { config: slow.config.patient(), delay: 3, faults: 0, ..slow };
+    let late = Exchange { delay: slow.delay + 4, faults: 0, ..slow };
+    let ball = |rule| Exchange { ball: isra_ball::BallConfig { without: Some(rule), ..slow.ball }, ..slow };
+    let two = "2 faults, a ball that may not measure";
+    vec![
+        MustFail::new("host: drain first", PAIRED, two, host(Rule::DrainFirst, slow)),
+        MustFail::new(
+            "host: await the reply",
+            PAIRED,
+            "no faults, packets up to 3 ticks late",
+            host(Rule::AwaitReply, patient),
+        ),
+        MustFail::new(
+            "host: no reply before the line can carry it",
+            AGE,
+            "the same, and noise",
+            host(Rule::NotBefore, noisy),
+        ),
+        MustFail::new("host: the age of values is proved", AGE, two, host(Rule::ProveAge, slow)),
+        MustFail::new("host: the age counts from the poll", AGE, two, host(Rule::AgeFromPoll, slow)),
+        MustFail::new("host: old values are not new", AGE, two, host(Rule::OldIsNotNew, slow)),
+        MustFail::new("host: the end of a poll is reported", ONE_OUTCOME, two, host(Rule::ReportEnd, slow)),
+        MustFail::new("host: the end of values is reported", STALE, two, host(Rule::ReportEnd, slow)),
+        MustFail::new(
+            "host: a reply proves nothing on the next connection",
+            AGE,
+            two,
+            host(Rule::ForgetReply, slow),
+        ),
+        MustFail::new("ball: values that were sent are old", AGE, two, ball(ball::Rule::MarkOld)),
+        MustFail::new("ball: a poll ends with its connection", ASKED, two, ball(ball::Rule::ForgetPoll)),
+        MustFail::new(
+            "assumption: no delay above max_delay",
+            PAIRED,
+            "no faults, packets up to 5 ticks late",
+            late,
+        ),
+    ]
+}
+
+fn diagrams() -> Vec<Diagram> {
+    draw("isra-ball", &["host", "ball"], &settings(Depth::Quick))
+}

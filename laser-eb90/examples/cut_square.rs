@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
         HostEvent::Done { first, count, .. } => {
             let next = first + u64::from(count);
             println!("{next} of {} corners are queued", CORNERS.len());
-            match submit(host, next as usize) {
+            match submit(host, usize::try_from(next).unwrap_or(CORNERS.len())) {
                 Ok(0) if host.is_idle() => ControlFlow::Break(Ok(())),
                 Ok(_) => ControlFlow::Continue(()),
                 Err(error) => ControlFlow::Break(Err(error.to_string())),

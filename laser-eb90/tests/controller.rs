@@ -146,7 +146,7 @@ fn an_execution_outlasts_its_connection_and_its_answer_does_not() {
     controller.handle_disconnected(MS * 2);
     assert!(matches!(controller.poll_event(), Some(ControllerEvent::Execute { word: STOP, .. })));
     controller.handle_input(MS * 3, &echo(STOP));
-    let unexpected = Unexpected { state: "Disconnected, executing", input: "Bytes" };
+    let unexpected = Unexpected { state: "DisconnectedExecuting", input: "Bytes" };
     assert_eq!(controller.poll_event(), Some(ControllerEvent::Unexpected(unexpected)));
     controller.handle_connected(MS * 10);
     controller.handle_input(MS * 20, &frame(&[1], |_| ()));

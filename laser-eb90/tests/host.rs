@@ -235,7 +235,7 @@ fn a_lost_connection_makes_the_outcome_unknown_and_what_was_not_sent_waits() {
     host.handle_disconnected(READY + MS);
     assert_eq!(events(&mut host), [unknown(UnknownReason::Disconnected)]);
     host.handle_input(READY + MS * 2, &echo(CUT));
-    let unexpected = Unexpected { state: "Disconnected, held", input: "Answer" };
+    let unexpected = Unexpected { state: "DisconnectedHeld", input: "Answer" };
     assert_eq!(events(&mut host), [HostEvent::Unexpected(unexpected)]);
     assert_eq!((host.is_held(), host.poll_timeout()), (true, None));
     host.handle_connected(READY + MS * 10);

@@ -54,7 +54,7 @@ fn host() -> String {
     ];
     let states = [
         ("Disconnected", disconnected),
-        ("Disconnected, held", lost),
+        ("DisconnectedHeld", lost),
         ("Idle", idle),
         ("Idle, filled", filled),
         ("Awaiting", awaiting),
@@ -85,7 +85,7 @@ fn controller() -> String {
     let fault = |bytes| Work::Listening { fault: Some(Fault { refusal: Refusal::BadFrame, bytes }) };
     let states = [
         ("Disconnected", ControllerMachine::NEW),
-        ("Disconnected, executing", machine(executing(false), Receiving::Disconnected)),
+        ("DisconnectedExecuting", machine(executing(false), Receiving::Disconnected)),
         ("Listening, silent", machine(listening, Receiving::Silent)),
         ("Listening, bytes", machine(listening, bytes(false))),
         ("Listening, fault of 7 bytes", machine(fault(7), bytes(false))),

@@ -31,16 +31,8 @@ pub struct ControllerConfig {
 #[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ControllerRule {
-    /// A stretch of bytes is answered once: corruption after a good frame is not.
-    AnswerOnce,
     /// Bytes that are too few for a frame are not answered.
     IgnoreShort,
-    /// An answer is withdrawn when another frame comes.
-    Withdraw,
-    /// Nothing is sent while a frame is being received.
-    WaitForSilence,
-    /// Other instructions after an immediate one or a query refuse the frame.
-    RefuseMixed,
 }
 
 impl ControllerConfig {

@@ -11,6 +11,8 @@ use crate::words::Refusal;
 /// The controller's machine: sends only when asked, once for each frame (§3(1), §3(5)).
 ///
 /// Every time in it is a deadline, and is compared with now and nothing else.
+///
+#[doc = include_str!("../../diagrams/controller.md")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ControllerMachine {
     /// What is done about the last frame.
@@ -179,19 +181,10 @@ impl ControllerMachine {
                 (Is::Listening { fault: Some(Fault { bytes, ..fault }) }, line, Nothing)
             }
             // Two answers to one frame would make the host send it again, and the robot execute it twice.
-            (work @ Is::Answering { .. }, line @ Line::Bytes { .. }, On::Corrupt { refusal, bytes }) => {
-                let fault = Some(Fault { refusal, bytes: Fault::ENOUGH.min(bytes) });
-                let once = config.keeps(ControllerRule::AnswerOnce);
-                (if once { work } else { Is::Listening { fault } }, line, Nothing)
+            (work @ Is::Answering { .. }, line @ Line::Bytes { .. }, On::Corrupt { .. }) => {
+                (work, line, Nothing)
             }
             // A frame that comes before the last one is answered shows that the host has stopped waiting for that answer.
-            (
-                Is::Answering { answer: first, due },
-                line @ Line::Bytes { .. },
-                On::Queued { .. } | On::Refused(_),
-            ) if !config.keeps(ControllerRule::Withdraw) => {
-                (Is::Answering { answer: first, due }, line, Nothing)
-            }
             (Is::Listening { .. } | Is::Answering { .. }, line @ Line::Bytes { .. }, On::Queued { word }) => {
                 let (work, action) = answer(Answer::Echo(word));
                 (work, line, action)
@@ -222,9 +215,7 @@ impl ControllerMachine {
                 let (work, action) = answer(result.map_or_else(Answer::Error, |()| Answer::Echo(word)));
                 (work, line, action)
             }
-            (Is::Answering { .. }, line, On::Transmit) if self.due(now, config).is_some() => {
-                (idle, line, Nothing)
-            }
+            (Is::Answering { .. }, line, On::Transmit) if self.due(now).is_some() => (idle, line, Nothing),
             (_, Line::Disconnected, On::Bytes | On::Read { .. } | On::Silence)
             | (_, Line::Silent, On::Read { partial: true } | On::Silence)
             | (_, Line::Disconnected | Line::Silent, On::Corrupt { .. })
@@ -260,11 +251,10 @@ impl ControllerMachine {
     }
 
     /// The answer that is to be put on the line. It waits while the rest of a frame may come.
-    pub fn due(&self, now: Duration, config: &ControllerConfig) -> Option<Answer> {
+    pub fn due(&self, now: Duration) -> Option<Answer> {
         let is_receiving = matches!(self.line, Receiving::Bytes { partial: true, .. });
         match self.work {
-            Work::Answering { .. } if is_receiving && config.keeps(ControllerRule::WaitForSilence) => None,
-            Work::Answering { answer, due } if now >= due => Some(answer),
+            Work::Answering { answer, due } if now >= due && !is_receiving => Some(answer),
             Work::Answering { .. } | Work::Listening { .. } | Work::Executing { .. } => None,
         }
     }
@@ -294,10 +284,10 @@ impl ControllerMachine {
     pub const fn name(&self) -> &'static str {
         match (self.line, self.work) {
             (Receiving::Disconnected, Work::Listening { .. } | Work::Answering { .. }) => "Disconnected",
-            (Receiving::Disconnected, Work::Executing { .. }) => "Disconnected, executing",
+            (Receiving::Disconnected, Work::Executing { .. }) => "DisconnectedExecuting",
             (Receiving::Silent | Receiving::Bytes { .. }, Work::Listening { fault: None }) => "Listening",
             (Receiving::Silent | Receiving::Bytes { .. }, Work::Listening { fault: Some(_) }) => {
-                "Listening, fault"
+                "ListeningFault"
             }
             (Receiving::Silent | Receiving::Bytes { .. }, Work::Executing { .. }) => "Executing",
             (Receiving::Silent | Receiving::Bytes { .. }, Work::Answering { .. }) => "Answering",

@@ -306,7 +306,7 @@ where
 
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
         self.handle_timeout(now);
-        let answer = self.machine.due(now, &self.config)?;
+        let answer = self.machine.due(now)?;
         let len = self.encode(answer, out)?;
         self.statistics.answers += 1;
         self.advance(now, ControllerInput::Transmit);

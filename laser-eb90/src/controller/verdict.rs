@@ -2,7 +2,7 @@
 
 use robot_work_queue::Writer;
 
-use super::config::{ControllerConfig, ControllerRule};
+use super::config::ControllerConfig;
 use crate::instruction::{Instruction, Instructions, word_of};
 use crate::items::{Item, Items};
 use crate::words::{Class, Refusal};
@@ -27,7 +27,7 @@ where
     let word = instruction.word;
     let class = config.words.class(word).ok_or(Refusal::UnknownCommand)?;
     if class != Class::Interpreted {
-        if config.keeps(ControllerRule::RefuseMixed) && holds_command(instruction.parameters, config) {
+        if holds_command(instruction.parameters, config) {
             return Err(Refusal::BadBatch);
         }
         check_values(instruction.parameters)?;

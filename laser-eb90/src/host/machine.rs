@@ -10,6 +10,8 @@ use crate::words::{Class, Refusal};
 /// The host's machine: one frame at a time, and the next only after the answer to the last (§3(5)).
 ///
 /// Every time in it is a deadline, and is compared with now and nothing else.
+///
+#[doc = include_str!("../../diagrams/host.md")]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct HostMachine {
     /// The frame that was sent last.
@@ -357,7 +359,7 @@ impl HostMachine {
     pub const fn name(&self) -> &'static str {
         match self.link {
             HostLink::Disconnected { held: false, .. } => "Disconnected",
-            HostLink::Disconnected { held: true, .. } => "Disconnected, held",
+            HostLink::Disconnected { held: true, .. } => "DisconnectedHeld",
             HostLink::Idle { .. } => "Idle",
             HostLink::Awaiting(_) => "Awaiting",
             HostLink::Resending { .. } => "Resending",

@@ -1,0 +1,188 @@
+//! laser-eb90: a host and a controller on a serial line.
+
+mod pair;
+pub mod world;
+
+use core::time::Duration;
+
+use laser_eb90::controller::ControllerRule;
+use laser_eb90::host::HostRule;
+use laser_eb90::{ControllerConfig, HostConfig};
+
+use self::world::{Content, Faults, Reader, Setup};
+use crate::model::{Depth, MustFail, Pair, Setting, draw};
+
+/// A host and a controller on a serial line.
+pub const PAIR: Pair = Pair { name: "laser-eb90 host × controller", settings, must_fail, diagrams };
+
+/// What a line does, apart from pauses and lateness.
+const LINE: Faults = Faults {
+    most: 1,
+    pause: 0,
+    cut: true,
+    lose: true,
+    corrupt: true,
+    noise: true,
+    lose_answer: true,
+    corrupt_answer: true,
+    late: 0,
+    late_polls: true,
+    queue_full: true,
+    fail: false,
+    crash: true,
+    disconnect: true,
+    restart: true,
+};
+
+/// Our controller.
+const OURS: Reader = Reader { keeps: false, swallows: false, answers_headless: true, refuses_mixed: true };
+const KEEPS: Reader = Reader { keeps: true, ..OURS };
+const READERS: [(&str, Reader); 4] = [
+    ("our controller", OURS),
+    ("one that does not answer headless bytes", Reader { answers_headless: false, ..OURS }),
+    ("one that keeps the first half", KEEPS),
+    ("one that keeps it and loses the next frame with it", Reader { swallows: true, ..KEEPS }),
+];
+
+const INTERPRETED: [Content; 2] = [Content::Interpreted; 2];
+const IMMEDIATE: [Content; 2] = [Content::Immediate; 2];
+
+/// Ticks of 50 ms, 9600 baud, a batch of seven: 230 ms on the line. A frame may pause for 300 ms, an answer be 50 ms late.
+pub fn setup(reader: Reader, jobs: &[Content], most: u8) -> Setup {
+    let tick = Duration::from_millis(50);
+    let (pause, late) = (6, 1);
+    // An answer is late on the line, and the controller is called late, as often as there are faults.
+    let lateness = late + u32::from(most);
+    let immediate = jobs.iter().any(|job| *job != Content::Interpreted);
+    let host = HostConfig {
+        // A byte takes 1 ms.
+        baud: 10_000,
+        longest_frame: 250,
+        answer_timeout: tick * 5,
+        execution_timeout: tick * 8,
+        settle: tick * (2 + lateness),
+        max_pause: tick * pause,
+        reply_time: tick * (1 + lateness),
+        earlier_execution: if immediate { tick * 8 } else { Duration::ZERO },
+        controller_drops_partial: !reader.keeps,
+        backoff: tick * 2,
+        full_timeout: tick * 6,
+        ..HostConfig::default()
+    };
+    Setup {
+        tick,
+        line: 5,
+        answer: 1,
+        execution: 3,
+        host,
+        // A coarse tick holds cycle and answer together.
+        controller: ControllerConfig { tick: Duration::ZERO, silence: tick, ..ControllerConfig::default() },
+        reader,
+        reports_transmitted: false,
+        jobs: jobs.to_vec(),
+        faults: Faults { most, pause: pause as u8, late: late as u8, fail: immediate, ..LINE },
+    }
+}
+
+/// The same, the pauses twice as long as assumed; the driver reports when a frame has left. What an earlier host has sent is
+/// not waited for so long: nothing is lost but its memory.
+fn reporting(reader: Reader, jobs: &[Content], most: u8) -> Setup {
+    let mut setup = setup(reader, jobs, most);
+    setup.reports_transmitted = true;
+    setup.faults.pause *= 2;
+    (setup.faults.crash, setup.faults.disconnect) = (false, false);
+    setup
+}
+
+fn settings(depth: Depth) -> Vec<Setting> {
+    let (most, frames) = match depth {
+        Depth::Quick => (2, 2),
+        Depth::Deep => (3, 3),
+    };
+    let mut settings = Vec::new();
+    for (name, reader) in READERS {
+        for (what, content) in [("interpreted", Content::Interpreted), ("immediate", Content::Immediate)] {
+            let jobs = vec![content; frames];
+            let bounds = format!("{frames} {what} frames, {most} faults");
+            settings.push(Setting::new(format!("{name}: {bounds}"), setup(reader, &jobs, most)));
+            let name = format!("{name}: {bounds}, pauses twice as long, but reported");
+            settings.push(Setting::new(name, reporting(reader, &jobs, most)));
+        }
+    }
+    let mut insists = setup(OURS, &vec![Content::Interpreted; frames], most);
+    insists.host.resend_on_silence = true;
+    settings.push(Setting::new(format!("our controller: resends on silence, {most} faults"), insists));
+    let mixed = [Content::Mixed, Content::Interpreted];
+    settings.push(Setting::new(
+        format!("our controller: a mixed frame, {most} faults"),
+        setup(OURS, &mixed, most),
+    ));
+    settings
+}
+
+/// Each rule of the machines taken out: by its setting, or by its name.
+fn must_fail() -> Vec<MustFail> {
+    use HostRule::{
+        CompareWord, ConfirmLate, DrainFirst, FailedIsUnknown, FinalCodes, OutlastExecution,
+        UnansweredIsUnknown,
+    };
+    use pair::{DONE, DONE_WHOLE, ECHOED, ONCE, REFUSED};
+    let (keeps, ours) = ("a controller that keeps the first half", "our controller");
+    let configured = |rule, property, name: &str, mut setup: Setup, change: fn(&mut Setup)| {
+        change(&mut setup);
+        let name = format!("{name}, faults: {}", setup.faults.most);
+        MustFail::new(rule, property, name, setup)
+    };
+    let host = |rule: HostRule, name, property, setup: Setup, at: &str| {
+        let mut setup = setup;
+        setup.host.without = Some(rule);
+        configured(name, property, at, setup, |_| {})
+    };
+    let interpreted = |reader, most| setup(reader, &INTERPRETED, most);
+    let immediate = |reader, most| setup(reader, &IMMEDIATE, most);
+    let mut insists = interpreted(OURS, 2);
+    insists.host.resend_on_silence = true;
+    insists.host.resends = 1;
+    let mut long = immediate(KEEPS, 2);
+    long.execution = 7;
+    let mut different = setup(OURS, &[Content::Immediate, Content::Interpreted], 1);
+    different.execution = 20;
+    vec![
+        configured("max_pause", DONE, keeps, interpreted(KEEPS, 1), |s| s.host.max_pause = Duration::ZERO),
+        configured("settle", ONCE, ours, interpreted(OURS, 2), |s| s.host.settle = Duration::ZERO),
+        configured("reply_time", ONCE, keeps, interpreted(KEEPS, 3), |s| {
+            (s.faults.pause, s.host.max_pause) = (2, s.tick * 2);
+            s.host.reply_time = Duration::ZERO;
+        }),
+        configured("not controller_drops_partial", ONCE, keeps, interpreted(KEEPS, 2), |s| {
+            s.host.controller_drops_partial = true;
+        }),
+        configured("longest_frame", DONE, ours, interpreted(OURS, 1), |s| {
+            (s.host.longest_frame, s.host.max_pause) = (0, Duration::ZERO);
+            s.faults.pause = 0;
+        }),
+        configured("earlier_execution", DONE, ours, immediate(OURS, 1), |s| {
+            (s.execution, s.host.execution_timeout) = (20, s.tick * 22);
+            s.host.earlier_execution = Duration::ZERO;
+        }),
+        host(DrainFirst, "DrainFirst", DONE, interpreted(OURS, 1), ours),
+        host(ConfirmLate, "ConfirmLate", ECHOED, interpreted(KEEPS, 1), keeps),
+        host(FinalCodes, "FinalCodes", ONCE, immediate(OURS, 1), ours),
+        host(FailedIsUnknown, "FailedIsUnknown", REFUSED, immediate(OURS, 1), ours),
+        host(OutlastExecution, "OutlastExecution", DONE, long, keeps),
+        host(UnansweredIsUnknown, "UnansweredIsUnknown", REFUSED, insists, ours),
+        host(CompareWord, "CompareWord", DONE, different, "our controller, an execution longer than assumed"),
+        configured("IgnoreShort", ONCE, ours, interpreted(OURS, 2), |s| {
+            s.controller.without = Some(ControllerRule::IgnoreShort);
+        }),
+        configured("a mixed frame is refused", DONE_WHOLE, ours, setup(OURS, &[Content::Mixed], 0), |s| {
+            s.reader.refuses_mixed = false;
+        }),
+    ]
+}
+
+fn diagrams() -> Vec<crate::model::Diagram> {
+    let jobs = [Content::Interpreted, Content::Immediate];
+    let settings = [OURS, KEEPS].map(|reader| Setting::new("diagram", setup(reader, &jobs, 1)));
+    draw("laser-eb90", &["host", "controller"], &settings)
+}

@@ -103,7 +103,7 @@ fn what_a_robot_does_is_what_is_committed() {
     let inputs = inputs.map(|input| (input, input.name()));
     let found = matrix(&states, &inputs, Machine::name, |machine, input| machine.on(LATER, input, &config));
     compare(&found, include_str!("robot_matrix.txt"), "robot_matrix.txt");
-    for name in ["active, jobs missing", "clearing", "ending", "interrupted", "alarm", "connecting"] {
+    for name in ["JobsMissing", "Clearing", "Ending", "Interrupted", "Alarm", "Connecting"] {
         assert!(found.contains(&format!("\n{name} + ")), "{name}");
     }
 }
@@ -193,7 +193,7 @@ fn what_a_pc_does_is_what_is_committed() {
     let inputs = inputs.map(|input| (input, input.name()));
     let found = matrix(&states, &inputs, Machine::name, |machine, input| machine.on(LATER, input, &config));
     compare(&found, include_str!("pc_matrix.txt"), "pc_matrix.txt");
-    for name in ["starting, start sent", "starting, start lost", "starting, another order ends", "ending"] {
+    for name in ["StartSent", "StartLost", "OtherOrderEnds", "Ending"] {
         assert!(found.contains(&format!("\n{name} + ")), "{name}");
     }
 }

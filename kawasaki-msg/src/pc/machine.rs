@@ -126,18 +126,18 @@ impl<const WORDS: usize> Machine<WORDS> {
     /// The state's name: that of the order, or of the connection where there is no order.
     pub const fn name(&self) -> &'static str {
         match (&self.order, &self.link) {
-            (Order::Idle, Link::Listening) => "listening",
-            (Order::Idle, Link::Connected { .. }) => "idle",
-            (Order::Starting { cancelled: true, .. }, _) => "starting, cancelled",
+            (Order::Idle, Link::Listening) => "Listening",
+            (Order::Idle, Link::Connected { .. }) => "Idle",
+            (Order::Starting { cancelled: true, .. }, _) => "Cancelled",
             (Order::Starting { start, .. }, _) => match start {
-                Start::Unsent => "starting",
-                Start::Lost => "starting, start lost",
-                Start::Sent { .. } => "starting, start sent",
-                Start::Foreign { .. } => "starting, another order ends",
+                Start::Unsent => "Starting",
+                Start::Lost => "StartLost",
+                Start::Sent { .. } => "StartSent",
+                Start::Foreign { .. } => "OtherOrderEnds",
             },
-            (Order::Running { stage: Stage::Active, .. }, _) => "active",
-            (Order::Running { stage: Stage::Ending, .. }, _) => "ending",
-            (Order::Running { stage: Stage::Interrupted, .. }, _) => "interrupted",
+            (Order::Running { stage: Stage::Active, .. }, _) => "Active",
+            (Order::Running { stage: Stage::Ending, .. }, _) => "Ending",
+            (Order::Running { stage: Stage::Interrupted, .. }, _) => "Interrupted",
         }
     }
 
@@ -364,7 +364,10 @@ impl<const WORDS: usize> Machine<WORDS> {
     /// As many jobs as fit, and no more than the numbers can tell apart.
     fn send_jobs(&mut self, from: u32, config: &PcConfig, answer: &mut impl Answer) -> bool {
         let Order::Running { number: order, stage: Stage::Active, .. } = self.order else { return false };
-        let (numbering, window, mut index) = (config.numbering(), config.window(), from);
+        let (numbering, window) = (config.numbering(), config.window());
+        // What was executed since it was requested is never sent again.
+        let from = from.max(self.count.executed);
+        let mut index = from;
         while index - self.count.executed < window {
             match answer.job(order, numbering.next(index), index) {
                 JobSent::Sent => {

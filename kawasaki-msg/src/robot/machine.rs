@@ -124,15 +124,15 @@ impl<const WORDS: usize> Machine<WORDS> {
     /// The state's name: that of the order, or of the connection where there is no order.
     pub const fn name(&self) -> &'static str {
         match (&self.order, &self.link) {
-            (Order::Active { stage: Stage::Intake { gap: Gap::Closed, .. }, .. }, _) => "active",
-            (Order::Active { stage: Stage::Intake { .. }, .. }, _) => "active, jobs missing",
-            (Order::Active { stage: Stage::Clearing { .. }, .. }, _) => "clearing",
-            (Order::Active { stage: Stage::Ending, .. }, _) => "ending",
-            (Order::Active { stage: Stage::Interrupted { .. }, .. }, _) => "interrupted",
-            (Order::Active { stage: Stage::Alarm, .. }, _) => "alarm",
-            (Order::Idle, Link::Disconnected { .. }) => "disconnected",
-            (Order::Idle, Link::Connecting) => "connecting",
-            (Order::Idle, Link::Connected { .. }) => "idle",
+            (Order::Active { stage: Stage::Intake { gap: Gap::Closed, .. }, .. }, _) => "Active",
+            (Order::Active { stage: Stage::Intake { .. }, .. }, _) => "JobsMissing",
+            (Order::Active { stage: Stage::Clearing { .. }, .. }, _) => "Clearing",
+            (Order::Active { stage: Stage::Ending, .. }, _) => "Ending",
+            (Order::Active { stage: Stage::Interrupted { .. }, .. }, _) => "Interrupted",
+            (Order::Active { stage: Stage::Alarm, .. }, _) => "Alarm",
+            (Order::Idle, Link::Disconnected { .. }) => "Disconnected",
+            (Order::Idle, Link::Connecting) => "Connecting",
+            (Order::Idle, Link::Connected { .. }) => "Idle",
         }
     }
 

@@ -1,10 +1,11 @@
 //! Every link's adapter to what the tests share: its pair of machines as a system that the model explores.
 
 pub mod isra_ball;
+pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod work_queue;
 
 use crate::model::Pair;
 
 /// Every pair of ends, each in a line.
-pub const PAIRS: &[Pair] = &[isra_ball::PAIR, laser_eb90::PAIR, work_queue::PAIR];
+pub const PAIRS: &[Pair] = &[isra_ball::PAIR, kawasaki_msg::PAIR, laser_eb90::PAIR, work_queue::PAIR];

@@ -1,0 +1,82 @@
+//! Both machines as the model drives them.
+
+use core::time::Duration;
+
+use kawasaki_msg::robot_session::Unexpected;
+use kawasaki_msg::{PcConfig, RobotConfig, pc, robot};
+
+use crate::model;
+
+/// 64 job numbers are enough for it.
+pub type Robot = robot::Machine<1>;
+/// As [`Robot`].
+pub type Pc = pc::Machine<1>;
+
+impl model::Machine for Robot {
+    const END: &'static str = "robot";
+    type Input = robot::Input;
+    type Action = robot::Action;
+    type Config = RobotConfig;
+
+    fn on(
+        &mut self,
+        now: Duration,
+        input: robot::Input,
+        config: &RobotConfig,
+    ) -> Result<robot::Action, Unexpected> {
+        Robot::on(self, now, input, config)
+    }
+
+    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
+        Robot::each_time(self, f);
+    }
+
+    fn name(&self) -> &'static str {
+        Robot::name(self)
+    }
+
+    fn input_name(input: &robot::Input) -> &'static str {
+        input.name()
+    }
+
+    fn action_name(action: &robot::Action) -> String {
+        if *action == robot::Action::Nothing { String::new() } else { format!("{action:?}") }
+    }
+}
+
+impl model::Machine for Pc {
+    const END: &'static str = "pc";
+    type Input = pc::Input;
+    type Action = pc::Action;
+    type Config = PcConfig;
+
+    fn on(&mut self, now: Duration, input: pc::Input, config: &PcConfig) -> Result<pc::Action, Unexpected> {
+        Pc::on(self, now, input, config)
+    }
+
+    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
+        Pc::each_time(self, f);
+    }
+
+    fn name(&self) -> &'static str {
+        Pc::name(self)
+    }
+
+    fn input_name(input: &pc::Input) -> &'static str {
+        input.name()
+    }
+
+    fn action_name(action: &pc::Action) -> String {
+        match action {
+            pc::Action::Nothing => String::new(),
+            pc::Action::Outcome(outcome) => {
+                let text = format!("{outcome:?}");
+                text.split(' ').next().unwrap_or_default().into()
+            }
+            action => {
+                let text = format!("{action:?}");
+                text.split(' ').next().unwrap_or_default().into()
+            }
+        }
+    }
+}

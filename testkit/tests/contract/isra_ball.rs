@@ -5,7 +5,7 @@ use testkit::contract::{self, End};
 use testkit::rng::Rng;
 
 pub fn decoder() {
-    // Values that look like a head take the next packet with them: there is no checksum.
+    // Values that look like a header take the next packet with them.
     contract::decoder("isra-ball", Decoder::new, &super::frames("isra-ball", None), 1);
 }
 

@@ -22,12 +22,12 @@ fn settings(depth: Depth) -> Vec<Setting> {
     };
     let steady = Exchange { faults, ..Exchange::steady() };
     let slow = Exchange { faults, ..Exchange::slow() };
-    let noisy = Exchange { noise: true, ..steady };
+    let noisy = Exchange { noise: true, sleeps: false, ..steady };
     let mut settings = vec![
         Setting::new("no faults, a ball that measures always", Exchange { faults: 0, ..steady }),
         Setting::new(format!("{faults} faults, a ball that measures always"), steady),
         Setting::new(format!("{faults} faults, a ball that may not measure"), slow),
-        Setting::new(format!("{faults} faults, noise that is a poll"), noisy),
+        Setting::new(format!("{faults} faults, noise that is a poll, a host that is called in time"), noisy),
     ];
     if depth == Depth::Deep {
         let all = Exchange { noise: true, ..slow };
@@ -40,7 +40,7 @@ fn must_fail() -> Vec<MustFail> {
     use host::Rule;
     let slow = Exchange { faults: 2, ..Exchange::slow() };
     let host = |rule, exchange: Exchange| Exchange { config: exchange.config.without(rule), ..exchange };
-    let noisy = Exchange { noise: true, ..slow };
+    let noisy = Exchange { noise: true, sleeps: false, ..slow };
     let patient = Exchange { config: slow.config.patient(), delay: 3, faults: 0, ..slow };
     let late = Exchange { delay: slow.delay + 4, faults: 0, ..slow };
     let ball = |rule| Exchange { ball: isra_ball::BallConfig { without: Some(rule), ..slow.ball }, ..slow };
@@ -56,7 +56,7 @@ fn must_fail() -> Vec<MustFail> {
         MustFail::new(
             "host: no reply before the line can carry it",
             AGE,
-            "the same, and noise",
+            "the same, noise, a host that is called in time",
             host(Rule::NotBefore, noisy),
         ),
         MustFail::new("host: the age of values is proved", AGE, two, host(Rule::ProveAge, slow)),

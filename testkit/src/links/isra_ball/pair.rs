@@ -39,6 +39,8 @@ pub struct Exchange {
     pub idle: bool,
     /// Noise may be a poll to the ball: a fault.
     pub noise: bool,
+    /// The host may not be called for a while: a fault.
+    pub sleeps: bool,
 }
 
 /// The host's configuration on a line of whole ticks.
@@ -75,7 +77,7 @@ impl Exchange {
     /// A ball that has new values at every tick.
     pub fn steady() -> Self {
         let (config, ball) = (Config::WHOLE, BallConfig::default());
-        Self { config, ball, faults: 1, delay: 1, idle: false, noise: false }
+        Self { config, ball, faults: 1, delay: 1, idle: false, noise: false, sleeps: true }
     }
 
     /// A ball that measures when it likes.
@@ -259,7 +261,7 @@ impl System for Exchange {
         }
         if state.asleep {
             acts.push(Act::Wake);
-        } else if faulty {
+        } else if faulty && self.sleeps {
             acts.push(Act::Sleep);
         }
         if faulty {
@@ -330,8 +332,13 @@ impl System for Exchange {
             broken.push(ONE_OUTCOME);
         }
         let (Some((age, measured)), Some(until)) = (state.using, live) else { return };
-        // A poll that noise made may be answered one delay before the poll that the packet is taken for.
-        let slack = if self.noise { self.config.0.max_delay } else { Duration::ZERO };
+        // The answer to a poll that noise made may be on the line when the poll is sent that it is taken for: by so much the
+        // values are older. How late it is shows only to a host that is called in time.
+        let slack = match (self.noise, self.sleeps) {
+            (false, _) => Duration::ZERO,
+            (true, false) => self.config.0.max_delay,
+            (true, true) => self.config.0.reply_window(),
+        };
         if !until.is_zero() && u32::from(age) * TICK + until > self.config.0.max_age + slack {
             broken.push(AGE);
         }

@@ -243,6 +243,12 @@ fn a_motion_has_not_ended_before_it_has_begun() {
         "it never began"
     );
 
+    // A status that was asked for too soon is not believed, however late it arrives.
+    let mut c = started(go(pose(5.0)), MS);
+    send(&mut c, 100 * MS, Command::Status);
+    let late = receive(&mut c, 900 * MS, b"OKF+001.000+000.000+000.000+00.0000T+00100+00000\r\n");
+    assert!(matches!(late, Event::Status { motion: Progress::Starting, .. }), "{late:?}");
+
     let mut c = started(go(pose(5.0)), MS);
     assert_eq!(query(&mut c, 2 * MS, false, 4.99, true), Progress::Arrived, "sooner than anybody asked");
 }

@@ -13,8 +13,8 @@ pub struct CentralConfig {
     /// How long a reply may take, from 1 ns; `Duration::MAX` is for ever, and then a connection that is half open is never
     /// noticed. The source says "immediately" (§3) and gives no figure. Default: 1 s.
     pub timeout: Duration,
-    /// How soon after the start of a motion a status "standing" is not believed, unless the device has arrived: the status may
-    /// be older than the motion. If a device takes longer to begin, its motion is reported as missed. Default: 100 ms.
+    /// A status that is asked for sooner than this after the start of a motion may be older than the motion: that the device
+    /// stands is not believed then, unless it has arrived. If a device takes longer to begin, its motion is reported as missed. Default: 100 ms.
     pub settle: Duration,
     /// How far from its target a device has arrived, in units of the last digit: 1 µm, 0.1 mrad. Default: 10.
     pub tolerance: u32,
@@ -30,12 +30,6 @@ pub struct CentralConfig {
 pub enum CentralRule {
     /// A device has arrived only with its servo motors on.
     ServoOn,
-    /// A reply that nobody asked for ends the connection.
-    EndOnStray,
-    /// A reply of another kind than the command has ends the connection.
-    EndOnMismatch,
-    /// Bytes that are no reply end the connection.
-    EndOnCorrupt,
     /// A command that was sent and not answered is unknown.
     UnknownWhenSent,
     /// What is known of a motion belongs to its connection.

@@ -9,6 +9,10 @@
 //!                                                                          │
 //!     Ended ◄── CLO agreed, silence, abort, anything but its reply ────────┘
 //! ```
+//!
+//! Every transition of the connection that the model takes:
+//!
+#![doc = include_str!("../../diagrams/central.md")]
 
 use core::time::Duration;
 
@@ -59,10 +63,10 @@ pub enum Motion<P> {
     Starting {
         /// Where to.
         target: Target<P>,
-        /// From when on "standing" is believed.
+        /// When a status is asked for whose "standing" is believed.
         believed_from: Duration,
     },
-    /// It has been seen moving.
+    /// It has been seen moving, or has had the time to begin.
     Moving {
         /// Where to.
         target: Target<P>,
@@ -150,6 +154,7 @@ impl<P: Pose> CentralMachine<P> {
             (L::Awaiting { command, .. }, I::Reply(reply)) => self.reply(now, command, reply, config),
             (L::Sending { command }, I::Transmit) => {
                 self.link = L::Awaiting { command, deadline: now.saturating_add(config.timeout) };
+                self.ask(now, command);
                 A::Send(command)
             }
             (L::Idle, I::Request(command)) => {
@@ -163,12 +168,8 @@ impl<P: Pose> CentralMachine<P> {
             }
             (L::Awaiting { .. }, I::Abort) => self.end(Closing::Aborted, config),
             // The next one could be taken for another command's.
-            (L::Idle | L::Sending { .. }, I::Reply(_)) if config.keeps(Rule::EndOnStray) => {
-                self.end(Closing::Mismatch, config)
-            }
-            (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Corrupt(error))
-                if config.keeps(Rule::EndOnCorrupt) =>
-            {
+            (L::Idle | L::Sending { .. }, I::Reply(_)) => self.end(Closing::Mismatch, config),
+            (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Corrupt(error)) => {
                 self.end(Closing::Malformed(error), config)
             }
             (L::Down | L::Ended, I::Connected) => {
@@ -189,8 +190,6 @@ impl<P: Pose> CentralMachine<P> {
                 self.link = L::Down;
                 action
             }
-            (L::Idle | L::Sending { .. }, I::Reply(_)) => A::None,
-            (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Corrupt(_)) => A::None,
             // What still arrives on a connection that has ended.
             (L::Ended, I::Reply(_) | I::Corrupt(_)) => A::None,
             (L::Down | L::Idle | L::Sending { .. } | L::Awaiting { .. } | L::Ended, I::Due) => A::None,
@@ -262,13 +261,10 @@ impl<P: Pose> CentralMachine<P> {
         let event = match (command, reply) {
             (_, Reply::Error { error }) => Event::Refused { command, error },
             (Command::Status, Reply::Status(status)) => {
-                Event::Status { status, motion: self.observe(now, &status, config) }
+                Event::Status { status, motion: self.observe(&status, config) }
             }
             (Command::Status, Reply::Ok) | (_, Reply::Status(_)) => {
-                if config.keeps(Rule::EndOnMismatch) {
-                    return self.end(Closing::Mismatch, config);
-                }
-                Event::Done { command }
+                return self.end(Closing::Mismatch, config);
             }
             (Command::Close, Reply::Ok) => {
                 self.link = CentralLink::Ended;
@@ -323,7 +319,16 @@ impl<P: Pose> CentralMachine<P> {
         };
     }
 
-    fn observe(&mut self, now: Duration, status: &Status<P>, config: &CentralConfig) -> Progress {
+    /// A status is not older than the question: one that is asked for late enough is believed, however long its reply takes.
+    fn ask(&mut self, now: Duration, command: Command<P>) {
+        if let (Command::Status, Motion::Starting { target, believed_from }) = (command, self.motion)
+            && now >= believed_from
+        {
+            self.motion = Motion::Moving { target };
+        }
+    }
+
+    fn observe(&mut self, status: &Status<P>, config: &CentralConfig) -> Progress {
         let (motion, progress) = match (self.motion, status.moving) {
             (Motion::Stopping, true) => (Motion::Stopping, Progress::Stopping),
             (
@@ -338,9 +343,7 @@ impl<P: Pose> CentralMachine<P> {
                     Motion::Stopping => Target::None,
                 };
                 match (motion, target.judge(status, config)) {
-                    (Motion::Starting { believed_from, .. }, Progress::Still | Progress::Missed(_))
-                        if now < believed_from =>
-                    {
+                    (Motion::Starting { .. }, Progress::Still | Progress::Missed(_)) => {
                         (motion, Progress::Starting)
                     }
                     (_, progress) => (Motion::Rest { target, pose: Place::At(status.pose) }, progress),

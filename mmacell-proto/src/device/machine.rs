@@ -18,6 +18,10 @@
 //!                           │
 //!     reset leads from everywhere to Moving, homewards; failed to Fault, which only a reset leaves
 //! ```
+//!
+//! Every transition of the connection that the model takes:
+//!
+#![doc = include_str!("../../diagrams/device.md")]
 
 use robot_session::Unexpected;
 

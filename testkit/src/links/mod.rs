@@ -3,9 +3,11 @@
 pub mod isra_ball;
 pub mod kawasaki_msg;
 pub mod laser_eb90;
+pub mod mmacell_proto;
 pub mod work_queue;
 
 use crate::model::Pair;
 
 /// Every pair of ends, each in a line.
-pub const PAIRS: &[Pair] = &[isra_ball::PAIR, kawasaki_msg::PAIR, laser_eb90::PAIR, work_queue::PAIR];
+pub const PAIRS: &[Pair] =
+    &[isra_ball::PAIR, kawasaki_msg::PAIR, laser_eb90::PAIR, mmacell_proto::PAIR, work_queue::PAIR];

@@ -81,7 +81,7 @@ impl Dialect {
     /// A table of the caller's, in ASCII.
     ///
     /// # Errors
-    /// When a role of the default table is missing or stands twice, a name stands twice, or a message lacks a field that the
+    /// When a role of the default table is missing or occurs twice, a name occurs twice, or a message lacks a field that the
     /// default table gives it.
     pub fn new(entries: &'static [Entry]) -> Result<Self, ConfigError> {
         for needed in DEFAULT_TABLE {

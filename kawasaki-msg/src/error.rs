@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::role::Role;
 
-/// Damage in the bytes from the peer. The decoder goes on at the next `<`.
+/// Corruption in the bytes from the peer. The decoder goes on at the next `<`.
 ///
 /// Every `offset` counts from the first byte that was ever pushed (or of the slice, where a slice is decoded).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -194,7 +194,7 @@ pub enum ConfigError {
     #[error("the message of the role {role:?} lacks a field that the session needs, or has more than 16")]
     #[allow(missing_docs, reason = "the sentence says it")]
     Fields { role: Role },
-    /// A name of the dialect's table is empty, stands twice, or holds a mark or a letter that its character set does not have.
+    /// A name of the dialect's table is empty, occurs twice, or holds a mark or a letter that its character set does not have.
     #[error("the name of the role {role:?} is empty, stands twice or cannot be written")]
     #[allow(missing_docs, reason = "the sentence says it")]
     Name { role: Role },

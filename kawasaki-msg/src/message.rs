@@ -26,7 +26,7 @@ use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
 pub struct Message<'a> {
     /// What the message is called; never empty on the wire.
     pub name: Value<'a>,
-    /// What stands between the name and the length. The source shows none and allows them; they are kept.
+    /// What is between the name and the length. The source shows none and allows them; they are kept.
     pub header: Values<'a>,
     /// The values of the data part. No value and one empty value are the same bytes; both decode to no value.
     pub fields: Values<'a>,
@@ -49,7 +49,7 @@ impl<'a> Message<'a> {
     /// swallowed its neighbour.
     ///
     /// # Errors
-    /// The first damage, with its place in `bytes`. Look for the next `<` behind the first byte.
+    /// The first corruption, with its place in `bytes`. Look for the next `<` after the first byte.
     pub fn decode(bytes: &'a [u8], charset: Charset) -> Result<Option<(Self, usize)>, DecodeError> {
         let bytes = bytes.get(..Self::MAX_LEN).unwrap_or(bytes);
         match message(bytes, charset) {
@@ -168,7 +168,7 @@ fn text<'a>(charset: Charset) -> impl FnMut(&'a [u8]) -> Parsed<'a, &'a [u8]> {
     take_till(move |byte| charset.ends_text(byte))
 }
 
-/// One mark. A wrong byte in its place says what the damage is.
+/// One mark. A wrong byte in its place says what the corruption is.
 fn mark<'a>(expected: u8) -> impl Fn(&'a [u8]) -> Parsed<'a, ()> {
     move |input| match input.split_first() {
         None => Err(nom::Err::Incomplete(nom::Needed::new(1))),

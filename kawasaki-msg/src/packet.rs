@@ -60,7 +60,7 @@ pub enum Room {
 
 /// Builds a packet in a buffer of the caller's.
 ///
-/// The messages stand one behind the other, and the strings of the AS program are views of the bytes: each but the last is
+/// The messages are one after the other, and the strings of the AS program are views of the bytes: each but the last is
 /// full, none is empty, and a message goes on in the next string where one ends.
 ///
 /// The total is checked for every message. The source's own program checks it only when a string overflows, so that its

@@ -76,7 +76,7 @@ impl PlainJobs {
         Some((Job { number: next.number, line: Line { kind, start, end } }, at + 1))
     }
 
-    /// A coordinate and the mark behind it; the place behind the mark.
+    /// A coordinate and the mark after it; the place after the mark.
     #[inline(always)]
     fn coordinate(&self, range: &Range, window: &Window, at: usize, end: u8) -> Option<(i32, usize)> {
         let word = u64::from_le_bytes(*bytes(window, at)?);
@@ -107,7 +107,7 @@ pub(crate) struct Next {
     text: Text,
     /// One more in the last digit of the text.
     one: u64,
-    /// The number behind which the last digit is carried, or 1 follows.
+    /// The number after which the last digit is carried, or 1 follows.
     stop: u16,
     start: PointText,
 }
@@ -164,7 +164,7 @@ impl PointText {
         Some(Self { point, word: u128::from_le_bytes(*bytes(window, at)?) & mask, length })
     }
 
-    /// The place behind this point and a separator, if the window has it here.
+    /// The place after this point and a separator, if the window has it here.
     #[inline(always)]
     fn skip(&self, window: &Window, at: usize) -> Option<usize> {
         let mask = MASKS.get(self.length)?;
@@ -220,7 +220,7 @@ impl Swar {
         eights: (10_000 << 32) + 1,
     };
 
-    /// One to seven digits and the mark behind them, all at once: their value, and the place behind the mark.
+    /// One to seven digits and the mark after them, all at once: their value, and the place after the mark.
     #[inline(always)]
     fn digits(&self, word: u64, window: &Window, at: usize, end: u8) -> Option<(i32, usize)> {
         // A digit becomes its value; the sum reaches the top bit of a byte from 10 on.
@@ -254,7 +254,7 @@ struct Text {
 impl Text {
     const EMPTY: Self = Self { word: 0, mask: 0, length: 0 };
 
-    /// A number of up to five digits and the separator behind it.
+    /// A number of up to five digits and the separator after it.
     fn number(number: u16) -> Self {
         let digit = |of: u16| {
             let [digit, _] = (number / of % 10).to_le_bytes();
@@ -280,7 +280,7 @@ impl Text {
         Some(())
     }
 
-    /// The place behind this text, if the window has it here.
+    /// The place after this text, if the window has it here.
     #[inline(always)]
     fn skip(&self, window: &Window, at: usize) -> Option<usize> {
         // The remainder is the length itself: it only shows its bound.
@@ -294,7 +294,7 @@ fn bytes<const N: usize>(window: &Window, at: usize) -> Option<&[u8; N]> {
     window.get(at..)?.first_chunk()
 }
 
-/// Every length below 100 with the mark behind it, as three bytes of the wire. No plain job is longer.
+/// Every length below 100 with the mark after it, as three bytes of the wire. No plain job is longer.
 const LENGTHS: [u32; 128] = {
     let mut table = [0; 128];
     let mut rest: &mut [u32] = &mut table;

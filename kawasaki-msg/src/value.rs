@@ -11,7 +11,7 @@ pub const START: u8 = b'<';
 pub const END: u8 = b'>';
 /// The mark between two values.
 pub const SEPARATOR: u8 = b'$';
-/// The mark before and behind the data part.
+/// The mark before and after the data part.
 pub const DATA: u8 = b'#';
 
 /// Whether no name and no field may hold this byte.

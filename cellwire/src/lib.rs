@@ -21,6 +21,7 @@ pub mod interrupt;
 pub mod line;
 pub mod links;
 pub mod ls;
+pub mod motion;
 pub mod priority;
 pub mod report;
 pub mod serial;

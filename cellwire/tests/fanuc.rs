@@ -11,7 +11,7 @@ use cellwire::line::Clock;
 use cellwire::links::fanuc_hmi_modbus::controller::{Controller, circle};
 use cellwire::links::fanuc_hmi_modbus::simulate::serve_tcp;
 use cellwire::trace::TraceArgs;
-use fanuc_hmi_modbus::{WordOrder, server};
+use fanuc_hmi_modbus::{ServerConfig, WordOrder};
 use serde_json::Value;
 
 /// A folder of its own, removed when the test ends.
@@ -205,7 +205,7 @@ fn controller(order: WordOrder) -> String {
             &listener,
             &shared,
             Clock::start(),
-            server::Config::tcp(),
+            ServerConfig::tcp(),
             &TraceArgs::off().start("fanuc"),
             |_| {},
         )

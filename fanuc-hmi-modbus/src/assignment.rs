@@ -7,6 +7,7 @@
 
 use core::fmt;
 
+pub use crate::error::AssignmentError;
 use crate::typed::Multiply;
 
 /// How many slots a controller has.
@@ -118,7 +119,7 @@ pub fn check(assignments: &[Assignment<'_>]) -> Result<(), AssignmentError> {
 
 /// One line of a listing of `$SNPX_ASG`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line<'a> {
+pub struct Setting<'a> {
     /// The slot, 1 to 80.
     pub slot: u8,
     /// What it sets.
@@ -139,7 +140,7 @@ pub enum Field<'a> {
     Multiply(Multiply),
 }
 
-impl<'a> Line<'a> {
+impl<'a> Setting<'a> {
     /// Reads a line of `SYSTEM.VA` (`Field: $SNPX_ASG[1].$ADDRESS Access: RW: SHORT = 1`), or the same as it is set
     /// (`SETVAR $SNPX_ASG[1].$ADDRESS 1`, `$SNPX_ASG[1].$ADDRESS = 1`). `None`: the line is about something else, or the value is
     /// `Uninitialized`.
@@ -191,7 +192,7 @@ impl<'a> Slots<'a> {
     pub fn parse(text: &'a str) -> Result<Self, (usize, AssignmentError)> {
         let mut all = Self::default();
         for (number, line) in (1..).zip(text.lines()) {
-            if let Some(Line { slot, field }) = Line::parse(line).map_err(|error| (number, error))?
+            if let Some(Setting { slot, field }) = Setting::parse(line).map_err(|error| (number, error))?
                 && let Some(slot) = all.slots.get_mut(usize::from(slot) - 1)
             {
                 match field {
@@ -216,64 +217,6 @@ impl Default for Slots<'_> {
         let empty = Assignment { address: 0, size: 0, var_name: "", multiply: Multiply::Scale(1.0) };
         Self { slots: [empty; SLOTS] }
     }
-}
-
-/// Why an assignment is none.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
-#[non_exhaustive]
-pub enum AssignmentError {
-    /// More assignments than slots.
-    #[error("{found} assignments do not fit into 80 slots")]
-    Slots {
-        /// How many.
-        found: usize,
-    },
-    /// The number of the slot.
-    #[error("a slot is 1 to 80")]
-    Slot,
-    /// A field that a slot does not have, or a value that is no number where one must stand.
-    #[error("slot {slot} has no such field, or not this value for it")]
-    Value {
-        /// The slot.
-        slot: u8,
-    },
-    /// `$ADDRESS`.
-    #[error("address {found} is not within 1 to 16384")]
-    Address {
-        /// The address, counted from 1.
-        found: u16,
-    },
-    /// `$SIZE`.
-    #[error("{found} registers from {address} do not lie within 1 to 16384")]
-    Size {
-        /// The address, counted from 1.
-        address: u16,
-        /// The size.
-        found: u16,
-    },
-    /// `$VAR_NAME`.
-    #[error("a variable's name has 1 to 37 printable characters, this has {length}")]
-    Name {
-        /// Its length in bytes.
-        length: usize,
-    },
-    /// `$MULTIPLY`.
-    #[error("multiply {found} is neither 0, -1 nor within 0.0001 to 10000")]
-    Multiply {
-        /// The value.
-        found: f32,
-    },
-    /// Two assignments share registers: the one with the lower number hides the other.
-    #[error("assignment {first} hides assignment {second} at register {address}")]
-    Overlap {
-        /// The one that is seen, counted from 1.
-        first: usize,
-        /// The one that is hidden, counted from 1.
-        second: usize,
-        /// The first register that both want, counted from 1.
-        address: u16,
-    },
 }
 
 /// A real as a controller prints it: `1.000000e+00`, where Rust writes `1.000000e0`.
@@ -346,15 +289,19 @@ mod tests {
     #[test]
     fn a_line_may_be_written_as_it_is_set() {
         for line in ["SETVAR $SNPX_ASG[2].$ADDRESS 2001", "$SNPX_ASG[2].$ADDRESS=2001"] {
-            assert_eq!(Line::parse(line), Ok(Some(Line { slot: 2, field: Field::Address(2001) })), "{line}");
+            assert_eq!(
+                Setting::parse(line),
+                Ok(Some(Setting { slot: 2, field: Field::Address(2001) })),
+                "{line}"
+            );
         }
         let line = "SETVAR $SNPX_ASG[80].$VAR_NAME \"SR[1]\"";
-        assert_eq!(Line::parse(line), Ok(Some(Line { slot: 80, field: Field::VarName("SR[1]") })));
-        assert_eq!(Line::parse("SETVAR $SNPX_PARAM.$NUM_MODBUS 4"), Ok(None));
-        assert_eq!(Line::parse("SETVAR $SNPX_ASG[81].$SIZE 1"), Err(AssignmentError::Slot));
-        assert_eq!(Line::parse("SETVAR $SNPX_ASG[0].$SIZE 1"), Err(AssignmentError::Slot));
-        assert_eq!(Line::parse("SETVAR $SNPX_ASG[3].$SIZE -1"), Err(AssignmentError::Value { slot: 3 }));
-        assert_eq!(Line::parse("SETVAR $SNPX_ASG[3].$COLOR 1"), Err(AssignmentError::Value { slot: 3 }));
+        assert_eq!(Setting::parse(line), Ok(Some(Setting { slot: 80, field: Field::VarName("SR[1]") })));
+        assert_eq!(Setting::parse("SETVAR $SNPX_PARAM.$NUM_MODBUS 4"), Ok(None));
+        assert_eq!(Setting::parse("SETVAR $SNPX_ASG[81].$SIZE 1"), Err(AssignmentError::Slot));
+        assert_eq!(Setting::parse("SETVAR $SNPX_ASG[0].$SIZE 1"), Err(AssignmentError::Slot));
+        assert_eq!(Setting::parse("SETVAR $SNPX_ASG[3].$SIZE -1"), Err(AssignmentError::Value { slot: 3 }));
+        assert_eq!(Setting::parse("SETVAR $SNPX_ASG[3].$COLOR 1"), Err(AssignmentError::Value { slot: 3 }));
         let error = Slots::parse("\nSETVAR $SNPX_ASG[3].$MULTIPLY 0.00001").unwrap_err();
         assert_eq!(error, (2, AssignmentError::Multiply { found: 0.00001 }));
     }

@@ -1,72 +1,28 @@
 //! Bytes of a stream in, frames out.
 
 use core::ops::Range;
-use core::time::Duration;
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, RtuLen, Side};
+use crate::framing::Framing;
 
-/// How frames follow one another on the transport.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Framing {
-    /// Modbus TCP: MBAP headers.
-    Tcp,
-    /// RTU on a serial line: unit and CRC, and a silence between frames.
-    Rtu {
-        /// How long the line is silent between two frames: see [`timing::silence`](crate::timing::silence).
-        silence: Duration,
-    },
-    /// RTU frames through a TCP connection ("RTU over TCP"), where a gap says nothing of the line behind it.
-    RtuOverTcp {
-        /// After how long without a byte a frame that is not whole counts as cut. Longer than any delay of the network.
-        stall: Duration,
-    },
-}
-
-impl Framing {
-    /// RTU over TCP that waits half a second for the rest of a frame.
-    pub const RTU_OVER_TCP: Self = Self::RtuOverTcp { stall: Duration::from_millis(500) };
-
-    /// How long nothing must arrive for a frame to count as ended; TCP says its length itself.
-    pub const fn silence(self) -> Option<Duration> {
-        match self {
-            Self::Tcp => None,
-            Self::Rtu { silence } => Some(silence),
-            Self::RtuOverTcp { stall } => Some(stall),
-        }
-    }
-
-    /// How long nothing must arrive before this end may send.
-    pub const fn idle(self) -> Duration {
-        match self {
-            Self::Rtu { silence } => silence,
-            Self::Tcp | Self::RtuOverTcp { .. } => Duration::ZERO,
-        }
-    }
-
-    /// True where frames carry a transaction identifier.
-    pub(crate) const fn has_transactions(self) -> bool {
-        matches!(self, Self::Tcp)
-    }
-}
-
-/// Finds the frames in a stream, whatever the pieces that it arrives in, and its feet again after damage.
+/// Finds the frames in a stream, whatever the pieces that it arrives in, and its feet again after corruption.
 ///
 /// 1. [`push`](Self::push) what arrived, 2. call [`next_frame`](Self::next_frame) until it gives `None`. On a serial line, when
 ///    nothing has arrived for 3.5 characters, call [`finish`](Self::finish) and drain the frames before you push on; at the end
 ///    of any stream, the same.
 ///
 /// Frames and errors tile the stream: an error covers everything up to the next frame, and is given when that is found, or
-/// [`finish`](Self::finish) says that there is none; [`damage`](Self::damage) tells at once. How the stream was cut into reads
+/// [`finish`](Self::finish) says that there is none; [`corruption`](Self::corruption) tells at once. How the stream was cut into reads
 /// changes neither frames nor errors.
 ///
 /// - TCP loses no bytes, so a bad header means that the peer is out of step: best close the connection and [`reset`](Self::reset).
 ///   A caller who goes on gets the next frame whose header can be one; a frame of another protocol is skipped as a whole.
 /// - On RTU, behind a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins; of two that end
 ///   together it is the longer. Noise that looks like the beginning of a long frame is seen through at the latest when the line
-///   falls silent. Within damage one run of bytes in 65536 passes for a frame by chance.
+///   falls silent. Within corruption one run of bytes in 65536 passes for a frame by chance.
 /// - A function without a type of its own has no length that RTU could tell: its frame ends with the silence alone, and is not
-///   looked for within damage.
+///   looked for within corruption.
 ///
 /// When the buffer is full, `push` takes nothing: `next_frame` makes room in it.
 #[derive(Debug, Clone)]
@@ -82,12 +38,12 @@ pub struct Decoder {
     finished_at: Option<usize>,
     /// The same of a later end, told before the first was drained.
     finished_later: Option<usize>,
-    damage: Option<Damage>,
+    corruption: Option<Corruption>,
 }
 
-/// What is known of the damage at the start of the buffer.
+/// What is known of the corruption at the start of the buffer.
 #[derive(Debug, Clone, Copy)]
-struct Damage {
+struct Corruption {
     error: DecodeError,
     /// Where the next frame may begin.
     from: usize,
@@ -98,7 +54,7 @@ struct Damage {
 impl Decoder {
     /// The bytes that wait to be decoded, at most.
     pub const CAPACITY: usize = 1024;
-    /// The longest damage that is searched as a whole. Of more, one error covers what no frame can begin in any more.
+    /// The longest corruption that is searched as a whole. Of more, one error covers what no frame can begin in any more.
     const WINDOW: usize = 2 * Frame::MAX_LEN;
 
     /// A decoder of what `side` sends.
@@ -112,53 +68,13 @@ impl Decoder {
             passed: 0,
             finished_at: None,
             finished_later: None,
-            damage: None,
+            corruption: None,
         }
     }
 
-    /// Takes bytes of the stream, and says how many: fewer than given until the frames are drained.
-    pub fn push(&mut self, bytes: &[u8]) -> usize {
-        if bytes.len() > Self::CAPACITY - self.end {
-            self.compact();
-        }
-        let room = self.buffer.get_mut(self.end..).unwrap_or_default();
-        let taken = room.len().min(bytes.len());
-        if let (Some(to), Some(from)) = (room.get_mut(..taken), bytes.get(..taken)) {
-            to.copy_from_slice(from);
-        }
-        self.end += taken;
-        taken
-    }
-
-    /// The next frame, or what was wrong with the bytes before it; `None` when more bytes are needed.
-    pub fn next_frame(&mut self) -> Option<Result<Frame<&[u8]>, DecodeError>> {
-        match self.advance()? {
-            Ok(range) => self.frame(range).map(Ok),
-            Err(error) => Some(Err(error)),
-        }
-    }
-
-    /// Says that what has come so far will not go on: the line is silent, or the stream has ended.
-    pub fn finish(&mut self) {
-        match self.finished_at {
-            None => self.finished_at = Some(self.end),
-            Some(_) => self.finished_later = Some(self.end),
-        }
-    }
-
-    /// The offset in the stream just behind the last frame or error that was returned.
-    pub fn position(&self) -> u64 {
-        self.passed + self.start as u64
-    }
-
-    /// The damage that the stream is in, whose error waits until the next frame is found.
-    pub fn damage(&self) -> Option<DecodeError> {
-        self.damage.map(|damage| damage.error)
-    }
-
-    /// Forgets everything: the connection is a new one.
-    pub fn reset(&mut self) {
-        *self = Self::new(self.framing, self.side);
+    /// The corruption that the stream is in, whose error waits until the next frame is found.
+    pub fn corruption(&self) -> Option<DecodeError> {
+        self.corruption.map(|corruption| corruption.error)
     }
 
     /// The bytes that wait for the rest of their frame.
@@ -171,12 +87,12 @@ impl Decoder {
     pub(crate) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
         loop {
             let limit = self.finished_at.unwrap_or(self.end);
-            if let Some(damage) = self.damage {
-                let length = self.damage_len(damage, limit)?;
+            if let Some(corruption) = self.corruption {
+                let length = self.corrupt_len(corruption, limit)?;
                 if length > 0 {
-                    return Some(Err(damage.error.over(length)));
+                    return Some(Err(corruption.error.over(length)));
                 }
-                continue; // the damage ended where an error before it did
+                continue; // the corruption ended where an error before it did
             }
             let data = self.buffer.get(self.start..limit)?;
             if data.is_empty() {
@@ -196,7 +112,7 @@ impl Decoder {
                     self.start += len;
                     return Some(Ok(start..self.start));
                 }
-                Err(error) => self.damage = Some(self.damaged(error, data)),
+                Err(error) => self.corruption = Some(self.corrupt(error, data)),
             }
         }
     }
@@ -212,43 +128,44 @@ impl Decoder {
         }
     }
 
-    /// The damage that `data` begins with.
+    /// The corruption that `data` begins with.
     #[cold]
-    fn damaged(&self, error: DecodeError, data: &[u8]) -> Damage {
+    fn corrupt(&self, error: DecodeError, data: &[u8]) -> Corruption {
         let skip = match error {
             // TCP loses nothing: a frame that its connection cuts holds no other.
             DecodeError::Cut { .. } if self.framing.has_transactions() => data.len(),
             DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => foreign_len(data),
             _ => 1,
         };
-        Damage { error, from: self.start + skip, tried: self.start }
+        Corruption { error, from: self.start + skip, tried: self.start }
     }
 
-    /// How many bytes the damage takes, when that is known; the start is then behind them.
-    fn damage_len(&mut self, damage: Damage, limit: usize) -> Option<usize> {
+    /// How many bytes the corruption takes, when that is known; the start is then behind them.
+    fn corrupt_len(&mut self, corruption: Corruption, limit: usize) -> Option<usize> {
         let window = limit.min(self.start + Self::WINDOW);
         let (next, reach) = if self.framing.has_transactions() {
-            (self.next_header(damage, window), 5)
+            (self.next_header(corruption, window), 5)
         } else {
-            (self.next_rtu(damage, window), Frame::MAX_RTU_LEN - 1)
+            (self.next_rtu(corruption, window), Frame::MAX_RTU_LEN - 1)
         };
         let end = match next {
             Some(start) => {
-                self.damage = None;
+                self.corruption = None;
                 start
             }
             None if window - self.start == Self::WINDOW => {
                 // A frame that is not whole yet begins within the last bytes.
                 let from = window - reach;
-                self.damage = Some(Damage { error: DecodeError::Noise { length: 0 }, from, tried: window });
+                self.corruption =
+                    Some(Corruption { error: DecodeError::Noise { length: 0 }, from, tried: window });
                 from
             }
             None if self.finished_at.is_some() => {
-                self.damage = None;
+                self.corruption = None;
                 limit
             }
             None => {
-                self.damage.as_mut()?.tried = window;
+                self.corruption.as_mut()?.tried = window;
                 return None;
             }
         };
@@ -258,23 +175,23 @@ impl Decoder {
     }
 
     /// Where the next bytes begin that can be an MBAP header.
-    fn next_header(&self, damage: Damage, limit: usize) -> Option<usize> {
-        let data = self.buffer.get(damage.from..limit)?;
+    fn next_header(&self, corruption: Corruption, limit: usize) -> Option<usize> {
+        let data = self.buffer.get(corruption.from..limit)?;
         let header = data.windows(6).position(|six| Frame::decode_tcp(six).is_ok())?;
-        Some(damage.from + header)
+        Some(corruption.from + header)
     }
 
     /// Where the frame begins that ends first. Each beginning is tried once, when its end has come.
-    fn next_rtu(&self, damage: Damage, limit: usize) -> Option<usize> {
+    fn next_rtu(&self, corruption: Corruption, limit: usize) -> Option<usize> {
         let mut first: Option<(usize, usize)> = None;
         // What begins earlier than this has ended before, and was tried.
-        let from = damage.from.max(damage.tried.saturating_sub(Frame::MAX_RTU_LEN));
+        let from = corruption.from.max(corruption.tried.saturating_sub(Frame::MAX_RTU_LEN));
         for start in from..limit {
             let data = self.buffer.get(start..limit).unwrap_or_default();
             let RtuLen::Known(len) = RtuLen::of(data, self.side) else { continue };
             let end = start + len;
             let sooner = first.is_none_or(|(_, sooner)| end < sooner);
-            if end > damage.tried && sooner && matches!(Frame::decode_rtu(data, self.side), Ok(Some(_))) {
+            if end > corruption.tried && sooner && matches!(Frame::decode_rtu(data, self.side), Ok(Some(_))) {
                 first = Some((start, end));
             }
         }
@@ -290,10 +207,51 @@ impl Decoder {
         for at in [&mut self.finished_at, &mut self.finished_later].into_iter().flatten() {
             *at = at.saturating_sub(gone);
         }
-        if let Some(damage) = &mut self.damage {
-            damage.from = damage.from.saturating_sub(gone);
-            damage.tried = damage.tried.saturating_sub(gone);
+        if let Some(corruption) = &mut self.corruption {
+            corruption.from = corruption.from.saturating_sub(gone);
+            corruption.tried = corruption.tried.saturating_sub(gone);
         }
+    }
+}
+
+impl robot_session::Decoder for Decoder {
+    type Frame<'a> = Frame<&'a [u8]>;
+    type Error = DecodeError;
+
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        if bytes.len() > Self::CAPACITY - self.end {
+            self.compact();
+        }
+        let room = self.buffer.get_mut(self.end..).unwrap_or_default();
+        let taken = room.len().min(bytes.len());
+        if let (Some(to), Some(from)) = (room.get_mut(..taken), bytes.get(..taken)) {
+            to.copy_from_slice(from);
+        }
+        self.end += taken;
+        taken
+    }
+
+    fn next_frame(&mut self) -> Option<Result<Frame<&[u8]>, DecodeError>> {
+        match self.advance()? {
+            Ok(range) => self.frame(range).map(Ok),
+            Err(error) => Some(Err(error)),
+        }
+    }
+
+    fn finish(&mut self) {
+        match self.finished_at {
+            None => self.finished_at = Some(self.end),
+            Some(_) => self.finished_later = Some(self.end),
+        }
+    }
+
+    fn position(&self) -> u64 {
+        self.passed + self.start as u64
+    }
+
+    fn clear(&mut self) {
+        let passed = self.passed + self.end as u64;
+        *self = Self { passed, ..Self::new(self.framing, self.side) };
     }
 }
 

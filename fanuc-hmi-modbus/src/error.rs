@@ -152,7 +152,7 @@ pub enum EncodeError {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Mismatch {
-    /// Another unit answers. Some gateways do: see [`Config::any_unit`](crate::client::Config::any_unit).
+    /// Another unit answers. Some gateways do: see [`ClientConfig::any_unit`](crate::ClientConfig::any_unit).
     #[error("unit {found} answers a request to unit {expected}")]
     Unit {
         /// Whom the request went to.
@@ -200,5 +200,87 @@ pub enum SessionError {
     BroadcastRead {
         /// The function code.
         function: u8,
+    },
+}
+
+/// The caller's fault: a configuration that cannot work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// Requests in flight at once.
+    #[error("{found} requests in flight at once are not within 1 to {most}")]
+    InFlight {
+        /// How many.
+        found: usize,
+        /// The places of the client; 1 where frames have no transaction.
+        most: usize,
+    },
+    /// Every request would time out as it is sent.
+    #[error("the timeout is zero")]
+    Timeout,
+    /// No server has this unit: 0 is the broadcast.
+    #[error("a server cannot be unit {found}")]
+    Unit {
+        /// The unit.
+        found: u8,
+    },
+}
+
+/// Why an assignment is none.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum AssignmentError {
+    /// More assignments than slots.
+    #[error("{found} assignments do not fit into 80 slots")]
+    Slots {
+        /// How many.
+        found: usize,
+    },
+    /// The number of the slot.
+    #[error("a slot is 1 to 80")]
+    Slot,
+    /// A field that a slot does not have, or a value that is no number where one must stand.
+    #[error("slot {slot} has no such field, or not this value for it")]
+    Value {
+        /// The slot.
+        slot: u8,
+    },
+    /// `$ADDRESS`.
+    #[error("address {found} is not within 1 to 16384")]
+    Address {
+        /// The address, counted from 1.
+        found: u16,
+    },
+    /// `$SIZE`.
+    #[error("{found} registers from {address} do not lie within 1 to 16384")]
+    Size {
+        /// The address, counted from 1.
+        address: u16,
+        /// The size.
+        found: u16,
+    },
+    /// `$VAR_NAME`.
+    #[error("a variable's name has 1 to 37 printable characters, this has {length}")]
+    Name {
+        /// Its length in bytes.
+        length: usize,
+    },
+    /// `$MULTIPLY`.
+    #[error("multiply {found} is neither 0, -1 nor within 0.0001 to 10000")]
+    Multiply {
+        /// The value.
+        found: f32,
+    },
+    /// Two assignments share registers: the one with the lower number hides the other.
+    #[error("assignment {first} hides assignment {second} at register {address}")]
+    Overlap {
+        /// The one that is seen, counted from 1.
+        first: usize,
+        /// The one that is hidden, counted from 1.
+        second: usize,
+        /// The first register that both want, counted from 1.
+        address: u16,
     },
 }

@@ -1,5 +1,7 @@
 //! The envelope: MBAP header on TCP, unit and CRC on a serial line.
 
+use robot_session::Encode;
+
 use crate::crc::crc16;
 use crate::error::{DecodeError, EncodeError};
 use crate::message::{Pdu, PduBuf, Reply, Request, function, limit};
@@ -8,6 +10,7 @@ use crate::registers::{Registers, serve};
 /// A frame ("ADU"): who is spoken to, and a PDU as raw bytes, a [`Request`], a [`Reply`] or a [`PduBuf`].
 ///
 /// ```
+/// use fanuc_hmi_modbus::robot_session::Encode as _;
 /// use fanuc_hmi_modbus::{Frame, Request};
 ///
 /// let pdu = Request::ReadHoldingRegisters { address: 0, quantity: 37 };
@@ -173,33 +176,6 @@ impl Frame<PduBuf> {
 }
 
 impl<P: Pdu> Frame<P> {
-    /// The bytes that [`encode`](Self::encode) writes.
-    #[inline]
-    pub fn encoded_len(&self) -> usize {
-        self.pdu.encoded_len() + if self.transaction.is_some() { MBAP } else { RTU }
-    }
-
-    /// Writes the frame to the beginning of `out`, a TCP frame if it has a transaction, else an RTU frame, and says how
-    /// many bytes it took.
-    ///
-    /// # Errors
-    /// When the specification does not allow the message, or `out` is too small: then nothing of use is in `out`.
-    #[inline(always)] // a message that is known where it is encoded costs its own few stores and no more
-    pub fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
-        let Some(transaction) = self.transaction else { return self.encode_rtu(out) };
-        let available = out.len();
-        let Some((head, rest)) = out.split_first_chunk_mut() else {
-            return Err(EncodeError::Space { needed: self.encoded_len(), available });
-        };
-        match self.pdu.encode(rest) {
-            Ok(len) => {
-                *head = mbap(transaction, self.unit, len);
-                Ok(MBAP + len)
-            }
-            Err(error) => Err(in_frame(error, MBAP, available)),
-        }
-    }
-
     fn encode_rtu(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
         let available = out.len();
         let Some((unit, rest)) = out.split_first_mut() else {
@@ -223,6 +199,32 @@ impl<P: Pdu> Frame<P> {
         let len = self.encode(&mut frame)?;
         out.put_slice(frame.get(..len).unwrap_or_default());
         Ok(len)
+    }
+}
+
+/// A frame with a transaction is a TCP frame, one without is an RTU frame.
+impl<P: Pdu> Encode for Frame<P> {
+    type Error = EncodeError;
+
+    #[inline]
+    fn encoded_len(&self) -> usize {
+        self.pdu.encoded_len() + if self.transaction.is_some() { MBAP } else { RTU }
+    }
+
+    #[inline(always)] // a message that is known where it is encoded costs its own few stores and no more
+    fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
+        let Some(transaction) = self.transaction else { return self.encode_rtu(out) };
+        let available = out.len();
+        let Some((head, rest)) = out.split_first_chunk_mut() else {
+            return Err(EncodeError::Space { needed: self.encoded_len(), available });
+        };
+        match self.pdu.encode(rest) {
+            Ok(len) => {
+                *head = mbap(transaction, self.unit, len);
+                Ok(MBAP + len)
+            }
+            Err(error) => Err(in_frame(error, MBAP, available)),
+        }
     }
 }
 

@@ -2,41 +2,47 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(feature = "tokio")]
-extern crate std;
-
 pub mod assignment;
 pub mod block;
-pub mod client;
-#[cfg(feature = "tokio")]
-mod codec;
+mod client;
 pub mod crc;
 mod decoder;
-pub mod dpm;
 pub mod error;
-pub mod evaluate;
 mod frame;
+mod framing;
+mod line;
 pub mod message;
-mod orientation;
+mod model;
 mod registers;
-pub mod server;
+mod server;
+#[cfg(feature = "serde")]
+mod shape;
 mod signals;
-pub mod state;
-pub mod telemetry;
 pub mod timing;
 pub mod typed;
 
+pub use robot_session;
+#[doc(no_inline)]
+pub use robot_session::{Decoder as _, Encode as _, Session as _};
+
 pub use assignment::Assignment;
 pub use block::TelemetryBlock;
-pub use client::Client;
-#[cfg(feature = "tokio")]
-pub use codec::Codec;
-pub use decoder::{Decoder, Framing};
-pub use error::{DecodeError, EncodeError, Mismatch, SessionError};
+pub use client::{
+    Client, ClientAction, ClientConfig, ClientEvent, ClientInput, ClientLink, ClientMachine,
+    ClientStatistics, Failure, Held, Places, Quiet, Stage, Ticket,
+};
+pub use decoder::Decoder;
+pub use error::{ConfigError, DecodeError, EncodeError, Mismatch, SessionError};
 pub use frame::{Frame, Side};
+pub use framing::Framing;
+pub use line::Line;
 pub use message::{Bits, BitsMut, Exception, Pdu, PduBuf, Reply, Request, Words, WordsMut, function, limit};
-pub use orientation::Quaternion;
+#[cfg(feature = "model")]
+#[doc(hidden)]
+pub use model::Rule;
 pub use registers::{Registers, serve};
-pub use server::Server;
+pub use server::{
+    Server, ServerAction, ServerConfig, ServerEvent, ServerInput, ServerLink, ServerMachine, ServerStatistics,
+};
 pub use signals::{Signal, Table};
 pub use typed::{Multiply, WordOrder};

@@ -1,6 +1,6 @@
 //! Values wider than one register: 32-bit integers and reals over two words, and the scale of an assignment.
 
-use crate::assignment::AssignmentError;
+use crate::error::AssignmentError;
 
 /// Which of the two registers of a 32-bit value comes first. Within a register the high byte is always first on the wire.
 ///

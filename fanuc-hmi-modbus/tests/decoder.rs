@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use fanuc_hmi_modbus::crc::crc16;
+use fanuc_hmi_modbus::robot_session::Decoder as _;
 use fanuc_hmi_modbus::{DecodeError, Decoder, Frame, Framing, Side};
 
 const RTU: Framing = Framing::RTU_OVER_TCP;
@@ -29,6 +30,11 @@ fn pieces<'a>(framing: Framing, side: Side, pieces: impl Iterator<Item = &'a [u8
     decoder.finish();
     drain(&mut decoder, &mut items);
     items
+}
+
+/// All of these bytes.
+fn push(decoder: &mut Decoder, bytes: &[u8]) {
+    assert_eq!(decoder.push(bytes), bytes.len());
 }
 
 /// The items of a stream that ends; they are the same when it arrives byte by byte.
@@ -126,9 +132,9 @@ fn a_frame_that_a_silence_cuts_says_how_long_it_would_be() {
         assert_eq!(decode(RTU, side, bytes), [(Err(cut), bytes.len() as u64)], "{side:?} {bytes:x?}");
         // A frame behind the silence is another one.
         let mut decoder = Decoder::new(RTU, side);
-        decoder.push(bytes);
+        push(&mut decoder, bytes);
         decoder.finish();
-        decoder.push(&sealed(&[1, 22, 0, 4, 0, 0xF2, 0, 0x25]));
+        push(&mut decoder, &sealed(&[1, 22, 0, 4, 0, 0xF2, 0, 0x25]));
         assert_eq!(decoder.next_frame(), Some(Err(cut)));
         assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, [22, 0, 4, 0, 0xF2, 0, 0x25]);
     }
@@ -138,16 +144,16 @@ fn a_frame_that_a_silence_cuts_says_how_long_it_would_be() {
 fn a_frame_that_is_whole_when_the_silence_is_told_is_not_cut() {
     let frame = sealed(&[1, 3, 0, 0, 0, 1]);
     let mut decoder = Decoder::new(RTU, Side::Client);
-    decoder.push(&frame);
+    push(&mut decoder, &frame);
     // Told twice, it is one silence.
     decoder.finish();
     decoder.finish();
     assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, [3, 0, 0, 0, 1]);
     assert_eq!(decoder.next_frame(), None);
-    decoder.push(&frame[..5]);
+    push(&mut decoder, &frame[..5]);
     assert_eq!(decoder.next_frame(), None);
     assert_eq!(decoder.pending(), 5);
-    decoder.push(&frame[5..]);
+    push(&mut decoder, &frame[5..]);
     assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, [3, 0, 0, 0, 1]);
     assert_eq!(decoder.next_frame(), None);
     assert_eq!((decoder.pending(), decoder.position()), (0, 16));
@@ -173,9 +179,9 @@ fn a_line_carries_frames_of_256_bytes_and_no_longer_ones() {
     let too_long = |found| DecodeError::TooLong { found };
     assert_eq!(decode(RTU, Side::Client, &long), [(Err(too_long(257)), 257)]);
     let mut decoder = Decoder::new(RTU, Side::Client);
-    decoder.push(&long);
+    push(&mut decoder, &long);
     assert_eq!(decoder.next_frame(), None);
-    assert_eq!(decoder.damage(), Some(too_long(257)));
+    assert_eq!(decoder.corruption(), Some(too_long(257)));
     assert_eq!(Frame::decode_rtu(&long[..256], Side::Client), Ok(None));
     assert_eq!(Frame::decode_rtu(&long, Side::Client), Err(too_long(257)));
     assert_eq!(Frame::decode_rtu(&[100; 300], Side::Client), Err(too_long(257)), "however many there are");

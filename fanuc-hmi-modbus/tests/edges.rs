@@ -3,14 +3,12 @@
 
 use core::time::Duration;
 
-use bytes::BytesMut;
-use fanuc_hmi_modbus::assignment::{AssignmentError, Line, check};
-use fanuc_hmi_modbus::telemetry::Tracker;
+use fanuc_hmi_modbus::assignment::{AssignmentError, Setting, check};
+use fanuc_hmi_modbus::robot_session::Encode as _;
 use fanuc_hmi_modbus::{
-    Assignment, Bits, BitsMut, Codec, DecodeError, EncodeError, Exception, Frame, Framing, Multiply, Pdu,
-    Registers, Reply, Request, Side, TelemetryBlock, WordOrder, Words, WordsMut, limit, serve, timing,
+    Assignment, Bits, BitsMut, DecodeError, EncodeError, Exception, Frame, Multiply, Pdu, Registers, Reply,
+    Request, TelemetryBlock, WordOrder, Words, WordsMut, limit, serve, timing,
 };
-use tokio_util::codec::Decoder as _;
 
 /// A server that overrides no method.
 struct Nothing;
@@ -319,19 +317,6 @@ fn what_a_reply_is_written_into_may_be_empty_and_takes_a_value_twice() {
 }
 
 #[test]
-fn a_codec_gives_what_is_whole_before_it_gives_up_the_rest() {
-    let frame = Frame { transaction: Some(7), unit: 1, pdu: &[3, 2, 0, 1][..] };
-    let mut wire = BytesMut::new();
-    frame.append_to(&mut wire).unwrap();
-    wire.extend_from_slice(&[0, 8, 0]);
-    let mut codec = Codec::new(Framing::Tcp, Side::Server);
-    let mut next = || codec.decode_eof(&mut wire).unwrap();
-    assert_eq!(next(), Some(Ok(frame.to_owned().unwrap())));
-    assert!(matches!(next(), Some(Err(DecodeError::Cut { found: 3, .. }))));
-    assert_eq!(next(), None);
-}
-
-#[test]
 fn the_telemetry_block_is_one_request_and_its_reply() {
     let request = TelemetryBlock::request();
     assert_eq!(request, Request::ReadHoldingRegisters { address: 0, quantity: 37 });
@@ -340,7 +325,6 @@ fn the_telemetry_block_is_one_request_and_its_reply() {
     let registers = block.to_registers(WordOrder::HighFirst);
     assert_eq!(TelemetryBlock::from_words(&Words::from(&registers), WordOrder::HighFirst), Some(block));
     assert_eq!(TelemetryBlock::from_words(&Words::from(&registers[..36]), WordOrder::HighFirst), None);
-    assert_eq!(Tracker::default().counts().samples, 0);
 }
 
 #[test]
@@ -370,9 +354,9 @@ fn a_multiply_is_a_number_in_json() {
 fn assignments_are_checked_one_by_one_and_line_by_line() {
     let wrong = Assignment { size: 0, ..Assignment::FACTORY };
     assert_eq!(check(&[wrong]), Err(AssignmentError::Size { address: 1, found: 0 }));
-    assert_eq!(Line::parse("$SNPX_ASG[1] is a slot"), Ok(None));
-    assert_eq!(Line::parse("$SNPX_ASG[1].$ADDRESS = x"), Err(AssignmentError::Value { slot: 1 }));
-    assert_eq!(Line::parse("$SNPX_ASG[1].$MULTIPLY = x"), Err(AssignmentError::Value { slot: 1 }));
+    assert_eq!(Setting::parse("$SNPX_ASG[1] is a slot"), Ok(None));
+    assert_eq!(Setting::parse("$SNPX_ASG[1].$ADDRESS = x"), Err(AssignmentError::Value { slot: 1 }));
+    assert_eq!(Setting::parse("$SNPX_ASG[1].$MULTIPLY = x"), Err(AssignmentError::Value { slot: 1 }));
     /// A writer that takes so many characters.
     struct Short(usize);
     impl core::fmt::Write for Short {

@@ -9,6 +9,7 @@
 
 use core::time::Duration;
 
+use fanuc_hmi_modbus::robot_session::{Decoder as _, Encode as _};
 use fanuc_hmi_modbus::{
     DecodeError, Decoder, EncodeError, Exception, Frame, Framing, Pdu, PduBuf, Reply, Request, Side,
     WordOrder, function, limit,
@@ -313,34 +314,6 @@ proptest! {
         for order in [WordOrder::LowFirst, WordOrder::HighFirst] {
             prop_assert_eq!(order.join(order.split(bits)), bits);
         }
-    }
-}
-
-/// A request of each framing, and a reply, through the codec of `tokio_util`.
-#[test]
-fn the_tokio_codec_gives_and_takes_the_same_frames() {
-    use tokio_util::bytes::BytesMut;
-    use tokio_util::codec::{Decoder as _, Encoder as _};
-
-    let request = Request::ReadHoldingRegisters { address: 0, quantity: 37 };
-    for (framing, transaction) in [(Framing::Tcp, Some(9)), (Framing::RTU_OVER_TCP, None)] {
-        let mut codec = fanuc_hmi_modbus::Codec::new(framing, Side::Client);
-        let mut stream = BytesMut::new();
-        codec.encode(Frame { transaction: Some(9), unit: 1, pdu: request }, &mut stream).unwrap();
-        assert_eq!(&stream[..], encoded(transaction, 1, &request).unwrap());
-        let whole = stream.clone();
-        let mut rest = stream.split_off(5);
-        assert!(codec.decode(&mut stream).unwrap().is_none());
-        let frame = codec.decode(&mut rest).unwrap().unwrap().unwrap();
-        assert_eq!((frame.transaction, frame.unit, frame.pdu.request().unwrap()), (transaction, 1, request));
-        let mut cut = BytesMut::from(&whole[..5]);
-        let error = codec.decode_eof(&mut cut).unwrap().unwrap().unwrap_err();
-        assert!(matches!(error, DecodeError::Cut { found: 5, .. }));
-        assert!(codec.decode_eof(&mut cut).unwrap().is_none());
-        let forbidden = Request::ReadHoldingRegisters { address: 0, quantity: 126 };
-        let error = codec.encode(Frame { transaction, unit: 1, pdu: forbidden }, &mut cut).unwrap_err();
-        assert_eq!(error.to_string(), "quantity 126 in function 3 is not within 1 to 125");
-        assert!(cut.is_empty());
     }
 }
 

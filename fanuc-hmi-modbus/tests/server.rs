@@ -11,9 +11,11 @@ mod common;
 
 use core::time::Duration;
 
-use common::{Bank, MS, bytes, read};
+use common::{Bank, MS, bytes, read, transmitted};
+use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::{
-    DecodeError, Exception, Registers, Request, Server, Words, WordsMut, function, limit, serve, server,
+    ConfigError, DecodeError, Exception, Registers, Request, Server, ServerConfig, ServerEvent, Words,
+    WordsMut, function, limit, serve,
 };
 
 /// The reply PDU to a request PDU.
@@ -95,71 +97,136 @@ fn what_cannot_be_served_gets_its_exception() {
     }
 }
 
+fn connected<const N: usize>(config: ServerConfig) -> Server<Bank, N> {
+    let mut server = Server::new(config, Bank::new()).unwrap();
+    server.handle_connected(Duration::ZERO);
+    server
+}
+
 #[test]
 fn a_server_answers_in_order_and_only_what_is_meant_for_it() {
-    let mut server = Server::new(server::Config::rtu_over_tcp(5));
-    let bank = &mut Bank::new();
-    let mut out = [0; 260];
+    let mut server: Server<_> = connected(ServerConfig::rtu_over_tcp(5));
     let mut stream = Vec::new();
     for unit in [5, 6, 0, 5] {
         stream.extend(bytes(None, unit, Request::WriteRegister { address: unit.into(), value: 9 }));
     }
-    assert_eq!(server.handle_input(MS, &stream), stream.len());
-    assert_eq!(server.poll_transmit(MS, bank, &mut [0; 259]), None, "too little room: nothing is done");
-    assert_eq!(server.poll_transmit(MS, bank, &mut out), Some(8));
-    assert_eq!(out[..6], [5, 6, 0, 5, 0, 9]);
-    assert_eq!(server.poll_transmit(MS, bank, &mut out), Some(8));
-    assert_eq!(server.poll_transmit(MS, bank, &mut out), None);
-    assert_eq!(bank.writes, [(5, 9), (0, 9), (5, 9)]);
+    server.handle_input(MS, &stream);
+    assert_eq!(server.registers().writes, [(5, 9), (0, 9), (5, 9)]);
+    assert_eq!(server.poll_transmit(MS, &mut [0; 259]), None, "too little room: nothing is sent");
+    let out = transmitted(&mut server, MS);
+    assert_eq!(out.len(), 2);
+    assert_eq!(out[0][..6], [5, 6, 0, 5, 0, 9]);
     let served: Vec<_> = core::iter::from_fn(|| server.poll_event()).collect();
     let units: Vec<_> = served
         .iter()
         .map(|event| match event {
-            server::Event::Served { unit, .. } => *unit,
+            ServerEvent::Served { unit, .. } => *unit,
             event => panic!("{event:?}"),
         })
         .collect();
     assert_eq!(units, [5, 0, 5]);
+    assert_eq!(server.statistics().served, 3);
 }
 
 #[test]
 fn a_server_on_a_serial_line_answers_after_the_silence() {
-    let mut server = Server::new(server::Config::rtu(1, 9600));
-    let bank = &mut Bank::new();
-    let mut out = [0; 260];
+    let mut server: Server<_> = connected(ServerConfig::rtu(1, 9600));
     let request = bytes(None, 1, read(0, 1));
     server.handle_input(MS, &[0x55]);
     assert_eq!(server.poll_timeout(), Some(Duration::from_micros(5010)));
     server.handle_input(6 * MS, &request);
-    assert_eq!(server.poll_transmit(10 * MS, bank, &mut out), None);
-    assert_eq!(server.poll_transmit(11 * MS, bank, &mut out), Some(7));
+    server.handle_timeout(10 * MS);
+    assert_eq!(transmitted(&mut server, 10 * MS).len(), 0);
+    server.handle_timeout(11 * MS);
+    assert_eq!(transmitted(&mut server, 11 * MS)[0].len(), 7);
     let error = DecodeError::Cut { expected: 4, found: 1 };
-    assert_eq!(server.poll_event(), Some(server::Event::Damaged(error)));
+    assert_eq!(server.poll_event(), Some(ServerEvent::Corrupt(error)));
     // A function that only the server knows ends with the silence.
     server.handle_input(20 * MS, &bytes(None, 1, Request::Other { function: 65, data: &[1, 2] }));
-    assert_eq!(server.poll_transmit(25 * MS, bank, &mut out), Some(6));
-    assert_eq!(out[..4], [1, 65, 1, 2]);
+    server.handle_timeout(25 * MS);
+    assert_eq!(transmitted(&mut server, 25 * MS)[0][..4], [1, 65, 1, 2]);
+    // A reply waits while others speak.
+    server.handle_input(30 * MS, &request);
+    server.handle_timeout(35 * MS);
+    server.handle_input(36 * MS, &[2]);
+    assert_eq!(transmitted(&mut server, 36 * MS).len(), 0);
+    server.handle_timeout(41 * MS);
+    assert_eq!(transmitted(&mut server, 41 * MS).len(), 1);
 }
 
 #[test]
-fn a_server_keeps_the_last_eight_events_and_says_when_a_client_is_out_of_step() {
-    let mut server = Server::new(server::Config::tcp());
-    let bank = &mut Bank::new();
-    let mut out = [0; 260];
+fn a_burst_without_a_silence_is_no_frame_and_is_taken_whole() {
+    let mut server: Server<_> = connected(ServerConfig::rtu(1, 9600));
+    server.handle_input(MS, &bytes(None, 1, Request::WriteRegister { address: 1, value: 9 }).repeat(300));
+    let left: usize = 8 * 300 % 1024;
+    assert_eq!(server.poll_event(), Some(ServerEvent::Corrupt(DecodeError::Noise { length: 1024 })));
+    server.handle_timeout(10 * MS);
+    let statistics = server.statistics();
+    assert_eq!(statistics.served + statistics.refused, left as u64 / 8, "what came before the silence");
+    let mut server: Server<_> = connected(ServerConfig::rtu_over_tcp(1));
+    server.handle_input(MS, &[0xFF; 3000]);
+    server.handle_timeout(1000 * MS);
+    server.handle_input(1000 * MS, &bytes(None, 1, read(0, 1)));
+    assert_eq!(transmitted(&mut server, 1000 * MS).len(), 1);
+}
+
+#[test]
+fn a_server_reports_the_last_events_and_that_a_client_is_out_of_step() {
+    let mut server: Server<_> = connected(ServerConfig::tcp());
     for transaction in 0..20 {
         server.handle_input(MS, &bytes(Some(transaction), 1, read(90, transaction + 1)));
-        assert!(server.poll_transmit(MS, bank, &mut out).is_some());
+        assert_eq!(transmitted(&mut server, MS).len(), 1);
     }
     server.handle_input(MS, b"GET / HTTP/1.1\r\n\r\n");
-    assert_eq!(server.poll_transmit(MS, bank, &mut out), None);
+    assert_eq!(transmitted(&mut server, MS).len(), 0);
     let events: Vec<_> = core::iter::from_fn(|| server.poll_event()).collect();
     assert_eq!(events.len(), 8);
-    let event = |transaction| server::Event::Served {
+    let event = |transaction| ServerEvent::Served {
         transaction: Some(transaction),
         unit: 1,
         function: 3,
         exception: Some(Exception::IllegalDataAddress),
     };
     assert_eq!(events[0], event(13));
-    assert_eq!(events[7], server::Event::Damaged(DecodeError::Protocol { found: 0x5420 }));
+    assert_eq!(events[7], ServerEvent::OutOfStep(DecodeError::Protocol { found: 0x5420 }));
+    assert_eq!(server.statistics().dropped_notices, 13);
+}
+
+#[test]
+fn more_requests_than_places_are_neither_carried_out_nor_answered() {
+    let mut server: Server<_, 2> = connected(ServerConfig::tcp());
+    let request = |value| bytes(Some(value), 1, Request::WriteRegister { address: 1, value });
+    server.handle_input(MS, &(0..40).flat_map(request).collect::<Vec<_>>());
+    assert_eq!(server.registers().writes, [(1, 0), (1, 1)]);
+    assert_eq!((server.statistics().served, server.statistics().refused), (2, 38));
+    assert_eq!(transmitted(&mut server, MS).len(), 2);
+    server.handle_input(MS, &request(99));
+    assert_eq!(transmitted(&mut server, MS), [request(99)]);
+}
+
+#[test]
+fn nothing_of_a_connection_reaches_the_next() {
+    let mut server: Server<_> = connected(ServerConfig::tcp());
+    let request = bytes(Some(1), 1, read(0, 1));
+    server.handle_input(MS, &request);
+    server.handle_input(MS, &request[..5]);
+    server.handle_disconnected(2 * MS);
+    assert_eq!(transmitted(&mut server, 2 * MS).len(), 0);
+    server.handle_input(2 * MS, &request);
+    let unexpected = core::iter::from_fn(|| server.poll_event()).last();
+    let Some(ServerEvent::Unexpected(unexpected)) = unexpected else { panic!("{unexpected:?}") };
+    assert_eq!(unexpected.to_string(), "bytes received is not expected in the state disconnected");
+    server.handle_connected(3 * MS);
+    assert_eq!(transmitted(&mut server, 3 * MS).len(), 0);
+    server.handle_input(3 * MS, &request);
+    assert_eq!(transmitted(&mut server, 3 * MS).len(), 1);
+    assert_eq!(server.statistics().unexpected, 1);
+}
+
+#[test]
+fn a_server_that_cannot_be_is_refused() {
+    let error = Server::<_, 1>::new(ServerConfig::rtu(0, 9600), Bank::new()).err();
+    assert_eq!(error, Some(ConfigError::Unit { found: 0 }));
+    let config = ServerConfig { unit: Some(0), ..ServerConfig::tcp() };
+    assert!(Server::<_, 1>::new(config, Bank::new()).is_ok(), "on TCP 0 is a unit");
 }

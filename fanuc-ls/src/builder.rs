@@ -1,9 +1,10 @@
 use alloc::string::ToString;
 
-use crate::{
-    Configuration, EncodeError, Group, Instruction, Motion, MotionKind, Position, Program, Rules, Speed,
-    Target, Termination,
-};
+use crate::error::EncodeError;
+use crate::instruction::Instruction;
+use crate::motion::{Motion, MotionKind, Speed, Target, Termination};
+use crate::position::{Configuration, Group, Position};
+use crate::program::{Program, Rules};
 
 /// Builds a program move by move.
 ///

@@ -176,12 +176,6 @@ pub enum EncodeError {
         /// The position's number.
         number: u32,
     },
-    /// The registers of a background task overlap, or are not in 1..=65535.
-    #[error("the registers of the background task overlap, or are outside 1 to 65535")]
-    Registers,
-    /// A period of a background task that is not 1 ms to 999 s in whole ms.
-    #[error("the period of the background task must be 1 ms to 999 s, in whole ms")]
-    Period,
     /// The caller's writer failed.
     #[error("the text could not be written out")]
     Write,

@@ -1,10 +1,9 @@
 use alloc::string::String;
 use core::fmt;
 
-use crate::error::Reason;
-use crate::motion::MotionKind;
-use crate::text::{Fault, join_lines};
-use crate::{EncodeError, Motion};
+use crate::error::{EncodeError, Reason};
+use crate::motion::{Motion, MotionKind};
+use crate::text::{Fault, is_plain, join_lines};
 
 /// One instruction of `/MN`. The writer numbers them; a TP program jumps to labels, never to numbers.
 ///
@@ -116,14 +115,6 @@ pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
     let digits = body.len() - body.trim_start_matches(|c: char| c.is_ascii_digit()).len();
     let own = body.get(..digits).and_then(|digits| digits.parse::<usize>().ok());
     number > 0 && (in_block || own != Some(number + 1))
-}
-
-/// Nothing that ends a line but `\n`, and no line before the last that would close the instruction.
-pub(crate) fn is_plain(text: &str) -> bool {
-    let mut lines = text.split('\n').rev();
-    let control = |line: &str| line.contains(|c: char| c.is_control() && c != '\t');
-    lines.next().is_some_and(|last| !control(last))
-        && lines.all(|line| !control(line) && !line.trim_end().ends_with(';'))
 }
 
 /// A motion letter, a space, and a target.

@@ -2,11 +2,9 @@ use alloc::format;
 use alloc::string::{String, ToString};
 use core::fmt;
 
-use crate::EncodeError;
-use crate::error::Reason;
-use crate::instruction::is_plain;
+use crate::error::{EncodeError, Reason};
 use crate::text::{
-    Read, Reference, decimal, fail, join_lines, joint, or_fail, reference, shortest, unsigned,
+    Read, Reference, decimal, fail, is_plain, join_lines, joint, or_fail, reference, shortest, unsigned,
 };
 
 /// A motion instruction, such as `S P[2] 10mm/sec CNT100`.

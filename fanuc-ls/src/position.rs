@@ -5,8 +5,7 @@ use core::fmt;
 
 use nom::bytes::complete::take_while1;
 
-use crate::EncodeError;
-use crate::error::Reason;
+use crate::error::{EncodeError, Reason};
 use crate::text::{Read, decimal, expect, fail, fixed, or_fail, space, unsigned, word};
 
 /// A position of `/POS`: `P[1:"name"]{ … };`

@@ -5,12 +5,12 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 
-use crate::error::Reason;
-use crate::instruction::is_nested;
+use crate::attribute::{Attribute, AttributeValue};
+use crate::error::{DecodeError, EncodeError, Reason, Warning};
+use crate::instruction::{Instruction, is_nested};
+use crate::motion::{MotionKind, Target};
+use crate::position::Position;
 use crate::text::{Fault, Read, expect, fail, or_fail, space, word};
-use crate::{
-    Attribute, AttributeValue, DecodeError, EncodeError, Instruction, MotionKind, Position, Target, Warning,
-};
 
 /// A TP program, as one LS file holds it.
 ///

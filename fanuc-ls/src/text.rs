@@ -162,3 +162,11 @@ fn without_leading_zero(mut text: String) -> String {
     }
     text
 }
+
+/// Nothing that ends a line but `\n`, and no line before the last that would close the instruction.
+pub(crate) fn is_plain(text: &str) -> bool {
+    let mut lines = text.split('\n').rev();
+    let control = |line: &str| line.contains(|c: char| c.is_control() && c != '\t');
+    lines.next().is_some_and(|last| !control(last))
+        && lines.all(|line| !control(line) && !line.trim_end().ends_with(';'))
+}

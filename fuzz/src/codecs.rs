@@ -60,14 +60,17 @@ pub fn tokio_codecs(data: &[u8]) {
 }
 
 fn modbus(tcp: bool, client: bool, stream: &[u8], size: usize) {
-    use fanuc_hmi_modbus::{Codec, Decoder, Framing, Side};
+    use fanuc_hmi_modbus::{Decoder, Frame, Framing, Side};
+    use robot_session::Decoder as _;
+    use robot_session::tokio::Codec;
     let framing = if tcp { Framing::Tcp } else { Framing::RTU_OVER_TCP };
     let side = if client { Side::Client } else { Side::Server };
+    let own = |frame: Frame<&[u8]>| frame.to_owned().unwrap();
     let mut decoder = Decoder::new(framing, side);
     let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
-        d.next_frame().map(|frame| frame.map(|frame| frame.to_owned().unwrap()))
+        d.next_frame().map(|frame| frame.map(own))
     });
-    assert_eq!(read(&mut Codec::new(framing, side), stream, size), expected);
+    assert_eq!(read(&mut Codec::new(Decoder::new(framing, side), own), stream, size), expected);
 }
 
 fn mmacell(device: bool, stream: &[u8], size: usize) {

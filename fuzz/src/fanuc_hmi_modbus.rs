@@ -5,11 +5,12 @@ use std::collections::BTreeSet;
 
 use arbitrary::Unstructured;
 use fanuc_hmi_modbus::assignment::{self, Slots};
-use fanuc_hmi_modbus::client::{Client, Config, Event, Ticket};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, DecodeError, Decoder, Exception, Frame, Framing, Pdu, PduBuf, Registers, Reply, Request,
-    Server, Side, Signal, Table, Words, WordsMut, limit, server,
+    Bits, BitsMut, Client, ClientConfig, ClientEvent, DecodeError, Decoder, Exception, Frame, Framing, Pdu,
+    PduBuf, Registers, Reply, Request, Server, ServerConfig, ServerStatistics, Side, Signal, Table, Ticket,
+    Words, WordsMut, limit,
 };
+use robot_session::{Decoder as _, Encode as _, Session};
 
 use crate::written;
 
@@ -179,20 +180,22 @@ pub fn fanuc_hmi_modbus_assignment(data: &[u8]) {
 pub fn fanuc_hmi_modbus_client(data: &[u8]) {
     let Some((settings, mut data)) = data.split_first() else { return };
     let mut config = match settings & 3 {
-        0 | 1 => Config::tcp(),
-        2 => Config::rtu(19_200),
-        _ => Config::rtu_over_tcp(),
+        0 | 1 => ClientConfig::tcp(),
+        2 => ClientConfig::rtu(19_200),
+        _ => ClientConfig::rtu_over_tcp(),
     };
-    config.in_flight = usize::from(settings >> 2 & 7);
+    if settings & 2 == 0 {
+        config.in_flight = usize::from(settings >> 2 & 3) + 1;
+    }
     config.any_unit = settings & 0x20 != 0;
     config.broadcast = settings & 0x40 != 0;
-    let mut client = Client::<4>::new(config);
+    let mut client = Client::<4>::new(config).expect("a good configuration");
     let (mut now, mut open, mut out) = (Duration::ZERO, BTreeSet::<Ticket>::new(), [0; 260]);
+    client.handle_connected(now);
     while let [action, pause, length, rest @ ..] = data {
         let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
         data = rest;
         now += Duration::from_millis((*pause).into());
-        let mut rest = bytes;
         match action & 7 {
             0 | 1 => {
                 if let Ok(request) = Request::decode(bytes)
@@ -201,74 +204,61 @@ pub fn fanuc_hmi_modbus_client(data: &[u8]) {
                     assert!(open.insert(ticket), "a ticket is given once");
                     assert!(open.len() <= 4, "there are four places");
                 }
-                rest = &[];
             }
-            2 => client.handle_disconnect(),
+            2 => {
+                client.handle_disconnected(now);
+                client.handle_connected(now);
+            }
             3 => client.handle_timeout(now),
-            _ => {}
+            _ => client.handle_input(now, bytes),
         }
-        let mut input = true;
-        while core::mem::take(&mut input) {
-            let taken = client.handle_input(now, rest);
-            rest = &rest[taken..];
-            let mut events = 0;
-            while let Some(event) = client.poll_event() {
-                events += 1;
-                assert!(events < 2000, "events without end");
-                input |= !rest.is_empty();
-                match event {
-                    Event::Reply { ticket, .. }
-                    | Event::Announced { ticket }
-                    | Event::Failed { ticket, .. } => assert!(open.remove(&ticket), "{ticket:?} ended twice"),
-                    _ => {}
-                }
-            }
-            assert!(input || rest.is_empty() || taken > 0, "the session stands still");
-            input |= !rest.is_empty() && taken > 0;
-        }
+        drain(&mut client, &mut open);
         while let Some(len) = client.poll_transmit(now, &mut out) {
             assert!(len <= out.len());
         }
-        let most = if settings & 2 == 0 { config.in_flight.max(1) } else { 1 };
-        assert!(client.in_flight() <= most);
+        assert!(client.in_flight() <= config.in_flight);
     }
     // Whatever is still open ends when its time is over.
-    for _ in 0..20 {
-        now += Duration::from_secs(2);
+    for _ in 0..60 {
         while client.poll_transmit(now, &mut out).is_some() {}
         now += Duration::from_secs(2);
         client.handle_timeout(now);
-        while let Some(event) = client.poll_event() {
-            if let Event::Reply { ticket, .. } | Event::Announced { ticket } | Event::Failed { ticket, .. } =
-                event
-            {
-                assert!(open.remove(&ticket), "{ticket:?} ended twice");
-            }
-        }
+        drain(&mut client, &mut open);
     }
     assert!(open.is_empty(), "{open:?} never ended");
+    assert_eq!(client.statistics().unexpected, 0);
+}
+
+fn drain(client: &mut Client<4>, open: &mut BTreeSet<Ticket>) {
+    while let Some(event) = client.poll_event() {
+        if let Some(ticket) = event.outcome_of() {
+            assert!(open.remove(&ticket), "{ticket:?} ended twice");
+            assert_eq!(client.reply(ticket).is_some(), matches!(event, ClientEvent::Replied { .. }));
+        }
+    }
 }
 
 /// Steps of a pause in milliseconds, a length, and so many bytes from the client.
 pub fn fanuc_hmi_modbus_server(data: &[u8]) {
     let Some((settings, mut data)) = data.split_first() else { return };
     let config = match settings & 3 {
-        0 | 1 => server::Config::tcp(),
-        2 => server::Config::rtu(1, 19_200),
-        _ => server::Config::rtu_over_tcp(1),
+        0 | 1 => ServerConfig::tcp(),
+        2 => ServerConfig::rtu(1, 19_200),
+        _ => ServerConfig::rtu_over_tcp(1),
     };
-    let mut server = Server::new(config);
-    let (mut now, mut out) = (Duration::ZERO, [0; Server::MAX_TRANSMIT]);
+    let mut server = Server::<_, 8>::new(config, Bank).expect("a good configuration");
+    let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
+    server.handle_connected(now);
     while let [pause, length, rest @ ..] = data {
-        let (mut bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
         data = rest;
         now += Duration::from_millis((*pause).into());
-        for _ in 0..4 {
-            bytes = &bytes[server.handle_input(now, bytes)..];
-            let mut replies = 0;
-            while let Some(len) = server.poll_transmit(now, &mut Bank, &mut out) {
+        server.handle_input(now, bytes);
+        let mut replies = 0;
+        loop {
+            while let Some(len) = server.poll_transmit(now, &mut out) {
                 replies += 1;
-                assert!(replies < 300, "replies without end");
+                assert!(replies <= 16, "it holds eight replies");
                 let frame = match config.framing {
                     Framing::Tcp => {
                         let (frame, used) = Frame::decode_tcp(&out[..len]).unwrap().unwrap();
@@ -280,14 +270,13 @@ pub fn fanuc_hmi_modbus_server(data: &[u8]) {
                 assert!(config.unit.is_none_or(|unit| unit == frame.unit), "it answers for another unit");
             }
             assert!(core::iter::from_fn(|| server.poll_event()).count() <= 8, "the queue is bounded");
-        }
-        if let Some(at) = server.poll_timeout() {
+            let Some(at) = server.poll_timeout() else { break };
             server.handle_timeout(at);
-            while server.poll_transmit(at, &mut Bank, &mut out).is_some() {}
-            assert_eq!(server.poll_timeout(), None, "after the silence nothing waits");
             now = now.max(at);
         }
     }
+    let ServerStatistics { unexpected, .. } = server.statistics();
+    assert_eq!(unexpected, 0);
 }
 
 /// Every table at every address: a register holds its address.
@@ -350,16 +339,16 @@ fn decode(framing: Framing, side: Side, stream: &[u8], size: usize) -> Vec<Item>
     let good = Frame { transaction, unit: 1, pdu: &[6, 0, 1, 2, 3][..] };
     let bytes = encoded(&good);
     assert_eq!(decoder.push(&bytes), bytes.len());
-    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what comes behind the silence is read");
+    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what follows the silence is read");
     items
 }
 
 /// Blocks of telemetry, 37 registers each, and speeds for DPM: whatever the registers hold, orientations are unit
 /// quaternions that follow one another, and no offset passes a limit.
 pub fn fanuc_hmi_modbus_motion(data: &[u8]) {
-    use fanuc_hmi_modbus::dpm::{Axis, Config, Modifier};
-    use fanuc_hmi_modbus::telemetry::{Observation, Tracker};
-    use fanuc_hmi_modbus::{Quaternion, TelemetryBlock, WordOrder};
+    use cellwire::motion::dpm::{Axis, Config, Modifier};
+    use cellwire::motion::{Observation, Quaternion, Tracker};
+    use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 
     let axis = Some(Axis::new(0.001));
     let mut modifier = Modifier::new(Config::new([axis; 6])).unwrap();

@@ -1,6 +1,7 @@
 //! LS programs: the reader over any text, and trajectories made into programs by any step.
 
-use fanuc_ls::{Acceleration, Arm, CommentRule, Program, Resampling, Rules, Sampling, SpeedStep, Trajectory};
+use cellwire::motion::{Acceleration, Arm, JointSample, Resampling, Sampling, SpeedStep, Trajectory};
+use fanuc_ls::{CommentRule, Program, Rules};
 
 /// The text of an LS file. What reads and can be written reads back, and is written the same again.
 pub fn fanuc_ls_program(data: &[u8]) {
@@ -47,7 +48,7 @@ pub fn fanuc_ls_trajectory(data: &[u8]) {
     let written = program.to_text(&Rules::default()).expect("what is made can be written");
     let again = Program::decode(&written).expect("what is written reads");
     assert_eq!(again.to_text(&Rules::default()), Ok(written));
-    let joints = |sample: Option<&fanuc_ls::Sample>| sample.map(|sample| sample.joints);
+    let joints = |sample: Option<&JointSample>| sample.map(|sample| sample.joints);
     assert_eq!(first.and_then(fanuc_ls::Position::joints), joints(trajectory.samples().first()));
     assert_eq!(last.and_then(fanuc_ls::Position::joints), joints(trajectory.samples().last()));
 }

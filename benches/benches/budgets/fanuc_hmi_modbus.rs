@@ -7,8 +7,8 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use benches::{Budget, Count, Link};
-use fanuc_hmi_modbus::telemetry::Tracker;
-use fanuc_hmi_modbus::{TelemetryBlock, dpm, timing};
+use cellwire::motion::{Tracker, dpm};
+use fanuc_hmi_modbus::{TelemetryBlock, timing};
 
 pub const LINK: Link = Link {
     name: "fanuc-hmi-modbus",

@@ -1,7 +1,8 @@
 use std::hint::black_box;
 
 use benches::{Budget, Count, Link};
-use fanuc_ls::{Arm, Kinematics, Program, Rules};
+use cellwire::motion::{Arm, Kinematics};
+use fanuc_ls::{Program, Rules};
 
 const TEXT: &str = include_str!("../../../reference/ls/figure-4.canonical.ls");
 /// A const divides by it: the length as the table wants it.

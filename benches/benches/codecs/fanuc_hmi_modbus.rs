@@ -2,6 +2,7 @@ use std::hint::black_box;
 
 use criterion::Criterion;
 use fanuc_hmi_modbus::{Frame, Reply, TelemetryBlock, WordOrder, Words};
+use robot_session::Encode as _;
 
 pub(crate) fn bench(criterion: &mut Criterion) {
     let block =

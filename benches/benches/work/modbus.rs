@@ -7,13 +7,15 @@ use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
 use fanuc_hmi_modbus::{
-    Client, Exception, Frame, Registers, Reply, Request, Server, Words, WordsMut, client, server,
+    Client, ClientConfig, ClientEvent, Exception, Frame, Registers, Reply, Request, Server, ServerConfig,
+    Words, WordsMut,
 };
 use modbus_core::tcp as core_tcp;
 use rmodbus::client::ModbusRequest;
 use rmodbus::server::ModbusFrame;
 use rmodbus::server::context::ModbusContext;
 use rmodbus::server::storage::ModbusStorageSmall;
+use robot_session::{Encode as _, Session as _};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio_modbus::client::Reader;
 
@@ -160,7 +162,8 @@ pub(crate) fn encode_rmodbus(rounds: u64) {
 }
 
 pub(crate) fn exchange(rounds: u64) {
-    let mut client: Client = Client::new(client::Config::tcp());
+    let mut client: Client = Client::new(ClientConfig::tcp()).expect("a good configuration");
+    client.handle_connected(Duration::ZERO);
     let mut reply = reply_bytes();
     let (mut out, mut words) = ([0; 260], [0u16; N]);
     for _ in 0..rounds {
@@ -170,10 +173,8 @@ pub(crate) fn exchange(rounds: u64) {
         let len = client.poll_transmit(now, &mut out).expect("a request");
         reply.splice(..2, out.iter().take(len).take(2).copied());
         client.handle_input(now, black_box(&reply));
-        let Some(client::Event::Reply { reply: Reply::HoldingRegisters(read), .. }) = client.poll_event()
-        else {
-            panic!("no reply")
-        };
+        let Some(ClientEvent::Replied { ticket, .. }) = client.poll_event() else { panic!("no reply") };
+        let Some(Reply::HoldingRegisters(read)) = client.reply(ticket) else { panic!("another reply") };
         assert_eq!(read.copy_to(&mut words), N);
         black_box(&words);
         assert_eq!(client.poll_event(), None);
@@ -235,12 +236,14 @@ pub(crate) fn exchange_tokio_modbus(rounds: u64) {
 }
 
 pub(crate) fn server_session(rounds: u64) {
-    let (mut server, mut bank) = (Server::new(server::Config::tcp()), Bank([7; 100]));
+    let server = Server::new(ServerConfig::tcp(), Bank([7; 100]));
+    let mut server: Server<_> = server.expect("a good configuration");
+    server.handle_connected(Duration::ZERO);
     let (request, mut out) = (request_bytes(), [0; Frame::MAX_LEN]);
     for _ in 0..rounds {
         let now = black_box(Duration::from_millis(1));
         server.handle_input(now, black_box(&request));
-        assert_eq!(server.poll_transmit(now, &mut bank, &mut out), Some(9 + 2 * N));
+        assert_eq!(server.poll_transmit(now, &mut out), Some(9 + 2 * N));
         black_box(&out);
     }
 }

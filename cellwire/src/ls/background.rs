@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use anyhow::Result;
 use fanuc_hmi_modbus::Assignment;
-use fanuc_ls::BackgroundTask;
 
+use super::task::BackgroundTask;
 use super::{rules, write};
 
 /// Writes the background task that puts the tool's pose and speed into registers for `cellwire fanuc log`.

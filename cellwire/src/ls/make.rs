@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::ValueEnum;
-use fanuc_ls::{Acceleration, CommentRule, Report, Resampling, Sampling, SpeedStep, Trajectory};
+use fanuc_ls::CommentRule;
+
+use crate::motion::{Acceleration, Report, Resampling, Sampling, SpeedStep, Trajectory};
 
 use super::{ArmArgs, rules, write};
 

@@ -3,13 +3,16 @@
 mod background;
 mod check;
 mod make;
+pub mod task;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Subcommand, ValueEnum};
-use fanuc_ls::{Arm, Pose, Program, Rules, Trajectory};
+use fanuc_ls::{Program, Rules};
+
+use crate::motion::{Arm, Pose, Trajectory};
 
 /// FANUC teach pendant programs as text: LS files.
 ///

@@ -1,6 +1,10 @@
 use core::fmt;
 
-use super::{Pdu, Reply, Request, limit, room};
+use super::limit;
+use super::pdu::{Pdu, sealed};
+use super::reply::Reply;
+use super::request::Request;
+use super::wire::room;
 use crate::error::{DecodeError, EncodeError};
 
 /// A PDU of its own: 1 to 253 bytes in an array, for where a borrow does not reach.
@@ -45,6 +49,8 @@ impl PduBuf {
         Reply::decode(self.as_bytes())
     }
 }
+
+impl sealed::Sealed for PduBuf {}
 
 impl Pdu for PduBuf {
     fn encoded_len(&self) -> usize {

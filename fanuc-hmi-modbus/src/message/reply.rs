@@ -1,7 +1,11 @@
-use super::{
-    Bits, Exception, Pdu, Request, Words, check_run, coil, coil_word, exactly, function, limit, mask, pair,
-    put_mask, put_other, put_pair, room, room_for,
+use super::data::{Bits, Words};
+use super::exception::Exception;
+use super::pdu::{Pdu, sealed};
+use super::request::Request;
+use super::wire::{
+    check_run, coil, coil_word, exactly, mask, pair, put_mask, put_other, put_pair, room, room_for,
 };
+use super::{function, limit};
 use crate::error::{DecodeError, EncodeError, Mismatch};
 
 /// What a server answers.
@@ -148,20 +152,19 @@ impl<'a> Reply<'a> {
     }
 }
 
-impl<'a> Reply<'a> {
-    /// The same reply with as many bits as the request asks for.
-    pub(crate) fn for_request(self, request: &super::PduBuf) -> Self {
-        match (self, request.request()) {
-            (Self::Coils(bits), Ok(Request::ReadCoils { quantity, .. })) => {
-                Self::Coils(bits.truncated(quantity.into()))
-            }
-            (Self::DiscreteInputs(bits), Ok(Request::ReadDiscreteInputs { quantity, .. })) => {
-                Self::DiscreteInputs(bits.truncated(quantity.into()))
-            }
-            (reply, _) => reply,
+impl Reply<'_> {
+    /// The same reply with so many bits, where it has bits: the last byte of a reply does not say how many of its bits were
+    /// asked for.
+    pub(crate) fn with_bits(self, bits: u16) -> Self {
+        match self {
+            Self::Coils(values) => Self::Coils(values.truncated(bits.into())),
+            Self::DiscreteInputs(values) => Self::DiscreteInputs(values.truncated(bits.into())),
+            reply => reply,
         }
     }
 }
+
+impl sealed::Sealed for Reply<'_> {}
 
 impl Pdu for Reply<'_> {
     #[inline]

@@ -1,7 +1,7 @@
-use super::{
-    Bits, Pdu, Words, check_run, coil, coil_word, function, limit, mask, pair, put_mask, put_other, put_pair,
-    room,
-};
+use super::data::{Bits, Words};
+use super::pdu::{Pdu, sealed};
+use super::wire::{check_run, coil, coil_word, mask, pair, put_mask, put_other, put_pair, room};
+use super::{function, limit};
 use crate::error::{DecodeError, EncodeError};
 
 /// What a client asks. Addresses are PDU addresses: 0 is the first coil or register of a table.
@@ -111,11 +111,25 @@ impl<'a> Request<'a> {
         }
     }
 
+    /// How many bits or registers it reads; 0 if it reads none.
+    pub const fn quantity_read(&self) -> u16 {
+        match self {
+            Self::ReadCoils { quantity, .. }
+            | Self::ReadDiscreteInputs { quantity, .. }
+            | Self::ReadHoldingRegisters { quantity, .. }
+            | Self::ReadInputRegisters { quantity, .. }
+            | Self::ReadWriteRegisters { quantity, .. } => *quantity,
+            _ => 0,
+        }
+    }
+
     /// True when only a reply makes sense of it: such a request cannot be broadcast.
     pub const fn reads(&self) -> bool {
         matches!(self.function(), 1..=4 | function::READ_WRITE_REGISTERS)
     }
 }
+
+impl sealed::Sealed for Request<'_> {}
 
 impl Pdu for Request<'_> {
     #[inline]

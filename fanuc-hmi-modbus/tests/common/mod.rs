@@ -1,12 +1,12 @@
-//! A server's registers, and what a client tells, for the tests of the sessions.
+//! A server's registers, and what a client reports, for the tests of the sessions.
 #![allow(dead_code, unreachable_pub, missing_debug_implementations, reason = "a helper of several tests")]
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::client::{self, Event, Failure, Ticket};
+use fanuc_hmi_modbus::robot_session::{Encode as _, Session};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, Client, DecodeError, Exception, Frame, Mismatch, Registers, Reply, Request, Words,
-    WordsMut,
+    Bits, BitsMut, Client, ClientConfig, ClientEvent, DecodeError, Exception, Failure, Frame, Mismatch,
+    Registers, Reply, Request, Ticket, Words, WordsMut,
 };
 
 pub const MS: Duration = Duration::from_millis(1);
@@ -70,52 +70,69 @@ impl Registers for Bank {
     }
 }
 
-/// What a client's event says, without its borrow.
+/// What a client reports, with the reply.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Told {
+pub enum Seen {
     Registers(Ticket, Vec<u16>),
     Written(Ticket),
     Exception(Ticket, Exception),
     Announced(Ticket),
     Failed(Ticket, Failure),
     Stray { function: u8, late: Option<Ticket>, mismatch: Option<Mismatch> },
-    Damaged(DecodeError),
+    Corrupt(DecodeError),
+    OutOfStep(DecodeError),
+    Unexpected(&'static str, &'static str),
 }
 
-pub fn told(event: Event<'_>) -> Told {
+pub fn seen<const N: usize>(client: &Client<N>, event: ClientEvent) -> Seen {
     match event {
-        Event::Reply { ticket, reply: Reply::HoldingRegisters(words), .. } => {
-            Told::Registers(ticket, words.iter().collect())
-        }
-        Event::Reply { ticket, reply: Reply::Exception { exception, .. }, .. } => {
-            Told::Exception(ticket, exception)
-        }
-        Event::Reply { ticket, .. } => Told::Written(ticket),
-        Event::Announced { ticket } => Told::Announced(ticket),
-        Event::Failed { ticket, failure } => Told::Failed(ticket, failure),
-        Event::Stray { function, late, mismatch, .. } => Told::Stray { function, late, mismatch },
-        Event::Damaged(error) => Told::Damaged(error),
+        ClientEvent::Replied { ticket, .. } => match client.reply(ticket).expect("a reply") {
+            Reply::HoldingRegisters(words) => Seen::Registers(ticket, words.iter().collect()),
+            Reply::Exception { exception, .. } => Seen::Exception(ticket, exception),
+            _ => Seen::Written(ticket),
+        },
+        ClientEvent::Announced { ticket } => Seen::Announced(ticket),
+        ClientEvent::Failed { ticket, failure } => Seen::Failed(ticket, failure),
+        ClientEvent::Stray { function, late, mismatch, .. } => Seen::Stray { function, late, mismatch },
+        ClientEvent::Corrupt(error) => Seen::Corrupt(error),
+        ClientEvent::OutOfStep(error) => Seen::OutOfStep(error),
+        ClientEvent::Unexpected(it) => Seen::Unexpected(it.state, it.input),
         event => panic!("{event:?}"),
     }
 }
 
-pub fn all<const N: usize>(client: &mut Client<N>) -> Vec<Told> {
-    core::iter::from_fn(|| client.poll_event().map(told)).collect()
+pub fn all<const N: usize>(client: &mut Client<N>) -> Vec<Seen> {
+    core::iter::from_fn(|| client.poll_event().map(|event| seen(client, event))).collect()
 }
 
 pub fn sent<const N: usize>(client: &mut Client<N>, now: Duration) -> Vec<Vec<u8>> {
+    transmitted(client, now)
+}
+
+pub fn transmitted<S: Session>(session: &mut S, now: Duration) -> Vec<Vec<u8>> {
     let mut out = [0; 260];
-    core::iter::from_fn(|| client.poll_transmit(now, &mut out).map(|len| out[..len].to_vec())).collect()
+    core::iter::from_fn(|| session.poll_transmit(now, &mut out).map(|len| out[..len].to_vec())).collect()
+}
+
+/// A client with a connection, and with nothing left on its line.
+pub fn connected<const N: usize>(config: ClientConfig) -> Client<N> {
+    let mut client = Client::new(config).unwrap();
+    client.handle_connected(Duration::ZERO);
+    client.handle_timeout(config.timeout + config.settle);
+    client
 }
 
 pub fn read(address: u16, quantity: u16) -> Request<'static> {
     Request::ReadHoldingRegisters { address, quantity }
 }
 
-pub fn tcp(in_flight: usize) -> client::Config {
-    let mut config = client::Config::tcp();
-    config.in_flight = in_flight;
-    config
+pub fn tcp(in_flight: usize) -> ClientConfig {
+    ClientConfig { in_flight, ..ClientConfig::tcp() }
+}
+
+/// 19200 baud, with times that are easy to add.
+pub fn rtu() -> ClientConfig {
+    ClientConfig { timeout: 1000 * MS, turnaround: 100 * MS, settle: 100 * MS, ..ClientConfig::rtu(19_200) }
 }
 
 pub fn bytes<P: fanuc_hmi_modbus::Pdu>(transaction: Option<u16>, unit: u8, pdu: P) -> Vec<u8> {

@@ -1,5 +1,6 @@
 //! Every link's adapter to what the tests share: its pair of machines as a system that the model explores.
 
+pub mod fanuc_hmi_modbus;
 pub mod isra_ball;
 pub mod kawasaki_msg;
 pub mod laser_eb90;

@@ -2,15 +2,16 @@
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::client::{self, Client, Event, Failure, Ticket};
-use fanuc_hmi_modbus::server::{self, Server};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, DecodeError, Exception, Frame, Registers, Reply, Request, Side, Words, WordsMut,
+    Bits, BitsMut, Client, ClientConfig, ClientEvent, DecodeError, Exception, Failure, Frame, Registers,
+    Reply, Request, Server, ServerConfig, Side, Ticket, Words, WordsMut,
 };
+use robot_session::{Encode as _, Session as _};
 
 use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
+use crate::turn;
 
 pub(super) const TCP: Row = Row {
     link: "fanuc-hmi-modbus",
@@ -99,6 +100,10 @@ enum Asked {
     Refusal,
 }
 
+/// No reply comes later after its request: request and reply pause for 10 s each, after a broadcast that did, and both ends are
+/// polled 5 s late.
+const SETTLE: Duration = Duration::from_secs(45);
+
 struct Cell {
     now: Duration,
     log: Log,
@@ -111,10 +116,19 @@ struct Cell {
     asked: Vec<Asked>,
     open: Vec<(Ticket, usize)>,
     client: Client<4>,
-    server: Server,
-    bank: Bank,
-    gone: [bool; 2],
+    server: Server<Bank>,
+    /// In place of the server's replies: whatever the protocol has.
+    hostile: bool,
+    /// Until the end of the faults: what the client reports says nothing of the server.
+    harassed: bool,
+    /// The connection is lost, and the ends have noticed it.
+    lost: [bool; 2],
+    /// The client notices no lost connection before.
+    half_open_until: Duration,
     violations: u64,
+    /// There are no more faults: nothing may fail.
+    healed: bool,
+    stuck: bool,
 }
 
 fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
@@ -125,15 +139,12 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
         disconnect: 0.08 * bad,
         max_delay: [300 * MS, 1500 * MS][rng.below(2)],
         pause: 100 * MS,
+        stall: 0.1 * bad,
         ..Faults::TCP
     };
     let (mut client, server, faults) = match way {
-        Way::Tcp => (client::Config::tcp(), server::Config::tcp(), tcp),
-        Way::RtuOverTcp => {
-            // A pause is no end of a frame before the stall, and no reply may be later than its time and the settling.
-            let faults = Faults { max_delay: 300 * MS, ..tcp };
-            (client::Config::rtu_over_tcp(), server::Config::rtu_over_tcp(UNIT), faults)
-        }
+        Way::Tcp => (ClientConfig::tcp(), ServerConfig::tcp(), tcp),
+        Way::RtuOverTcp => (ClientConfig::rtu_over_tcp(), ServerConfig::rtu_over_tcp(UNIT), tcp),
         Way::Rtu => {
             let faults = Faults {
                 flip: 0.003 * bad,
@@ -141,16 +152,21 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
                 insert: 0.002 * bad,
                 lose: 0.02,
                 pause: [Duration::ZERO, MS, 5 * MS][rng.below(3)],
+                stall: 0.1 * bad,
                 ..Faults::SERIAL
             };
-            (client::Config::rtu(baud), server::Config::rtu(UNIT, baud), faults.at_baud(baud))
+            (ClientConfig::rtu(baud), ServerConfig::rtu(UNIT, baud), faults.at_baud(baud))
         }
     };
-    client.in_flight = 1 + rng.below(4);
+    if way == Way::Tcp {
+        client.in_flight = 1 + rng.below(4);
+    }
+    client.settle = SETTLE;
     let faults = match sabotage {
         Sabotage::Repeat => Faults { datagrams: true, repeat: 0.2, split: 0.0, merge: 0.0, ..faults },
         Sabotage::Forget | Sabotage::None => faults,
     };
+    let hostile = sabotage == Sabotage::None && rng.chance(0.1);
     let mut cell = Cell {
         now: MS,
         log,
@@ -161,23 +177,26 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
         aliens: Vec::new(),
         asked: Vec::new(),
         open: Vec::new(),
-        client: Client::new(client),
-        server: Server::new(server),
-        bank: Bank::default(),
-        gone: [false; 2],
+        client: Client::new(client).expect("a configuration that works"),
+        server: Server::new(server, Bank::default()).expect("a configuration that works"),
+        hostile,
+        harassed: hostile,
+        lost: [false; 2],
+        half_open_until: Duration::ZERO,
         violations: 0,
+        healed: false,
+        stuck: false,
     };
+    cell.wire.poll_late(0.02 * bad);
+    cell.client.handle_connected(cell.now);
+    cell.server.handle_connected(cell.now);
     let jobs = 5 + rng.below(36);
     while cell.now < LIMIT && (cell.asked.len() < jobs || !cell.open.is_empty()) {
-        while cell.asked.len() < jobs && cell.gone == [false; 2] && cell.ask(&mut rng) {}
+        while cell.asked.len() < jobs && cell.ask(&mut rng) {}
+        cell.restart(&mut rng, 0.002 * bad);
         cell.step(&mut rng);
     }
-    // What is still under way may be written by now, though nobody hears of it.
-    let end = cell.now + 2 * Duration::from_secs(1);
-    while cell.now < end {
-        cell.step(&mut rng);
-        cell.now = cell.wire.next(cell.now, [cell.server.poll_timeout(), Some(end)]);
-    }
+    cell.heal(&mut rng);
     cell.settle()
 }
 
@@ -223,60 +242,122 @@ impl Cell {
         true
     }
 
+    /// Either end begins again and has lost its memory.
+    fn restart(&mut self, rng: &mut Rng, chance: f64) {
+        if rng.chance(chance) {
+            self.log.say(self.now, format_args!("the client begins again"));
+            let client = Client::new(*self.client.config()).expect("it worked before");
+            self.violations += core::mem::replace(&mut self.client, client).statistics().unexpected;
+            for (_, job) in core::mem::take(&mut self.open) {
+                self.ledger.tell(job, Told::Unknown, self.wire.mark());
+            }
+            self.begin_again(0);
+        }
+        if rng.chance(chance) {
+            self.log.say(self.now, format_args!("the server begins again"));
+            let server = Server::new(*self.server.config(), Bank::default()).expect("it worked before");
+            self.violations += core::mem::replace(&mut self.server, server).statistics().unexpected;
+            self.begin_again(1);
+        }
+        if self.way != Way::Rtu && rng.chance(chance) {
+            self.half_open_until = self.now + rng.log_uniform(MS, Duration::from_secs(5));
+        }
+    }
+
+    /// On a serial line it opens its port again; a connection is lost, and made again when both ends have noticed it.
+    fn begin_again(&mut self, end: usize) {
+        if self.way != Way::Rtu {
+            self.wire.disconnect(self.now);
+            self.lost[end] = true;
+        } else if end == 0 {
+            self.client.handle_connected(self.now);
+        } else {
+            self.server.handle_connected(self.now);
+        }
+    }
+
     fn step(&mut self, rng: &mut Rng) {
-        let mut out = [0; Frame::MAX_LEN];
-        while let Some(len) = self.client.poll_transmit(self.now, &mut out) {
-            self.wire.send(End::A, self.now, &out[..len]);
+        let timeouts = [self.client.poll_timeout(), self.server.poll_timeout()];
+        let half_open = Some(self.half_open_until).filter(|until| *until > self.now);
+        self.now = self.wire.next(self.now, timeouts.into_iter().chain([half_open]));
+        let Self { now, ref mut wire, .. } = *self;
+        // Who has lost the connection, or was restarted, receives nothing more of it.
+        for (end, _) in [End::A, End::B].into_iter().zip(self.lost).filter(|(_, lost)| *lost) {
+            while wire.receive(end, now).is_some() {}
         }
-        while let Some(len) = self.server.poll_transmit(self.now, &mut self.bank, &mut out) {
-            self.wire.send(End::B, self.now, &out[..len]);
-        }
-        while let Some(event) = self.server.poll_event() {
-            self.log.say(self.now, format_args!("  server: {event:?}"));
-        }
-        for write in std::mem::take(&mut self.bank.writes) {
-            self.execute(write, rng);
-        }
-        self.now = self.wire.next(self.now, [self.client.poll_timeout(), self.server.poll_timeout()]);
-        while let Some(delivery) = self.wire.receive(End::B, self.now) {
-            match delivery {
-                Delivery::Bytes(bytes) => {
-                    let mut rest = bytes.as_slice();
-                    while !rest.is_empty() {
-                        rest = &rest[self.server.handle_input(self.now, rest)..];
-                        while let Some(len) = self.server.poll_transmit(self.now, &mut self.bank, &mut out) {
-                            self.wire.send(End::B, self.now, &out[..len]);
-                        }
-                    }
-                }
-                Delivery::Closed => {
-                    self.server.reset();
-                    self.gone[1] = true;
-                }
+        if self.lost[1] {
+            // It waits for the next connection.
+        } else if self.hostile {
+            self.harass(rng);
+        } else {
+            let log = self.log;
+            turn(wire, End::B, &mut self.server, now, |_, event| {
+                log.say(now, format_args!("  server: {event:?}"))
+            });
+            self.lost[1] |= !self.wire.is_connected() && self.wire.next_delivery().is_none();
+            for write in core::mem::take(&mut self.server.registers_mut().writes) {
+                self.execute(write, rng);
             }
         }
-        while let Some(delivery) = self.wire.receive(End::A, self.now) {
-            match delivery {
-                Delivery::Bytes(bytes) => {
-                    let mut rest = bytes.as_slice();
-                    while !rest.is_empty() {
-                        rest = &rest[self.client.handle_input(self.now, rest)..];
-                        self.hear();
-                    }
-                }
-                Delivery::Closed => {
-                    self.client.handle_disconnect();
-                    self.gone[0] = true;
-                }
-            }
+        if !self.lost[0] && self.now < self.half_open_until && !self.wire.is_connected() {
+            self.client.handle_timeout(self.now); // what it sends is gone
+            let mut out = [0; Frame::MAX_LEN];
+            while self.client.poll_transmit(self.now, &mut out).is_some() {}
         }
-        self.client.handle_timeout(self.now);
-        self.server.handle_timeout(self.now);
-        self.hear();
-        if self.gone == [true; 2] {
+        let mut events = Vec::new();
+        if !self.lost[0] && (self.now >= self.half_open_until || self.wire.is_connected()) {
+            let (asked, open) = (&self.asked, &self.open);
+            turn(&mut self.wire, End::A, &mut self.client, now, |client, event| {
+                let job = event.outcome_of().and_then(|it| open.iter().find(|(open, _)| *open == it));
+                let reply = event.outcome_of().and_then(|ticket| client.reply(ticket));
+                let right = job.zip(reply).is_some_and(|((_, job), reply)| is_held(&asked[*job], &reply));
+                let refused = matches!(reply, Some(Reply::Exception { .. }));
+                events.push((event, right, refused));
+            });
+            self.lost[0] |= !self.wire.is_connected() && self.wire.next_delivery().is_none();
+        }
+        for (event, right, refused) in events {
+            self.note(event, right, refused);
+        }
+        if self.lost == [true; 2] {
             self.wire.reconnect(self.now);
-            self.gone = [false; 2];
+            self.client.handle_disconnected(self.now);
+            self.client.handle_connected(self.now);
+            self.server.handle_disconnected(self.now);
+            self.server.handle_connected(self.now);
+            self.lost = [false; 2];
         }
+    }
+
+    /// What a server could send that keeps no rule, and what no server sends.
+    fn harass(&mut self, rng: &mut Rng) {
+        while let Some(delivery) = self.wire.receive(End::B, self.now) {
+            let Delivery::Bytes(_) = delivery else {
+                self.lost[1] = true;
+                continue;
+            };
+            for _ in 0..rng.below(3) {
+                let words = [7u16; 3];
+                let pdu = match rng.below(5) {
+                    0 => Reply::Exception {
+                        function: 1 + rng.below(16) as u8,
+                        exception: (rng.below(256) as u8).into(),
+                    },
+                    1 => Reply::HoldingRegisters((&words[..1 + rng.below(3)]).into()),
+                    2 => Reply::WriteRegister { address: 1000, value: rng.below(9) as u16 },
+                    3 => Reply::WriteRegisters { address: 1000, quantity: 3 },
+                    _ => Reply::Other { function: 65, data: &[1, 2] },
+                };
+                let transaction = (self.way == Way::Tcp).then(|| rng.below(12) as u16);
+                let mut out = [0; Frame::MAX_LEN];
+                let unit = [UNIT, UNIT, 9][rng.below(3)];
+                if let Ok(length) = (Frame { transaction, unit, pdu }).encode(&mut out) {
+                    let length = if rng.chance(0.1) { rng.below(length + 1) } else { length };
+                    self.wire.send(End::B, self.now, &out[..length]);
+                }
+            }
+        }
+        self.lost[1] |= !self.wire.is_connected() && self.wire.next_delivery().is_none();
     }
 
     fn execute(&mut self, write: Write, rng: &mut Rng) {
@@ -290,44 +371,74 @@ impl Cell {
         }
     }
 
-    fn hear(&mut self) {
-        while let Some(event) = self.client.poll_event() {
-            self.log.say(self.now, format_args!("  client: {event:?}"));
-            let (ticket, told) = match event {
-                Event::Reply { ticket, reply: Reply::Exception { .. }, .. } => (ticket, Told::NotDone),
-                Event::Reply { ticket, reply, .. } => {
-                    let job = self.open.iter().find(|(open, _)| *open == ticket).map(|(_, job)| *job);
-                    // What was read is right if it is what the registers hold.
-                    if let Some(job) = job.filter(|job| is_held(&self.asked[*job], &reply)) {
-                        self.ledger.execute(job);
-                    }
-                    (ticket, Told::Done)
+    fn note(&mut self, event: ClientEvent, right: bool, refused: bool) {
+        self.log.say(self.now, format_args!("  client: {event:?}"));
+        self.stuck |= self.healed && matches!(event, ClientEvent::Failed { .. });
+        let harassed = self.harassed && !self.healed;
+        let outcome = match event {
+            _ if harassed => Told::Unknown,
+            ClientEvent::Replied { .. } if refused => Told::NotDone,
+            ClientEvent::Replied { .. } => Told::Done,
+            ClientEvent::Failed { failure: Failure::NotSent, .. } => Told::NotDone,
+            ClientEvent::Corrupt(_) | ClientEvent::OutOfStep(_) if self.way == Way::Tcp => {
+                self.log.say(self.now, format_args!("!!! TCP corrupts nothing"));
+                self.violations += 1;
+                return;
+            }
+            _ => Told::Unknown,
+        };
+        let Some(ticket) = event.outcome_of() else { return };
+        match self.open.iter().position(|(open, _)| *open == ticket) {
+            Some(place) => {
+                let (_, job) = self.open.remove(place);
+                // What was read is right if it is what the registers hold.
+                if right {
+                    self.ledger.execute(job);
                 }
-                Event::Announced { ticket } => (ticket, Told::Unknown),
-                Event::Failed { ticket, failure: Failure::NotSent } => (ticket, Told::NotDone),
-                Event::Failed { ticket, .. } => (ticket, Told::Unknown),
-                Event::Damaged(_) if self.way != Way::Rtu => {
-                    self.log.say(self.now, format_args!("!!! TCP damages nothing"));
-                    self.violations += 1;
-                    continue;
-                }
-                _ => continue,
-            };
-            match self.open.iter().position(|(open, _)| *open == ticket) {
-                Some(place) => {
-                    let (_, job) = self.open.remove(place);
-                    self.ledger.tell(job, told, self.wire.mark());
-                }
-                None => {
-                    self.log.say(self.now, format_args!("!!! it has ended before"));
-                    self.violations += 1;
-                }
+                self.ledger.tell(job, outcome, self.wire.mark());
+            }
+            None => {
+                self.log.say(self.now, format_args!("!!! it has ended before"));
+                self.violations += 1;
             }
         }
     }
 
+    /// Without faults what is open ends, and then four requests must be done within a minute.
+    fn heal(&mut self, rng: &mut Rng) {
+        self.wire.heal(self.now);
+        if core::mem::take(&mut self.hostile) && self.way != Way::Rtu {
+            // A good server takes its place, on a connection of its own.
+            self.begin_again(1);
+        }
+        self.wait(self.client.config().timeout + SETTLE + Duration::from_secs(10), rng);
+        let (first, end) = (self.asked.len(), self.now + Duration::from_secs(60));
+        let open = self.open.len();
+        self.healed = true;
+        while self.now < end && (self.asked.len() < first + 4 || !self.open.is_empty()) {
+            while self.asked.len() < first + 4 && self.ask(rng) {}
+            self.step(rng);
+        }
+        self.stuck |= open > 0 || self.asked.len() < first + 4 || !self.open.is_empty();
+        // What is still on its way may be written by now.
+        self.wait(2 * Duration::from_secs(1), rng);
+    }
+
+    fn wait(&mut self, time: Duration, rng: &mut Rng) {
+        let end = self.now + time;
+        while self.now < end {
+            let idle = [self.client.poll_timeout(), self.server.poll_timeout(), self.wire.next_delivery()];
+            if idle == [None; 3] {
+                self.now = end;
+            }
+            self.step(rng);
+        }
+    }
+
     fn settle(self) -> Tally {
-        let mut tally = Tally { invented: self.violations, ..Tally::default() };
+        let unexpected = self.client.statistics().unexpected + self.server.statistics().unexpected;
+        let invented = self.violations + unexpected;
+        let mut tally = Tally { invented, stuck: self.stuck.into(), ..Tally::default() };
         let side = |from| if from == End::A { Side::Client } else { Side::Server };
         let unseen =
             self.wire.settle(

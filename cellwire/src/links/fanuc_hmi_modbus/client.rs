@@ -1,19 +1,18 @@
 //! `cellwire modbus`: requests as JSON lines to any Modbus server, replies as JSON lines back.
 
-use std::collections::VecDeque;
-use std::io::{self, BufRead, Read, Write};
+use std::io::{self, BufRead};
 use std::net::TcpStream;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
-use fanuc_hmi_modbus::client::{Client, Config, Event};
-use fanuc_hmi_modbus::{Frame, PduBuf};
+use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Frame, PduBuf};
+use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport};
 use serde_json::{Value, json};
 
 use super::json;
-use crate::line::Clock;
 use crate::simulate::log;
 use crate::{serial, tcp};
 
@@ -75,89 +74,76 @@ pub fn run(args: &Args) -> Result<bool> {
 
 /// A transport and the session on it.
 struct Connection {
-    transport: Box<dyn Transport>,
+    driver: Driver<AnyTransport>,
     client: Client<1>,
-    clock: Clock,
-    out: VecDeque<Value>,
 }
 
 impl Connection {
     fn open(args: &Args) -> Result<Self> {
         let is_path = args.server.contains('/') || !args.server.contains(':');
-        let (transport, mut config): (Box<dyn Transport>, _) = if is_path {
-            (Box::new(serial::open(&args.server, args.baud)?), Config::rtu(args.baud))
+        let (transport, mut config) = if is_path {
+            let port = serial::open(&args.server, args.baud)?;
+            (AnyTransport::Serial(serial::Port(port)), ClientConfig::rtu(args.baud))
         } else {
             let config = match args.framing {
-                FramingArg::Tcp => Config::tcp(),
-                FramingArg::Rtu => Config::rtu_over_tcp(),
+                FramingArg::Tcp => ClientConfig::tcp(),
+                FramingArg::Rtu => ClientConfig::rtu_over_tcp(),
             };
-            (Box::new(tcp::connect(&args.server)?), config)
+            (AnyTransport::Tcp(tcp::connect(&args.server)?), config)
         };
         config.timeout = Duration::from_millis(args.timeout);
-        Ok(Self { transport, client: Client::new(config), clock: Clock::start(), out: VecDeque::new() })
+        let mut client = Client::new(config)?;
+        client.handle_connected(robot_session::now());
+        Ok(Self { driver: Driver::new(transport), client })
     }
 
     /// The answer to one request, as the object to print.
     fn ask(&mut self, frame: &Frame<PduBuf>) -> Result<Value> {
         self.client.request(frame.unit, &frame.pdu.request()?)?;
-        let mut buffer = [0; 4096];
         loop {
-            if let Some(answer) = self.out.pop_front() {
-                return Ok(answer);
+            match self.driver.turn(&mut self.client, None, answer).context("the connection broke")? {
+                ControlFlow::Continue(()) => {}
+                ControlFlow::Break(Ended::ByHandler(answer)) => return Ok(answer),
+                ControlFlow::Break(Ended::ByPeer) => bail!("the server closed the connection"),
             }
-            while let Some(len) = self.client.poll_transmit(self.clock.now(), &mut buffer) {
-                self.transport.write_all(buffer.get(..len).unwrap_or_default())?;
-            }
-            let due = self.client.poll_timeout().unwrap_or(self.clock.now());
-            let wait = due.saturating_sub(self.clock.now()).max(Duration::from_millis(1));
-            let bytes = match self.transport.read_for(wait, &mut buffer) {
-                Ok(0) => bail!("the server closed the connection"),
-                Ok(n) => buffer.get(..n).unwrap_or_default(),
-                Err(e) if tcp::is_silence(&e) => &[],
-                Err(e) => return Err(e).context("the connection broke"),
-            };
-            let mut rest = bytes;
-            while !rest.is_empty() {
-                let taken = self.client.handle_input(self.clock.now(), rest);
-                rest = rest.get(taken..).unwrap_or_default();
-                drain(&mut self.client, &mut self.out);
-            }
-            self.client.handle_timeout(self.clock.now());
-            drain(&mut self.client, &mut self.out);
         }
     }
 }
 
-/// Turns what the session tells into answers; what is none goes to standard error.
-fn drain(client: &mut Client<1>, out: &mut VecDeque<Value>) {
-    while let Some(event) = client.poll_event() {
-        match event {
-            Event::Reply { unit, reply, .. } => {
-                out.push_back(json(Frame { transaction: None, unit, pdu: reply }))
-            }
-            Event::Announced { .. } => out.push_back(json!({"broadcast": true})),
-            Event::Failed { failure, .. } => out.push_back(json!({"failed": failure.to_string()})),
-            event => eprintln!("{event:?}"),
+/// The answer in an event; what is none goes to standard error.
+fn answer(client: &mut Client<1>, event: ClientEvent) -> ControlFlow<Value> {
+    match event {
+        ClientEvent::Replied { ticket, unit } => match client.reply(ticket) {
+            Some(reply) => ControlFlow::Break(json(Frame { transaction: None, unit, pdu: reply })),
+            None => ControlFlow::Continue(()),
+        },
+        ClientEvent::Announced { .. } => ControlFlow::Break(json!({"broadcast": true})),
+        ClientEvent::Failed { failure, .. } => ControlFlow::Break(json!({"failed": failure.to_string()})),
+        event => {
+            eprintln!("{event:?}");
+            ControlFlow::Continue(())
         }
     }
 }
 
 /// A socket or a serial port.
-trait Transport: Read + Write {
-    /// Reads what is there, or waits so long for something.
-    fn read_for(&mut self, wait: Duration, buffer: &mut [u8]) -> io::Result<usize>;
+enum AnyTransport {
+    Tcp(TcpStream),
+    Serial(serial::Port),
 }
 
-impl Transport for TcpStream {
-    fn read_for(&mut self, wait: Duration, buffer: &mut [u8]) -> io::Result<usize> {
-        self.set_read_timeout(Some(wait))?;
-        self.read(buffer)
+impl Transport for AnyTransport {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        match self {
+            Self::Tcp(stream) => stream.receive(buffer, wait),
+            Self::Serial(port) => port.receive(buffer, wait),
+        }
     }
-}
 
-impl Transport for Box<dyn serialport::SerialPort> {
-    fn read_for(&mut self, wait: Duration, buffer: &mut [u8]) -> io::Result<usize> {
-        self.set_timeout(wait)?;
-        self.read(buffer)
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        match self {
+            Self::Tcp(stream) => stream.send(bytes),
+            Self::Serial(port) => port.send(bytes),
+        }
     }
 }

@@ -2,6 +2,7 @@ use anyhow::{Result, bail, ensure};
 use fanuc_hmi_modbus::{
     DecodeError, Decoder, Frame, Framing, PduBuf, Reply, Side, TelemetryBlock, WordOrder,
 };
+use robot_session::{Decoder as _, Encode as _};
 use serde_json::Value;
 
 use super::{framing, json, word_order};

@@ -7,10 +7,8 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use fanuc_hmi_modbus::{Quaternion, TelemetryBlock, WordOrder, server};
-use fanuc_ls::{
-    Acceleration, Arm, BackgroundTask, Kinematics, Program, Resampling, Rules, Sample, Sampling, Trajectory,
-};
+use fanuc_hmi_modbus::{ServerConfig, TelemetryBlock, WordOrder};
+use fanuc_ls::{Program, Rules};
 use serde_json::json;
 
 use super::controller::{Controller, PERIOD, Pose};
@@ -21,6 +19,10 @@ use super::simulate::serve_tcp;
 use super::{json, plot};
 use crate::demo::DemoOptions;
 use crate::line::Clock;
+use crate::ls::task::BackgroundTask;
+use crate::motion::{
+    Acceleration, Arm, JointSample, Kinematics, Quaternion, Resampling, Sampling, Trajectory,
+};
 use crate::report::{Budget, Report, Samples};
 use crate::settings::Settings;
 use crate::tcp;
@@ -111,7 +113,7 @@ fn record(
     let trace = options.trace.start("fanuc");
     let shared = Arc::new(Mutex::new(controller));
     // It ends with the process, as the listener does.
-    thread::spawn(move || serve_tcp(&listener, &shared, clock, server::Config::tcp(), &trace, |_| {}));
+    thread::spawn(move || serve_tcp(&listener, &shared, clock, ServerConfig::tcp(), &trace, |_| {}));
     let proxy = options.faults.then(|| tcp::FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
     let address = proxy.as_ref().map_or(address, tcp::FaultyProxy::address);
     let mut logger = Logger::connect(&address.to_string(), 1, PERIOD, clock)?;
@@ -159,7 +161,7 @@ fn trajectory(seconds: f64) -> Result<Trajectory> {
     let count = (seconds / PERIOD.as_secs_f64()).round().max(2.0);
     let sample = |k: f64| {
         let time = k / count * seconds;
-        Sample { time, joints: joints(phase(time) / fastest) }
+        JointSample { time, joints: joints(phase(time) / fastest) }
     };
     let samples = core::iter::successors(Some(0.0), |k| (*k < count).then_some(k + 1.0)).map(sample);
     Trajectory::new(samples.collect()).context("the demo's own trajectory")
@@ -179,7 +181,7 @@ fn joints(at: f64) -> [f64; 6] {
 
 /// What a controller shows of a pose.
 fn shown(run: &Run, seconds: f64) -> Pose {
-    let fanuc_ls::Pose { position, orientation } = run.at(seconds);
+    let crate::motion::Pose { position, orientation } = run.at(seconds);
     Pose { position, wpr: Quaternion::normalised(orientation).to_wpr() }
 }
 
@@ -210,7 +212,7 @@ fn write(
         BackgroundTask::default().program(&Rules::default())?.to_text(&Rules::default())?.as_bytes(),
     )?;
     let mut table = String::from("time,J1,J2,J3,J4,J5,J6\n");
-    for Sample { time, joints: [j1, j2, j3, j4, j5, j6] } in trajectory.samples() {
+    for JointSample { time, joints: [j1, j2, j3, j4, j5, j6] } in trajectory.samples() {
         table += &format!("{time:.4},{j1:.5},{j2:.5},{j3:.5},{j4:.5},{j5:.5},{j6:.5}\n");
     }
     save("trajectory.csv", table.as_bytes())?;

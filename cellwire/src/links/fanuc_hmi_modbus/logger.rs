@@ -1,13 +1,12 @@
 //! Reads the telemetry block of a controller once in every period of its background task.
 
-use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::thread;
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use fanuc_hmi_modbus::client::{Client, Config, Event};
-use fanuc_hmi_modbus::{Reply, TelemetryBlock};
+use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Reply, TelemetryBlock};
+use robot_session::{Driver, Ended, Session as _};
 
 use crate::line::Clock;
 use crate::tcp;
@@ -15,8 +14,8 @@ use crate::tcp;
 /// A client of a controller's telemetry.
 #[derive(Debug)]
 pub struct Logger {
-    socket: TcpStream,
-    client: Client,
+    driver: Driver<TcpStream>,
+    client: Client<1>,
     clock: Clock,
     unit: u8,
     period: Duration,
@@ -37,8 +36,10 @@ impl Logger {
     /// # Errors
     /// When nobody listens there.
     pub fn connect(address: &str, unit: u8, period: Duration, clock: Clock) -> Result<Self> {
-        let socket = tcp::connect(address)?;
-        Ok(Self { socket, client: Client::new(Config::tcp()), clock, unit, period })
+        let driver = Driver::new(tcp::connect(address)?);
+        let mut client = Client::new(ClientConfig::tcp())?;
+        client.handle_connected(robot_session::now());
+        Ok(Self { driver, client, clock, unit, period })
     }
 
     /// Reads blocks until `end`, or until `each` returns false.
@@ -50,7 +51,7 @@ impl Logger {
         end: Option<Duration>,
         mut each: impl FnMut(Reading<'_>) -> Result<bool>,
     ) -> Result<()> {
-        let (mut next, mut asked, mut buffer) = (self.clock.now(), None, [0; 4096]);
+        let (mut next, mut asked) = (self.clock.now(), None);
         loop {
             let now = self.clock.now();
             if end.is_some_and(|end| now >= end) {
@@ -58,58 +59,43 @@ impl Logger {
             }
             if asked.is_none() && now >= next {
                 self.client.request(self.unit, &TelemetryBlock::request())?;
+                asked = Some(now);
                 next = (next + self.period).max(now.saturating_sub(self.period)); // a late run skips what it missed
             }
-            while let Some(len) = self.client.poll_transmit(self.clock.now(), &mut buffer) {
-                asked = Some(self.clock.now());
-                let request = buffer.get(..len).unwrap_or_default();
-                self.socket.write_all(request).context("the controller is gone")?;
-            }
-            let due = self.client.poll_timeout().unwrap_or(next).min(end.unwrap_or(Duration::MAX));
-            let wait = due.saturating_sub(self.clock.now()).max(Duration::from_micros(100));
-            if asked.is_none() {
-                thread::sleep(wait);
-                continue;
-            }
-            self.socket.set_read_timeout(Some(wait))?;
-            let mut bytes = match self.socket.read(&mut buffer) {
-                Ok(0) => bail!("the controller closed the connection"),
-                Ok(n) => buffer.get(..n).unwrap_or_default(),
-                Err(e) if tcp::is_silence(&e) => &[],
-                Err(e) => return Err(e).context("the connection broke"),
+            let due = if asked.is_some() { None } else { Some(next) };
+            let wait = due.into_iter().chain(end).min().map(|due| due.saturating_sub(now));
+            let took = asked.map_or(Duration::ZERO, |asked| now.saturating_sub(asked));
+            let turn =
+                self.driver.turn(&mut self.client, wait, |client, event| match reading(client, event) {
+                    Some(reading) => ControlFlow::Break(reading),
+                    None => ControlFlow::Continue(()),
+                });
+            let reading = match turn.context("the connection broke")? {
+                ControlFlow::Continue(()) => continue,
+                ControlFlow::Break(Ended::ByPeer) => bail!("the controller closed the connection"),
+                ControlFlow::Break(Ended::ByHandler(reading)) => reading,
             };
-            loop {
-                let taken = self.client.handle_input(self.clock.now(), bytes);
-                bytes = bytes.get(taken..).unwrap_or_default();
-                self.client.handle_timeout(self.clock.now());
-                while let Some(event) = self.client.poll_event() {
-                    let took = asked.map_or(Duration::ZERO, |asked| self.clock.now().saturating_sub(asked));
-                    let Some(reading) = reading(&event, took) else { continue };
-                    asked = None;
-                    let goes_on = match reading {
-                        Ok((registers, took)) => each(Reading::Registers(&registers, took))?,
-                        Err(why) => each(Reading::Failed(&why))?,
-                    };
-                    if !goes_on {
-                        return Ok(());
-                    }
-                }
-                if bytes.is_empty() {
-                    break;
-                }
+            asked = None;
+            let goes_on = match reading {
+                Ok(registers) => each(Reading::Registers(&registers, took))?,
+                Err(why) => each(Reading::Failed(&why))?,
+            };
+            if !goes_on {
+                return Ok(());
             }
         }
     }
 }
 
-/// What ends a request. A late reply, or one that nobody asked for, does not: the request is still out.
-fn reading(event: &Event<'_>, took: Duration) -> Option<Result<([u16; 37], Duration), String>> {
+/// What ends a request. A late reply, or one that nobody asked for, does not: the request is still in flight.
+fn reading(client: &Client<1>, event: ClientEvent) -> Option<Result<[u16; 37], String>> {
     Some(match event {
-        Event::Reply { reply: Reply::HoldingRegisters(words), .. } => {
-            words.first_chunk().map(|registers| (registers, took)).ok_or("fewer than 37 registers".into())
-        }
-        Event::Reply { reply: Reply::Exception { exception, .. }, .. } => Err(exception.to_string()),
-        Event::Failed { failure, .. } => Err(failure.to_string()),
+        ClientEvent::Replied { ticket, .. } => match client.reply(ticket)? {
+            Reply::HoldingRegisters(words) => words.first_chunk().ok_or("fewer than 37 registers".into()),
+            Reply::Exception { exception, .. } => Err(exception.to_string()),
+            _ => return None,
+        },
+        ClientEvent::Failed { failure, .. } => Err(failure.to_string()),
         _ => return None,
     })
 }

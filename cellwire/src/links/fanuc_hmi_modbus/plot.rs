@@ -3,8 +3,8 @@
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 
+use crate::motion::{Deviation, State};
 use anyhow::{Context, Result, anyhow};
-use fanuc_hmi_modbus::evaluate::{Deviation, State};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 

@@ -4,11 +4,12 @@ use std::io::{self, Write};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use fanuc_hmi_modbus::evaluate::{self, Deviation, Figures, State, Summary};
-use fanuc_hmi_modbus::telemetry::{Counts, Observation, Sample, Tracker};
-use fanuc_hmi_modbus::{Quaternion, TelemetryBlock};
-use fanuc_ls::{Kinematics, Pose, Trajectory};
+use fanuc_hmi_modbus::TelemetryBlock;
 
+use crate::motion::{
+    self, Counts, Deviation, Figures, JointSample, Kinematics, MotionSample, Observation, Pose, Quaternion,
+    State, Summary, Tracker, Trajectory,
+};
 use crate::report::Report;
 
 /// The columns of the table: time by the life counter; what the controller says; what was made of it here.
@@ -21,7 +22,7 @@ vx_mm_s,vy_mm_s,vz_mm_s,dq1_s,dq2_s,dq3_s,dq4_s,wx_deg_s,wy_deg_s,wz_deg_s";
 pub struct Recording {
     tracker: Tracker,
     first: Option<u32>,
-    samples: Vec<(TelemetryBlock, Sample)>,
+    samples: Vec<(TelemetryBlock, MotionSample)>,
 }
 
 impl Recording {
@@ -31,7 +32,7 @@ impl Recording {
     }
 
     /// Takes a block; the sample, if it is one.
-    pub fn push(&mut self, block: &TelemetryBlock) -> Option<Sample> {
+    pub fn push(&mut self, block: &TelemetryBlock) -> Option<MotionSample> {
         match self.tracker.push(block) {
             Observation::Sample(sample) => {
                 self.samples.push((*block, sample));
@@ -58,7 +59,7 @@ impl Recording {
     }
 
     /// The samples with their blocks.
-    pub fn samples(&self) -> &[(TelemetryBlock, Sample)] {
+    pub fn samples(&self) -> &[(TelemetryBlock, MotionSample)] {
         &self.samples
     }
 
@@ -70,7 +71,7 @@ impl Recording {
     /// The motion, its speeds taken from both neighbours.
     pub fn states(&self) -> Vec<State> {
         let mut states: Vec<State> = self.samples.iter().map(|(_, sample)| sample.into()).collect();
-        evaluate::differentiate(&mut states);
+        motion::differentiate(&mut states);
         states
     }
 }
@@ -79,7 +80,7 @@ impl Recording {
 ///
 /// # Errors
 /// When it cannot be written.
-pub fn write_row(out: &mut impl Write, block: &TelemetryBlock, sample: &Sample) -> io::Result<()> {
+pub fn write_row(out: &mut impl Write, block: &TelemetryBlock, sample: &MotionSample) -> io::Result<()> {
     write!(
         out,
         "{:.3},{},{},{}",
@@ -132,18 +133,18 @@ pub fn read_states(text: &str) -> Result<Vec<State>> {
         states.push(State::at(time, [x, y, z], Quaternion::normalised(quaternion)));
     }
     anyhow::ensure!(states.len() > 2, "there are {} samples, which is too few", states.len());
-    evaluate::differentiate(&mut states);
+    motion::differentiate(&mut states);
     Ok(states)
 }
 
 /// The motion that a trajectory asks for.
 pub fn reference(trajectory: &Trajectory, arm: &impl Kinematics) -> Vec<State> {
-    let state = |sample: &fanuc_ls::Sample| {
+    let state = |sample: &JointSample| {
         let Pose { position, orientation } = arm.forward(&sample.joints);
         State::at(sample.time, position, Quaternion::normalised(orientation))
     };
     let mut states: Vec<State> = trajectory.samples().iter().map(state).collect();
-    evaluate::differentiate(&mut states);
+    motion::differentiate(&mut states);
     states
 }
 
@@ -168,10 +169,10 @@ impl Comparison {
     /// # Errors
     /// When there is nothing to compare.
     pub fn new(reference: Vec<State>, mut recording: Vec<State>, latest: f64) -> Result<Self> {
-        let delay = evaluate::fit_delay(&reference, &recording, -latest..=latest, 0.02);
+        let delay = motion::fit_delay(&reference, &recording, -latest..=latest, 0.02);
         let delay = delay.context("there is nothing to compare: no samples")?;
         recording.iter_mut().for_each(|state| state.time -= delay);
-        let deviations: Vec<Deviation> = evaluate::deviations(&reference, &recording, 0.0).collect();
+        let deviations: Vec<Deviation> = motion::deviations(&reference, &recording, 0.0).collect();
         let summary = deviations.iter().copied().collect();
         Ok(Self { reference, recording, delay, deviations, summary })
     }

@@ -1,7 +1,9 @@
 //! The simulated arm: it runs an LS program of spline moves, as a controller with the Spline Motion option might.
 
 use anyhow::{Context, Result, ensure};
-use fanuc_ls::{Arm, Instruction, Kinematics, Motion, MotionKind, Program, Speed, SpeedUnit, Target};
+use fanuc_ls::{Instruction, Motion, MotionKind, Program, Speed, SpeedUnit, Target};
+
+use crate::motion::{Arm, Kinematics, Pose};
 
 /// How finely a stretch of the path is measured.
 const PIECES: u32 = 24;
@@ -56,7 +58,7 @@ impl Run {
     }
 
     /// The pose at a time; at rest before the first point and behind the last.
-    pub(super) fn at(&self, seconds: f64) -> fanuc_ls::Pose {
+    pub(super) fn at(&self, seconds: f64) -> Pose {
         let next = self.points.partition_point(|point| point.time <= seconds);
         let joints = match (self.points.get(next.wrapping_sub(1)), self.points.get(next)) {
             (Some(a), Some(b)) => between(a, b, (seconds - a.time) / (b.time - a.time)),

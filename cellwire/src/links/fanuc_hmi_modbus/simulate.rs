@@ -1,13 +1,18 @@
 //! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
 
-use std::io::{Read, Write};
+use std::io;
 use std::net::{TcpListener, TcpStream};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
+use std::time::Duration;
 
 use anyhow::{Result, bail};
-use fanuc_hmi_modbus::server::{Config, Event};
-use fanuc_hmi_modbus::{DecodeError, Server};
+use fanuc_hmi_modbus::{
+    Bits, BitsMut, DecodeError, Exception, Frame, Registers, Server, ServerConfig, ServerEvent, Words,
+    WordsMut,
+};
+use robot_session::{Ended, Received, Sent, Session as _, Transport};
 use serde_json::{Value, json};
 
 use super::controller::{Controller, circle};
@@ -33,7 +38,8 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let controller = Arc::new(Mutex::new(Controller::new(Box::new(circle), word_order(&settings)?)));
     match &options.endpoint {
         Endpoint::Listen(address) => {
-            let config = if is_rtu(&settings)? { Config::rtu_over_tcp(unit) } else { Config::tcp() };
+            let config =
+                if is_rtu(&settings)? { ServerConfig::rtu_over_tcp(unit) } else { ServerConfig::tcp() };
             let listener = tcp::listen(address)?;
             ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
             let tell = |event: Value| drop(log(&event)); // a script that reads no more is none of our business
@@ -42,7 +48,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         Endpoint::Pty(_) => {
             let baud = settings.baud(19_200)?;
             device::serve("fanuc", "fanuc", options, baud, |line, clock| {
-                serve_line(line, clock, &controller, Config::rtu(unit, baud))
+                serve_line(line, clock, &controller, ServerConfig::rtu(unit, baud))
             })
         }
         Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
@@ -57,7 +63,7 @@ pub fn serve_tcp(
     listener: &TcpListener,
     controller: &Shared,
     clock: Clock,
-    config: Config,
+    config: ServerConfig,
     trace: &Trace,
     tell: impl Fn(Value) + Clone + Send + 'static,
 ) -> Result<()> {
@@ -83,90 +89,134 @@ pub fn serve_tcp(
 
 /// One connection until it ends; what the client did wrong if that ended it.
 fn serve_stream(
-    mut stream: TcpStream,
+    stream: TcpStream,
     controller: &Shared,
     clock: Clock,
-    config: Config,
+    config: ServerConfig,
     trace: &Trace,
     tell: &impl Fn(Value),
 ) -> Result<Option<DecodeError>> {
     stream.set_nodelay(true)?;
-    stream.set_read_timeout(Some(READ_TIMEOUT))?;
-    let mut server = Server::new(config);
-    let (mut input, mut out) = ([0; 4096], [0; Server::MAX_TRANSMIT]);
-    loop {
-        let mut bytes = match stream.read(&mut input) {
-            Ok(0) => return Ok(None),
-            Ok(n) => input.get(..n).unwrap_or_default(),
-            Err(e) if tcp::is_silence(&e) => &[],
-            Err(e) => return Err(e.into()),
-        };
-        trace.add(clock.now(), Way::Received, bytes);
-        loop {
-            let now = clock.now();
-            let taken = server.handle_input(now, bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            while let Some(len) = transmit(&mut server, controller, clock, &mut out) {
-                let reply = out.get(..len).unwrap_or_default();
-                trace.add(clock.now(), Way::Sent, reply);
-                stream.write_all(reply)?;
-            }
-            if let Some(error) = tell_events(&mut server, tell)
-                && config.framing == fanuc_hmi_modbus::Framing::Tcp
-            {
-                return Ok(Some(error));
-            }
-            if bytes.is_empty() {
-                break;
-            }
-        }
-    }
+    let registers = Connection { controller: Arc::clone(controller), clock };
+    let mut server = Server::<_, PLACES>::new(config, registers)?;
+    let transport = Traced { stream, trace, clock };
+    let ended = robot_session::drive(&mut server, transport, |_, event| match report(event, tell) {
+        Some(error) => ControlFlow::Break(error),
+        None => ControlFlow::Continue(()),
+    })?;
+    Ok(match ended {
+        Ended::ByHandler(error) => Some(error),
+        Ended::ByPeer => None,
+    })
 }
 
 /// An RTU line until it is gone for good.
-fn serve_line(line: &mut Line, clock: Clock, controller: &Shared, config: Config) -> Result<()> {
-    let mut server = Server::new(config);
-    let mut out = [0; Server::MAX_TRANSMIT];
+fn serve_line(line: &mut Line, clock: Clock, controller: &Shared, config: ServerConfig) -> Result<()> {
+    let registers = Connection { controller: Arc::clone(controller), clock };
+    let mut server = Server::<_, PLACES>::new(config, registers)?;
+    let mut out = [0; Frame::MAX_LEN];
+    server.handle_connected(clock.now());
     loop {
         let due = server.poll_timeout().unwrap_or(clock.now() + READ_TIMEOUT);
         if !line.wait(due) {
             return Ok(());
         }
         while let Some((at, byte)) = line.receive() {
-            if server.handle_input(at, &[byte]) == 0 {
-                server.reset(); // cannot be: its buffer is drained at every silence
-            }
+            server.handle_input(at, &[byte]);
         }
         server.handle_timeout(clock.now());
-        while let Some(len) = transmit(&mut server, controller, clock, &mut out) {
+        while let Some(len) = server.poll_transmit(clock.now(), &mut out) {
             line.send(out.get(..len).unwrap_or_default());
         }
-        tell_events(&mut server, &|event| drop(log(&event)));
-    }
-}
-
-fn transmit(server: &mut Server, controller: &Shared, clock: Clock, out: &mut [u8]) -> Option<usize> {
-    let mut controller = controller.lock().unwrap_or_else(PoisonError::into_inner);
-    let now = clock.now();
-    controller.tick(now);
-    server.poll_transmit(now, &mut *controller, out)
-}
-
-/// Tells what was refused, and what was damaged; the last damage.
-fn tell_events(server: &mut Server, tell: &impl Fn(Value)) -> Option<DecodeError> {
-    let mut damage = None;
-    while let Some(event) = server.poll_event() {
-        match event {
-            Event::Served { unit, function, exception: Some(exception), .. } => {
-                let exception = u8::from(exception);
-                tell(json!({"event": "refused", "unit": unit, "function": function, "exception": exception}));
-            }
-            Event::Damaged(error) => {
-                tell(json!({"event": "damaged", "error": error}));
-                damage = Some(error);
-            }
-            _ => {}
+        while let Some(event) = server.poll_event() {
+            report(event, &|event| drop(log(&event)));
         }
     }
-    damage
+}
+
+/// The replies that a connection holds: a client may send so many requests at once.
+const PLACES: usize = 32;
+
+/// The controller as one connection reaches it.
+struct Connection {
+    controller: Shared,
+    clock: Clock,
+}
+
+impl Connection {
+    /// The controller, its background task up to date.
+    fn controller(&self) -> MutexGuard<'_, Controller> {
+        let mut controller = self.controller.lock().unwrap_or_else(PoisonError::into_inner);
+        controller.tick(self.clock.now());
+        controller
+    }
+}
+
+impl Registers for Connection {
+    fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.controller().read_coils(address, out)
+    }
+
+    fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.controller().read_discrete_inputs(address, out)
+    }
+
+    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.controller().read_holding_registers(address, out)
+    }
+
+    fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.controller().read_input_registers(address, out)
+    }
+
+    fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
+        self.controller().write_coils(address, values)
+    }
+
+    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+        self.controller().write_registers(address, values)
+    }
+}
+
+/// A socket whose bytes are kept for a trace.
+struct Traced<'a> {
+    stream: TcpStream,
+    trace: &'a Trace,
+    clock: Clock,
+}
+
+impl Transport for Traced<'_> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        let received = self.stream.receive(buffer, wait)?;
+        if let Received::Bytes(length) = received {
+            self.trace.add(self.clock.now(), Way::Received, buffer.get(..length).unwrap_or_default());
+        }
+        Ok(received)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.trace.add(self.clock.now(), Way::Sent, bytes);
+        self.stream.send(bytes)
+    }
+}
+
+/// Reports what was refused, and what was corrupt; why the connection is to be closed.
+fn report(event: ServerEvent, tell: &impl Fn(Value)) -> Option<DecodeError> {
+    match event {
+        ServerEvent::Served { unit, function, exception: Some(exception), .. } => {
+            let exception = u8::from(exception);
+            tell(json!({"event": "refused", "unit": unit, "function": function, "exception": exception}));
+            None
+        }
+        ServerEvent::Refused { unit, function, .. } => {
+            tell(json!({"event": "too_many", "unit": unit, "function": function}));
+            None
+        }
+        ServerEvent::Corrupt(error) => {
+            tell(json!({"event": "corrupt", "error": error}));
+            None
+        }
+        ServerEvent::OutOfStep(error) => Some(error),
+        _ => None,
+    }
 }

@@ -4,10 +4,10 @@
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::client::{self, Client, Event};
+use fanuc_hmi_modbus::robot_session::{Decoder as _, Session as _};
 use fanuc_hmi_modbus::{
-    Decoder, Exception, Framing, Registers, Reply, Server, Side, Signal, Table, TelemetryBlock, WordOrder,
-    WordsMut, server,
+    Client, ClientConfig, ClientEvent, Decoder, Exception, Framing, Registers, Reply, Server, ServerConfig, Side,
+    Signal, Table, TelemetryBlock, WordOrder, WordsMut,
 };
 use no_std as _;
 
@@ -27,15 +27,19 @@ impl Registers for Robot {
 }
 
 fn exchange() -> Option<u32> {
-    let (mut client, mut server) = (Client::<1>::new(client::Config::tcp()), Server::new(server::Config::tcp()));
+    let mut client = Client::<1>::new(ClientConfig::tcp()).ok()?;
+    let mut server = Server::<_, 1>::new(ServerConfig::tcp(), Robot).ok()?;
     let (now, mut buf) = (Duration::ZERO, [0; 260]);
+    client.handle_connected(now);
+    server.handle_connected(now);
     client.request(1, &TelemetryBlock::request()).ok()?;
     let n = client.poll_transmit(now, &mut buf)?;
     server.handle_input(now, buf.get(..n)?);
-    let n = server.poll_transmit(now, &mut Robot, &mut buf)?;
+    let n = server.poll_transmit(now, &mut buf)?;
     client.handle_input(now, buf.get(..n)?);
-    match client.poll_event()? {
-        Event::Reply { reply: Reply::HoldingRegisters(words), .. } => {
+    let ClientEvent::Replied { ticket, .. } = client.poll_event()? else { return None };
+    match client.reply(ticket)? {
+        Reply::HoldingRegisters(words) => {
             Some(TelemetryBlock::from_words(&words, WordOrder::LowFirst)?.life_counter)
         }
         _ => None,
@@ -44,7 +48,10 @@ fn exchange() -> Option<u32> {
 
 fn rtu() -> Option<u8> {
     let mut decoder = Decoder::new(Framing::RTU_OVER_TCP, Side::Client);
-    decoder.push(&[0x55, 1, 3, 0, 0, 0, 37, 0x84, 0x11]);
+    let bytes = [0x55, 1, 3, 0, 0, 0, 37, 0x84, 0x11];
+    if decoder.push(&bytes) != bytes.len() {
+        return None;
+    }
     decoder.finish();
     decoder.next_frame()?.err()?;
     Some(decoder.next_frame()?.ok()?.unit)

@@ -5,10 +5,12 @@
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::dpm::{self, Axis, Config, Modifier};
-use fanuc_hmi_modbus::evaluate::{Deviation, State, Summary, deviations, differentiate, fit_delay};
-use fanuc_hmi_modbus::telemetry::{Counts, Observation, Sample, Tracker};
-use fanuc_hmi_modbus::{Quaternion, TelemetryBlock};
+use cellwire::motion::dpm::{self, Axis, Config, Modifier};
+use cellwire::motion::{
+    Counts, Deviation, MotionSample, Observation, Quaternion, State, Summary, Tracker, deviations,
+    differentiate, fit_delay,
+};
+use fanuc_hmi_modbus::TelemetryBlock;
 use proptest::prelude::*;
 
 fn close<const N: usize>(found: [f64; N], expected: [f64; N], within: f64) {
@@ -107,7 +109,7 @@ mod telemetry {
         TelemetryBlock { life_counter, position, wpr, quaternion, quaternion_rate, ..Default::default() }
     }
 
-    fn sample(observation: Observation) -> Sample {
+    fn sample(observation: Observation) -> MotionSample {
         let Observation::Sample(sample) = observation else { panic!("{observation:?}") };
         sample
     }

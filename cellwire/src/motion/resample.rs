@@ -1,10 +1,11 @@
 //! A joint trajectory as spline moves, in the three ways of the source ("Datový postprocesor").
 
-use alloc::vec::Vec;
-
 use libm::{fabs, round, sqrt};
 
-use crate::{Builder, EncodeError, Kinematics, Pose, Program, Rules, Sample, Speed, Termination, Trajectory};
+use fanuc_ls::{Builder, EncodeError, Program, Rules, Speed, Termination};
+
+use super::kinematics::{Kinematics, Pose};
+use super::trajectory::{JointSample, Trajectory};
 
 /// When a new point begins.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -186,8 +187,7 @@ impl Resampling {
 const MAX_POINTS: usize = 32_766;
 
 /// What became of a trajectory in a program.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 #[non_exhaustive]
 pub struct Report {
     /// The spline moves.
@@ -292,7 +292,7 @@ impl Path {
     fn new(trajectory: &Trajectory, kinematics: &impl Kinematics) -> Self {
         let mut last: Option<Pose> = None;
         let (mut mm, mut degrees) = (0.0, 0.0);
-        let knot = |sample: &Sample| {
+        let knot = |sample: &JointSample| {
             let pose = kinematics.forward(&sample.joints);
             if let Some(from) = last {
                 mm += from.distance(&pose);

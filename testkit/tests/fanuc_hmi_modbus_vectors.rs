@@ -4,6 +4,7 @@
 use core::time::Duration;
 
 use fanuc_hmi_modbus::{DecodeError, Decoder, Frame, Framing, PduBuf, Side};
+use robot_session::{Decoder as _, Encode as _};
 use serde_json::{Value, json};
 use testkit::chunking::{behind_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};
@@ -166,14 +167,19 @@ fn a_connection_that_ends_within_a_frame_says_so_and_a_reset_forgets_it() {
             assert_eq!(items, [(error, cut as u64)], "vector {}", vector.id);
 
             let mut decoder = Decoder::new(Framing::Tcp, side(&vector));
-            decoder.push(&vector.hex[..cut]);
+            push(&mut decoder, &vector.hex[..cut]);
             assert_eq!(decoder.next_frame(), None);
-            decoder.reset();
-            decoder.push(&vector.hex);
+            decoder.clear();
+            push(&mut decoder, &vector.hex);
             let item = decoder.next_frame().unwrap();
             assert!(includes(&object(item, side(&vector)), &expected_object(&vector)), "{}", vector.id);
         }
     }
+}
+
+/// All of these bytes.
+fn push(decoder: &mut Decoder, bytes: &[u8]) {
+    assert_eq!(decoder.push(bytes), bytes.len());
 }
 
 fn expected_object(vector: &Vector) -> Value {
@@ -181,11 +187,11 @@ fn expected_object(vector: &Vector) -> Value {
 }
 
 #[test]
-fn damage_is_known_at_once() {
+fn corruption_is_known_at_once() {
     let mut decoder = Decoder::new(Framing::Tcp, Side::Server);
-    decoder.push(&[0, 1, 0, 0, 0xFF, 0xFF]);
+    push(&mut decoder, &[0, 1, 0, 0, 0xFF, 0xFF]);
     assert_eq!(decoder.next_frame(), None);
-    assert_eq!(decoder.damage(), Some(DecodeError::MbapLength { found: 0xFFFF }));
+    assert_eq!(decoder.corruption(), Some(DecodeError::MbapLength { found: 0xFFFF }));
 }
 
 #[test]
@@ -193,9 +199,9 @@ fn two_silences_may_come_before_the_frames_are_drained() {
     let mut frame = vec![1, 65, 7];
     frame.extend(fanuc_hmi_modbus::crc::crc16(&frame).to_le_bytes());
     let mut decoder = Decoder::new(Framing::RTU_OVER_TCP, Side::Client);
-    decoder.push(&[0x55]);
+    push(&mut decoder, &[0x55]);
     decoder.finish();
-    decoder.push(&frame);
+    push(&mut decoder, &frame);
     assert_eq!(decoder.pending(), 6);
     decoder.finish();
     let cut = DecodeError::Cut { expected: 4, found: 1 };

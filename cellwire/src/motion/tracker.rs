@@ -2,8 +2,9 @@
 
 use core::time::Duration;
 
-use crate::TelemetryBlock;
-use crate::orientation::Quaternion;
+use fanuc_hmi_modbus::TelemetryBlock;
+
+use super::orientation::Quaternion;
 
 /// Turns telemetry blocks, in the order in which they were read, into samples of the motion.
 ///
@@ -14,7 +15,7 @@ use crate::orientation::Quaternion;
 ///
 /// ```
 /// use fanuc_hmi_modbus::TelemetryBlock;
-/// use fanuc_hmi_modbus::telemetry::{Observation, Tracker};
+/// use cellwire::motion::{Observation, Tracker};
 ///
 /// let mut tracker = Tracker::new();
 /// let block = |life_counter, x| TelemetryBlock { life_counter, position: [x, 0.0, 0.0], quaternion: [1.0, 0.0, 0.0, 0.0], ..Default::default() };
@@ -50,13 +51,12 @@ pub enum Observation {
     /// The life counter has gone back: the controller was started anew, and this is a first block.
     Restarted,
     /// A sample.
-    Sample(Sample),
+    Sample(MotionSample),
 }
 
 /// The motion at a run of the background task.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-pub struct Sample {
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct MotionSample {
     /// The time since the first block, by the life counter.
     pub time: Duration,
     /// The runs since the block before that were not read.
@@ -76,8 +76,7 @@ pub struct Sample {
 }
 
 /// How regularly the blocks were read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Counts {
     /// Blocks that were compared with one before them.
     pub samples: u64,
@@ -131,7 +130,7 @@ impl Tracker {
         let seconds = f64::from(step) * self.period.as_secs_f64();
         let rotation = last.orientation.rotation_to(orientation);
         let world = rotation.map(|part| part / seconds);
-        Observation::Sample(Sample {
+        Observation::Sample(MotionSample {
             time: span(self.period, runs),
             missed: step - 1,
             position,

@@ -1,18 +1,14 @@
-use alloc::vec::Vec;
-
-use crate::text::decimal;
+//! A table of joints over time.
 
 /// Where the six joints are over time.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Trajectory {
-    samples: Vec<Sample>,
+    samples: Vec<JointSample>,
 }
 
 /// Where the six joints are at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Sample {
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct JointSample {
     /// In seconds, from any beginning.
     pub time: f64,
     /// J1 to J6 in degrees, J3 from the horizontal.
@@ -24,7 +20,7 @@ impl Trajectory {
     ///
     /// # Errors
     /// When there are fewer, a number is not finite, or a time is not later than the one before.
-    pub fn new(samples: Vec<Sample>) -> Result<Self, TrajectoryError> {
+    pub fn new(samples: Vec<JointSample>) -> Result<Self, TrajectoryError> {
         let mut last = f64::NEG_INFINITY;
         for (line, sample) in (1..).zip(&samples) {
             let finite = sample.time.is_finite() && sample.joints.iter().all(|joint| joint.is_finite());
@@ -80,20 +76,20 @@ impl Trajectory {
     /// The same trajectory, when J3 in it counts from the upper arm: J3 - J2 counts from the horizontal.
     #[must_use]
     pub fn from_upper_arm(mut self) -> Self {
-        for Sample { joints: [_, j2, j3, ..], .. } in &mut self.samples {
+        for JointSample { joints: [_, j2, j3, ..], .. } in &mut self.samples {
             *j3 -= *j2;
         }
         self
     }
 
     /// Its samples, in the order of their times.
-    pub fn samples(&self) -> &[Sample] {
+    pub fn samples(&self) -> &[JointSample] {
         &self.samples
     }
 
     /// The time of the first and of the last sample, in seconds.
     pub fn span(&self) -> (f64, f64) {
-        let time = |sample: Option<&Sample>| sample.map_or(0.0, |sample| sample.time);
+        let time = |sample: Option<&JointSample>| sample.map_or(0.0, |sample| sample.time);
         (time(self.samples.first()), time(self.samples.last()))
     }
 
@@ -115,13 +111,12 @@ impl Trajectory {
 
 /// Why a table is not a trajectory. Lines and columns count from 1, columns in characters; without a text, `line` is
 /// the sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, serde::Serialize)]
 #[error("line {line}, column {column}: {reason}")]
 #[non_exhaustive]
 pub struct TrajectoryError {
     /// What was wrong there.
-    #[cfg_attr(feature = "serde", serde(rename = "kind"))]
+    #[serde(rename = "kind")]
     pub reason: TrajectoryReason,
     /// The line, from 1.
     pub line: usize,
@@ -130,8 +125,8 @@ pub struct TrajectoryError {
 }
 
 /// What a [`TrajectoryError`] found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum TrajectoryReason {
     /// Not seven columns.
@@ -151,7 +146,7 @@ pub enum TrajectoryReason {
     Short,
 }
 
-fn decode_row(row: &str) -> Result<Sample, (usize, TrajectoryReason)> {
+fn decode_row(row: &str) -> Result<JointSample, (usize, TrajectoryReason)> {
     let mut values = [0.0; 7];
     let mut found = 0;
     let mut column = 1;
@@ -165,12 +160,11 @@ fn decode_row(row: &str) -> Result<Sample, (usize, TrajectoryReason)> {
         column += field.chars().count() + 1;
     }
     let [time, joints @ ..] = values;
-    if found == 7 { Ok(Sample { time, joints }) } else { Err((1, TrajectoryReason::Columns { found })) }
+    if found == 7 { Ok(JointSample { time, joints }) } else { Err((1, TrajectoryReason::Columns { found })) }
 }
 
 /// A number as spreadsheets and MATLAB write it: `1.5`, `.5`, `1.5e-3`.
 fn exponent(text: &str) -> Option<f64> {
-    let (rest, _) = decimal(text).ok()?;
-    let plain = rest.is_empty() || rest.starts_with(['e', 'E']);
+    let plain = text.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
     text.parse::<f64>().ok().filter(|value| plain && value.is_finite())
 }

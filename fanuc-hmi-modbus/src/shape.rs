@@ -6,8 +6,8 @@ use serde::de::{Error as _, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visito
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::{Bits, Exception, Pdu, PduBuf, Reply, Request, Words, function, limit};
 use crate::frame::Frame;
+use crate::message::{Bits, Exception, Pdu, PduBuf, Reply, Request, Words, function, limit};
 
 impl Serialize for Words<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {

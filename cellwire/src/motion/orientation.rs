@@ -5,8 +5,7 @@ use core::ops::Mul;
 use libm::{asin, atan2, cos, fabs, sin, sqrt};
 
 /// A unit quaternion: the orientation of the tool in the world frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[allow(missing_docs, reason = "the usual names")]
 pub struct Quaternion {
     pub w: f64,

@@ -310,3 +310,27 @@ fn a_position_that_would_not_be_read_again_is_not_written() {
         assert_eq!(written(&|p| p.groups[0].axes[0].name = name), error, "{name:?}");
     }
 }
+
+/// Takes so many pieces of text, then fails.
+struct Short(usize);
+
+impl core::fmt::Write for Short {
+    fn write_str(&mut self, _: &str) -> core::fmt::Result {
+        self.0 = self.0.checked_sub(1).ok_or(core::fmt::Error)?;
+        Ok(())
+    }
+}
+
+#[test]
+fn a_writer_that_fails_anywhere_is_an_error() {
+    let mut rules = Rules::default();
+    rules.comment = CommentRule::Truncate;
+    for name in ["controller", "post-processor", "minimal"] {
+        let program = Program::decode(&text(name)).unwrap();
+        let outcome = |pieces| program.encode(&rules, &mut Short(pieces));
+        assert_eq!(outcome(usize::MAX), Ok(()), "{name}");
+        let pieces = (0..100_000).find(|pieces| outcome(*pieces) == Ok(())).unwrap();
+        assert!(pieces > program.to_text(&rules).unwrap().lines().count(), "{name}");
+        assert_eq!(outcome(pieces - 1), Err(EncodeError::Write), "{name}");
+    }
+}

@@ -1,11 +1,12 @@
 //! Trajectories read from a table and made into spline moves, in the source's three ways.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use fanuc_ls::{
-    Acceleration, Arm, BackgroundTask, EncodeError, Instruction, Kinematics, Motion, MotionKind, Pose,
-    Program, Report, ResampleError, Resampling, Rules, Sample, Sampling, Speed, SpeedStep, Termination,
+use cellwire::ls::task::{BackgroundTask, TaskError};
+use cellwire::motion::{
+    Acceleration, Arm, JointSample, Kinematics, Pose, Report, ResampleError, Resampling, Sampling, SpeedStep,
     Trajectory, TrajectoryError, TrajectoryReason,
 };
+use fanuc_ls::{EncodeError, Instruction, Motion, MotionKind, Program, Rules, Speed, Termination};
 
 /// A robot whose J1 is X in mm and whose J6 turns the tool about Z: what a path does can be read off its joints.
 struct Plain;
@@ -20,7 +21,7 @@ impl Kinematics for Plain {
 fn trajectory(seconds: f64, x: impl Fn(f64) -> f64, turn: impl Fn(f64) -> f64) -> Trajectory {
     let sample = |k: u32| {
         let time = f64::from(k) * 0.008;
-        Sample { time, joints: [x(time), 0.0, 0.0, 0.0, 0.0, turn(time)] }
+        JointSample { time, joints: [x(time), 0.0, 0.0, 0.0, 0.0, turn(time)] }
     };
     Trajectory::new((0..).map(sample).take_while(|s| s.time < seconds + 0.001).collect()).unwrap()
 }
@@ -216,8 +217,8 @@ fn the_sources_listing_takes_steps_between_its_shortest_and_its_longest() {
 #[test]
 fn a_table_is_read_with_or_without_names_and_in_every_usual_form() {
     let expected = [
-        Sample { time: 0.0, joints: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0] },
-        Sample { time: 0.008, joints: [1.5, -0.5, 0.001, 4.0, 5.0, 6.0] },
+        JointSample { time: 0.0, joints: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0] },
+        JointSample { time: 0.008, joints: [1.5, -0.5, 0.001, 4.0, 5.0, 6.0] },
     ];
     for text in [
         "time,J1,J2,J3,J4,J5,J6\n0,1,2,3,4,5,6\n0.008,1.5,-.5,1e-3,4,5,6\n",
@@ -254,7 +255,7 @@ fn a_bad_table_is_refused_with_its_line_and_column() {
 
 #[test]
 fn j3_from_the_upper_arm_becomes_j3_from_the_horizontal() {
-    let sample = |time| Sample { time, joints: [1.0, 20.0, 50.0, 4.0, 5.0, 6.0] };
+    let sample = |time| JointSample { time, joints: [1.0, 20.0, 50.0, 4.0, 5.0, 6.0] };
     let path = Trajectory::new(vec![sample(0.0), sample(1.0)]).unwrap().from_upper_arm();
     assert_eq!(path.samples()[1].joints, [1.0, 20.0, 30.0, 4.0, 5.0, 6.0]);
 }
@@ -299,13 +300,13 @@ fn the_background_task_takes_other_registers_another_period_and_another_group() 
     for (first, scratch) in [(1, 19), (18, 30), (0, 30), (1, 0), (65_530, 1), (1, 65_530)] {
         assert_eq!(
             refused(BackgroundTask { first, scratch, ..base() }),
-            EncodeError::Registers,
+            TaskError::Registers,
             "{first} {scratch}"
         );
     }
     for micros in [0, 500, 8_500, 1_000_000_000] {
         let period = core::time::Duration::from_micros(micros);
-        assert_eq!(refused(BackgroundTask { period, ..base() }), EncodeError::Period, "{micros} µs");
+        assert_eq!(refused(BackgroundTask { period, ..base() }), TaskError::Period, "{micros} µs");
     }
     assert!(BackgroundTask { first: 11, scratch: 30, ..base() }.program(&Rules::default()).is_ok());
 }
@@ -330,4 +331,49 @@ fn the_last_decimal_of_a_table_is_no_acceleration() {
     let exact = make(&Resampling::new(sampling), &trajectory(2.6, trapezoid, |_| 0.0)).1;
     let rounded = make(&Resampling::new(sampling), &trajectory(2.6, |t| round(trapezoid(t)), |_| 0.0)).1;
     assert!(rounded.moves.abs_diff(exact.moves) <= 4, "{} and {}", rounded.moves, exact.moves);
+}
+
+#[test]
+fn a_trajectory_has_two_samples_in_the_order_of_their_times() {
+    let sample = |time: f64| JointSample { time, joints: [time; 6] };
+    let reason = |samples: &[JointSample]| {
+        let error = Trajectory::new(samples.to_vec()).unwrap_err();
+        (error.line, error.column, error.reason)
+    };
+    assert_eq!(reason(&[]), (1, 1, TrajectoryReason::Short));
+    assert_eq!(reason(&[sample(0.0)]), (2, 1, TrajectoryReason::Short));
+    assert_eq!(reason(&[sample(0.0), sample(1.0), sample(1.0)]), (3, 1, TrajectoryReason::Time));
+    assert_eq!(reason(&[sample(0.0), sample(f64::NAN)]), (2, 1, TrajectoryReason::Number));
+    let tilted = JointSample { joints: [0.0, 0.0, 0.0, 0.0, 0.0, f64::INFINITY], ..sample(1.0) };
+    assert_eq!(reason(&[sample(0.0), tilted]), (2, 1, TrajectoryReason::Number));
+    let whole = Trajectory::new(vec![sample(1.0), sample(3.0)]).unwrap();
+    assert_eq!(
+        (whole.span(), whole.at(0.0)[5], whole.at(1.5)[5], whole.at(9.0)[5]),
+        ((1.0, 3.0), 1.0, 1.5, 3.0)
+    );
+}
+
+#[test]
+fn more_points_than_a_program_holds_are_refused_in_every_way_of_sampling() {
+    let sample = |time: f64| JointSample { time, joints: [time, 0.0, 0.0, 0.0, 30.0, time] };
+    let trajectory = Trajectory::new(vec![sample(0.0), sample(80.0)]).unwrap();
+    let (min, max, by) = (1e-5, 1e-5, Acceleration::Either);
+    for sampling in [
+        Sampling::Time(1e-5),
+        Sampling::Distance(1e-5),
+        Sampling::Angle(1e-5),
+        Sampling::Dynamic { min, max, by },
+    ] {
+        let made =
+            Resampling::new(sampling).program("A", "", &trajectory, &Arm::LR_MATE_200ID, &Rules::default());
+        let error = made.unwrap_err();
+        assert_eq!(error, ResampleError::Points, "{sampling:?}");
+    }
+    for sampling in
+        [Sampling::Time(0.0), Sampling::Angle(f64::NAN), Sampling::Dynamic { min: 2.0, max: 1.0, by }]
+    {
+        let made =
+            Resampling::new(sampling).program("A", "", &trajectory, &Arm::LR_MATE_200ID, &Rules::default());
+        assert_eq!(made.unwrap_err(), ResampleError::Step, "{sampling:?}");
+    }
 }

@@ -1,3 +1,5 @@
+//! Where an arm's tool is for its joint angles.
+
 use libm::{atan2, cos, sin, sqrt};
 
 /// Where the tool stands, from the six joints. Implement it for your robot; [`Arm`] covers the usual FANUC arm.
@@ -8,8 +10,7 @@ pub trait Kinematics {
 }
 
 /// A position and an orientation; also the step from one frame to the next.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Pose {
     /// X, Y, Z in mm.
     pub position: [f64; 3],
@@ -78,7 +79,7 @@ impl Pose {
 ///
 /// J3 counts from the horizontal: tilting the upper arm (J2) leaves the forearm's direction as it is. Controllers show
 /// and take it so; the source's listing agrees (J3 + J5 is 90.000 whatever J2 is, with the tool upright). Programs that
-/// count J3 from the upper arm convert by [`Trajectory::from_upper_arm`](crate::Trajectory::from_upper_arm).
+/// count J3 from the upper arm convert by [`Trajectory::from_upper_arm`](super::Trajectory::from_upper_arm).
 ///
 /// The world frame stands where the axis of J1 meets the height of J2.
 #[derive(Debug, Clone, Copy, PartialEq)]

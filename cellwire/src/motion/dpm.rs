@@ -15,8 +15,7 @@ use core::time::Duration;
 use libm::{floor, round};
 
 /// One axis: X, Y, Z in mm, W, P, R in degrees.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Axis {
     /// What one count moves the robot by, in mm or degrees. Measured: see the module's page.
     pub mm_per_count: f64,
@@ -89,8 +88,7 @@ struct AxisState {
 }
 
 /// The group inputs of one period.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Offsets {
     /// X, Y, Z, W, P, R, as signed 16-bit numbers; a group input holds the same 16 bits.
     pub counts: [i16; 6],
@@ -189,8 +187,8 @@ impl AxisState {
 }
 
 /// Why offsets cannot be made: the caller's fault. Axes count from 0 for X to 5 for R.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error, serde::Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Error {
     /// A scale or a limit that is not above zero.

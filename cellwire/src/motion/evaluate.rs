@@ -8,12 +8,11 @@ use core::ops::RangeInclusive;
 
 use libm::sqrt;
 
-use crate::orientation::Quaternion;
-use crate::telemetry::Sample;
+use super::orientation::Quaternion;
+use super::tracker::MotionSample;
 
 /// The motion at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct State {
     /// In seconds, on the motion's own clock.
     pub time: f64,
@@ -34,9 +33,9 @@ impl State {
     }
 }
 
-impl From<&Sample> for State {
+impl From<&MotionSample> for State {
     /// With the sample's speeds, which are those of the middle between it and the one before.
-    fn from(sample: &Sample) -> Self {
+    fn from(sample: &MotionSample) -> Self {
         Self {
             time: sample.time.as_secs_f64(),
             position: sample.position,
@@ -66,8 +65,7 @@ pub fn differentiate(states: &mut [State]) {
 }
 
 /// By how much the recording was off at one of its states: recorded minus asked for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Deviation {
     /// The time on the recording's clock, in s.
     pub time: f64,
@@ -136,8 +134,7 @@ pub fn fit_delay(
 const MAX_STEPS: f64 = 1e6;
 
 /// The greatest and the root mean square of the deviations.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Summary {
     /// How many states were compared.
     pub count: u64,
@@ -152,8 +149,7 @@ pub struct Summary {
 }
 
 /// The greatest and the root mean square of a deviation.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Figures {
     /// The greatest.
     pub max: f64,

@@ -1,15 +1,14 @@
-use alloc::format;
-use alloc::string::{String, ToString};
-use core::time::Duration;
+//! The background task that feeds the telemetry, as a program.
 
-use crate::text::fixed;
-use crate::{Builder, EncodeError, Program, Rules};
+use std::time::Duration;
+
+use fanuc_ls::{Builder, EncodeError, Program, Rules};
 
 /// The source's background task (its Figure 8): in each period the controller puts a life counter, the override, the
 /// tool's pose, its quaternion and their differences into registers that can be read over Modbus.
 ///
-/// `Default` is the figure to the letter. What it computes has three properties that the reader must know and undo; the
-/// `telemetry` module of `fanuc-hmi-modbus` does:
+/// `Default` is the figure to the letter. What it computes has three properties that the reader must know and undo, as
+/// [`Tracker`](crate::motion::Tracker) does:
 ///
 /// - it makes Q1 positive, so the quaternion jumps to its negative near 180°, and its difference with it;
 /// - it divides by the period although a period may be lost;
@@ -52,23 +51,29 @@ impl BackgroundTask {
     /// # Errors
     /// When the registers overlap or are outside 1 to 65535, the period is not within its range, or the name or the comment is
     /// none by these rules.
-    pub fn program(&self, rules: &Rules) -> Result<Program, EncodeError> {
+    pub fn program(&self, rules: &Rules) -> Result<Program, TaskError> {
         let (first, scratch) = (u32::from(self.first), u32::from(self.scratch));
         let apart = first + u32::from(PUBLIC) <= scratch || scratch + u32::from(SCRATCH) <= first;
         let last = (first + u32::from(PUBLIC)).max(scratch + u32::from(SCRATCH));
         if !apart || first == 0 || scratch == 0 || last > u32::from(u16::MAX) {
-            return Err(EncodeError::Registers);
+            return Err(TaskError::Registers);
         }
         let whole = self.period.subsec_nanos().is_multiple_of(1_000_000);
         if !whole || self.period.is_zero() || self.period > Duration::from_secs(999) {
-            return Err(EncodeError::Period);
+            return Err(TaskError::Period);
         }
         let mut builder = Builder::new(&self.name);
         builder.comment(&self.comment).motion_groups("*,*,*,*,*");
         for line in LINES {
             builder.instruction(&self.fill(line));
         }
-        builder.build(rules)
+        Ok(builder.build(rules)?)
+    }
+
+    /// The period as controllers print a number: `.008`, `1.000`.
+    fn seconds(&self) -> String {
+        let text = format!("{:.3}", self.period.as_secs_f64());
+        text.strip_prefix('0').unwrap_or(&text).into()
     }
 
     /// A line of the figure with this task's registers in place of the figure's.
@@ -85,9 +90,22 @@ impl BackgroundTask {
         }
         text.push_str(rest);
         let group = format!("$SCR_GRP[{}]", self.group);
-        text.replace("/.008)", &format!("/{})", fixed(self.period.as_secs_f64())))
-            .replace("$SCR_GRP[1]", &group)
+        text.replace("/.008)", &format!("/{})", self.seconds())).replace("$SCR_GRP[1]", &group)
     }
+}
+
+/// Why there is no such task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum TaskError {
+    /// The registers overlap, or are not in 1..=65535.
+    #[error("the registers of the background task overlap, or are outside 1 to 65535")]
+    Registers,
+    /// The period is not 1 ms to 999 s in whole ms.
+    #[error("the period of the background task must be 1 ms to 999 s, in whole ms")]
+    Period,
+    /// The name or the comment is none by the rules.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
 }
 
 /// Figure 8, line by line.

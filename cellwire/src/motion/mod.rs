@@ -1,0 +1,16 @@
+//! Motion: where an arm is, what a recording says of it, and how far it was from the plan.
+
+pub mod dpm;
+mod evaluate;
+mod kinematics;
+mod orientation;
+mod resample;
+mod tracker;
+mod trajectory;
+
+pub use evaluate::{Deviation, Figures, State, Summary, deviations, differentiate, fit_delay};
+pub use kinematics::{Arm, Kinematics, Pose};
+pub use orientation::Quaternion;
+pub use resample::{Acceleration, Report, ResampleError, Resampling, Sampling, SpeedStep};
+pub use tracker::{Counts, MotionSample, Observation, Tracker};
+pub use trajectory::{JointSample, Trajectory, TrajectoryError, TrajectoryReason};

@@ -1,0 +1,113 @@
+use core::time::Duration;
+
+use crate::frame::Frame;
+use crate::framing::Framing;
+use crate::model::Rule;
+use crate::timing;
+
+/// How a client reaches its servers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClientConfig {
+    /// The transport. [`Framing::Tcp`].
+    pub framing: Framing,
+    /// From when a request is handed out to when its reply has arrived, at most; above zero. One second. On a serial line
+    /// [`rtu`](Self::rtu) adds the time that the longest request and the longest reply take.
+    pub timeout: Duration,
+    /// How many requests may be in flight at once, 1 to the places of the client. 1, which every server takes: how many a FANUC
+    /// controller takes is not published. Without transactions in the frames, more than 1 cannot work.
+    pub in_flight: usize,
+    /// Whether a reply from another unit than was asked is taken, as some gateways answer. Off.
+    pub any_unit: bool,
+    /// Whether unit 0 is a broadcast that nobody answers. On for RTU; off on TCP, where 0 is often the server itself.
+    pub broadcast: bool,
+    /// How long the units of a serial line get to carry out a broadcast, from when it is handed out. 100 ms, to which
+    /// [`rtu`](Self::rtu) adds the time of the longest frame.
+    pub turnaround: Duration,
+    /// An assumption: no reply comes later than this after its request has timed out. Without a transaction in it, a late reply
+    /// could be taken for the reply to the next request, so that waits so long. Not used on TCP. Where a reply is later still,
+    /// it may be taken for another one's; the reply that belongs there is then reported as a stray. 1 s on a serial line; 10 s for
+    /// RTU over TCP, where a new connection ends the wait at once.
+    pub settle: Duration,
+    /// For the model only: transactions count modulo this.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub transactions: u16,
+    /// For the model only: the rule that the machine does not keep.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub without: Option<Rule>,
+}
+
+impl ClientConfig {
+    /// Modbus TCP.
+    pub const fn tcp() -> Self {
+        Self {
+            framing: Framing::Tcp,
+            timeout: Duration::from_secs(1),
+            in_flight: 1,
+            any_unit: false,
+            broadcast: false,
+            turnaround: Duration::from_millis(100),
+            settle: Duration::from_secs(1),
+            #[cfg(feature = "model")]
+            transactions: u16::MAX,
+            #[cfg(feature = "model")]
+            without: None,
+        }
+    }
+
+    /// RTU on a serial line.
+    pub const fn rtu(baud: u32) -> Self {
+        let tcp = Self::tcp();
+        let longest = timing::line_time(Frame::MAX_RTU_LEN, baud);
+        Self {
+            framing: Framing::Rtu { silence: timing::silence(baud) },
+            timeout: tcp.timeout.saturating_add(longest).saturating_add(longest),
+            turnaround: tcp.turnaround.saturating_add(longest),
+            broadcast: true,
+            ..tcp
+        }
+    }
+
+    /// RTU frames through a TCP connection.
+    pub const fn rtu_over_tcp() -> Self {
+        let settle = Duration::from_secs(10);
+        Self { framing: Framing::RTU_OVER_TCP, broadcast: true, settle, ..Self::tcp() }
+    }
+
+    /// Whether a request to this unit is a broadcast.
+    pub const fn is_broadcast(&self, unit: u8) -> bool {
+        self.broadcast && unit == 0
+    }
+
+    /// How many requests may be in flight at once.
+    pub(crate) fn most_in_flight(&self) -> usize {
+        match self.framing.has_transactions() || !self.keeps(Rule::OneInFlight) {
+            true => self.in_flight,
+            false => 1,
+        }
+    }
+
+    /// The transaction after this one.
+    pub(crate) const fn after(&self, transaction: u16) -> u16 {
+        #[cfg(feature = "model")]
+        if transaction >= self.transactions {
+            return 0;
+        }
+        transaction.wrapping_add(1)
+    }
+
+    /// Whether the machine keeps a rule: always, but in the model.
+    pub(crate) fn keeps(&self, _rule: Rule) -> bool {
+        #[cfg(feature = "model")]
+        return self.without != Some(_rule);
+        #[cfg(not(feature = "model"))]
+        true
+    }
+}
+
+impl Default for ClientConfig {
+    fn default() -> Self {
+        Self::tcp()
+    }
+}

@@ -1,0 +1,112 @@
+use robot_session::Unexpected;
+
+use crate::error::{DecodeError, Mismatch};
+
+/// Names a request of a client, which never gives the same twice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Ticket(pub(super) u64);
+
+/// What a client reports: the first three are outcomes of requests, the others notices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ClientEvent {
+    /// A reply that fits its request, or the exception that refuses it: [`Client::reply`](crate::Client::reply) reads it.
+    Replied {
+        /// The request.
+        ticket: Ticket,
+        /// Who replied.
+        unit: u8,
+    },
+    /// A broadcast was sent. Nobody will reply.
+    Announced {
+        /// The request.
+        ticket: Ticket,
+    },
+    /// There is no usable reply.
+    Failed {
+        /// The request.
+        ticket: Ticket,
+        /// Why.
+        failure: Failure,
+    },
+    /// A reply that nobody waits for was dropped. If it is late by more than [`ClientConfig::settle`](crate::ClientConfig::settle),
+    /// that assumption is wrong.
+    Stray {
+        /// Its transaction on TCP.
+        transaction: Option<u16>,
+        /// Who sent it.
+        unit: u8,
+        /// Its function code, without the bit that marks an exception.
+        function: u8,
+        /// The request that has timed out and that it belongs to, as far as that can be known.
+        late: Option<Ticket>,
+        /// Off TCP: why it is not the reply that is waited for.
+        mismatch: Option<Mismatch>,
+    },
+    /// Bytes that are no frame.
+    Corrupt(DecodeError),
+    /// On TCP, which corrupts nothing: bytes that no frame begins with, and no frame after them yet. Best connect again.
+    OutOfStep(DecodeError),
+    /// The caller broke the contract; nothing has changed.
+    Unexpected(Unexpected),
+}
+
+impl ClientEvent {
+    /// The request whose outcome it is.
+    pub const fn outcome_of(&self) -> Option<Ticket> {
+        match self {
+            Self::Replied { ticket, .. } | Self::Announced { ticket } | Self::Failed { ticket, .. } => {
+                Some(*ticket)
+            }
+            Self::Stray { .. } | Self::Corrupt(_) | Self::OutOfStep(_) | Self::Unexpected(_) => None,
+        }
+    }
+
+    /// The same stray, late by this request.
+    pub(super) fn with_late(mut self, request: Option<Ticket>) -> Self {
+        if let Self::Stray { late, .. } = &mut self {
+            *late = request;
+        }
+        self
+    }
+}
+
+/// Why a request has no usable reply.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Failure {
+    /// The reply did not come in time. Whether the request was carried out is unknown.
+    #[error("no reply came in time; whether the request was carried out is unknown")]
+    TimedOut,
+    /// The connection was lost while the request was in flight. Whether it was carried out is unknown.
+    #[error("the connection was lost; whether the request was carried out is unknown")]
+    Disconnected,
+    /// The connection was lost before the request was sent.
+    #[error("the connection was lost before the request was sent")]
+    NotSent,
+    /// The reply with the transaction of the request does not fit it. Whether the request was carried out is unknown.
+    #[error("the reply does not answer the request: {0}")]
+    Refused(Mismatch),
+    /// The reply with the transaction of the request is malformed. Whether the request was carried out is unknown.
+    #[error("the reply is malformed: {0}")]
+    Malformed(DecodeError),
+}
+
+/// The counters of a client.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ClientStatistics {
+    /// Requests that were made.
+    pub requests: u64,
+    /// Requests that have a reply, exceptions among them.
+    pub replies: u64,
+    /// Requests that failed.
+    pub failures: u64,
+    /// Replies that nobody waited for.
+    pub strays: u64,
+    /// Runs of corrupt bytes.
+    pub corrupt: u64,
+    /// Inputs that the machine did not expect: the caller broke the contract.
+    pub unexpected: u64,
+    /// Notices that nobody polled in time.
+    pub dropped_notices: u64,
+}

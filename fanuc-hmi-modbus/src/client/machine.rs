@@ -1,0 +1,499 @@
+//! The client's machine: which request is in flight, until when, what a reply belongs to. No bytes.
+
+use core::time::Duration;
+
+use robot_session::Unexpected;
+
+use super::config::ClientConfig;
+use crate::line::Line;
+use crate::model::Rule;
+
+/// The state of a client with `N` places for requests.
+///
+#[doc = include_str!("../../diagrams/client.md")]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct ClientMachine<const N: usize> {
+    /// The connection.
+    pub link: ClientLink,
+    /// The requests, oldest first; the last are `None`.
+    requests: [Option<Held>; N],
+    /// The transaction of the next request, if it is free.
+    transaction: u16,
+}
+
+/// The connection, and what has to pass before the next request is sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ClientLink {
+    /// There is none: requests wait for it.
+    Down,
+    /// There is one.
+    Up {
+        /// Whether bytes are arriving.
+        line: Line,
+        /// Whether something may be sent as far as earlier requests are concerned.
+        quiet: Quiet,
+    },
+}
+
+/// The time in which nothing is sent, because of an earlier request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Quiet {
+    /// It is over, and what had arrived until then was read.
+    Over,
+    /// A late reply may come, or a broadcast is carried out.
+    Until {
+        /// It ends with the first [`ClientInput::Timer`] from then on: a driver gives that after it has read what has arrived,
+        /// however late it runs.
+        end: Duration,
+    },
+}
+
+/// A request and the place that holds its bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Held {
+    /// The place, below `N`.
+    pub place: u8,
+    /// How far it is.
+    pub stage: Stage,
+}
+
+/// How far a request is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// It waits to be sent to one unit.
+    Queued,
+    /// It waits to be sent to all units.
+    QueuedBroadcast,
+    /// It was sent, and waits for its reply.
+    InFlight {
+        /// Its transaction; 0 where frames have none.
+        transaction: u16,
+        /// When it times out.
+        deadline: Duration,
+    },
+    /// It has its outcome, which the caller has not taken yet.
+    Ended,
+    /// The same, and its reply may still come.
+    TimedOut {
+        /// Its transaction.
+        transaction: u16,
+    },
+    /// The caller has taken the outcome, and the reply may still come. The place may be used again.
+    Expired {
+        /// Its transaction.
+        transaction: u16,
+    },
+}
+
+/// What happens to a client.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ClientInput {
+    /// A connection was made.
+    Connected,
+    /// The connection is lost.
+    Disconnected,
+    /// The caller makes a request.
+    Request {
+        /// To all units.
+        broadcast: bool,
+    },
+    /// The caller has taken the outcome of the request in this place.
+    Taken {
+        /// The place.
+        place: u8,
+    },
+    /// The caller asks for what is to be sent.
+    Transmit,
+    /// Bytes have arrived. Given before they are decoded.
+    Received,
+    /// They held a well-formed frame.
+    Reply {
+        /// Its transaction; 0 where frames have none.
+        transaction: u16,
+        /// Whether it can be the reply to the request that [`ClientMachine::expects`] names.
+        fits: bool,
+    },
+    /// The time of [`ClientMachine::deadline`] has come. Given after what has arrived was read, until nothing is left to do.
+    Timer,
+}
+
+/// What a client does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ClientAction {
+    /// Nothing.
+    Nothing,
+    /// It keeps a new request in this place.
+    Keep {
+        /// The place.
+        place: u8,
+    },
+    /// It sends the request of this place.
+    Send {
+        /// The place.
+        place: u8,
+        /// The transaction; 0 where frames have none.
+        transaction: u16,
+    },
+    /// It sends the request of this place to all units, and reports that.
+    Announce {
+        /// The place.
+        place: u8,
+    },
+    /// It reports the reply, which is kept in this place.
+    Replied {
+        /// The place.
+        place: u8,
+    },
+    /// It reports that the reply with the request's transaction is none.
+    Refused {
+        /// The place.
+        place: u8,
+    },
+    /// It reports a reply that no request in flight has.
+    Stray {
+        /// The place of the request that timed out before.
+        late: Option<u8>,
+    },
+    /// It reports requests that have timed out.
+    TimedOut(Places),
+    /// It forgets what the decoder holds, and reports requests that were in flight and others that were not sent.
+    Reset {
+        /// In flight: whether they were carried out is unknown.
+        lost: Places,
+        /// Not sent.
+        not_sent: Places,
+    },
+    /// What the decoder holds will not be continued.
+    Cut,
+}
+
+/// A set of places.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct Places(u16);
+
+impl Places {
+    fn insert(&mut self, place: u8) {
+        self.0 |= 1 << place;
+    }
+
+    /// The places, in the order of their numbers.
+    pub fn iter(self) -> impl Iterator<Item = u8> {
+        (0..16).filter(move |place| self.0 >> place & 1 == 1)
+    }
+}
+
+impl ClientInput {
+    /// Its name.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Connected => "connected",
+            Self::Disconnected => "disconnected",
+            Self::Request { broadcast: false } => "request",
+            Self::Request { broadcast: true } => "broadcast request",
+            Self::Taken { .. } => "outcome taken",
+            Self::Transmit => "transmit",
+            Self::Received => "bytes received",
+            Self::Reply { fits: true, .. } => "reply",
+            Self::Reply { fits: false, .. } => "reply that does not fit",
+            Self::Timer => "timer",
+        }
+    }
+}
+
+impl<const N: usize> ClientMachine<N> {
+    /// Without a connection, without requests.
+    pub const NEW: Self = Self { link: ClientLink::Down, requests: [None; N], transaction: 1 };
+
+    /// Takes an input.
+    ///
+    /// # Errors
+    /// The state does not allow it: bytes without a connection, a request without a free place, an outcome that was not given.
+    /// Nothing has changed then.
+    pub fn on(
+        &mut self,
+        now: Duration,
+        input: ClientInput,
+        config: &ClientConfig,
+    ) -> Result<ClientAction, Unexpected> {
+        let unexpected = Unexpected { state: self.name(), input: input.name() };
+        match input {
+            ClientInput::Connected => Ok(self.connected(now, config)),
+            ClientInput::Disconnected => Ok(self.disconnected(config)),
+            ClientInput::Request { broadcast } => self.request(broadcast).ok_or(unexpected),
+            ClientInput::Taken { place } => self.taken(place).ok_or(unexpected),
+            ClientInput::Transmit => Ok(self.transmit(now, config)),
+            ClientInput::Received => match &mut self.link {
+                ClientLink::Down => Err(unexpected),
+                ClientLink::Up { line, .. } => {
+                    // Bytes that come after a silence do not go on with what came before it.
+                    let cuts = line.is_due(now) && config.keeps(Rule::CutAtSilence);
+                    *line = Line::received(now, config.framing);
+                    Ok(if cuts { ClientAction::Cut } else { ClientAction::Nothing })
+                }
+            },
+            ClientInput::Reply { transaction, fits } => match self.link {
+                ClientLink::Down => Err(unexpected),
+                ClientLink::Up { .. } => Ok(self.reply(transaction, fits, config)),
+            },
+            ClientInput::Timer => Ok(self.timer(now, config)),
+        }
+    }
+
+    /// When [`ClientInput::Timer`] is due.
+    pub fn deadline(&self) -> Option<Duration> {
+        let ClientLink::Up { line, quiet } = self.link else { return None };
+        let silent_at = match line {
+            Line::Silent => None,
+            Line::Busy { silent_at } => Some(silent_at),
+        };
+        let end = match quiet {
+            Quiet::Over => None,
+            Quiet::Until { end } => Some(end),
+        };
+        let deadline = |held: &Held| match held.stage {
+            Stage::InFlight { deadline, .. } => Some(deadline),
+            _ => None,
+        };
+        self.held().filter_map(deadline).chain(silent_at).chain(end).min()
+    }
+
+    /// Visits every time in the state.
+    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+        if let ClientLink::Up { line, quiet } = &mut self.link {
+            if let Line::Busy { silent_at } = line {
+                f(silent_at);
+            }
+            if let Quiet::Until { end } = quiet {
+                f(end);
+            }
+        }
+        for held in self.requests.iter_mut().flatten() {
+            if let Stage::InFlight { deadline, .. } = &mut held.stage {
+                f(deadline);
+            }
+        }
+    }
+
+    /// The state's name.
+    pub fn name(&self) -> &'static str {
+        let ClientLink::Up { line, quiet } = self.link else { return "disconnected" };
+        let is_queued = |held: &Held| matches!(held.stage, Stage::Queued | Stage::QueuedBroadcast);
+        match (self.in_flight(), quiet, line) {
+            (1.., _, _) => "waiting",
+            (0, Quiet::Until { .. }, _) => "quiet",
+            (0, Quiet::Over, Line::Busy { .. }) => "receiving",
+            (0, Quiet::Over, Line::Silent) if self.held().any(is_queued) => "ready",
+            (0, Quiet::Over, Line::Silent) => "idle",
+        }
+    }
+
+    /// How many requests are in flight.
+    pub fn in_flight(&self) -> usize {
+        self.held().filter(|held| matches!(held.stage, Stage::InFlight { .. })).count()
+    }
+
+    /// The requests, oldest first.
+    pub fn held(&self) -> impl Iterator<Item = &Held> {
+        self.requests.iter().map_while(Option::as_ref)
+    }
+
+    /// The request in flight that a frame with this transaction belongs to.
+    pub fn expects(&self, transaction: u16, config: &ClientConfig) -> Option<u8> {
+        let transaction = config.keeps(Rule::MatchTransaction).then_some(transaction);
+        let waits = |held: &&Held| match held.stage {
+            Stage::InFlight { transaction: found, .. } => transaction.is_none_or(|it| it == found),
+            _ => false,
+        };
+        self.held().find(waits).map(|held| held.place)
+    }
+
+    /// Off TCP the line is left alone first: a client that ran here before may have asked for something.
+    fn connected(&mut self, now: Duration, config: &ClientConfig) -> ClientAction {
+        let reset = self.disconnected(config);
+        let drain = config.timeout.saturating_add(config.settle);
+        let quiet = if config.framing.is_serial() && config.keeps(Rule::DrainFirst) {
+            Quiet::Until { end: now.saturating_add(drain) }
+        } else {
+            Quiet::Over
+        };
+        self.link = ClientLink::Up { line: Line::Silent, quiet };
+        reset
+    }
+
+    /// What waits is not sent on the next connection unless the caller asks again.
+    fn disconnected(&mut self, config: &ClientConfig) -> ClientAction {
+        let (mut lost, mut not_sent) = (Places::default(), Places::default());
+        if self.link != ClientLink::Down {
+            for held in self.requests.iter_mut().map_while(Option::as_mut) {
+                match held.stage {
+                    Stage::Queued | Stage::QueuedBroadcast if !config.keeps(Rule::DropQueued) => {}
+                    Stage::Queued | Stage::QueuedBroadcast => {
+                        not_sent.insert(held.place);
+                        held.stage = Stage::Ended;
+                    }
+                    Stage::InFlight { .. } if !config.keeps(Rule::EndAtDisconnect) => {}
+                    Stage::InFlight { .. } => {
+                        lost.insert(held.place);
+                        held.stage = Stage::Ended;
+                    }
+                    Stage::TimedOut { .. } => held.stage = Stage::Ended,
+                    Stage::Ended | Stage::Expired { .. } => {}
+                }
+            }
+            let is_expired = |held: &Held| matches!(held.stage, Stage::Expired { .. });
+            while let Some(index) = self.requests.iter().flatten().position(is_expired) {
+                self.remove(index);
+            }
+            self.link = ClientLink::Down;
+        }
+        ClientAction::Reset { lost, not_sent }
+    }
+
+    /// A free place, or that of the request that expired longest ago.
+    fn request(&mut self, broadcast: bool) -> Option<ClientAction> {
+        let count = self.held().count();
+        let place = if count < N {
+            let mut places = (0..16).filter(|place| self.held().all(|held| held.place != *place));
+            places.next()?
+        } else {
+            let oldest = self.held().position(|held| matches!(held.stage, Stage::Expired { .. }))?;
+            self.remove(oldest)?.place
+        };
+        let stage = if broadcast { Stage::QueuedBroadcast } else { Stage::Queued };
+        let free = self.requests.iter_mut().find(|held| held.is_none())?;
+        *free = Some(Held { place, stage });
+        Some(ClientAction::Keep { place })
+    }
+
+    fn taken(&mut self, place: u8) -> Option<ClientAction> {
+        let index = self.held().position(|held| held.place == place)?;
+        let held = self.requests.get_mut(index)?.as_mut()?;
+        match held.stage {
+            Stage::Ended => drop(self.remove(index)),
+            Stage::TimedOut { transaction } => held.stage = Stage::Expired { transaction },
+            Stage::Queued | Stage::QueuedBroadcast | Stage::InFlight { .. } | Stage::Expired { .. } => {
+                return None;
+            }
+        }
+        Some(ClientAction::Nothing)
+    }
+
+    fn transmit(&mut self, now: Duration, config: &ClientConfig) -> ClientAction {
+        let ClientLink::Up { line, quiet } = self.link else { return ClientAction::Nothing };
+        let is_quiet = match quiet {
+            Quiet::Over => false,
+            // Without the rule a driver that runs late sends before it has read the late reply.
+            Quiet::Until { end } => config.keeps(Rule::ReadBeforeSend) || now < end,
+        };
+        let is_busy = !line.may_send(config.framing) && config.keeps(Rule::WaitForSilence);
+        if is_quiet || is_busy || self.in_flight() >= config.most_in_flight() {
+            return ClientAction::Nothing;
+        }
+        let transaction = if config.framing.has_transactions() { self.free_transaction(config) } else { 0 };
+        let queued = |held: &&mut Held| matches!(held.stage, Stage::Queued | Stage::QueuedBroadcast);
+        let Some(held) = self.requests.iter_mut().map_while(Option::as_mut).find(queued) else {
+            return ClientAction::Nothing;
+        };
+        let place = held.place;
+        if held.stage == Stage::QueuedBroadcast {
+            held.stage = Stage::Ended;
+            let quiet = Quiet::Until { end: now.saturating_add(config.turnaround) };
+            self.link = ClientLink::Up { line, quiet };
+            return ClientAction::Announce { place };
+        }
+        held.stage = Stage::InFlight { transaction, deadline: now.saturating_add(config.timeout) };
+        self.link = ClientLink::Up { line, quiet: Quiet::Over };
+        if config.framing.has_transactions() {
+            self.transaction = config.after(transaction);
+        }
+        ClientAction::Send { place, transaction }
+    }
+
+    fn reply(&mut self, transaction: u16, fits: bool, config: &ClientConfig) -> ClientAction {
+        if let Some(place) = self.expects(transaction, config) {
+            // Without a transaction it may be a late reply to an earlier request: the right one may still come.
+            if !fits && !config.framing.has_transactions() && config.keeps(Rule::CheckReply) {
+                return ClientAction::Stray { late: None };
+            }
+            for held in self.requests.iter_mut().flatten().filter(|held| held.place == place) {
+                held.stage = Stage::Ended;
+            }
+            return if fits || !config.keeps(Rule::CheckReply) {
+                ClientAction::Replied { place }
+            } else {
+                ClientAction::Refused { place }
+            };
+        }
+        let is_late = |held: &Held| match held.stage {
+            Stage::TimedOut { transaction: found } | Stage::Expired { transaction: found } => {
+                found == transaction
+            }
+            _ => false,
+        };
+        // The newest: off TCP the best guess.
+        let Some(index) = self.requests.iter().rposition(|held| held.as_ref().is_some_and(is_late)) else {
+            return ClientAction::Stray { late: None };
+        };
+        let late = self.requests.get_mut(index).and_then(Option::as_mut).map(|held| {
+            let stage = core::mem::replace(&mut held.stage, Stage::Ended);
+            (held.place, matches!(stage, Stage::Expired { .. }))
+        });
+        if let Some((_, true)) = late {
+            self.remove(index);
+        }
+        ClientAction::Stray { late: late.map(|(place, _)| place) }
+    }
+
+    /// One thing at a time: the end of a frame may bring the reply to a request that would time out.
+    fn timer(&mut self, now: Duration, config: &ClientConfig) -> ClientAction {
+        let ClientLink::Up { line, quiet } = &mut self.link else { return ClientAction::Nothing };
+        if line.is_due(now) {
+            *line = Line::Silent;
+            return if config.keeps(Rule::CutAtSilence) { ClientAction::Cut } else { ClientAction::Nothing };
+        }
+        if matches!(quiet, Quiet::Until { end } if now >= *end) {
+            *quiet = Quiet::Over;
+        }
+        let mut places = Places::default();
+        for held in self.requests.iter_mut().map_while(Option::as_mut) {
+            if let Stage::InFlight { transaction, deadline } = held.stage
+                && now >= deadline
+            {
+                held.stage = Stage::TimedOut { transaction };
+                places.insert(held.place);
+            }
+        }
+        if places == Places::default() {
+            return ClientAction::Nothing;
+        }
+        if !config.framing.has_transactions() {
+            *quiet = Quiet::Until { end: now.saturating_add(config.settle) };
+        }
+        ClientAction::TimedOut(places)
+    }
+
+    /// The next transaction that no request has whose reply may still come.
+    fn free_transaction(&self, config: &ClientConfig) -> u16 {
+        let mut transaction = self.transaction;
+        let in_use = |transaction: u16| {
+            self.held().any(|held| match held.stage {
+                Stage::InFlight { transaction: found, .. }
+                | Stage::TimedOut { transaction: found }
+                | Stage::Expired { transaction: found } => found == transaction,
+                Stage::Queued | Stage::QueuedBroadcast | Stage::Ended => false,
+            })
+        };
+        for _ in 0..N {
+            if config.keeps(Rule::FreshTransaction) && in_use(transaction) {
+                transaction = config.after(transaction);
+            }
+        }
+        transaction
+    }
+
+    fn remove(&mut self, index: usize) -> Option<Held> {
+        let held = self.requests.get_mut(index)?.take()?;
+        self.requests.get_mut(index..)?.rotate_left(1);
+        Some(held)
+    }
+}

@@ -1,0 +1,37 @@
+//! What both machines know of their line.
+
+use core::time::Duration;
+
+use crate::framing::Framing;
+
+/// Whether bytes are arriving.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Line {
+    /// Nothing has arrived for the silence of the framing. On TCP always: frames have their length.
+    Silent,
+    /// Bytes have arrived; nothing more until then is a silence.
+    Busy {
+        /// When the line counts as silent.
+        silent_at: Duration,
+    },
+}
+
+impl Line {
+    /// Bytes have arrived.
+    pub(crate) const fn received(now: Duration, framing: Framing) -> Self {
+        match framing.silence() {
+            Some(silence) => Self::Busy { silent_at: now.saturating_add(silence) },
+            None => Self::Silent,
+        }
+    }
+
+    /// Whether a frame may be sent: on a serial line after the silence only.
+    pub(crate) fn may_send(self, framing: Framing) -> bool {
+        !framing.is_serial() || self == Self::Silent
+    }
+
+    /// Whether the silence is over.
+    pub(crate) fn is_due(self, now: Duration) -> bool {
+        matches!(self, Self::Busy { silent_at } if now >= silent_at)
+    }
+}

@@ -1,0 +1,14 @@
+//! The limits of the specification, in bits, registers and bytes.
+
+/// Coils or discrete inputs in one read.
+pub const READ_BITS: u16 = 2000;
+/// Registers in one read.
+pub const READ_REGISTERS: u16 = 125;
+/// Coils in one write.
+pub const WRITE_BITS: u16 = 1968;
+/// Registers in one write.
+pub const WRITE_REGISTERS: u16 = 123;
+/// Registers written by a read/write request.
+pub const READ_WRITE_REGISTERS: u16 = 121;
+/// Bytes of a PDU.
+pub const PDU: usize = 253;

@@ -1,0 +1,100 @@
+//! Parts that several functions share, read and written.
+
+use super::{function, limit};
+use crate::error::{DecodeError, EncodeError};
+
+/// The first `needed` bytes of `out`.
+#[inline]
+pub(super) fn room(out: &mut [u8], needed: usize) -> Result<&mut [u8], EncodeError> {
+    let available = out.len();
+    out.get_mut(..needed).ok_or(EncodeError::Space { needed, available })
+}
+
+/// The first `N` bytes of `out`.
+#[inline]
+pub(super) fn room_for<const N: usize>(out: &mut [u8]) -> Result<&mut [u8; N], EncodeError> {
+    let available = out.len();
+    out.first_chunk_mut().ok_or(EncodeError::Space { needed: N, available })
+}
+
+/// The bytes behind the function code, where exactly `N` must stand.
+#[inline]
+pub(super) fn exactly<const N: usize>(function: u8, body: &[u8]) -> Result<&[u8; N], DecodeError> {
+    let length = DecodeError::PduLength { function, expected: N + 1, found: body.len() + 1 };
+    body.try_into().map_err(|_| length)
+}
+
+/// An address and a quantity, value or second half, as most functions have them.
+#[inline]
+pub(super) fn pair(function: u8, body: &[u8]) -> Result<(u16, u16), DecodeError> {
+    let [a, b, c, d] = *exactly(function, body)?;
+    Ok((u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d])))
+}
+
+/// Writes a function code and two words.
+#[inline]
+pub(super) fn put_pair(out: &mut [u8], function: u8, first: u16, second: u16) -> Result<usize, EncodeError> {
+    let ([a, b], [c, d]) = (first.to_be_bytes(), second.to_be_bytes());
+    *room_for(out)? = [function, a, b, c, d];
+    Ok(5)
+}
+
+#[inline]
+pub(super) fn put_mask(out: &mut [u8], address: u16, and: u16, or: u16) -> Result<usize, EncodeError> {
+    let ([a, b], [c, d], [e, f]) = (address.to_be_bytes(), and.to_be_bytes(), or.to_be_bytes());
+    *room_for(out)? = [function::MASK_WRITE_REGISTER, a, b, c, d, e, f];
+    Ok(7)
+}
+
+#[inline]
+pub(super) fn mask(body: &[u8]) -> Result<(u16, u16, u16), DecodeError> {
+    let [a, b, c, d, e, f] = *exactly(function::MASK_WRITE_REGISTER, body)?;
+    Ok((u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]), u16::from_be_bytes([e, f])))
+}
+
+pub(super) const COIL_ON: u16 = 0xFF00;
+
+pub(super) fn coil(found: u16) -> Result<bool, DecodeError> {
+    match found {
+        COIL_ON => Ok(true),
+        0 => Ok(false),
+        found => Err(DecodeError::CoilValue { found }),
+    }
+}
+
+pub(super) const fn coil_word(value: bool) -> u16 {
+    if value { COIL_ON } else { 0 }
+}
+
+/// A run of `quantity` from `address` that the function allows, for the encoder.
+#[inline]
+pub(super) fn check_run(function: u8, address: u16, quantity: usize, max: u16) -> Result<u16, EncodeError> {
+    match u16::try_from(quantity) {
+        Ok(run @ 1..) if run <= max && address <= u16::MAX - (run - 1) => Ok(run),
+        _ => Err(no_run(function, address, quantity, max)),
+    }
+}
+
+#[cold]
+pub(super) fn no_run(function: u8, address: u16, found: usize, max: u16) -> EncodeError {
+    match u16::try_from(found) {
+        Ok(quantity @ 1..) if quantity <= max => EncodeError::Address { address, quantity },
+        _ => EncodeError::Quantity { function, found, max },
+    }
+}
+
+/// Writes a function code that may travel as `Other`, and its bytes.
+pub(super) fn put_other(out: &mut [u8], function: u8, data: &[u8]) -> Result<usize, EncodeError> {
+    if function == 0 || function >= function::EXCEPTION || function::is_typed(function) {
+        return Err(EncodeError::Function { found: function });
+    }
+    let found = data.len() + 1;
+    if found > limit::PDU {
+        return Err(EncodeError::PduLength { found });
+    }
+    if let Some((first, rest)) = room(out, found)?.split_first_mut() {
+        *first = function;
+        rest.copy_from_slice(data);
+    }
+    Ok(found)
+}

@@ -1,0 +1,604 @@
+//! Both machines, the line between them, and the caller.
+
+use core::time::Duration;
+
+use fanuc_hmi_modbus::{
+    ClientAction, ClientConfig, ClientInput, ClientLink, ClientMachine, Places, ServerAction, ServerConfig,
+    ServerInput, ServerMachine, Stage,
+};
+use robot_session::Unexpected;
+
+use crate::model::{Edge, Edges, Machine, System, age, drive};
+
+pub(super) const TICK: Duration = Duration::from_millis(10);
+const UNIT: u8 = 1;
+
+/// What the caller asks for, what may go wrong, and both configurations.
+#[derive(Debug, Clone)]
+pub(super) struct Setup {
+    pub(super) client: ClientConfig,
+    pub(super) server: ServerConfig,
+    pub(super) jobs: Vec<Job>,
+    /// Faults in all.
+    pub(super) faults: u8,
+    /// Connections can be lost; on a serial line they cannot.
+    pub(super) tcp: bool,
+}
+
+/// A request that the caller makes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Job {
+    Unicast,
+    Broadcast,
+    /// To a unit that is not there.
+    Absent,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub(super) struct World {
+    client: ClientMachine<2>,
+    server: ServerMachine<2>,
+    /// The job in each place of the client.
+    places: [u8; 2],
+    /// The jobs whose replies wait at the server.
+    replies: Vec<Frame>,
+    down: Vec<Frame>,
+    up: Vec<Frame>,
+    line: Line,
+    /// The client's decoder holds half a reply.
+    half: bool,
+    /// The server carries out a broadcast, and receives nothing.
+    busy: u8,
+    records: Vec<Record>,
+    next: u8,
+    epoch: u8,
+    faults: u8,
+    flags: Flags,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Frame {
+    job: u8,
+    transaction: u16,
+    ticks: u8,
+    what: What,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum What {
+    Whole,
+    Half,
+    OtherUnit,
+    Exception,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Line {
+    Good,
+    Lost { client: bool, server: bool },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Record {
+    /// Up to 2.
+    executed: u8,
+    outcome: Outcome,
+    /// The connection on which it was made; 0 is none.
+    epoch: u8,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Outcome {
+    None,
+    Done,
+    Refused,
+    Unknown,
+    NotSent,
+    Announced,
+    /// The client's process was restarted.
+    Abandoned,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+struct Flags {
+    foreign_reply: bool,
+    other_unit: bool,
+    ended_twice: bool,
+    stale: bool,
+    unexpected: bool,
+    used: u8,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Act {
+    Ask,
+    ClientSend(Fate),
+    ServerRead(Verdict),
+    ServerTimer,
+    ServerSend(Fate),
+    ClientRead,
+    ClientTimer,
+    Lose,
+    ClientNotices,
+    ServerNotices,
+    Connect,
+    RestartClient,
+    RestartServer,
+    Tick,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Fate {
+    Good,
+    /// Lost or corrupt.
+    Lost,
+    Late,
+    Half,
+    OtherUnit,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    CarryOut,
+    Exception,
+}
+
+impl Machine for ClientMachine<2> {
+    const END: &'static str = "client";
+    type Input = ClientInput;
+    type Action = ClientAction;
+    type Config = ClientConfig;
+
+    fn on(
+        &mut self,
+        now: Duration,
+        input: ClientInput,
+        config: &ClientConfig,
+    ) -> Result<ClientAction, Unexpected> {
+        ClientMachine::on(self, now, input, config)
+    }
+
+    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
+        ClientMachine::each_time(self, f);
+    }
+
+    fn name(&self) -> &'static str {
+        ClientMachine::name(self)
+    }
+
+    fn input_name(input: &ClientInput) -> &'static str {
+        input.name()
+    }
+}
+
+impl Machine for ServerMachine<2> {
+    const END: &'static str = "server";
+    type Input = ServerInput;
+    type Action = ServerAction;
+    type Config = ServerConfig;
+
+    fn on(
+        &mut self,
+        now: Duration,
+        input: ServerInput,
+        config: &ServerConfig,
+    ) -> Result<ServerAction, Unexpected> {
+        ServerMachine::on(self, now, input, config)
+    }
+
+    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
+        ServerMachine::each_time(self, f);
+    }
+
+    fn name(&self) -> &'static str {
+        ServerMachine::name(self)
+    }
+
+    fn input_name(input: &ServerInput) -> &'static str {
+        input.name()
+    }
+}
+
+impl Setup {
+    fn unit(&self, job: u8) -> u8 {
+        match self.jobs[usize::from(job)] {
+            Job::Unicast => UNIT,
+            Job::Broadcast => 0,
+            Job::Absent => 2,
+        }
+    }
+
+    fn client(&self, world: &mut World, input: ClientInput, edges: &mut Edges<'_>) -> ClientAction {
+        drive(&mut world.client, input, &self.client, edges).unwrap_or_else(|_| {
+            world.flags.unexpected = true;
+            ClientAction::Nothing
+        })
+    }
+
+    fn server(&self, world: &mut World, input: ServerInput, edges: &mut Edges<'_>) -> ServerAction {
+        drive(&mut world.server, input, &self.server, edges).unwrap_or_else(|_| {
+            world.flags.unexpected = true;
+            ServerAction::Nothing
+        })
+    }
+
+    /// What the client's session does with an action, and its caller with the outcome.
+    fn report(&self, world: &mut World, action: ClientAction, edges: &mut Edges<'_>) {
+        match action {
+            ClientAction::TimedOut(places) => self.end_all(world, places, Outcome::Unknown, edges),
+            ClientAction::Reset { lost, not_sent } => {
+                world.half = false;
+                self.end_all(world, lost, Outcome::Unknown, edges);
+                self.end_all(world, not_sent, Outcome::NotSent, edges);
+            }
+            ClientAction::Cut => world.half = false,
+            ClientAction::Refused { place } => self.end(world, place, Outcome::Unknown, edges),
+            ClientAction::Nothing
+            | ClientAction::Keep { .. }
+            | ClientAction::Send { .. }
+            | ClientAction::Announce { .. }
+            | ClientAction::Replied { .. }
+            | ClientAction::Stray { .. } => {}
+        }
+    }
+
+    fn end_all(&self, world: &mut World, places: Places, outcome: Outcome, edges: &mut Edges<'_>) {
+        places.iter().for_each(|place| self.end(world, place, outcome, edges));
+    }
+
+    fn end(&self, world: &mut World, place: u8, outcome: Outcome, edges: &mut Edges<'_>) {
+        let job = world.places[usize::from(place)];
+        let record = &mut world.records[usize::from(job)];
+        world.flags.ended_twice |= record.outcome != Outcome::None;
+        record.outcome = outcome;
+        self.client(world, ClientInput::Taken { place }, edges);
+    }
+
+    fn send(&self, world: &mut World, fate: Fate, edges: &mut Edges<'_>) {
+        // Bytes of another frame are arriving: on a serial line both are lost.
+        let collides = !self.tcp
+            && matches!(world.client.link, ClientLink::Up { line: fanuc_hmi_modbus::Line::Busy { silent_at }, .. } if !silent_at.is_zero());
+        let action = self.client(world, ClientInput::Transmit, edges);
+        let (place, transaction) = match action {
+            ClientAction::Send { place, transaction } => (place, transaction),
+            ClientAction::Announce { place } => (place, 0),
+            _ => return,
+        };
+        let job = world.places[usize::from(place)];
+        let asked = world.records[usize::from(job)].epoch;
+        world.flags.stale |= asked != 0 && asked != world.epoch;
+        if let ClientAction::Announce { place } = action {
+            self.end(world, place, Outcome::Announced, edges);
+        }
+        if fate != Fate::Lost && !collides && world.line == Line::Good {
+            world.down.push(Frame {
+                job,
+                transaction,
+                ticks: u8::from(fate == Fate::Late),
+                what: What::Whole,
+            });
+        }
+    }
+
+    fn serve(&self, world: &mut World, verdict: Verdict, edges: &mut Edges<'_>) {
+        let frame = world.down.remove(0);
+        if world.busy > 0 {
+            return;
+        }
+        self.server(world, ServerInput::Received, edges);
+        let unit = self.unit(frame.job);
+        let action = self.server(world, ServerInput::Request { unit }, edges);
+        if !matches!(action, ServerAction::Serve | ServerAction::ServeBroadcast) {
+            return;
+        }
+        world.flags.other_unit |= self.jobs[usize::from(frame.job)] == Job::Absent;
+        let what = match verdict {
+            Verdict::CarryOut => {
+                let executed = &mut world.records[usize::from(frame.job)].executed;
+                *executed = (*executed + 1).min(2);
+                What::Whole
+            }
+            Verdict::Exception => What::Exception,
+        };
+        if unit == 0 {
+            world.busy = 2;
+        }
+        if action == ServerAction::Serve {
+            world.replies.push(Frame { what, ..frame });
+        }
+    }
+
+    fn reply(&self, world: &mut World, fate: Fate, edges: &mut Edges<'_>) {
+        let collides = !self.tcp && world.server.deadline().is_some_and(|at| !at.is_zero());
+        if self.server(world, ServerInput::Transmit, edges) != ServerAction::Send {
+            return;
+        }
+        let mut frame = world.replies.remove(0);
+        frame.ticks = u8::from(fate == Fate::Late);
+        match fate {
+            Fate::Half => frame.what = What::Half,
+            Fate::OtherUnit => frame.what = What::OtherUnit,
+            Fate::Good | Fate::Lost | Fate::Late => {}
+        }
+        if fate != Fate::Lost && !collides && world.line == Line::Good {
+            world.up.push(frame);
+        }
+    }
+
+    fn read(&self, world: &mut World, edges: &mut Edges<'_>) {
+        let frame = world.up.remove(0);
+        let action = self.client(world, ClientInput::Received, edges);
+        self.report(world, action, edges);
+        if frame.what == What::Half || world.half {
+            // What follows half a frame without a silence is taken for its rest.
+            world.half = frame.what == What::Half;
+            return;
+        }
+        let transaction = frame.transaction;
+        let expects = world.client.expects(transaction, &self.client);
+        let asked = expects.map(|place| self.unit(world.places[usize::from(place)]));
+        let fits =
+            frame.what != What::OtherUnit && asked.is_none_or(|unit| unit == self.unit(frame.job).max(1));
+        let action = self.client(world, ClientInput::Reply { transaction, fits }, edges);
+        if let ClientAction::Replied { place } = action {
+            world.flags.foreign_reply |=
+                world.places[usize::from(place)] != frame.job || frame.what == What::OtherUnit;
+            let outcome = if frame.what == What::Exception { Outcome::Refused } else { Outcome::Done };
+            self.end(world, place, outcome, edges);
+        }
+        self.report(world, action, edges);
+    }
+
+    fn lose(world: &mut World, client: bool, server: bool) {
+        world.down.clear();
+        world.up.clear();
+        world.line = Line::Lost { client, server };
+    }
+
+    fn client_due(world: &World) -> bool {
+        world.client.deadline().is_some_and(|at| at.is_zero())
+    }
+
+    fn ready(&self, world: &World, ready: &mut Vec<Act>) {
+        let arrived = |frames: &[Frame]| frames.first().is_some_and(|frame| frame.ticks == 0);
+        if arrived(&world.up) {
+            ready.push(Act::ClientRead);
+        }
+        if arrived(&world.down) {
+            ready.push(Act::ServerRead(Verdict::CarryOut));
+        }
+        // A driver reads what has arrived first.
+        if Self::client_due(world) && !arrived(&world.up) {
+            ready.push(Act::ClientTimer);
+        }
+        if world.server.deadline().is_some_and(|at| at.is_zero()) && !arrived(&world.down) {
+            ready.push(Act::ServerTimer);
+        }
+        match world.line {
+            Line::Good => {}
+            Line::Lost { client: false, .. } => ready.push(Act::ClientNotices),
+            Line::Lost { server: false, .. } => ready.push(Act::ServerNotices),
+            Line::Lost { .. } => ready.push(Act::Connect),
+        }
+        let mut next = world.client.clone();
+        let sends = next.on(Duration::ZERO, ClientInput::Transmit, &self.client);
+        if !matches!(sends, Ok(ClientAction::Nothing) | Err(_)) {
+            ready.push(Act::ClientSend(Fate::Good));
+        }
+        let mut next = world.server;
+        if next.on(Duration::ZERO, ServerInput::Transmit, &self.server) == Ok(ServerAction::Send) {
+            ready.push(Act::ServerSend(Fate::Good));
+        }
+        let mut next = world.client.clone();
+        if usize::from(world.next) < self.jobs.len()
+            && next.on(Duration::ZERO, ClientInput::Request { broadcast: false }, &self.client).is_ok()
+        {
+            ready.push(Act::Ask);
+        }
+    }
+}
+
+impl System for Setup {
+    type State = World;
+    type Act = Act;
+
+    fn init(&self) -> World {
+        let mut world = World {
+            client: ClientMachine::NEW,
+            server: ServerMachine::NEW,
+            places: [0; 2],
+            replies: Vec::new(),
+            down: Vec::new(),
+            up: Vec::new(),
+            line: Line::Good,
+            half: false,
+            busy: 0,
+            records: vec![Record { executed: 0, outcome: Outcome::None, epoch: 0 }; self.jobs.len()],
+            next: 0,
+            epoch: 1,
+            faults: self.faults,
+            flags: Flags::default(),
+        };
+        self.client(&mut world, ClientInput::Connected, &mut None);
+        self.server(&mut world, ServerInput::Connected, &mut None);
+        world
+    }
+
+    fn acts(&self, world: &World, acts: &mut Vec<Act>) {
+        self.ready(world, acts);
+        if acts.is_empty() || world.faults > 0 {
+            acts.push(Act::Tick);
+        }
+        if world.faults == 0 {
+            return;
+        }
+        if acts.contains(&Act::ClientSend(Fate::Good)) {
+            acts.extend([Act::ClientSend(Fate::Lost), Act::ClientSend(Fate::Late)]);
+        }
+        if acts.contains(&Act::ServerRead(Verdict::CarryOut)) {
+            acts.push(Act::ServerRead(Verdict::Exception));
+        }
+        if acts.contains(&Act::ServerSend(Fate::Good)) {
+            acts.extend([Fate::Lost, Fate::Late, Fate::OtherUnit].map(Act::ServerSend));
+            if !self.tcp {
+                acts.push(Act::ServerSend(Fate::Half));
+            }
+        }
+        if self.tcp && world.line == Line::Good {
+            acts.push(Act::Lose);
+        }
+        acts.extend([Act::RestartClient, Act::RestartServer]);
+    }
+
+    fn step(&self, world: &World, act: Act, edges: Option<&mut Vec<Edge>>) -> World {
+        let mut ready = Vec::new();
+        self.ready(world, &mut ready);
+        let mut world = world.clone();
+        let (world_mut, edges) = (&mut world, &mut { edges });
+        let harmless = ready.contains(&act) || (act == Act::Tick && ready.is_empty());
+        if !harmless {
+            world_mut.faults -= 1;
+            world_mut.flags.used += 1;
+        }
+        match act {
+            Act::Ask => {
+                let job = world_mut.next;
+                let broadcast = self.jobs[usize::from(job)] == Job::Broadcast;
+                if let ClientAction::Keep { place } =
+                    self.client(world_mut, ClientInput::Request { broadcast }, edges)
+                {
+                    world_mut.places[usize::from(place)] = job;
+                    let up = world_mut.client.link != ClientLink::Down;
+                    world_mut.records[usize::from(job)].epoch = if up { world_mut.epoch } else { 0 };
+                    world_mut.next += 1;
+                }
+            }
+            Act::ClientSend(fate) => self.send(world_mut, fate, edges),
+            Act::ServerRead(verdict) => self.serve(world_mut, verdict, edges),
+            Act::ServerTimer => {
+                self.server(world_mut, ServerInput::Timer, edges);
+            }
+            Act::ServerSend(fate) => self.reply(world_mut, fate, edges),
+            Act::ClientRead => self.read(world_mut, edges),
+            Act::ClientTimer => loop {
+                let action = self.client(world_mut, ClientInput::Timer, edges);
+                if action == ClientAction::Nothing {
+                    break;
+                }
+                self.report(world_mut, action, edges);
+            },
+            Act::Lose => Self::lose(world_mut, false, false),
+            Act::ClientNotices => {
+                let action = self.client(world_mut, ClientInput::Disconnected, edges);
+                self.report(world_mut, action, edges);
+                if let Line::Lost { client, .. } = &mut world_mut.line {
+                    *client = true;
+                }
+            }
+            Act::ServerNotices => {
+                if self.server(world_mut, ServerInput::Disconnected, edges) == ServerAction::Reset {
+                    world_mut.replies.clear();
+                }
+                if let Line::Lost { server, .. } = &mut world_mut.line {
+                    *server = true;
+                }
+            }
+            Act::Connect => {
+                world_mut.line = Line::Good;
+                world_mut.epoch += 1;
+                let action = self.client(world_mut, ClientInput::Connected, edges);
+                self.report(world_mut, action, edges);
+                if self.server(world_mut, ServerInput::Connected, edges) == ServerAction::Reset {
+                    world_mut.replies.clear();
+                }
+            }
+            Act::RestartClient => {
+                for record in world_mut.records.iter_mut().take(world_mut.next.into()) {
+                    if record.outcome == Outcome::None {
+                        record.outcome = Outcome::Abandoned;
+                    }
+                }
+                world_mut.client = ClientMachine::NEW;
+                world_mut.half = false;
+                if self.tcp {
+                    Self::lose(world_mut, true, false);
+                } else {
+                    self.client(world_mut, ClientInput::Connected, edges);
+                }
+            }
+            Act::RestartServer => {
+                world_mut.server = ServerMachine::NEW;
+                world_mut.replies.clear();
+                if self.tcp {
+                    Self::lose(world_mut, false, true);
+                } else {
+                    self.server(world_mut, ServerInput::Connected, edges);
+                }
+            }
+            Act::Tick => {
+                age(&mut world_mut.client, TICK);
+                age(&mut world_mut.server, TICK);
+                world_mut.busy = world_mut.busy.saturating_sub(1);
+                for frame in world_mut.down.iter_mut().chain(&mut world_mut.up) {
+                    frame.ticks = frame.ticks.saturating_sub(1);
+                }
+            }
+        }
+        world
+    }
+
+    fn broken(&self, world: &World, broken: &mut Vec<&'static str>) {
+        let flags = &world.flags;
+        let mut unless = |holds: bool, name| {
+            if !holds {
+                broken.push(name)
+            }
+        };
+        unless(!flags.foreign_reply, FOREIGN_REPLY);
+        unless(!flags.other_unit, OTHER_UNIT);
+        unless(!flags.ended_twice, ENDED_TWICE);
+        unless(!flags.stale, STALE);
+        unless(!flags.unexpected, UNEXPECTED);
+        unless(world.records.iter().all(|record| record.executed < 2), TWICE);
+        let is_true = |record: &Record| match record.outcome {
+            Outcome::Done => record.executed > 0,
+            Outcome::Refused | Outcome::NotSent => record.executed == 0,
+            Outcome::None | Outcome::Unknown | Outcome::Announced | Outcome::Abandoned => true,
+        };
+        unless(world.records.iter().all(is_true), TRUE);
+        let failed =
+            |(record, job): &(&Record, &Job)| record.outcome == Outcome::Unknown && **job == Job::Unicast;
+        let failed = world.records.iter().zip(&self.jobs).filter(failed).count();
+        // On TCP a server that is late also refuses what finds no place.
+        let most =
+            if self.tcp { usize::from(flags.used.min(1)) * self.jobs.len() } else { flags.used.into() };
+        unless(failed <= most, COSTS);
+        let waits = world.client.held().any(|held| matches!(held.stage, Stage::InFlight { .. }));
+        unless(world.client.link != ClientLink::Down || !waits, ENDS);
+    }
+
+    fn benign(&self, world: &World) -> Option<Act> {
+        let mut ready = Vec::new();
+        self.ready(world, &mut ready);
+        ready.first().copied().or(Some(Act::Tick))
+    }
+
+    fn is_over(&self, world: &World) -> bool {
+        usize::from(world.next) == self.jobs.len()
+            && world.records.iter().all(|record| record.outcome != Outcome::None)
+    }
+
+    fn ticks(&self, act: Act) -> u32 {
+        u32::from(act == Act::Tick)
+    }
+}
+
+pub(super) const FOREIGN_REPLY: &str = "a reply is never taken for that of another request";
+pub(super) const OTHER_UNIT: &str = "only the unit that was asked carries a request out";
+pub(super) const ENDED_TWICE: &str = "each request has one outcome";
+pub(super) const STALE: &str = "what waited when the connection was lost is not sent";
+pub(super) const UNEXPECTED: &str = "a caller who keeps the contract sees nothing unexpected";
+pub(super) const TWICE: &str = "nothing is carried out twice";
+pub(super) const TRUE: &str = "done was carried out, refused and not sent were not";
+pub(super) const COSTS: &str = "a fault costs no more than the requests in flight";
+pub(super) const ENDS: &str = "a lost connection ends every request in flight";

@@ -130,9 +130,11 @@ where
     decoder.clear();
     assert_eq!(decoder.position(), taken, "{name}: what is cleared counts");
     assert!(decoder.next_frame().is_none(), "{name}: nothing is left");
-    let moved = |item: &Item| Item { end: item.end + taken, ..item.clone() };
-    let expected: Vec<_> = clean.iter().map(moved).collect();
-    assert_eq!(decode(&mut decoder, &[stream]), expected, "{name}: after clear");
+    // A frame or an error may say where in the stream it is.
+    let place = |item: &Item, after: u64| (item.content.is_ok(), item.end + after);
+    let expected: Vec<_> = clean.iter().map(|item| place(item, taken)).collect();
+    let found: Vec<_> = decode(&mut decoder, &[stream]).iter().map(|item| place(item, 0)).collect();
+    assert_eq!(found, expected, "{name}: after clear");
 }
 
 /// The frames that do not touch a corrupt byte are found, where they are.

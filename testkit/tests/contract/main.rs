@@ -5,6 +5,8 @@
 mod isra_ball;
 mod kawasaki_msg;
 mod laser_eb90;
+mod mmacell_proto;
+mod val2_alter;
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -47,6 +49,10 @@ fn every_session() {
     hold::<kawasaki_msg::Robot<true>>();
     hold::<laser_eb90::Host>();
     hold::<laser_eb90::Controller>();
+    hold::<mmacell_proto::Central>();
+    hold::<mmacell_proto::Device>();
+    hold::<val2_alter::Host>();
+    hold::<val2_alter::Controller>();
 }
 
 #[test]
@@ -54,4 +60,6 @@ fn every_decoder() {
     isra_ball::decoder();
     kawasaki_msg::decoder();
     laser_eb90::decoder();
+    mmacell_proto::decoder();
+    val2_alter::decoder();
 }

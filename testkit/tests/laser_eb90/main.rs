@@ -4,5 +4,6 @@
 
 mod bad_line;
 mod cell;
+mod refine;
 mod session;
 mod vectors;

@@ -263,6 +263,10 @@ impl Step<'_> {
                 self.read();
             }
             Act::Reply(fate) => {
+                // The line has been silent while an instruction was executed.
+                if self.world.controller.is_silent(Duration::ZERO) {
+                    self.silence();
+                }
                 let due = self.world.controller.due(Duration::ZERO);
                 self.controller(ControllerInput::Transmit);
                 let late = if let Fate::Late { ticks } = fate { ticks } else { 0 };

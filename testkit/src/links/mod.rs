@@ -10,5 +10,12 @@ pub mod work_queue;
 use crate::model::Pair;
 
 /// Every pair of ends, each in a line.
-pub const PAIRS: &[Pair] =
-    &[isra_ball::PAIR, kawasaki_msg::PAIR, laser_eb90::PAIR, mmacell_proto::PAIR, work_queue::PAIR];
+pub const PAIRS: &[Pair] = &[
+    fanuc_hmi_modbus::RTU,
+    fanuc_hmi_modbus::TCP,
+    isra_ball::PAIR,
+    kawasaki_msg::PAIR,
+    laser_eb90::PAIR,
+    mmacell_proto::PAIR,
+    work_queue::PAIR,
+];

@@ -5,6 +5,7 @@ pub mod isra_ball;
 pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod mmacell_proto;
+pub mod val2_alter;
 pub mod work_queue;
 
 use crate::model::Pair;
@@ -17,5 +18,6 @@ pub const PAIRS: &[Pair] = &[
     kawasaki_msg::PAIR,
     laser_eb90::PAIR,
     mmacell_proto::PAIR,
+    val2_alter::PAIR,
     work_queue::PAIR,
 ];

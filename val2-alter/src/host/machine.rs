@@ -705,7 +705,9 @@ impl Active {
         self.sent = self.kept;
         actions.outcome = self.judge_exception(now, phase, error, config);
         self.stage = match (self.stage, phase) {
-            (Stage::Stopping { zeros_sent: true }, _) if error == ErrorCode::None => {
+            (Stage::Stopping { zeros_sent: true }, _)
+                if error == ErrorCode::None && (self.kept == 0 || !config.keeps(HostRule::ZerosRead)) =>
+            {
                 actions.stopped = true;
                 return actions;
             }

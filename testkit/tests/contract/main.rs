@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+mod fanuc_hmi_modbus;
 mod isra_ball;
 mod kawasaki_msg;
 mod laser_eb90;
@@ -41,6 +42,10 @@ fn every_session() {
         println!("{}", E::NAME);
         session::<E>(SEEDS);
     }
+    hold::<fanuc_hmi_modbus::Client<false>>();
+    hold::<fanuc_hmi_modbus::Client<true>>();
+    hold::<fanuc_hmi_modbus::Server<false>>();
+    hold::<fanuc_hmi_modbus::Server<true>>();
     hold::<isra_ball::Host>();
     hold::<isra_ball::Ball>();
     hold::<kawasaki_msg::Pc<false>>();
@@ -57,6 +62,7 @@ fn every_session() {
 
 #[test]
 fn every_decoder() {
+    fanuc_hmi_modbus::decoder();
     isra_ball::decoder();
     kawasaki_msg::decoder();
     laser_eb90::decoder();

@@ -99,7 +99,8 @@ fn session(seed: u64, datagrams: bool, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let mut cell = Cell::new(seed, datagrams, &mut rng, log);
     for order in 1..=1 + rng.below(3) as u16 {
-        // Over UDP, "give every order a new number".
+        // Over UDP, "give every order a new number"; over TCP one may be used again at once.
+        let order = if datagrams { order } else { 1 + rng.below(2) as u16 };
         cell.start(order, 1 + rng.below(24) as u32, [0.5, 0.1, 0.0][rng.below(3)]);
         let end = cell.now + LIMIT;
         for _ in 0..[0, 1, 1, 3][rng.below(4)] {
@@ -128,12 +129,13 @@ fn session(seed: u64, datagrams: bool, log: Log) -> Tally {
             break;
         }
     }
+    let stuck = cell.order.is_none() && !cell.works_when_healed();
     // What is still queued may not be executed any more, unless nobody knows of it.
     let end = cell.now + MS * 300;
     while cell.now < end {
         cell.step();
     }
-    let mut tally = Tally { invented: cell.invented, ..Tally::default() };
+    let mut tally = Tally { invented: cell.invented, stuck: u64::from(stuck), ..Tally::default() };
     cell.wire.settle(cell.now, &mut tally, 0, |_, _| Check::Nothing);
     cell.ledger.settle(cell.now, log, &mut tally, |_| false);
     tally
@@ -182,10 +184,12 @@ impl Cell {
             },
         };
         let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+        let mut wire = Wire::new(seed, faults, ["robot", "PC"], true, log);
+        wire.poll_late([0.0, 0.0, 0.002, 0.02][rng.below(4)]);
         Self {
             now: Duration::ZERO,
             log,
-            wire: Wire::new(seed, faults, ["robot", "PC"], true, log),
+            wire,
             ledger: Ledger::default(),
             invented: 0,
             config: (robot, pc),
@@ -244,6 +248,25 @@ impl Cell {
         }
     }
 
+    /// A minute without faults, in which an order is asked for and has to be executed.
+    fn works_when_healed(&mut self) -> bool {
+        self.wire.heal(self.now);
+        self.unreachable = 0;
+        let end = self.now + MS * 60_000;
+        // An order that nobody knows and nobody may take over is for the motion program to end.
+        if self.config.1.takeover == Takeover::Never {
+            _ = self.robot.reset_order();
+        }
+        while self.robot.order().is_some() && self.config.1.takeover == Takeover::Never && self.now < end {
+            self.step();
+        }
+        self.start(900, 3, 0.0);
+        while self.order.is_some() && self.now < end {
+            self.step();
+        }
+        self.order.is_none()
+    }
+
     /// Over datagrams there is none.
     fn lose_connection(&mut self) {
         if !self.config.0.datagrams {
@@ -271,10 +294,10 @@ impl Cell {
         self.robot_pass();
         self.pc_pass();
         let motion = (!self.reader.is_empty()).then_some(self.motion_at);
-        let times = [self.robot.poll_timeout(), self.pc.poll_timeout(), motion];
-        let next = self.wire.next(self.now, times);
         // A cleared queue is seen in the next pass.
-        self.now = next.min(self.now + 20 * MS);
+        let pass = Some(self.now + 20 * MS);
+        self.now =
+            self.wire.next(self.now, [self.robot.poll_timeout(), self.pc.poll_timeout(), motion, pass]);
     }
 
     fn motion_task(&mut self) {

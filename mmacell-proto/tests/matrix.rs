@@ -1,8 +1,8 @@
 //! Every state of each machine with every input.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+use core::fmt::Write;
 use core::time::Duration;
-use std::fmt::Write;
 
 use mmacell_proto::central::machine::{CentralInput, CentralLink, CentralMachine, Motion, Place, Target};
 use mmacell_proto::device::machine::{Axes, DeviceInput, DeviceLink, DeviceMachine};

@@ -146,7 +146,7 @@ proptest! {
             };
             prop_assert_eq!(len, written.encoded_len());
             let short = Err(EncodeError::Buffer { needed: len, found: len - 1 });
-            prop_assert_eq!(written.encode(&mut buffer.clone()[..len - 1]), short);
+            prop_assert_eq!(written.encode(&mut { buffer }[..len - 1]), short);
             for dialect in [dialect, Dialect { lone_lf: dialect.lone_lf, ..Dialect::TOLERANT }] {
                 let (line, used) = Line::decode(&buffer[..len], &dialect).unwrap().unwrap();
                 prop_assert_eq!((used, Command::decode(line, &dialect)), (len, Ok(command)));

@@ -11,9 +11,9 @@ pub fn chunkings(bytes: &[u8]) -> impl Iterator<Item = Vec<&[u8]>> {
     whole.chain(single).chain(halves)
 }
 
-/// `bytes` behind every non-empty beginning of `damaged`: a frame cut anywhere, then a good one.
-pub fn behind_a_cut(damaged: &[u8], bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> {
-    (1..damaged.len()).map(move |cut| [&damaged[..cut], bytes].concat())
+/// `bytes` after every non-empty beginning of `cut`: a frame cut anywhere, then a valid one.
+pub fn after_a_cut(cut: &[u8], bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> {
+    (1..cut.len()).map(move |at| [&cut[..at], bytes].concat())
 }
 
 #[cfg(test)]
@@ -31,8 +31,8 @@ mod tests {
     }
 
     #[test]
-    fn a_cut_frame_stands_before_the_good_one() {
-        let streams: Vec<_> = behind_a_cut(b"xyz", b"ok").collect();
+    fn a_cut_frame_precedes_the_valid_one() {
+        let streams: Vec<_> = after_a_cut(b"xyz", b"ok").collect();
         assert_eq!(streams, [b"xok".to_vec(), b"xyok".to_vec()]);
     }
 }

@@ -26,13 +26,13 @@ pub struct Faults {
     pub repeat: f64,
     /// Cut into up to four deliveries, for each send.
     pub split: f64,
-    /// The longest pause behind the first of them.
+    /// The longest pause after the first of them.
     pub pause: Duration,
     /// Pauses once within, for a time between 1 ms and `max_stall`, each order of magnitude equally likely; for each send.
     pub stall: f64,
     /// The longest such pause.
     pub max_stall: Duration,
-    /// Glued to the delivery before it, for each send.
+    /// Joined to the delivery before it, for each send.
     pub merge: f64,
     /// Late by up to `max_delay`, for each send; datagrams overtake one another by it.
     pub delay: f64,
@@ -63,7 +63,7 @@ impl Faults {
         disconnect: 0.0,
     };
 
-    /// What TCP can commit: split, merge, delay, disconnect. It never damages, loses or repeats a byte.
+    /// What TCP can commit: split, merge, delay, disconnect. It never corrupts, loses or repeats a byte.
     pub const TCP: Self = Self {
         split: 0.3,
         merge: 0.3,
@@ -127,7 +127,7 @@ pub struct FaultCounts {
 
 impl FaultCounts {
     /// Faults that change or lose bytes; the others only move them in time.
-    pub fn damage(&self) -> u64 {
+    pub fn corruption(&self) -> u64 {
         self.flips + self.lost_bytes + self.inserts + self.losses
     }
 

@@ -27,7 +27,7 @@ pub enum End {
 }
 
 impl End {
-    /// The end that hears what this one sends.
+    /// The end that receives what this one sends.
     pub fn other(self) -> Self {
         match self {
             End::A => End::B,
@@ -75,7 +75,7 @@ impl Link {
         if !self.connected || bytes.is_empty() {
             return;
         }
-        let mut bytes = self.damage(bytes);
+        let mut bytes = self.corrupt(bytes);
         let breaks = self.rng.chance(self.faults.disconnect);
         if breaks {
             bytes.truncate(self.rng.below(bytes.len() + 1));
@@ -166,7 +166,7 @@ impl Link {
         self.counts
     }
 
-    fn damage(&mut self, bytes: &[u8]) -> Vec<u8> {
+    fn corrupt(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut out = Vec::with_capacity(bytes.len() + 4);
         for &byte in bytes {
             if self.rng.chance(self.faults.insert) {
@@ -199,7 +199,7 @@ impl Direction {
         self.queue.insert(place, (at, delivery));
     }
 
-    /// Behind all that is there: a stream keeps its order.
+    /// After all that is there: a stream keeps its order.
     fn append(
         &mut self,
         at: Duration,
@@ -274,7 +274,7 @@ mod tests {
         assert_eq!(bytes, sent);
         assert!(!closed);
         assert!(sizes.iter().any(|s| *s < 100) && sizes.iter().any(|s| *s > 100), "{sizes:?}");
-        assert_eq!(link.counts().damage(), 0);
+        assert_eq!(link.counts().corruption(), 0);
     }
 
     #[test]
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn a_serial_line_damages_about_as_often_as_it_says() {
+    fn a_serial_line_corrupts_as_often_as_its_settings_say() {
         let mut link = Link::new(3, Faults { flip: 0.01, ..Faults::NONE });
         let sent = vec![0u8; 100_000];
         link.send(End::B, MS, &sent);

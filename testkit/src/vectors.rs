@@ -61,7 +61,7 @@ struct File {
 /// The vectors of a link, in the order of the file.
 ///
 /// # Panics
-/// When the file is missing, does not fit the schema, is another link's, or uses an id twice: a test wants to know.
+/// When the file is missing, does not fit the schema, is another link's, or uses an id twice.
 pub fn vectors(link: &str) -> Vec<Vector> {
     let path = format!("{}/../reference/vectors/{link}.json", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
@@ -77,7 +77,7 @@ pub fn vectors(link: &str) -> Vec<Vector> {
                 v.error.as_ref().is_some_and(|e| e.get("kind").is_some()) && v.message.is_none()
             }
         };
-        assert!(fits, "{path}, vector {}: a message or an error, as the result says", v.id);
+        assert!(fits, "{path}, vector {}: a message or an error, as the result requires", v.id);
     }
     file.vectors
 }

@@ -6,7 +6,7 @@ use core::time::Duration;
 use fanuc_hmi_modbus::{DecodeError, Decoder, Frame, Framing, PduBuf, Side};
 use robot_session::{Decoder as _, Encode as _};
 use serde_json::{Value, json};
-use testkit::chunking::{behind_a_cut, chunkings};
+use testkit::chunking::{after_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};
 
 const LINK: &str = "fanuc-hmi-modbus";
@@ -141,7 +141,7 @@ fn a_good_frame_behind_a_cut_one_is_found_and_costs_one_error() {
     let mut streams = 0;
     for vector in vectors.iter().filter(rtu).filter(|vector| vector.hex.len() < 100) {
         let good = good(vector);
-        for (stream, cut) in behind_a_cut(&vector.hex, &good).zip(1u64..) {
+        for (stream, cut) in after_a_cut(&vector.hex, &good).zip(1u64..) {
             let items = decode(framing(vector), side(vector), [&stream[..]]);
             assert_eq!(items, decode(framing(vector), side(vector), stream.chunks(1)));
             let message = decode(framing(vector), side(vector), [&good[..]])[0].0.clone();

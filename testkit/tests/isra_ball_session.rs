@@ -108,7 +108,7 @@ fn a_noisy_line_delivers_only_what_the_ball_measured() {
                 wrong += u32::from(!good || (p.sensor_type, p.sensor) != (3, 4));
             }
         }
-        corruption += link.counts().damage();
+        corruption += link.counts().corruption();
     }
     assert!(delivered > 6500 && corruption > 200, "{delivered} packets, {corruption} faults");
     // A one-byte sum lets 1 in 256 corrupt packets through.

@@ -4,7 +4,7 @@
 use isra_ball::robot_session::{Decoder as _, Encode as _};
 use isra_ball::{Decoder, EncodeError, Frame, Packet};
 use serde_json::{Value, json};
-use testkit::chunking::{behind_a_cut, chunkings};
+use testkit::chunking::{after_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};
 
 const GOOD: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
@@ -101,7 +101,7 @@ fn a_good_packet_after_a_cut_one_is_found_and_costs_one_error() {
         vectors("isra-ball").into_iter().filter(|v| v.result == Outcome::Valid).map(|v| v.hex).collect();
     let mut unseen = 0;
     for (corrupt, bytes) in good.iter().flat_map(|c| good.iter().map(move |b| (c, b))) {
-        for (stream, cut) in behind_a_cut(corrupt, bytes).zip(1usize..) {
+        for (stream, cut) in after_a_cut(corrupt, bytes).zip(1usize..) {
             let items = decode(stream.chunks(1));
             assert_eq!(items, decode([&stream[..]]));
             if Frame::decode(&stream).is_ok_and(|frame| frame.is_some()) {

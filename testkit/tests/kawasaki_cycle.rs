@@ -228,8 +228,8 @@ fn a_command_goes_past_the_queue() {
     assert_eq!(rig.pc.command(8, 1), Err(SessionError::UnknownCommand { id: 8 }));
     rig.run_until(LIMIT, Rig::is_over);
     assert_eq!(sent(&rig.from_pc, "Nopeus"), ["<Nopeus$6#50$-80#>"]);
-    let told = RobotEvent::Command { id: 7, value: Some(-80) };
-    assert_eq!(rig.robot_events.iter().filter(|e| **e == told).count(), 1);
+    let reported = RobotEvent::Command { id: 7, value: Some(-80) };
+    assert_eq!(rig.robot_events.iter().filter(|e| **e == reported).count(), 1);
     for _ in 0..4 {
         rig.pc.command(7, 1).unwrap();
     }

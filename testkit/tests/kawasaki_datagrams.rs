@@ -81,7 +81,7 @@ fn a_robot_that_was_just_started_does_not_acknowledge_the_end_of_an_order_that_i
     assert!(rig.pc_events.contains(&unknown), "{:?}", rig.pc_events);
 }
 
-/// A late start may begin an old order before the end of the last one is told: that says what was executed of its own order.
+/// A late start may begin an old order before the end of the last one is reported: that says what was executed of its own order.
 #[test]
 fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
     let (writer, mut reader) = robot_work_queue::boxed(8, 99).unwrap();
@@ -89,10 +89,10 @@ fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
     let (mut now, mut out) = (MS, [0; 1472]);
     robot.handle_timeout(now);
     robot.handle_connected(now);
-    let mut say = |robot: &mut Robot<'_>, now, heard: &[u8]| {
+    let mut say = |robot: &mut Robot<'_>, now, received: &[u8]| {
         robot.handle_timeout(now);
         let length = robot.poll_transmit(now, &mut out).unwrap();
-        robot.handle_input(now + MS, heard);
+        robot.handle_input(now + MS, received);
         String::from_utf8(out[..length].to_vec()).unwrap()
     };
     now += Duration::from_secs(2);
@@ -112,8 +112,8 @@ fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
     assert_eq!(robot.order(), None);
     robot.handle_input(now + MS * 105, b"<TilausAlkaa$3#2$1#>");
     assert_eq!(robot.order(), Some(2));
-    let told = say(&mut robot, now + MS * 150, b"");
-    assert!(told.contains("<LoppuKuittaus$5#3$2$2#>"), "{told}");
+    let reported = say(&mut robot, now + MS * 150, b"");
+    assert!(reported.contains("<LoppuKuittaus$5#3$2$2#>"), "{reported}");
 }
 
 /// The only word of a job that was executed ahead of others is its own acknowledgement.

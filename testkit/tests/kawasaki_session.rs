@@ -94,17 +94,17 @@ fn so_it_is_when_jobs_overtake_one_another() {
         assert_eq!(drawn, wanted, "seed {seed}");
         let over = PcEvent::OrderOver { order: 3, executed: jobs, complete: true };
         assert!(rig.pc_events.contains(&over), "seed {seed}: {:?}", rig.pc_events);
-        // Each job that was executed ahead is told as such at most once.
+        // Each job that was executed ahead is reported as such at most once.
         let mut ahead: Vec<u32> = rig
             .pc_events
             .iter()
             .filter_map(|e| if let PcEvent::ExecutedAhead { index } = e { Some(*index) } else { None })
             .collect();
         some_ahead += usize::from(!in_order && !ahead.is_empty());
-        let told = ahead.len();
+        let reported = ahead.len();
         ahead.sort_unstable();
         ahead.dedup();
-        assert_eq!(ahead.len(), told, "seed {seed}");
+        assert_eq!(ahead.len(), reported, "seed {seed}");
     }
     assert!(some_ahead > 100, "{some_ahead}");
 }

@@ -5,7 +5,7 @@
 use kawasaki_msg::robot_session::Decoder as _;
 use kawasaki_msg::{Charset, Decoder, Message, Value, Values};
 use serde_json::{Value as Json, json};
-use testkit::chunking::{behind_a_cut, chunkings};
+use testkit::chunking::{after_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};
 
 fn charset(vector: &Vector) -> Charset {
@@ -106,12 +106,12 @@ fn a_neighbour_changes_nothing_and_survives() {
 
 #[test]
 fn a_message_cut_off_anywhere_costs_only_itself() {
-    let damaged = b"<TilausAlkaa$ekstra$4#50$1#>";
+    let corrupt = b"<TilausAlkaa$ekstra$4#50$1#>";
     for vector in vectors("kawasaki-msg") {
         if vector.result == Outcome::Invalid {
             continue;
         }
-        for stream in behind_a_cut(damaged, &vector.hex) {
+        for stream in after_a_cut(corrupt, &vector.hex) {
             let said = decode(charset(&vector), &[&stream]);
             assert!(said[0].get("error").is_some(), "{said:?}");
             assert_eq!(said.last(), vector.message.as_ref(), "vector {}", vector.id);

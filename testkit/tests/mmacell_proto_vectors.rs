@@ -6,7 +6,7 @@ use mmacell_proto::{
     AnyPose, Command, DecodeError, Decoder, Dialect, Encode, Line, PlatformPose, Reply, RobotPose,
 };
 use serde_json::{Value, json};
-use testkit::chunking::{behind_a_cut, chunkings};
+use testkit::chunking::{after_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};
 
 fn dialect(vector: &Vector) -> Dialect {
@@ -165,7 +165,7 @@ fn after_a_cut_line_one_line_is_lost_and_the_next_is_found() {
             continue;
         }
         let twice = [&good.hex[..], &good.hex].concat();
-        for stream in behind_a_cut(&cut.hex, &twice) {
+        for stream in after_a_cut(&cut.hex, &twice) {
             let objects = decode(side(good), stream.chunks(1), Dialect::STRICT);
             assert_eq!(objects.len(), 2, "{} before {}: {objects:?}", cut.id, good.id);
             assert!(objects[0].0.get("error").is_some(), "{} before {}: {objects:?}", cut.id, good.id);

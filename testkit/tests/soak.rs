@@ -11,7 +11,7 @@ fn run(row: &Row, seeds: core::ops::Range<u64>) -> Tally {
 }
 
 #[test]
-fn nothing_is_lost_or_repeated_in_silence() {
+fn nothing_is_lost_or_repeated_without_a_report() {
     for row in &ROWS {
         let (name, tally) = (row.name(), run(row, 0..60));
         assert!(!tally.is_bad(), "{name}: {tally:?}");
@@ -21,17 +21,17 @@ fn nothing_is_lost_or_repeated_in_silence() {
         assert_eq!(tally.sessions, 60);
         assert!(tally.once > tally.jobs / 3 && tally.not_done > 10, "{name}: {tally:?}");
         assert!(tally.unknown > 0 || name == "isra-ball/serial", "{name}: {tally:?}");
-        assert_eq!(tally.once + tally.not_done + tally.unknown + tally.spoilt, tally.jobs, "{name}");
+        assert_eq!(tally.once + tally.not_done + tally.unknown + tally.forged, tally.jobs, "{name}");
         if name == "kawasaki-msg/udp" {
             assert!(faults.losses > 100 && faults.repeats > 100 && faults.delays > 100, "{name}: {faults:?}");
         } else if row.one_in.is_some() {
             let damage = [faults.flips, faults.lost_bytes, faults.inserts, faults.losses];
             assert!(damage.iter().all(|count| *count > 20), "{name}: {faults:?}");
-            assert!(tally.damaged > 60 && tally.refused > 20, "{name}: {tally:?}");
+            assert!(tally.corrupt > 60 && tally.refused > 20, "{name}: {tally:?}");
         } else {
             let network = [faults.splits, faults.delays, faults.disconnects];
             assert!(network.iter().all(|count| *count > 20), "{name}: {faults:?}");
-            assert_eq!((faults.damage(), tally.damaged), (0, 0), "{name}");
+            assert_eq!((faults.corruption(), tally.corrupt), (0, 0), "{name}");
         }
     }
 }
@@ -57,7 +57,7 @@ fn a_weak_end_and_a_weak_network_are_found_out() {
 fn a_check_that_is_not_made_is_found_out() {
     for row in ROWS.iter().filter(|row| row.one_in.is_some()) {
         let tally = run(row, 0..60);
-        // As if every message that damage has made were passed, and as if every eighth were.
+        // As if every message with corrupt bytes were passed, and as if every eighth were.
         for part in [1, 8] {
             let passed = tally.refused / part;
             let blind = Tally { unseen: passed, refused: tally.refused - passed, ..tally };

@@ -9,7 +9,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use val2_alter::robot_session::{Received, Sent, Session as _, Transport, drive, now};
 use val2_alter::{Host, HostConfig, HostEvent};
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::args().nth(1).unwrap_or("/dev/ttyS0".into());
     let mut host = Host::new(HostConfig::default())?;
     drive(&mut host, Port::open(&path)?, |host, event| {

@@ -32,7 +32,7 @@ struct Args {
     /// Only these: a link, or a link and its transport as `kawasaki-msg/udp`.
     #[arg(long = "link", value_name = "LINK", value_parser = known)]
     links: Vec<String>,
-    /// Prints what each end hears, says and reports. Only with --seed.
+    /// Prints what each end receives, sends and reports. Only with --seed.
     #[arg(long, requires = "seed")]
     trace: bool,
     /// Threads; all cores by default.
@@ -80,7 +80,7 @@ fn main() -> ExitCode {
         );
     }
     for name in &blind {
-        println!("broken promise: {name} misses more damage than its check can be blamed for");
+        println!("broken promise: {name} misses more corruption than its check can be blamed for");
     }
     let good = failures.is_empty() && blind.is_empty() && sessions > 0;
     println!("{}", if good { "nothing lost, nothing repeated, nothing stuck" } else { "FAILED" });
@@ -155,19 +155,19 @@ const HEADER: [&str; 24] = [
     "REPEATED",
     "INVENTED",
     "STUCK",
-    "damaged",
+    "corrupt",
     "unseen",
     "theory",
-    "spoilt",
+    "forged",
 ];
 
 const LEGEND: &str = "\
-jobs      each is in one of: once (told as done, executed once), not done (told so, and true), unknown (told so, executed
-          at most once), LOST and REPEATED (in silence), spoilt. INVENTED: executed, though nobody sent it. STUCK:
+jobs      each is in one of: once (reported done, executed once), not done (reported so, and true), unknown (reported so,
+          executed at most once), LOST and REPEATED (not reported), forged. INVENTED: executed, though nobody sent it. STUCK:
           sessions that did not do all the work that they were asked for in a minute without faults at the end.
-damaged   transmissions whose bytes the line has changed; silences, repeats and breaks are counted by themselves
-unseen    good messages by the protocol's own check that damage has made, shown by the bytes that arrived; theory: how many
-          of the messages that damage has made would pass if they were random; spoilt: jobs that one of them explains";
+corrupt   transmissions whose bytes the line has changed; silences, repeats and breaks are counted by themselves
+unseen    valid messages by the protocol's own check that corruption has made, shown by the bytes that arrived; theory: how many
+          of the messages with corrupt bytes would pass if they were random; forged: jobs that one of them explains";
 
 fn table(rows: &[Row], tallies: &[Tally]) -> Table {
     let mut table = Table::new();
@@ -178,10 +178,10 @@ fn table(rows: &[Row], tallies: &[Tally]) -> Table {
         cells.extend([tally.jobs, tally.once, tally.not_done, tally.unknown].map(short));
         cells
             .extend([tally.lost, tally.repeated, tally.invented, tally.stuck].map(|count| count.to_string()));
-        cells.push(short(tally.damaged));
+        cells.push(short(tally.corrupt));
         cells.push(tally.unseen.to_string());
         cells.push(row.one_in.map_or("–".into(), |_| format!("{:.0}", row.expected_unseen(tally))));
-        cells.push(tally.spoilt.to_string());
+        cells.push(tally.forged.to_string());
         table.add_row(cells);
     }
     for (n, column) in table.column_iter_mut().enumerate() {

@@ -8,7 +8,7 @@ use mmacell_proto::{
 };
 use mmacell_task::{self as task, Event, Output, Step, Task, TaskConfig};
 
-use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 use crate::{Carrier, turn};
@@ -321,19 +321,19 @@ impl Cell {
             self.step(config, rng);
         }
         if !self.is_done || self.task.step() != Step::Finished {
-            self.log.say(self.now, format_args!("!!! no part in a minute, step {:?}", self.task.step()));
+            self.log.line(self.now, format_args!("!!! no part in a minute, step {:?}", self.task.step()));
             tally.stuck += 1;
         }
     }
 
     fn step(&mut self, config: &TaskConfig, rng: &mut Rng) {
-        let (now, bad, mut heard) = (self.now, self.bad, Vec::new());
-        self.robot.step(now, config.robot_home, bad, rng, &mut heard);
-        self.platform.step(now, config.platform_home, bad, rng, &mut heard);
-        self.conditioning.step(now, config.platform_home, bad, rng, &mut heard);
-        heard.extend(self.look(rng));
-        heard.extend(self.gripper(rng));
-        for event in heard {
+        let (now, bad, mut received) = (self.now, self.bad, Vec::new());
+        self.robot.step(now, config.robot_home, bad, rng, &mut received);
+        self.platform.step(now, config.platform_home, bad, rng, &mut received);
+        self.conditioning.step(now, config.platform_home, bad, rng, &mut received);
+        received.extend(self.look(rng));
+        received.extend(self.gripper(rng));
+        for event in received {
             self.tell(event);
         }
         if rng.chance(0.0002 * bad) {
@@ -361,7 +361,7 @@ impl Cell {
 
     fn tell(&mut self, event: Event) {
         if !matches!(event, Event::Status { .. }) {
-            self.log.say(self.now, format_args!("  for the task: {event:?}"));
+            self.log.line(self.now, format_args!("  for the task: {event:?}"));
         }
         self.task.handle_event(self.now, event);
     }
@@ -377,11 +377,11 @@ impl Cell {
         }
         if let Some(part) = self.open.take() {
             // Its picture came when nobody waited for it any more.
-            self.ledger.tell(part, Told::NotDone, self.robot.wire.mark());
+            self.ledger.report(part, Reported::NotDone, self.robot.wire.mark());
         }
         let part = self.ledger.send(self.robot.wire.mark());
         (self.open, self.part, self.held) = (Some(part), Some(part), false);
-        self.log.say(self.now, format_args!("job {part}: a part"));
+        self.log.line(self.now, format_args!("job {part}: a part"));
         let platform = PlatformPose::from_units([part as i32, 10]);
         Some(Event::PartFound { platform, pick: pick(part) })
     }
@@ -394,7 +394,7 @@ impl Cell {
         }
         match self.part {
             Some(part) if self.held && !self.vacuum => {
-                self.log.say(self.now, format_args!("  part {part} is put down at {:?}", pose.units()));
+                self.log.line(self.now, format_args!("  part {part} is put down at {:?}", pose.units()));
                 if pose == place(part) {
                     self.ledger.execute(part);
                 }
@@ -402,7 +402,7 @@ impl Cell {
             }
             // It falls on the way.
             Some(part) if self.held && pose != place(part) && rng.chance(0.002 * bad) => {
-                self.log.say(self.now, format_args!("  part {part} falls"));
+                self.log.line(self.now, format_args!("  part {part} falls"));
                 (self.part, self.held) = (None, false);
             }
             Some(part) if self.vacuum && pose == pick(part) => self.held |= rng.chance(1.0 - 0.2 * bad),
@@ -415,7 +415,7 @@ impl Cell {
     fn obey(&mut self) {
         while let Some(output) = self.task.poll_output(self.now) {
             if !matches!(output, Output::Robot(Command::Status) | Output::Platform(Command::Status)) {
-                self.log.say(self.now, format_args!("  task: {output:?}"));
+                self.log.line(self.now, format_args!("  task: {output:?}"));
             }
             match output {
                 Output::Robot(command) => self.robot.request(command),
@@ -436,10 +436,10 @@ impl Cell {
 
     /// What the operator knows when the task enters a step, and requests then.
     fn entered(&mut self, step: Step) {
-        let told = match step {
-            Step::Placed => Told::Done,
-            Step::GiveUp | Step::NothingFound => Told::NotDone,
-            Step::Faulted => Told::Unknown,
+        let reported = match step {
+            Step::Placed => Reported::Done,
+            Step::GiveUp | Step::NothingFound => Reported::NotDone,
+            Step::Faulted => Reported::Unknown,
             Step::Unpicked => {
                 self.tell(Event::Next);
                 return;
@@ -448,7 +448,7 @@ impl Cell {
         };
         self.is_done |= self.bad == 0.0 && step == Step::Placed && self.open.is_some();
         if let Some(part) = self.open.take() {
-            self.ledger.tell(part, told, self.robot.wire.mark());
+            self.ledger.report(part, reported, self.robot.wire.mark());
         }
         match step {
             Step::Placed | Step::NothingFound => {

@@ -8,7 +8,7 @@ use fanuc_hmi_modbus::{
 };
 use robot_session::{Encode as _, Session as _};
 
-use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 use crate::turn;
@@ -236,7 +236,7 @@ impl Cell {
         let Ok(ticket) = self.client.request(if announces { 0 } else { UNIT }, &request) else {
             return false;
         };
-        self.log.say(self.now, format_args!("job {n}: {request:?}"));
+        self.log.line(self.now, format_args!("job {n}: {request:?}"));
         self.open.push((ticket, self.ledger.send(self.wire.mark())));
         self.asked.push(asked);
         true
@@ -245,16 +245,16 @@ impl Cell {
     /// Either end begins again and has lost its memory.
     fn restart(&mut self, rng: &mut Rng, chance: f64) {
         if rng.chance(chance) {
-            self.log.say(self.now, format_args!("the client begins again"));
+            self.log.line(self.now, format_args!("the client begins again"));
             let client = Client::new(*self.client.config()).expect("it worked before");
             self.violations += core::mem::replace(&mut self.client, client).statistics().unexpected;
             for (_, job) in core::mem::take(&mut self.open) {
-                self.ledger.tell(job, Told::Unknown, self.wire.mark());
+                self.ledger.report(job, Reported::Unknown, self.wire.mark());
             }
             self.begin_again(0);
         }
         if rng.chance(chance) {
-            self.log.say(self.now, format_args!("the server begins again"));
+            self.log.line(self.now, format_args!("the server begins again"));
             let server = Server::new(*self.server.config(), Bank::default()).expect("it worked before");
             self.violations += core::mem::replace(&mut self.server, server).statistics().unexpected;
             self.begin_again(1);
@@ -292,7 +292,7 @@ impl Cell {
         } else {
             let log = self.log;
             turn(wire, End::B, &mut self.server, now, |_, event| {
-                log.say(now, format_args!("  server: {event:?}"))
+                log.line(now, format_args!("  server: {event:?}"))
             });
             self.lost[1] |= !self.wire.is_connected() && self.wire.next_delivery().is_none();
             for write in core::mem::take(&mut self.server.registers_mut().writes) {
@@ -361,7 +361,7 @@ impl Cell {
     }
 
     fn execute(&mut self, write: Write, rng: &mut Rng) {
-        self.log.say(self.now, format_args!("  written: {} {:?}", write.0, write.1));
+        self.log.line(self.now, format_args!("  written: {} {:?}", write.0, write.1));
         if self.sabotage == Sabotage::Forget && rng.chance(0.05) {
             return;
         }
@@ -372,20 +372,20 @@ impl Cell {
     }
 
     fn note(&mut self, event: ClientEvent, right: bool, refused: bool) {
-        self.log.say(self.now, format_args!("  client: {event:?}"));
+        self.log.line(self.now, format_args!("  client: {event:?}"));
         self.stuck |= self.healed && matches!(event, ClientEvent::Failed { .. });
         let harassed = self.harassed && !self.healed;
         let outcome = match event {
-            _ if harassed => Told::Unknown,
-            ClientEvent::Replied { .. } if refused => Told::NotDone,
-            ClientEvent::Replied { .. } => Told::Done,
-            ClientEvent::Failed { failure: Failure::NotSent, .. } => Told::NotDone,
+            _ if harassed => Reported::Unknown,
+            ClientEvent::Replied { .. } if refused => Reported::NotDone,
+            ClientEvent::Replied { .. } => Reported::Done,
+            ClientEvent::Failed { failure: Failure::NotSent, .. } => Reported::NotDone,
             ClientEvent::Corrupt(_) | ClientEvent::OutOfStep(_) if self.way == Way::Tcp => {
-                self.log.say(self.now, format_args!("!!! TCP corrupts nothing"));
+                self.log.line(self.now, format_args!("!!! TCP corrupts nothing"));
                 self.violations += 1;
                 return;
             }
-            _ => Told::Unknown,
+            _ => Reported::Unknown,
         };
         let Some(ticket) = event.outcome_of() else { return };
         match self.open.iter().position(|(open, _)| *open == ticket) {
@@ -395,10 +395,10 @@ impl Cell {
                 if right {
                     self.ledger.execute(job);
                 }
-                self.ledger.tell(job, outcome, self.wire.mark());
+                self.ledger.report(job, outcome, self.wire.mark());
             }
             None => {
-                self.log.say(self.now, format_args!("!!! it has ended before"));
+                self.log.line(self.now, format_args!("!!! it has ended before"));
                 self.violations += 1;
             }
         }
@@ -460,7 +460,7 @@ impl Cell {
                 bank.writes.contains(alien)
             };
             if !unseen.iter().any(|unseen| unseen.from == End::A && made(&unseen.bytes)) {
-                self.log.say(self.now, format_args!("!!! nobody asked for {alien:?}"));
+                self.log.line(self.now, format_args!("!!! nobody asked for {alien:?}"));
                 tally.invented += 1;
             }
         }

@@ -11,7 +11,7 @@ use isra_ball::{
     Ball, BallConfig, BallEvent, DecodeError, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status,
 };
 
-use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{End, Faults};
 use crate::rng::Rng;
 use crate::turn;
@@ -67,11 +67,11 @@ fn session(seed: u64, log: Log) -> Tally {
         if healed.is_none() {
             misfortune(now, log, &mut rng, &mut host, &mut ball, &mut hand);
             if rng.chance(0.002) {
-                log.say(now, format_args!("the host is restarted"));
+                log.line(now, format_args!("the host is restarted"));
                 host = Host::new(config).unwrap();
                 // A new host knows nothing of the poll of the one before.
                 if let Some(poll) = open.take() {
-                    ledger.tell(poll, Told::Unknown, wire.mark());
+                    ledger.report(poll, Reported::Unknown, wire.mark());
                 }
                 using = None;
                 host.handle_connected(now);
@@ -81,7 +81,7 @@ fn session(seed: u64, log: Log) -> Tally {
         let mut events = Vec::new();
         turn(&mut wire, End::A, &mut host, now, |_, event| events.push(event));
         for event in events {
-            log.say(now, format_args!("  host: {event:?}"));
+            log.line(now, format_args!("  host: {event:?}"));
             let outcome = match event {
                 HostEvent::Packet(packet) | HostEvent::Old(packet) | HostEvent::Unasked(packet) => {
                     let is_new = matches!(event, HostEvent::Packet(_));
@@ -97,26 +97,26 @@ fn session(seed: u64, log: Log) -> Tally {
                                 work += 1;
                                 using = made.measured;
                                 if using.is_none() && !is_hostile {
-                                    log.say(now, format_args!("!!! these values were never measured"));
+                                    log.line(now, format_args!("!!! these values were never measured"));
                                     invented += 1;
                                 }
                             }
                         }
                         None if sent => {
-                            log.say(now, format_args!("!!! it was received before"));
+                            log.line(now, format_args!("!!! it was received before"));
                             invented += 1;
                         }
                         None => aliens.push(packet),
                     }
-                    (!matches!(event, HostEvent::Unasked(_))).then_some(Told::Done)
+                    (!matches!(event, HostEvent::Unasked(_))).then_some(Reported::Done)
                 }
-                HostEvent::Missed => Some(Told::NotDone),
+                HostEvent::Missed => Some(Reported::NotDone),
                 HostEvent::Stale => {
                     using = None;
                     None
                 }
                 HostEvent::Unexpected(_) => {
-                    log.say(now, format_args!("!!! the caller keeps the contract"));
+                    log.line(now, format_args!("!!! the caller keeps the contract"));
                     invented += 1;
                     None
                 }
@@ -126,21 +126,21 @@ fn session(seed: u64, log: Log) -> Tally {
                 match open.take() {
                     Some(poll) => {
                         // A packet is the execution of a poll.
-                        if outcome == Told::Done {
+                        if outcome == Reported::Done {
                             ledger.execute(poll);
                         }
-                        ledger.tell(poll, outcome, wire.mark());
+                        ledger.report(poll, outcome, wire.mark());
                     }
                     None if polls == 0 => {}
                     None => {
-                        log.say(now, format_args!("!!! no poll was open"));
+                        log.line(now, format_args!("!!! no poll was open"));
                         invented += 1;
                     }
                 }
             }
         }
         if let Some(measured) = using.filter(|measured| !is_hostile && now.saturating_sub(*measured) > most) {
-            log.say(now, format_args!("!!! values of {measured:?} are used"));
+            log.line(now, format_args!("!!! values of {measured:?} are used"));
             invented += 1;
             using = None;
         }
@@ -157,7 +157,7 @@ fn session(seed: u64, log: Log) -> Tally {
         let mut events = Vec::new();
         turn(&mut wire, End::B, &mut ball, now, |_, event| events.push(event));
         for event in events {
-            log.say(now, format_args!("  ball: {event:?}"));
+            log.line(now, format_args!("  ball: {event:?}"));
             if let BallEvent::Reply(packet) = event {
                 made.push(Made { packet, measured: hand.measured, at: now, received: false });
             }
@@ -190,7 +190,7 @@ fn session(seed: u64, log: Log) -> Tally {
     for alien in aliens {
         let made = |bytes: &[u8]| matches!(Frame::decode(bytes), Ok(Some((frame, _))) if frame.packet() == Ok(alien));
         if !is_hostile && !unseen.iter().any(|unseen| made(&unseen.bytes)) {
-            log.say(now, format_args!("!!! nobody measured {alien:?}"));
+            log.line(now, format_args!("!!! nobody measured {alien:?}"));
             tally.invented += 1;
         }
     }
@@ -229,13 +229,13 @@ impl Hand {
 /// What befalls the line's ends: another ball, a port that is closed and opened again.
 fn misfortune(now: Duration, log: Log, rng: &mut Rng, host: &mut Host, ball: &mut Ball, hand: &mut Hand) {
     if rng.chance(0.002) {
-        log.say(now, format_args!("the ball is restarted"));
+        log.line(now, format_args!("the ball is restarted"));
         *ball = new_ball();
         ball.handle_connected(now);
         hand.measured = None;
     }
     if rng.chance(0.002) {
-        log.say(now, format_args!("the port is closed and opened again"));
+        log.line(now, format_args!("the port is closed and opened again"));
         host.handle_disconnected(now);
         host.handle_connected(now);
     }

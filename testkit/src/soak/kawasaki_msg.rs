@@ -10,7 +10,7 @@ use kawasaki_msg::{
 };
 use robot_work_queue::Reader;
 
-use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 
@@ -125,7 +125,7 @@ fn session(seed: u64, datagrams: bool, log: Log) -> Tally {
             cell.step();
         }
         if cell.order.is_some() {
-            log.say(cell.now, format_args!("the order stands still"));
+            log.line(cell.now, format_args!("the order stands still"));
             break;
         }
     }
@@ -210,7 +210,7 @@ impl Cell {
     fn start(&mut self, order: u16, jobs: u32, later: f64) {
         let rng = Rng::new(u64::from(order) << 32 | self.ledger.len() as u64);
         let picture = Picture { first: self.ledger.len(), jobs, later, rng };
-        self.log.say(self.now, format_args!("order {order} of {jobs} jobs from {}", picture.first));
+        self.log.line(self.now, format_args!("order {order} of {jobs} jobs from {}", picture.first));
         for _ in 0..jobs {
             self.ledger.send(self.wire.mark());
         }
@@ -219,7 +219,7 @@ impl Cell {
     }
 
     fn meet(&mut self, mishap: Mishap) {
-        self.log.say(self.now, format_args!("{mishap:?}"));
+        self.log.line(self.now, format_args!("{mishap:?}"));
         let (robot, pc) = self.config;
         // What is not possible now is no mishap.
         match mishap {
@@ -277,15 +277,15 @@ impl Cell {
     /// Jobs of the order before `executed` are executed, those from `sent` on are not; of those between nobody knows.
     fn over(&mut self, executed: u32, sent: u32) {
         let Some(order) = self.order.take() else { return };
-        self.log.say(self.now, format_args!("over: {executed} executed, unknown up to {sent}"));
+        self.log.line(self.now, format_args!("over: {executed} executed, unknown up to {sent}"));
         let mark = self.wire.mark();
         for index in 0..order.picture.jobs {
-            let told = match index {
-                _ if index < executed || order.ahead.contains(&index) => Told::Done,
-                _ if index < sent => Told::Unknown,
-                _ => Told::NotDone,
+            let reported = match index {
+                _ if index < executed || order.ahead.contains(&index) => Reported::Done,
+                _ if index < sent => Reported::Unknown,
+                _ => Reported::NotDone,
             };
-            self.ledger.tell(order.picture.first + index as usize, told, mark);
+            self.ledger.report(order.picture.first + index as usize, reported, mark);
         }
     }
 
@@ -312,13 +312,13 @@ impl Cell {
                 return;
             };
             let number = job.line.start.x as usize;
-            self.log.say(self.now, format_args!("  job {number} (its number {}) is executed", job.number));
+            self.log.line(self.now, format_args!("  job {number} (its number {}) is executed", job.number));
             if job.line != line(number) || !self.ledger.execute(number) {
-                self.log.say(self.now, format_args!("!!! nobody sent {job:?}"));
+                self.log.line(self.now, format_args!("!!! nobody sent {job:?}"));
                 self.invented += 1;
             }
             if !self.overtakes && self.last.replace(number).is_some_and(|last| last > number) {
-                self.log.say(self.now, format_args!("!!! it has been overtaken"));
+                self.log.line(self.now, format_args!("!!! it has been overtaken"));
                 self.invented += 1;
             }
             self.reports.push(job.number);
@@ -339,7 +339,7 @@ impl Cell {
         }
         self.robot.handle_timeout(self.now);
         while let Some(event) = self.robot.poll_event() {
-            self.log.say(self.now, format_args!("  robot: {event:?}"));
+            self.log.line(self.now, format_args!("  robot: {event:?}"));
             match event {
                 RobotEvent::Connect if self.unreachable > 0 => {
                     self.unreachable -= 1;
@@ -377,7 +377,7 @@ impl Cell {
         }
         self.pc.handle_timeout(self.now);
         while let Some(event) = self.pc.poll_event() {
-            self.log.say(self.now, format_args!("  PC: {event:?}"));
+            self.log.line(self.now, format_args!("  PC: {event:?}"));
             match event {
                 PcEvent::Disconnect => {
                     self.lose_connection();

@@ -9,7 +9,7 @@ use laser_eb90::{
 use robot_session::Session as _;
 use robot_work_queue::Reader;
 
-use super::{Check, Ledger, Log, Row, Tally, Told, Unseen, Wire};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Unseen, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 
@@ -196,27 +196,29 @@ impl Cell {
 
     fn hear(&mut self) {
         while let Some(event) = self.host.poll_event() {
-            self.log.say(self.now, format_args!("  host: {event:?}"));
-            let (first, count, told) = match event {
-                HostEvent::Done { first, count, unanswered: 0, .. } => (first, count, Told::Done),
-                HostEvent::Done { first, count, .. } => (first, count, Told::AnyTimes(1)),
+            self.log.line(self.now, format_args!("  host: {event:?}"));
+            let (first, count, reported) = match event {
+                HostEvent::Done { first, count, unanswered: 0, .. } => (first, count, Reported::Done),
+                HostEvent::Done { first, count, .. } => (first, count, Reported::AnyTimes(1)),
                 // It may have been asked several times: then that is what the user wants.
-                HostEvent::Answer { ticket, .. } if self.insists => (ticket, 1, Told::AnyTimes(1)),
-                HostEvent::Answer { ticket, .. } => (ticket, 1, Told::Done),
-                HostEvent::Refused { first, count, .. } => (first, count, Told::NotDone),
-                HostEvent::Unknown { first, count, .. } if self.insists => (first, count, Told::AnyTimes(0)),
-                HostEvent::Unknown { first, count, .. } => (first, count, Told::Unknown),
+                HostEvent::Answer { ticket, .. } if self.insists => (ticket, 1, Reported::AnyTimes(1)),
+                HostEvent::Answer { ticket, .. } => (ticket, 1, Reported::Done),
+                HostEvent::Refused { first, count, .. } => (first, count, Reported::NotDone),
+                HostEvent::Unknown { first, count, .. } if self.insists => {
+                    (first, count, Reported::AnyTimes(0))
+                }
+                HostEvent::Unknown { first, count, .. } => (first, count, Reported::Unknown),
                 _ => continue,
             };
             for job in first..first + u64::from(count) {
-                self.ledger.tell(job as usize, told, self.wire.mark());
+                self.ledger.report(job as usize, reported, self.wire.mark());
             }
         }
     }
 
     fn obey(&mut self) {
         while let Some(event) = self.controller.poll_event() {
-            self.log.say(self.now, format_args!("  controller: {event:?}"));
+            self.log.line(self.now, format_args!("  controller: {event:?}"));
             let ControllerEvent::Execute { class, .. } = event else { continue };
             let Some(Ok(marked)) = self.controller.instruction().map(Marked::try_from) else {
                 self.controller.refuse(self.now, laser_eb90::Refusal::BadParameters).unwrap();
@@ -232,7 +234,7 @@ impl Cell {
     }
 
     fn execute(&mut self, marked: Marked) {
-        self.log.say(self.now, format_args!("  executed: {marked:?}"));
+        self.log.line(self.now, format_args!("  executed: {marked:?}"));
         let sent = self.sent.get(marked.job as usize) == Some(&marked);
         if !sent || !self.ledger.execute(marked.job as usize) {
             self.aliens.push(marked);
@@ -252,7 +254,7 @@ impl Cell {
         });
         for alien in &self.aliens {
             if !unseen.iter().any(|unseen| holds(unseen, alien)) {
-                self.log.say(self.now, format_args!("!!! nobody sent {alien:?}"));
+                self.log.line(self.now, format_args!("!!! nobody sent {alien:?}"));
                 tally.invented += 1;
             }
         }

@@ -7,7 +7,7 @@ use mmacell_proto::{
     Mode, Order, Progress, Rejection, RobotPose, Session, Unfinished,
 };
 
-use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 use crate::{Carrier, turn};
@@ -138,7 +138,7 @@ impl Cell {
             self.step();
         }
         if !self.is_done {
-            self.log.say(self.now, format_args!("!!! the robot has not arrived in a minute"));
+            self.log.line(self.now, format_args!("!!! the robot has not arrived in a minute"));
             tally.stuck += 1;
         }
     }
@@ -195,12 +195,12 @@ impl Cell {
     fn fail(&mut self) {
         let (now, log, bad) = (self.now, self.log, self.bad);
         if self.rng.chance(0.005 * bad) {
-            log.say(now, format_args!("  the robot fails"));
+            log.line(now, format_args!("  the robot fails"));
             self.robot.device.fail(ErrorCode::Servo1);
             self.robot.arrival = None;
         }
         if self.rng.chance(0.004 * bad) {
-            log.say(now, format_args!("  the robot restarts"));
+            log.line(now, format_args!("  the robot restarts"));
             self.robot = Robot::new(self.robot.pose);
             // Half of the time the central controller is not notified: its commands are not answered.
             if self.rng.chance(0.5) {
@@ -209,21 +209,21 @@ impl Cell {
             self.cut = true;
         }
         if self.rng.chance(0.004 * bad) {
-            log.say(now, format_args!("  the central controller restarts"));
+            log.line(now, format_args!("  the central controller restarts"));
             self.central = Central::new(CentralConfig::DEFAULT).unwrap();
             if let Some(job) = self.under_way.take() {
                 // Nobody is left who knows.
-                self.ledger.tell(job, Told::Unknown, self.wire.mark());
+                self.ledger.report(job, Reported::Unknown, self.wire.mark());
             }
             self.connects_at = Some(now + self.rng.log_uniform(MS, 10 * S));
             self.cut = true;
         }
         if self.rng.chance(0.004 * bad) {
-            log.say(now, format_args!("  the line is cut"));
+            log.line(now, format_args!("  the line is cut"));
             self.cut = true;
         }
         if self.rng.chance(0.01 * bad) {
-            log.say(now, format_args!("  the caller aborts"));
+            log.line(now, format_args!("  the caller aborts"));
             self.central.abort(now);
         }
         if self.hostile.is_some() && self.wire.is_connected() && !self.cut {
@@ -269,7 +269,7 @@ impl Cell {
                     let code = ErrorCode::from([1, 2, 77, -1, 32_767][rng.below(5)]);
                     let _ = robot.device.refuse(order, code);
                 } else if robot.device.accept(order).is_ok() {
-                    log.say(now, format_args!("  robot: {order:?}"));
+                    log.line(now, format_args!("  robot: {order:?}"));
                     robot.carry_out(now, order, rng, bad);
                     if matches!(order, Order::Move { target } if target != LAST)
                         || matches!(order, Order::Override { .. })
@@ -277,7 +277,7 @@ impl Cell {
                         // Overrides come again after 101 jobs: the last one that is the same is meant.
                         let job = sent.iter().rposition(|sent| *sent == order);
                         if *hostile != Some(End::A) && !job.is_some_and(|job| ledger.execute(job)) {
-                            log.say(now, format_args!("!!! nobody sent {order:?}"));
+                            log.line(now, format_args!("!!! nobody sent {order:?}"));
                             *invented += 1;
                         }
                     }
@@ -287,11 +287,11 @@ impl Cell {
             turn(&mut line, End::B, &mut robot.device, now, |_, event| match event {
                 DeviceEvent::Asked { order } => pending = Some(order),
                 DeviceEvent::Rejected { reason: Rejection::Malformed(error) } if *hostile != Some(End::A) => {
-                    log.say(now, format_args!("!!! TCP corrupts nothing: {error}"));
+                    log.line(now, format_args!("!!! TCP corrupts nothing: {error}"));
                     *invented += 1;
                 }
                 DeviceEvent::Unexpected(unexpected) => {
-                    log.say(now, format_args!("!!! {unexpected}"));
+                    log.line(now, format_args!("!!! {unexpected}"));
                     *invented += 1;
                 }
                 _ => {}
@@ -322,16 +322,16 @@ impl Cell {
         }
         turn(&mut line, End::A, &mut self.central, now, |_, event| events.push(event));
         for event in events {
-            log.say(now, format_args!("  central: {event:?}"));
-            let told = match event {
+            log.line(now, format_args!("  central: {event:?}"));
+            let reported = match event {
                 CentralEvent::Connected => continue,
                 CentralEvent::Done { command } => {
                     if let Command::Move { pose, .. } = command {
                         self.target = Some(pose);
                     }
-                    Told::Done
+                    Reported::Done
                 }
-                CentralEvent::Refused { .. } | CentralEvent::Aborted { .. } => Told::NotDone,
+                CentralEvent::Refused { .. } | CentralEvent::Aborted { .. } => Reported::NotDone,
                 CentralEvent::Status { status, motion } => {
                     if motion == Progress::Arrived && self.hostile.is_none() {
                         self.check_arrival(status.pose, status.servo);
@@ -340,28 +340,28 @@ impl Cell {
                 }
                 CentralEvent::Closed { reason, unfinished } => {
                     if let (Closing::Malformed(_) | Closing::Mismatch, None) = (reason, self.hostile) {
-                        log.say(now, format_args!("!!! TCP corrupts nothing"));
+                        log.line(now, format_args!("!!! TCP corrupts nothing"));
                         self.invented += 1;
                     }
                     self.hang_up();
                     match unfinished {
                         Unfinished::Nothing => continue,
-                        Unfinished::NotSent(_) => Told::NotDone,
-                        Unfinished::Unknown(_) => Told::Unknown,
+                        Unfinished::NotSent(_) => Reported::NotDone,
+                        Unfinished::Unknown(_) => Reported::Unknown,
                     }
                 }
                 other => {
-                    log.say(now, format_args!("!!! {other:?}"));
+                    log.line(now, format_args!("!!! {other:?}"));
                     self.invented += 1;
                     continue;
                 }
             };
             if let Some(job) = self.under_way.take() {
-                if self.hostile == Some(End::B) && told == Told::Done {
+                if self.hostile == Some(End::B) && reported == Reported::Done {
                     // Whoever answers so has executed it.
                     self.ledger.execute(job);
                 }
-                self.ledger.tell(job, told, self.wire.mark());
+                self.ledger.report(job, reported, self.wire.mark());
             }
         }
     }
@@ -377,7 +377,7 @@ impl Cell {
 
     fn check_arrival(&mut self, pose: RobotPose, servo: bool) {
         if !servo || self.target != Some(pose) {
-            self.log.say(self.now, format_args!("!!! it has not arrived"));
+            self.log.line(self.now, format_args!("!!! it has not arrived"));
             self.invented += 1;
         }
         self.is_done = self.bad == 0.0 && pose == LAST && self.robot.pose == LAST;

@@ -1,8 +1,8 @@
 //! The soak: both ends of every session over the faults that its transport can commit, from a seed.
 //!
 //! A seed makes one short bad session of each [`Row`]: what is sent, what its users do, and what the line does follow from it.
-//! Every job of it ends in one column of its [`Tally`]. What its sender was told is compared with what was executed; an outcome
-//! that must not be is excused only by damage that is shown to have made a good message out of what was sent.
+//! Every job of it ends in one column of its [`Tally`]. What was reported to its sender is compared with what was executed; an
+//! outcome that must not be is excused only by corruption that is shown to have made a valid message out of what was sent.
 
 mod cell;
 mod fanuc_hmi_modbus;
@@ -18,7 +18,7 @@ mod wire;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 pub use fanuc_hmi_modbus::SABOTAGED;
-pub use tally::{Job, Ledger, Tally, Told};
+pub use tally::{Job, Ledger, Reported, Tally};
 pub use wire::{Check, Log, Mark, Unseen, Wire};
 
 /// One link over one transport: a row of the table.
@@ -26,11 +26,11 @@ pub use wire::{Check, Log, Mark, Unseen, Wire};
 pub struct Row {
     /// The crate.
     pub link: &'static str,
-    /// What lies between its two ends.
+    /// What carries bytes between its two ends.
     pub transport: &'static str,
     /// What a job is.
     pub job: &'static str,
-    /// Of so many messages that damage makes at random, the protocol's own check passes one; `None` where nothing is damaged.
+    /// Of so many random messages the protocol's own check passes one; `None` where no byte is ever corrupt.
     pub one_in: Option<u32>,
     session: fn(u64, Log) -> Tally,
 }
@@ -68,14 +68,14 @@ impl Row {
         Tally { sessions: 1, ..tally }
     }
 
-    /// How many of the messages that damage has made the check passes, if their bytes were random. Most damage is smaller, and
+    /// How many of the messages with corrupt bytes the check would pass if their bytes were random. Most corruption is smaller, and
     /// no sum misses a single bit.
     pub fn expected_unseen(&self, tally: &Tally) -> f64 {
         let made = tally.refused + tally.unseen;
         self.one_in.map_or(0.0, |one_in| made as f64 / f64::from(one_in))
     }
 
-    /// Whether so much damage went unseen that the check cannot have been made: twice what random bytes would, and six standard
+    /// Whether so much corruption went unseen that the check cannot have been made: twice what random bytes would, and six standard
     /// deviations more.
     pub fn sees_too_little(&self, tally: &Tally) -> bool {
         let expected = self.expected_unseen(tally);

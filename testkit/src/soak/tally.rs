@@ -1,4 +1,4 @@
-//! What became of the jobs of a session, by what their sender was told and what was executed.
+//! What became of the jobs of a session, by what was reported to their sender and what was executed.
 
 use core::ops::AddAssign;
 use core::time::Duration;
@@ -6,16 +6,16 @@ use core::time::Duration;
 use super::wire::{Log, Mark};
 use crate::link::FaultCounts;
 
-/// What the sender of a job is told of it.
+/// What is reported to the sender of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Told {
+pub enum Reported {
     /// Executed, or queued for it.
     Done,
     /// Not executed, and it will not be.
     NotDone,
-    /// Nobody can tell; not more than once.
+    /// Unknown, but not more than once.
     Unknown,
-    /// Nobody can tell how often, but so often at least: the sender has asked for resends that may do this.
+    /// Unknown how often, but so often at least: the sender has asked for resends that may do this.
     AnyTimes(u32),
 }
 
@@ -28,22 +28,22 @@ pub struct Tally {
     pub faults: FaultCounts,
     /// Jobs of all sessions: each is in exactly one of the next six.
     pub jobs: u64,
-    /// Told as done, executed once.
+    /// Reported as done, executed once.
     pub once: u64,
-    /// Told as not done, not executed.
+    /// Reported as not done, not executed.
     pub not_done: u64,
-    /// Told as unknown, executed once or not at all; or more often, where the sender has asked for that.
+    /// Reported as unknown, executed once or not at all; or more often, where the sender has asked for that.
     pub unknown: u64,
-    /// Never told, or told as done and not executed.
+    /// Never reported, or reported as done and not executed.
     pub lost: u64,
-    /// Executed more than once, or told as not done and executed, or told twice.
+    /// Executed more than once, or reported as not done and executed, or reported twice.
     pub repeated: u64,
-    /// One of the last two, because a message was damaged in a way that the protocol's own check cannot see.
-    pub spoilt: u64,
-    /// Executed without anybody having sent it, and without such damage.
+    /// One of the last two, because a message was corrupt in a way that the protocol's own check cannot see.
+    pub forged: u64,
+    /// Executed without anybody having sent it, and without such corruption.
     pub invented: u64,
     /// Transmissions whose bytes the line has changed, and that arrived.
-    pub damaged: u64,
+    pub corrupt: u64,
     /// Whole messages among their bytes that the protocol's own check refuses.
     pub refused: u64,
     /// Messages among their bytes that nobody sent and that the check passes.
@@ -71,9 +71,9 @@ impl AddAssign for Tally {
         self.unknown += other.unknown;
         self.lost += other.lost;
         self.repeated += other.repeated;
-        self.spoilt += other.spoilt;
+        self.forged += other.forged;
         self.invented += other.invented;
-        self.damaged += other.damaged;
+        self.corrupt += other.corrupt;
         self.refused += other.refused;
         self.unseen += other.unseen;
         self.stuck += other.stuck;
@@ -87,23 +87,23 @@ pub struct Ledger {
     jobs: Vec<Job>,
 }
 
-/// One job: what was told of it, and how often it was executed.
+/// One job: what was reported of it, and how often it was executed.
 #[derive(Debug, Clone, Copy)]
 pub struct Job {
-    told: Option<Told>,
-    told_again: bool,
+    reported: Option<Reported>,
+    repeated: bool,
     times: u32,
-    /// The transmissions from its first to the one that told its outcome.
+    /// The transmissions from its first to the one that reported its outcome.
     pub from: Mark,
     /// As `from`.
     pub to: Mark,
 }
 
 impl Ledger {
-    /// A job is sent, behind the transmissions of `from`; its number, from 0.
+    /// A job is sent, after the transmissions of `from`; its number, from 0.
     pub fn send(&mut self, from: Mark) -> usize {
         let to = Mark::END;
-        self.jobs.push(Job { told: None, told_again: false, times: 0, from, to });
+        self.jobs.push(Job { reported: None, repeated: false, times: 0, from, to });
         self.jobs.len() - 1
     }
 
@@ -112,17 +112,17 @@ impl Ledger {
         self.jobs.get_mut(job).map(|job| job.times += 1).is_some()
     }
 
-    /// Its sender is told. False: there is no such job.
-    pub fn tell(&mut self, job: usize, told: Told, to: Mark) -> bool {
+    /// Its outcome is reported. False: there is no such job.
+    pub fn report(&mut self, job: usize, reported: Reported, to: Mark) -> bool {
         let Some(job) = self.jobs.get_mut(job) else { return false };
-        job.told_again |= job.told.is_some();
-        (job.told, job.to) = (Some(told), to);
+        job.repeated |= job.reported.is_some();
+        (job.reported, job.to) = (Some(reported), to);
         true
     }
 
-    /// Whether the sender has been told.
-    pub fn is_told(&self, job: usize) -> bool {
-        self.jobs.get(job).is_some_and(|job| job.told.is_some())
+    /// Whether its outcome has been reported.
+    pub fn is_reported(&self, job: usize) -> bool {
+        self.jobs.get(job).is_some_and(|job| job.reported.is_some())
     }
 
     /// How many jobs were sent.
@@ -135,30 +135,34 @@ impl Ledger {
         self.jobs.is_empty()
     }
 
-    /// Counts the jobs. `spoilt` says whether damage that no check can see explains an outcome that must not be.
-    pub fn settle(self, now: Duration, log: Log, tally: &mut Tally, spoilt: impl Fn(&Job) -> bool) {
+    /// Counts the jobs. `forged` says whether corruption that no check can see explains an outcome that must not be.
+    pub fn settle(self, now: Duration, log: Log, tally: &mut Tally, forged: impl Fn(&Job) -> bool) {
         for (number, job) in self.jobs.iter().enumerate() {
             tally.jobs += 1;
-            let (column, wrong) = match (job.told, job.times) {
-                _ if job.told_again => (&mut tally.repeated, "its outcome was told twice"),
-                (None, _) => (&mut tally.lost, "its outcome was never told"),
-                (Some(Told::Done), 0) => (&mut tally.lost, "it was told as done and not executed"),
-                (Some(Told::NotDone), 1..) => (&mut tally.repeated, "it was told as not done and executed"),
-                (Some(Told::AnyTimes(1..)), 0) => (&mut tally.lost, "it was told as done and not executed"),
-                (Some(Told::AnyTimes(_)), _) => (&mut tally.unknown, ""),
+            let (column, wrong) = match (job.reported, job.times) {
+                _ if job.repeated => (&mut tally.repeated, "its outcome was reported twice"),
+                (None, _) => (&mut tally.lost, "its outcome was never reported"),
+                (Some(Reported::Done), 0) => (&mut tally.lost, "it was reported as done and not executed"),
+                (Some(Reported::NotDone), 1..) => {
+                    (&mut tally.repeated, "it was reported as not done and executed")
+                }
+                (Some(Reported::AnyTimes(1..)), 0) => {
+                    (&mut tally.lost, "it was reported as done and not executed")
+                }
+                (Some(Reported::AnyTimes(_)), _) => (&mut tally.unknown, ""),
                 (Some(_), 2..) => (&mut tally.repeated, "it was executed more than once"),
-                (Some(Told::Done), 1) => (&mut tally.once, ""),
-                (Some(Told::NotDone), 0) => (&mut tally.not_done, ""),
-                (Some(Told::Unknown), 0 | 1) => (&mut tally.unknown, ""),
+                (Some(Reported::Done), 1) => (&mut tally.once, ""),
+                (Some(Reported::NotDone), 0) => (&mut tally.not_done, ""),
+                (Some(Reported::Unknown), 0 | 1) => (&mut tally.unknown, ""),
             };
             if wrong.is_empty() {
                 *column += 1;
-            } else if spoilt(job) {
-                tally.spoilt += 1;
-                log.say(now, format_args!("job {number}: {wrong}, by damage that no check can see"));
+            } else if forged(job) {
+                tally.forged += 1;
+                log.line(now, format_args!("job {number}: {wrong}, by corruption that no check can see"));
             } else {
                 *column += 1;
-                log.say(now, format_args!("!!! job {number}: {wrong} (executed {} times)", job.times));
+                log.line(now, format_args!("!!! job {number}: {wrong} (executed {} times)", job.times));
             }
         }
     }
@@ -168,17 +172,17 @@ impl Ledger {
 mod tests {
     use super::*;
 
-    fn settled(told: &[Told], times: usize, spoilt: bool) -> Tally {
+    fn settled(reported: &[Reported], times: usize, forged: bool) -> Tally {
         let (mut ledger, mut tally) = (Ledger::default(), Tally::default());
         let job = ledger.send(Mark::default());
-        for told in told {
-            assert!(ledger.tell(job, *told, Mark::default()));
+        for reported in reported {
+            assert!(ledger.report(job, *reported, Mark::default()));
         }
         for _ in 0..times {
             assert!(ledger.execute(job));
         }
-        assert!(!ledger.execute(1) && !ledger.tell(1, Told::Done, Mark::default()));
-        ledger.settle(Duration::ZERO, Log::OFF, &mut tally, |_| spoilt);
+        assert!(!ledger.execute(1) && !ledger.report(1, Reported::Done, Mark::default()));
+        ledger.settle(Duration::ZERO, Log::OFF, &mut tally, |_| forged);
         tally
     }
 
@@ -190,26 +194,29 @@ mod tests {
         let not_done = Tally { not_done: 1, ..one };
         let lost = Tally { lost: 1, ..one };
         let repeated = Tally { repeated: 1, ..one };
-        let spoilt = Tally { spoilt: 1, ..one };
-        assert_eq!(settled(&[Told::Done], 1, false), once);
-        assert_eq!(settled(&[Told::Done], 1, true), once);
-        assert_eq!(settled(&[Told::NotDone], 0, false), not_done);
-        assert_eq!([0, 1].map(|times| settled(&[Told::Unknown], times, false)), [unknown; 2]);
-        assert_eq!([0, 1, 3].map(|times| settled(&[Told::AnyTimes(0)], times, false)), [unknown; 3]);
+        let forged = Tally { forged: 1, ..one };
+        assert_eq!(settled(&[Reported::Done], 1, false), once);
+        assert_eq!(settled(&[Reported::Done], 1, true), once);
+        assert_eq!(settled(&[Reported::NotDone], 0, false), not_done);
+        assert_eq!([0, 1].map(|times| settled(&[Reported::Unknown], times, false)), [unknown; 2]);
+        assert_eq!([0, 1, 3].map(|times| settled(&[Reported::AnyTimes(0)], times, false)), [unknown; 3]);
         assert_eq!(
-            [0, 1, 3].map(|times| settled(&[Told::AnyTimes(1)], times, false)),
+            [0, 1, 3].map(|times| settled(&[Reported::AnyTimes(1)], times, false)),
             [lost, unknown, unknown]
         );
-        assert_eq!(settled(&[Told::Done], 0, false), lost);
+        assert_eq!(settled(&[Reported::Done], 0, false), lost);
         assert_eq!(settled(&[], 1, false), lost);
         assert_eq!(settled(&[], 0, false), lost);
-        assert_eq!(settled(&[Told::NotDone], 1, false), repeated);
-        assert_eq!([Told::Done, Told::Unknown].map(|told| settled(&[told], 2, false)), [repeated; 2]);
-        assert_eq!(settled(&[Told::Done, Told::Done], 1, false), repeated);
-        assert_eq!(settled(&[Told::Done], 0, true), spoilt);
-        assert_eq!(settled(&[Told::NotDone], 1, true), spoilt);
+        assert_eq!(settled(&[Reported::NotDone], 1, false), repeated);
         assert_eq!(
-            [once, unknown, not_done, lost, repeated, spoilt].map(|t| t.is_bad()),
+            [Reported::Done, Reported::Unknown].map(|reported| settled(&[reported], 2, false)),
+            [repeated; 2]
+        );
+        assert_eq!(settled(&[Reported::Done, Reported::Done], 1, false), repeated);
+        assert_eq!(settled(&[Reported::Done], 0, true), forged);
+        assert_eq!(settled(&[Reported::NotDone], 1, true), forged);
+        assert_eq!(
+            [once, unknown, not_done, lost, repeated, forged].map(|t| t.is_bad()),
             [false, false, false, true, true, false]
         );
     }

@@ -10,7 +10,7 @@ use val2_alter::{
     SegmentStatus, Start, StartCode, Transform, Unselected, timing,
 };
 
-use super::{Check, Ledger, Log, Mark, Row, Tally, Told, Unseen, Wire};
+use super::{Check, Ledger, Log, Mark, Reported, Row, Tally, Unseen, Wire};
 use crate::link::{End, Faults};
 use crate::rng::Rng;
 use crate::turn;
@@ -142,7 +142,7 @@ fn session(seed: u64, log: Log) -> Tally {
         cell.step();
     }
     let stuck = cell.done < enough;
-    log.say(cell.now, format_args!("the host stops"));
+    log.line(cell.now, format_args!("the host stops"));
     cell.host.stop(cell.now);
     let end = cell.now + Duration::from_secs(1);
     while cell.now < end && (cell.host.state() != HostState::Idle || cell.open()) {
@@ -242,25 +242,25 @@ impl Cell {
         if self.controller.state() == ControllerState::Off {
             let again_at = *self.again_at.get_or_insert_with(|| self.now + MS * rng.below(100) as u32);
             if again_at <= self.now {
-                self.log.say(self.now, format_args!("the robot's program executes ALTER"));
+                self.log.line(self.now, format_args!("the robot's program executes ALTER"));
                 self.controller.start(self.now).expect("it is off");
                 (self.again_at, self.interrupted, self.applied) = (None, false, [0; 6]);
             }
         }
         if self.interrupted && rng.chance(0.1) {
-            self.log.say(self.now, format_args!("the exception subroutine returns"));
+            self.log.line(self.now, format_args!("the exception subroutine returns"));
             let _ = self.controller.resume(self.now);
             self.interrupted = false;
         }
         if faults && rng.chance(0.003) {
-            self.log.say(self.now, format_args!("the robot's program ends ALTER"));
+            self.log.line(self.now, format_args!("the robot's program ends ALTER"));
             let _ = self.controller.finish(self.now);
         }
         if faults && rng.chance(0.001) {
             self.restart_host();
         }
         if faults && rng.chance(0.001) {
-            self.log.say(self.now, format_args!("the controller loses its memory"));
+            self.log.line(self.now, format_args!("the controller loses its memory"));
             self.controller = Controller::new(*self.controller.config()).expect("it worked before");
             self.controller.handle_connected(self.now);
             (self.again_at, self.interrupted, self.applied) = (None, false, [0; 6]);
@@ -269,7 +269,7 @@ impl Cell {
             let exception = [Exception::CloseGripper, Exception::OpenGripper][rng.below(2)];
             if self.host.exception(self.now, exception).is_ok() {
                 let job = self.send([0; 6]);
-                self.log.say(self.now, format_args!("job {job}: {exception:?}"));
+                self.log.line(self.now, format_args!("job {job}: {exception:?}"));
                 self.exception = Some((job, exception));
             }
         }
@@ -277,12 +277,12 @@ impl Cell {
 
     /// The host's process dies: nobody learns what became of its last reply.
     fn restart_host(&mut self) {
-        self.log.say(self.now, format_args!("the host loses its memory"));
+        self.log.line(self.now, format_args!("the host loses its memory"));
         self.hear();
         let mark = self.wire.mark();
         self.before = self.exception.or(self.before);
         for job in [self.reply.take(), self.exception.take().map(|(job, _)| job)].into_iter().flatten() {
-            self.ledger.tell(job, Told::Unknown, mark);
+            self.ledger.report(job, Reported::Unknown, mark);
         }
         self.host = Host::new(*self.host.config()).expect("it worked before");
         self.host.handle_connected(self.now);
@@ -294,11 +294,11 @@ impl Cell {
     }
 
     fn step(&mut self) {
-        let (now, mut told) = (self.now, Vec::new());
+        let (now, mut reported) = (self.now, Vec::new());
         // What a reply does is seen before the next one comes.
-        let values = |controller: &mut Controller, event| told.push((event, controller.values()));
+        let values = |controller: &mut Controller, event| reported.push((event, controller.values()));
         turn(&mut self.wire, End::A, &mut self.controller, now, values);
-        self.obey(told);
+        self.obey(reported);
         self.host.set_target(now, values_of(&self.ledger));
         let before = self.host.statistics().replies;
         let mark = self.wire.mark();
@@ -310,7 +310,7 @@ impl Cell {
             let values = self.host.values();
             if runs && values != [0; 6] {
                 let job = self.send(values);
-                self.log.say(now, format_args!("job {job}: {values:?}"));
+                self.log.line(now, format_args!("job {job}: {values:?}"));
                 self.reply = Some(job);
             }
             self.cause = mark;
@@ -321,7 +321,7 @@ impl Cell {
 
     fn obey(&mut self, events: Vec<(ControllerEvent, Values)>) {
         for (event, taken) in events {
-            self.log.say(self.now, format_args!("  controller: {event:?}"));
+            self.log.line(self.now, format_args!("  controller: {event:?}"));
             match event {
                 // While the subroutine runs the arm is at rest.
                 ControllerEvent::Reply(reply) if !self.interrupted => {
@@ -361,33 +361,33 @@ impl Cell {
 
     fn note(&mut self, events: Vec<HostEvent>, mark: Mark) {
         for event in events {
-            self.log.say(self.now, format_args!("  host: {event:?}"));
+            self.log.line(self.now, format_args!("  host: {event:?}"));
             if let HostEvent::Exception(_, outcome) = event
                 && let Some((job, code)) = self.exception.take()
             {
                 self.before = Some((job, code));
-                let told = match outcome {
-                    ExceptionOutcome::Done => Told::Done,
-                    ExceptionOutcome::NotDone => Told::NotDone,
-                    ExceptionOutcome::Unknown(_) => Told::Unknown,
+                let reported = match outcome {
+                    ExceptionOutcome::Done => Reported::Done,
+                    ExceptionOutcome::NotDone => Reported::NotDone,
+                    ExceptionOutcome::Unknown(_) => Reported::Unknown,
                 };
-                self.done += usize::from(told == Told::Done);
-                self.ledger.tell(job, told, mark);
+                self.done += usize::from(reported == Reported::Done);
+                self.ledger.report(job, reported, mark);
             }
-            let told = match event {
-                HostEvent::Motion(motion) => (motion.error == ErrorCode::None).then_some(Told::Done),
-                HostEvent::Rejected(_) if self.in_time => Some(Told::NotDone),
-                HostEvent::Rejected(_) => Some(Told::Unknown),
+            let reported = match event {
+                HostEvent::Motion(motion) => (motion.error == ErrorCode::None).then_some(Reported::Done),
+                HostEvent::Rejected(_) if self.in_time => Some(Reported::NotDone),
+                HostEvent::Rejected(_) => Some(Reported::Unknown),
                 HostEvent::Start(_) | HostEvent::End(_) | HostEvent::Lost(_) => {
                     self.cause = mark;
-                    Some(Told::Unknown)
+                    Some(Reported::Unknown)
                 }
                 _ => None,
             };
-            if let (Some(told), Some(job)) = (told, self.reply) {
+            if let (Some(reported), Some(job)) = (reported, self.reply) {
                 self.reply = None;
-                self.done += usize::from(told == Told::Done);
-                self.ledger.tell(job, told, mark);
+                self.done += usize::from(reported == Reported::Done);
+                self.ledger.report(job, reported, mark);
             }
         }
     }
@@ -407,14 +407,14 @@ impl Cell {
             if reads { Check::Good(len) } else { Check::Nothing }
         });
         for alien in self.aliens {
-            // An exception is sent again by a host that was told, wrongly, that it was not read.
+            // An exception is sent again by a host that was reported, wrongly, that it was not read.
             let again = matches!(alien, HostMessage::Reply(reply) if reply.exception != Exception::None);
             let made = |unseen: &Unseen| match unseen.from {
                 End::A => again,
                 End::B => says(&unseen.bytes, alien),
             };
             if !unseen.iter().any(made) {
-                self.log.say(self.now, format_args!("!!! nobody sent {alien:?}"));
+                self.log.line(self.now, format_args!("!!! nobody sent {alien:?}"));
                 tally.invented += 1;
             }
         }

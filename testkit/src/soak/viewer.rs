@@ -5,7 +5,7 @@ use core::time::Duration;
 use val2_alter::Transform;
 use val2_alter::viewer::{PoseFeed, PosePacket, Viewer, ViewerError};
 
-use super::{Check, Ledger, Log, Row, Tally, Told, Wire};
+use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 
@@ -44,20 +44,20 @@ fn session(seed: u64, log: Log) -> Tally {
             viewer.handle_input(&bytes);
         }
         while let Some(event) = viewer.poll_event() {
-            log.say(now, format_args!("  viewer: {event:?}"));
+            log.line(now, format_args!("  viewer: {event:?}"));
             let Ok(packet) = event else { continue };
             let count = usize::from(packet.count);
             if count >= ledger.len() || packet.pose != pose(count) {
                 aliens.push(packet);
             } else if count < known {
-                log.say(now, format_args!("!!! it comes behind a later one"));
+                log.line(now, format_args!("!!! it comes behind a later one"));
                 ledger.execute(count);
                 invented += 1;
             } else {
                 // The counts show which ones were lost.
-                (known..count).for_each(|lost| _ = ledger.tell(lost, Told::NotDone, wire.mark()));
+                (known..count).for_each(|lost| _ = ledger.report(lost, Reported::NotDone, wire.mark()));
                 ledger.execute(count);
-                ledger.tell(count, Told::Done, wire.mark());
+                ledger.report(count, Reported::Done, wire.mark());
                 known = count + 1;
             }
         }
@@ -75,7 +75,7 @@ fn session(seed: u64, log: Log) -> Tally {
         }
         feed.set_pose(pose(ledger.len()));
         if rng.chance(0.01) {
-            log.say(now, format_args!("ALTER begins anew"));
+            log.line(now, format_args!("ALTER begins anew"));
             feed.restart(now);
         }
         if let Some(len) = feed.poll_transmit(now, &mut out) {
@@ -85,7 +85,7 @@ fn session(seed: u64, log: Log) -> Tally {
         now = wire.next(now, [feed.poll_timeout(), Some(draw_at)]);
     }
     // Behind the last one that came no count shows anything: their requests were not answered.
-    (known..ledger.len()).for_each(|job| _ = ledger.tell(job, Told::Unknown, wire.mark()));
+    (known..ledger.len()).for_each(|job| _ = ledger.report(job, Reported::Unknown, wire.mark()));
     let mut tally = Tally { invented, ..Tally::default() };
     let unseen = wire.settle(now, &mut tally, PosePacket::MAX_LEN, |from, bytes| match from {
         // A request of one byte has no check: one out of noise is answered with a pose.
@@ -100,7 +100,7 @@ fn session(seed: u64, log: Log) -> Tally {
         let made =
             |bytes: &[u8]| matches!(PosePacket::decode(bytes), Ok(Some((packet, _))) if packet == alien);
         if !unseen.iter().any(|unseen| made(&unseen.bytes)) {
-            log.say(now, format_args!("!!! nobody sent {alien:?}"));
+            log.line(now, format_args!("!!! nobody sent {alien:?}"));
             tally.invented += 1;
         }
     }

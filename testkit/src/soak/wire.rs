@@ -21,7 +21,7 @@ impl Log {
     pub const ON: Self = Self { on: true };
 
     /// A line of the trace.
-    pub fn say(self, now: Duration, what: Arguments<'_>) {
+    pub fn line(self, now: Duration, what: Arguments<'_>) {
         if self.on {
             println!("{:>12.3} ms  {what}", now.as_secs_f64() * 1e3);
         }
@@ -33,7 +33,7 @@ impl Log {
 pub struct Mark(usize, usize);
 
 impl Mark {
-    /// Behind them all.
+    /// After them all.
     pub const END: Self = Self(usize::MAX, usize::MAX);
 }
 
@@ -44,16 +44,16 @@ pub enum Check {
     Nothing,
     /// A message that only the check refuses.
     Refused,
-    /// A good message of so many bytes.
+    /// A valid message of so many bytes.
     Good(usize),
 }
 
-/// A good message, by the protocol's own check, that nobody sent: damage made it.
+/// A valid message, by the protocol's own check, that nobody sent: corruption made it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unseen {
-    /// Who sent what was damaged.
+    /// Who sent what was corrupt.
     pub from: End,
-    /// The transmissions that it is made of.
+    /// The transmissions that its bytes come from.
     first: usize,
     last: usize,
     /// Its bytes.
@@ -61,7 +61,7 @@ pub struct Unseen {
 }
 
 impl Unseen {
-    /// Whether one of its transmissions lies between two marks.
+    /// Whether one of its transmissions was made between two marks.
     pub fn is_between(&self, from: Mark, to: Mark) -> bool {
         let (from, to) = match self.from {
             End::A => (from.0, to.0),
@@ -82,24 +82,24 @@ pub struct Wire {
     late_polls: f64,
     sent: [Vec<Transmission>; 2],
     /// The bytes that have arrived, where the transport changes any.
-    heard: [Vec<u8>; 2],
-    damages: bool,
+    received: [Vec<u8>; 2],
+    corrupts: bool,
 }
 
 #[derive(Debug)]
 struct Transmission {
     /// Empty where the transport changes no bytes.
     bytes: Vec<u8>,
-    /// What arrives of it, in the stream that its receiver hears.
+    /// What arrives of it, in the stream that its receiver reads.
     start: usize,
     end: usize,
-    damaged: bool,
+    corrupt: bool,
 }
 
 impl Wire {
     /// A link whose faults follow from `seed`. `names` are those of the ends A and B in the trace; `text` shows bytes as text.
     pub fn new(seed: u64, faults: Faults, names: [&'static str; 2], text: bool, log: Log) -> Self {
-        let damages = !faults.datagrams && faults.flip + faults.lose_byte + faults.insert > 0.0;
+        let corrupts = !faults.datagrams && faults.flip + faults.lose_byte + faults.insert > 0.0;
         let link = Link::new(seed, faults);
         let polls = Rng::new(seed ^ 0x6C61_7465);
         Self {
@@ -110,8 +110,8 @@ impl Wire {
             polls,
             late_polls: 0.0,
             sent: Default::default(),
-            heard: Default::default(),
-            damages,
+            received: Default::default(),
+            corrupts,
         }
     }
 
@@ -123,33 +123,33 @@ impl Wire {
         let missing = after.lost_bytes - before.lost_bytes;
         let extra = after.inserts - before.inserts;
         let whole = after.losses > before.losses;
-        let damaged = !whole && after.damage() > before.damage();
+        let corrupt = !whole && after.corruption() > before.corruption();
         let sent = &mut self.sent[index(from)];
         let start = sent.last().map_or(0, |last| last.end);
         let len = if whole { 0 } else { bytes.len() as u64 + extra - missing };
-        let kept = if self.damages { bytes.to_vec() } else { Vec::new() };
-        sent.push(Transmission { bytes: kept, start, end: start + len as usize, damaged });
+        let kept = if self.corrupts { bytes.to_vec() } else { Vec::new() };
+        sent.push(Transmission { bytes: kept, start, end: start + len as usize, corrupt });
         if self.log.on {
             let what = if before == after { String::new() } else { format!("  [{}]", after.since(&before)) };
             let (from, to) = (self.names[index(from)], self.names[index(from.other())]);
-            self.log.say(now, format_args!("{from} -> {to}: {}{what}", self.shown(bytes)));
+            self.log.line(now, format_args!("{from} -> {to}: {}{what}", self.shown(bytes)));
         }
     }
 
     /// As [`Link::receive`].
     pub fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
         let delivery = self.link.receive(at, now)?;
-        if let (Delivery::Bytes(bytes), true) = (&delivery, self.damages) {
-            self.heard[index(at.other())].extend(bytes);
+        if let (Delivery::Bytes(bytes), true) = (&delivery, self.corrupts) {
+            self.received[index(at.other())].extend(bytes);
         }
         if self.log.on {
             let at = self.names[index(at)];
             match &delivery {
                 Delivery::Bytes(bytes) => {
-                    self.log.say(now, format_args!("  {at} hears {}", self.shown(bytes)));
+                    self.log.line(now, format_args!("  {at} receives {}", self.shown(bytes)));
                 }
                 Delivery::Closed => {
-                    self.log.say(now, format_args!("  {at} hears that the connection is gone"))
+                    self.log.line(now, format_args!("  {at} learns that the connection is gone"))
                 }
             }
         }
@@ -158,13 +158,13 @@ impl Wire {
 
     /// As [`Link::disconnect`].
     pub fn disconnect(&mut self, now: Duration) {
-        self.log.say(now, format_args!("the connection is closed"));
+        self.log.line(now, format_args!("the connection is closed"));
         self.link.disconnect(now);
     }
 
     /// As [`Link::reconnect`].
     pub fn reconnect(&mut self, now: Duration) {
-        self.log.say(now, format_args!("a new connection"));
+        self.log.line(now, format_args!("a new connection"));
         self.link.reconnect();
     }
 
@@ -182,7 +182,7 @@ impl Wire {
             return next;
         }
         let late = self.polls.log_uniform(Duration::from_millis(1), Duration::from_secs(5));
-        self.log.say(next, format_args!("both ends are polled {late:?} late"));
+        self.log.line(next, format_args!("both ends are polled {late:?} late"));
         next + late
     }
 
@@ -193,7 +193,7 @@ impl Wire {
 
     /// Neither the link nor its polls commit a fault from now on.
     pub fn heal(&mut self, now: Duration) {
-        self.log.say(now, format_args!("no more faults"));
+        self.log.line(now, format_args!("no more faults"));
         self.late_polls = 0.0;
         self.link.heal();
     }
@@ -208,7 +208,7 @@ impl Wire {
         Mark(self.sent[0].len(), self.sent[1].len())
     }
 
-    /// Adds the faults, and what was damaged. Gives the good messages that damage made, of at most `longest` bytes.
+    /// Adds the faults, and what was corrupt. Returns the valid messages that corruption made, of at most `longest` bytes.
     pub fn settle(
         &self,
         now: Duration,
@@ -219,14 +219,14 @@ impl Wire {
         tally.faults += self.link.counts();
         let mut found: Vec<Unseen> = Vec::new();
         for from in [End::A, End::B] {
-            let (sent, heard) = (&self.sent[index(from)], &self.heard[index(from)]);
+            let (sent, received) = (&self.sent[index(from)], &self.received[index(from)]);
             let mut searched = 0;
-            for hurt in sent.iter().filter(|sent| sent.damaged && sent.start < sent.end) {
-                tally.damaged += 1;
+            for hurt in sent.iter().filter(|sent| sent.corrupt && sent.start < sent.end) {
+                tally.corrupt += 1;
                 let first = searched.max(hurt.start.saturating_sub(longest));
                 searched = searched.max(hurt.end);
                 for start in first..hurt.end {
-                    let len = match check(from, heard.get(start..).unwrap_or_default()) {
+                    let len = match check(from, received.get(start..).unwrap_or_default()) {
                         Check::Nothing => continue,
                         Check::Refused => {
                             tally.refused += 1;
@@ -237,10 +237,10 @@ impl Wire {
                     let end = start + len;
                     let first = sent.partition_point(|sent| sent.end <= start);
                     let last = sent.partition_point(|sent| sent.start < end).saturating_sub(1);
-                    let made_of = sent.get(first..=last).unwrap_or_default();
-                    let bytes = heard[start..end].to_vec();
-                    if made_of.iter().any(|sent| sent.damaged)
-                        && made_of.iter().all(|sent| sent.bytes != bytes)
+                    let sources = sent.get(first..=last).unwrap_or_default();
+                    let bytes = received[start..end].to_vec();
+                    if sources.iter().any(|sent| sent.corrupt)
+                        && sources.iter().all(|sent| sent.bytes != bytes)
                     {
                         found.push(Unseen { from, first, last, bytes });
                     }
@@ -250,7 +250,7 @@ impl Wire {
         tally.unseen += found.len() as u64;
         for unseen in &found {
             let (to, shown) = (self.names[index(unseen.from.other())], self.shown(&unseen.bytes));
-            self.log.say(now, format_args!("damage has made a good message for {to}: {shown}"));
+            self.log.line(now, format_args!("corruption has made a valid message for {to}: {shown}"));
         }
         found
     }
@@ -287,7 +287,7 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// Two equal bytes are a good message.
+    /// Two equal bytes are a valid message.
     fn pair(_: End, bytes: &[u8]) -> Check {
         match bytes {
             [a, b, ..] if a == b => Check::Good(2),
@@ -302,11 +302,11 @@ mod tests {
         for n in 0..messages {
             let message = [n as u8, n as u8];
             wire.send(End::A, MS * n as u32, &message);
-            let mut heard = Vec::new();
+            let mut received = Vec::new();
             while let Some(Delivery::Bytes(bytes)) = wire.receive(End::B, Duration::MAX) {
-                heard.extend(bytes);
+                received.extend(bytes);
             }
-            changed += usize::from(!heard.is_empty() && heard != message);
+            changed += usize::from(!received.is_empty() && received != message);
         }
         let mut tally = Tally::default();
         let unseen = wire.settle(Duration::ZERO, &mut tally, 2, pair);
@@ -314,11 +314,11 @@ mod tests {
     }
 
     #[test]
-    fn damage_that_the_check_cannot_see_is_found_and_other_damage_is_not() {
+    fn corruption_that_the_check_cannot_see_is_found_and_no_other() {
         let (tally, unseen, changed) = run(Faults { flip: 0.3, ..Faults::NONE }, 2000);
-        assert_eq!(tally.damaged as usize, changed);
+        assert_eq!(tally.corrupt as usize, changed);
         // Both bytes are hit in the same place: 9 % of messages, 1 in 8 of them. The last byte of one message and the first
-        // of the next are side by side too, which only damage can make equal.
+        // of the next are next to one another too, which only corruption can make equal.
         assert!(unseen.len() > 15 && tally.unseen == unseen.len() as u64, "{}", unseen.len());
         assert!(unseen.iter().all(|unseen| unseen.bytes[0] == unseen.bytes[1]));
         let both = unseen.iter().find(|unseen| unseen.first == unseen.last).unwrap();
@@ -331,7 +331,7 @@ mod tests {
     fn a_clean_line_and_whole_losses_make_no_message() {
         for faults in [Faults::NONE, Faults { lose: 0.3, flip: 1e-12, ..Faults::NONE }] {
             let (tally, unseen, _) = run(faults, 300);
-            assert_eq!((tally.damaged, unseen), (0, vec![]));
+            assert_eq!((tally.corrupt, unseen), (0, vec![]));
         }
     }
 }

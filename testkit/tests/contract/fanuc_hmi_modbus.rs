@@ -44,7 +44,7 @@ impl<const RTU: bool> End for Client<RTU> {
     }
 
     fn request(client: &mut Self::Session, _: Duration, rng: &mut Rng) {
-        let request = Request::ReadHoldingRegisters { address: 0, count: 1 + rng.below(40) as u16 };
+        let request = Request::ReadHoldingRegisters { address: 0, quantity: 1 + rng.below(40) as u16 };
         // Too many in flight: nothing changes then.
         let _ = client.request(rng.below(3) as u8, &request);
     }

@@ -4,7 +4,7 @@ use laser_eb90::{DecodeError, Decoder, Frame, MAX_PAYLOAD, Payload, Profile};
 use robot_session::{Decoder as _, Encode as _};
 use serde::de::DeserializeSeed as _;
 use serde_json::{Value, json};
-use testkit::chunking::{behind_a_cut, chunkings};
+use testkit::chunking::{after_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};
 
 fn profile(vector: &Vector) -> Profile {
@@ -103,7 +103,7 @@ fn glued_vectors_are_two_frames() {
 fn a_frame_behind_a_cut_one_is_found() {
     for v in vectors("laser-eb90").iter().filter(|v| v.result == Outcome::Valid) {
         let message = v.message.clone().unwrap();
-        for stream in behind_a_cut(&v.hex, &v.hex) {
+        for stream in after_a_cut(&v.hex, &v.hex) {
             let found = decode(&profile(v), &[&stream]);
             if stream.len() == 2 * v.hex.len() - 1 && v.hex.last() == Some(&0xEB) {
                 assert_eq!(found[0].0, Ok(message.clone()));

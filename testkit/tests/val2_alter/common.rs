@@ -91,10 +91,10 @@ impl Cell {
     pub fn offset(&self) -> [i32; 6] {
         let mut offset = [0; 6];
         for (axis, offset) in offset.iter_mut().enumerate() {
-            let values = self.applied.iter().map(|values| i32::from(values[axis]));
+            let mut values = self.applied.iter().map(|values| i32::from(values[axis]));
             *offset = match self.controller.config().mode.accumulation() {
                 Accumulation::Cumulative => values.sum(),
-                Accumulation::NonCumulative => values.last().unwrap_or_default(),
+                Accumulation::NonCumulative => values.next_back().unwrap_or_default(),
             };
         }
         offset

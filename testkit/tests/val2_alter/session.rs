@@ -365,11 +365,11 @@ fn an_event_queue_that_nobody_reads_drops_the_oldest_notice_and_no_outcome() {
 #[test]
 fn a_gap_ends_a_frame() {
     let frame = b"\x10\x10\x02\xA0\x17\x10\x03\xB7";
-    for (gap, heard) in [(Some(4 * MS), false), (None, true), (Some(40 * MS), true)] {
+    for (gap, received) in [(Some(4 * MS), false), (None, true), (Some(40 * MS), true)] {
         let mut host = connected(HostConfig { gap, ..HostConfig::default() });
         host.handle_input(MS, &frame[..5]);
         host.handle_input(6 * MS, &frame[5..]);
-        assert_eq!(host.state() == HostState::Starting, heard, "{gap:?}");
+        assert_eq!(host.state() == HostState::Starting, received, "{gap:?}");
     }
 }
 
@@ -379,7 +379,7 @@ fn a_gap_ends_a_frame() {
 fn a_bad_line_is_survived() {
     let limits = Limits { velocity: [60; 6], acceleration: [7; 6] };
     let faults = Faults { latency: Duration::ZERO, max_delay: 3 * MS, ..Faults::SERIAL };
-    let (mut cycles, mut starts, mut damaged) = (0, 0, 0);
+    let (mut cycles, mut starts, mut corrupt) = (0, 0, 0);
     for seed in 0..20 {
         let (host, controller) = plain();
         let mut cell = Cell::with_faults(HostConfig { limits, ..host }, controller, seed, faults);
@@ -393,9 +393,9 @@ fn a_bad_line_is_survived() {
         assert!(cell.applied.iter().flatten().all(|value| value.abs() <= 60), "seed {seed}");
         cycles += cell.host.statistics().replies;
         starts += cell.host.statistics().starts;
-        damaged += cell.link.counts().damage();
+        corrupt += cell.link.counts().corruption();
         assert_eq!(cell.host.statistics().dropped_notices, 0);
     }
-    println!("{cycles} replies, {starts} starts, {damaged} faults");
-    assert!(cycles > 10_000 && starts > 500 && damaged > 2_000, "{cycles} {starts} {damaged}");
+    println!("{cycles} replies, {starts} starts, {corrupt} faults");
+    assert!(cycles > 10_000 && starts > 500 && corrupt > 2_000, "{cycles} {starts} {corrupt}");
 }

@@ -3,7 +3,7 @@ use robot_session::Decoder as _;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use testkit::chunking::{behind_a_cut, chunkings};
+use testkit::chunking::{after_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};
 use val2_alter::{DecodeError, Decoder, Frame, Framing, HostMessage, Message, Received, RobotMessage};
 
@@ -110,16 +110,16 @@ fn each_vector_behind_each() {
 fn check_behind_a_cut<M: Message>(all: &[Vector], side: &str) -> usize {
     let valid = from(all, side).filter(|vector| vector.result == Outcome::Valid);
     let mut count = 0;
-    for damaged in valid.clone() {
-        for good in valid.clone().filter(|good| good.options == damaged.options) {
+    for corrupt in valid.clone() {
+        for good in valid.clone().filter(|good| good.options == corrupt.options) {
             let framing = framing(good);
             let [message] = messages(&read::<M>(framing, &[&good.hex]))[..] else { panic!() };
             if !message.is_plausible() {
                 continue;
             }
-            for stream in behind_a_cut(&damaged.hex, &good.hex) {
+            for stream in after_a_cut(&corrupt.hex, &good.hex) {
                 let got = messages(&read::<M>(framing, &[&stream]));
-                assert_eq!(got.last(), Some(&message), "{} cut, then {}: {stream:02X?}", damaged.id, good.id);
+                assert_eq!(got.last(), Some(&message), "{} cut, then {}: {stream:02X?}", corrupt.id, good.id);
                 count += 1;
             }
         }

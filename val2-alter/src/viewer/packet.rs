@@ -10,7 +10,7 @@ use crate::{EncodeError, Transform};
 ///       └ counts the packets, 0..=65535, then from 0 again
 /// ```
 ///
-/// The twelve integers are the words of a transformation in the layout [`Layout::COLUMNS`](crate::Layout::COLUMNS): the
+/// The twelve integers are the words of a transformation by columns: the
 /// columns n, o, a of the rotation, 16384 being 1.0, then the position in 1/32 mm. No blanks, no plus signs, no leading
 /// zeros. The sum is made as in NMEA 0183.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

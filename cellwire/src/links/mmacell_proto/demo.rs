@@ -436,8 +436,8 @@ mod tests {
         let mut cell = Cell::new(1, false, MotionFaults::default()).unwrap();
         let at = Duration::from_secs;
         cell.drop_part(at(3));
-        let mut log = super::super::central::Log::default();
-        log.steps = vec![(at(1), Step::AwaitPlace), (at(2), Step::Release), (at(4), Step::Blow)];
+        let steps = vec![(at(1), Step::AwaitPlace), (at(2), Step::Release), (at(4), Step::Blow)];
+        let mut log = super::super::central::Log { steps, ..Default::default() };
         let report = report(&log, &cell, false, 1);
         assert!(!report.is_good());
         assert_eq!(report.to_json()["let_go_elsewhere"], 1);

@@ -491,11 +491,11 @@ impl Setup {
         let truth = core::mem::replace(&mut world.truth, UNKNOWN);
         match drive(&mut world.central, CentralInput::Reply(reply), &self.central, edges) {
             Ok(CentralAction::Report(CentralEvent::Status { motion, .. })) => match motion {
+                // After a reset only the servo motors can be judged.
+                Progress::Missed(mmacell_proto::Miss::ServoOff)
+                    if world.target.is_none() && world.resets() => {}
                 Progress::Arrived | Progress::Missed(_) if world.target.is_none() => {
-                    // After a reset only the servo motors can be judged.
-                    if !(motion == Progress::Missed(mmacell_proto::Miss::ServoOff) && world.resets()) {
-                        world.wrong = Some(NO_TARGET);
-                    }
+                    world.wrong = Some(NO_TARGET);
                 }
                 Progress::Arrived if truth.moves || !truth.servo || world.target != Some(truth.at) => {
                     world.wrong = Some(ARRIVED);

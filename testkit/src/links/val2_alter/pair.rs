@@ -399,9 +399,8 @@ impl System for Alter {
         if world.controller.due(Duration::ZERO).is_some() {
             return fates(Act::Send(Fate::Good), Act::Send, acts);
         }
-        match world.down {
-            Some((_, 0)) => return acts.push(Act::Read),
-            Some(_) | None => {}
+        if let Some((_, 0)) = world.down {
+            return acts.push(Act::Read);
         }
         if let Some((_, 0)) = world.up {
             return acts.push(Act::Arrive);

@@ -110,7 +110,8 @@ pub enum Unselected {
 }
 
 impl Unselected {
-    pub(super) fn holds(self, accumulation: Accumulation) -> bool {
+    /// Whether a word that is not transmitted stays as it was.
+    pub fn holds(self, accumulation: Accumulation) -> bool {
         match self {
             Self::ByMode => accumulation == Accumulation::NonCumulative,
             Self::Hold => true,

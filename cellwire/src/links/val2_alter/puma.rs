@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{
     AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Frame, Mode,
-    Motion, SegmentStatus,
+    Motion, Reply, SegmentStatus,
 };
 
 use super::arm::{Arm, ArmConfig};
@@ -195,6 +195,8 @@ struct Puma {
     resume_at: Option<Duration>,
     request: Option<Request>,
     stands_at: Option<Pose>,
+    /// The values that the controller applied last.
+    words: [i16; AXES],
 }
 
 /// The request that is being answered.
@@ -218,6 +220,7 @@ impl Puma {
             resume_at: None,
             request: None,
             stands_at: None,
+            words: [0; AXES],
         })
     }
 
@@ -280,6 +283,7 @@ impl Puma {
         while let Some(event) = self.controller.poll_event() {
             match event {
                 ControllerEvent::Started => {
+                    self.words = [0; AXES];
                     self.arm.begin();
                     let pose = self.arm.pose();
                     if let Some(stood) = self.stands_at.take() {
@@ -289,7 +293,7 @@ impl Puma {
                 }
                 ControllerEvent::Refused => self.off(PumaEvent::Refused),
                 ControllerEvent::GaveUp => self.off(PumaEvent::GaveUp),
-                ControllerEvent::Reply(_) => self.measure(),
+                ControllerEvent::Reply(reply) => self.measure(&reply),
                 ControllerEvent::BadReply(code) => {
                     if !matches!(self.controller.state(), ControllerState::Starting | ControllerState::Off) {
                         self.record.without.push(now + self.record.stood);
@@ -324,8 +328,14 @@ impl Puma {
         record.starts = stats.starts;
     }
 
-    fn measure(&mut self) {
-        let values = self.controller.values();
+    /// By now the controller may be at rest again: what it applied is in the reply.
+    fn measure(&mut self, reply: &Reply) {
+        let config = &self.config.controller;
+        let holds = config.unselected.holds(config.mode.accumulation());
+        for (word, sent) in self.words.iter_mut().zip(reply.values) {
+            *word = sent.unwrap_or(if holds { *word } else { 0 });
+        }
+        let values = self.words;
         self.arm.take(values);
         let Some(Request { arrived, window, first_byte: Some(first), last_byte }) = self.request.take()
         else {

@@ -1,7 +1,8 @@
 use core::time::Duration;
 
 use fanuc_hmi_modbus::{
-    ClientConfig, Decoder, Exception, Framing, Registers, Request, ServerConfig, Side, WordsMut,
+    ClientConfig, ClientEvent, Decoder, Exception, Framing, Registers, Request, ServerConfig, ServerEvent,
+    Side, WordsMut,
 };
 use serde_json::json;
 use testkit::contract::{self, End};
@@ -13,9 +14,9 @@ const BAUD: u32 = 19_200;
 
 pub fn decoder() {
     for (from, side) in [("client", Side::Client), ("server", Side::Server)] {
-        // A corrupt length is a frame that ends elsewhere: the next one is within it.
+        // A corrupt length may take all that follows: TCP itself corrupts nothing.
         let frames = super::frames(LINK, Some(from));
-        contract::decoder("modbus, TCP", || Decoder::new(Framing::Tcp, side), &frames, 1);
+        contract::decoder("modbus, TCP", || Decoder::new(Framing::Tcp, side), &frames, 6);
         let rtu = Framing::Rtu { silence: Duration::from_millis(4) };
         let mut frames = vectors(LINK);
         frames.retain(|v| v.result == Outcome::Valid && v.from.as_deref() == Some(from));
@@ -52,6 +53,10 @@ impl<const RTU: bool> End for Client<RTU> {
     fn message(rng: &mut Rng) -> Vec<u8> {
         super::any_frame(LINK, Some("server"), rng)
     }
+
+    fn is_provisional(event: &ClientEvent) -> bool {
+        matches!(event, ClientEvent::OutOfStep(_))
+    }
 }
 
 /// Holds a hundred numbers.
@@ -81,5 +86,9 @@ impl<const RTU: bool> End for Server<RTU> {
 
     fn message(rng: &mut Rng) -> Vec<u8> {
         super::any_frame(LINK, Some("client"), rng)
+    }
+
+    fn is_provisional(event: &ServerEvent) -> bool {
+        matches!(event, ServerEvent::OutOfStep(_))
     }
 }

@@ -8,15 +8,15 @@ use crate::framing::Framing;
 
 /// Finds the frames in a stream, whatever the pieces that it arrives in, and its feet again after corruption.
 ///
-/// 1. [`push`](Self::push) what arrived, 2. call [`next_frame`](Self::next_frame) until it gives `None`. On a serial line, when
-///    nothing has arrived for 3.5 characters, call [`finish`](Self::finish) and drain the frames before you push on; at the end
+/// 1. [`push`](robot_session::Decoder::push) what arrived, 2. call [`next_frame`](robot_session::Decoder::next_frame) until it gives `None`. On a serial line, when
+///    nothing has arrived for 3.5 characters, call [`finish`](robot_session::Decoder::finish) and drain the frames before you push on; at the end
 ///    of any stream, the same.
 ///
 /// Frames and errors tile the stream: an error covers everything up to the next frame, and is given when that is found, or
-/// [`finish`](Self::finish) says that there is none; [`corruption`](Self::corruption) tells at once. How the stream was cut into reads
+/// [`finish`](robot_session::Decoder::finish) says that there is none; [`corruption`](Self::corruption) tells at once. How the stream was cut into reads
 /// changes neither frames nor errors.
 ///
-/// - TCP loses no bytes, so a bad header means that the peer is out of step: best close the connection and [`reset`](Self::reset).
+/// - TCP loses no bytes, so a bad header means that the peer is out of step: best close the connection and [`clear`](robot_session::Decoder::clear).
 ///   A caller who goes on gets the next frame whose header can be one; a frame of another protocol is skipped as a whole.
 /// - On RTU, behind a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins; of two that end
 ///   together it is the longer. Noise that looks like the beginning of a long frame is seen through at the latest when the line

@@ -124,6 +124,30 @@ fn check_message<P: Pose>(kind: u8, percent: u8, number: i32, axes: [i32; 4], po
     }
 }
 
+/// Takes the events: each outcome is that of the command that is not finished.
+fn settle(session: &mut Central<RobotPose>, outstanding: &mut Option<Command<RobotPose>>) {
+    while let Some(event) = session.poll_event() {
+        match event {
+            CentralEvent::Done { command }
+            | CentralEvent::Refused { command, .. }
+            | CentralEvent::Aborted { command } => assert_eq!(outstanding.take(), Some(command)),
+            CentralEvent::Status { .. } => assert_eq!(outstanding.take(), Some(Command::Status)),
+            CentralEvent::Closed { reason: mmacell_proto::Closing::Agreed, .. } => {
+                assert_eq!(outstanding.take(), Some(Command::Close));
+            }
+            CentralEvent::Closed { unfinished, .. } => {
+                let command = match unfinished {
+                    Unfinished::Nothing => None,
+                    Unfinished::NotSent(command) | Unfinished::Unknown(command) => Some(command),
+                };
+                assert_eq!(outstanding.take(), command, "the command that is not finished is given back");
+            }
+            CentralEvent::Connected | CentralEvent::Unexpected(_) => {}
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
 /// Steps of an operation, a pause, a length, and so many bytes from the line.
 pub fn mmacell_proto_central(mut data: &[u8]) {
     let mut session = Central::<RobotPose>::new(CentralConfig::DEFAULT).expect("the defaults work");
@@ -140,6 +164,7 @@ pub fn mmacell_proto_central(mut data: &[u8]) {
             0xFD => session.abort(now),
             _ => {}
         }
+        settle(&mut session, &mut outstanding);
         let command = any_command(*operation);
         if session.request(command).is_ok() {
             assert_eq!(outstanding.replace(command), None, "one command at a time");
@@ -149,26 +174,7 @@ pub fn mmacell_proto_central(mut data: &[u8]) {
         session.handle_input(now, bytes);
         session.handle_timeout(now);
         assert!(session.poll_timeout().is_none_or(|at| at > now));
-        while let Some(event) = session.poll_event() {
-            match event {
-                CentralEvent::Done { command }
-                | CentralEvent::Refused { command, .. }
-                | CentralEvent::Aborted { command } => assert_eq!(outstanding.take(), Some(command)),
-                CentralEvent::Status { .. } => assert_eq!(outstanding.take(), Some(Command::Status)),
-                CentralEvent::Closed { reason: mmacell_proto::Closing::Agreed, .. } => {
-                    assert_eq!(outstanding.take(), Some(Command::Close));
-                }
-                CentralEvent::Closed { unfinished, .. } => {
-                    let command = match unfinished {
-                        Unfinished::Nothing => None,
-                        Unfinished::NotSent(command) | Unfinished::Unknown(command) => Some(command),
-                    };
-                    assert_eq!(outstanding.take(), command, "the command that is not finished is given back");
-                }
-                CentralEvent::Connected | CentralEvent::Unexpected(_) => {}
-                other => panic!("{other:?}"),
-            }
-        }
+        settle(&mut session, &mut outstanding);
         assert!(outstanding.is_none() || !session.is_idle());
     }
 }

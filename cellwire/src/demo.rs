@@ -15,8 +15,8 @@ use crate::trace::TraceArgs;
 
 /// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
 ///
-/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated and every budget was met at p99.
-/// Delays because another program had the processor are counted and shown, and the links recover from them.
+/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated. A time above its budget at p99 is
+/// reported, and fails the demo with --check-times: when another program has the processor, the links recover from the delay.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The links to run [default: all]
@@ -27,6 +27,9 @@ pub struct Args {
     /// Insert the faults that the link's transport can have
     #[arg(long)]
     faults: bool,
+    /// Fail when a time is above its budget at p99: for a machine on which nothing else runs
+    #[arg(long)]
+    check_times: bool,
     /// The seed of the faults: the same seed gives the same faults
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -98,7 +101,7 @@ pub fn run(args: &Args) -> Result<bool> {
         };
         let report = link.demo(&options)?;
         progress.finish_and_clear();
-        all &= report.is_good();
+        all &= report.is_good() && (report.is_in_time() || !args.check_times);
         if args.json {
             writeln!(out, "{}", report.to_json())?;
         } else {

@@ -8,13 +8,14 @@ use hdrhistogram::Histogram;
 use serde_json::{Map, Value, json};
 
 /// The result of one link's demo.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Report {
     title: String,
     object: Map<String, Value>,
     facts: Vec<(String, String)>,
     timings: Vec<[String; 6]>,
     failures: Vec<String>,
+    over_budget: Vec<String>,
 }
 
 /// What the source allows, for the p99 of a timing.
@@ -31,7 +32,7 @@ impl Report {
     pub fn new(link: &str, title: impl Into<String>) -> Self {
         let title = format!("{link}: {}", title.into());
         let object = Map::from_iter([("link".into(), json!(link))]);
-        Self { title, object, facts: Vec::new(), timings: Vec::new(), failures: Vec::new() }
+        Self { title, object, ..Self::default() }
     }
 
     /// A row of the table, and a field of the object.
@@ -58,8 +59,8 @@ impl Report {
         self.require(jobs.repeated == 0, || format!("{} jobs were executed more than once", jobs.repeated));
     }
 
-    /// Adds a row with p50, p99, max and the budget. A p99 above the budget is a failure. In a short run, where the p99 is nearly
-    /// the maximum, three samples may be above the budget: on a shared machine other programs cause that many delays.
+    /// Adds a row with p50, p99, max and the budget. A p99 above the budget is reported; it is no failure, because other programs of
+    /// a shared machine cause it too. In a short run, where the p99 is nearly the maximum, three samples may be above the budget.
     pub fn timing(&mut self, key: &str, label: &str, samples: &Samples, budget: Option<Budget>) {
         let [p50, p99, max] = [samples.at(0.5), samples.at(0.99), samples.max()];
         let mut object = json!({"count": samples.count(), "p50_us": micros(p50), "p99_us": micros(p99), "max_us": micros(max)});
@@ -72,14 +73,11 @@ impl Report {
                     object.insert("budget_us".into(), micros(budget.time));
                     object.insert("margin_us".into(), json!((margin * 1e6).round()));
                 }
-                self.require(judged <= budget.time, || {
-                    format!(
-                        "{label}: p99 is {}, the budget {} ({})",
-                        show(p99),
-                        show(budget.time),
-                        budget.source
-                    )
-                });
+                if judged > budget.time {
+                    let (p99, time) = (show(p99), show(budget.time));
+                    self.over_budget
+                        .push(format!("{label}: p99 is {p99}, the budget {time} ({})", budget.source));
+                }
                 (format!("{} ({})", show(budget.time), budget.source), format!("{:.2} ms", margin * 1e3))
             }
         };
@@ -99,6 +97,11 @@ impl Report {
         self.failures.is_empty()
     }
 
+    /// Whether every timing was within its budget.
+    pub fn is_in_time(&self) -> bool {
+        self.over_budget.is_empty()
+    }
+
     /// The title and the tables, without whether every promise was kept.
     pub fn figures(&self) -> impl fmt::Display + '_ {
         Figures(self)
@@ -109,6 +112,7 @@ impl Report {
         let mut object = self.object.clone();
         object.insert("ok".into(), json!(self.is_good()));
         object.insert("failures".into(), json!(self.failures));
+        object.insert("over_budget".into(), json!(self.over_budget));
         Value::Object(object)
     }
 }
@@ -116,6 +120,7 @@ impl Report {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.figures())?;
+        self.over_budget.iter().try_for_each(|time| writeln!(f, "over budget: {time}"))?;
         if self.is_good() {
             return writeln!(f, "every promise kept");
         }
@@ -243,15 +248,15 @@ mod tests {
             let budget = Some(Budget { time: Duration::from_millis(5), source: "§1" });
             let mut report = Report::new("x", "y");
             report.timing("t", "t", &samples, budget);
-            assert!(report.is_good(), "{late} of {count}");
+            assert!(report.is_in_time(), "{late} of {count}");
             samples.add(Duration::from_millis(9));
             report.timing("t", "t", &samples, budget);
-            assert!(!report.is_good(), "one more than {late} of {count}");
+            assert!(!report.is_in_time(), "one more than {late} of {count}");
         }
     }
 
     #[test]
-    fn a_late_p99_and_a_lost_job_are_failures() {
+    fn a_late_p99_is_reported_and_a_lost_job_is_a_failure() {
         let mut samples = Samples::default();
         (1..=100).for_each(|ms| samples.add(Duration::from_millis(ms)));
         let mut report = Report::new("x", "y");
@@ -261,19 +266,20 @@ mod tests {
             &samples,
             Some(Budget { time: Duration::from_millis(110), source: "§9.4" }),
         );
-        assert!(report.is_good());
+        assert!(report.is_in_time());
         report.timing(
             "turn_around",
             "turn-around",
             &samples,
             Some(Budget { time: Duration::from_millis(90), source: "§9.4" }),
         );
+        assert!(report.is_good() && !report.is_in_time());
         report.jobs(Jobs { sent: 2, executed_once: 1, lost: 1, ..Jobs::default() });
         let object = report.to_json();
         assert_eq!(object["ok"], false);
-        assert_eq!(
-            object["failures"],
-            json!(["turn-around: p99 is 99.01 ms, the budget 90.00 ms (§9.4)", "1 jobs were lost"])
-        );
+        assert_eq!(object["failures"], json!(["1 jobs were lost"]));
+        let over = "turn-around: p99 is 99.01 ms, the budget 90.00 ms (§9.4)";
+        assert_eq!(object["over_budget"], json!([over]));
+        assert!(report.to_string().ends_with(&format!("over budget: {over}\nFAILED: 1 jobs were lost\n")));
     }
 }

@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_is_cut_short_is_said_to_be() {
+    fn a_picture_that_is_cut_short_is_reported() {
         // The pen needs more than two seconds to the first corner: that job is finished, the others are taken back.
         let (file, mut options) = (square("short"), options(&[("speed", 40), ("queue", 4)]));
         (options.drawing, options.seconds) = (Some(file.clone()), Some(Duration::from_secs(1)));

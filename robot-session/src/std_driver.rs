@@ -5,6 +5,7 @@ use core::time::Duration;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::sync::OnceLock;
+use std::thread;
 use std::time::Instant;
 use std::vec;
 use std::vec::Vec;
@@ -13,6 +14,11 @@ use crate::session::Session;
 
 /// What carries bytes: a TCP connection, a serial port, a pseudo-terminal, a connected UDP socket.
 pub trait Transport {
+    /// The time that the session is given: [`now`], unless what carries the bytes has a clock of its own, as a simulated line has.
+    fn now(&self) -> Duration {
+        now()
+    }
+
     /// Reads what has arrived, or waits until something does, but no longer than `wait`; `None` is without limit.
     ///
     /// # Errors
@@ -42,7 +48,7 @@ pub enum Received {
 pub enum Sent {
     /// In a buffer of the system.
     Buffered,
-    /// The last one has left the port: the session is told, see [`Session::handle_transmitted`].
+    /// The last one has left the port: the driver calls [`Session::handle_transmitted`].
     Transmitted,
 }
 
@@ -72,7 +78,7 @@ pub fn drive<S: Session, B>(
     mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
 ) -> io::Result<Ended<B>> {
     let mut driver = Driver::new(transport);
-    session.handle_connected(now());
+    session.handle_connected(driver.transport.now());
     let ended = loop {
         match driver.turn(session, None, &mut handler) {
             Ok(ControlFlow::Continue(())) => {}
@@ -80,13 +86,11 @@ pub fn drive<S: Session, B>(
             Err(error) => break Err(error),
         }
     };
-    session.handle_disconnected(now());
-    while let Some(event) = session.poll_event() {
-        if let ControlFlow::Break(value) = handler(session, event) {
-            return ended.map(|_| Ended::ByHandler(value));
-        }
+    session.handle_disconnected(driver.transport.now());
+    match report(session, &mut handler) {
+        ControlFlow::Continue(()) => ended,
+        ControlFlow::Break(value) => ended.map(|_| Ended::ByHandler(value)),
     }
-    ended
 }
 
 /// A transport and the buffers of its loop: for a caller who has something else to do between two turns.
@@ -107,7 +111,7 @@ impl<T: Transport> Driver<T> {
     }
 
     /// One turn: events, then what is to be sent, then one wait for bytes, until the session's timeout at most and no longer
-    /// than `wait`.
+    /// than `wait`, then the events of that. When it returns, every event was given to `handler`, unless that broke.
     ///
     /// # Errors
     /// The transport's.
@@ -117,31 +121,27 @@ impl<T: Transport> Driver<T> {
         wait: Option<Duration>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        while let Some(event) = session.poll_event() {
-            if let ControlFlow::Break(value) = handler(session, event) {
-                return Ok(ControlFlow::Break(Ended::ByHandler(value)));
-            }
+        if let ControlFlow::Break(value) = report(session, &mut handler) {
+            return Ok(ControlFlow::Break(Ended::ByHandler(value)));
         }
+        let transport = &mut self.transport;
         self.out.resize(S::MAX_TRANSMIT, 0);
-        while let Some(length) = session.poll_transmit(now(), &mut self.out) {
-            if self.transport.send(self.out.get(..length).unwrap_or_default())? == Sent::Transmitted {
-                session.handle_transmitted(now());
+        while let Some(length) = session.poll_transmit(transport.now(), &mut self.out) {
+            if transport.send(self.out.get(..length).unwrap_or_default())? == Sent::Transmitted {
+                session.handle_transmitted(transport.now());
             }
         }
-        let due = session.poll_timeout().map(|at| at.saturating_sub(now()));
-        let wait = match (due, wait) {
-            (Some(due), Some(wait)) => Some(due.min(wait)),
-            (due, wait) => due.or(wait),
-        };
-        match self.transport.receive(&mut self.input, wait)? {
+        let due = session.poll_timeout().map(|at| at.saturating_sub(transport.now()));
+        let wait = due.into_iter().chain(wait).min();
+        match transport.receive(&mut self.input, wait)? {
             Received::Bytes(length) => {
-                session.handle_input(now(), self.input.get(..length).unwrap_or_default());
+                session.handle_input(transport.now(), self.input.get(..length).unwrap_or_default());
             }
             Received::Nothing => {}
             Received::Closed => return Ok(ControlFlow::Break(Ended::ByPeer)),
         }
-        session.handle_timeout(now());
-        Ok(ControlFlow::Continue(()))
+        session.handle_timeout(transport.now());
+        Ok(report(session, &mut handler).map_break(Ended::ByHandler))
     }
 
     /// The transport.
@@ -150,7 +150,22 @@ impl<T: Transport> Driver<T> {
     }
 }
 
+/// Gives every event to `handler`.
+pub(crate) fn report<S: Session, B>(
+    session: &mut S,
+    handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+) -> ControlFlow<B> {
+    while let Some(event) = session.poll_event() {
+        handler(session, event)?;
+    }
+    ControlFlow::Continue(())
+}
+
 impl<T: Transport + ?Sized> Transport for &mut T {
+    fn now(&self) -> Duration {
+        (**self).now()
+    }
+
     fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
         (**self).receive(buffer, wait)
     }
@@ -160,15 +175,33 @@ impl<T: Transport + ?Sized> Transport for &mut T {
     }
 }
 
+/// A socket's own time limit is rounded up, to 4 ms and more on many systems: what is left of a wait is waited in short sleeps.
+const ROUNDED: Duration = Duration::from_millis(10);
+const SLEEP: Duration = Duration::from_micros(250);
+
 impl Transport for TcpStream {
     fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        // Zero would be without limit.
-        self.set_read_timeout(wait.map(|wait| wait.max(Duration::from_micros(1))))?;
-        match self.read(buffer) {
-            Ok(0) => Ok(Received::Closed),
-            Ok(length) => Ok(Received::Bytes(length)),
-            Err(error) if is_silence(&error) => Ok(Received::Nothing),
-            Err(error) => Err(error),
+        let until = wait.map(|wait| now().saturating_add(wait));
+        loop {
+            let left = until.map(|until| until.saturating_sub(now()));
+            let is_short = left.is_some_and(|left| left <= ROUNDED);
+            let outcome = if is_short {
+                self.set_nonblocking(true)?;
+                let outcome = self.read(buffer);
+                self.set_nonblocking(false)?;
+                outcome
+            } else {
+                self.set_read_timeout(left.map(|left| left.saturating_sub(ROUNDED).max(SLEEP)))?;
+                self.read(buffer)
+            };
+            match outcome {
+                Ok(0) => return Ok(Received::Closed),
+                Ok(length) => return Ok(Received::Bytes(length)),
+                Err(error) if !is_silence(&error) => return Err(error),
+                Err(_) if left == Some(Duration::ZERO) => return Ok(Received::Nothing),
+                Err(_) if is_short => thread::sleep(left.unwrap_or_default().min(SLEEP)),
+                Err(_) => {}
+            }
         }
     }
 

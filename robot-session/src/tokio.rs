@@ -9,6 +9,7 @@ use std::vec::Vec;
 use ::tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
 use bytes::{Buf as _, BufMut as _, BytesMut};
 
+use crate::std_driver::report;
 use crate::{Decoder, Encode, Ended, Session, now};
 
 /// A decoder as a `tokio_util` codec. Corrupt bytes are an item of the stream and do not end it.
@@ -89,7 +90,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         Self { transport, input: vec![0; 65536], out: BytesMut::new() }
     }
 
-    /// One turn: events, then what is to be sent, then one wait for bytes or for the session's timeout.
+    /// One turn: events, then what is to be sent, then one wait for bytes or for the session's timeout, then the events of that.
     ///
     /// # Errors
     /// The transport's.
@@ -98,10 +99,8 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         session: &mut S,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        while let Some(event) = session.poll_event() {
-            if let ControlFlow::Break(value) = handler(session, event) {
-                return Ok(ControlFlow::Break(Ended::ByHandler(value)));
-            }
+        if let ControlFlow::Break(value) = report(session, &mut handler) {
+            return Ok(ControlFlow::Break(Ended::ByHandler(value)));
         }
         self.write().await?;
         loop {
@@ -126,7 +125,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
             None => {}
         }
         session.handle_timeout(now());
-        Ok(ControlFlow::Continue(()))
+        Ok(report(session, &mut handler).map_break(Ended::ByHandler))
     }
 
     /// Runs a session until `handler` breaks or the peer closes the connection, as [`drive`](crate::drive) does.
@@ -147,12 +146,10 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
             }
         };
         session.handle_disconnected(now());
-        while let Some(event) = session.poll_event() {
-            if let ControlFlow::Break(value) = handler(session, event) {
-                return ended.map(|_| Ended::ByHandler(value));
-            }
+        match report(session, &mut handler) {
+            ControlFlow::Continue(()) => ended,
+            ControlFlow::Break(value) => ended.map(|_| Ended::ByHandler(value)),
         }
-        ended
     }
 
     /// Writes what is left, cancel-safe: what a write has taken is gone from `out`.

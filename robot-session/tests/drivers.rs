@@ -142,3 +142,46 @@ fn a_transport_that_knows_reports_that_a_frame_has_left() {
     assert_eq!(error.kind(), io::ErrorKind::NotConnected);
     assert_eq!(seen.last(), Some(&Event::Disconnected), "an error of the transport ends the connection too");
 }
+
+/// A simulated line: a byte arrives each second of its own clock.
+struct Line(Duration, Vec<u8>);
+
+impl Transport for Line {
+    fn now(&self) -> Duration {
+        self.0
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        let second = Duration::from_secs(1);
+        let until = wait.map_or(Duration::MAX, |wait| self.0.saturating_add(wait));
+        if self.1.is_empty() || self.0 + second > until {
+            self.0 = until;
+            return Ok(Received::Nothing);
+        }
+        (self.0, buffer[0]) = (self.0 + second, self.1.remove(0));
+        Ok(Received::Bytes(1))
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.1.extend(bytes);
+        Ok(Sent::Buffered)
+    }
+}
+
+#[test]
+fn a_transport_may_have_a_clock_of_its_own() {
+    let (mut session, mut seen) = (Asker::new(&["abc", "longer"]), Vec::new());
+    session.timeout = Duration::from_secs(6);
+    let mut driver = Driver::new(Line(Duration::ZERO, Vec::new()));
+    session.handle_connected(driver.transport().now());
+    let mut times = Vec::new();
+    while seen.last() != Some(&Event::NoAnswer("longer".into())) {
+        let before = seen.len();
+        let turn = driver.turn(&mut session, None, until("longer", &mut seen)).unwrap();
+        assert!(turn.is_continue());
+        times.extend(seen[before..].iter().map(|_| driver.transport().now().as_secs()));
+    }
+    // Reported in the turn in which it arrived: three letters and the line feed.
+    assert_eq!(seen, [Event::Connected, answer("abc"), Event::NoAnswer("longer".into())]);
+    assert_eq!(times, [1, 4, 10]);
+}

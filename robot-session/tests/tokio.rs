@@ -44,8 +44,8 @@ async fn the_end_of_the_stream_and_a_timeout_are_seen() {
     let mut session = Asker::new(&["one"]);
     session.timeout = Duration::from_millis(20);
     let mut driver = Driver::new(near);
-    assert!(driver.turn(&mut session, go_on).await.unwrap().is_continue());
-    assert_eq!(session.poll_event(), Some(Event::NoAnswer("one".into())));
+    let turn = driver.turn(&mut session, |_, event| ControlFlow::Break(event)).await.unwrap();
+    assert_eq!(turn, ControlFlow::Break(Ended::ByHandler(Event::NoAnswer("one".into()))));
     drop(far);
     let ended = driver.turn(&mut session, go_on).await.unwrap();
     assert_eq!(ended, ControlFlow::Break(Ended::ByPeer));

@@ -15,6 +15,7 @@ pub mod decode;
 pub mod demo;
 pub mod device;
 pub mod drawing;
+pub mod drive;
 pub mod encode;
 pub mod fanuc;
 pub mod interrupt;

@@ -1,7 +1,7 @@
 //! The device's end of a simulated serial line, on which bytes take as long as on a real one.
 
 use std::collections::VecDeque;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -10,6 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use robot_session::{Received, Sent, Transport};
 use serialport::SerialPort;
 
 use crate::priority::{self, Rank};
@@ -81,6 +82,8 @@ impl LineFaults {
 #[allow(missing_debug_implementations, reason = "it holds a port")]
 pub struct Line {
     clock: Clock,
+    /// Until when its session has been driven.
+    driven: Duration,
     byte_time: Duration,
     incoming: Receiver<(Duration, Vec<u8>)>,
     writer: Box<dyn Write + Send>,
@@ -134,6 +137,7 @@ impl Line {
         });
         Self {
             clock,
+            driven: clock.now(),
             byte_time: Duration::from_secs_f64(10.0 / f64::from(baud)),
             incoming,
             writer,
@@ -238,6 +242,39 @@ impl Line {
             // An error means that the client has just disconnected: the bytes are lost.
             let _ = self.writer.write_all(&due);
         }
+    }
+}
+
+/// A session is driven through the times at which bytes have arrived and deadlines were due, one after the other, so that a
+/// process that is late makes neither of them late.
+impl Transport for Line {
+    fn now(&self) -> Duration {
+        self.driven
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        let until = wait.map_or(Duration::MAX, |wait| self.driven.saturating_add(wait));
+        let until = until.min(self.clock.now().max(self.driven) + READ_TIMEOUT);
+        if !self.wait(until) {
+            return Ok(Received::Closed);
+        }
+        let Some(first) = buffer.first_mut().filter(|_| self.receiving.next().is_some_and(|at| at <= until))
+        else {
+            self.driven = until;
+            return Ok(Received::Nothing);
+        };
+        Ok(match Line::receive(self) {
+            Some((at, byte)) => {
+                (self.driven, *first) = (self.driven.max(at), byte);
+                Received::Bytes(1)
+            }
+            None => Received::Nothing,
+        })
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        Line::send(self, bytes);
+        Ok(Sent::Buffered)
     }
 }
 

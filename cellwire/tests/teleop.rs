@@ -89,7 +89,7 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
     });
     let mut line = Line::over_port(ball_port, clock, 9600, off.start("ball")).unwrap();
     let stopped = Arc::clone(&stop);
-    let ball_thread = thread::spawn(move || ball::run(&mut line, clock, &stopped, |_| Ok(())));
+    let ball_thread = thread::spawn(move || ball::run(&mut line, &stopped, |_| Ok(())));
 
     let host = || {
         let config = TeleopConfig {

@@ -167,7 +167,7 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     thread::scope(|scope| {
         let robot = scope
             .spawn(|| (puma::run(&mut robot.line, clock, puma, &stop, |_, _| Ok(())), robot.line.faults()));
-        let ball = scope.spawn(|| (ball::run(&mut ball.line, clock, &stop, |_| Ok(())), ball.line.faults()));
+        let ball = scope.spawn(|| (ball::run(&mut ball.line, &stop, |_| Ok(())), ball.line.faults()));
         let viewer = scope
             .spawn(|| (workstation::run(&mut viewer.line, clock, &stop, |_| Ok(())), viewer.line.faults()));
         let host = drive(config, teleop, clock, progress);

@@ -1,29 +1,25 @@
 //! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
 
-use std::io;
 use std::net::{TcpListener, TcpStream};
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
-use std::time::Duration;
 
 use anyhow::{Result, bail};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, DecodeError, Exception, Frame, Registers, Server, ServerConfig, ServerEvent, Words,
-    WordsMut,
+    Bits, BitsMut, DecodeError, Exception, Registers, Server, ServerConfig, ServerEvent, Words, WordsMut,
 };
-use robot_session::{Ended, Received, Sent, Session as _, Transport};
+use robot_session::Ended;
 use serde_json::{Value, json};
 
 use super::controller::{Controller, circle};
 use super::{is_rtu, word_order};
 use crate::device;
 use crate::line::{Clock, Line};
-use crate::serial::READ_TIMEOUT;
 use crate::settings::Settings;
 use crate::simulate::{Endpoint, SimulateOptions, log, ready};
 use crate::tcp;
-use crate::trace::{Trace, Way};
+use crate::trace::{Trace, Traced};
 
 /// Who a controller is shared between: every connection sees the same registers.
 pub type Shared = Arc<Mutex<Controller>>;
@@ -99,7 +95,7 @@ fn serve_stream(
     stream.set_nodelay(true)?;
     let registers = Connection { controller: Arc::clone(controller), clock };
     let mut server = Server::<_, PLACES>::new(config, registers)?;
-    let transport = Traced { stream, trace, clock };
+    let transport = Traced::new(stream, trace, clock);
     let ended = robot_session::drive(&mut server, transport, |_, event| match report(event, tell) {
         Some(error) => ControlFlow::Break(error),
         None => ControlFlow::Continue(()),
@@ -114,24 +110,12 @@ fn serve_stream(
 fn serve_line(line: &mut Line, clock: Clock, controller: &Shared, config: ServerConfig) -> Result<()> {
     let registers = Connection { controller: Arc::clone(controller), clock };
     let mut server = Server::<_, PLACES>::new(config, registers)?;
-    let mut out = [0; Frame::MAX_LEN];
-    server.handle_connected(clock.now());
-    loop {
-        let due = server.poll_timeout().unwrap_or(clock.now() + READ_TIMEOUT);
-        if !line.wait(due) {
-            return Ok(());
-        }
-        while let Some((at, byte)) = line.receive() {
-            server.handle_input(at, &[byte]);
-        }
-        server.handle_timeout(clock.now());
-        while let Some(len) = server.poll_transmit(clock.now(), &mut out) {
-            line.send(out.get(..len).unwrap_or_default());
-        }
-        while let Some(event) = server.poll_event() {
-            report(event, &|event| drop(log(&event)));
-        }
-    }
+    robot_session::drive(&mut server, line, |_, event| {
+        // A line has no connection that could be closed.
+        report(event, &|event| drop(log(&event)));
+        ControlFlow::<()>::Continue(())
+    })?;
+    Ok(())
 }
 
 /// The replies that a connection holds: a client may send so many requests at once.
@@ -175,28 +159,6 @@ impl Registers for Connection {
 
     fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
         self.controller().write_registers(address, values)
-    }
-}
-
-/// A socket whose bytes are kept for a trace.
-struct Traced<'a> {
-    stream: TcpStream,
-    trace: &'a Trace,
-    clock: Clock,
-}
-
-impl Transport for Traced<'_> {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        let received = self.stream.receive(buffer, wait)?;
-        if let Received::Bytes(length) = received {
-            self.trace.add(self.clock.now(), Way::Received, buffer.get(..length).unwrap_or_default());
-        }
-        Ok(received)
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.trace.add(self.clock.now(), Way::Sent, bytes);
-        self.stream.send(bytes)
     }
 }
 

@@ -4,13 +4,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
-use isra_ball::robot_session::Session as _;
-use isra_ball::{Ball, BallConfig, BallEvent, BallStatistics, Packet, timing};
+use isra_ball::{Ball, BallConfig, BallEvent, BallStatistics, timing};
+use robot_session::{Driver, Session as _, Transport as _};
 use serde_json::{Value, json};
 
 use super::hand::grip;
 use crate::device::serve;
-use crate::line::{Clock, Line};
+use crate::drive::turn;
+use crate::line::Line;
 use crate::priority::{self, Rank};
 use crate::settings::Settings;
 use crate::simulate::{SimulateOptions, log};
@@ -24,8 +25,8 @@ const MEASURING: Duration = Duration::from_millis(10);
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let baud = Settings::new("ball", &options.settings, &["baud"])?.baud(timing::BAUD)?;
-    serve("ball", "ball", options, baud, |line, clock| {
-        run(line, clock, &AtomicBool::new(false), |event| log(&event))?;
+    serve("ball", "ball", options, baud, |line, _| {
+        run(line, &AtomicBool::new(false), |event| log(&event))?;
         Ok(())
     })
 }
@@ -36,19 +37,18 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// When an event cannot be logged.
 pub fn run(
     line: &mut Line,
-    clock: Clock,
     stop: &AtomicBool,
     mut report: impl FnMut(Value) -> Result<()>,
 ) -> Result<BallStatistics> {
     priority::raise(Rank::Hardware);
     let mut ball = Ball::new(BallConfig::default())?;
-    let mut out = [0; Packet::LEN];
+    let mut driver = Driver::new(line);
     let mut next_measure = Duration::ZERO;
     let mut connected = false;
-    while !stop.load(Ordering::Relaxed) && line.wait(next_measure) {
-        let now = clock.now();
-        if line.is_connected() != connected {
-            connected = line.is_connected();
+    while !stop.load(Ordering::Relaxed) {
+        let now = driver.transport().now();
+        if driver.transport().is_connected() != connected {
+            connected = !connected;
             if connected {
                 ball.handle_connected(now)
             } else {
@@ -61,16 +61,13 @@ pub fn run(
             ball.measure(grip.force, grip.moment, grip.keys);
             next_measure = now + MEASURING;
         }
-        while let Some((at, byte)) = line.receive() {
-            ball.handle_input(at, &[byte]);
-        }
-        if ball.poll_transmit(now, &mut out).is_some() {
-            line.send(&out);
-        }
-        while let Some(event) = ball.poll_event() {
-            if let BallEvent::Unknown(byte) = event {
-                report(json!({"event": "unknown", "byte": byte}))?;
-            }
+        let wait = Some(next_measure.saturating_sub(now));
+        let goes_on = turn(&mut driver, &mut ball, wait, |_, event| match event {
+            BallEvent::Unknown(byte) => report(json!({"event": "unknown", "byte": byte})),
+            _ => Ok(()),
+        })?;
+        if !goes_on {
+            break;
         }
     }
     Ok(ball.statistics())

@@ -152,8 +152,8 @@ impl<'a> Program<'a> for Repeat<'a> {
         Ok(true)
     }
 
-    fn told(&mut self, told: pc::Told<'_>) -> Result<()> {
-        let pc::Told::Event(event) = told else { return Ok(()) };
+    fn notify(&mut self, notification: pc::Notification<'_>) -> Result<()> {
+        let pc::Notification::Event(event) = notification else { return Ok(()) };
         match event {
             PcEvent::Progress { executed, queued } => {
                 self.progress.set_position(executed.into());
@@ -239,7 +239,7 @@ fn report(
     for (count, what) in [
         (tally.altered, "jobs were not what was sent"),
         (tally.out_of_order, "jobs were executed out of their order"),
-        (tally.untold, "jobs were executed that the PC believes were not"),
+        (tally.unreported, "jobs were executed that the PC believes were not"),
     ] {
         report.require(count == 0, || format!("{count} {what}"));
     }

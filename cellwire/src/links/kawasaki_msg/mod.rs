@@ -3,6 +3,7 @@
 mod codec;
 mod demo;
 pub mod pc;
+mod peer;
 pub mod robot;
 pub mod simulate;
 pub mod tally;

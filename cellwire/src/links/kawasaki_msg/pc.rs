@@ -1,24 +1,21 @@
 //! The PC: listens, and answers the robot.
 
-use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::io::ErrorKind;
+use std::net::TcpListener;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::thread;
-use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{Line, Pc, PcConfig, PcEvent, START, timing};
+use kawasaki_msg::{Line, Pc, PcConfig, PcEvent, timing};
+use robot_session::{Driver, Session as _, Transport as _};
 
-use crate::tcp;
-use crate::trace::{Trace, Way};
-
-/// What is due within this time is slept for.
-pub(super) const SOON: Duration = Duration::from_millis(10);
+pub use super::peer::Packets;
+use super::peer::{Peer, outcome};
+use crate::trace::Trace;
 
 /// The program of a PC: what it does between two looks at the connection.
 pub trait Program<'a> {
-    /// Acts on the session once everything that has happened is told; false ends the run.
+    /// Acts on the session once everything that has happened was reported; false ends the run.
     ///
     /// # Errors
     /// Whatever ends the run as a failure.
@@ -28,12 +25,12 @@ pub trait Program<'a> {
     ///
     /// # Errors
     /// Whatever ends the run as a failure.
-    fn told(&mut self, told: Told<'_>) -> Result<()>;
+    fn notify(&mut self, notification: Notification<'_>) -> Result<()>;
 }
 
-/// What a PC says while it runs.
+/// What a PC reports while it runs.
 #[derive(Debug)]
-pub enum Told<'a> {
+pub enum Notification<'a> {
     /// An event of the session.
     Event(PcEvent),
     /// A robot has connected.
@@ -42,30 +39,6 @@ pub enum Told<'a> {
     Disconnected(&'a str),
     /// The session's bytes were written there.
     Traced(PathBuf),
-}
-
-/// What the PC has sent.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Packets {
-    /// Packets.
-    pub count: u64,
-    /// Messages in all of them.
-    pub messages: u64,
-    /// Messages in the one that held most.
-    pub most_messages: usize,
-    /// Bytes of the longest.
-    pub longest: usize,
-}
-
-impl Packets {
-    fn add(&mut self, packet: &[u8]) {
-        // A value cannot hold the mark that begins a message.
-        let messages = packet.iter().filter(|byte| **byte == START).count();
-        self.count += 1;
-        self.messages += messages as u64;
-        self.most_messages = self.most_messages.max(messages);
-        self.longest = self.longest.max(packet.len());
-    }
 }
 
 /// Runs until the program ends it. One robot at a time: a new connection takes the place of the one before it.
@@ -79,38 +52,24 @@ pub fn run<'a>(
     program: &mut impl Program<'a>,
 ) -> Result<Packets> {
     listener.set_nonblocking(true)?;
-    let mut server = Server {
-        session: Pc::new(config)?,
-        epoch: Instant::now(),
-        connection: None,
-        trace,
-        packets: Packets::default(),
-        program,
-    };
+    let mut server =
+        Server { session: Pc::new(config)?, driver: Driver::new(Peer::new(trace)), trace, program };
     loop {
         server.accept(listener)?;
-        server.session.handle_timeout(server.epoch.elapsed());
-        let told = server.events()?;
-        if !server.program.step(&mut server.session)? {
-            break;
-        }
-        if let Err(why) = told.and_then(|()| server.answer()) {
-            server.disconnected(&why)?;
-        }
-        if server.connection.is_none() {
-            thread::sleep(timing::CPU_CYCLE);
+        match server.turn()? {
+            Err(why) => server.disconnected(&why)?,
+            Ok(()) if server.program.step(&mut server.session)? => {}
+            Ok(()) => break,
         }
     }
     server.disconnected("the PC has ended")?;
-    Ok(server.packets)
+    Ok(server.driver.transport().packets)
 }
 
 struct Server<'r, 'a, P> {
     session: Pc<&'a [Line]>,
-    epoch: Instant,
-    connection: Option<TcpStream>,
+    driver: Driver<Peer<'r>>,
     trace: &'r Trace,
-    packets: Packets,
     program: &'r mut P,
 }
 
@@ -126,60 +85,37 @@ impl<'a, P: Program<'a>> Server<'_, 'a, P> {
         };
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
-        stream.set_read_timeout(Some(timing::CPU_CYCLE))?;
         self.disconnected("another robot has connected")?;
-        self.session.handle_connected(self.epoch.elapsed());
-        self.connection = Some(stream);
-        self.program.told(Told::Connected(peer.to_string()))
+        self.driver.transport().connect(stream);
+        self.session.handle_connected(self.driver.transport().now());
+        self.program.notify(Notification::Connected(peer.to_string()))
     }
 
     /// The inner error is why the connection is to be closed.
-    fn events(&mut self) -> Result<Result<(), String>> {
-        while let Some(event) = self.session.poll_event() {
-            self.program.told(Told::Event(event))?;
-            if event == PcEvent::Disconnect {
-                return Ok(Err("the robot is silent".into()));
+    fn turn(&mut self) -> Result<Result<(), String>> {
+        let Self { session, driver, program, .. } = self;
+        let turn = driver.turn(session, Some(timing::CPU_CYCLE), |_, event| {
+            match program.notify(Notification::Event(event)) {
+                Err(error) => ControlFlow::Break(Some(error)),
+                Ok(()) if event == PcEvent::Disconnect => ControlFlow::Break(None),
+                Ok(()) => ControlFlow::Continue(()),
             }
-        }
-        Ok(Ok(()))
-    }
-
-    fn answer(&mut self) -> Result<(), String> {
-        let Some(stream) = &mut self.connection else { return Ok(()) };
-        let mut buffer = [0; 4096];
-        while let Some(length) = self.session.poll_transmit(self.epoch.elapsed(), &mut buffer) {
-            let packet = buffer.get(..length).unwrap_or_default();
-            self.packets.add(packet);
-            self.trace.add(self.epoch.elapsed(), Way::Sent, packet);
-            stream.write_all(packet).map_err(|error| error.to_string())?;
-        }
-        // A socket's time limit is rounded up to several milliseconds, a sleep is not.
-        let now = self.epoch.elapsed();
-        if let Some(due) = self.session.poll_timeout().filter(|due| *due < now + SOON) {
-            thread::sleep(due.saturating_sub(now));
-            return Ok(());
-        }
-        match stream.read(&mut buffer) {
-            Ok(0) => Err("the robot closed the connection".into()),
-            Ok(length) => {
-                let (now, bytes) = (self.epoch.elapsed(), buffer.get(..length).unwrap_or_default());
-                self.trace.add(now, Way::Received, bytes);
-                self.session.handle_input(now, bytes);
-                Ok(())
-            }
-            Err(error) if tcp::is_silence(&error) => Ok(()),
-            Err(error) => Err(error.to_string()),
+        });
+        match outcome(turn, "the robot closed the connection") {
+            ControlFlow::Continue(lost) => Ok(lost),
+            ControlFlow::Break(None) => Ok(Err("the robot is silent".into())),
+            ControlFlow::Break(Some(error)) => Err(error),
         }
     }
 
     fn disconnected(&mut self, why: &str) -> Result<()> {
-        if self.connection.take().is_none() {
+        if !self.driver.transport().disconnect() {
             return Ok(());
         }
-        self.session.handle_disconnected(self.epoch.elapsed());
-        self.program.told(Told::Disconnected(why))?;
+        self.session.handle_disconnected(self.driver.transport().now());
+        self.program.notify(Notification::Disconnected(why))?;
         match self.trace.session_ended(why)? {
-            Some(path) => self.program.told(Told::Traced(path)),
+            Some(path) => self.program.notify(Notification::Traced(path)),
             None => Ok(()),
         }
     }

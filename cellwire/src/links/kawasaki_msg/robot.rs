@@ -1,21 +1,20 @@
 //! The simulated robot: the communication task, and in a thread of its own the motion task that draws from the queue.
 
-use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
-use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Job, Robot, RobotConfig, RobotEvent, RobotStatistics, timing};
+use robot_session::{Driver, Session, Transport as _};
 use robot_work_queue::Reader;
 
-use super::pc::SOON;
+use super::peer::{Peer, outcome};
 use crate::report::Samples;
 use crate::tcp;
-use crate::trace::{Trace, Way};
+use crate::trace::Trace;
 
 /// The motion task looks at its switch at least so often.
 const LONGEST_SLEEP: Duration = Duration::from_millis(50);
@@ -57,9 +56,9 @@ pub struct Stroke {
     pub job: Job,
 }
 
-/// What the robot says while it runs.
+/// What the robot reports while it runs.
 #[derive(Debug)]
-pub enum Told<'a> {
+pub enum Notification<'a> {
     /// An event of the session.
     Event(RobotEvent),
     /// A connection is open.
@@ -73,27 +72,26 @@ pub enum Told<'a> {
 /// Runs until `stop`: connects to the PC at `address`, again whenever the connection is lost.
 ///
 /// # Errors
-/// What `tell` returns; a queue that cannot be made.
+/// What `notify` returns; a queue that cannot be made.
 pub fn run(
     setup: &Setup,
     address: &str,
     trace: &Trace,
     stop: &AtomicBool,
     strokes: Sender<Stroke>,
-    tell: impl FnMut(Told<'_>) -> Result<()>,
+    notify: impl FnMut(Notification<'_>) -> Result<()>,
 ) -> Result<Run> {
     let (writer, reader) = robot_work_queue::boxed::<Job>(setup.queue, setup.config.max_number)?;
     let (report, reports) = mpsc::channel();
     let mut task = Communication {
-        session: Robot::new(setup.config, writer)?,
+        session: Unpacking { robot: Robot::new(setup.config, writer)?, times: Samples::default() },
         reports,
         orders: &AtomicU32::new(0),
-        epoch: Instant::now(),
-        connection: None,
+        driver: Driver::new(Peer::new(trace)),
         trace,
         run: Run::default(),
-        tell,
-        said: String::new(),
+        notify,
+        reported: String::new(),
     };
     let (ended, orders, speed) = (AtomicBool::new(false), task.orders, setup.speed);
     let (outcome, work_cycle) = thread::scope(|scope| {
@@ -105,114 +103,141 @@ pub fn run(
     outcome?;
     let statistics = task.session.statistics();
     let work_cycle = work_cycle.map_err(|_| anyhow!("the motion task panicked"))?;
-    Ok(Run { work_cycle, statistics, ..task.run })
+    Ok(Run { work_cycle, statistics, unpack: task.session.times, ..task.run })
 }
 
 /// The communication task.
 struct Communication<'a, T> {
-    session: Robot<'a>,
+    session: Unpacking<'a>,
     reports: Receiver<u16>,
     orders: &'a AtomicU32,
-    epoch: Instant,
-    connection: Option<TcpStream>,
+    driver: Driver<Peer<'a>>,
     trace: &'a Trace,
     run: Run,
-    tell: T,
-    said: String,
+    notify: T,
+    reported: String,
 }
 
-impl<T: FnMut(Told<'_>) -> Result<()>> Communication<'_, T> {
+/// Why the handler ends a turn.
+enum Break {
+    Connect,
+    Silent,
+    Failed(anyhow::Error),
+}
+
+impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
     fn run(&mut self, address: &str, stop: &AtomicBool) -> Result<()> {
         while !stop.load(Ordering::Relaxed) {
             for number in self.reports.try_iter() {
-                self.session.job_done(self.epoch.elapsed(), number)?;
+                self.session.robot.job_done(self.driver.transport().now(), number)?;
             }
-            self.session.handle_timeout(self.epoch.elapsed());
-            if let Err(why) = self.events(address)?.and_then(|()| self.exchange()) {
+            if let Err(why) = self.turn(address)? {
                 self.disconnected(&why)?;
-            }
-            if self.connection.is_none() {
-                thread::sleep(timing::CPU_CYCLE);
             }
         }
         self.disconnected("the robot is switched off")
     }
 
     /// The inner error is why there is no connection.
-    fn events(&mut self, address: &str) -> Result<Result<(), String>> {
-        while let Some(event) = self.session.poll_event() {
+    fn turn(&mut self, address: &str) -> Result<Result<(), String>> {
+        let Self { session, driver, orders, notify, .. } = self;
+        let exchanges = session.robot.statistics().exchange.count();
+        // The reports do not wait for long.
+        let turn = driver.turn(session, Some(timing::CPU_CYCLE), |_, event| {
             match event {
-                RobotEvent::Connect => match tcp::connect(address) {
-                    Ok(stream) => {
-                        // The queue wants to be looked at, too.
-                        stream.set_read_timeout(Some(timing::CPU_CYCLE))?;
-                        self.session.handle_connected(self.epoch.elapsed());
-                        self.connection = Some(stream);
-                        self.run.connections += 1;
-                        self.said.clear();
-                        (self.tell)(Told::Connected(address))?;
-                        continue;
-                    }
-                    Err(error) => return Ok(Err(format!("{error:#}"))),
-                },
-                RobotEvent::Disconnect => return Ok(Err("the PC is silent".into())),
+                RobotEvent::Connect => return ControlFlow::Break(Break::Connect),
                 // Its jobs come with a later packet: the motion task sees the new order before them.
-                RobotEvent::OrderStarted { .. } => _ = self.orders.fetch_add(1, Ordering::Release),
+                RobotEvent::OrderStarted { .. } => _ = orders.fetch_add(1, Ordering::Release),
                 _ => {}
             }
-            (self.tell)(Told::Event(event))?;
-        }
-        Ok(Ok(()))
-    }
-
-    fn exchange(&mut self) -> Result<(), String> {
-        let Some(stream) = &mut self.connection else { return Ok(()) };
-        let mut buffer = [0; 4096];
-        while let Some(length) = self.session.poll_transmit(self.epoch.elapsed(), &mut buffer) {
-            let packet = buffer.get(..length).unwrap_or_default();
-            self.trace.add(self.epoch.elapsed(), Way::Sent, packet);
-            stream.write_all(packet).map_err(|error| error.to_string())?;
-        }
-        // A socket's time limit is rounded up to several milliseconds, a sleep is not; and the reports do not wait for long.
-        let now = self.epoch.elapsed();
-        if let Some(due) = self.session.poll_timeout().filter(|due| *due < now + SOON) {
-            thread::sleep(due.saturating_sub(now).min(timing::CPU_CYCLE));
-            return Ok(());
-        }
-        match stream.read(&mut buffer) {
-            Ok(0) => Err("the PC closed the connection".into()),
-            Ok(length) => {
-                self.unpack(buffer.get(..length).unwrap_or_default());
-                Ok(())
+            match notify(Notification::Event(event)) {
+                Err(error) => ControlFlow::Break(Break::Failed(error)),
+                Ok(()) if event == RobotEvent::Disconnect => ControlFlow::Break(Break::Silent),
+                Ok(()) => ControlFlow::Continue(()),
             }
-            Err(error) if tcp::is_silence(&error) => Ok(()),
-            Err(error) => Err(error.to_string()),
-        }
-    }
-
-    fn unpack(&mut self, bytes: &[u8]) {
-        let (begin, exchanges) = (self.epoch.elapsed(), self.session.statistics().exchange.count());
-        self.trace.add(begin, Way::Received, bytes);
-        self.session.handle_input(begin, bytes);
-        let time = self.epoch.elapsed() - begin;
-        self.session.record_unpack(time);
-        self.run.unpack.add(time);
-        let exchange = self.session.statistics().exchange;
+        });
+        let exchange = session.robot.statistics().exchange;
         if exchange.count() > exchanges {
             self.run.exchange.add(exchange.last().unwrap_or_default());
         }
+        match outcome(turn, "the PC closed the connection") {
+            ControlFlow::Continue(lost) => Ok(lost),
+            ControlFlow::Break(Break::Connect) => self.connect(address),
+            ControlFlow::Break(Break::Silent) => Ok(Err("the PC is silent".into())),
+            ControlFlow::Break(Break::Failed(error)) => Err(error),
+        }
+    }
+
+    fn connect(&mut self, address: &str) -> Result<Result<(), String>> {
+        let stream = match tcp::connect(address) {
+            Ok(stream) => stream,
+            Err(error) => return Ok(Err(format!("{error:#}"))),
+        };
+        self.driver.transport().connect(stream);
+        self.session.handle_connected(self.driver.transport().now());
+        self.run.connections += 1;
+        self.reported.clear();
+        (self.notify)(Notification::Connected(address)).map(Ok)
     }
 
     fn disconnected(&mut self, why: &str) -> Result<()> {
-        self.session.handle_disconnected(self.epoch.elapsed());
-        if self.connection.take().is_some() || self.said != why {
-            (self.tell)(Told::Disconnected(why))?;
-            why.clone_into(&mut self.said);
+        self.session.handle_disconnected(self.driver.transport().now());
+        if self.driver.transport().disconnect() || self.reported != why {
+            (self.notify)(Notification::Disconnected(why))?;
+            why.clone_into(&mut self.reported);
         }
         match self.trace.session_ended(why)? {
-            Some(path) => (self.tell)(Told::Traced(path)),
+            Some(path) => (self.notify)(Notification::Traced(path)),
             None => Ok(()),
         }
+    }
+}
+
+/// A session that measures how long it unpacks a packet.
+struct Unpacking<'a> {
+    robot: Robot<'a>,
+    times: Samples,
+}
+
+impl Session for Unpacking<'_> {
+    type Event = RobotEvent;
+    type Statistics = RobotStatistics;
+    const MAX_TRANSMIT: usize = Robot::MAX_TRANSMIT;
+
+    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
+        let begin = Instant::now();
+        self.robot.handle_input(now, bytes);
+        let time = begin.elapsed();
+        self.robot.record_unpack(time);
+        self.times.add(time);
+    }
+
+    fn handle_connected(&mut self, now: Duration) {
+        self.robot.handle_connected(now);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        self.robot.handle_disconnected(now);
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        self.robot.handle_timeout(now);
+    }
+
+    fn poll_event(&mut self) -> Option<RobotEvent> {
+        self.robot.poll_event()
+    }
+
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        self.robot.poll_transmit(now, out)
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.robot.poll_timeout()
+    }
+
+    fn statistics(&self) -> RobotStatistics {
+        self.robot.statistics()
     }
 }
 

@@ -63,21 +63,30 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     ready("kawasaki-robot", "connect", address)?;
     let (sender, strokes) = mpsc::channel::<Stroke>();
     let trace = options.trace.start("kawasaki-robot");
-    robot::run(&setup, address, &trace, &AtomicBool::new(false), sender, |told| match told {
-        robot::Told::Event(event) => {
-            if let RobotEvent::OrderOver { .. } = event {
-                let lines: Vec<drawing::Line> = drawn(strokes.try_iter().map(|stroke| stroke.job.line));
-                log(&json!({"event": "drawn", "strokes": lines.iter().filter(|line| line.draws).count()}))?;
-                if let Some(file) = &out {
-                    drawing::write_svg(file, SHEET, &lines)?;
+    robot::run(
+        &setup,
+        address,
+        &trace,
+        &AtomicBool::new(false),
+        sender,
+        |notification| match notification {
+            robot::Notification::Event(event) => {
+                if let RobotEvent::OrderOver { .. } = event {
+                    let lines: Vec<drawing::Line> = drawn(strokes.try_iter().map(|stroke| stroke.job.line));
+                    log(
+                        &json!({"event": "drawn", "strokes": lines.iter().filter(|line| line.draws).count()}),
+                    )?;
+                    if let Some(file) = &out {
+                        drawing::write_svg(file, SHEET, &lines)?;
+                    }
                 }
+                log(&serde_json::to_value(event)?)
             }
-            log(&serde_json::to_value(event)?)
-        }
-        robot::Told::Connected(peer) => log(&json!({"event": "connected", "peer": peer})),
-        robot::Told::Disconnected(why) => log(&json!({"event": "disconnected", "why": why})),
-        robot::Told::Traced(path) => log(&json!({"event": "trace", "path": path})),
-    })?;
+            robot::Notification::Connected(peer) => log(&json!({"event": "connected", "peer": peer})),
+            robot::Notification::Disconnected(why) => log(&json!({"event": "disconnected", "why": why})),
+            robot::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
+        },
+    )?;
     Ok(())
 }
 
@@ -98,9 +107,9 @@ impl<'a> Program<'a> for Orders<'a> {
         Ok(true)
     }
 
-    fn told(&mut self, told: pc::Told<'_>) -> Result<()> {
-        let line = match told {
-            pc::Told::Event(event) => {
+    fn notify(&mut self, notification: pc::Notification<'_>) -> Result<()> {
+        let line = match notification {
+            pc::Notification::Event(event) => {
                 self.wanted |= match event {
                     PcEvent::OrderOver { .. } => self.repeat,
                     PcEvent::OutcomeUnknown { .. } | PcEvent::OrderRefused { given_up: true, .. } => true,
@@ -108,12 +117,12 @@ impl<'a> Program<'a> for Orders<'a> {
                 };
                 serde_json::to_value(event)?
             }
-            pc::Told::Connected(peer) => {
+            pc::Notification::Connected(peer) => {
                 self.wanted = true;
                 json!({"event": "connected", "peer": peer})
             }
-            pc::Told::Disconnected(why) => json!({"event": "disconnected", "why": why}),
-            pc::Told::Traced(path) => json!({"event": "trace", "path": path}),
+            pc::Notification::Disconnected(why) => json!({"event": "disconnected", "why": why}),
+            pc::Notification::Traced(path) => json!({"event": "trace", "path": path}),
         };
         log(&line)
     }

@@ -23,12 +23,12 @@ pub struct Tally {
     pub executed_once: u64,
     /// Executed more than once.
     pub repeated: u64,
-    /// Executed, as the PC was told, and not executed in truth.
+    /// Executed, as reported to the PC, and not executed in truth.
     pub lost: u64,
-    /// Sent, and taken back with the end of the order: the PC was told that they would not be executed.
+    /// Sent, and taken back with the end of the order: reported to the PC as not to be executed.
     pub withdrawn: u64,
-    /// Executed, and the PC was told that they would not be.
-    pub untold: u64,
+    /// Executed, and reported to the PC as not executed.
+    pub unreported: u64,
     /// Not what was sent under the number.
     pub altered: u64,
     /// Not behind the job before it.
@@ -63,7 +63,7 @@ impl Tally {
                 (0, true) => &mut self.lost,
                 (0, false) => &mut self.withdrawn,
                 (1, true) => &mut self.executed_once,
-                (1, false) => &mut self.untold,
+                (1, false) => &mut self.unreported,
                 _ => &mut self.repeated,
             } += 1;
         }
@@ -115,7 +115,7 @@ mod tests {
             repeated: 1,
             lost: 2,
             withdrawn: 1,
-            untold: 1,
+            unreported: 1,
             altered: 1,
             out_of_order: 2,
         };
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn orders_are_told_apart_and_numbers_wrap() {
+    fn orders_are_distinguished_and_numbers_wrap() {
         let outcomes = [Outcome { sent: 2, executed: 2 }; 2];
         let strokes = [stroke(1, 1), stroke(1, 2), stroke(2, 1), stroke(2, 2)];
         let tally = Tally::new(&picture(2), &outcomes, &strokes);

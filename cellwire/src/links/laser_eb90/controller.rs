@@ -1,22 +1,25 @@
-//! The simulated laser robot: its controller on a line, and the motion task behind the queue.
+//! The simulated laser robot: its controller on a line, and the motion task that reads the queue.
 
+use std::io;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use laser_eb90::robot_session::Session as _;
 use laser_eb90::{
-    Controller, ControllerConfig, ControllerEvent, Frame, Instruction, Item, Items, Profile, Refusal, timing,
+    Controller, ControllerConfig, ControllerEvent, Instruction, Item, Items, Profile, Refusal, timing,
 };
+use robot_session::{Driver, Received, Sent, Session as _, Transport};
 use robot_work_queue::Reader;
 use serde_json::{Value, json};
 
 use crate::device::serve;
+use crate::drive::turn;
 use crate::line::{Clock, Line};
 use crate::priority::{self, Rank};
 use crate::report::Samples;
+use crate::serial::READ_TIMEOUT;
 use crate::settings::Settings;
 use crate::simulate::{SimulateOptions, log};
 
@@ -56,7 +59,7 @@ impl Default for Robot {
 pub struct Job {
     /// The command word.
     pub word: u16,
-    /// The items behind it, unstuffed.
+    /// The items that follow it, unstuffed.
     pub parameters: Vec<u8>,
 }
 
@@ -118,7 +121,7 @@ pub struct Switch {
 }
 
 impl Switch {
-    /// It hears nothing more, and executes what is queued.
+    /// It receives nothing more, and executes what is queued.
     pub fn turn_off(&self) {
         self.off.store(true, Ordering::Relaxed);
     }
@@ -143,7 +146,7 @@ impl Switch {
 /// was executed, in that order.
 ///
 /// # Errors
-/// When an event cannot be told, or the queue cannot be as long as asked.
+/// When an event cannot be reported, or the queue cannot be as long as asked.
 pub fn run(
     robot: Robot,
     line: &mut Line,
@@ -156,81 +159,92 @@ pub fn run(
     let config = ControllerConfig { profile: robot.profile, ..ControllerConfig::default() };
     let (halted, done) = (AtomicBool::new(false), AtomicBool::new(false));
     let motion = Motion { robot, switch, halted: &halted, done: &done, executed };
-    let mut task = Communication {
-        motion,
-        controller: Controller::new(config, writer)?,
-        tell,
-        counts: RobotCounts::default(),
-    };
+    let mut task = Communication { motion, clock, tell, refused: 0 };
+    let controller = Controller::new(config, writer)?;
     priority::raise(Rank::Hardware);
     thread::scope(|scope| {
         let motion = scope.spawn(move || motion.run(reader));
-        let outcome = task.run(line, clock);
+        let outcome = task.run(controller, line);
         done.store(true, Ordering::Relaxed);
         if let Err(panic) = motion.join() {
             std::panic::resume_unwind(panic);
         }
         outcome
-    })?;
-    Ok(task.counts)
+    })
 }
 
-/// The communication task: the controller's session on the line.
-struct Communication<'a, F> {
-    motion: Motion<'a>,
-    controller: Controller<'static, Job>,
-    tell: F,
+/// The line, and how long the robot takes in a cycle.
+struct Measured<'a> {
+    line: &'a mut Line,
+    clock: Clock,
+    /// When the robot had the processor.
+    woken: Duration,
     counts: RobotCounts,
 }
 
-impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
-    fn run(&mut self, line: &mut Line, clock: Clock) -> Result<()> {
-        let mut out = [0; Frame::MAX_LEN];
-        self.controller.handle_connected(clock.now());
-        loop {
-            let latest = clock.now() + Duration::from_millis(50);
-            let due = self.controller.poll_timeout().unwrap_or(latest);
-            if self.motion.switch.is_off() || !line.wait(due.min(latest)) {
-                return Ok(());
-            }
-            let now = clock.now();
-            while let Some((at, byte)) = line.receive() {
-                self.controller.handle_input(at, &[byte]);
-            }
-            self.controller.handle_timeout(now);
-            self.take_events(now)?;
-            let due = self.controller.poll_timeout().unwrap_or(now);
-            if let Some(n) = self.controller.poll_transmit(now, &mut out) {
-                line.send(out.get(..n).unwrap_or_default());
-                let sent = clock.now();
-                self.counts.work.add(sent.saturating_sub(now));
-                self.counts.answer.add(sent.saturating_sub(due));
-            }
-        }
+impl Transport for Measured<'_> {
+    fn now(&self) -> Duration {
+        self.line.now()
     }
 
-    fn take_events(&mut self, now: Duration) -> Result<()> {
-        while let Some(event) = self.controller.poll_event() {
-            match event {
-                ControllerEvent::Queued { count } => (self.tell)(json!({"event": "queued", "count": count}))?,
-                ControllerEvent::Refused(refusal) => {
-                    self.counts.refused += 1;
-                    (self.tell)(json!({"event": "refused", "refusal": refusal}))?;
-                }
-                ControllerEvent::Execute { class, word } => {
-                    let items = self.controller.instruction().map(|instruction| instruction.parameters);
-                    (self.tell)(json!({"event": class, "word": word, "items": items}))?;
-                    self.execute(now, word)?;
-                }
-                _ => {}
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        let received = Transport::receive(self.line, buffer, wait);
+        self.woken = self.clock.now();
+        received
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.line.send(bytes);
+        let sent = self.clock.now();
+        self.counts.work.add(sent.saturating_sub(self.woken));
+        self.counts.answer.add(sent.saturating_sub(self.line.now()));
+        Ok(Sent::Buffered)
+    }
+}
+
+/// The communication task: what the controller's session reports.
+struct Communication<'a, F> {
+    motion: Motion<'a>,
+    clock: Clock,
+    tell: F,
+    refused: u64,
+}
+
+impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
+    fn run(&mut self, mut controller: Controller<'_, Job>, line: &mut Line) -> Result<RobotCounts> {
+        let clock = self.clock;
+        let measured = Measured { line, clock, woken: clock.now(), counts: RobotCounts::default() };
+        let mut driver = Driver::new(measured);
+        controller.handle_connected(driver.transport().now());
+        while !self.motion.switch.is_off() {
+            let handler = |controller: &mut _, event| self.take(controller, event);
+            if !turn(&mut driver, &mut controller, Some(READ_TIMEOUT), handler)? {
+                break;
             }
         }
-        Ok(())
+        let counts = core::mem::take(&mut driver.transport().counts);
+        Ok(RobotCounts { refused: self.refused, ..counts })
+    }
+
+    fn take(&mut self, controller: &mut Controller<'_, Job>, event: ControllerEvent) -> Result<()> {
+        match event {
+            ControllerEvent::Queued { count } => (self.tell)(json!({"event": "queued", "count": count})),
+            ControllerEvent::Refused(refusal) => {
+                self.refused += 1;
+                (self.tell)(json!({"event": "refused", "refusal": refusal}))
+            }
+            ControllerEvent::Execute { class, word } => {
+                let items = controller.instruction().map(|instruction| instruction.parameters);
+                (self.tell)(json!({"event": class, "word": word, "items": items}))?;
+                self.execute(controller, word)
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Executes an immediate instruction or a query, and has it answered.
-    fn execute(&mut self, now: Duration, word: u16) -> Result<()> {
-        let controller = &mut self.controller;
+    fn execute(&mut self, controller: &mut Controller<'_, Job>, word: u16) -> Result<()> {
+        let now = self.clock.now();
         match word {
             HALT | GO_ON => {
                 self.motion.halted.store(word == HALT, Ordering::Relaxed);

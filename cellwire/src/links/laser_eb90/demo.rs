@@ -136,7 +136,7 @@ fn restarting(
         }
         let on_again = clock.now() + RESTART;
         while clock.now() < on_again && line.wait(on_again) {
-            while line.receive().is_some() {} // it hears nothing while it is off
+            while line.receive().is_some() {} // it receives nothing while it is off
         }
     }
     Ok(counts)

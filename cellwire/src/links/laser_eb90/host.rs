@@ -1,6 +1,6 @@
 //! The host of the demo: cuts a path, asks the robot when it does not know, and notes what it knows of each instruction.
 
-use core::ops::{ControlFlow, Range};
+use core::ops::Range;
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::io;
@@ -15,6 +15,7 @@ use serialport::SerialPort;
 use super::controller::STATUS;
 use super::path::Cut;
 use super::tally::Known;
+use crate::drive::turn;
 use crate::report::Samples;
 use crate::serial;
 
@@ -142,16 +143,10 @@ impl<'a> Cutter<'a> {
                 (plan.ask, asked_last) = (true, true);
                 continue;
             }
-            let turn =
-                driver.turn(host, Some(serial::READ_TIMEOUT), |host, event| match plan.take(host, event) {
-                    Ok(()) => ControlFlow::Continue(()),
-                    Err(error) => ControlFlow::Break(error),
-                });
-            match turn.context("the robot's port")? {
-                ControlFlow::Continue(()) => {}
-                ControlFlow::Break(robot_session::Ended::ByHandler(error)) => return Err(error),
-                ControlFlow::Break(robot_session::Ended::ByPeer) => anyhow::bail!("the robot's port is gone"),
-            }
+            let handler = |host: &mut Host, event| plan.take(host, event);
+            let goes_on =
+                turn(driver, host, Some(serial::READ_TIMEOUT), handler).context("the robot's port")?;
+            ensure!(goes_on, "the robot's port is gone");
             progress((plan.path.len() - plan.todo.len()) as u64);
         }
         Ok(plan.counts.queued - before)

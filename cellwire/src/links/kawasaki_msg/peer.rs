@@ -1,0 +1,92 @@
+//! The connection of one end to the other, which may be missing.
+
+use std::io::{self, ErrorKind};
+use std::net::TcpStream;
+use std::ops::ControlFlow;
+use std::thread;
+use std::time::Duration;
+
+use kawasaki_msg::{START, timing};
+use robot_session::{Ended, Received, Sent, Transport};
+
+use crate::line::Clock;
+use crate::trace::{Trace, Traced};
+
+/// What an end has sent.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Packets {
+    /// Packets.
+    pub count: u64,
+    /// Messages in all of them.
+    pub messages: u64,
+    /// Messages in the one that held most.
+    pub most_messages: usize,
+    /// Bytes of the longest.
+    pub longest: usize,
+}
+
+impl Packets {
+    fn add(&mut self, packet: &[u8]) {
+        // A value cannot hold the mark that begins a message.
+        let messages = packet.iter().filter(|byte| **byte == START).count();
+        self.count += 1;
+        self.messages += messages as u64;
+        self.most_messages = self.most_messages.max(messages);
+        self.longest = self.longest.max(packet.len());
+    }
+}
+
+/// A connection, or none: then nothing arrives.
+pub(super) struct Peer<'a> {
+    clock: Clock,
+    trace: &'a Trace,
+    stream: Option<Traced<'a, TcpStream>>,
+    pub(super) packets: Packets,
+}
+
+impl<'a> Peer<'a> {
+    pub(super) fn new(trace: &'a Trace) -> Self {
+        Self { clock: Clock::start(), trace, stream: None, packets: Packets::default() }
+    }
+
+    pub(super) fn connect(&mut self, stream: TcpStream) {
+        self.stream = Some(Traced::new(stream, self.trace, self.clock));
+    }
+
+    /// Whether there was a connection.
+    pub(super) fn disconnect(&mut self) -> bool {
+        self.stream.take().is_some()
+    }
+}
+
+impl Transport for Peer<'_> {
+    fn now(&self) -> Duration {
+        self.clock.now()
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        if let Some(stream) = &mut self.stream {
+            return stream.receive(buffer, wait);
+        }
+        thread::sleep(wait.unwrap_or(timing::CPU_CYCLE).min(timing::CPU_CYCLE));
+        Ok(Received::Nothing)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.packets.add(bytes);
+        self.stream.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)
+    }
+}
+
+/// What the handler broke with, or why the connection is to be closed.
+pub(super) fn outcome<B>(
+    turn: io::Result<ControlFlow<Ended<B>>>,
+    closed: &str,
+) -> ControlFlow<B, Result<(), String>> {
+    match turn {
+        Ok(ControlFlow::Continue(())) => ControlFlow::Continue(Ok(())),
+        Ok(ControlFlow::Break(Ended::ByHandler(value))) => ControlFlow::Break(value),
+        Ok(ControlFlow::Break(Ended::ByPeer)) => ControlFlow::Continue(Err(closed.into())),
+        Err(error) => ControlFlow::Continue(Err(error.to_string())),
+    }
+}

@@ -64,7 +64,6 @@ impl Logger {
             }
             let due = if asked.is_some() { None } else { Some(next) };
             let wait = due.into_iter().chain(end).min().map(|due| due.saturating_sub(now));
-            let took = asked.map_or(Duration::ZERO, |asked| now.saturating_sub(asked));
             let turn =
                 self.driver.turn(&mut self.client, wait, |client, event| match reading(client, event) {
                     Some(reading) => ControlFlow::Break(reading),
@@ -75,7 +74,7 @@ impl Logger {
                 ControlFlow::Break(Ended::ByPeer) => bail!("the controller closed the connection"),
                 ControlFlow::Break(Ended::ByHandler(reading)) => reading,
             };
-            asked = None;
+            let took = asked.take().map_or(Duration::ZERO, |asked| self.clock.now().saturating_sub(asked));
             let goes_on = match reading {
                 Ok(registers) => each(Reading::Registers(&registers, took))?,
                 Err(why) => each(Reading::Failed(&why))?,

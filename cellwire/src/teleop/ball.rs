@@ -1,11 +1,12 @@
 //! The thread that polls the ball.
 
+use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
 use anyhow::Result;
-use isra_ball::robot_session::{Decoder as _, Session as _};
 use isra_ball::{Decoder, ENQ, Host, HostConfig, HostEvent, timing};
+use robot_session::{Decoder as _, Driver, Session as _};
 
 use super::port::Port;
 use super::{Context, Order, TeleopConfig, Told};
@@ -16,13 +17,12 @@ const IDLE: Duration = Duration::from_millis(20);
 
 pub(super) struct Ball {
     context: Context,
-    port: Port,
+    driver: Driver<Port>,
     host: Host,
     orders: Sender<Order>,
     probe: Receiver<()>,
     polls: HostConfig,
     is_connected: bool,
-    asked: Duration,
 }
 
 impl Ball {
@@ -32,9 +32,9 @@ impl Ball {
         orders: Sender<Order>,
         probe: Receiver<()>,
     ) -> Result<Self> {
-        let port = Port::open("ball", &config.ball, &context)?;
+        let driver = Driver::new(Port::open("ball", &config.ball, &context)?);
         let (host, polls) = (Host::new(config.polls)?, config.polls);
-        Ok(Self { context, port, host, orders, probe, polls, is_connected: false, asked: Duration::ZERO })
+        Ok(Self { context, driver, host, orders, probe, polls, is_connected: false })
     }
 
     pub(super) fn run(mut self) {
@@ -44,43 +44,42 @@ impl Ball {
                 self.probe();
             }
             self.follow_port();
-            self.poll();
-            self.read();
-            self.collect();
-            self.port.trace(&self.context);
+            self.turn();
+            self.driver.transport().trace();
         }
         self.context.end_trace("the host ends");
     }
 
     fn follow_port(&mut self) {
-        if self.port.is_open() == self.is_connected {
+        let port = self.driver.transport();
+        if port.is_open() == self.is_connected {
             return;
         }
-        self.is_connected = self.port.is_open();
+        self.is_connected = port.is_open();
         let now = self.context.clock.now();
         if self.is_connected { self.host.handle_connected(now) } else { self.host.handle_disconnected(now) }
     }
 
-    fn poll(&mut self) {
-        let mut out = [0; Host::MAX_TRANSMIT];
-        loop {
-            let now = self.context.clock.now();
-            let Some(length) = self.host.poll_transmit(now, &mut out) else { return };
-            if self.port.write(&self.context, out.get(..length).unwrap_or_default()).is_some() {
-                self.asked = now;
-            }
-        }
+    fn turn(&mut self) {
+        let mut events = Vec::new();
+        let turn = self.driver.turn(&mut self.host, Some(IDLE), |_, event| {
+            events.push(event);
+            ControlFlow::<()>::Continue(())
+        });
+        debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
+        self.collect(events);
     }
 
-    fn collect(&mut self) {
-        while let Some(event) = self.host.poll_event() {
+    fn collect(&mut self, events: Vec<HostEvent>) {
+        let asked = self.driver.transport().written_at;
+        for event in events {
             let now = self.context.clock.now();
             match event {
                 HostEvent::Packet(packet) => {
                     self.order(Order::Ball(packet, self.host.live_until().unwrap_or(now)));
-                    self.context.tell(Told::Ball(packet, now - self.asked));
+                    self.context.tell(Told::Ball(packet, now - asked));
                 }
-                HostEvent::Old(packet) => self.context.tell(Told::BallOld(packet, now - self.asked)),
+                HostEvent::Old(packet) => self.context.tell(Told::BallOld(packet, now - asked)),
                 HostEvent::Stale => {
                     self.order(Order::BallStale);
                     self.context.tell(Told::BallStale);
@@ -93,23 +92,18 @@ impl Ball {
         }
     }
 
-    fn read(&mut self) {
-        let due = self.host.poll_timeout().map_or(IDLE, |due| due.saturating_sub(self.context.clock.now()));
-        let mut buffer = [0; 64];
-        let (now, bytes) = self.port.read(&self.context, due, &mut buffer);
-        self.host.handle_input(now, bytes);
-    }
-
     /// Polls ten times at each rate. The robot thread comes to rest meanwhile: the connection is as good as lost.
     fn probe(&mut self) {
         self.is_connected = false;
         self.host.handle_disconnected(self.context.clock.now());
-        self.collect();
+        let events = core::iter::from_fn(|| self.host.poll_event()).collect();
+        self.collect(events);
+        let port = self.driver.transport();
         for baud in [4800, 9600, 19_200] {
             let period = self.polls.period.max(timing::min_period(baud));
             let (mut good, mut damaged) = (0, 0);
             for _ in 0..10 {
-                let Some(received) = self.port.listen(baud, &[ENQ], period) else { break };
+                let Some(received) = port.listen(baud, &[ENQ], period) else { break };
                 let mut decoder = Decoder::new();
                 let mut rest = received.as_slice();
                 while !rest.is_empty() {
@@ -125,11 +119,11 @@ impl Ball {
             }
             self.context.tell(Told::Probed { port: "ball", baud, good, damaged });
         }
-        self.port.end_listening(&self.context);
+        self.driver.transport().end_listening();
     }
 
     fn order(&self, order: Order) {
-        // A robot thread that is gone has told why.
+        // A robot thread that is gone has reported why.
         let _ = self.orders.send(order);
     }
 }

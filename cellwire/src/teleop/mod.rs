@@ -246,6 +246,7 @@ impl Drop for Teleop {
 }
 
 /// What every thread of the host has.
+#[derive(Clone)]
 struct Context {
     clock: Clock,
     tell: Sender<(Duration, Told)>,

@@ -1,12 +1,13 @@
 //! The thread that answers the robot controller.
 
+use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, Sender};
 use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
 use isra_ball::Packet;
-use robot_session::{Decoder as _, Session as _};
+use robot_session::{Decoder as _, Driver, Session as _};
 use val2_alter::{AXES, Decoder, Framing, Host, HostEvent, HostState, RobotMessage, Transform};
 
 use super::gripper::GripperKeys;
@@ -21,7 +22,7 @@ const LISTEN: Duration = Duration::from_millis(1200);
 
 pub(super) struct Robot {
     context: Context,
-    port: Port,
+    driver: Driver<Port>,
     host: Host,
     mapping: Mapping,
     gripper: GripperKeys,
@@ -30,9 +31,8 @@ pub(super) struct Robot {
     packet_until: Duration,
     orders: Receiver<Order>,
     poses: Sender<Pose>,
-    /// Told after the reply has left.
+    /// To be reported after the reply has left.
     later: Vec<Told>,
-    last_read: Duration,
     state: HostState,
 }
 
@@ -52,7 +52,7 @@ impl Robot {
         poses: Sender<Pose>,
     ) -> Result<Self> {
         Ok(Self {
-            port: Port::open("robot", &config.robot, &context)?,
+            driver: Driver::new(Port::open("robot", &config.robot, &context)?),
             context,
             host: Host::new(config.alter)?,
             mapping: config.mapping,
@@ -62,53 +62,30 @@ impl Robot {
             orders,
             poses,
             later: Vec::with_capacity(32),
-            last_read: Duration::ZERO,
             state: HostState::Idle,
         })
     }
 
     pub(super) fn run(mut self) {
         self.context.tell(Told::Priority(priority::raise(Rank::Reply)));
-        self.follow_port(self.context.clock.now());
         while !self.context.is_stopped() {
-            self.read();
             self.obey();
-            let now = self.context.clock.now();
-            self.follow_port(now);
-            self.host.handle_timeout(now);
-            self.collect();
+            self.follow_port();
             self.reply();
-            self.port.trace(&self.context);
+            self.driver.transport().trace();
             self.tell_later();
         }
         self.context.end_trace("the host ends");
     }
 
-    /// Tells the session when the port goes away or comes back.
-    fn follow_port(&mut self, now: Duration) {
-        match (self.port.is_open(), self.host.state()) {
+    /// The connection of the session is that of the port.
+    fn follow_port(&mut self) {
+        let now = self.context.clock.now();
+        match (self.driver.transport().is_open(), self.host.state()) {
             (true, HostState::Disconnected) => self.host.handle_connected(now),
             (false, HostState::Disconnected) => {}
             (true, _) => {}
             (false, _) => self.host.handle_disconnected(now),
-        }
-    }
-
-    /// Waits for bytes, at most until the session's timeout. Takes all that there are: a reply that is late would be
-    /// taken for the answer to the next request, so none is written while that one waits to be read.
-    fn read(&mut self) {
-        let mut buffer = [0; 256];
-        loop {
-            let now = self.context.clock.now();
-            let due = self.host.poll_timeout().map_or(IDLE, |due| due.saturating_sub(now).min(IDLE));
-            let (now, bytes) = self.port.read(&self.context, due, &mut buffer);
-            if !bytes.is_empty() {
-                self.last_read = now;
-                self.host.handle_input(now, bytes);
-            }
-            if !self.port.has_bytes() {
-                return;
-            }
         }
     }
 
@@ -137,12 +114,36 @@ impl Robot {
         self.packet = self.packet.filter(|_| self.context.clock.now() < self.packet_until);
     }
 
-    /// Takes the session's events; they are told when the reply has left.
-    fn collect(&mut self) {
-        while let Some(event) = self.host.poll_event() {
-            self.later.push(match event {
+    /// Replies if the session is to, and then waits for the next message.
+    fn reply(&mut self) {
+        let mode = self.host.config().mode;
+        let now = self.context.clock.now();
+        // Without new values from the ball the arm comes to rest.
+        let demand = self.packet.map(|packet| self.mapping.target(&packet, mode));
+        match demand {
+            Some(demand) => self.host.set_target(now, demand),
+            None => self.host.clear_target(now),
+        }
+        let (read_at, replies) = (self.driver.transport().read_at, self.host.statistics().replies);
+        self.turn(Duration::ZERO);
+        if self.host.statistics().replies > replies {
+            let thinking = self.driver.transport().written_at.saturating_sub(read_at);
+            let (demand, values) = (demand.unwrap_or([0; AXES]), self.host.values());
+            self.later.push(Told::Reply { demand, values, thinking });
+            self.tell_later();
+        }
+        if self.driver.transport().read_at == read_at {
+            self.turn(IDLE);
+        }
+    }
+
+    /// One turn; its events are reported when the reply has left.
+    fn turn(&mut self, wait: Duration) {
+        let Self { driver, host, later, poses, .. } = self;
+        let turn = driver.turn(host, Some(wait), |_, event| {
+            later.push(match event {
                 HostEvent::Start(start) => {
-                    let _ = self.poses.send(Pose::Restart);
+                    let _ = poses.send(Pose::Restart);
                     Told::Start(start)
                 }
                 HostEvent::Motion(motion) => Told::Motion(motion),
@@ -153,33 +154,11 @@ impl Robot {
                 HostEvent::Stopped => Told::Stopped,
                 HostEvent::Exception(exception, outcome) => Told::ClampOutcome(exception, outcome),
                 HostEvent::Lost(reason) => Told::Lost(reason),
-                _ => continue,
+                _ => return ControlFlow::<()>::Continue(()),
             });
-        }
-    }
-
-    fn reply(&mut self) {
-        let mode = self.host.config().mode;
-        let now = self.context.clock.now();
-        // Without new values from the ball the arm comes to rest.
-        let demand = self.packet.map(|packet| self.mapping.target(&packet, mode));
-        match demand {
-            Some(demand) => self.host.set_target(now, demand),
-            None => self.host.clear_target(now),
-        }
-        let mut out = [0; Host::MAX_TRANSMIT];
-        let replies = self.host.statistics().replies;
-        let Some(length) = self.host.poll_transmit(now, &mut out) else { return };
-        let bytes = out.get(..length).unwrap_or_default();
-        let Some(written) = self.port.write(&self.context, bytes) else { return };
-        if self.host.statistics().replies > replies {
-            let thinking = written.saturating_sub(self.last_read);
-            self.later.push(Told::Reply {
-                demand: demand.unwrap_or([0; AXES]),
-                values: self.host.values(),
-                thinking,
-            });
-        }
+            ControlFlow::Continue(())
+        });
+        debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
     }
 
     fn tell_later(&mut self) {
@@ -212,10 +191,10 @@ impl Robot {
             return self.later.push(Told::ProbeRefused);
         }
         for baud in [9600, 19_200, 38_400] {
-            let Some(heard) = self.port.listen(baud, &[], LISTEN) else { continue };
+            let Some(received) = self.driver.transport().listen(baud, &[], LISTEN) else { continue };
             let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
             let (mut good, mut damaged) = (0, 0);
-            let mut rest = heard.as_slice();
+            let mut rest = received.as_slice();
             while !rest.is_empty() {
                 let taken = decoder.push(rest);
                 rest = rest.get(taken..).unwrap_or_default();
@@ -225,6 +204,6 @@ impl Robot {
             }
             self.later.push(Told::Probed { port: "robot", baud, good, damaged });
         }
-        self.port.end_listening(&self.context);
+        self.driver.transport().end_listening();
     }
 }

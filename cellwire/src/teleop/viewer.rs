@@ -47,14 +47,15 @@ impl Feed {
                 }
             }
             self.answer();
-            self.port.trace(&self.context);
+            self.port.trace();
         }
         self.context.end_trace("the host ends");
     }
 
     fn read(&mut self) {
         let mut buffer = [0; 64];
-        let (_, bytes) = self.port.read(&self.context, IDLE, &mut buffer);
+        let length = self.port.read(IDLE, &mut buffer);
+        let bytes = buffer.get(..length).unwrap_or_default();
         self.feed.handle_input(bytes);
         if bytes.contains(&ENQ) {
             self.context.tell(Told::PoseAsked);
@@ -64,7 +65,7 @@ impl Feed {
     fn answer(&mut self) {
         let mut out = [0; PosePacket::MAX_LEN];
         let Some(length) = self.feed.poll_transmit(self.context.clock.now(), &mut out) else { return };
-        if self.port.write(&self.context, out.get(..length).unwrap_or_default()).is_some() {
+        if self.port.write(out.get(..length).unwrap_or_default()) {
             self.context.tell(Told::Pose);
         }
     }
@@ -72,11 +73,11 @@ impl Feed {
     /// Listens for requests at each rate.
     fn probe(&mut self) {
         for baud in [9600, 19_200, 38_400] {
-            let Some(heard) = self.port.listen(baud, &[], LISTEN) else { continue };
-            let good = heard.iter().filter(|byte| **byte == ENQ).count();
-            let damaged = heard.len() - good;
+            let Some(received) = self.port.listen(baud, &[], LISTEN) else { continue };
+            let good = received.iter().filter(|byte| **byte == ENQ).count();
+            let damaged = received.len() - good;
             self.context.tell(Told::Probed { port: "viewer", baud, good, damaged });
         }
-        self.port.end_listening(&self.context);
+        self.port.end_listening();
     }
 }

@@ -9,6 +9,7 @@ mod decoder;
 mod encode;
 mod event;
 mod session;
+mod settle;
 #[cfg(feature = "std")]
 mod std_driver;
 #[cfg(feature = "tokio")]
@@ -19,6 +20,7 @@ pub use decoder::Decoder;
 pub use encode::Encode;
 pub use event::EventQueue;
 pub use session::Session;
+pub use settle::{Output, settle};
 #[cfg(feature = "std")]
 pub use std_driver::{Driver, Ended, Received, Sent, Transport, drive, now};
 pub use unexpected::Unexpected;

@@ -11,6 +11,7 @@ use std::vec;
 use std::vec::Vec;
 
 use crate::session::Session;
+use crate::settle::{Output, settle};
 
 /// What carries bytes: a TCP connection, a serial port, a pseudo-terminal, a connected UDP socket.
 pub trait Transport {
@@ -121,21 +122,28 @@ impl<T: Transport> Driver<T> {
         wait: Option<Duration>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        if let ControlFlow::Break(value) = report(session, &mut handler) {
-            return Ok(ControlFlow::Break(Ended::ByHandler(value)));
-        }
-        let transport = &mut self.transport;
-        self.out.resize(S::MAX_TRANSMIT, 0);
-        while let Some(length) = session.poll_transmit(transport.now(), &mut self.out) {
-            if transport.send(self.out.get(..length).unwrap_or_default())? == Sent::Transmitted {
-                session.handle_transmitted(transport.now());
-            }
+        let Self { transport, input, out } = self;
+        out.resize(S::MAX_TRANSMIT, 0);
+        let settled = settle(session, transport.now(), out, |session, output| match output {
+            Output::Event(event) => handler(session, event).map_break(|value| Ok(Ended::ByHandler(value))),
+            Output::Transmit(bytes) => match transport.send(bytes) {
+                Ok(sent) => {
+                    if sent == Sent::Transmitted {
+                        session.handle_transmitted(transport.now());
+                    }
+                    ControlFlow::Continue(())
+                }
+                Err(error) => ControlFlow::Break(Err(error)),
+            },
+        });
+        if let ControlFlow::Break(ended) = settled {
+            return ended.map(ControlFlow::Break);
         }
         let due = session.poll_timeout().map(|at| at.saturating_sub(transport.now()));
         let wait = due.into_iter().chain(wait).min();
-        match transport.receive(&mut self.input, wait)? {
+        match transport.receive(input, wait)? {
             Received::Bytes(length) => {
-                session.handle_input(transport.now(), self.input.get(..length).unwrap_or_default());
+                session.handle_input(transport.now(), input.get(..length).unwrap_or_default());
             }
             Received::Nothing => {}
             Received::Closed => return Ok(ControlFlow::Break(Ended::ByPeer)),

@@ -10,7 +10,7 @@ use core::time::Duration;
 use bytes::BytesMut;
 use common::{Asker, Event, Line, Lines, TooLong};
 use robot_session::tokio::{Codec, Driver};
-use robot_session::{Ended, Session as _};
+use robot_session::Ended;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio_util::codec::{Decoder as _, Encoder as _};
 

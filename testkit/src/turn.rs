@@ -1,8 +1,9 @@
 //! The loop of `robot_session::drive` on a virtual clock: one turn of one end.
 
+use core::ops::ControlFlow;
 use core::time::Duration;
 
-use robot_session::Session;
+use robot_session::{Output, Session, settle};
 
 use crate::link::{Delivery, End, Link};
 
@@ -40,19 +41,13 @@ pub fn turn<S: Session>(
         }
     }
     session.handle_timeout(now);
-    let mut out = vec![0; S::MAX_TRANSMIT];
-    loop {
-        let mut idle = true;
-        while let Some(event) = session.poll_event() {
-            handler(session, event);
-            idle = false;
+    let mut buffer = vec![0; S::MAX_TRANSMIT];
+    let settled = settle(session, now, &mut buffer, |session, output| {
+        match output {
+            Output::Event(event) => handler(session, event),
+            Output::Transmit(bytes) => carrier.send(end, now, bytes),
         }
-        while let Some(length) = session.poll_transmit(now, &mut out) {
-            carrier.send(end, now, &out[..length]);
-            idle = false;
-        }
-        if idle {
-            return;
-        }
-    }
+        ControlFlow::<()>::Continue(())
+    });
+    debug_assert!(settled.is_continue());
 }

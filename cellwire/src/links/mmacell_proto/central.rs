@@ -1,6 +1,7 @@
 //! The central controller: the task over three sessions. No sockets and no clock: bytes and times come in.
 
 use std::collections::VecDeque;
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
@@ -9,6 +10,7 @@ use mmacell_proto::{
     Session as _, Unfinished,
 };
 use mmacell_task::{Device, Event, Failure, Fault, Output, Step, Task, TaskConfig};
+use robot_session::{Output as Settled, settle};
 
 use super::cell::{Cell, Which};
 use crate::report::Samples;
@@ -80,6 +82,7 @@ pub struct Log {
 struct End<P> {
     session: Session<P>,
     sent_at: Duration,
+    outgoing: Vec<u8>,
 }
 
 impl Central {
@@ -107,9 +110,9 @@ impl Central {
     /// A connection has been opened.
     pub fn connected(&mut self, now: Now, which: Which) {
         match which {
-            Which::Robot => self.robot.session.handle_connected(now.wall),
-            Which::Platform => self.platform.session.handle_connected(now.wall),
-            Which::Periphery => self.periphery.session.handle_connected(now.wall),
+            Which::Robot => self.robot.connect(now.wall),
+            Which::Platform => self.platform.connect(now.wall),
+            Which::Periphery => self.periphery.connect(now.wall),
         }
     }
 
@@ -132,12 +135,12 @@ impl Central {
     }
 
     /// Bytes for a device; empty when there are none.
-    pub fn transmit(&mut self, now: Now, which: Which) -> Vec<u8> {
-        match which {
-            Which::Robot => self.robot.transmit(now.wall),
-            Which::Platform => self.platform.transmit(now.wall),
-            Which::Periphery => self.periphery.transmit(now.wall),
-        }
+    pub fn transmit(&mut self, which: Which) -> Vec<u8> {
+        core::mem::take(match which {
+            Which::Robot => &mut self.robot.outgoing,
+            Which::Platform => &mut self.platform.outgoing,
+            Which::Periphery => &mut self.periphery.outgoing,
+        })
     }
 
     /// Does everything that can be done now. The cell is looked at, not touched: its switch, and what its cameras see.
@@ -152,18 +155,18 @@ impl Central {
                 self.task.handle_event(now.cell, Event::Switch { high: switch });
             }
             let mut idle = true;
-            while let Some(event) = self.robot.session.poll_event() {
-                self.log.note(0, &event, now.wall.saturating_sub(self.robot.sent_at));
+            for (event, turn_around) in self.robot.settle(now.wall) {
+                self.log.note(0, &event, turn_around);
                 self.report(now, Which::Robot, Device::Robot, &event);
                 idle = false;
             }
-            while let Some(event) = self.platform.session.poll_event() {
-                self.log.note(1, &event, now.wall.saturating_sub(self.platform.sent_at));
+            for (event, turn_around) in self.platform.settle(now.wall) {
+                self.log.note(1, &event, turn_around);
                 self.report(now, Which::Platform, Device::Platform, &event);
                 idle = false;
             }
-            while let Some(event) = self.periphery.session.poll_event() {
-                self.log.note(2, &event, now.wall.saturating_sub(self.periphery.sent_at));
+            for (event, turn_around) in self.periphery.settle(now.wall) {
+                self.log.note(2, &event, turn_around);
                 self.report_periphery(now, cell, &event);
                 idle = false;
             }
@@ -310,17 +313,33 @@ impl Central {
 
 impl<P: Pose> End<P> {
     fn new() -> Result<Self> {
-        Ok(Self { session: Session::new(CentralConfig::DEFAULT)?, sent_at: Duration::ZERO })
+        Ok(Self {
+            session: Session::new(CentralConfig::DEFAULT)?,
+            sent_at: Duration::ZERO,
+            outgoing: Vec::new(),
+        })
     }
 
-    fn transmit(&mut self, now: Duration) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let mut buffer = [0; 64];
-        while let Some(len) = self.session.poll_transmit(now, &mut buffer) {
-            bytes.extend_from_slice(buffer.get(..len).unwrap_or_default());
-            self.sent_at = now;
-        }
-        bytes
+    fn connect(&mut self, now: Duration) {
+        self.outgoing.clear();
+        self.session.handle_connected(now);
+    }
+
+    /// What has happened, each with the time since the last command; what is to be sent is in `outgoing`.
+    fn settle(&mut self, now: Duration) -> Vec<(CentralEvent<P>, Duration)> {
+        let Self { session, sent_at, outgoing } = self;
+        let (mut events, mut buffer) = (Vec::new(), [0; 64]);
+        let _ = settle(session, now, &mut buffer, |_, output| {
+            match output {
+                Settled::Event(event) => events.push((event, now.saturating_sub(*sent_at))),
+                Settled::Transmit(bytes) => {
+                    outgoing.extend_from_slice(bytes);
+                    *sent_at = now;
+                }
+            }
+            ControlFlow::<()>::Continue(())
+        });
+        events
     }
 }
 

@@ -130,7 +130,7 @@ impl Run {
                 central.run(now, &cell);
             }
             for connection in &mut connections {
-                connection.write(&central.transmit(now, connection.which));
+                connection.write(&central.transmit(connection.which));
             }
             if options.seconds.is_some_and(|end| now.wall >= end) {
                 central.finish();

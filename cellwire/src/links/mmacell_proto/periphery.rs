@@ -1,9 +1,13 @@
 //! The simulated third device: camera trigger and valves in a controller of their own (§4.9, §4.10).
 
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
-use mmacell_proto::{BLOW, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose, Order, Session, VACUUM};
+use mmacell_proto::{
+    BLOW, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose, Order, Session as _, VACUUM,
+};
+use robot_session::{Output, settle};
 
 /// What some bytes led to.
 #[derive(Debug, Default)]
@@ -32,37 +36,29 @@ impl Periphery {
     pub(super) fn receive(&mut self, now: Duration, bytes: &[u8]) -> Answer {
         let (mut answer, mut buffer) = (Answer::default(), [0; 64]);
         self.device.handle_input(now, bytes);
-        loop {
-            let mut idle = true;
-            while let Some(event) = self.device.poll_event() {
-                idle = false;
-                match event {
-                    DeviceEvent::Asked { order } => self.decide(order, &mut answer),
-                    DeviceEvent::Closed { .. } => answer.closed = true,
-                    _ => {}
-                }
+        let _ = settle(&mut self.device, now, &mut buffer, |device, output| {
+            match output {
+                Output::Event(DeviceEvent::Asked { order }) => decide(device, order, &mut answer.valves),
+                Output::Event(DeviceEvent::Closed { .. }) => answer.closed = true,
+                Output::Event(_) => {}
+                Output::Transmit(bytes) => answer.replies.extend_from_slice(bytes),
             }
-            while let Some(length) = self.device.poll_transmit(now, &mut buffer) {
-                idle = false;
-                answer.replies.extend_from_slice(buffer.get(..length).unwrap_or_default());
-            }
-            if idle {
-                return answer;
-            }
-        }
+            ControlFlow::<()>::Continue(())
+        });
+        answer
     }
+}
 
-    fn decide(&mut self, order: Order<NoPose>, answer: &mut Answer) {
-        // Neither can fail: the order is pending, and the number has a form.
-        let _ = match order {
-            Order::Grip { gripper: gripper @ (VACUUM | BLOW), open } => {
-                answer.valves.push((gripper, open));
-                self.device.accept(order)
-            }
-            Order::Acquire { camera: 1 | 2 } | Order::Close => self.device.accept(order),
-            _ => self.device.refuse(order, ErrorCode::Generic),
-        };
-    }
+fn decide(device: &mut Device<NoPose>, order: Order<NoPose>, valves: &mut Vec<(i32, bool)>) {
+    // Neither can fail: the order is pending, and the number has a form.
+    let _ = match order {
+        Order::Grip { gripper: gripper @ (VACUUM | BLOW), open } => {
+            valves.push((gripper, open));
+            device.accept(order)
+        }
+        Order::Acquire { camera: 1 | 2 } | Order::Close => device.accept(order),
+        _ => device.refuse(order, ErrorCode::Generic),
+    };
 }
 
 #[cfg(test)]

@@ -1,9 +1,11 @@
 //! A simulated device: the protocol's session before simulated axes.
 
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
-use mmacell_proto::{Device, DeviceConfig, DeviceEvent, ErrorCode, Order, Session};
+use mmacell_proto::{Device, DeviceConfig, DeviceEvent, ErrorCode, Order, Session as _};
+use robot_session::{Output, settle};
 use serde_json::{Value, json};
 
 use super::axes::{Axes, Simulated};
@@ -12,6 +14,12 @@ use super::axes::{Axes, Simulated};
 #[derive(Debug)]
 pub struct Station<P> {
     device: Device<P>,
+    body: Body<P>,
+}
+
+/// What the device moves.
+#[derive(Debug)]
+struct Body<P> {
     axes: Axes<P>,
     home: P,
     faults: MotionFaults,
@@ -71,7 +79,7 @@ impl<P: Simulated> Station<P> {
         let mut device = Device::new(config)?;
         device.set_pose(home);
         let axes = Axes::new(home);
-        Ok(Self { device, axes, home, faults, asked: 0, motions: 0, fate: Fate::Arrives })
+        Ok(Self { device, body: Body { axes, home, faults, asked: 0, motions: 0, fate: Fate::Arrives } })
     }
 
     /// A new connection takes the place of the one before; the device stays as it is.
@@ -83,84 +91,88 @@ impl<P: Simulated> Station<P> {
     pub fn receive(&mut self, now: Duration, bytes: &[u8]) -> Answer {
         let (mut answer, mut buffer) = (Answer::default(), [0; 64]);
         self.advance(now);
-        self.device.handle_input(now, bytes);
-        loop {
-            let mut idle = true;
-            while let Some(event) = self.device.poll_event() {
-                idle = false;
-                match event {
-                    DeviceEvent::Asked { order } => self.decide(now, order, &mut answer),
-                    DeviceEvent::Closed { reason } => {
-                        answer.closed = true;
-                        answer
-                            .events
-                            .push(json!({"event": "closed", "reason": format!("{reason:?}").to_lowercase()}));
-                    }
-                    DeviceEvent::Rejected { reason } => {
-                        answer.events.push(json!({"event": "rejected", "reason": reason.to_string()}));
-                    }
-                    _ => {}
-                }
+        let Self { device, body } = self;
+        device.handle_input(now, bytes);
+        let _ = settle(device, now, &mut buffer, |device, output| {
+            match output {
+                Output::Event(event) => body.take(now, device, event, &mut answer),
+                Output::Transmit(bytes) => answer.replies.extend_from_slice(bytes),
             }
-            self.advance(now);
-            while let Some(length) = self.device.poll_transmit(now, &mut buffer) {
-                idle = false;
-                answer.replies.extend_from_slice(buffer.get(..length).unwrap_or_default());
-            }
-            if idle {
-                return answer;
-            }
-        }
+            ControlFlow::<()>::Continue(())
+        });
+        answer
     }
 
     /// Moves on to this time.
     pub fn advance(&mut self, now: Duration) {
-        self.axes.advance(now);
-        if self.fate != Fate::Arrives && self.axes.stop_half_way() {
-            if self.fate == Fate::Fails {
-                self.device.fail(ErrorCode::Servo1);
-            }
-            self.fate = Fate::Arrives;
-        }
-        self.device.set_pose(self.axes.pose());
-        if self.axes.stand() {
-            self.device.arrived();
-        }
+        self.body.advance(now, &mut self.device);
     }
 
     /// Decides how the motion that is under way ends.
     pub fn end_motion(&mut self, fate: Fate) {
-        self.fate = fate;
+        self.body.fate = fate;
     }
 
     /// Where it is.
     pub fn pose(&self) -> P {
-        self.axes.pose()
+        self.body.axes.pose()
     }
 
     /// Whether it moves.
     pub fn moves(&self) -> bool {
-        !self.axes.stand()
+        !self.body.axes.stand()
     }
 
     /// How many motions it has begun because of `MOV`.
     pub fn motions(&self) -> u64 {
-        self.motions
+        self.body.motions
+    }
+}
+
+impl<P: Simulated> Body<P> {
+    fn take(&mut self, now: Duration, device: &mut Device<P>, event: DeviceEvent<P>, answer: &mut Answer) {
+        match event {
+            DeviceEvent::Asked { order } => self.decide(now, device, order, answer),
+            DeviceEvent::Closed { reason } => {
+                answer.closed = true;
+                let reason = format!("{reason:?}").to_lowercase();
+                answer.events.push(json!({"event": "closed", "reason": reason}));
+            }
+            DeviceEvent::Rejected { reason } => {
+                answer.events.push(json!({"event": "rejected", "reason": reason.to_string()}));
+            }
+            _ => {}
+        }
+        self.advance(now, device);
     }
 
-    fn decide(&mut self, now: Duration, order: Order<P>, answer: &mut Answer) {
+    fn advance(&mut self, now: Duration, device: &mut Device<P>) {
+        self.axes.advance(now);
+        if self.fate != Fate::Arrives && self.axes.stop_half_way() {
+            if self.fate == Fate::Fails {
+                device.fail(ErrorCode::Servo1);
+            }
+            self.fate = Fate::Arrives;
+        }
+        device.set_pose(self.axes.pose());
+        if self.axes.stand() {
+            device.arrived();
+        }
+    }
+
+    fn decide(&mut self, now: Duration, device: &mut Device<P>, order: Order<P>, answer: &mut Answer) {
         let every = |count: u64, n: u64| n > 0 && count.is_multiple_of(n);
         if let Order::Move { .. } = order {
             self.asked += 1;
             if every(self.asked, self.faults.refuse_every) {
                 let error = ErrorCode::from(self.faults.refuse_code);
                 // It was checked that the number has a form.
-                let _ = self.device.refuse(order, error);
+                let _ = device.refuse(order, error);
                 answer.events.push(json!({"event": "refused", "error": error}));
                 return;
             }
         }
-        if self.device.accept(order).is_err() {
+        if device.accept(order).is_err() {
             return;
         }
         match order {

@@ -47,7 +47,7 @@ fn run(parts: u64, seed: u64, faults: Faults, errors: bool) -> (Central, Cell) {
         cell.advance(time);
         central.run(now(time), &cell);
         for (which, link) in Which::ALL.into_iter().zip(&mut links) {
-            let bytes = central.transmit(now(time), which);
+            let bytes = central.transmit(which);
             if !bytes.is_empty() {
                 link.send(link::End::A, time, &bytes);
             }

@@ -74,9 +74,9 @@ impl Cell {
         let Self { link, now, host, controller, .. } = self;
         let (applied, sent, events) = (&mut self.applied, &mut self.sent, &mut self.controller_events);
         let mut recorder = Recorder { link, sent };
-        turn(&mut recorder, Side::A, controller, *now, |controller, event| {
-            if let ControllerEvent::Reply(_) = event {
-                applied.push(controller.values());
+        turn(&mut recorder, Side::A, controller, *now, |_, event| {
+            if let ControllerEvent::Reply { values, .. } = event {
+                applied.push(values);
             }
             events.push(event);
         });

@@ -140,11 +140,11 @@ fn values_that_are_not_transmitted_mean_the_same_to_every_controller() {
     // Word for word, an increment that is not transmitted repeats for ever.
     let mut controller =
         in_first_cycle(ControllerConfig { unselected: Unselected::Hold, ..Default::default() });
-    controller.handle_input(CYCLE + MS, b"\x10\x10\x02\x00\x01\x50\x00\x10\x03\x51");
+    controller.handle_input(CYCLE + 12 * MS, b"\x10\x10\x02\x00\x01\x50\x00\x10\x03\x51");
     let mut out = [0; Frame::MAX_LEN];
     for cycle in 2..5 {
         controller.poll_transmit(CYCLE * cycle, &mut out).unwrap();
-        controller.handle_input(CYCLE * cycle + MS, b"\x10\x10\x02\x00\x00\x10\x03\x00");
+        controller.handle_input(CYCLE * cycle + 12 * MS, b"\x10\x10\x02\x00\x00\x10\x03\x00");
         assert_eq!(controller.values(), x(80));
     }
 }
@@ -230,16 +230,16 @@ fn words_are_zero_at_first_in_every_start() {
     let config = ControllerConfig { unselected: Unselected::Hold, ..Default::default() };
     let mut controller = in_first_cycle(config);
     let mut out = [0; Frame::MAX_LEN];
-    controller.handle_input(CYCLE + MS, b"\x10\x10\x02\x00\x01\x50\x00\x10\x03\x51");
+    controller.handle_input(CYCLE + 12 * MS, b"\x10\x10\x02\x00\x01\x50\x00\x10\x03\x51");
     assert_eq!(controller.values(), x(80));
     controller.finish(CYCLE * 2).unwrap();
     controller.poll_transmit(CYCLE * 2, &mut out).unwrap();
     controller.start(CYCLE * 3).unwrap();
     assert_eq!(controller.values(), [0; 6]);
     controller.poll_transmit(CYCLE * 3, &mut out).unwrap();
-    controller.handle_input(CYCLE * 3 + MS, b"\x10\x10\x02\x00\x10\x03\x00");
+    controller.handle_input(CYCLE * 3 + 5 * MS, b"\x10\x10\x02\x00\x10\x03\x00");
     controller.poll_transmit(CYCLE * 4, &mut out).unwrap();
-    controller.handle_input(CYCLE * 4 + MS, b"\x10\x10\x02\x00\x00\x10\x03\x00");
+    controller.handle_input(CYCLE * 4 + 12 * MS, b"\x10\x10\x02\x00\x00\x10\x03\x00");
     assert_eq!((controller.values(), controller.statistics().replies), ([0; 6], 2));
 }
 

@@ -159,6 +159,24 @@ fn the_window_is_15_ms_cumulative_and_17_ms_non_cumulative() {
 }
 
 #[test]
+fn what_comes_while_the_message_is_on_the_line_is_no_reply_to_it() {
+    let reply = b"\x10\x10\x02\x00\x01\x50\x00\x10\x03\x51";
+    // 36 bytes take 18.75 ms.
+    let controller = in_first_cycle(ControllerConfig { baud: 19_200, ..Default::default() });
+    let opens = CYCLE + timing::transmission(36, 19_200);
+    let mut early = controller.clone();
+    early.handle_input(opens - MS / 1000, reply);
+    assert!(matches!(early.poll_event(), Some(ControllerEvent::Stray(_))));
+    assert_eq!((early.values(), early.statistics().strays, early.statistics().replies), ([0; 6], 1, 0));
+    // The window is open for what comes then, and what was corrupt before it counts for nothing.
+    early.handle_input(opens - MS / 1000, b"\x10\x10\x02\x00\x00\x10\x03\x01");
+    early.handle_input(opens, reply);
+    assert_eq!((early.values(), early.statistics().replies), (x(80), 1));
+    early.poll_transmit(CYCLE * 2, &mut [0; Frame::MAX_LEN]).unwrap();
+    assert_eq!(early.statistics().bad_replies, 0);
+}
+
+#[test]
 fn a_killed_host_ends_alter_with_error_6_and_the_arm_stands_still() {
     let (host, controller) = plain();
     let mut cell = running(host, controller);
@@ -240,6 +258,8 @@ fn the_deadline_is_the_window_less_the_reply() {
     assert_eq!(host.clone().poll_transmit(six, &mut out), Some(8 + 4 * 3));
     let mut late = host.clone();
     assert_eq!(late.poll_transmit(deadline + MS, &mut out), None);
+    assert_eq!((late.poll_event(), late.poll_timeout()), (None, Some(deadline + MS)));
+    late.handle_timeout(deadline + MS);
     assert_eq!((late.poll_event(), late.statistics().missed), (Some(HostEvent::Missed), 1));
     assert_eq!(late.poll_transmit(deadline, &mut out), None);
 

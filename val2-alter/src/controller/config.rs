@@ -6,7 +6,7 @@ use robot_session::Unexpected;
 
 use crate::error::ConfigError;
 use crate::frame::Framing;
-use crate::message::{Accumulation, ErrorCode, Exception, HostMessage, List, Mode, Reply};
+use crate::message::{AXES, Accumulation, ErrorCode, Exception, HostMessage, List, Mode, Reply};
 use crate::timing::{self, Budget};
 
 /// How a [`Controller`](crate::Controller) behaves: the ALTER instruction and the line.
@@ -14,7 +14,8 @@ use crate::timing::{self, Budget};
 pub struct ControllerConfig {
     /// The envelope. Default: [`Framing::DEFAULT`].
     pub framing: Framing,
-    /// The line's baud rate: the reply window opens when the request has left. Default: 38400.
+    /// The line's baud rate: the reply window opens when the request has left, and what arrives before is no reply to it.
+    /// Default: 38400.
     pub baud: u32,
     /// The mode of the ALTER instruction. Default: 23.
     pub mode: Mode,
@@ -29,10 +30,10 @@ pub struct ControllerConfig {
     pub unselected: Unselected,
     /// A silence of more than this inside a frame ends the frame. Default: 4 ms.
     pub gap: Option<Duration>,
-    /// The rule of the machine that does not apply.
+    /// The rules of the machine that do not apply.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub without: Option<ControllerRule>,
+    pub without: &'static [ControllerRule],
 }
 
 /// A rule of the controller's machine that the model takes out to show what it is needed for.
@@ -41,6 +42,8 @@ pub struct ControllerConfig {
 pub enum ControllerRule {
     /// An interruption is in one message at least.
     ReportInterruption,
+    /// What arrives while the message is still on the line is no answer to it.
+    AfterRequest,
     /// Only the first reply of a window counts.
     FirstReply,
     /// A missing reply ends ALTER.
@@ -67,7 +70,7 @@ impl ControllerConfig {
 
     #[cfg(feature = "model")]
     pub(super) fn keeps(&self, rule: ControllerRule) -> bool {
-        self.without != Some(rule)
+        !self.without.contains(&rule)
     }
 
     #[cfg(not(feature = "model"))]
@@ -89,7 +92,7 @@ impl Default for ControllerConfig {
             unselected: Unselected::default(),
             gap: Some(Duration::from_millis(4)),
             #[cfg(feature = "model")]
-            without: None,
+            without: &[],
         }
     }
 }
@@ -131,7 +134,13 @@ pub enum ControllerEvent {
     /// No start message was accepted.
     GaveUp,
     /// A reply was taken.
-    Reply(Reply),
+    Reply {
+        /// The reply.
+        reply: Reply,
+        /// What it does to the arm: the increments of this cycle (cumulative), or how far the arm is held off the path
+        /// (non-cumulative). While the exception subroutine runs a reply changes nothing.
+        values: [i16; AXES],
+    },
     /// A reply or an answer to a start message could not be read, or did not come; the next message reports it to the host.
     BadReply(ErrorCode),
     /// The exception subroutine begins: call [`Controller::resume`](crate::Controller::resume) when it returns.
@@ -140,7 +149,7 @@ pub enum ControllerEvent {
     Aborted(Exception),
     /// ALTER is over, the arm is at rest: the end message was sent, or the port is gone.
     Ended(ErrorCode),
-    /// A message that no window was open for; it has no effect.
+    /// A message that no window was open for: late, early, or one too many. It has no effect.
     Stray(HostMessage),
     /// A call that the contract does not allow, or an input that the machine did not expect; nothing has changed.
     Unexpected(Unexpected),

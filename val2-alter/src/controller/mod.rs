@@ -1,13 +1,13 @@
 //! The robot controller's end.
 
 mod config;
+mod input;
 mod machine;
+mod state;
 
 pub use config::{ControllerConfig, ControllerEvent, ControllerRule, ControllerStatistics, Unselected};
-pub use machine::{
-    Alter, ControllerActions, ControllerInput, ControllerMachine, ControllerPhase, Handling, Outgoing,
-    Progress, StartOutcome, Taken, Turn,
-};
+pub use input::{ControllerActions, ControllerInput, Handling, Outgoing, StartOutcome, Taken};
+pub use state::{Alter, ControllerMachine, ControllerPhase, Progress, Turn};
 
 use core::time::Duration;
 
@@ -24,7 +24,8 @@ use crate::message::{
 /// The controller's session: a MARK III without its arm. Its verbs are those of [`robot_session::Session`]; it never reads a
 /// clock and never blocks. [`start`](Controller::start) executes the ALTER instruction.
 ///
-/// The first good reply in the window of a message decides; what comes outside a window has no effect. A reply that cannot be
+/// The first good reply in the window of a message decides; what comes outside a window, or while the message is still on the
+/// line, has no effect and is reported. A reply that cannot be
 /// read gives the error code of the next message, and the arm does not move by it; a missing one ends ALTER with error 6. A
 /// session that is late itself sends the next message late: it never sends two in one cycle. Of 16 events that nobody fetches,
 /// the oldest notice is dropped and counted; how a start goes, exceptions and the end of ALTER are outcomes and are not.
@@ -160,10 +161,11 @@ impl Controller {
         }
         if let (Some(taken), HostMessage::Reply(reply)) = (actions.taken, message) {
             self.statistics.replies += 1;
-            self.events.push_notice(ControllerEvent::Reply(reply));
-            if taken == Taken::Moves {
-                self.take(&reply);
+            match taken {
+                Taken::Moves => self.take(&reply),
+                Taken::Rests => self.rest(),
             }
+            self.events.push_notice(ControllerEvent::Reply { reply, values: self.applied });
         }
         self.act(now, &actions);
     }
@@ -193,9 +195,8 @@ impl Controller {
         if actions.close_window {
             self.on(now, ControllerInput::WindowClosed);
         }
-        // Without a reply the arm is at rest: no increment, and an offset stays.
-        if actions.rest && self.config.mode.accumulation() == Accumulation::Cumulative {
-            self.applied = [0; AXES];
+        if actions.rest {
+            self.rest();
         }
         if let Some(code) = actions.bad_reply {
             if actions.start.is_none() && self.state() != ControllerState::Starting {
@@ -234,6 +235,13 @@ impl Controller {
             *word = sent.unwrap_or(if holds { *word } else { 0 });
         }
         self.applied = self.words;
+    }
+
+    /// Without a reply the arm is at rest: no increment, and an offset stays.
+    fn rest(&mut self) {
+        if self.config.mode.accumulation() == Accumulation::Cumulative {
+            self.applied = [0; AXES];
+        }
     }
 
     fn message(&self, due: Outgoing) -> RobotMessage {

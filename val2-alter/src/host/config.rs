@@ -42,13 +42,14 @@ pub struct HostConfig {
     pub reserve: Duration,
     /// The longest that reading a message and sending its reply are late together, beyond the time that the bytes take on the
     /// line: an assumption. A reply has no number, and one that is later than this may be taken for the reply to the next
-    /// message; an exception that it carries could then be executed twice. From 14 ms on an exception that the controller could
-    /// not read is not sent again, but reported as unknown. Default: 10 ms.
+    /// message; an exception that it carries could then be executed twice. From what the window leaves of a cycle on (13 ms
+    /// cumulative, 11 ms non-cumulative) no message says anything of the reply before it: an exception that was sent is not sent
+    /// again, and its outcome is unknown; a late reply may bring back a word that was left out because it was zero. Default: 10 ms.
     pub max_delay: Duration,
-    /// The rule of the machine that does not apply.
+    /// The rules of the machine that do not apply.
     #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub without: Option<HostRule>,
+    pub without: &'static [HostRule],
 }
 
 /// A rule of the host's machine that the model takes out to show what it is needed for.
@@ -63,6 +64,8 @@ pub enum HostRule {
     WordsInterrupted,
     /// Words that may be other than zero are always sent.
     WordsKept,
+    /// Where a reply may be late for its window, no message says what became of one.
+    InTime,
     /// An error code counts only in the message that follows the reply directly.
     InSequence,
     /// Only error codes that say that a reply came let an exception be sent again.
@@ -93,6 +96,17 @@ impl HostConfig {
         now.saturating_add(Budget::new(self.mode.accumulation(), self.baud, len, 0).window)
     }
 
+    /// When a controller that sends nothing from now on counts as lost.
+    pub(super) fn lost_at(&self, now: Duration) -> Duration {
+        now.saturating_add(timing::CYCLE.saturating_mul(self.silence_cycles))
+    }
+
+    /// Whether a reply arrives before the message after the one that it answers has left, so that it cannot be taken for the
+    /// reply to that.
+    pub(super) fn is_in_time(&self) -> bool {
+        self.max_delay < timing::CYCLE.saturating_sub(timing::window(self.mode.accumulation()))
+    }
+
     /// The length of a reply with this many values and no doubled DLE.
     pub(super) fn reply_len(&self, values: usize) -> usize {
         timing::min_reply_len(values, self.framing)
@@ -112,7 +126,7 @@ impl HostConfig {
 
     #[cfg(feature = "model")]
     pub(super) fn keeps(&self, rule: HostRule) -> bool {
-        self.without != Some(rule)
+        !self.without.contains(&rule)
     }
 
     #[cfg(not(feature = "model"))]
@@ -137,7 +151,7 @@ impl Default for HostConfig {
             reserve: Duration::from_millis(1),
             max_delay: Duration::from_millis(10),
             #[cfg(feature = "model")]
-            without: None,
+            without: &[],
         }
     }
 }
@@ -208,7 +222,7 @@ pub enum ExceptionOutcome {
 pub enum UnknownReason {
     /// ALTER ended before the next message.
     Ended,
-    /// A message was lost in between: the error code may be about another reply.
+    /// A message was lost in between, or replies may be late: what the next message says may be about another reply.
     OutOfSequence,
     /// The next message has an error code that does not say that the reply was not read.
     Unclear,

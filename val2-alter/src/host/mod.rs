@@ -1,15 +1,18 @@
 //! The host computer's end: answers the controller's messages within their deadline.
 
+mod active;
 mod config;
+mod due;
+mod input;
 mod machine;
+mod state;
 
 pub use config::{
     ExceptionOutcome, HostConfig, HostEvent, HostRule, HostStatistics, LostReason, Policy, UnknownReason,
 };
-pub use machine::{
-    Active, Answer, Course, Draft, Due, HostActions, HostInput, HostMachine, HostPhase, Pending, Request,
-    Stage, Target, Wanted,
-};
+pub use due::Due;
+pub use input::{Answer, Course, Draft, HostActions, HostInput, Wanted};
+pub use state::{Active, HostMachine, HostPhase, Pending, Request, Stage, Target};
 
 use core::time::Duration;
 

@@ -85,7 +85,7 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
     report.fact("poses", "poses drawn, of poses sent", format!("{} of {}", drawn.poses, host.poses));
     report.fact("most_poses_at_once", "most poses between two pictures", drawn.most_at_once);
     report.fact("drift_mm", "arm moved while ALTER was off, mm", puma.drift);
-    report.fact("early_bytes", "reply bytes too late for their window", puma.early);
+    report.fact("stray_replies", "replies too late for their window", puma.strays);
     report.fact("simulator_late_us", "the simulator was late itself, µs in all", micros(puma.stood));
     report.fact("line_faults", "bytes damaged on the lines", record.line_faults.iter().sum::<u64>());
 

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{
     AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Frame, Mode,
-    Motion, Reply, SegmentStatus,
+    Motion, SegmentStatus,
 };
 
 use super::arm::{Arm, ArmConfig};
@@ -111,8 +111,8 @@ pub struct PumaRecord {
     pub ends: Vec<(Duration, ErrorCode)>,
     /// The gripper's moves: true closes.
     pub gripper: Vec<bool>,
-    /// Bytes thrown away because they came while a request was leaving.
-    pub early: u64,
+    /// Replies that came too late for their window.
+    pub strays: u64,
     /// How long the simulator itself was late.
     pub stood: Duration,
     /// How far the arm was from its place at the end of ALTER when ALTER began again, in mm: it stands still in between.
@@ -195,8 +195,6 @@ struct Puma {
     resume_at: Option<Duration>,
     request: Option<Request>,
     stands_at: Option<Pose>,
-    /// The values that the controller applied last.
-    words: [i16; AXES],
 }
 
 /// The request that is being answered.
@@ -220,7 +218,6 @@ impl Puma {
             resume_at: None,
             request: None,
             stands_at: None,
-            words: [0; AXES],
         })
     }
 
@@ -232,12 +229,8 @@ impl Puma {
     }
 
     fn receive(&mut self, at: Duration, byte: u8) {
-        if let Some(request) = &mut self.request {
-            // What comes before the request has left is late, and an answer to the one before: there are no numbers to tell.
-            if at < request.arrived {
-                self.record.early += 1;
-                return;
-            }
+        // What comes before the request has left is an answer to the one before.
+        if let Some(request) = self.request.as_mut().filter(|request| at >= request.arrived) {
             request.first_byte.get_or_insert(at);
             request.last_byte = at;
         }
@@ -283,7 +276,6 @@ impl Puma {
         while let Some(event) = self.controller.poll_event() {
             match event {
                 ControllerEvent::Started => {
-                    self.words = [0; AXES];
                     self.arm.begin();
                     let pose = self.arm.pose();
                     if let Some(stood) = self.stands_at.take() {
@@ -293,7 +285,7 @@ impl Puma {
                 }
                 ControllerEvent::Refused => self.off(PumaEvent::Refused),
                 ControllerEvent::GaveUp => self.off(PumaEvent::GaveUp),
-                ControllerEvent::Reply(reply) => self.measure(&reply),
+                ControllerEvent::Reply { values, .. } => self.measure(values),
                 ControllerEvent::BadReply(code) => {
                     if !matches!(self.controller.state(), ControllerState::Starting | ControllerState::Off) {
                         self.record.without.push(now + self.record.stood);
@@ -325,17 +317,11 @@ impl Puma {
         let record = &mut self.record;
         (record.cycles, record.missed, record.bad_replies) =
             (stats.cycles, stats.timeouts, stats.bad_replies);
-        record.starts = stats.starts;
+        (record.starts, record.strays) = (stats.starts, stats.strays);
     }
 
-    /// By now the controller may be at rest again: what it applied is in the reply.
-    fn measure(&mut self, reply: &Reply) {
-        let config = &self.config.controller;
-        let holds = config.unselected.holds(config.mode.accumulation());
-        for (word, sent) in self.words.iter_mut().zip(reply.values) {
-            *word = sent.unwrap_or(if holds { *word } else { 0 });
-        }
-        let values = self.words;
+    /// A reply was taken, and this is what it does to the arm.
+    fn measure(&mut self, values: [i16; AXES]) {
         self.arm.take(values);
         let Some(Request { arrived, window, first_byte: Some(first), last_byte }) = self.request.take()
         else {

@@ -24,7 +24,8 @@ fn run() -> Option<i16> {
         let n = controller.poll_transmit(now, &mut buf)?;
         host.handle_input(now, buf.get(..n)?);
         let n = host.poll_transmit(now, &mut buf)?;
-        controller.handle_input(now, buf.get(..n)?);
+        // What comes while the request is still on the line is no reply to it.
+        controller.handle_input(now + timing::CYCLE / 2, buf.get(..n)?);
         host.set_target(now, [80, 0, 0, 0, 0, 0]);
     }
     controller.values().first().copied()

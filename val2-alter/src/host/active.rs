@@ -1,0 +1,150 @@
+//! What happens in an ALTER.
+
+use core::time::Duration;
+
+use super::config::{ExceptionOutcome, HostConfig, HostRule, UnknownReason};
+use super::due::Due;
+use super::input::{Course, Draft, HostActions};
+use super::state::{Active, Pending, Request, Stage, Target};
+use crate::frame::DLE;
+use crate::message::{AXES, Accumulation, ErrorCode, Exception, MotionPhase};
+use crate::timing::CYCLE;
+
+const ALL: u8 = (1 << AXES) - 1;
+
+impl Active {
+    pub(super) fn motion(
+        &mut self,
+        now: Duration,
+        phase: MotionPhase,
+        error: ErrorCode,
+        len: u8,
+        config: &HostConfig,
+    ) -> HostActions {
+        let mut actions = HostActions { missed: self.request.is_some(), ..HostActions::default() };
+        self.lost_at = config.lost_at(now);
+        if error == ErrorCode::None {
+            self.kept = self.sent;
+        } else {
+            self.kept =
+                if config.keeps(HostRule::WordsUntilRead) { self.kept | self.sent } else { self.sent };
+            actions.rejected = Some(error);
+        }
+        self.sent = self.kept;
+        actions.outcome = self.judge_exception(now, phase, error, config);
+        self.stage = match (self.stage, phase) {
+            (Stage::Stopping { zeros_sent: true }, _)
+                if error == ErrorCode::None && (self.kept == 0 || !config.keeps(HostRule::ZerosRead)) =>
+            {
+                actions.stopped = true;
+                return actions;
+            }
+            (Stage::Stopping { .. }, _) => Stage::Stopping { zeros_sent: !config.keeps(HostRule::ZerosRead) },
+            (_, MotionPhase::Running) => Stage::Running,
+            (_, MotionPhase::Interrupted) => Stage::Interrupted,
+        };
+        self.request = Some(Request {
+            due: Due::reply(now, len.into(), self.kept.count_ones(), config),
+            phase,
+            follows_until: now.saturating_add(CYCLE * 2).saturating_sub(config.max_delay),
+        });
+        actions
+    }
+
+    /// What the message after a reply says of the exception in it.
+    fn judge_exception(
+        &mut self,
+        now: Duration,
+        phase: MotionPhase,
+        error: ErrorCode,
+        config: &HostConfig,
+    ) -> Option<(Exception, ExceptionOutcome)> {
+        let Pending::Sent { exception, follows_until } = self.exception else { return None };
+        let stopping = matches!(self.stage, Stage::Stopping { .. });
+        let outcome = match error {
+            _ if !config.is_in_time() && config.keeps(HostRule::InTime) => {
+                ExceptionOutcome::Unknown(UnknownReason::OutOfSequence)
+            }
+            ErrorCode::None if !config.keeps(HostRule::SendOnce) => {
+                self.exception = Pending::Unsent(exception);
+                return None;
+            }
+            ErrorCode::None => ExceptionOutcome::Done,
+            _ if phase == MotionPhase::Interrupted => ExceptionOutcome::Unknown(UnknownReason::Unclear),
+            ErrorCode::Timeout | ErrorCode::Other(_) if config.keeps(HostRule::RejectedOnly) => {
+                ExceptionOutcome::Unknown(UnknownReason::Unclear)
+            }
+            _ if now >= follows_until && config.keeps(HostRule::InSequence) => {
+                ExceptionOutcome::Unknown(UnknownReason::OutOfSequence)
+            }
+            _ if stopping => ExceptionOutcome::NotDone,
+            _ => {
+                self.exception = Pending::Unsent(exception);
+                return None;
+            }
+        };
+        self.exception = Pending::None;
+        Some((exception, outcome))
+    }
+
+    /// Bytes were corrupt: a message may have been among them.
+    pub(super) fn lose_sequence(&mut self) {
+        if let Pending::Sent { follows_until, .. } = &mut self.exception {
+            *follows_until = Duration::ZERO;
+        }
+    }
+
+    pub(super) fn outcome_at_end(&self) -> Option<(Exception, ExceptionOutcome)> {
+        match self.exception {
+            Pending::None => None,
+            Pending::Unsent(exception) => Some((exception, ExceptionOutcome::NotDone)),
+            Pending::Sent { exception, .. } => {
+                Some((exception, ExceptionOutcome::Unknown(UnknownReason::Ended)))
+            }
+        }
+    }
+
+    pub(super) fn course(&self, config: &HostConfig) -> Course {
+        let is_offset = config.mode.accumulation() == Accumulation::NonCumulative;
+        let stale = config.keeps(HostRule::Stale);
+        match (self.stage, self.target) {
+            (Stage::Running, Target::Fresh { .. }) => Course::Target,
+            (Stage::Running, Target::Stale) if !stale => Course::Target,
+            (Stage::Running | Stage::Interrupted, _) if is_offset => Course::Hold,
+            (Stage::Accepted | Stage::Running | Stage::Interrupted | Stage::Stopping { .. }, _) => {
+                Course::Zero
+            }
+        }
+    }
+
+    /// The words to send, and the axes that must wait; `None`: what must be sent does not fit.
+    pub(super) fn select(
+        &self,
+        now: Duration,
+        draft: Draft,
+        due: Due,
+        config: &HostConfig,
+    ) -> Option<(u8, u8)> {
+        let fits = |select: u8, reserve| {
+            let words = draft.words.iter().enumerate().filter(|(axis, _)| select >> axis & 1 != 0);
+            // The select byte is doubled where it selects RY alone.
+            let len = usize::from(draft.bare)
+                + usize::from(select == DLE)
+                + words.map(|(_, len)| usize::from(*len)).sum::<usize>();
+            due.fits(now, len, reserve, config)
+        };
+        if fits(ALL, config.reserve) || !config.keeps(HostRule::Late) {
+            return Some((ALL, 0));
+        }
+        let mut select = if config.keeps(HostRule::WordsKept) { self.kept } else { draft.moving };
+        if !fits(select, Duration::ZERO) {
+            return None;
+        }
+        for axis in (0..AXES).map(|axis| 1 << axis) {
+            if draft.moving & axis != 0 && fits(select | axis, config.reserve) {
+                select |= axis;
+            }
+        }
+        Some((select, draft.moving & !select))
+    }
+}

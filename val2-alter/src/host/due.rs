@@ -1,0 +1,39 @@
+//! When an answer must leave.
+
+use core::time::Duration;
+
+use super::config::HostConfig;
+use crate::timing::{transmission, window};
+
+/// When an answer must leave.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Due {
+    /// The shortest answer must have begun.
+    pub begin_by: Duration,
+    /// The answer must have ended.
+    pub end_by: Duration,
+}
+
+impl Due {
+    /// The answer to a start message that arrived at `now`.
+    pub(super) fn start(now: Duration, config: &HostConfig) -> Self {
+        let end_by = now.saturating_add(window(config.mode.accumulation()));
+        Self::new(now, end_by, config.reply_len(0).saturating_sub(1), config)
+    }
+
+    /// The reply, of so many values at least, to a standard message of `len` bytes that arrived at `now`.
+    pub(super) fn reply(now: Duration, len: usize, values: u32, config: &HostConfig) -> Self {
+        Self::new(now, config.end_of_window(now, len), config.reply_len(values as usize), config)
+    }
+
+    /// What may be too late already may be tried once: a deadline lies ahead.
+    fn new(now: Duration, end_by: Duration, shortest: usize, config: &HostConfig) -> Self {
+        let begin_by = end_by.saturating_sub(transmission(shortest, config.baud));
+        Self { begin_by: begin_by.max(now.saturating_add(Duration::from_nanos(1))), end_by }
+    }
+
+    /// Whether an answer of `len` bytes that is sent at `now` ends in time, with something left.
+    pub(super) fn fits(&self, now: Duration, len: usize, reserve: Duration, config: &HostConfig) -> bool {
+        transmission(len, config.baud).saturating_add(reserve) <= self.end_by.saturating_sub(now)
+    }
+}

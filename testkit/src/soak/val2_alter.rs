@@ -10,10 +10,10 @@ use val2_alter::{
     SegmentStatus, Start, StartCode, Transform, Unselected, timing,
 };
 
-use super::{Check, Ledger, Log, Mark, Reported, Row, Tally, Unseen, Wire};
-use crate::link::{End, Faults};
+use super::{Check, Ledger, Log, Mark, Reported, Row, Tally, Wire};
+use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
-use crate::turn;
+use crate::{Carrier, turn};
 
 pub(super) const SERIAL: Row =
     Row { link: "val2-alter", transport: "serial", job: "replies", one_in: Some(256), session };
@@ -42,11 +42,14 @@ struct Cell {
     aliens: Vec<HostMessage>,
     controller: Controller,
     host: Host,
-    /// Whether values are offsets from the path, and which ones hold.
+    /// Whether values are offsets from the path, which ones hold, and whether those are an alien's.
     holds: bool,
     applied: Values,
+    astray: bool,
     /// Whether the robot's exception subroutine runs.
     interrupted: bool,
+    /// What one end sends is lost until then.
+    dead: Option<(End, Duration)>,
     /// When the robot's program executes ALTER again.
     again_at: Option<Duration>,
     /// Before the message that the host answers next: its content may be wrong too.
@@ -55,9 +58,9 @@ struct Cell {
     in_time: bool,
     /// The reply, and the exception, whose fate is not known yet.
     reply: Option<usize>,
-    exception: Option<(usize, Exception)>,
-    /// The exception before it: its reply may still be on the line.
-    before: Option<(usize, Exception)>,
+    exception: Option<usize>,
+    /// The jobs that are exceptions: each has a code of its own.
+    exceptions: Vec<usize>,
     done: usize,
 }
 
@@ -67,11 +70,12 @@ fn session(seed: u64, log: Log) -> Tally {
         return hostile(&mut rng);
     }
     let bad = [0.1, 0.5, 2.0][rng.below(3)];
-    // A pause of more than 4 ms ends a frame. All delays of a cycle together stay below 11 ms: a reply that comes as late as
-    // the next message would pass for the reply to that, since it has no number. Or they do not, and the host knows it.
+    // A pause of more than 4 ms ends a frame. All delays of a cycle together stay below 10 ms: a reply that comes when the
+    // next message has left would pass for the reply to that, since it has no number. Or they do not, and the host knows it.
     let in_time = rng.chance(0.6);
-    let (pause, max_delay) = [(MS, 4 * MS), (5 * MS, MS / 2)][rng.below(2)];
+    let (pause, max_delay) = [(MS, 3 * MS), (5 * MS, MS / 2)][rng.below(2)];
     let faults = Faults {
+        latency: MS / 2,
         flip: 0.002 * bad,
         lose_byte: 0.001 * bad,
         insert: 0.001 * bad,
@@ -84,12 +88,7 @@ fn session(seed: u64, log: Log) -> Tally {
     let baud = [38_400, 19_200][rng.below(2)];
     let config = ControllerConfig {
         baud,
-        // At 19200 baud a message with a transformation leaves no time for a line that is late.
-        mode: match (baud, rng.below(4)) {
-            (38_400, 0) => Mode::CUMULATIVE_23,
-            (38_400, 1) => Mode::NON_CUMULATIVE_22,
-            (_, mode) => Mode(18 + mode as u8 % 2),
-        },
+        mode: [Mode::CUMULATIVE_23, Mode::NON_CUMULATIVE_22, Mode(19), Mode(18)][rng.below(4)],
         subroutine: true,
         unselected: [Unselected::ByMode, Unselected::Hold, Unselected::Zero][rng.below(3)],
         ..ControllerConfig::default()
@@ -99,9 +98,7 @@ fn session(seed: u64, log: Log) -> Tally {
         mode: config.mode,
         limits: Limits::NONE,
         subroutine: true,
-        // The line itself is late by 2 ms in a cycle.
-        reserve: 3 * MS,
-        max_delay: if in_time { 11 * MS } else { timing::CYCLE },
+        max_delay: if in_time { HostConfig::default().max_delay } else { timing::CYCLE },
         ..HostConfig::default()
     };
     let mut cell = Cell {
@@ -115,13 +112,15 @@ fn session(seed: u64, log: Log) -> Tally {
         host: Host::new(host).expect("it can work"),
         holds: config.mode.accumulation() == Accumulation::NonCumulative,
         applied: [0; 6],
+        astray: false,
         interrupted: false,
+        dead: None,
         again_at: Some(Duration::ZERO),
         cause: Mark::default(),
         in_time,
         reply: None,
         exception: None,
-        before: None,
+        exceptions: Vec::new(),
         done: 0,
     };
     cell.controller.handle_connected(cell.now);
@@ -244,7 +243,8 @@ impl Cell {
             if again_at <= self.now {
                 self.log.line(self.now, format_args!("the robot's program executes ALTER"));
                 self.controller.start(self.now).expect("it is off");
-                (self.again_at, self.interrupted, self.applied) = (None, false, [0; 6]);
+                self.again_at = None;
+                self.begin();
             }
         }
         if self.interrupted && rng.chance(0.1) {
@@ -263,16 +263,29 @@ impl Cell {
             self.log.line(self.now, format_args!("the controller loses its memory"));
             self.controller = Controller::new(*self.controller.config()).expect("it worked before");
             self.controller.handle_connected(self.now);
-            (self.again_at, self.interrupted, self.applied) = (None, false, [0; 6]);
+            self.again_at = None;
+            self.begin();
+        }
+        if faults && rng.chance(0.001) {
+            let end = [End::A, End::B][rng.below(2)];
+            let until = self.now + rng.log_uniform(MS, Duration::from_secs(5));
+            self.log.line(self.now, format_args!("what {end:?} sends is lost until {until:?}"));
+            self.dead = Some((end, until));
         }
         if self.exception.is_none() && rng.chance(0.03) {
-            let exception = [Exception::CloseGripper, Exception::OpenGripper][rng.below(2)];
+            let exception = exception(self.ledger.len());
             if self.host.exception(self.now, exception).is_ok() {
                 let job = self.send([0; 6]);
                 self.log.line(self.now, format_args!("job {job}: {exception:?}"));
-                self.exception = Some((job, exception));
+                self.exceptions.push(job);
+                self.exception = Some(job);
             }
         }
+    }
+
+    /// A new ALTER: all words of the controller are zero.
+    fn begin(&mut self) {
+        (self.interrupted, self.applied, self.astray) = (false, [0; 6], false);
     }
 
     /// The host's process dies: nobody learns what became of its last reply.
@@ -280,8 +293,7 @@ impl Cell {
         self.log.line(self.now, format_args!("the host loses its memory"));
         self.hear();
         let mark = self.wire.mark();
-        self.before = self.exception.or(self.before);
-        for job in [self.reply.take(), self.exception.take().map(|(job, _)| job)].into_iter().flatten() {
+        for job in [self.reply.take(), self.exception.take()].into_iter().flatten() {
             self.ledger.report(job, Reported::Unknown, mark);
         }
         self.host = Host::new(*self.host.config()).expect("it worked before");
@@ -295,15 +307,16 @@ impl Cell {
 
     fn step(&mut self) {
         let (now, mut reported) = (self.now, Vec::new());
-        // What a reply does is seen before the next one comes.
-        let values = |controller: &mut Controller, event| reported.push((event, controller.values()));
-        turn(&mut self.wire, End::A, &mut self.controller, now, values);
+        let dead = self.dead.filter(|(_, until)| now < *until).map(|(end, _)| end);
+        let mut line = HalfOpen { wire: &mut self.wire, dead };
+        turn(&mut line, End::A, &mut self.controller, now, |_, event| reported.push(event));
         self.obey(reported);
         self.host.set_target(now, values_of(&self.ledger));
         let before = self.host.statistics().replies;
         let mark = self.wire.mark();
         let mut events = Vec::new();
-        turn(&mut self.wire, End::B, &mut self.host, now, |_, event| events.push(event));
+        let mut line = HalfOpen { wire: &mut self.wire, dead };
+        turn(&mut line, End::B, &mut self.host, now, |_, event| events.push(event));
         self.note(events, mark);
         let runs = self.host.state() == HostState::Running;
         if self.host.statistics().replies > before {
@@ -319,31 +332,37 @@ impl Cell {
         self.now = self.wire.next(self.now, times);
     }
 
-    fn obey(&mut self, events: Vec<(ControllerEvent, Values)>) {
-        for (event, taken) in events {
+    fn obey(&mut self, events: Vec<ControllerEvent>) {
+        for event in events {
             self.log.line(self.now, format_args!("  controller: {event:?}"));
             match event {
-                // While the subroutine runs the arm is at rest.
-                ControllerEvent::Reply(reply) if !self.interrupted => {
-                    let job = self.sent.iter().rposition(|sent| *sent == taken);
+                ControllerEvent::Reply { reply, values } => {
+                    let job = self.sent.iter().rposition(|sent| *sent == values);
                     // An offset that stays is no job.
-                    let stays = self.holds && taken == self.applied;
+                    let stays = self.holds && values == self.applied;
                     match job {
                         _ if stays => {}
-                        _ if taken == [0; 6] => self.applied = taken,
+                        _ if values == [0; 6] => self.astray = false,
                         Some(job) => {
-                            self.applied = taken;
+                            self.astray = false;
                             self.ledger.execute(job);
                         }
-                        None => self.aliens.push(HostMessage::Reply(reply)),
+                        // Words that the next replies leave out stay as an alien has made them.
+                        None if self.astray => {}
+                        None => {
+                            self.astray = true;
+                            self.aliens.push(HostMessage::Reply(reply));
+                        }
                     }
+                    self.applied = values;
                 }
-                ControllerEvent::Exception(exception) => {
+                ControllerEvent::Exception(found) => {
                     self.interrupted = true;
-                    match self.exception.or(self.before) {
-                        Some((job, sent)) if sent == exception => _ = self.ledger.execute(job),
-                        _ => {
-                            let reply = Reply { exception, ..Reply::NOTHING };
+                    let job = self.exceptions.iter().rfind(|job| exception(**job) == found);
+                    match job {
+                        Some(job) => _ = self.ledger.execute(*job),
+                        None => {
+                            let reply = Reply { exception: found, ..Reply::NOTHING };
                             self.aliens.push(HostMessage::Reply(reply));
                         }
                     }
@@ -363,9 +382,8 @@ impl Cell {
         for event in events {
             self.log.line(self.now, format_args!("  host: {event:?}"));
             if let HostEvent::Exception(_, outcome) = event
-                && let Some((job, code)) = self.exception.take()
+                && let Some(job) = self.exception.take()
             {
-                self.before = Some((job, code));
                 let reported = match outcome {
                     ExceptionOutcome::Done => Reported::Done,
                     ExceptionOutcome::NotDone => Reported::NotDone,
@@ -375,7 +393,11 @@ impl Cell {
                 self.ledger.report(job, reported, mark);
             }
             let reported = match event {
-                HostEvent::Motion(motion) => (motion.error == ErrorCode::None).then_some(Reported::Done),
+                // Where replies may be late, a message may be about an older one.
+                HostEvent::Motion(motion) if motion.error == ErrorCode::None => {
+                    self.done += usize::from(!self.in_time && self.reply.is_some());
+                    Some(if self.in_time { Reported::Done } else { Reported::Unknown })
+                }
                 HostEvent::Rejected(_) if self.in_time => Some(Reported::NotDone),
                 HostEvent::Rejected(_) => Some(Reported::Unknown),
                 HostEvent::Start(_) | HostEvent::End(_) | HostEvent::Lost(_) => {
@@ -407,13 +429,7 @@ impl Cell {
             if reads { Check::Good(len) } else { Check::Nothing }
         });
         for alien in self.aliens {
-            // An exception is sent again by a host that was reported, wrongly, that it was not read.
-            let again = matches!(alien, HostMessage::Reply(reply) if reply.exception != Exception::None);
-            let made = |unseen: &Unseen| match unseen.from {
-                End::A => again,
-                End::B => says(&unseen.bytes, alien),
-            };
-            if !unseen.iter().any(made) {
+            if !unseen.iter().any(|unseen| unseen.from == End::B && says(&unseen.bytes, alien)) {
                 self.log.line(self.now, format_args!("!!! nobody sent {alien:?}"));
                 tally.invented += 1;
             }
@@ -422,6 +438,29 @@ impl Cell {
             unseen.iter().any(|unseen| unseen.is_between(job.from, job.to))
         });
         tally
+    }
+}
+
+/// What a job that is an exception sends: another code than the 200 before it.
+fn exception(job: usize) -> Exception {
+    Exception::from(1 + (job % 200) as u8)
+}
+
+/// A line on which one end's bytes are lost.
+struct HalfOpen<'a> {
+    wire: &'a mut Wire,
+    dead: Option<End>,
+}
+
+impl Carrier for HalfOpen<'_> {
+    fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
+        if self.dead != Some(from) {
+            self.wire.send(from, now, bytes);
+        }
+    }
+
+    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
+        self.wire.receive(at, now)
     }
 }
 

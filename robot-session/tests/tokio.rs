@@ -9,8 +9,8 @@ use core::time::Duration;
 
 use bytes::BytesMut;
 use common::{Asker, Event, Line, Lines, TooLong};
-use robot_session::tokio::{Codec, Driver};
 use robot_session::Ended;
+use robot_session::tokio::{Codec, Driver};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio_util::codec::{Decoder as _, Encoder as _};
 

@@ -175,10 +175,12 @@ impl<const WORDS: usize> Machine<WORDS> {
         // The status reports it all; a start whose answer was lost is repeated.
         (self.replies.status, self.replies.start) = (true, None);
         self.acks.repeat(self.executed);
-        if let Order::Active { stage: Stage::Intake { gap, .. }, .. } = &mut self.order
-            && config.keeps(RobotRule::GapAtConnection)
-        {
-            *gap = Gap::Rest;
+        if let Order::Active { stage: Stage::Intake { flow, gap, .. }, .. } = &mut self.order {
+            // No time runs out without a connection: a pause may be over since.
+            flow.end_pause(now);
+            if config.keeps(RobotRule::GapAtConnection) {
+                *gap = Gap::Rest;
+            }
         }
     }
 
@@ -209,9 +211,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
         let Link::Connected { cycle, silent, .. } = &mut self.link else { return Action::Nothing };
         if let Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } = &mut self.order {
-            if matches!(flow, Flow::Held { until } if now >= *until) {
-                *flow = Flow::Asking;
-            }
+            flow.end_pause(now);
             if let Recovery::Waiting { failures, until } = *recovery
                 && now >= until
             {

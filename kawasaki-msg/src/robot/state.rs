@@ -335,6 +335,15 @@ impl Order {
     }
 }
 
+impl Flow {
+    /// Jobs are asked for again if the pause is over.
+    pub(super) fn end_pause(&mut self, now: Duration) {
+        if matches!(self, Flow::Held { until } if now >= *until) {
+            *self = Flow::Asking;
+        }
+    }
+}
+
 impl Recovery {
     /// The steps taken.
     pub const fn failures(self) -> u32 {

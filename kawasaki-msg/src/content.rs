@@ -80,7 +80,7 @@ fn order(params: &Params) -> u16 {
 
 impl FromPc {
     /// What values mean; a job's are looked at here but for its line.
-    pub(crate) fn read(role: Role, params: &Params) -> Self {
+    pub fn read(role: Role, params: &Params) -> Self {
         let order = order(params);
         match role {
             Role::Status => FromPc::Status { order },
@@ -96,9 +96,24 @@ impl FromPc {
     }
 }
 
+impl FromPc {
+    /// The message's role and values. A status and a job have more of them than the machine knows.
+    pub(crate) fn write(self) -> (Role, Params) {
+        let of = |order| Params::default().with(Field::Order, order);
+        match self {
+            FromPc::Status { order } => (Role::Status, of(order)),
+            FromPc::Start { order, first } => (Role::OrderStart, of(order).with(Field::Number, first)),
+            FromPc::End { order } => (Role::OrderEnd, of(order)),
+            FromPc::Interrupt { order } => (Role::OrderInterrupt, of(order)),
+            FromPc::Job { order, number, .. } => (Role::Job, of(order).with(Field::Number, number)),
+            FromPc::Filler | FromPc::WrongSide | FromPc::Unusable => (Role::Filler, Params::default()),
+        }
+    }
+}
+
 impl FromRobot {
     /// What values mean.
-    pub(crate) fn read(role: Role, params: &Params) -> Self {
+    pub fn read(role: Role, params: &Params) -> Self {
         let order = order(params);
         let number = params.number(Field::Number).unwrap_or(0);
         let (queued, executed) = (params.number(Field::Queued), params.number(Field::Executed));

@@ -9,6 +9,7 @@ mod content;
 mod decoder;
 mod dialect;
 mod error;
+mod events;
 mod job;
 mod message;
 mod number;

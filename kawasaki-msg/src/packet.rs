@@ -1,8 +1,9 @@
 //! Many messages in one packet, within both limits of the controller.
 
-use crate::dialect::Dialect;
+use crate::dialect::{Dialect, Params};
 use crate::error::{ConfigError, EncodeError};
 use crate::message::Message;
+use crate::role::Role;
 use crate::value::Charset;
 
 /// The two limits of a packet. They are separate: a packet is an array of strings.
@@ -108,6 +109,12 @@ impl<'b> Packet<'b> {
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// Appends a message of a table, with these values: whether it is in the packet. One that no packet could hold is refused when
+    /// a session is made.
+    pub(crate) fn write(&mut self, dialect: &Dialect, role: Role, params: &Params) -> bool {
+        matches!(dialect.write(role, params, |message| self.push(message)), Ok(Room::Added))
     }
 
     /// The bytes of the packet so far.

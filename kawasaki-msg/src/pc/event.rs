@@ -1,6 +1,7 @@
-use robot_session::{EventQueue, Unexpected};
+use robot_session::Unexpected;
 
 use crate::error::{DecodeError, MessageError};
+use crate::events::{Event, PeerStatus};
 use crate::pc::state::CommandOutcome;
 use crate::phase::Phase;
 
@@ -44,75 +45,15 @@ pub enum PcEvent {
     Unexpected { state: &'static str, input: &'static str },
 }
 
-/// The events of a PC session, and what of its state was reported last.
-#[derive(Debug)]
-pub(super) struct Events {
-    pub(super) queue: EventQueue<PcEvent, { Self::CAPACITY }>,
-    pub(super) disconnect: bool,
-    /// Bytes have come without a connection.
-    pub(super) stray: bool,
-    progress: (u32, u32),
-    peer: Option<(u16, Phase, Option<u16>, Option<u16>)>,
-}
+impl Event for PcEvent {
+    const CONNECT: Option<Self> = None;
+    const DISCONNECT: Self = PcEvent::Disconnect;
 
-impl Events {
-    const CAPACITY: usize = 32;
-    /// The outcomes of an order and of all commands.
-    pub(super) const OUTCOMES: usize = 5;
-
-    pub(super) const fn new() -> Self {
-        Self { queue: EventQueue::new(), disconnect: false, stray: false, progress: (0, 0), peer: None }
+    fn unexpected(Unexpected { state, input }: Unexpected) -> Self {
+        PcEvent::Unexpected { state, input }
     }
 
-    /// A connection begins or ends.
-    pub(super) fn connection_changed(&mut self) {
-        (self.disconnect, self.peer) = (false, None);
-    }
-
-    /// An order begins.
-    pub(super) fn order_begins(&mut self) {
-        self.progress = (0, 0);
-    }
-
-    pub(super) fn notice(&mut self, event: PcEvent) {
-        self.queue.push_notice(event);
-    }
-
-    pub(super) fn outcome(&mut self, event: PcEvent) {
-        let pushed = self.queue.push_outcome(event);
-        debug_assert!(pushed.is_ok(), "begun only with room for its outcome");
-    }
-
-    pub(super) fn unexpected(&mut self, Unexpected { state, input }: Unexpected) {
-        self.queue.push_notice(PcEvent::Unexpected { state, input });
-    }
-
-    pub(super) fn peer_status(
-        &mut self,
-        order: u16,
-        phase: Phase,
-        queued: Option<u16>,
-        executed: Option<u16>,
-    ) {
-        let status = Some((order, phase, queued, executed));
-        if self.peer != status {
-            self.peer = status;
-            self.queue.push_notice(PcEvent::PeerStatus { order, phase, queued, executed });
-        }
-    }
-
-    pub(super) fn pop(&mut self, executed: u32, queued: u32) -> Option<PcEvent> {
-        if core::mem::take(&mut self.disconnect) {
-            return Some(PcEvent::Disconnect);
-        }
-        if core::mem::take(&mut self.stray) {
-            return Some(PcEvent::Unexpected { state: "not connected", input: "bytes" });
-        }
-        if let Some(event) = self.queue.pop() {
-            return Some(event);
-        }
-        let progress = (executed, queued);
-        let changed = core::mem::replace(&mut self.progress, progress) != progress;
-        changed.then_some(PcEvent::Progress { executed, queued })
+    fn peer_status((order, phase, queued, executed): PeerStatus) -> Self {
+        PcEvent::PeerStatus { order, phase, queued, executed }
     }
 }

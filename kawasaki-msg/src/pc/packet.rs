@@ -6,7 +6,7 @@ use super::state::JobSent;
 use crate::content::FromPc;
 use crate::dialect::{Dialect, Params};
 use crate::job::Job;
-use crate::packet::{Packet, Room};
+use crate::packet::Packet;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 
@@ -20,26 +20,15 @@ pub(super) struct PacketAnswer<'a, 'b, S> {
 }
 
 impl<S> PacketAnswer<'_, '_, S> {
-    /// Whether the message is in the packet. One that no packet could hold is refused when the session is made.
     fn write(&mut self, role: Role, params: &Params) -> bool {
-        let room = self.dialect.write(role, params, |message| self.packet.push(message));
-        matches!(room, Ok(Room::Added))
+        self.packet.write(self.dialect, role, params)
     }
 }
 
 impl<S: JobSource> Answer for PacketAnswer<'_, '_, S> {
     fn send(&mut self, message: FromPc) -> bool {
-        let of = |order| Params::default().with(Field::Order, order);
-        match message {
-            FromPc::Start { order, first } => {
-                self.write(Role::OrderStart, &of(order).with(Field::Number, first))
-            }
-            FromPc::End { order } => self.write(Role::OrderEnd, &of(order)),
-            FromPc::Interrupt { order } => self.write(Role::OrderInterrupt, &of(order)),
-            FromPc::Filler => self.write(Role::Filler, &Params::default()),
-            // They have ways of their own.
-            FromPc::Status { .. } | FromPc::Job { .. } | FromPc::WrongSide | FromPc::Unusable => false,
-        }
+        let (role, params) = message.write();
+        self.write(role, &params)
     }
 
     fn status(&mut self, order: u16, phase: Phase, sent: Option<u16>, executed: Option<u16>) -> bool {

@@ -3,7 +3,7 @@ use core::time::Duration;
 use robot_session::{Decoder as _, Session, Unexpected};
 
 use super::config::PcConfig;
-use super::event::{Events, PcEvent};
+use super::event::PcEvent;
 use super::packet::PacketAnswer;
 use super::source::JobSource;
 use super::state::{Action, CommandOutcome, Commands, Input, Machine, Outcome, Rejection};
@@ -11,6 +11,7 @@ use crate::content::{FromRobot, phase};
 use crate::decoder::Decoder;
 use crate::dialect::Params;
 use crate::error::{ConfigError, MessageError, SessionError};
+use crate::events::{Event as _, Events};
 use crate::message::Message;
 use crate::packet::Packet;
 use crate::phase::Phase;
@@ -39,9 +40,14 @@ pub struct Pc<S> {
     source: Option<S>,
     /// The commands that have no outcome yet, oldest first.
     commands: [(u8, i32); Commands::MAX as usize],
-    events: Events,
+    events: Events<PcEvent>,
+    /// How many jobs were executed and queued when it was reported last.
+    progress: (u32, u32),
     statistics: PcStatistics,
 }
+
+/// The outcomes of an order and of all commands.
+const OUTCOMES: usize = 1 + Commands::MAX as usize;
 
 impl<S: JobSource> Pc<S> {
     /// A session without an order that listens.
@@ -57,6 +63,7 @@ impl<S: JobSource> Pc<S> {
             source: None,
             commands: [(0, 0); Commands::MAX as usize],
             events: Events::new(),
+            progress: (0, 0),
             statistics: PcStatistics::default(),
         })
     }
@@ -69,13 +76,13 @@ impl<S: JobSource> Pc<S> {
         if order == 0 {
             return Err(SessionError::OrderZero);
         }
-        if !self.events.queue.has_room(Events::OUTCOMES) {
+        if !self.events.queue.has_room(OUTCOMES) {
             return Err(SessionError::TooManyEvents);
         }
         let active = self.machine.order.number();
         self.request(Input::Start { order }).map_err(|_| SessionError::OrderActive { active })?;
         self.source = Some(source);
-        self.events.order_begins();
+        self.progress = (0, 0);
         Ok(())
     }
 
@@ -107,7 +114,7 @@ impl<S: JobSource> Pc<S> {
         let Commands { in_flight, waiting } = self.machine.commands;
         let place = usize::from(in_flight + waiting);
         let too_many = SessionError::TooManyCommands { waiting: place };
-        if !self.events.queue.has_room(Events::OUTCOMES) {
+        if !self.events.queue.has_room(OUTCOMES) {
             return Err(too_many);
         }
         self.request(Input::Command).map_err(|_| too_many)?;
@@ -174,7 +181,30 @@ impl<S: JobSource> Pc<S> {
     #[cold]
     fn unexpected(&mut self, unexpected: Unexpected) {
         self.statistics.unexpected += 1;
-        self.events.unexpected(unexpected);
+        self.events.notice(PcEvent::unexpected(unexpected));
+    }
+
+    /// Everything that the decoder has.
+    fn read(&mut self, now: Duration) {
+        loop {
+            let order = self.machine.order.number();
+            let action = match self.decoder.next_frame() {
+                None => break,
+                Some(Ok(message)) => {
+                    let (machine, events) = (&mut self.machine, &mut self.events);
+                    Self::on_message(&self.config, machine, events, &mut self.commands, now, &message)
+                }
+                Some(Err(error)) => {
+                    self.statistics.corrupt += 1;
+                    self.events.notice(PcEvent::Corrupt(error));
+                    self.machine.on(now, Input::Corrupt, &self.config)
+                }
+            };
+            match action {
+                Ok(action) => self.act(order, action),
+                Err(unexpected) => self.unexpected(unexpected),
+            }
+        }
     }
 
     /// Does what the machine asks for; `order` is the one that was active before.
@@ -211,7 +241,7 @@ impl<S> Pc<S> {
     fn on_message(
         config: &PcConfig,
         machine: &mut Machine,
-        events: &mut Events,
+        events: &mut Events<PcEvent>,
         commands: &mut [(u8, i32)],
         now: Duration,
         message: &Message<'_>,
@@ -230,7 +260,7 @@ impl<S> Pc<S> {
         if role == Role::Status {
             let (queued, executed) = (params.number(Field::Queued), params.number(Field::Executed));
             let order = params.number(Field::Order).unwrap_or(0);
-            events.peer_status(order, phase(&params), queued, executed);
+            events.peer_status((order, phase(&params), queued, executed));
         }
         if let Action::Rejected(why) = action {
             events.notice(PcEvent::Rejected(rejected(config, machine, why, role, &params)));
@@ -240,7 +270,12 @@ impl<S> Pc<S> {
 }
 
 /// The first commands have an outcome.
-fn commands_end(commands: &mut [(u8, i32)], events: &mut Events, count: u8, outcome: CommandOutcome) {
+fn commands_end(
+    commands: &mut [(u8, i32)],
+    events: &mut Events<PcEvent>,
+    count: u8,
+    outcome: CommandOutcome,
+) {
     let count = usize::from(count);
     for (id, value) in commands.iter().take(count).copied() {
         events.outcome(PcEvent::Command { id, value, outcome });
@@ -304,25 +339,7 @@ impl<S: JobSource> Session for Pc<S> {
             if bytes.is_empty() && self.config.datagrams {
                 self.decoder.finish();
             }
-            loop {
-                let order = self.machine.order.number();
-                let action = match self.decoder.next_frame() {
-                    None => break,
-                    Some(Ok(message)) => {
-                        let (machine, events) = (&mut self.machine, &mut self.events);
-                        Self::on_message(&self.config, machine, events, &mut self.commands, now, &message)
-                    }
-                    Some(Err(error)) => {
-                        self.statistics.corrupt += 1;
-                        self.events.notice(PcEvent::Corrupt(error));
-                        self.machine.on(now, Input::Corrupt, &self.config)
-                    }
-                };
-                match action {
-                    Ok(action) => self.act(order, action),
-                    Err(unexpected) => self.unexpected(unexpected),
-                }
-            }
+            self.read(now);
             if bytes.is_empty() {
                 break;
             }
@@ -338,7 +355,12 @@ impl<S: JobSource> Session for Pc<S> {
     }
 
     fn poll_event(&mut self) -> Option<PcEvent> {
-        self.events.pop(self.machine.count.executed, self.machine.count.queued)
+        if let Some(event) = self.events.pop() {
+            return Some(event);
+        }
+        let progress @ (executed, queued) = (self.machine.count.executed, self.machine.count.queued);
+        let changed = core::mem::replace(&mut self.progress, progress) != progress;
+        changed.then_some(PcEvent::Progress { executed, queued })
     }
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.

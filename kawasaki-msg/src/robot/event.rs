@@ -1,6 +1,7 @@
-use robot_session::{EventQueue, Unexpected};
+use robot_session::Unexpected;
 
 use crate::error::{DecodeError, MessageError};
+use crate::events::{Event, PeerStatus};
 use crate::phase::Phase;
 use crate::robot::state::RecoveryStep;
 
@@ -50,62 +51,15 @@ pub enum RobotEvent {
     Unexpected { state: &'static str, input: &'static str },
 }
 
-/// The events of a robot session, and what was reported last of the PC.
-#[derive(Debug)]
-pub(super) struct Events {
-    pub(super) queue: EventQueue<RobotEvent, { Self::CAPACITY }>,
-    pub(super) connect: bool,
-    pub(super) disconnect: bool,
-    /// Bytes have come without a connection.
-    pub(super) stray: bool,
-    peer: Option<(u16, Phase, Option<u16>, Option<u16>)>,
-}
+impl Event for RobotEvent {
+    const CONNECT: Option<Self> = Some(RobotEvent::Connect);
+    const DISCONNECT: Self = RobotEvent::Disconnect;
 
-impl Events {
-    const CAPACITY: usize = 32;
-    /// The outcomes of an order: started, ending, interrupted, over, and an alarm.
-    pub(super) const OF_ORDER: usize = 5;
-
-    pub(super) const fn new() -> Self {
-        Self { queue: EventQueue::new(), connect: false, disconnect: false, stray: false, peer: None }
+    fn unexpected(Unexpected { state, input }: Unexpected) -> Self {
+        RobotEvent::Unexpected { state, input }
     }
 
-    /// A connection begins or ends.
-    pub(super) fn connection_changed(&mut self) {
-        (self.connect, self.disconnect, self.peer) = (false, false, None);
-    }
-
-    pub(super) fn notice(&mut self, event: RobotEvent) {
-        self.queue.push_notice(event);
-    }
-
-    pub(super) fn outcome(&mut self, event: RobotEvent) {
-        let pushed = self.queue.push_outcome(event);
-        debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
-    }
-
-    pub(super) fn unexpected(&mut self, Unexpected { state, input }: Unexpected) {
-        self.queue.push_notice(RobotEvent::Unexpected { state, input });
-    }
-
-    pub(super) fn peer_status(&mut self, order: u16, phase: Phase, sent: Option<u16>, executed: Option<u16>) {
-        let status = Some((order, phase, sent, executed));
-        if self.peer != status {
-            self.peer = status;
-            self.queue.push_notice(RobotEvent::PeerStatus { order, phase, sent, executed });
-        }
-    }
-
-    pub(super) fn pop(&mut self) -> Option<RobotEvent> {
-        if core::mem::take(&mut self.connect) {
-            return Some(RobotEvent::Connect);
-        }
-        if core::mem::take(&mut self.disconnect) {
-            return Some(RobotEvent::Disconnect);
-        }
-        if core::mem::take(&mut self.stray) {
-            return Some(RobotEvent::Unexpected { state: "not connected", input: "bytes" });
-        }
-        self.queue.pop()
+    fn peer_status((order, phase, sent, executed): PeerStatus) -> Self {
+        RobotEvent::PeerStatus { order, phase, sent, executed }
     }
 }

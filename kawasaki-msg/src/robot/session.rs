@@ -4,15 +4,16 @@ use robot_session::{Decoder as _, Session, Unexpected};
 use robot_work_queue::Writer;
 
 use super::config::RobotConfig;
-use super::event::{Events, RobotEvent};
+use super::event::RobotEvent;
 use super::state::{Action, Input, Machine, RecoveryStep, Rejection};
 use crate::content::{FromPc, phase};
 use crate::decoder::Decoder;
 use crate::dialect::Params;
 use crate::error::{ConfigError, MessageError, SessionError};
+use crate::events::{Event as _, Events};
 use crate::job::Job;
 use crate::message::Message;
-use crate::packet::{Packet, Room};
+use crate::packet::Packet;
 use crate::phase::Phase;
 use crate::plain::{Next, PlainJobs};
 use crate::role::{Field, Role};
@@ -28,8 +29,8 @@ use crate::statistics::RobotStatistics;
 /// One cycle is: send at least one message, filler if there is none; wait for the answer, but not longer than
 /// [`RobotConfig::reply_timeout`]; start again.
 ///
-/// **The motion task** takes a job from the queue's [`Reader`](robot_work_queue::Reader), executes it, *reports its number*, and
-/// only then completes it. Reported before it is completed, a job that was executed when an order is interrupted or the queue
+/// **The motion task** takes a job from the queue's [`Reader`](robot_work_queue::Reader), executes it, *reports its number*
+/// ([`Job::number`]: the queue's own goes on when it is cleared), and only then completes it. Reported before it is completed, a job that was executed when an order is interrupted or the queue
 /// is cleared is never asked for again. It keeps taking while it is idle: that is when a cleared queue is swept.
 ///
 /// **Corrupt bytes** and jobs that cannot be used are reported as events, and cost what follows them in the packet: it is destroyed
@@ -49,9 +50,12 @@ pub struct Robot<'q> {
     writer: Writer<'q, Job>,
     /// How the jobs of the order are read in one pass; `None` where they cannot be.
     plain: Option<PlainJobs>,
-    events: Events,
+    events: Events<RobotEvent>,
     statistics: RobotStatistics,
 }
+
+/// The outcomes of an order: started, ending, interrupted, over, and an alarm.
+const OF_ORDER: usize = 5;
 
 impl<'q> Robot<'q> {
     /// A session that wants to connect at once. It queues its jobs through `writer`, whose highest job number is the one that
@@ -94,7 +98,7 @@ impl<'q> Robot<'q> {
     /// # Errors
     /// When no order is active, or it is ending or being cleared; when too many events wait.
     pub fn clear_queue(&mut self) -> Result<(), SessionError> {
-        if !self.events.queue.has_room(Events::OF_ORDER) {
+        if !self.events.queue.has_room(OF_ORDER) {
             return Err(SessionError::TooManyEvents);
         }
         self.request(Duration::ZERO, Input::ClearQueue).map_err(|_| SessionError::NoOrder)
@@ -163,7 +167,7 @@ impl<'q> Robot<'q> {
     #[cold]
     fn unexpected(&mut self, unexpected: Unexpected) {
         self.statistics.unexpected += 1;
-        self.events.unexpected(unexpected);
+        self.events.notice(RobotEvent::unexpected(unexpected));
     }
 
     /// Everything that the decoder has: plain jobs in one pass, the rest message by message.
@@ -278,7 +282,7 @@ struct Reading<'a, 'q> {
     config: &'a RobotConfig,
     machine: &'a mut Machine,
     writer: &'a mut Writer<'q, Job>,
-    events: &'a mut Events,
+    events: &'a mut Events<RobotEvent>,
     statistics: &'a mut RobotStatistics,
 }
 
@@ -294,14 +298,14 @@ impl Reading<'_, '_> {
         match role {
             // An order is begun only with room for all that it can report, and a motion task.
             Role::OrderStart => {
-                room = self.events.queue.has_room(2 * Events::OF_ORDER) && !self.writer.is_abandoned();
+                room = self.events.queue.has_room(2 * OF_ORDER) && !self.writer.is_abandoned();
             }
             Role::Status => {
                 let (sent, executed) = (params.number(Field::Queued), params.number(Field::Executed));
                 let order = params.number(Field::Order).unwrap_or(0);
-                self.events.peer_status(order, phase(&params), sent, executed);
+                self.events.peer_status((order, phase(&params), sent, executed));
             }
-            Role::Command(id) if self.events.queue.has_room(2 * Events::OF_ORDER + 1) => {
+            Role::Command(id) if self.events.queue.has_room(2 * OF_ORDER + 1) => {
                 self.events.outcome(RobotEvent::Command { id, value: params.get(Field::Value) });
             }
             Role::Command(_) => {
@@ -464,9 +468,7 @@ impl Session for Robot<'_> {
         let mut packet = Packet::new(out, self.config.limits, dialect.charset());
         let sent = self.machine.transmit(now, &self.config, |message| {
             let (role, params) = message.write();
-            let room = dialect.write(role, &params, |message| packet.push(message));
-            // One that no packet could hold is refused when the session is made.
-            matches!(room, Ok(Room::Added))
+            packet.write(dialect, role, &params)
         });
         if !sent {
             return None;

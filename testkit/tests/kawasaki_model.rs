@@ -2,7 +2,7 @@
 #![cfg(feature = "links")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use testkit::links::kawasaki_msg::PAIR;
+use testkit::links::kawasaki_msg::{PAIR, refine, refined};
 use testkit::model::{Depth, Options};
 
 #[test]
@@ -23,5 +23,14 @@ fn every_rule_is_needed() {
         let caught = case.caught(&Options::default());
         let caught = caught.unwrap_or_else(|| panic!("{}: {} holds without it", case.rule, case.property));
         println!("{}: {} after {} steps", case.rule, caught.property, caught.steps);
+    }
+}
+
+#[test]
+fn the_sessions_do_what_the_machines_do() {
+    for setup in refined() {
+        let refined = refine(&setup);
+        println!("{refined:?}");
+        assert!(refined.states > 1000 && refined.walks > 300, "{refined:?}");
     }
 }

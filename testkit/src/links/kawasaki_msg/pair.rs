@@ -2,18 +2,16 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::{self, Answer, JobSent, Outcome};
-use kawasaki_msg::robot::{self, Cycle, Flow, Link, Order, RecoveryStep, Stage};
-use kawasaki_msg::{FromPc, FromRobot, Phase};
+use kawasaki_msg::pc;
+use kawasaki_msg::robot::{Cycle, Link, Order, Stage};
 
 use super::machines::{Pc, Robot};
-use super::world::{Act, Faults, Flags, InFlight, Reported, Sent, Setup, Start, Tag, World};
-use crate::model::{Edges, System, age, drive};
+use super::step::{below, executed};
+use super::world::{Act, Faults, Flags, InFlight, Reported, Setup, World};
+use crate::model::{Edges, System};
 
 /// The time of a tick.
 pub const TICK: Duration = Duration::from_millis(500);
-/// How many ticks a datagram can be late.
-const LATEST: u8 = 2;
 const NOW: Duration = Duration::ZERO;
 
 pub(super) const TWICE: &str = "no job is executed twice";
@@ -23,238 +21,10 @@ pub(super) const EXECUTED: &str = "what is reported executed was";
 pub(super) const NOT_EXECUTED: &str = "what is reported not executed was not";
 pub(super) const COUNTED: &str = "what is counted executed is";
 pub(super) const ONE_OUTCOME: &str = "a start has one outcome";
+pub(super) const WHOLE: &str = "an order that nobody breaks off is executed whole";
+pub(super) const FAST: &str = "the fast path does what the slow one does";
+pub(super) const NO_SPIN: &str = "what is due is done, and the next deadline is later";
 pub(super) const NO_ALARM: &str = "no alarm without a fault";
-
-/// The answer of the PC as it is sent.
-struct Packet<'a> {
-    messages: &'a mut Vec<Sent>,
-    jobs: u32,
-    batch: u32,
-    start: u8,
-}
-
-impl Packet<'_> {
-    fn push(&mut self, message: FromPc, job: u32) -> bool {
-        self.messages.push(Sent { message: Some(message), tag: Tag { start: self.start, job: job as u8 } });
-        true
-    }
-}
-
-impl Answer for Packet<'_> {
-    fn send(&mut self, message: FromPc) -> bool {
-        self.push(message, 0)
-    }
-
-    fn status(&mut self, order: u16, _: Phase, _: Option<u16>, _: Option<u16>) -> bool {
-        self.push(FromPc::Status { order }, 0)
-    }
-
-    fn command(&mut self, _: u16) -> bool {
-        self.push(FromPc::Filler, 0)
-    }
-
-    fn job(&mut self, order: u16, number: u16, index: u32) -> JobSent {
-        if index >= self.jobs {
-            return JobSent::End;
-        }
-        let job = |sent: &&Sent| matches!(sent.message, Some(FromPc::Job { .. }));
-        if self.messages.iter().filter(job).count() as u32 >= self.batch {
-            return JobSent::NoRoom;
-        }
-        self.push(FromPc::Job { order, number, good: true }, index);
-        JobSent::Sent
-    }
-
-    fn is_end(&mut self, index: u32) -> bool {
-        index >= self.jobs
-    }
-}
-
-/// The first bits.
-fn below(count: u32) -> u8 {
-    ((1u16 << count) - 1) as u8
-}
-
-/// The jobs that the PC knows to be executed, one bit each.
-fn executed(pc: &Pc, max: u16) -> u8 {
-    let count = &pc.count;
-    let ahead = (count.executed..count.sent)
-        .filter(|index| count.ahead.contains((index % u32::from(max)) as u16 + 1))
-        .fold(0, |bits, index| bits | 1 << index);
-    below(count.executed) | ahead
-}
-
-impl World {
-    fn report(&mut self, reported: Reported) {
-        if let Some(start) = self.starts.last_mut()
-            && start.reported == Reported::Nothing
-        {
-            start.reported = reported;
-        }
-    }
-
-    fn lose(&mut self) {
-        self.line = false;
-        self.up.clear();
-        self.down.clear();
-    }
-
-    fn occupied(&self) -> usize {
-        self.queue.len() + usize::from(self.executing.is_some())
-    }
-
-    /// The motion task takes a job; in order it takes the next at once.
-    fn take(&mut self, at: usize) {
-        if self.executing.is_none() && at < self.queue.len() {
-            let tag = self.queue.remove(at);
-            let start = &mut self.starts[usize::from(tag.start)];
-            self.flags.twice |= start.begun >> tag.job & 1 == 1;
-            start.begun |= 1 << tag.job;
-            self.executing = Some(tag);
-        }
-    }
-
-    fn stage(&self) -> Option<Stage> {
-        if let Order::Active { stage, .. } = self.robot.order { Some(stage) } else { None }
-    }
-}
-
-impl Setup {
-    fn datagrams(&self) -> bool {
-        self.robot.datagrams
-    }
-
-    fn individual(&self) -> bool {
-        !self.pc.cumulative_acks
-    }
-
-    fn robot(&self, w: &mut World, input: robot::Input, edges: &mut Edges<'_>) -> robot::Action {
-        let Ok(action) = drive(&mut w.robot, input, &self.robot, edges) else {
-            w.flags.unexpected = true;
-            return robot::Action::Nothing;
-        };
-        match action {
-            robot::Action::Clear | robot::Action::Interrupt | robot::Action::Step(RecoveryStep::Clear) => {
-                w.queue.clear();
-            }
-            robot::Action::Disconnect => {
-                if !self.datagrams() {
-                    w.lose();
-                }
-                self.robot(w, robot::Input::Disconnected, edges);
-            }
-            _ => {}
-        }
-        action
-    }
-
-    fn pc(&self, w: &mut World, input: pc::Input, edges: &mut Edges<'_>) {
-        let number = w.pc.order.number();
-        let Ok(action) = drive(&mut w.pc, input, &self.pc, edges) else {
-            w.flags.unexpected = true;
-            return;
-        };
-        match action {
-            pc::Action::Disconnect => {
-                if !self.datagrams() {
-                    w.lose();
-                }
-                self.pc(w, pc::Input::Disconnected, edges);
-                if self.datagrams() {
-                    self.pc(w, pc::Input::Connected, edges);
-                }
-            }
-            pc::Action::Outcome(outcome) => {
-                w.before = if self.filters_acks { number } else { 0 };
-                let executed = executed(&w.pc, self.pc.max_number);
-                w.report(match outcome {
-                    Outcome::Over { .. } => Reported::Over { executed },
-                    Outcome::Unknown { sent, .. } => Reported::Unknown { executed, sent: sent as u8 },
-                    Outcome::GivenUp { .. } => Reported::GivenUp,
-                });
-                // What is known of it decides nothing any more.
-                w.pc.count = pc::Count::default();
-            }
-            _ => {}
-        }
-    }
-
-    fn pc_reads(&self, w: &mut World, messages: Vec<Option<FromRobot>>, edges: &mut Edges<'_>) {
-        if !w.pc.is_connected() {
-            return;
-        }
-        for message in messages {
-            let Some(message) = message else {
-                self.pc(w, pc::Input::Corrupt, edges);
-                continue;
-            };
-            self.pc(w, pc::Input::Received, edges);
-            if self.filters_acks && matches!(message, FromRobot::JobAck { order, .. } if order == w.before) {
-                continue;
-            }
-            self.pc(w, pc::Input::Message(message), edges);
-        }
-        self.pc(w, pc::Input::ReadEnd { whole: true }, edges);
-    }
-
-    fn robot_reads(&self, w: &mut World, messages: Vec<Sent>, edges: &mut Edges<'_>) {
-        // Nobody listens for a datagram that comes late.
-        if !w.robot.is_connected() {
-            return;
-        }
-        for Sent { message, tag } in messages {
-            let Some(message) = message else {
-                self.robot(w, robot::Input::Corrupt, edges);
-                continue;
-            };
-            let job = matches!(message, FromPc::Job { .. });
-            let room = !job || w.occupied() < self.capacity;
-            let first = w.robot.queued == 0;
-            if self.robot(w, robot::Input::Message { message, room }, edges) == robot::Action::Queue {
-                w.owner = if first { tag.start } else { w.owner };
-                w.flags.mixed |= w.owner != tag.start;
-                w.queue.push(tag);
-                if !self.individual() {
-                    w.take(0);
-                }
-            }
-        }
-        self.robot(w, robot::Input::ReadEnd, edges);
-    }
-
-    fn robot_is_due(&self, w: &World) -> bool {
-        let mut robot = w.robot.clone();
-        robot.deadline() == Some(NOW)
-            && (robot.on(NOW, robot::Input::Timeout, &self.robot) != Ok(robot::Action::Nothing)
-                || robot != w.robot)
-    }
-
-    fn pc_is_due(&self, w: &World) -> bool {
-        let mut pc = w.pc.clone();
-        pc.deadline() == Some(NOW)
-            && (pc.on(NOW, pc::Input::Timeout, &self.pc) != Ok(pc::Action::Nothing) || pc != w.pc)
-    }
-
-    fn overdue(&self, w: &World) -> bool {
-        matches!(w.robot.link, Link::Connected { cycle: Cycle::Waiting { overdue_at: NOW, .. }, .. })
-            && w.line
-    }
-
-    fn settled(&self, w: &World) -> bool {
-        let looks = match w.stage() {
-            Some(Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at }) => {
-                reported_at == Duration::MAX || reported_at == NOW
-            }
-            Some(Stage::Ending) => w.robot.executed == w.robot.queued,
-            Some(Stage::Intake { .. } | Stage::Alarm) | None => false,
-        };
-        looks && w.occupied() == 0
-    }
-
-    fn drained(&self, w: &World) -> bool {
-        matches!(w.stage(), Some(Stage::Intake { flow: Flow::Full, .. })) && w.occupied() <= self.low_water
-    }
-}
 
 /// The ways to read one of the packets in flight: the packet, the messages, and whether it is a fault.
 fn reads<M>(packets: &[InFlight<M>], datagrams: bool, faulty: bool, faults: Faults) -> Vec<(u8, u8)> {
@@ -272,20 +42,6 @@ fn reads<M>(packets: &[InFlight<M>], datagrams: bool, faulty: bool, faults: Faul
     reads
 }
 
-/// Takes messages of a packet in flight; whether that was a fault.
-fn read<M: Clone>(packets: &mut Vec<InFlight<M>>, packet: u8, count: u8) -> (Vec<M>, bool) {
-    let at = usize::from(packet);
-    let mut messages = packets[at].messages.clone();
-    let rest = messages.split_off(count.into());
-    let split = !rest.is_empty();
-    if split {
-        packets[at].messages = rest;
-    } else {
-        packets.remove(at);
-    }
-    (messages, split || packet > 0)
-}
-
 impl System for Setup {
     type State = World;
     type Act = Act;
@@ -298,6 +54,8 @@ impl System for Setup {
             line: false,
             up: Vec::new(),
             down: Vec::new(),
+            robot_tail: false,
+            pc_tail: false,
             queue: Vec::new(),
             executing: None,
             owner: 0,
@@ -325,8 +83,6 @@ impl System for Setup {
         now(!timeout && ready, Act::Transmit);
         now(self.pc_is_due(w), Act::PcTimeout);
         now(answers, Act::Answer);
-        now(self.settled(w), Act::Settled);
-        now(self.drained(w), Act::Drained);
         now(w.stage() == Some(Stage::Alarm), Act::ClearQueue);
         if w.pc.order == pc::Order::Idle && w.starts.len() < self.starts.len() {
             acts.push(Act::Start);
@@ -393,155 +149,7 @@ impl System for Setup {
 
     fn step(&self, state: &World, act: Act, mut edges: Edges<'_>) -> World {
         let mut w = state.clone();
-        let edges = &mut edges;
-        match act {
-            Act::Start => {
-                let order = self.starts[w.starts.len()];
-                w.starts.push(Start { begun: 0, done: 0, reported: Reported::Nothing });
-                self.pc(&mut w, pc::Input::Start { order }, edges);
-            }
-            Act::Interrupt => {
-                w.users -= 1;
-                self.pc(&mut w, pc::Input::Interrupt, edges);
-            }
-            Act::End => {
-                w.users -= 1;
-                self.pc(&mut w, pc::Input::End, edges);
-            }
-            Act::ClearQueue => {
-                w.users -= u8::from(w.stage() != Some(Stage::Alarm));
-                self.robot(&mut w, robot::Input::ClearQueue, edges);
-            }
-            Act::ResetOrder => {
-                w.users -= 1;
-                self.robot(&mut w, robot::Input::ResetOrder, edges);
-            }
-            Act::Connect => {
-                w.line = true;
-                if !self.datagrams() || !w.pc.is_connected() {
-                    self.pc(&mut w, pc::Input::Connected, edges);
-                }
-                self.robot(&mut w, robot::Input::Connected, edges);
-            }
-            Act::RobotTimeout => {
-                w.faults = w.faults.saturating_sub(u8::from(self.overdue(&w) && !self.datagrams()));
-                self.robot(&mut w, robot::Input::Timeout, edges);
-            }
-            Act::Transmit => {
-                let mut messages = Vec::new();
-                w.robot.transmit(NOW, &self.robot, |message| {
-                    messages.push(message);
-                    true
-                });
-                if w.line {
-                    w.up.push(InFlight { messages, left: LATEST });
-                }
-            }
-            Act::PcReads { packet, count } => {
-                let (messages, fault) = read(&mut w.up, packet, count);
-                w.faults -= u8::from(fault);
-                self.pc_reads(&mut w, messages.into_iter().map(Some).collect(), edges);
-            }
-            Act::PcReadsCorrupt(count) => {
-                w.faults -= 1;
-                let messages = w.up.remove(0).messages.into_iter().enumerate();
-                let messages = messages.map(|(i, message)| (i + 1 != usize::from(count)).then_some(message));
-                self.pc_reads(&mut w, messages.collect(), edges);
-            }
-            Act::PcTimeout => self.pc(&mut w, pc::Input::Timeout, edges),
-            Act::Answer => {
-                let start = w.starts.len().saturating_sub(1) as u8;
-                let mut messages = Vec::new();
-                let mut packet =
-                    Packet { messages: &mut messages, jobs: self.jobs, batch: self.batch, start };
-                w.pc.transmit(NOW, &self.pc, &mut packet);
-                if w.line {
-                    w.down.push(InFlight { messages, left: LATEST });
-                }
-            }
-            Act::RobotReads { packet, count } => {
-                let (messages, fault) = read(&mut w.down, packet, count);
-                w.faults -= u8::from(fault);
-                self.robot_reads(&mut w, messages, edges);
-            }
-            Act::RobotReadsCorrupt(count) => {
-                w.faults -= 1;
-                let mut messages = w.down.remove(0).messages;
-                messages[usize::from(count) - 1].message = None;
-                self.robot_reads(&mut w, messages, edges);
-            }
-            Act::Take(at) => w.take(at.into()),
-            Act::Done => {
-                if let Some(tag) = w.executing.take() {
-                    w.starts[usize::from(tag.start)].done |= 1 << tag.job;
-                    let number = u16::from(tag.job) % self.robot.max_number + 1;
-                    self.robot(&mut w, robot::Input::Executed { number }, edges);
-                    if !self.individual() {
-                        w.take(0);
-                    }
-                }
-            }
-            Act::Settled => {
-                self.robot(&mut w, robot::Input::Settled, edges);
-            }
-            Act::Drained => {
-                self.robot(&mut w, robot::Input::Drained, edges);
-            }
-            Act::Lose => {
-                w.faults -= 1;
-                w.lose();
-            }
-            Act::LoseDatagram { up, packet } => {
-                w.faults -= 1;
-                if up {
-                    w.up.remove(packet.into());
-                } else {
-                    w.down.remove(packet.into());
-                }
-            }
-            Act::Repeat { up } => {
-                w.faults -= 1;
-                if up {
-                    let again = w.up[0].clone();
-                    w.up.insert(0, again);
-                } else {
-                    let again = w.down[0].clone();
-                    w.down.insert(0, again);
-                }
-            }
-            Act::RobotNotices => {
-                self.robot(&mut w, robot::Input::Disconnected, edges);
-            }
-            Act::PcNotices => self.pc(&mut w, pc::Input::Disconnected, edges),
-            Act::RestartPc => {
-                w.faults -= 1;
-                w.report(Reported::Abandoned);
-                (w.pc, w.before) = (Pc::new(), 0);
-                if self.datagrams() {
-                    self.pc(&mut w, pc::Input::Connected, edges);
-                } else {
-                    w.lose();
-                }
-            }
-            Act::RestartRobot => {
-                w.faults -= 1;
-                if !self.datagrams() {
-                    w.lose();
-                }
-                w.robot = Robot::new(&self.robot);
-                w.queue.clear();
-                w.executing = None;
-            }
-            Act::Tick | Act::LateTick => {
-                w.faults -= u8::from(act == Act::LateTick);
-                age(&mut w.robot, TICK);
-                age(&mut w.pc, TICK);
-                if self.datagrams() {
-                    w.up.iter_mut().for_each(|packet| packet.left -= 1);
-                    w.down.iter_mut().for_each(|packet| packet.left -= 1);
-                }
-            }
-        }
+        self.happens(&mut w, act, &mut edges);
         w
     }
 
@@ -554,6 +162,12 @@ impl System for Setup {
         add(w.flags.twice, TWICE);
         add(w.flags.mixed, MIXED);
         add(w.flags.unexpected, UNEXPECTED);
+        add(w.flags.fast_path, FAST);
+        add(w.flags.broken_off, WHOLE);
+        let ready = matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW }, .. });
+        let answers = matches!(w.pc.link, pc::Link::Connected { reply: pc::Reply::Due { at: NOW, .. }, .. });
+        add(w.robot.deadline() == Some(NOW) && !ready && !self.robot_is_due(w), NO_SPIN);
+        add(w.pc.deadline() == Some(NOW) && !answers && !self.pc_is_due(w), NO_SPIN);
         for start in &w.starts {
             match start.reported {
                 Reported::Over { executed } => {
@@ -584,9 +198,7 @@ impl System for Setup {
         self.acts(w, &mut acts);
         let alarm = w.stage() == Some(Stage::Alarm);
         let rank = |act: &Act| match act {
-            Act::Connect | Act::RobotTimeout | Act::PcTimeout | Act::Settled | Act::Drained | Act::Answer => {
-                Some(0)
-            }
+            Act::Connect | Act::RobotTimeout | Act::PcTimeout | Act::Answer => Some(0),
             Act::ClearQueue if alarm => Some(0),
             Act::RobotNotices | Act::PcNotices => Some(1),
             Act::RobotReads { packet: 0, .. } | Act::PcReads { packet: 0, .. } => Some(2),

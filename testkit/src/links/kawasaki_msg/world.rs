@@ -82,9 +82,10 @@ pub struct InFlight<M> {
 }
 
 /// What the PC's user was told of a start.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Reported {
     /// Nothing yet.
+    #[default]
     Nothing,
     /// Jobs of this mask are executed, no others will be.
     Over {
@@ -105,7 +106,7 @@ pub enum Reported {
 }
 
 /// A start, and what really became of its jobs, one bit each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Start {
     /// The motion task has begun them.
     pub begun: u8,
@@ -113,6 +114,8 @@ pub struct Start {
     pub done: u8,
     /// What the PC reported.
     pub reported: Reported,
+    /// A user or a restart has broken it off.
+    pub disturbed: bool,
 }
 
 /// The state of it all.
@@ -130,6 +133,10 @@ pub struct World {
     pub up: Vec<InFlight<FromRobot>>,
     /// To the robot.
     pub down: Vec<InFlight<Sent>>,
+    /// What the robot has read ends with a corrupt message: it is known when the next one begins.
+    pub robot_tail: bool,
+    /// The same at the PC.
+    pub pc_tail: bool,
     /// The robot's queue.
     pub queue: Vec<Tag>,
     /// What the motion task executes.
@@ -155,6 +162,10 @@ pub struct Flags {
     pub mixed: bool,
     /// A machine did not expect an input.
     pub unexpected: bool,
+    /// The fast path would have led elsewhere than the slow one.
+    pub fast_path: bool,
+    /// An order that nobody has broken off was not executed whole.
+    pub broken_off: bool,
 }
 
 /// What happens.
@@ -172,7 +183,7 @@ pub enum Act {
     ResetOrder,
     /// A connection is made.
     Connect,
-    /// The robot's time has come.
+    /// The robot's time has come, or its queue has drained or settled.
     RobotTimeout,
     /// It sends a packet.
     Transmit,
@@ -202,10 +213,6 @@ pub enum Act {
     Take(u8),
     /// It has executed it.
     Done,
-    /// The robot looks at its queue, which is settled.
-    Settled,
-    /// The robot looks at its queue, which has drained.
-    Drained,
     /// The connection is lost.
     Lose,
     /// A datagram is lost: to the PC, or to the robot.

@@ -1,0 +1,437 @@
+//! What follows from an act.
+
+use core::time::Duration;
+
+use kawasaki_msg::pc::{self, Answer, JobSent, Outcome};
+use kawasaki_msg::robot::{self, Cycle, Link, Order, RecoveryStep, Stage};
+use kawasaki_msg::{FromPc, FromRobot, Phase, Takeover};
+
+use super::machines::{Pc, Robot, fast_is_slow};
+use super::pair::TICK;
+use super::world::{Act, InFlight, Reported, Sent, Setup, Start, Tag, World};
+use crate::model::{Edges, age, drive};
+
+/// How many ticks a datagram can be late.
+const LATEST: u8 = 2;
+const NOW: Duration = Duration::ZERO;
+
+/// The answer of the PC as it is sent.
+struct Packet<'a> {
+    messages: &'a mut Vec<Sent>,
+    jobs: u32,
+    batch: u32,
+    start: u8,
+}
+
+impl Packet<'_> {
+    fn push(&mut self, message: FromPc, job: u32) -> bool {
+        self.messages.push(Sent { message: Some(message), tag: Tag { start: self.start, job: job as u8 } });
+        true
+    }
+}
+
+impl Answer for Packet<'_> {
+    fn send(&mut self, message: FromPc) -> bool {
+        self.push(message, 0)
+    }
+
+    fn status(&mut self, order: u16, _: Phase, _: Option<u16>, _: Option<u16>) -> bool {
+        self.push(FromPc::Status { order }, 0)
+    }
+
+    fn command(&mut self, _: u16) -> bool {
+        self.push(FromPc::Filler, 0)
+    }
+
+    fn job(&mut self, order: u16, number: u16, index: u32) -> JobSent {
+        if index >= self.jobs {
+            return JobSent::End;
+        }
+        let job = |sent: &&Sent| matches!(sent.message, Some(FromPc::Job { .. }));
+        if self.messages.iter().filter(job).count() as u32 >= self.batch {
+            return JobSent::NoRoom;
+        }
+        self.push(FromPc::Job { order, number, good: true }, index);
+        JobSent::Sent
+    }
+
+    fn is_end(&mut self, index: u32) -> bool {
+        index >= self.jobs
+    }
+}
+
+/// The first bits.
+pub(super) fn below(count: u32) -> u8 {
+    ((1u16 << count) - 1) as u8
+}
+
+/// The jobs that the PC knows to be executed, one bit each.
+pub(super) fn executed(pc: &Pc, max: u16) -> u8 {
+    let count = &pc.count;
+    let ahead = (count.executed..count.sent)
+        .filter(|index| count.ahead.contains((index % u32::from(max)) as u16 + 1))
+        .fold(0, |bits, index| bits | 1 << index);
+    below(count.executed) | ahead
+}
+
+impl World {
+    fn report(&mut self, reported: Reported) {
+        if let Some(start) = self.open_start() {
+            start.reported = reported;
+            start.disturbed = false;
+        }
+    }
+
+    /// The start that has no outcome yet.
+    fn open_start(&mut self) -> Option<&mut Start> {
+        self.starts.last_mut().filter(|start| start.reported == Reported::Nothing)
+    }
+
+    /// A user or a restart breaks the order off.
+    fn disturb(&mut self) {
+        if let Some(start) = self.open_start() {
+            start.disturbed = true;
+        }
+    }
+
+    pub(super) fn lose(&mut self) {
+        self.line = false;
+        // Nothing follows on this connection.
+        (self.robot_tail, self.pc_tail) = (false, false);
+        self.up.clear();
+        self.down.clear();
+    }
+
+    pub(super) fn occupied(&self) -> usize {
+        self.queue.len() + usize::from(self.executing.is_some())
+    }
+
+    /// The motion task takes a job; in order it takes the next at once.
+    fn take(&mut self, at: usize) {
+        if self.executing.is_none() && at < self.queue.len() {
+            let tag = self.queue.remove(at);
+            let start = &mut self.starts[usize::from(tag.start)];
+            self.flags.twice |= start.begun >> tag.job & 1 == 1;
+            start.begun |= 1 << tag.job;
+            self.executing = Some(tag);
+        }
+    }
+
+    pub(super) fn stage(&self) -> Option<Stage> {
+        if let Order::Active { stage, .. } = self.robot.order { Some(stage) } else { None }
+    }
+}
+
+impl Setup {
+    pub(super) fn datagrams(&self) -> bool {
+        self.robot.datagrams
+    }
+
+    pub(super) fn individual(&self) -> bool {
+        !self.pc.cumulative_acks
+    }
+
+    fn robot(&self, w: &mut World, input: robot::Input, edges: &mut Edges<'_>) -> robot::Action {
+        let Ok(action) = drive(&mut w.robot, input, &self.robot, edges) else {
+            w.flags.unexpected = true;
+            return robot::Action::Nothing;
+        };
+        match action {
+            robot::Action::Clear | robot::Action::Interrupt | robot::Action::Step(RecoveryStep::Clear) => {
+                w.queue.clear();
+            }
+            _ => {}
+        }
+        action
+    }
+
+    fn pc(&self, w: &mut World, input: pc::Input, edges: &mut Edges<'_>) -> pc::Action {
+        let number = w.pc.order.number();
+        let Ok(action) = drive(&mut w.pc, input, &self.pc, edges) else {
+            w.flags.unexpected = true;
+            return pc::Action::Nothing;
+        };
+        if let pc::Action::Outcome(outcome) = action {
+            w.before = if self.filters_acks { number } else { 0 };
+            let executed = executed(&w.pc, self.pc.max_number);
+            let whole = match outcome {
+                Outcome::Over { .. } => executed == below(self.jobs),
+                Outcome::Unknown { .. } => false,
+                Outcome::GivenUp { .. } => self.pc.takeover == Takeover::Never,
+            };
+            w.flags.broken_off |= !whole && w.open_start().is_some_and(|start| !start.disturbed);
+            w.report(match outcome {
+                Outcome::Over { .. } => Reported::Over { executed },
+                Outcome::Unknown { sent, .. } => Reported::Unknown { executed, sent: sent as u8 },
+                Outcome::GivenUp { .. } => Reported::GivenUp,
+            });
+            // What is known of it decides nothing any more.
+            w.pc.count = pc::Count::default();
+        }
+        action
+    }
+
+    /// A call of the robot's `handle_timeout`, which looks at the queue, too.
+    fn robot_pass(&self, w: &mut World, edges: &mut Edges<'_>) {
+        let timeouts = [(); 2].map(|()| self.robot(w, robot::Input::Timeout, edges));
+        let cleared = matches!(w.stage(), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }));
+        if !cleared || w.occupied() == 0 {
+            self.robot(w, robot::Input::Settled, edges);
+        }
+        if w.occupied() <= self.low_water {
+            self.robot(w, robot::Input::Drained, edges);
+        }
+        if timeouts.contains(&robot::Action::Disconnect) {
+            if !self.datagrams() {
+                w.lose();
+            }
+            self.robot(w, robot::Input::Disconnected, edges);
+        }
+    }
+
+    /// A call of the PC's.
+    fn pc_pass(&self, w: &mut World, edges: &mut Edges<'_>) {
+        let timeouts = [(); 2].map(|()| self.pc(w, pc::Input::Timeout, edges));
+        if timeouts.contains(&pc::Action::Disconnect) {
+            if !self.datagrams() {
+                w.lose();
+            }
+            self.pc(w, pc::Input::Disconnected, edges);
+            if self.datagrams() {
+                self.pc(w, pc::Input::Connected, edges);
+            }
+        }
+    }
+
+    fn pc_reads(&self, w: &mut World, messages: Vec<Option<FromRobot>>, edges: &mut Edges<'_>) {
+        if !w.pc.is_connected() {
+            return;
+        }
+        for message in messages {
+            if core::mem::replace(&mut w.pc_tail, message.is_none()) {
+                self.pc(w, pc::Input::Corrupt, edges);
+            }
+            let Some(message) = message else { continue };
+            self.pc(w, pc::Input::Received, edges);
+            if self.filters_acks && matches!(message, FromRobot::JobAck { order, .. } if order == w.before) {
+                continue;
+            }
+            self.pc(w, pc::Input::Message(message), edges);
+        }
+        self.pc(w, pc::Input::ReadEnd { whole: true }, edges);
+    }
+
+    fn robot_reads(&self, w: &mut World, messages: Vec<Sent>, edges: &mut Edges<'_>) {
+        // Nobody listens for a datagram that comes late.
+        if !w.robot.is_connected() {
+            return;
+        }
+        for at in 0..messages.len() {
+            let Sent { message, tag } = messages[at];
+            if core::mem::replace(&mut w.robot_tail, message.is_none()) {
+                self.robot(w, robot::Input::Corrupt, edges);
+            }
+            let Some(message) = message else { continue };
+            let jobs = messages[at..].iter().map_while(|sent| sent.message);
+            w.flags.fast_path |= !fast_is_slow(&w.robot, jobs, self.capacity - w.occupied(), &self.robot);
+            let job = matches!(message, FromPc::Job { .. });
+            let room = !job || w.occupied() < self.capacity;
+            let first = w.robot.queued == 0;
+            if self.robot(w, robot::Input::Message { message, room }, edges) == robot::Action::Queue {
+                w.owner = if first { tag.start } else { w.owner };
+                w.flags.mixed |= w.owner != tag.start;
+                w.queue.push(tag);
+                if !self.individual() {
+                    w.take(0);
+                }
+            }
+        }
+        self.robot(w, robot::Input::ReadEnd, edges);
+    }
+
+    /// Whether a call of the robot's `handle_timeout` does anything.
+    pub(super) fn robot_is_due(&self, w: &World) -> bool {
+        let mut after = w.clone();
+        self.robot_pass(&mut after, &mut None);
+        after != *w
+    }
+
+    pub(super) fn pc_is_due(&self, w: &World) -> bool {
+        let mut after = w.clone();
+        self.pc_pass(&mut after, &mut None);
+        after != *w
+    }
+
+    pub(super) fn overdue(&self, w: &World) -> bool {
+        matches!(w.robot.link, Link::Connected { cycle: Cycle::Waiting { overdue_at: NOW, .. }, .. })
+            && w.line
+    }
+}
+
+/// Takes messages of a packet in flight; whether that was a fault.
+fn read<M: Clone>(packets: &mut Vec<InFlight<M>>, packet: u8, count: u8) -> (Vec<M>, bool) {
+    let at = usize::from(packet);
+    let mut messages = packets[at].messages.clone();
+    let rest = messages.split_off(count.into());
+    let split = !rest.is_empty();
+    if split {
+        packets[at].messages = rest;
+    } else {
+        packets.remove(at);
+    }
+    (messages, split || packet > 0)
+}
+
+impl Setup {
+    pub(super) fn happens(&self, w: &mut World, act: Act, edges: &mut Edges<'_>) {
+        match act {
+            Act::Start => {
+                let order = self.starts[w.starts.len()];
+                w.starts.push(Start::default());
+                self.pc(w, pc::Input::Start { order }, edges);
+            }
+            Act::Interrupt => {
+                w.disturb();
+                w.users -= 1;
+                self.pc(w, pc::Input::Interrupt, edges);
+            }
+            Act::End => {
+                w.disturb();
+                w.users -= 1;
+                self.pc(w, pc::Input::End, edges);
+            }
+            Act::ClearQueue => {
+                w.users -= u8::from(w.stage() != Some(Stage::Alarm));
+                self.robot(w, robot::Input::ClearQueue, edges);
+            }
+            Act::ResetOrder => {
+                w.disturb();
+                w.users -= 1;
+                self.robot(w, robot::Input::ResetOrder, edges);
+            }
+            Act::Connect => {
+                w.line = true;
+                (w.robot_tail, w.pc_tail) = (false, false);
+                if !self.datagrams() || !w.pc.is_connected() {
+                    self.pc(w, pc::Input::Connected, edges);
+                }
+                self.robot(w, robot::Input::Connected, edges);
+            }
+            Act::RobotTimeout => {
+                w.faults = w.faults.saturating_sub(u8::from(self.overdue(w) && !self.datagrams()));
+                self.robot_pass(w, edges);
+            }
+            Act::Transmit => {
+                let mut messages = Vec::new();
+                w.robot.transmit(NOW, &self.robot, |message| {
+                    messages.push(message);
+                    true
+                });
+                if w.line {
+                    w.up.push(InFlight { messages, left: LATEST });
+                }
+            }
+            Act::PcReads { packet, count } => {
+                let (messages, fault) = read(&mut w.up, packet, count);
+                w.faults -= u8::from(fault);
+                self.pc_reads(w, messages.into_iter().map(Some).collect(), edges);
+            }
+            Act::PcReadsCorrupt(count) => {
+                w.faults -= 1;
+                let messages = w.up.remove(0).messages.into_iter().enumerate();
+                let messages = messages.map(|(i, message)| (i + 1 != usize::from(count)).then_some(message));
+                self.pc_reads(w, messages.collect(), edges);
+            }
+            Act::PcTimeout => self.pc_pass(w, edges),
+            Act::Answer => {
+                let start = w.starts.len().saturating_sub(1) as u8;
+                let mut messages = Vec::new();
+                let mut packet =
+                    Packet { messages: &mut messages, jobs: self.jobs, batch: self.batch, start };
+                w.pc.transmit(NOW, &self.pc, &mut packet);
+                if w.line {
+                    w.down.push(InFlight { messages, left: LATEST });
+                }
+            }
+            Act::RobotReads { packet, count } => {
+                let (messages, fault) = read(&mut w.down, packet, count);
+                w.faults -= u8::from(fault);
+                self.robot_reads(w, messages, edges);
+            }
+            Act::RobotReadsCorrupt(count) => {
+                w.faults -= 1;
+                let mut messages = w.down.remove(0).messages;
+                messages[usize::from(count) - 1].message = None;
+                self.robot_reads(w, messages, edges);
+            }
+            Act::Take(at) => w.take(at.into()),
+            Act::Done => {
+                if let Some(tag) = w.executing.take() {
+                    w.starts[usize::from(tag.start)].done |= 1 << tag.job;
+                    let number = u16::from(tag.job) % self.robot.max_number + 1;
+                    self.robot(w, robot::Input::Executed { number }, edges);
+                    if !self.individual() {
+                        w.take(0);
+                    }
+                }
+            }
+            Act::Lose => {
+                w.faults -= 1;
+                w.lose();
+            }
+            Act::LoseDatagram { up, packet } => {
+                w.faults -= 1;
+                if up {
+                    w.up.remove(packet.into());
+                } else {
+                    w.down.remove(packet.into());
+                }
+            }
+            Act::Repeat { up } => {
+                w.faults -= 1;
+                if up {
+                    let again = w.up[0].clone();
+                    w.up.insert(0, again);
+                } else {
+                    let again = w.down[0].clone();
+                    w.down.insert(0, again);
+                }
+            }
+            Act::RobotNotices => {
+                self.robot(w, robot::Input::Disconnected, edges);
+            }
+            Act::PcNotices => {
+                self.pc(w, pc::Input::Disconnected, edges);
+            }
+            Act::RestartPc => {
+                w.faults -= 1;
+                w.report(Reported::Abandoned);
+                (w.pc, w.before) = (Pc::new(), 0);
+                if self.datagrams() {
+                    self.pc(w, pc::Input::Connected, edges);
+                } else {
+                    w.lose();
+                }
+            }
+            Act::RestartRobot => {
+                w.faults -= 1;
+                if !self.datagrams() {
+                    w.lose();
+                }
+                w.disturb();
+                w.robot = Robot::new(&self.robot);
+                w.queue.clear();
+                w.executing = None;
+            }
+            Act::Tick | Act::LateTick => {
+                w.faults -= u8::from(act == Act::LateTick);
+                age(&mut w.robot, TICK);
+                age(&mut w.pc, TICK);
+                if self.datagrams() {
+                    w.up.iter_mut().for_each(|packet| packet.left -= 1);
+                    w.down.iter_mut().for_each(|packet| packet.left -= 1);
+                }
+            }
+        }
+    }
+}

@@ -1,15 +1,19 @@
 //! A robot and a PC over TCP and UDP. A job is a line of a picture.
+//!
+//! In one session of ten one end is hostile until the healed minute: it sends any messages at any time.
+
+mod hostile;
+mod picture;
 
 use core::num::NonZeroU16;
 use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{
-    Acks, Job, JobKind, JobSource, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent,
-    Supply, Takeover,
-};
+use kawasaki_msg::{Acks, Job, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Takeover};
 use robot_work_queue::Reader;
 
+use self::hostile::{FAR, Hostile};
+use self::picture::{Picture, line};
 use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
@@ -28,32 +32,6 @@ const MS: Duration = Duration::from_millis(1);
 /// An order that has not ended by then stands still.
 const LIMIT: Duration = Duration::from_secs(600);
 
-/// The line of a job: it says which one it is.
-fn line(job: usize) -> Line {
-    let kind = if job.is_multiple_of(3) { JobKind::Move } else { JobKind::Draw };
-    let x = job as i32;
-    Line { kind, start: Point::new(x, 7 - x), end: Point::new(x * 3, -x) }
-}
-
-/// An order: so many jobs of the session from `first` on. Sometimes the next one is still being worked out.
-#[derive(Debug, Clone)]
-struct Picture {
-    first: usize,
-    jobs: u32,
-    later: f64,
-    rng: Rng,
-}
-
-impl JobSource for Picture {
-    fn line(&mut self, index: u32) -> Supply {
-        match index {
-            _ if index >= self.jobs => Supply::End,
-            _ if self.rng.chance(self.later) => Supply::Later,
-            _ => Supply::Line(line(self.first + index as usize)),
-        }
-    }
-}
-
 /// What happens to an order besides the faults of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Mishap {
@@ -64,6 +42,7 @@ enum Mishap {
     RobotRestarts,
     PcRestarts,
     Disconnect,
+    HalfOpen,
 }
 
 struct Cell {
@@ -86,6 +65,9 @@ struct Cell {
     unreachable: u32,
     reports: Vec<u16>,
     order: Option<Order>,
+    /// The connection is gone, and neither end notices it.
+    half_open: bool,
+    hostile: Option<Hostile>,
 }
 
 /// The order that the PC's user waits for.
@@ -98,19 +80,23 @@ struct Order {
 fn session(seed: u64, datagrams: bool, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let mut cell = Cell::new(seed, datagrams, &mut rng, log);
+    if rng.chance(0.1) {
+        cell.is_harassed(seed, &mut rng);
+    }
     for order in 1..=1 + rng.below(3) as u16 {
         // Over UDP, "give every order a new number"; over TCP one may be used again at once.
         let order = if datagrams { order } else { 1 + rng.below(2) as u16 };
         cell.start(order, 1 + rng.below(24) as u32, [0.5, 0.1, 0.0][rng.below(3)]);
         let end = cell.now + LIMIT;
         for _ in 0..[0, 1, 1, 3][rng.below(4)] {
-            let mishap = match rng.below(7) {
+            let mishap = match rng.below(8) {
                 0 => Mishap::PcInterrupts,
                 1 => Mishap::PcEnds,
                 2 => Mishap::RobotResets,
                 3 => Mishap::RobotClears,
                 4 => Mishap::RobotRestarts,
                 5 => Mishap::PcRestarts,
+                6 => Mishap::HalfOpen,
                 _ => Mishap::Disconnect,
             };
             let at = cell.now + MS * rng.below(700) as u32;
@@ -172,6 +158,8 @@ impl Cell {
             false => Faults {
                 disconnect: 0.08 * bad,
                 pause: 120 * MS,
+                // Of 1 ms to 10 s.
+                stall: [0.0, 0.03, 0.15][rng.below(3)] * bad,
                 max_delay: [300 * MS, 4000 * MS][rng.below(2)],
                 ..Faults::TCP
             },
@@ -204,6 +192,8 @@ impl Cell {
             unreachable: rng.below(3) as u32,
             reports: Vec::new(),
             order: None,
+            half_open: false,
+            hostile: None,
         }
     }
 
@@ -227,7 +217,8 @@ impl Cell {
             Mishap::PcEnds => _ = self.pc.end(),
             Mishap::RobotResets => _ = self.robot.reset_order(),
             Mishap::RobotClears => _ = self.robot.clear_queue(),
-            Mishap::Disconnect if robot.datagrams => {}
+            Mishap::Disconnect | Mishap::HalfOpen if robot.datagrams => {}
+            Mishap::HalfOpen => self.half_open = true,
             Mishap::Disconnect => self.wire.disconnect(self.now),
             Mishap::RobotRestarts => {
                 self.lose_connection();
@@ -245,6 +236,62 @@ impl Cell {
                 }
                 self.over(0, u32::MAX);
             }
+        }
+    }
+
+    /// Some seconds in which one end does anything; then it is replaced by ours.
+    fn is_harassed(&mut self, seed: u64, rng: &mut Rng) {
+        let end = if rng.chance(0.5) { End::A } else { End::B };
+        self.log.line(self.now, format_args!("{end:?} is hostile"));
+        self.hostile = Some(Hostile::new(end, seed, self.config.0.max_number));
+        let until = self.now + rng.log_uniform(100 * MS, 40_000 * MS);
+        while self.now < until {
+            if end == End::A && self.pc.order().is_none() {
+                let picture = Picture { first: 0, jobs: 5, later: 0.1, rng: Rng::new(seed) };
+                self.pc.start(1 + rng.below(3) as u16, picture).unwrap();
+            }
+            self.step();
+        }
+        self.hostile = None;
+        self.meet(if end == End::A { Mishap::RobotRestarts } else { Mishap::PcRestarts });
+        if end == End::A {
+            // What the robot has reported of its orders was not true.
+            self.meet(Mishap::PcRestarts);
+        } else {
+            // What is queued are jobs that nobody keeps account of.
+            _ = self.robot.reset_order();
+            let end = self.now + LIMIT;
+            while self.robot.order().is_some() && self.now < end {
+                self.step();
+            }
+        }
+    }
+
+    /// A hostile end drops what it receives, and sends what it likes.
+    fn harass(&mut self, end: End) -> bool {
+        let Some(hostile) = self.hostile.as_mut().filter(|hostile| hostile.end == end) else { return false };
+        while self.wire.receive(end, self.now).is_some() {}
+        if let Some(packet) = hostile.send() {
+            self.wire.send(end, self.now, &packet);
+        }
+        if end == End::A && !self.pc.machine().is_connected() {
+            if !self.config.0.datagrams {
+                self.wire.reconnect(self.now);
+            }
+            self.pc.handle_connected(self.now);
+        }
+        true
+    }
+
+    /// The next delivery to an end that can have one.
+    fn receive(&mut self, end: End) -> Option<Delivery> {
+        let delivery = self.wire.receive(end, self.now)?;
+        if self.half_open { self.receive(end) } else { Some(delivery) }
+    }
+
+    fn send(&mut self, end: End, packet: &[u8]) {
+        if !self.half_open {
+            self.wire.send(end, self.now, packet);
         }
     }
 
@@ -311,6 +358,13 @@ impl Cell {
                 self.motion_at = self.now + MS;
                 return;
             };
+            if job.line.start.x == FAR {
+                let number = job.complete().number;
+                self.reports.push(number);
+                self.check_hostile(number);
+                self.motion_at += self.pace;
+                continue;
+            }
             let number = job.line.start.x as usize;
             self.log.line(self.now, format_args!("  job {number} (its number {}) is executed", job.number));
             if job.line != line(number) || !self.ledger.execute(number) {
@@ -327,8 +381,22 @@ impl Cell {
         }
     }
 
+    /// Also a hostile PC's jobs are executed one after the other, none twice.
+    fn check_hostile(&mut self, number: u16) {
+        let Some(hostile) = &mut self.hostile else { return };
+        if !self.overtakes && number != hostile.next {
+            self.log
+                .line(self.now, format_args!("!!! job {number} is executed in place of {}", hostile.next));
+            self.invented += 1;
+        }
+        hostile.next = number % self.config.0.max_number + 1;
+    }
+
     fn robot_pass(&mut self) {
-        while let Some(delivery) = self.wire.receive(End::A, self.now) {
+        if self.harass(End::A) {
+            return;
+        }
+        while let Some(delivery) = self.receive(End::A) {
             match delivery {
                 Delivery::Bytes(bytes) => self.robot.handle_input(self.now, &bytes),
                 Delivery::Closed => self.robot.handle_disconnected(self.now),
@@ -345,7 +413,11 @@ impl Cell {
                     self.unreachable -= 1;
                     self.robot.handle_disconnected(self.now);
                 }
+                RobotEvent::OrderStarted { .. } => {
+                    self.hostile.iter_mut().for_each(|hostile| hostile.next = 1);
+                }
                 RobotEvent::Connect => {
+                    self.half_open = false;
                     if !self.config.0.datagrams {
                         self.wire.reconnect(self.now);
                         self.pc.handle_disconnected(self.now);
@@ -364,12 +436,15 @@ impl Cell {
         }
         let mut out = [0; 4096];
         while let Some(len) = self.robot.poll_transmit(self.now, &mut out) {
-            self.wire.send(End::A, self.now, &out[..len]);
+            self.send(End::A, &out[..len]);
         }
     }
 
     fn pc_pass(&mut self) {
-        while let Some(delivery) = self.wire.receive(End::B, self.now) {
+        if self.harass(End::B) {
+            return;
+        }
+        while let Some(delivery) = self.receive(End::B) {
             match delivery {
                 Delivery::Bytes(bytes) => self.pc.handle_input(self.now, &bytes),
                 Delivery::Closed => self.pc.handle_disconnected(self.now),
@@ -397,7 +472,7 @@ impl Cell {
         }
         let mut out = [0; 4096];
         while let Some(len) = self.pc.poll_transmit(self.now, &mut out) {
-            self.wire.send(End::B, self.now, &out[..len]);
+            self.send(End::B, &out[..len]);
         }
     }
 }

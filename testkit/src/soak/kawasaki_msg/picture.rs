@@ -1,0 +1,31 @@
+//! What is drawn: a job is a line of a picture.
+
+use kawasaki_msg::{JobKind, JobSource, Line, Point, Supply};
+
+use crate::rng::Rng;
+
+/// The line of a job: it says which one it is.
+pub(super) fn line(job: usize) -> Line {
+    let kind = if job.is_multiple_of(3) { JobKind::Move } else { JobKind::Draw };
+    let x = job as i32;
+    Line { kind, start: Point::new(x, 7 - x), end: Point::new(x * 3, -x) }
+}
+
+/// An order: so many jobs of the session from `first` on. Sometimes the next one is still being worked out.
+#[derive(Debug, Clone)]
+pub(super) struct Picture {
+    pub(super) first: usize,
+    pub(super) jobs: u32,
+    pub(super) later: f64,
+    pub(super) rng: Rng,
+}
+
+impl JobSource for Picture {
+    fn line(&mut self, index: u32) -> Supply {
+        match index {
+            _ if index >= self.jobs => Supply::End,
+            _ if self.rng.chance(self.later) => Supply::Later,
+            _ => Supply::Line(line(self.first + index as usize)),
+        }
+    }
+}

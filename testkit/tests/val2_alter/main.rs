@@ -4,5 +4,6 @@
 mod common;
 mod model;
 mod motion;
+mod refine;
 mod session;
 mod vectors;

@@ -174,6 +174,13 @@ fn what_comes_while_the_message_is_on_the_line_is_no_reply_to_it() {
     assert_eq!((early.values(), early.statistics().replies), (x(80), 1));
     early.poll_transmit(CYCLE * 2, &mut [0; Frame::MAX_LEN]).unwrap();
     assert_eq!(early.statistics().bad_replies, 0);
+    // Nor does it keep an ALTER on whose reply is missing.
+    let mut missing = controller;
+    missing.handle_input(opens - MS / 1000, b"\x10\x10\x02\x00\x00\x10\x03\x01");
+    missing.handle_timeout(missing.poll_timeout().unwrap());
+    missing.handle_timeout(missing.poll_timeout().unwrap());
+    assert_eq!(missing.poll_event(), Some(ControllerEvent::BadReply(ErrorCode::Timeout)));
+    assert_eq!(missing.state(), ControllerState::Ending);
 }
 
 #[test]

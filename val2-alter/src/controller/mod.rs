@@ -14,7 +14,7 @@ use core::time::Duration;
 use robot_session::{Decoder as _, EventQueue, Session};
 
 use crate::decoder::Decoder;
-use crate::error::{ConfigError, SessionError};
+use crate::error::{ConfigError, DecodeError, SessionError};
 use crate::frame::Frame;
 use crate::message::{
     AXES, Accumulation, End, HostMessage, Message, Motion, Reply, RobotMessage, SegmentStatus, Start,
@@ -25,10 +25,10 @@ use crate::message::{
 /// clock and never blocks. [`start`](Controller::start) executes the ALTER instruction.
 ///
 /// The first good reply in the window of a message decides; what comes outside a window, or while the message is still on the
-/// line, has no effect and is reported. A reply that cannot be
-/// read gives the error code of the next message, and the arm does not move by it; a missing one ends ALTER with error 6. A
-/// session that is late itself sends the next message late: it never sends two in one cycle. Of 16 events that nobody fetches,
-/// the oldest notice is dropped and counted; how a start goes, exceptions and the end of ALTER are outcomes and are not.
+/// line, has no effect and is reported. A reply that cannot be read gives the error code of the next message, and the arm does
+/// not move by it; a missing one ends ALTER with error 6. A session that is late itself sends the next message late: it never
+/// sends two in one cycle. Of 16 events that nobody fetches, the oldest notice is dropped and counted; how a start goes,
+/// exceptions and the end of ALTER are outcomes and are not.
 #[derive(Debug, Clone)]
 pub struct Controller {
     config: ControllerConfig,
@@ -137,10 +137,19 @@ impl Controller {
     }
 
     fn read(&mut self, now: Duration) {
-        while let Some(outcome) = self.decoder.next_frame() {
-            match outcome.map(|received| received.message) {
-                Ok(message) => self.on_message(now, message),
-                Err(error) => _ = self.on(now, ControllerInput::Corrupt(error.code())),
+        loop {
+            let item = self.decoder.next_frame();
+            // At once: what is corrupt before the window opens is no reply to the message.
+            if let Some(error) = self.decoder.corruption() {
+                self.on(now, ControllerInput::Corrupt(error.code()));
+            }
+            match item {
+                None => return,
+                Some(Ok(received)) => self.on_message(now, received.message),
+                Some(Err(error @ DecodeError::StartMark { .. })) => {
+                    self.on(now, ControllerInput::Corrupt(error.code()));
+                }
+                Some(Err(_)) => {}
             }
         }
     }

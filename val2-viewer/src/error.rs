@@ -1,0 +1,103 @@
+use core::time::Duration;
+
+/// The fault of the host or of the line.
+///
+/// Offsets count from the first byte of the line; the line's offset in the stream follows from
+/// [`Decoder::position`](robot_session::Decoder::position).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// A line with something else where the format has a fixed byte.
+    #[error("byte {offset} of the line is not what the format has there")]
+    Format {
+        /// The place in the line.
+        offset: usize,
+    },
+    /// A line without a number where one must be, or with one outside its range: 0..=65535 for the count, −32768..=32767 for
+    /// a word.
+    #[error("the number at byte {offset} of the line is missing or out of range")]
+    Number {
+        /// Where the number begins.
+        offset: usize,
+    },
+    /// A line with the wrong checksum.
+    #[error("checksum is {found:#04x}, the line gives {expected:#04x}")]
+    Checksum {
+        /// The checksum of the bytes before it.
+        expected: u8,
+        /// The checksum that came.
+        found: u8,
+    },
+    /// A line that does not end where the longest packet does.
+    #[error("line has more than {limit} bytes")]
+    TooLong {
+        /// The longest packet.
+        limit: usize,
+    },
+    /// The next line began before this one ended, or the stream ended. Only the stream decoder gives it.
+    #[error("line ends after {length} bytes")]
+    Incomplete {
+        /// The bytes that came.
+        length: usize,
+    },
+    /// Bytes that no `$` begins. Only the stream decoder gives it.
+    #[error("{length} bytes without a line")]
+    Noise {
+        /// The bytes skipped.
+        length: usize,
+    },
+}
+
+impl DecodeError {
+    /// Whether the bytes were a whole line: then they were a packet, and are an answer that cannot be read.
+    pub const fn is_line(&self) -> bool {
+        match self {
+            Self::Format { .. } | Self::Number { .. } | Self::Checksum { .. } | Self::TooLong { .. } => true,
+            Self::Incomplete { .. } | Self::Noise { .. } => false,
+        }
+    }
+}
+
+/// The fault of the caller: no room for a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The output is too short.
+    #[error("output has room for {available} bytes, {needed} are needed")]
+    BufferTooSmall {
+        /// The bytes needed.
+        needed: usize,
+        /// The room there is.
+        available: usize,
+    },
+}
+
+/// The fault of the caller: a session that cannot work as configured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// Without an interval, each of the requests that have piled up is answered (§9.4).
+    #[error("the interval between two packets is zero")]
+    Interval,
+    /// A pose would be too old as soon as it is set.
+    #[error("the greatest age of a pose is zero")]
+    MaxAge,
+    /// Every display cycle would be taken for a pause, and would send a request.
+    #[error("a pause of {found:?} is not above the {minimum:?} of a display cycle")]
+    Pause {
+        /// [`timing::CYCLE`](crate::timing::CYCLE).
+        minimum: Duration,
+        /// The pause of the configuration.
+        found: Duration,
+    },
+    /// The picture would be reported as stale between two poses of a host that does nothing wrong.
+    #[error("a picture that is stale after {found:?} does not last for the {minimum:?} of a display cycle")]
+    StaleAfter {
+        /// [`timing::CYCLE`](crate::timing::CYCLE).
+        minimum: Duration,
+        /// The time of the configuration.
+        found: Duration,
+    },
+}

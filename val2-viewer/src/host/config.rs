@@ -1,0 +1,84 @@
+use core::time::Duration;
+
+use robot_session::Encode as _;
+
+use crate::error::ConfigError;
+use crate::message::PosePacket;
+
+/// Writes a packet into a buffer and returns its length; `None` if there is no room, or nothing is to be sent.
+pub type Format = fn(&PosePacket, &mut [u8]) -> Option<usize>;
+
+/// How the host answers.
+#[derive(Debug, Clone, Copy)]
+pub struct HostConfig {
+    /// From one packet to the next at least, and from the beginning of a connection to its first packet. Above 0. Default:
+    /// 150 ms.
+    ///
+    /// All requests of this time have one answer: 288 of them come out of a serial driver at 19200 baud. A
+    /// workstation, which draws for 200 ms, is never slowed down. [`Duration::MAX`] is never.
+    pub interval: Duration,
+    /// How old a pose may become before it is not sent any more. Above 0. Default: 200 ms, a display cycle: seven poses of ALTER.
+    /// [`Duration::MAX`] is for ever.
+    ///
+    /// When ALTER has ended, nobody knows where the arm is: requests then wait for a new pose. The source's host stops reading
+    /// them (§9.4).
+    pub max_age: Duration,
+    /// What a packet looks like. Default: the line of [`PosePacket`], since the source does not describe its own format.
+    ///
+    /// Another one has room for [`Host::MAX_TRANSMIT`](crate::Host) bytes. On a line with XON/XOFF it must not contain the bytes
+    /// 11h and 13h.
+    pub format: Format,
+    /// A rule that the machine leaves out: for the model, which shows what each rule is for.
+    #[cfg(feature = "model")]
+    #[doc(hidden)]
+    pub without: Option<Rule>,
+}
+
+/// The rules of the host's machine.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Rule {
+    /// The first packet of a connection waits for all the requests that have piled up.
+    DrainFirst,
+    /// Between two packets there is an interval.
+    Pace,
+    /// A pose that is too old is not sent.
+    Expire,
+    /// A request of one connection is not answered on the next.
+    ForgetRequest,
+}
+
+impl HostConfig {
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        if self.interval.is_zero() {
+            return Err(ConfigError::Interval);
+        }
+        if self.max_age.is_zero() {
+            return Err(ConfigError::MaxAge);
+        }
+        Ok(())
+    }
+
+    #[cfg(feature = "model")]
+    pub(crate) fn keeps(&self, rule: Rule) -> bool {
+        self.without != Some(rule)
+    }
+
+    #[cfg(not(feature = "model"))]
+    #[expect(clippy::unused_self, reason = "with the feature `model` it has a rule left out")]
+    pub(crate) const fn keeps(&self, _rule: Rule) -> bool {
+        true
+    }
+}
+
+impl Default for HostConfig {
+    fn default() -> Self {
+        Self {
+            interval: Duration::from_millis(150),
+            max_age: Duration::from_millis(200),
+            format: |packet, out| packet.encode(out).ok(),
+            #[cfg(feature = "model")]
+            without: None,
+        }
+    }
+}

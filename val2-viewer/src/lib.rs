@@ -1,0 +1,18 @@
+#![doc = include_str!("../README.md")]
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod decoder;
+mod error;
+pub mod host;
+mod message;
+pub mod timing;
+pub mod workstation;
+
+pub use robot_session;
+
+pub use decoder::Decoder;
+pub use error::{ConfigError, DecodeError, EncodeError};
+pub use host::{Format, Host, HostConfig, HostEvent, HostStatistics};
+pub use message::{ENQ, PosePacket};
+pub use workstation::{Workstation, WorkstationConfig, WorkstationEvent, WorkstationStatistics};

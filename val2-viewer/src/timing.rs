@@ -1,0 +1,24 @@
+//! What the serial line and the display allow: ten bits a byte (8N1), 19200 baud (§5).
+
+use core::time::Duration;
+
+use crate::message::PosePacket;
+
+/// The baud rate of the source's line (§5).
+pub const BAUD: u32 = 19_200;
+
+/// What the workstation needs to draw one picture, about (§5).
+pub const CYCLE: Duration = Duration::from_millis(200);
+
+/// The time that `bytes` take on the line. A rate of 0 never ends.
+pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
+    match (bytes as u64).saturating_mul(10_000_000_000).checked_div(baud as u64) {
+        Some(nanos) => Duration::from_nanos(nanos),
+        None => Duration::MAX,
+    }
+}
+
+/// ENQ and the longest packet: 52.6 ms at 19200.
+pub const fn exchange_time(baud: u32) -> Duration {
+    transmission_time(1 + PosePacket::MAX_LEN, baud)
+}

@@ -1,0 +1,228 @@
+//! The graphics workstation that draws the arm.
+
+mod config;
+pub mod machine;
+
+use core::time::Duration;
+
+use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
+
+#[doc(hidden)]
+pub use config::Rule;
+pub use config::WorkstationConfig;
+
+use crate::decoder::Decoder;
+use crate::error::{ConfigError, DecodeError};
+use crate::message::{ENQ, PosePacket};
+use machine::{Action, Input, WorkstationMachine};
+
+/// The graphics workstation that draws the arm (§5, §9.4): asks for one pose at a time.
+///
+/// The order of calls is the [`Session`]'s; [`draw`](Self::draw) in every display cycle, after what has come was passed in.
+///
+/// - **Credit of one.** It asks in the first display cycle of a connection, and then only after an answer. Every request has one
+///   outcome: [`Pose`](WorkstationEvent::Pose) or [`Missed`](WorkstationEvent::Missed). No request is sent before the outcomes of
+///   the ones before are taken.
+/// - **An answer that does not come.** The picture becomes [`Stale`](WorkstationEvent::Stale), and nothing is sent until the
+///   operator pauses the display for [`pause`](WorkstationConfig::pause): the next display cycle then asks again. A host that is
+///   off would otherwise find a pile of requests.
+/// - **Corrupt bytes** are an event, and the next packet is read all the same. A whole line that cannot be read was the answer.
+/// - **Life.** A request ends with its connection, and the picture is stale then.
+#[derive(Debug, Clone)]
+pub struct Workstation {
+    config: WorkstationConfig,
+    machine: WorkstationMachine,
+    decoder: Decoder,
+    events: EventQueue<WorkstationEvent, 8>,
+    statistics: WorkstationStatistics,
+}
+
+/// What the workstation reports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum WorkstationEvent {
+    /// The answer to a request: draw it.
+    Pose(PosePacket),
+    /// A request without an answer: it could not be read, the display was paused, or the connection is lost.
+    Missed,
+    /// No pose has come for [`stale_after`](WorkstationConfig::stale_after), or the connection is lost: the arm may be somewhere
+    /// else. Once, until a new pose comes.
+    Stale,
+    /// A notice: a packet that no request has asked for, such as the answer to a request before the last pause.
+    Unasked(PosePacket),
+    /// A notice: bytes without a packet, or a corrupt packet.
+    Corrupt(DecodeError),
+    /// A notice: bytes came without a connection.
+    Unexpected(Unexpected),
+}
+
+/// What a workstation has done.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct WorkstationStatistics {
+    /// Requests sent.
+    pub requests: u64,
+    /// Requests with an answer.
+    pub poses: u64,
+    /// Requests without an answer.
+    pub missed: u64,
+    /// Times that the picture became stale.
+    pub stale: u64,
+    /// Packets that were no answer.
+    pub unasked: u64,
+    /// Decode errors.
+    pub corrupt: u64,
+    /// Inputs that the state does not allow.
+    pub unexpected: u64,
+    /// Notices that were dropped because nobody took them.
+    pub dropped_notices: u64,
+}
+
+impl Workstation {
+    /// The outcomes between a request and the next: a picture that becomes stale, the request's own, and its picture.
+    const OUTCOMES: usize = 3;
+
+    /// A workstation without a connection.
+    ///
+    /// # Errors
+    /// [`ConfigError::Pause`], [`ConfigError::StaleAfter`].
+    pub fn new(config: WorkstationConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self {
+            config,
+            machine: WorkstationMachine::Disconnected,
+            decoder: Decoder::new(),
+            events: EventQueue::new(),
+            statistics: WorkstationStatistics::default(),
+        })
+    }
+
+    /// A display cycle, about five times a second while the display is on, and not while it is paused.
+    pub fn draw(&mut self, now: Duration) {
+        self.advance(now, Input::Draw, None);
+    }
+
+    /// Until when the picture is not stale, without a new pose; `None` if it is.
+    pub fn live_until(&self) -> Option<Duration> {
+        self.machine.live_until()
+    }
+
+    /// The state that decides what happens next.
+    pub fn machine(&self) -> &WorkstationMachine {
+        &self.machine
+    }
+
+    /// What came due, then the input.
+    fn advance(&mut self, now: Duration, input: Input, packet: Option<PosePacket>) {
+        self.step(now, Input::Timer, None);
+        self.step(now, input, packet);
+    }
+
+    fn step(&mut self, now: Duration, input: Input, packet: Option<PosePacket>) {
+        match self.machine.on(now, input, &self.config) {
+            Ok(action) => self.act(action, packet),
+            Err(unexpected) => {
+                self.statistics.unexpected += 1;
+                self.events.push_notice(WorkstationEvent::Unexpected(unexpected));
+            }
+        }
+    }
+
+    fn act(&mut self, action: Action, packet: Option<PosePacket>) {
+        match (action, packet) {
+            (Action::Pose, Some(packet)) => self.report(WorkstationEvent::Pose(packet)),
+            (Action::Unasked, Some(packet)) => {
+                self.statistics.unasked += 1;
+                self.events.push_notice(WorkstationEvent::Unasked(packet));
+            }
+            (Action::Missed, _) => self.report(WorkstationEvent::Missed),
+            (Action::Stale, _) => self.report(WorkstationEvent::Stale),
+            (Action::Closed { missed, stale }, _) => {
+                if missed {
+                    self.report(WorkstationEvent::Missed);
+                }
+                if stale {
+                    self.report(WorkstationEvent::Stale);
+                }
+            }
+            (Action::None | Action::Transmit | Action::Pose | Action::Unasked, _) => {}
+        }
+    }
+
+    fn report(&mut self, outcome: WorkstationEvent) {
+        let count = match outcome {
+            WorkstationEvent::Pose(_) => &mut self.statistics.poses,
+            WorkstationEvent::Missed => &mut self.statistics.missed,
+            _ => &mut self.statistics.stale,
+        };
+        *count += 1;
+        // A request is sent only when its outcomes have room.
+        let _ = self.events.push_outcome(outcome);
+    }
+
+    fn read(&mut self, now: Duration) {
+        while let Some(frame) = self.decoder.next_frame() {
+            match frame {
+                Ok(packet) => self.step(now, Input::Pose, Some(packet)),
+                Err(error) => {
+                    self.statistics.corrupt += 1;
+                    self.events.push_notice(WorkstationEvent::Corrupt(error));
+                    self.step(now, Input::Corrupt { line: error.is_line() }, None);
+                }
+            }
+        }
+    }
+}
+
+impl Session for Workstation {
+    type Event = WorkstationEvent;
+    type Statistics = WorkstationStatistics;
+
+    const MAX_TRANSMIT: usize = 1;
+
+    fn handle_connected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.advance(now, Input::Connected, None);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        self.decoder.clear();
+        self.advance(now, Input::Disconnected, None);
+    }
+
+    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
+        self.handle_timeout(now);
+        while !bytes.is_empty() {
+            let taken = self.decoder.push(bytes);
+            bytes = bytes.get(taken..).unwrap_or_default();
+            self.read(now);
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        self.step(now, Input::Timer, None);
+    }
+
+    fn poll_event(&mut self) -> Option<WorkstationEvent> {
+        self.events.pop()
+    }
+
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        self.handle_timeout(now);
+        let first = out.first_mut()?;
+        if !self.machine.transmits() || !self.events.has_room(Self::OUTCOMES) {
+            return None;
+        }
+        self.step(now, Input::Ask, None);
+        self.statistics.requests += 1;
+        *first = ENQ;
+        Some(1)
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.machine.deadline()
+    }
+
+    fn statistics(&self) -> WorkstationStatistics {
+        WorkstationStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    }
+}

@@ -1,5 +1,6 @@
 //! What holds for every packet, every cut of a stream and every corruption.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;
 

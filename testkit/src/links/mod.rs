@@ -6,6 +6,7 @@ pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod mmacell_proto;
 pub mod val2_alter;
+pub mod val2_viewer;
 pub mod work_queue;
 
 use crate::model::Pair;
@@ -19,5 +20,6 @@ pub const PAIRS: &[Pair] = &[
     laser_eb90::PAIR,
     mmacell_proto::PAIR,
     val2_alter::PAIR,
+    val2_viewer::PAIR,
     work_queue::PAIR,
 ];

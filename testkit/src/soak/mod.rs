@@ -12,7 +12,7 @@ mod laser_eb90;
 mod mmacell_proto;
 mod tally;
 mod val2_alter;
-mod viewer;
+mod val2_viewer;
 mod wire;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -40,7 +40,7 @@ pub const ROWS: [Row; 11] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
     val2_alter::SERIAL,
-    viewer::SERIAL,
+    val2_viewer::SERIAL,
     isra_ball::SERIAL,
     fanuc_hmi_modbus::TCP,
     fanuc_hmi_modbus::RTU,

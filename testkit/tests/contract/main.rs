@@ -8,6 +8,7 @@ mod kawasaki_msg;
 mod laser_eb90;
 mod mmacell_proto;
 mod val2_alter;
+mod val2_viewer;
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -58,6 +59,8 @@ fn every_session() {
     hold::<mmacell_proto::Device>();
     hold::<val2_alter::Host>();
     hold::<val2_alter::Controller>();
+    hold::<val2_viewer::Host>();
+    hold::<val2_viewer::Workstation>();
 }
 
 #[test]
@@ -68,4 +71,5 @@ fn every_decoder() {
     laser_eb90::decoder();
     mmacell_proto::decoder();
     val2_alter::decoder();
+    val2_viewer::decoder();
 }

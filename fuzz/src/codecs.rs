@@ -12,7 +12,7 @@ pub fn tokio_codecs(data: &[u8]) {
     let [link, options, size, stream @ ..] = data else { return };
     let size = usize::from(*size).max(1);
     let second = options & 1 == 1;
-    match link % 6 {
+    match link % 7 {
         0 => modbus(second, options & 2 != 0, stream, size),
         1 => {
             use isra_ball::Decoder;
@@ -54,6 +54,14 @@ pub fn tokio_codecs(data: &[u8]) {
             );
         }
         4 => mmacell(second, stream, size),
+        6 => {
+            use val2_viewer::robot_session::{Decoder as _, tokio::Codec};
+            use val2_viewer::{Decoder, PosePacket};
+            let expected =
+                items(stream, &mut Decoder::new(), Decoder::push, Decoder::finish, Decoder::next_frame);
+            let own = |packet: PosePacket| packet;
+            assert_eq!(read(&mut Codec::new(Decoder::new(), own), stream, size), expected);
+        }
         _ if second => alter::<val2_alter::HostMessage>(stream, size),
         _ => alter::<val2_alter::RobotMessage>(stream, size),
     }

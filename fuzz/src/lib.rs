@@ -11,6 +11,7 @@ pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod mmacell_proto;
 pub mod val2_alter;
+pub mod val2_viewer;
 
 /// A target's body.
 pub type Target = fn(&[u8]);
@@ -48,7 +49,10 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("val2_alter_decoder", val2_alter::val2_alter_decoder),
     ("val2_alter_host", val2_alter::val2_alter_host),
     ("val2_alter_message", val2_alter::val2_alter_message),
-    ("val2_alter_viewer", val2_alter::val2_alter_viewer),
+    ("val2_viewer_decoder", val2_viewer::val2_viewer_decoder),
+    ("val2_viewer_host", val2_viewer::val2_viewer_host),
+    ("val2_viewer_message", val2_viewer::val2_viewer_message),
+    ("val2_viewer_workstation", val2_viewer::val2_viewer_workstation),
 ];
 
 /// What `encode` writes into a buffer of exactly `len` bytes, which it must fill; a shorter buffer is refused.

@@ -1,10 +1,9 @@
-//! ALTER: the messages and the stream decoder of both sides, both sessions on any line at any time, and the viewer.
+//! ALTER: the messages and the stream decoder of both sides, and both sessions on any line at any time.
 
 use core::time::Duration;
 
 use arbitrary::Unstructured;
 use robot_session::{Decoder as _, Session as _};
-use val2_alter::viewer::{ENQ, PoseFeed, PosePacket, Viewer};
 use val2_alter::{
     Controller, ControllerConfig, ControllerState, DecodeError, Decoder, End, ErrorCode, Exception, Frame,
     Framing, Host, HostConfig, HostMessage, HostState, LeadingDle, Limits, List, Message, Mode, Motion,
@@ -154,66 +153,6 @@ fn round_trip<M: Message>(framing: Framing, message: M, wire: &mut Vec<u8>) {
     wire.extend(bytes.repeat(3));
     let items = decode(framing, wire, 7, message);
     assert!(items.len() == 3 && items.iter().all(|item| item.is_ok_and(|item| item.message == message)));
-}
-
-/// Steps of an action, a pause in units of 50 ms, a length, and so many bytes for the workstation and for the host.
-pub fn val2_alter_viewer(mut data: &[u8]) {
-    let (mut viewer, mut feed) = (Viewer::default(), PoseFeed::default());
-    let (mut now, mut out) = (Duration::ZERO, [0; PosePacket::MAX_LEN]);
-    let (mut last_answer, mut credit, mut last_draw) = (None::<Duration>, true, None::<Duration>);
-    while let [action, pause, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        now += Duration::from_millis(50 * u64::from(*pause));
-        let mut asked = None;
-        match action % 8 {
-            0 => feed.restart(now),
-            1 => feed.set_pose(Transform([i16::from(*pause) << (action >> 4); 12])),
-            2 => {
-                let ignored = feed.ignored();
-                feed.handle_input(bytes);
-                let others = bytes.iter().filter(|byte| **byte != ENQ).count() as u64;
-                assert_eq!(feed.ignored() - ignored, others);
-            }
-            3 | 4 => viewer.handle_input(bytes),
-            _ => {
-                viewer.draw(now);
-                let paused = last_draw.replace(now).is_none_or(|last| now - last >= Viewer::PAUSE);
-                asked = viewer.poll_transmit(&mut out);
-                assert_eq!(asked.is_some(), paused || credit, "a credit of one");
-                credit &= asked.is_none();
-            }
-        }
-        if asked.is_some() {
-            feed.handle_input(&out[..1]);
-        }
-        assert_eq!(viewer.poll_transmit(&mut out), None, "one request at a time");
-        if let Some(length) = feed.poll_transmit(now, &mut out) {
-            assert!(last_answer.is_none_or(|last| now - last >= PoseFeed::INTERVAL), "answered too fast");
-            last_answer = Some(now);
-            let (packet, used) = PosePacket::decode(&out[..length]).unwrap().unwrap();
-            assert_eq!(used, length);
-            assert_eq!(written(length, |out| packet.encode(out)), Ok(out[..length].to_vec()));
-            if action & 8 == 0 {
-                viewer.handle_input(&out[..length]);
-                let events: Vec<_> = core::iter::from_fn(|| viewer.poll_event()).collect();
-                assert_eq!(events.last(), Some(&Ok(packet)), "what comes behind noise is read");
-                credit = true;
-            }
-        }
-        assert_eq!(feed.poll_transmit(now, &mut out), None, "requests that pile up are answered once");
-        assert!(feed.poll_timeout().is_none_or(|at| at > now));
-        let events = core::iter::from_fn(|| viewer.poll_event()).map(|event| {
-            if let Ok(packet) = event {
-                let mut line = [0; PosePacket::MAX_LEN];
-                let length = packet.encode(&mut line).unwrap();
-                assert_eq!(PosePacket::decode(&line[..length]), Ok(Some((packet, length))));
-            }
-        });
-        let events = events.count();
-        assert!(events <= 4, "the queue is bounded");
-        credit |= events > 0;
-    }
 }
 
 /// Steps of what the caller does, a pause in milliseconds, a length, and so many bytes from the line.

@@ -9,10 +9,8 @@ mod frame;
 mod host;
 mod limit;
 mod message;
-mod queue;
 mod scale;
 pub mod timing;
-pub mod viewer;
 
 pub use controller::{
     Controller, ControllerConfig, ControllerEvent, ControllerState, ControllerStatistics, Unselected,

@@ -1,5 +1,6 @@
 //! The rules of the source, each with its clause.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::cast_possible_truncation)]
 
 use core::time::Duration;
 
@@ -190,8 +191,9 @@ fn the_host_answers_a_request_once_with_the_newest_pose() {
     assert_eq!(host.poll_transmit(300 * MS, &mut [0; 10]), None, "no room: the request stays");
     assert_eq!(answer(&mut host, 300 * MS), Some(PosePacket { count: 1, pose: POSE }));
     let sent = |count| HostEvent::Sent(PosePacket { count, pose: POSE });
-    assert_eq!(events(&mut host), [sent(0), HostEvent::Unknown(b'?'), sent(1)]);
-    assert_eq!((host.statistics().sent, host.statistics().unknown), (2, 1));
+    let asked = HostEvent::Asked;
+    assert_eq!(events(&mut host), [asked, sent(0), asked, HostEvent::Unknown(b'?'), sent(1)]);
+    assert_eq!((host.statistics().asked, host.statistics().sent, host.statistics().unknown), (2, 2, 1));
 }
 
 #[test]
@@ -202,7 +204,10 @@ fn a_pose_that_is_too_old_is_not_sent() {
     host.handle_timeout(349 * MS);
     assert_eq!(events(&mut host), []);
     host.handle_input(350 * MS, &[ENQ]);
-    assert_eq!((answer(&mut host, 350 * MS), events(&mut host)), (None, vec![HostEvent::Stale]));
+    assert_eq!(
+        (answer(&mut host, 350 * MS), events(&mut host)),
+        (None, vec![HostEvent::Stale, HostEvent::Asked])
+    );
     assert_eq!((host.poll_timeout(), host.statistics().stale), (None, 1));
     // ALTER begins again after an hour.
     let later = 3_600_000 * MS;

@@ -8,6 +8,7 @@ mod kawasaki_msg;
 mod laser_eb90;
 mod mmacell_proto;
 mod val2_alter;
+mod val2_viewer;
 mod work_queue;
 
 fn main() {
@@ -19,6 +20,7 @@ fn main() {
         laser_eb90::LINK,
         mmacell_proto::LINK,
         val2_alter::LINK,
+        val2_viewer::LINK,
         work_queue::LINK,
     ]);
 }

@@ -8,6 +8,7 @@ mod kawasaki_msg;
 mod laser_eb90;
 mod mmacell_proto;
 mod val2_alter;
+mod val2_viewer;
 mod work_queue;
 
 use std::time::Duration;
@@ -29,6 +30,7 @@ fn main() {
         laser_eb90::bench,
         mmacell_proto::bench,
         val2_alter::bench,
+        val2_viewer::bench,
         work_queue::bench,
     ] {
         bench(&mut criterion);

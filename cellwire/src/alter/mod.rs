@@ -11,7 +11,6 @@ use ratatui::crossterm::event::{self, Event, KeyEventKind};
 use val2_alter::Mode;
 
 use crate::line::Clock;
-use crate::links::val2_alter::workstation;
 use crate::serial;
 use crate::teleop::{LIMITS, Mapping, Order, PortConfig, Teleop, TeleopConfig, Traces, host_config};
 use crate::trace::TraceArgs;
@@ -48,7 +47,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = isra_ball::timing::BAUD, value_parser = serial::baud_rate())]
     ball_baud: u32,
     /// The baud rate of the workstation's port
-    #[arg(long, value_name = "N", default_value_t = workstation::BAUD, value_parser = serial::baud_rate())]
+    #[arg(long, value_name = "N", default_value_t = val2_viewer::timing::BAUD, value_parser = serial::baud_rate())]
     viewer_baud: u32,
     /// The speed that full force asks for, in percent of 100 mm/s and 30 °/s
     #[arg(long, value_name = "PERCENT", default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=100))]

@@ -6,6 +6,7 @@ pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod mmacell_proto;
 pub mod val2_alter;
+pub mod val2_viewer;
 
 use anyhow::{Result, bail};
 use clap::ValueEnum;
@@ -24,6 +25,8 @@ pub enum Link {
     KawasakiMsg,
     /// VAL II ALTER on a Unimation MARK III; settings: the fields of its Framing, of the demo baud, mode
     Val2Alter,
+    /// The graphics workstation that draws the robot of val2-alter
+    Val2Viewer,
     /// The ISRA Robot Command Teach Ball; settings: of the demo baud
     IsraBall,
     /// FANUC's HMI Device Communication, Modbus; settings: framing, view, word_order
@@ -45,6 +48,7 @@ impl Link {
         match self {
             Self::KawasakiMsg => "kawasaki-msg",
             Self::Val2Alter => "val2-alter",
+            Self::Val2Viewer => "val2-viewer",
             Self::IsraBall => "isra-ball",
             Self::FanucHmiModbus => "fanuc-hmi-modbus",
             Self::LaserEb90 => "laser-eb90",
@@ -57,6 +61,7 @@ impl Link {
         match self {
             Self::KawasakiMsg => &["pc", "robot"],
             Self::Val2Alter => &["robot", "host"],
+            Self::Val2Viewer => &["host"],
             Self::IsraBall => &["ball"],
             Self::FanucHmiModbus => &["client", "server"],
             Self::LaserEb90 => &["host", "controller"],
@@ -74,6 +79,7 @@ impl Link {
             Self::Val2Alter | Self::LaserEb90 if is_client => "host",
             Self::Val2Alter => "robot",
             Self::LaserEb90 => "controller",
+            Self::Val2Viewer => "host",
             Self::IsraBall => "ball",
             Self::FanucHmiModbus if is_client => "client",
             Self::FanucHmiModbus => "server",
@@ -92,6 +98,7 @@ impl Link {
         match self {
             Self::KawasakiMsg => kawasaki_msg::codec(options),
             Self::Val2Alter => val2_alter::codec(side, options),
+            Self::Val2Viewer => val2_viewer::codec(options),
             Self::IsraBall => isra_ball::codec(options),
             Self::FanucHmiModbus => fanuc_hmi_modbus::codec(side, options),
             Self::LaserEb90 => laser_eb90::codec(options),
@@ -107,6 +114,7 @@ impl Link {
         match self {
             Self::KawasakiMsg => kawasaki_msg::demo(options),
             Self::Val2Alter => val2_alter::demo(options),
+            Self::Val2Viewer => val2_viewer::demo(options),
             Self::IsraBall => isra_ball::demo(options),
             Self::FanucHmiModbus => fanuc_hmi_modbus::demo(options),
             Self::LaserEb90 => laser_eb90::demo(options),
@@ -201,7 +209,7 @@ impl Device {
             Self::KawasakiRobot => kawasaki_msg::simulate::robot(options),
             Self::KawasakiPc => kawasaki_msg::simulate::pc(options),
             Self::Puma => val2_alter::puma::simulate(options),
-            Self::Viewer => val2_alter::workstation::simulate(options),
+            Self::Viewer => val2_viewer::workstation::simulate(options),
             Self::Ball => isra_ball::ball::simulate(options),
             Self::Fanuc => fanuc_hmi_modbus::simulate::simulate(options),
             Self::Laser => laser_eb90::controller::simulate(options),

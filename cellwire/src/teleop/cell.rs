@@ -15,7 +15,7 @@ use crate::demo::DemoOptions;
 use crate::line::{Clock, Line, LineFaults};
 use crate::links::isra_ball::ball;
 use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
-use crate::links::val2_alter::workstation::{self, Drawn};
+use crate::links::val2_viewer::workstation::{self, Drawn};
 use crate::report::Samples;
 use crate::serial;
 use crate::trace::TraceArgs;
@@ -152,13 +152,13 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     let polls = isra_ball::HostConfig { baud: config.ball_baud, ..isra_ball::HostConfig::default() };
     let mut robot = Wire::new("robot", clock, config.baud, 1, config)?;
     let mut ball = Wire::new("ball", clock, polls.baud, 2, config)?;
-    let mut viewer = Wire::new("viewer", clock, workstation::BAUD, 3, config)?;
+    let mut viewer = Wire::new("viewer", clock, val2_viewer::timing::BAUD, 3, config)?;
     let mut puma = PumaConfig { restart: Duration::from_millis(300), ..PumaConfig::default() };
     (puma.controller.baud, puma.controller.mode) = (config.baud, config.mode);
     let teleop = TeleopConfig {
         robot: robot.port(config.baud),
         ball: ball.port(polls.baud),
-        viewer: Some(viewer.port(workstation::BAUD)),
+        viewer: Some(viewer.port(val2_viewer::timing::BAUD)),
         alter: host_config(config),
         polls,
         mapping: Mapping::for_limits(&LIMITS, 150),
@@ -168,8 +168,8 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
         let robot = scope
             .spawn(|| (puma::run(&mut robot.line, clock, puma, &stop, |_, _| Ok(())), robot.line.faults()));
         let ball = scope.spawn(|| (ball::run(&mut ball.line, &stop, |_| Ok(())), ball.line.faults()));
-        let viewer = scope
-            .spawn(|| (workstation::run(&mut viewer.line, clock, &stop, |_| Ok(())), viewer.line.faults()));
+        let viewer =
+            scope.spawn(|| (workstation::run(&mut viewer.line, &stop, |_| Ok(())), viewer.line.faults()));
         let host = drive(config, teleop, clock, progress);
         stop.store(true, Ordering::Relaxed);
         let gone = |what| move |_| anyhow!("the simulated {what} panicked");

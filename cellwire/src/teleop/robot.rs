@@ -30,18 +30,10 @@ pub(super) struct Robot {
     /// Until when the packet's values may be used: the ball's thread may be late itself.
     packet_until: Duration,
     orders: Receiver<Order>,
-    poses: Sender<Pose>,
+    poses: Sender<Transform>,
     /// To be reported after the reply has left.
     later: Vec<Told>,
     state: HostState,
-}
-
-/// What the workstation is to show.
-pub(super) enum Pose {
-    /// ALTER begins anew.
-    Restart,
-    /// The arm is here.
-    At(Transform),
 }
 
 impl Robot {
@@ -49,7 +41,7 @@ impl Robot {
         config: &TeleopConfig,
         context: Context,
         orders: Receiver<Order>,
-        poses: Sender<Pose>,
+        poses: Sender<Transform>,
     ) -> Result<Self> {
         Ok(Self {
             driver: Driver::new(Port::open("robot", &config.robot, &context)?),
@@ -139,13 +131,10 @@ impl Robot {
 
     /// One turn; its events are reported when the reply has left.
     fn turn(&mut self, wait: Duration) {
-        let Self { driver, host, later, poses, .. } = self;
+        let Self { driver, host, later, .. } = self;
         let turn = driver.turn(host, Some(wait), |_, event| {
             later.push(match event {
-                HostEvent::Start(start) => {
-                    let _ = poses.send(Pose::Restart);
-                    Told::Start(start)
-                }
+                HostEvent::Start(start) => Told::Start(start),
                 HostEvent::Motion(motion) => Told::Motion(motion),
                 HostEvent::End(end) => Told::End(end),
                 HostEvent::Corrupt(error) => Told::Damaged(error),
@@ -167,7 +156,7 @@ impl Robot {
             match &told {
                 Told::Motion(motion) => {
                     if let Some(transform) = motion.transform {
-                        let _ = self.poses.send(Pose::At(transform));
+                        let _ = self.poses.send(transform);
                     }
                 }
                 Told::End(end) => ended = Some(format!("ALTER ended with error {}", u8::from(end.error))),

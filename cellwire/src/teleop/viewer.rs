@@ -1,13 +1,15 @@
 //! The thread that shows the graphics workstation where the arm is.
 
+use std::ops::ControlFlow;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use anyhow::Result;
-use val2_alter::viewer::{ENQ, PoseFeed, PosePacket};
+use robot_session::{Driver, Session as _};
+use val2_alter::Transform;
+use val2_viewer::{ENQ, Host, HostConfig, HostEvent};
 
 use super::port::Port;
-use super::robot::Pose;
 use super::{Context, PortConfig, Told};
 
 /// New poses are looked at this often.
@@ -17,21 +19,23 @@ const LISTEN: Duration = Duration::from_secs(1);
 
 pub(super) struct Feed {
     context: Context,
-    port: Port,
-    feed: PoseFeed,
-    poses: Receiver<Pose>,
+    driver: Driver<Port>,
+    host: Host,
+    poses: Receiver<Transform>,
     probe: Receiver<()>,
+    is_connected: bool,
 }
 
 impl Feed {
     pub(super) fn open(
         config: &PortConfig,
         context: Context,
-        poses: Receiver<Pose>,
+        poses: Receiver<Transform>,
         probe: Receiver<()>,
     ) -> Result<Self> {
-        let port = Port::open("viewer", config, &context)?;
-        Ok(Self { context, port, feed: PoseFeed::default(), poses, probe })
+        let driver = Driver::new(Port::open("viewer", config, &context)?);
+        let host = Host::new(HostConfig::default())?;
+        Ok(Self { context, driver, host, poses, probe, is_connected: false })
     }
 
     pub(super) fn run(mut self) {
@@ -39,45 +43,49 @@ impl Feed {
             if self.probe.try_recv().is_ok() {
                 self.probe();
             }
-            self.read();
-            while let Ok(pose) = self.poses.try_recv() {
-                match pose {
-                    Pose::Restart => self.feed.restart(self.context.clock.now()),
-                    Pose::At(transform) => self.feed.set_pose(transform),
-                }
+            self.follow_port();
+            if let Some(pose) = self.poses.try_iter().last() {
+                self.host.set_pose(self.context.clock.now(), pose.0);
             }
-            self.answer();
-            self.port.trace();
+            self.turn();
+            self.driver.transport().trace();
         }
         self.context.end_trace("the host ends");
     }
 
-    fn read(&mut self) {
-        let mut buffer = [0; 64];
-        let length = self.port.read(IDLE, &mut buffer);
-        let bytes = buffer.get(..length).unwrap_or_default();
-        self.feed.handle_input(bytes);
-        if bytes.contains(&ENQ) {
-            self.context.tell(Told::PoseAsked);
+    fn follow_port(&mut self) {
+        let port = self.driver.transport();
+        if port.is_open() == self.is_connected {
+            return;
         }
+        self.is_connected = port.is_open();
+        let now = self.context.clock.now();
+        if self.is_connected { self.host.handle_connected(now) } else { self.host.handle_disconnected(now) }
     }
 
-    fn answer(&mut self) {
-        let mut out = [0; PosePacket::MAX_LEN];
-        let Some(length) = self.feed.poll_transmit(self.context.clock.now(), &mut out) else { return };
-        if self.port.write(out.get(..length).unwrap_or_default()) {
-            self.context.tell(Told::Pose);
-        }
+    fn turn(&mut self) {
+        let context = &self.context;
+        let turn = self.driver.turn(&mut self.host, Some(IDLE), |_, event| {
+            match event {
+                HostEvent::Asked | HostEvent::Ignored => context.tell(Told::PoseAsked),
+                HostEvent::Sent(_) => context.tell(Told::Pose),
+                _ => {}
+            }
+            ControlFlow::<()>::Continue(())
+        });
+        debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
     }
 
-    /// Listens for requests at each rate.
+    /// Listens for requests at each rate. The connection is as good as lost meanwhile.
     fn probe(&mut self) {
+        self.is_connected = false;
+        self.host.handle_disconnected(self.context.clock.now());
         for baud in [9600, 19_200, 38_400] {
-            let Some(received) = self.port.listen(baud, &[], LISTEN) else { continue };
+            let Some(received) = self.driver.transport().listen(baud, &[], LISTEN) else { continue };
             let good = received.iter().filter(|byte| **byte == ENQ).count();
             let damaged = received.len() - good;
             self.context.tell(Told::Probed { port: "viewer", baud, good, damaged });
         }
-        self.port.end_listening();
+        self.driver.transport().end_listening();
     }
 }

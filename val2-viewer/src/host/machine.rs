@@ -70,6 +70,8 @@ pub enum Input {
 pub enum Action {
     /// Nothing.
     None,
+    /// Reports a request.
+    Accept,
     /// Reports a request that has no packet of its own.
     Ignore,
     /// Sends the newest pose.
@@ -110,7 +112,7 @@ impl HostMachine {
             }
             (Link::Ready { from }, Input::Enquiry) => {
                 self.link = Link::Asked { from };
-                Ok(Action::None)
+                Ok(Action::Accept)
             }
             (Link::Asked { .. }, Input::Enquiry) => Ok(Action::Ignore),
             (Link::Asked { .. }, Input::Answer) if self.transmits(now) => {

@@ -42,6 +42,8 @@ pub struct Host {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum HostEvent {
+    /// A request has come: it is answered as soon as there is a pose, and the interval is over.
+    Asked,
     /// A packet was sent.
     Sent(PosePacket),
     /// A request came before the answer to the last one was sent: one packet answers both.
@@ -57,6 +59,8 @@ pub enum HostEvent {
 /// What a host has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct HostStatistics {
+    /// Requests that have or had a packet of their own.
+    pub asked: u64,
     /// Packets sent.
     pub sent: u64,
     /// Requests that have no packet of their own.
@@ -99,28 +103,29 @@ impl Host {
     }
 
     /// What came due, then the input.
-    fn advance(&mut self, now: Duration, input: Input) -> Action {
+    fn advance(&mut self, now: Duration, input: Input) {
         self.step(now, Input::Timer);
-        self.step(now, input)
+        self.step(now, input);
     }
 
-    fn step(&mut self, now: Duration, input: Input) -> Action {
+    fn step(&mut self, now: Duration, input: Input) {
         match self.machine.on(now, input, &self.config) {
-            Ok(action @ (Action::None | Action::Transmit)) => action,
+            Ok(Action::None | Action::Transmit) => {}
+            Ok(Action::Accept) => {
+                self.statistics.asked += 1;
+                self.events.push_notice(HostEvent::Asked);
+            }
             Ok(Action::Ignore) => {
                 self.statistics.ignored += 1;
                 self.events.push_notice(HostEvent::Ignored);
-                Action::Ignore
             }
             Ok(Action::Stale) => {
                 self.statistics.stale += 1;
                 self.events.push_notice(HostEvent::Stale);
-                Action::Stale
             }
             Err(unexpected) => {
                 self.statistics.unexpected += 1;
                 self.events.push_notice(HostEvent::Unexpected(unexpected));
-                Action::None
             }
         }
     }

@@ -1,4 +1,4 @@
-//! val2-alter in the tool: its codec, the simulated robot and its arm, and the simulated graphics workstation.
+//! val2-alter in the tool: its codec, the simulated robot and its arm.
 
 mod arm;
 mod codec;
@@ -7,7 +7,6 @@ mod layout;
 mod plot;
 mod pose;
 pub mod puma;
-pub mod workstation;
 
 pub use arm::ArmConfig;
 pub use codec::codec;

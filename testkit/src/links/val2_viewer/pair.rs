@@ -270,7 +270,7 @@ impl Exchange {
         };
         match action {
             host::Action::Ignore | host::Action::Stale => self.alarm(state),
-            host::Action::None | host::Action::Transmit => {}
+            host::Action::None | host::Action::Accept | host::Action::Transmit => {}
         }
         action
     }

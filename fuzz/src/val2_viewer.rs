@@ -1,0 +1,183 @@
+//! The viewer link: its packets, its stream decoder, and both ends on any line at any time.
+
+use core::time::Duration;
+
+use arbitrary::Unstructured;
+use val2_viewer::robot_session::{Decoder as _, Encode as _, Session as _};
+use val2_viewer::{
+    DecodeError, Decoder, ENQ, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig,
+    WorkstationEvent,
+};
+
+use crate::written;
+
+const GOOD: PosePacket =
+    PosePacket { count: 7, pose: [16384, 0, 0, 0, -16384, 0, 0, 0, -16384, 12800, -4816, 16] };
+
+/// A packet or an error, and the stream offset after it.
+type Item = (Result<PosePacket, DecodeError>, u64);
+
+/// The first byte is how long the reads are, the rest the stream.
+pub fn val2_viewer_decoder(data: &[u8]) {
+    let Some((&size, stream)) = data.split_first() else { return };
+    let items = decode(stream, usize::from(size).max(1));
+    assert_eq!(items, decode(stream, usize::MAX), "how the stream is cut changes nothing");
+    let mut at = 0;
+    for (item, end) in items {
+        let bytes = &stream[at..usize::try_from(end).unwrap()];
+        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
+        if let Ok(packet) = item {
+            assert_eq!(PosePacket::decode(bytes), Ok(Some((packet, bytes.len()))));
+            let encoded = written(packet.encoded_len(), |out| packet.encode(out));
+            assert_eq!(encoded.as_deref(), Ok(bytes), "an accepted packet encodes to its bytes");
+        }
+        at += bytes.len();
+    }
+    assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+/// A packet of any values: what is written is read back the same.
+pub fn val2_viewer_message(data: &[u8]) {
+    let mut input = Unstructured::new(data);
+    let Ok((count, pose)) = input.arbitrary::<(u16, [i16; 12])>() else { return };
+    let packet = PosePacket { count, pose };
+    let bytes = written(packet.encoded_len(), |out| packet.encode(out)).unwrap();
+    assert_eq!(PosePacket::decode(&bytes), Ok(Some((packet, bytes.len()))));
+    assert!(!bytes.iter().any(|byte| [0x11, 0x13].contains(byte)), "XON, XOFF");
+    for whole in 0..bytes.len() {
+        assert_eq!(PosePacket::decode(&bytes[..whole]), Ok(None), "{whole} bytes are no packet");
+    }
+}
+
+/// Steps of an action, a pause in units of 10 ms, a length, and so many bytes from the line.
+pub fn val2_viewer_host(mut data: &[u8]) {
+    let config = HostConfig::default();
+    let mut host = Host::new(config).unwrap();
+    let (mut now, mut out) = (Duration::ZERO, [0; Host::MAX_TRANSMIT]);
+    let (mut connected, mut asked) = (None, false);
+    let (mut last, mut newest) = (None, None);
+    while let [action, pause, length, rest @ ..] = data {
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        now += Duration::from_millis(10 * u64::from(*pause));
+        match action & 7 {
+            0 => {
+                host.handle_disconnected(now);
+                (connected, asked) = (None, false);
+            }
+            1 => {
+                host.handle_connected(now);
+                (connected, asked) = (Some(now), false);
+            }
+            2..5 => {
+                let pose = [i16::from(*pause) << (action >> 4); 12];
+                host.set_pose(now, pose);
+                newest = Some((now, pose));
+            }
+            _ => {}
+        }
+        host.handle_input(now, bytes);
+        asked |= connected.is_some() && bytes.contains(&ENQ);
+        if action & 8 != 0 {
+            continue; // the caller is late
+        }
+        let events = core::iter::from_fn(|| host.poll_event()).count();
+        assert!(events <= 8, "the queue is bounded");
+        if let Some(length) = host.poll_transmit(now, &mut out) {
+            assert!(core::mem::take(&mut asked), "the host sends nothing unasked");
+            let (packet, used) = PosePacket::decode(&out[..length]).unwrap().unwrap();
+            let (at, pose) = newest.unwrap();
+            assert!(packet.pose == pose && now - at < config.max_age, "the newest pose");
+            assert!(connected.is_some_and(|at| now - at >= config.interval), "requests pile up");
+            assert!(last.is_none_or(|last| now - last >= config.interval), "answered too fast");
+            (last, out[0]) = (Some(now), 0);
+            assert_eq!((used, host.poll_event()), (length, Some(HostEvent::Sent(packet))));
+        }
+        assert_eq!(host.poll_transmit(now, &mut out), None, "one answer at a time");
+        assert!(host.poll_timeout().is_none_or(|at| at > now));
+    }
+}
+
+/// The same. Poses come from the line only.
+pub fn val2_viewer_workstation(mut data: &[u8]) {
+    let config = WorkstationConfig::default();
+    let mut workstation = Workstation::new(config).unwrap();
+    let (mut now, mut out) = (Duration::ZERO, [0; 1]);
+    let (mut connected, mut open, mut is_live, mut last_draw) = (false, false, false, None::<Duration>);
+    let (mut credit, mut line) = (true, vec![0; GOOD.encoded_len()]);
+    GOOD.encode(&mut line).unwrap();
+    while let [action, pause, length, rest @ ..] = data {
+        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
+        data = rest;
+        now += Duration::from_millis(10 * u64::from(*pause));
+        match action & 7 {
+            0 => {
+                workstation.handle_disconnected(now);
+                connected = false;
+            }
+            1 => {
+                workstation.handle_connected(now);
+                (connected, credit) = (true, true);
+            }
+            2 => workstation.handle_input(now, &line),
+            3.. => {
+                workstation.draw(now);
+                credit |= last_draw.replace(now).is_none_or(|last| now - last >= config.pause);
+            }
+        }
+        if connected {
+            workstation.handle_input(now, bytes);
+        }
+        workstation.handle_timeout(now);
+        let mut events = 0;
+        while let Some(event) = workstation.poll_event() {
+            events += 1;
+            assert!(events <= 8, "the queue is bounded");
+            match event {
+                WorkstationEvent::Pose(_) | WorkstationEvent::Missed => {
+                    assert!(core::mem::take(&mut open), "a request has one outcome");
+                    credit = true;
+                    is_live |= matches!(event, WorkstationEvent::Pose(_));
+                }
+                WorkstationEvent::Stale => {
+                    assert!(core::mem::take(&mut is_live), "stale, once");
+                }
+                WorkstationEvent::Unexpected(unexpected) => {
+                    assert!(!connected && action & 7 == 2, "{unexpected}");
+                }
+                _ => {}
+            }
+        }
+        assert_eq!(workstation.live_until().is_some(), is_live);
+        assert!(workstation.live_until().is_none_or(|until| now < until));
+        if workstation.poll_transmit(now, &mut out).is_some() {
+            assert_eq!(out, [ENQ]);
+            assert!(connected && core::mem::take(&mut credit), "a credit of one");
+            assert!(!core::mem::replace(&mut open, true), "one request at a time");
+        }
+        assert_eq!(workstation.poll_transmit(now, &mut out), None, "one request at a time");
+        assert!(workstation.poll_timeout().is_none_or(|at| at > now));
+    }
+}
+
+fn decode(stream: &[u8], size: usize) -> Vec<Item> {
+    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
+        while let Some(item) = decoder.next_frame() {
+            items.push((item, decoder.position()));
+        }
+    }
+    let (mut decoder, mut items) = (Decoder::new(), Vec::new());
+    for mut chunk in stream.chunks(size) {
+        while !chunk.is_empty() {
+            chunk = &chunk[decoder.push(chunk)..];
+            drain(&mut decoder, &mut items);
+        }
+    }
+    decoder.finish();
+    drain(&mut decoder, &mut items);
+    let mut line = vec![0; GOOD.encoded_len()];
+    GOOD.encode(&mut line).unwrap();
+    assert_eq!(decoder.push(&line), line.len());
+    assert_eq!(decoder.next_frame(), Some(Ok(GOOD)), "what comes after the end is read");
+    items
+}

@@ -92,7 +92,8 @@ fn session(seed: u64, log: Log) -> Tally {
         });
         if now >= draw_at {
             workstation.draw(now);
-            draw_at = now + operator(now, log, shown.is_none() && open.is_some(), healed.is_none(), &mut rng);
+            let waits = workstation.machine().name() == "WaitingStale";
+            draw_at = now + operator(now, log, waits, healed.is_none(), &mut rng);
             turn(&mut Line { wire: &mut wire, is_cut }, End::A, &mut workstation, now, |_, event| {
                 events.push(event);
             });
@@ -217,8 +218,8 @@ fn session(seed: u64, log: Log) -> Tally {
 }
 
 /// Until the next display cycle: the operator pauses a picture that is stale, and now and then another one.
-fn operator(now: Duration, log: Log, is_stale: bool, is_careless: bool, rng: &mut Rng) -> Duration {
-    let pause = if is_stale && rng.chance(0.3) {
+fn operator(now: Duration, log: Log, waits: bool, is_careless: bool, rng: &mut Rng) -> Duration {
+    let pause = if waits && rng.chance(0.3) {
         2100 * MS
     } else if is_careless && rng.chance(0.03) {
         rng.log_uniform(DISPLAY, 10_000 * MS)

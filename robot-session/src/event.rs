@@ -9,6 +9,8 @@ pub struct EventQueue<E, const N: usize> {
     /// The first `len` are `Some`.
     slots: [Option<Slot<E>>; N],
     len: usize,
+    /// How many of them are outcomes.
+    outcomes: usize,
     dropped: u64,
 }
 
@@ -21,7 +23,7 @@ struct Slot<E> {
 impl<E, const N: usize> EventQueue<E, N> {
     /// An empty queue.
     pub const fn new() -> Self {
-        Self { slots: [const { None }; N], len: 0, dropped: 0 }
+        Self { slots: [const { None }; N], len: 0, outcomes: 0, dropped: 0 }
     }
 
     /// Adds an outcome. It may take the place of a notice.
@@ -46,9 +48,8 @@ impl<E, const N: usize> EventQueue<E, N> {
     }
 
     /// Whether so many outcomes can be added.
-    pub fn has_room(&self, outcomes: usize) -> bool {
-        let kept = self.slots.iter().flatten().filter(|slot| !slot.is_notice).count();
-        N - kept >= outcomes
+    pub const fn has_room(&self, outcomes: usize) -> bool {
+        N - self.outcomes >= outcomes
     }
 
     /// The oldest event.
@@ -70,6 +71,7 @@ impl<E, const N: usize> EventQueue<E, N> {
         if let Some(slot) = self.slots.get_mut(self.len) {
             *slot = Some(Slot { event, is_notice });
             self.len += 1;
+            self.outcomes += usize::from(!is_notice);
         }
     }
 
@@ -84,6 +86,7 @@ impl<E, const N: usize> EventQueue<E, N> {
         let slot = self.slots.get_mut(at)?.take()?;
         self.slots.get_mut(at..self.len)?.rotate_left(1);
         self.len -= 1;
+        self.outcomes -= usize::from(!slot.is_notice);
         Some(slot.event)
     }
 }

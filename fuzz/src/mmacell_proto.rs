@@ -164,7 +164,7 @@ pub fn mmacell_proto_central(mut data: &[u8]) {
             0xFD => session.abort(now),
             _ => {}
         }
-        settle(&mut session, &mut outstanding);
+        // An outcome may wait: then the request is refused.
         let command = any_command(*operation);
         if session.request(command).is_ok() {
             assert_eq!(outstanding.replace(command), None, "one command at a time");

@@ -31,7 +31,7 @@ pub enum DecodeError {
     /// A character that its field does not allow.
     #[error("{:?} at byte {offset}, where {expected} is expected", *found as char)]
     Unexpected {
-        /// Where it stands.
+        /// Where it is.
         offset: usize,
         /// The character.
         found: u8,
@@ -46,7 +46,7 @@ pub enum DecodeError {
         /// What should follow.
         expected: Expected,
     },
-    /// The line goes on behind its last field.
+    /// The line goes on after its last field.
     #[error("the line goes on at byte {offset}, where its end is expected")]
     Trailing {
         /// The first byte too many.

@@ -1,4 +1,4 @@
-//! The fields that messages are made of, each read beside where it is written.
+//! The fields of messages, each read beside where it is written.
 
 use crate::dialect::Dialect;
 use crate::error::{DecodeError, EncodeError, Expected};
@@ -191,15 +191,15 @@ impl<'a> Reader<'a> {
         let (mut offset, mut characters) = (self.at, self.rest());
         for format in formats {
             for (i, &expected) in format.layout().iter().enumerate() {
-                if let (1, true, [b' ', behind @ ..]) = (i, self.blank_allowed(format), characters) {
-                    (characters, offset) = (behind, offset + 1);
+                if let (1, true, [b' ', after @ ..]) = (i, self.blank_allowed(format), characters) {
+                    (characters, offset) = (after, offset + 1);
                 }
                 match characters {
                     [] => return DecodeError::Short { offset, expected },
                     [found, ..] if !expected.allows(*found) => {
                         return DecodeError::Unexpected { offset, found: *found, expected };
                     }
-                    [_, behind @ ..] => (characters, offset) = (behind, offset + 1),
+                    [_, after @ ..] => (characters, offset) = (after, offset + 1),
                 }
             }
         }

@@ -13,7 +13,7 @@ pub(crate) struct Format {
     limit: u64,
     excess: u64,
     /// The last four characters are worth `value % split`, those before them `value / split * scale`: a point among them
-    /// stands for a digit 0.
+    /// is a digit 0.
     split: u32,
     scale: u32,
     layout: &'static [Expected],
@@ -31,7 +31,7 @@ pub(crate) const ANGLE: Format = {
     Format::new(*b"+00.0000", 10_000, 10, &[Sign, Digit, Digit, Point, Digit, Digit, Digit, Digit])
 };
 
-/// `Sxxxxx`: the first two bytes of the word are whatever stands before the field.
+/// `Sxxxxx`: the first two bytes of the word are whatever precedes the field.
 pub(crate) const INTEGER: Format = {
     use Expected::{Digit, Sign};
     Format::new(*b"\0\0+00000", 10_000, 1, &[Sign, Digit, Digit, Digit, Digit, Digit])
@@ -43,7 +43,7 @@ impl Format {
     const fn new(zero: [u8; 8], split: u32, scale: u32, layout: &'static [Expected]) -> Self {
         let (mut sign_at, mut limit, mut excess, mut at) = (0, 0, 0, 0);
         let mut rest = zero.as_slice();
-        while let [first, behind @ ..] = rest {
+        while let [first, after @ ..] = rest {
             let (most, bits) = match *first {
                 b'+' => {
                     sign_at = at;
@@ -55,7 +55,7 @@ impl Format {
             };
             limit |= most << at;
             excess |= bits << at;
-            (rest, at) = (behind, at + 8);
+            (rest, at) = (after, at + 8);
         }
         Self { zero: u64::from_le_bytes(zero), sign_at, limit, excess, split, scale, layout }
     }

@@ -34,7 +34,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// What stands before the first end of a line, and the bytes up to and with that end.
+/// What precedes the first end of a line, and the bytes up to and with that end.
 ///
 /// Question and answer: what has arrived is mostly one line and no more.
 #[inline(always)]
@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_end_is_found_wherever_it_stands() {
+    fn an_end_is_found_wherever_it_is() {
         for len in 2..40 {
             for at in 1..len {
                 for filler in [0u8, 0x0B, 0x8A, 0xFF] {

@@ -26,24 +26,32 @@ fn one_command_is_outstanding_at_a_time() {
 }
 
 #[test]
-fn nothing_is_requested_while_there_is_no_room_for_its_outcome() {
+fn nothing_is_requested_while_an_outcome_waits() {
     let mut c = central();
-    for _ in 0..3 {
-        assert!(c.is_idle());
-        send(&mut c, ZERO, Command::Stop);
-        c.handle_input(ZERO, b"OK\r\n");
-    }
-    assert_eq!(c.request(Command::Stop), Err(SessionError::Busy), "three outcomes wait");
+    send(&mut c, ZERO, Command::Stop);
+    c.handle_input(ZERO, b"OK\r\n");
+    assert!(!c.is_idle());
+    assert_eq!(c.request(Command::Stop), Err(SessionError::Busy), "the outcome of the last one waits");
+    assert_eq!(c.poll_event(), Some(Event::Done { command: Command::Stop }));
+    assert!(c.is_idle());
+    send(&mut c, ZERO, Command::Stop);
     c.handle_connected(ZERO);
+    assert_eq!(c.request(Command::Stop), Err(SessionError::Busy), "the end of the connection before waits");
+    assert_eq!(c.poll_event(), Some(closed(Closing::Disconnected, Unfinished::Unknown(Command::Stop))));
+    assert_eq!(c.request(Command::Stop), Ok(()), "a notice may wait");
+    assert_eq!(c.poll_event(), Some(Event::Connected));
+}
+
+#[test]
+fn no_connection_is_begun_while_there_is_no_room_for_its_outcomes() {
+    let mut c = central();
+    for _ in 0..5 {
+        c.handle_connected(ZERO);
+    }
     let closing = closed(Closing::Disconnected, Unfinished::Nothing);
     let waiting: Vec<_> = core::iter::from_fn(|| c.poll_event()).collect();
-    assert_eq!(waiting[..3], [Event::Done { command: Command::Stop }; 3]);
-    assert_eq!(waiting[3..], [closing], "the connection before");
-    assert_eq!(
-        c.request(Command::Stop),
-        Err(SessionError::NotConnected),
-        "the new one could not be reported"
-    );
+    assert_eq!(waiting, [closing; 4], "of the connections that were begun");
+    assert_eq!(c.request(Command::Stop), Err(SessionError::NotConnected), "the last one was not");
     connect(&mut c);
     assert_eq!(c.request(Command::Stop), Ok(()));
 }
@@ -100,8 +108,21 @@ fn a_timeout_for_ever_saturates() {
     let mut c: Central<RobotPose> =
         central_with(CentralConfig { timeout: Duration::MAX, ..CentralConfig::DEFAULT });
     send(&mut c, S, Command::Stop);
+    assert_eq!(c.poll_timeout(), Some(Duration::MAX));
     c.handle_timeout(Duration::MAX - MS);
     assert_eq!(c.poll_event(), None);
+    c.handle_input(Duration::MAX, b"OK\r\n");
+    assert_eq!(c.poll_event(), Some(Event::Done { command: Command::Stop }));
+    // At the end of time, and with a motion that is never believed to have begun.
+    let config = CentralConfig { settle: Duration::MAX, tolerance: u32::MAX, ..CentralConfig::DEFAULT };
+    let mut c: Central<RobotPose> = central_with(config);
+    send(&mut c, Duration::MAX, go(HOME));
+    assert_eq!(c.poll_timeout(), Some(Duration::MAX));
+    c.handle_input(Duration::MAX, b"OK\r\n");
+    assert_eq!(c.poll_event(), Some(Event::Done { command: go(HOME) }));
+    c.handle_connected(Duration::MAX);
+    c.handle_disconnected(Duration::MAX);
+    c.abort(Duration::MAX);
     let config = CentralConfig { timeout: ZERO, ..CentralConfig::DEFAULT };
     assert_eq!(Central::<RobotPose>::new(config).unwrap_err(), ConfigError::Timeout);
 }
@@ -276,7 +297,7 @@ fn a_relative_motion_leads_from_where_the_device_rested() {
     send(&mut c, MS, by(pose(999.0)));
     receive(&mut c, MS, b"OK\r\n");
     query(&mut c, MS, true, 3.0, true);
-    assert_eq!(query(&mut c, MS, false, 3.0, true), Progress::Still, "nobody can say where that leads");
+    assert_eq!(query(&mut c, MS, false, 3.0, true), Progress::Still, "nobody knows where that leads");
     let mut c = central();
     send(&mut c, ZERO, by(pose(0.0)));
     receive(&mut c, ZERO, b"OK\r\n");

@@ -261,7 +261,7 @@ fn a_second_connection_takes_the_place_of_the_first() {
     assert_eq!(d.statistics().connections, 3);
 }
 
-/// A pose that its owner put out of range has no form: the device says so instead of reporting another.
+/// A pose that its owner put out of range has no form: the device refuses a status instead of reporting another.
 #[test]
 fn a_pose_out_of_range_is_never_reported() {
     let mut d = device_at(pose(1000.0));

@@ -1,4 +1,4 @@
-//! The borders: JSON that is no message, what errors and codes say, poses of which only one side has axes.
+//! The borders: JSON that is no message, what errors and codes print, poses of which only one side has axes.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use bytes::BytesMut;

@@ -14,7 +14,7 @@ pub struct CentralConfig {
     /// noticed. The source says "immediately" (§3) and gives no figure. Default: 1 s.
     pub timeout: Duration,
     /// A status that is asked for sooner than this after the start of a motion may be older than the motion: that the device
-    /// stands is not believed then, unless it has arrived. If a device takes longer to begin, its motion is reported as missed. Default: 100 ms.
+    /// is at rest is not believed then, unless it has arrived. If a device takes longer to begin, its motion is reported as missed. Default: 100 ms.
     pub settle: Duration,
     /// How far from its target a device has arrived, in units of the last digit: 1 µm, 0.1 mrad. Default: 10.
     pub tolerance: u32,
@@ -36,6 +36,10 @@ pub enum CentralRule {
     ForgetMotion,
     /// A halt ends the motion's target.
     ForgetTarget,
+    /// An abort after the command was sent ends the connection.
+    AbortEnds,
+    /// A reply that nobody asked for ends the connection.
+    StrayEnds,
 }
 
 impl CentralConfig {

@@ -78,25 +78,25 @@ pub enum Unfinished<P> {
 /// What a status means for the motion that was commanded last on this connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Progress {
-    /// The device stands, and there is no target to compare with: no motion was commanded, it was stopped, or it was a
+    /// The device is at rest, and there is no target to compare with: no motion was commanded, it was stopped, or it was a
     /// [`Command::Reset`] or a relative motion from an unknown pose.
     Still,
-    /// It has accepted a motion and has not been seen moving. It may seem to stand: the status may be older than the motion.
+    /// It has accepted a motion and has not been seen moving. It may seem to be at rest: the status may be older than the motion.
     Starting,
     /// It moves.
     Moving,
     /// It has accepted a halt, and moves.
     Stopping,
-    /// It stands within tolerance of its target, with its servo motors on.
+    /// It is at rest within tolerance of its target, with its servo motors on.
     Arrived,
-    /// It stands, and the motion has failed.
+    /// It is at rest, and the motion has failed.
     Missed(Miss),
 }
 
 /// How a motion has failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Miss {
-    /// The device stands elsewhere than at its target.
+    /// The device is at rest elsewhere than at its target.
     Elsewhere,
     /// Its servo motors are off.
     ServoOff,

@@ -63,7 +63,7 @@ pub enum Motion<P> {
     Starting {
         /// Where to.
         target: Target<P>,
-        /// When a status is asked for whose "standing" is believed.
+        /// When a status is asked for whose "at rest" is believed.
         believed_from: Duration,
     },
     /// It has been seen moving, or has had the time to begin.
@@ -71,7 +71,7 @@ pub enum Motion<P> {
         /// Where to.
         target: Target<P>,
     },
-    /// It has accepted a halt and has not been seen standing.
+    /// It has accepted a halt and has not been seen at rest.
     Stopping,
     /// It is not known to move.
     Rest {
@@ -85,7 +85,7 @@ pub enum Motion<P> {
 /// Where a motion leads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Target<P> {
-    /// There is no motion to speak of.
+    /// There is no motion.
     None,
     /// Only the device knows.
     Unknown,
@@ -140,7 +140,7 @@ impl<P: Pose> CentralMachine<P> {
     /// Without a connection.
     pub const NEW: Self = Self { link: CentralLink::Down, motion: Motion::NONE };
 
-    /// Takes an input, and says what is to be done.
+    /// Takes an input, and returns what is to be done.
     ///
     /// # Errors
     /// The state does not allow this input, and nothing has changed: a request while another command is not finished or
@@ -150,27 +150,32 @@ impl<P: Pose> CentralMachine<P> {
         use CentralAction as A;
         use CentralInput as I;
         use CentralLink as L;
-        Ok(match (self.link, input) {
-            (L::Awaiting { command, .. }, I::Reply(reply)) => self.reply(now, command, reply, config),
-            (L::Sending { command }, I::Transmit) => {
+        Ok(match (&self.link, &input) {
+            (&L::Awaiting { command, .. }, I::Reply(reply)) => self.reply(now, command, reply, config),
+            (&L::Sending { command }, I::Transmit) => {
                 self.link = L::Awaiting { command, deadline: now.saturating_add(config.timeout) };
                 self.ask(now, command);
                 A::Send(command)
             }
-            (L::Idle, I::Request(command)) => {
+            (L::Idle, &I::Request(command)) => {
                 self.link = L::Sending { command };
                 A::None
             }
-            (L::Awaiting { deadline, .. }, I::Due) if now >= deadline => self.end(Closing::Timeout, config),
-            (L::Sending { command }, I::Abort) => {
+            (L::Awaiting { deadline, .. }, I::Due) if now >= *deadline => self.end(Closing::Timeout, config),
+            (&L::Sending { command }, I::Abort) => {
+                self.link = L::Idle;
+                A::Report(Event::Aborted { command })
+            }
+            (&L::Awaiting { command, .. }, I::Abort) if !config.keeps(Rule::AbortEnds) => {
                 self.link = L::Idle;
                 A::Report(Event::Aborted { command })
             }
             (L::Awaiting { .. }, I::Abort) => self.end(Closing::Aborted, config),
+            (L::Idle | L::Sending { .. }, I::Reply(_)) if !config.keeps(Rule::StrayEnds) => A::None,
             // The next one could be taken for another command's.
             (L::Idle | L::Sending { .. }, I::Reply(_)) => self.end(Closing::Mismatch, config),
             (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Corrupt(error)) => {
-                self.end(Closing::Malformed(error), config)
+                self.end(Closing::Malformed(*error), config)
             }
             (L::Down | L::Ended, I::Connected) => {
                 self.open(config);
@@ -255,13 +260,13 @@ impl<P: Pose> CentralMachine<P> {
         &mut self,
         now: Duration,
         command: Command<P>,
-        reply: Reply<P>,
+        reply: &Reply<P>,
         config: &CentralConfig,
     ) -> CentralAction<P> {
-        let event = match (command, reply) {
-            (_, Reply::Error { error }) => Event::Refused { command, error },
+        let event = match (&command, reply) {
+            (_, &Reply::Error { error }) => Event::Refused { command, error },
             (Command::Status, Reply::Status(status)) => {
-                Event::Status { status, motion: self.observe(&status, config) }
+                Event::Status { status: *status, motion: self.observe(status, config) }
             }
             (Command::Status, Reply::Ok) | (_, Reply::Status(_)) => {
                 return self.end(Closing::Mismatch, config);
@@ -361,7 +366,7 @@ impl<P> Motion<P> {
 }
 
 impl<P: Pose> Target<P> {
-    /// What it means that a device stands.
+    /// What it means that a device is at rest.
     fn judge(self, status: &Status<P>, config: &CentralConfig) -> Progress {
         let servo = status.servo || !config.keeps(Rule::ServoOn);
         match self {

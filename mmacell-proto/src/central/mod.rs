@@ -21,24 +21,28 @@ use crate::pose::Pose;
 /// The central controller's end of the connections to one device, whose axes are `P`: [`RobotPose`](crate::RobotPose),
 /// [`PlatformPose`](crate::PlatformPose), or [`NoPose`](crate::NoPose) for one without axes.
 ///
-/// [`request`](Self::request) a command and drive the session as [`Session`] says; its outcome is an event, and then the next
+/// [`request`](Self::request) a command and drive the session as [`Session`] requires; its outcome is an event, and then the next
 /// one may be requested.
 ///
-/// - One command is outstanding at a time: replies have no number, only their order tells whose they are. Hence everything but
+/// - One command is outstanding at a time: replies have no number, only their order shows whose they are. Hence everything but
 ///   one well-formed reply of the right kind, in time, ends the connection: [`CentralEvent::Closed`] gives the command that was
 ///   sent as unknown. Close the connection then and make a new one.
 /// - A command is written by `poll_transmit` in one piece; its reply is awaited from then on.
-/// - A request is refused while more than two outcomes wait, and a connection is not begun then: no outcome is ever lost.
-/// - What is known of a motion belongs to its connection: after a new one a status says [`Progress::Still`] or
+/// - A request is refused while an outcome waits to be polled, and a connection is not begun while more than two do: no outcome
+///   is ever lost.
+/// - What is known of a motion belongs to its connection: after a new one a status is [`Progress::Still`] or
 ///   [`Progress::Moving`] until a motion is commanded.
 #[derive(Debug, Clone)]
 pub struct Central<P> {
     config: CentralConfig,
     machine: CentralMachine<P>,
     decoder: Decoder,
-    events: EventQueue<CentralEvent<P>, 4>,
+    events: EventQueue<CentralEvent<P>, OUTCOMES>,
     statistics: CentralStatistics,
 }
+
+/// The outcomes that can wait: a command's and its connection's, twice.
+const OUTCOMES: usize = 4;
 
 /// What a central controller's end has counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -80,7 +84,7 @@ impl<P: Pose> Central<P> {
     /// wire. Nothing changes.
     pub fn request(&mut self, command: Command<P>) -> Result<(), SessionError> {
         command.in_dialect(self.config.writes).encode(&mut [0; 40])?;
-        if !self.events.has_room(2) {
+        if !self.events.has_room(OUTCOMES) {
             return Err(SessionError::Busy);
         }
         match self.machine.on(Duration::ZERO, CentralInput::Request(command), &self.config) {
@@ -100,7 +104,7 @@ impl<P: Pose> Central<P> {
 
     /// Whether a command may be requested.
     pub fn is_idle(&self) -> bool {
-        matches!(self.machine.link, CentralLink::Idle) && self.events.has_room(2)
+        matches!(self.machine.link, CentralLink::Idle) && self.events.has_room(OUTCOMES)
     }
 
     /// Whether there is a connection that has not ended.

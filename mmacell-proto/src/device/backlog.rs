@@ -11,7 +11,7 @@ impl<const N: usize> Backlog<N> {
         Self { bytes: [0; N], start: 0, end: 0 }
     }
 
-    /// Takes as many bytes as there is room for beside those that the decoder holds, and says how many.
+    /// Takes as many bytes as there is room for beside those that the decoder holds, and returns how many.
     pub(super) fn fill(&mut self, held: usize, bytes: &[u8]) -> usize {
         self.bytes.copy_within(self.start..self.end, 0);
         (self.start, self.end) = (0, self.end - self.start);
@@ -21,6 +21,10 @@ impl<const N: usize> Backlog<N> {
         room.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
         self.end += taken;
         taken
+    }
+
+    pub(super) const fn is_empty(&self) -> bool {
+        self.start == self.end
     }
 
     pub(super) fn bytes(&self) -> &[u8] {

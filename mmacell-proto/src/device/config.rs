@@ -30,6 +30,8 @@ pub enum DeviceRule {
     AcceptPossible,
     /// One motion at a time.
     OneMotion,
+    /// A motion needs the servo motors on.
+    ServoFirst,
 }
 
 impl DeviceConfig {

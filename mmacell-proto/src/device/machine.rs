@@ -132,7 +132,7 @@ impl<P: Pose> DeviceMachine<P> {
     /// Without a connection, servo motors off, the override at 100 %, its pose unknown.
     pub const NEW: Self = Self { link: DeviceLink::Down, axes: Axes::Off, pose: None, percent: 100 };
 
-    /// Takes an input, and says what is to be done.
+    /// Takes an input, and returns what is to be done.
     ///
     /// # Errors
     /// The state does not allow this input, and nothing has changed: a command that is read while another one is not answered or
@@ -142,13 +142,13 @@ impl<P: Pose> DeviceMachine<P> {
         use DeviceAction as A;
         use DeviceInput as I;
         use DeviceLink as L;
-        Ok(match (self.link, input) {
-            (L::Idle, I::Command(command)) => match self.read(command, config) {
+        Ok(match (&self.link, &input) {
+            (L::Idle, &I::Command(command)) => match self.read(command, config) {
                 Ok(action) => action,
                 Err(reason) => self.reject(reason, config),
             },
-            (L::Idle, I::Corrupt(error)) => self.reject(Rejection::Malformed(error), config),
-            (L::Answering { reply }, I::Transmit) => {
+            (L::Idle, &I::Corrupt(error)) => self.reject(Rejection::Malformed(error), config),
+            (&L::Answering { reply }, I::Transmit) => {
                 self.link = L::Idle;
                 A::Send(reply)
             }
@@ -156,12 +156,12 @@ impl<P: Pose> DeviceMachine<P> {
                 self.link = L::Ended;
                 A::Leave
             }
-            (L::Asked { order }, I::Accept(accepted))
-                if order == accepted || !config.keeps(Rule::AcceptPending) =>
+            (&L::Asked { order }, I::Accept(accepted))
+                if order == *accepted || !config.keeps(Rule::AcceptPending) =>
             {
                 self.accept(order, config)
             }
-            (L::Asked { order }, I::Refuse(refused, error)) if order == refused => {
+            (L::Asked { order }, &I::Refuse(refused, error)) if *order == refused => {
                 self.link = L::Answering { reply: Reply::Error { error } };
                 A::None
             }
@@ -192,7 +192,7 @@ impl<P: Pose> DeviceMachine<P> {
                 L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
                 I::Pose(pose),
             ) => {
-                self.pose = pose;
+                self.pose = *pose;
                 A::None
             }
             (
@@ -206,7 +206,7 @@ impl<P: Pose> DeviceMachine<P> {
                 L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
                 I::Failed(error),
             ) => {
-                self.axes = Axes::Fault { error };
+                self.axes = Axes::Fault { error: *error };
                 A::None
             }
             (L::Down | L::Idle | L::Asked { .. } | L::Ended, I::Transmit) => A::None,
@@ -294,7 +294,7 @@ impl<P: Pose> DeviceMachine<P> {
             }
             None => Axes::Moving,
         };
-        // The state changes before the reply is sent: a status asked for after `OK` says that the device moves.
+        // The state changes before the reply is sent: a status asked for after `OK` shows that the device moves.
         self.axes = axes;
         if let Order::Override { percent } = order {
             self.percent = percent;
@@ -332,6 +332,7 @@ impl Axes {
             (Self::Moving | Self::Stopping, Order::Move { .. }) if !config.keeps(Rule::OneMotion) => {
                 Self::Moving
             }
+            (Self::Off, Order::Move { .. }) if !config.keeps(Rule::ServoFirst) => Self::Moving,
             (Self::Off | Self::Moving | Self::Stopping, Order::Move { .. }) => return None,
             (Self::Off | Self::Still | Self::Fault { .. }, Order::Stop)
             | (Self::Fault { .. }, Order::Servo { on: false }) => self,

@@ -23,8 +23,8 @@ use crate::pose::Pose;
 /// The end of a device with axes, [`RobotPose`](crate::RobotPose) or [`PlatformPose`](crate::PlatformPose), or without,
 /// [`NoPose`](crate::NoPose).
 ///
-/// Drive it as [`Session`] says. Answer each [`DeviceEvent::Asked`] with [`accept`](Self::accept) or
-/// [`refuse`](Self::refuse), and say how the axes do: [`set_pose`](Self::set_pose), [`arrived`](Self::arrived),
+/// Drive it as [`Session`] requires. Answer each [`DeviceEvent::Asked`] with [`accept`](Self::accept) or
+/// [`refuse`](Self::refuse), and report what the axes do: [`set_pose`](Self::set_pose), [`arrived`](Self::arrived),
 /// [`fail`](Self::fail).
 ///
 /// Every line gets exactly one reply (§3). The session answers a status by itself, and refuses with
@@ -155,11 +155,8 @@ impl<P: Pose> Device<P> {
     /// Reads lines as long as the machine takes them and their outcomes, an order and the end of the connection, have room.
     #[inline]
     fn read(&mut self) {
-        while self.machine.reads() && self.events.has_room(2) {
-            if let Some(line) = self.decoder.next_frame() {
-                let command = line.and_then(|line| Command::decode(line, &self.config.accepts));
-                self.statistics.lines += 1;
-                self.apply(command.map_or_else(DeviceInput::Corrupt, DeviceInput::Command));
+        while self.reads() {
+            if self.read_line() {
                 continue;
             }
             let taken = self.decoder.push(self.backlog.bytes());
@@ -168,6 +165,39 @@ impl<P: Pose> Device<P> {
             }
             self.backlog.drop_first(taken);
         }
+    }
+
+    /// The same from bytes that need not wait; what is left of them.
+    #[inline]
+    fn read_from<'a>(&mut self, mut bytes: &'a [u8]) -> &'a [u8] {
+        while self.reads() {
+            if self.read_line() {
+                continue;
+            }
+            let taken = self.decoder.push(bytes);
+            if taken == 0 {
+                break;
+            }
+            bytes = bytes.get(taken..).unwrap_or_default();
+        }
+        bytes
+    }
+
+    #[inline]
+    fn reads(&self) -> bool {
+        self.machine.reads() && self.events.has_room(2)
+    }
+
+    #[inline]
+    fn read_line(&mut self) -> bool {
+        if self.decoder.held() == 0 {
+            return false;
+        }
+        let Some(line) = self.decoder.next_frame() else { return false };
+        let command = line.and_then(|line| Command::decode(line, &self.config.accepts));
+        self.statistics.lines += 1;
+        self.apply(command.map_or_else(DeviceInput::Corrupt, DeviceInput::Command));
+        true
     }
 
     #[inline]
@@ -220,14 +250,14 @@ impl<P: Pose> Session for Device<P> {
 
     #[inline]
     fn handle_input(&mut self, _now: Duration, mut bytes: &[u8]) {
-        loop {
+        if self.backlog.is_empty() {
+            bytes = self.read_from(bytes);
+        }
+        while !bytes.is_empty() {
             let taken = self.backlog.fill(self.decoder.held(), bytes);
             bytes = bytes.get(taken..).unwrap_or_default();
             self.read();
-            if bytes.is_empty() {
-                return;
-            }
-            if taken == 0 {
+            if taken == 0 && !bytes.is_empty() {
                 self.apply(DeviceInput::Overrun);
                 self.decoder.clear();
                 return self.backlog.clear();

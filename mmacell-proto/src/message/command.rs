@@ -30,7 +30,7 @@ pub const BLOW: i32 = 1;
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "command"))]
 #[non_exhaustive]
 pub enum Command<P> {
-    /// `STA`: tell the status (§4.1).
+    /// `STA`: report the status (§4.1).
     #[cfg_attr(feature = "serde", serde(rename = "STA"))]
     Status,
     /// `SRV`: servo motors on or off (§4.2).
@@ -45,7 +45,7 @@ pub enum Command<P> {
         /// 0 to 100 %.
         percent: u8,
     },
-    /// `MOV`: start a point-to-point motion (§4.4). The reply says that it has started, not that it has ended.
+    /// `MOV`: start a point-to-point motion (§4.4). The reply means that it has started, not that it has ended.
     #[cfg_attr(feature = "serde", serde(rename = "MOV"))]
     Move {
         /// To a pose, or by one.

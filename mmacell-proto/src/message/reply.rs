@@ -33,7 +33,7 @@ pub enum Reply<P> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Status<P> {
-    /// A motion is going on. The device may say no until a motion that it has accepted begins.
+    /// A motion is going on. It may report no until a motion that it has accepted begins.
     pub moving: bool,
     /// Where its axes stand.
     #[cfg_attr(feature = "serde", serde(rename = "axes"))]

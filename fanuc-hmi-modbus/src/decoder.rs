@@ -6,22 +6,25 @@ use crate::error::DecodeError;
 use crate::frame::{Frame, RtuLen, Side};
 use crate::framing::Framing;
 
-/// Finds the frames in a stream, whatever the pieces that it arrives in, and its feet again after corruption.
+/// Finds the frames in a stream, whatever the pieces that it arrives in, and the next frame after corruption.
 ///
 /// 1. [`push`](robot_session::Decoder::push) what arrived, 2. call [`next_frame`](robot_session::Decoder::next_frame) until it gives `None`. On a serial line, when
 ///    nothing has arrived for 3.5 characters, call [`finish`](robot_session::Decoder::finish) and drain the frames before you push on; at the end
 ///    of any stream, the same.
 ///
 /// Frames and errors tile the stream: an error covers everything up to the next frame, and is given when that is found, or
-/// [`finish`](robot_session::Decoder::finish) says that there is none; [`corruption`](Self::corruption) tells at once. How the stream was cut into reads
-/// changes neither frames nor errors.
+/// [`finish`](robot_session::Decoder::finish) shows that there is none; [`corruption`](Self::corruption) shows it at once. How the stream was
+/// cut into reads changes neither frames nor errors.
 ///
 /// - TCP loses no bytes, so a bad header means that the peer is out of step: best close the connection and [`clear`](robot_session::Decoder::clear).
-///   A caller who goes on gets the next frame whose header can be one; a frame of another protocol is skipped as a whole.
-/// - On RTU, behind a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins; of two that end
-///   together it is the longer. Noise that looks like the beginning of a long frame is seen through at the latest when the line
-///   falls silent. Within corruption one run of bytes in 65536 passes for a frame by chance.
-/// - A function without a type of its own has no length that RTU could tell: its frame ends with the silence alone, and is not
+///   A caller who goes on loses no other frame: a frame of another protocol is skipped as a whole, and after any other bad header
+///   the next frame is the first one whose header has the length of the request or reply after it. There is one exception, which
+///   MBAP leaves open: a wrong length that a frame can have, 2 to 254. It takes what follows for its own, up to 260 bytes, and
+///   the decoder is in step again at the first frame that begins where it reads the next header.
+/// - On RTU, after a bad CRC the next frame is the first one to end whose CRC is right, wherever it begins; of two that end
+///   together it is the longer. Noise that looks like the beginning of a long frame is discarded at the latest when the line is
+///   silent. Within corruption one run of bytes in 65536 passes for a frame by chance.
+/// - A function without a type of its own has no length in RTU: its frame ends with the silence alone. On no transport is it
 ///   looked for within corruption.
 ///
 /// When the buffer is full, `push` takes nothing: `next_frame` makes room in it.
@@ -32,14 +35,17 @@ pub struct Decoder {
     buffer: [u8; Self::CAPACITY],
     start: usize,
     end: usize,
-    /// Bytes of the stream in front of the buffer.
+    /// Bytes of the stream before the buffer.
     passed: u64,
-    /// What stands before here will not go on.
+    /// What is before here will not go on.
     finished_at: Option<usize>,
-    /// The same of a later end, told before the first was drained.
+    /// The same of a later end, given before the first was drained.
     finished_later: Option<usize>,
     corruption: Option<Corruption>,
 }
+
+/// The bytes that a header and the length of the message after it take, but one.
+const HEADER: usize = 6 + 10;
 
 /// What is known of the corruption at the start of the buffer.
 #[derive(Debug, Clone, Copy)]
@@ -140,11 +146,11 @@ impl Decoder {
         Corruption { error, from: self.start + skip, tried: self.start }
     }
 
-    /// How many bytes the corruption takes, when that is known; the start is then behind them.
+    /// How many bytes the corruption takes, when that is known; the start is then after them.
     fn corrupt_len(&mut self, corruption: Corruption, limit: usize) -> Option<usize> {
         let window = limit.min(self.start + Self::WINDOW);
         let (next, reach) = if self.framing.has_transactions() {
-            (self.next_header(corruption, window), 5)
+            (self.next_header(corruption, window), HEADER)
         } else {
             (self.next_rtu(corruption, window), Frame::MAX_RTU_LEN - 1)
         };
@@ -174,11 +180,27 @@ impl Decoder {
         Some(length)
     }
 
-    /// Where the next bytes begin that can be an MBAP header.
+    /// Where the next bytes begin that are an MBAP header, as far as can be seen.
     fn next_header(&self, corruption: Corruption, limit: usize) -> Option<usize> {
-        let data = self.buffer.get(corruption.from..limit)?;
-        let header = data.windows(6).position(|six| Frame::decode_tcp(six).is_ok())?;
-        Some(corruption.from + header)
+        for start in corruption.from..limit {
+            let data = self.buffer.get(start..limit)?;
+            let (six, rest) = data.split_first_chunk::<6>()?;
+            if Frame::decode_tcp(six).is_err() {
+                continue;
+            }
+            // After a frame of another protocol the next one begins in its place; elsewhere a header has to have the length of
+            // the message after it.
+            let is_placed = start == corruption.from && start > self.start + 1;
+            let [.., high, low] = *six;
+            let length = usize::from(u16::from_be_bytes([high, low]));
+            match RtuLen::of(rest, self.side) {
+                _ if is_placed => return Some(start),
+                RtuLen::Known(len) if len == length + 2 => return Some(start),
+                RtuLen::AtLeast(_) if self.finished_at.is_none() => return None,
+                RtuLen::Known(_) | RtuLen::AtLeast(_) | RtuLen::Silence => {}
+            }
+        }
+        None
     }
 
     /// Where the frame begins that ends first. Each beginning is tried once, when its end has come.

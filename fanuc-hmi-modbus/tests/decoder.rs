@@ -1,4 +1,4 @@
-//! Frames and damage at the exact byte: where an error ends, what it says, what a silence cuts.
+//! Frames and corruption at the exact byte: where an error ends, what it holds, what a silence cuts.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use fanuc_hmi_modbus::crc::crc16;
@@ -9,7 +9,7 @@ const RTU: Framing = Framing::RTU_OVER_TCP;
 /// Read register 1 of unit 1.
 const READ: [u8; 12] = [0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 1];
 
-/// A PDU, or what was wrong, and the offset behind it.
+/// A PDU, or what was wrong, and the offset after it.
 type Items = Vec<(Result<Vec<u8>, DecodeError>, u64)>;
 
 fn drain(decoder: &mut Decoder, items: &mut Items) {
@@ -53,15 +53,15 @@ fn pdu(frame: &[u8]) -> Result<Vec<u8>, DecodeError> {
     Ok(frame[1..frame.len() - 2].to_vec())
 }
 
-/// Within 520 bytes a TCP frame can begin in the last 5, which are no header yet; on a line in the last 255.
+/// Within 520 bytes a TCP frame can begin in the last 16, which do not show its length yet; on a line in the last 255.
 #[test]
 fn an_error_covers_what_no_frame_can_begin_in_any_more() {
     let noise = |length| Err(DecodeError::Noise { length });
     let protocol = Err(DecodeError::Protocol { found: 0xFFFF });
     let tcp = |length| decode(Framing::Tcp, Side::Client, &vec![0xFF; length]);
     assert_eq!(tcp(519), [(protocol.clone(), 519)]);
-    assert_eq!(tcp(520), [(protocol.clone(), 515), (noise(5), 520)]);
-    assert_eq!(tcp(1500), [(protocol, 515), (noise(515), 1030), (noise(470), 1500)]);
+    assert_eq!(tcp(520), [(protocol.clone(), 504), (noise(16), 520)]);
+    assert_eq!(tcp(1500), [(protocol, 504), (noise(504), 1008), (noise(492), 1500)]);
 
     // Wherever a frame of 16 counted bytes begins, its CRC is wrong.
     let line = |length| decode(RTU, Side::Client, &vec![16; length]);
@@ -73,12 +73,17 @@ fn an_error_covers_what_no_frame_can_begin_in_any_more() {
 }
 
 #[test]
-fn no_empty_error_stands_between_a_long_one_and_the_frame_behind_it() {
-    let stream = [&[0xFF; 515][..], &READ].concat();
+fn no_empty_error_is_between_a_long_one_and_the_frame_after_it() {
+    // The header whose message shows its length last: at the end of the first error it is not known.
+    let write = [0, 1, 0, 0, 0, 13, 1, 23, 0, 0, 0, 1, 0, 0, 0, 1, 2, 0xAB, 0xCD];
+    let stream = [&[0xFF; 504][..], &write].concat();
     let protocol = Err(DecodeError::Protocol { found: 0xFFFF });
-    assert_eq!(decode(Framing::Tcp, Side::Client, &stream), [(protocol, 515), (Ok(READ[7..].to_vec()), 527)]);
+    assert_eq!(
+        decode(Framing::Tcp, Side::Client, &stream),
+        [(protocol, 504), (Ok(write[7..].to_vec()), 523)]
+    );
 
-    // The longest frame of a line: one byte more than there is behind the first error.
+    // The longest frame of a line: one byte more than there is after the first error.
     let longest = sealed(&[&[1, 16, 0, 0, 0, 4, 247][..], &[0; 247]].concat());
     let stream = [&[16; 265][..], &longest].concat();
     let crc = Err(DecodeError::Crc { expected: 0x463A, found: 0x1010, length: 25 });
@@ -95,6 +100,15 @@ fn a_frame_of_another_protocol_hides_what_is_within_it() {
     assert_eq!(decode(Framing::Tcp, Side::Client, &stream), [(protocol.clone(), 26), (read.clone(), 38)]);
     let stream = [&READ, &foreign[..], &READ].concat();
     assert_eq!(decode(Framing::Tcp, Side::Client, &stream), [(read.clone(), 12), (protocol, 38), (read, 50)]);
+}
+
+/// The header that begins within the first frame has another length than the message after it.
+#[test]
+fn a_length_that_no_frame_has_costs_its_own_frame_alone() {
+    let corrupt = [0, 1, 0, 0, 1, 6, 1, 3, 0, 0, 0, 37];
+    let stream = [&corrupt, &READ[..], &READ].concat();
+    let (read, error) = (Ok(READ[7..].to_vec()), Err(DecodeError::MbapLength { found: 262 }));
+    assert_eq!(decode(Framing::Tcp, Side::Client, &stream), [(error, 12), (read.clone(), 24), (read, 36)]);
 }
 
 #[test]
@@ -130,7 +144,7 @@ fn a_frame_that_a_silence_cuts_says_how_long_it_would_be() {
     ] {
         let cut = DecodeError::Cut { expected, found: bytes.len() };
         assert_eq!(decode(RTU, side, bytes), [(Err(cut), bytes.len() as u64)], "{side:?} {bytes:x?}");
-        // A frame behind the silence is another one.
+        // A frame after the silence is another one.
         let mut decoder = Decoder::new(RTU, side);
         push(&mut decoder, bytes);
         decoder.finish();
@@ -145,7 +159,7 @@ fn a_frame_that_is_whole_when_the_silence_is_told_is_not_cut() {
     let frame = sealed(&[1, 3, 0, 0, 0, 1]);
     let mut decoder = Decoder::new(RTU, Side::Client);
     push(&mut decoder, &frame);
-    // Told twice, it is one silence.
+    // Given twice, it is one silence.
     decoder.finish();
     decoder.finish();
     assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, [3, 0, 0, 0, 1]);
@@ -160,7 +174,7 @@ fn a_frame_that_is_whole_when_the_silence_is_told_is_not_cut() {
 }
 
 #[test]
-fn the_frame_behind_damage_is_the_first_to_end_and_the_longest_of_those() {
+fn the_frame_after_corruption_is_the_first_to_end_and_the_longest_of_those() {
     // Four registers are written, of which the last three and the CRC are a read of unit 2, and its CRC as well.
     let frame = [1, 16, 0, 0, 0, 4, 8, 0x5D, 0x43, 2, 3, 0, 0, 0, 1, 0x84, 0x39];
     let read = &frame[9..];
@@ -199,7 +213,7 @@ fn a_line_carries_frames_of_256_bytes_and_no_longer_ones() {
     }
 }
 
-/// 128 is the exception to function 0, which is none: nothing says how long such a reply is.
+/// 128 is the exception to function 0, which is none: nothing shows how long such a reply is.
 #[test]
 fn a_reply_with_function_code_128_ends_with_the_silence() {
     for body in [&[1, 128][..], &[1, 128, 2], &[1, 128, 2, 3, 4]] {

@@ -57,6 +57,20 @@ where
     D: Decoder<Error: Debug>,
     for<'a> D::Frame<'a>: Debug,
 {
+    decoder_where(name, new, frames, |_, _| spread);
+}
+
+/// The same, where it depends on the corrupt byte how many frames may be lost with it: `spread` gets the bytes from the corrupt
+/// frame on, and the place of the corrupt one among them.
+pub fn decoder_where<D>(
+    name: &str,
+    new: impl Fn() -> D,
+    frames: &[Vec<u8>],
+    spread: impl Fn(&[u8], usize) -> usize,
+) where
+    D: Decoder<Error: Debug>,
+    for<'a> D::Frame<'a>: Debug,
+{
     assert!(!frames.is_empty(), "{name}: no frames to try");
     let mut rng = Rng::new(1);
     for frame in frames {
@@ -77,6 +91,9 @@ where
         stream[at] ^= 1 << rng.below(8);
         let corrupt = tiles(name, &new, &stream);
         pieces_change_nothing(name, &new, &stream, &corrupt, &mut rng);
+        let start =
+            clean.iter().map(|item| item.end as usize).take_while(|end| *end <= at).last().unwrap_or(0);
+        let spread = spread(&stream[start..], at - start);
         costs_no_more(name, &clean, &corrupt, at as u64, spread);
 
         let noisy = [&noise[..], &stream].concat();

@@ -5,5 +5,5 @@
 mod decoder;
 mod session;
 
-pub use decoder::{Item, decode, decoder};
+pub use decoder::{Item, decode, decoder, decoder_where};
 pub use session::{End, session};

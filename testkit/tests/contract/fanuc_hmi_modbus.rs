@@ -14,9 +14,8 @@ const BAUD: u32 = 19_200;
 
 pub fn decoder() {
     for (from, side) in [("client", Side::Client), ("server", Side::Server)] {
-        // A corrupt length may take all that follows: TCP itself corrupts nothing.
         let frames = super::frames(LINK, Some(from));
-        contract::decoder("modbus, TCP", || Decoder::new(Framing::Tcp, side), &frames, 6);
+        contract::decoder_where("modbus, TCP", || Decoder::new(Framing::Tcp, side), &frames, tcp_spread);
         let rtu = Framing::Rtu { silence: Duration::from_millis(4) };
         let mut frames = vectors(LINK);
         frames.retain(|v| v.result == Outcome::Valid && v.from.as_deref() == Some(from));
@@ -24,6 +23,13 @@ pub fn decoder() {
         let frames: Vec<_> = frames.into_iter().map(|v| v.hex).collect();
         contract::decoder("modbus, RTU", || Decoder::new(rtu, side), &frames, 1);
     }
+}
+
+/// A corrupt byte costs its own frame, but in the length field: nothing says that a length is wrong which a frame can have, and
+/// what it covers is lost. The six frames of the test are less than that.
+fn tcp_spread(frame: &[u8], at: usize) -> usize {
+    let length = u16::from_be_bytes([frame[4], frame[5]]);
+    if matches!(at, 4 | 5) && (2..=254).contains(&length) { 6 } else { 0 }
 }
 
 pub struct Client<const RTU: bool>;

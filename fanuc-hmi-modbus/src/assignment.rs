@@ -1,4 +1,4 @@
-//! What stands in the holding registers: the assignments of `$SNPX_ASG`, as data.
+//! What the holding registers hold: the assignments of `$SNPX_ASG`, as data.
 //!
 //! A controller has 80 slots. Each puts a variable into a run of holding registers; where two overlap, the one with the lower
 //! number hides the other. The factory's first slot covers 1 to 10000 with `R[1]@1.1`, so any further one below 10000 has no
@@ -46,7 +46,7 @@ impl Assignment<'static> {
     pub const FACTORY: Self =
         Self { address: 1, size: 10_000, var_name: "R[1]@1.1", multiply: Multiply::Scale(1.0) };
 
-    /// The assignments behind the source's Table 2, as public programs suggest: it does not show its own. A life counter of two
+    /// The assignments of the source's Table 2, as public programs suggest: it does not show its own. A life counter of two
     /// registers, an override of one, and seventeen reals.
     pub const TELEMETRY: [Self; 3] = [
         Self { address: 1, size: 2, var_name: "R[1]", multiply: Multiply::Scale(1.0) },

@@ -33,7 +33,7 @@ impl TelemetryBlock {
     /// How many registers it takes: one request reads them all.
     pub const QUANTITY: u16 = 37;
 
-    /// What stands in its registers, in their order: every row of Table 2.
+    /// What its registers hold, in their order: every row of Table 2.
     pub const FIELDS: [Field; 19] = [
         Field { name: "Life counter", register: 1, address: 0, kind: Kind::Int32 },
         Field { name: "Override", register: 2, address: 2, kind: Kind::Int16 },
@@ -110,7 +110,7 @@ pub struct Field {
     pub register: u16,
     /// The PDU address of its first holding register.
     pub address: u16,
-    /// How it stands there.
+    /// Its form there.
     pub kind: Kind,
 }
 

@@ -12,7 +12,7 @@ pub enum DecodeError {
         found: u16,
     },
     /// The length field of the MBAP header counts the unit identifier and a PDU of 1 to 253 bytes.
-    #[error("length field says {found} bytes, it must say 2 to 254 (at byte 4)")]
+    #[error("length field is {found}, it must be 2 to 254 (at byte 4)")]
     MbapLength {
         /// The length.
         found: u16,
@@ -30,7 +30,7 @@ pub enum DecodeError {
     /// The stream ended, or the line fell silent, within a frame.
     #[error("{found} of at least {expected} bytes came before the end")]
     Cut {
-        /// What the frame needs, as far as its beginning tells.
+        /// What the frame needs, as far as its beginning shows.
         expected: usize,
         /// What there is.
         found: usize,
@@ -38,10 +38,10 @@ pub enum DecodeError {
     /// An RTU frame would be longer than 256 bytes.
     #[error("a frame of {found} bytes is longer than 256")]
     TooLong {
-        /// The bytes that it has, or says that it has.
+        /// The bytes that it has, or that its length field gives.
         found: usize,
     },
-    /// More bytes without a frame than one error covers: they belong to the damage before them.
+    /// More bytes without a frame than one error covers: they belong to the corruption before them.
     #[error("{length} more bytes without a frame")]
     Noise {
         /// How many.
@@ -280,7 +280,7 @@ pub enum AssignmentError {
         first: usize,
         /// The one that is hidden, counted from 1.
         second: usize,
-        /// The first register that both want, counted from 1.
+        /// The first register that both have, counted from 1.
         address: u16,
     },
 }

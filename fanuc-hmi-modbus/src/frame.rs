@@ -7,7 +7,7 @@ use crate::error::{DecodeError, EncodeError};
 use crate::message::{Pdu, PduBuf, Reply, Request, function, limit};
 use crate::registers::{Registers, serve};
 
-/// A frame ("ADU"): who is spoken to, and a PDU as raw bytes, a [`Request`], a [`Reply`] or a [`PduBuf`].
+/// A frame ("ADU"): which unit, and a PDU as raw bytes, a [`Request`], a [`Reply`] or a [`PduBuf`].
 ///
 /// ```
 /// use fanuc_hmi_modbus::robot_session::Encode as _;
@@ -186,7 +186,7 @@ impl<P: Pdu> Frame<P> {
         seal(out, 1 + len).ok_or(EncodeError::Space { needed: RTU + len, available })
     }
 
-    /// Appends the frame, and says how many bytes it took.
+    /// Appends the frame, and returns how many bytes it took.
     ///
     /// # Errors
     /// When the specification does not allow the message; then nothing is appended.
@@ -245,7 +245,7 @@ fn mbap(transaction: u16, unit: u8, pdu: usize) -> [u8; MBAP] {
     [t0, t1, 0, 0, l0, l1, unit]
 }
 
-/// Puts the CRC behind the first `len` bytes, and says how many there are then; `None` without room for it.
+/// Puts the CRC after the first `len` bytes, and returns how many there are then; `None` without room for it.
 #[inline]
 fn seal(out: &mut [u8], len: usize) -> Option<usize> {
     let (body, rest) = out.split_at_mut_checked(len)?;
@@ -253,14 +253,14 @@ fn seal(out: &mut [u8], len: usize) -> Option<usize> {
     Some(len + 2)
 }
 
-/// How long an RTU frame is, as its first bytes tell.
+/// How long an RTU frame is, as its first bytes show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RtuLen {
     /// So many bytes.
     Known(usize),
     /// Its byte count has not arrived.
     AtLeast(usize),
-    /// Only the silence behind it tells.
+    /// Only the silence after it shows that.
     Silence,
 }
 

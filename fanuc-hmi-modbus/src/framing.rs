@@ -10,7 +10,7 @@ pub enum Framing {
         /// How long the line is silent between two frames: see [`timing::silence`](crate::timing::silence).
         silence: Duration,
     },
-    /// RTU frames through a TCP connection ("RTU over TCP"), where a gap says nothing of the line behind it.
+    /// RTU frames through a TCP connection ("RTU over TCP"), where a gap shows nothing of the line beyond it.
     RtuOverTcp {
         /// After how long without a byte a frame that is not whole counts as cut. Longer than any delay of the network.
         stall: Duration,
@@ -21,7 +21,7 @@ impl Framing {
     /// RTU over TCP that waits half a second for the rest of a frame.
     pub const RTU_OVER_TCP: Self = Self::RtuOverTcp { stall: Duration::from_millis(500) };
 
-    /// How long nothing must arrive for a frame to count as ended; TCP says its length itself.
+    /// How long nothing must arrive for a frame to count as ended; TCP frames have their length.
     pub const fn silence(self) -> Option<Duration> {
         match self {
             Self::Tcp => None,

@@ -7,7 +7,7 @@ use crate::message::{Bits, BitsMut, Exception, Pdu, Reply, Request, Words, Words
 /// the tables that it has.
 ///
 /// An address is that of the first item, and all items are within 0 to 65535. A method that gives an exception changes nothing.
-/// Function 23 reads twice, so that a read that cannot be answered leaves no write behind; the reply has what stands there after
+/// Function 23 reads twice, so that a read that cannot be answered leaves no write; the reply has what is there after
 /// the write.
 ///
 /// ```
@@ -72,7 +72,7 @@ pub trait Registers {
         Err(Exception::IllegalFunction)
     }
 
-    /// A function without a type of its own: writes the bytes behind the function code, at most 252, and says how many.
+    /// A function without a type of its own: writes the bytes after the function code, at most 252, and returns how many.
     ///
     /// # Errors
     /// The exception to answer with.
@@ -179,7 +179,7 @@ fn carry_out<R: Registers + ?Sized>(
     reply.encode(out).map_err(|_| Exception::ServerDeviceFailure)
 }
 
-/// The quantity, if all of it lies within 0 to 65535.
+/// The quantity, if all of it is within 0 to 65535.
 #[inline]
 fn in_table(address: u16, quantity: usize) -> Result<u16, Exception> {
     match u16::try_from(quantity) {

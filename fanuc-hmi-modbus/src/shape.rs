@@ -107,7 +107,7 @@ fn entries<M: SerializeMap>(map: &mut M, words: &[(&str, u16)]) -> Result<(), M:
     words.iter().try_for_each(|(key, word)| map.serialize_entry(key, word))
 }
 
-/// Reads the object of a request or of a reply: its keys tell which.
+/// Reads the object of a request or of a reply: its keys show which.
 impl<'de> Deserialize<'de> for Frame<PduBuf> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_map(FrameVisitor)

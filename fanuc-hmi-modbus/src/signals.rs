@@ -1,6 +1,6 @@
-//! Which signal of the robot stands where in the Modbus tables (the source's Table 1), both ways.
+//! Which signal of the robot is where in the Modbus tables (the source's Table 1), both ways.
 //!
-//! Table 1 counts addresses from 1, Modbus counts PDU addresses from 0. Everything here speaks of PDU addresses, and names the
+//! Table 1 counts addresses from 1, Modbus counts PDU addresses from 0. Everything here is in PDU addresses, and names the
 //! numbers of Table 1 where it cites them.
 
 /// One of the four tables of Modbus.
@@ -65,7 +65,7 @@ pub enum Signal {
     /// Numeric register R\[1\] to R\[16384\], one signed 16-bit register each, as long as nobody assigned the area otherwise: see
     /// [`Assignment`](crate::Assignment). The factory's assignment ends at R\[10000\].
     R(u16),
-    /// Register 0 to 63 of the area for "dynamic assignment", 16385 to 16448 in Table 1. What to do with it is nowhere said.
+    /// Register 0 to 63 of the area for "dynamic assignment", 16385 to 16448 in Table 1. What to do with it is documented nowhere.
     Dynamic(u16),
 }
 
@@ -80,7 +80,7 @@ impl Signal {
         Some((range.table, range.first_address + (number - range.first)))
     }
 
-    /// The signal at a PDU address; `None` where Table 1 says "not used".
+    /// The signal at a PDU address; `None` where Table 1 has "not used".
     pub fn at(table: Table, address: u16) -> Option<Self> {
         Kind::ALL.into_iter().find_map(|kind| {
             let range = kind.range();
@@ -228,7 +228,7 @@ mod tests {
 
     /// Every border of Table 1, in its own numbers, counted from 1.
     #[test]
-    fn every_border_of_the_table_stands_where_the_source_puts_it() {
+    fn every_border_of_the_table_is_where_the_source_puts_it() {
         use Table::{Coils, DiscreteInputs, HoldingRegisters, InputRegisters};
         for (table, address, signal) in [
             (DiscreteInputs, 1, Some(Di(1))),

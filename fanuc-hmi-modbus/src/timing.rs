@@ -25,10 +25,10 @@ pub const fn silence(baud: u32) -> Duration {
 /// How long `bytes` take on the line.
 pub const fn line_time(bytes: usize, baud: u32) -> Duration {
     let baud = if baud == 0 { 1 } else { baud as u64 };
-    Duration::from_nanos(bytes as u64 * CHARACTER_BITS as u64 * 1_000_000_000 / baud)
+    Duration::from_nanos((bytes as u64).saturating_mul(CHARACTER_BITS as u64 * 1_000_000_000) / baud)
 }
 
-/// How long it takes on a serial line to read `registers` in one request: the request, the reply, and the silence behind each.
+/// How long it takes on a serial line to read `registers` in one request: the request, the reply, and the silence after each.
 ///
 /// ```
 /// use fanuc_hmi_modbus::timing::read_time;

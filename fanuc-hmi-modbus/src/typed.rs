@@ -4,7 +4,7 @@ use crate::error::AssignmentError;
 
 /// Which of the two registers of a 32-bit value comes first. Within a register the high byte is always first on the wire.
 ///
-/// The source does not say; public programs for FANUC controllers read the low word first ("CDAB"). [`OrderProbe`] tells which
+/// The source does not say; public programs for FANUC controllers read the low word first ("CDAB"). [`OrderProbe`] finds which
 /// by watching a counter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
@@ -113,7 +113,7 @@ impl From<Multiply> for f32 {
     }
 }
 
-/// How a numeric variable stands in registers.
+/// How registers hold a numeric variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Kind {
@@ -204,7 +204,7 @@ impl Number {
 
 /// A value that its registers cannot hold.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("{value} does not fit: what stands in the registers is {least} to {most}")]
+#[error("{value} does not fit: the registers hold {least} to {most}")]
 pub struct NumberError {
     /// The value, before multiplication.
     pub value: f64,
@@ -214,10 +214,10 @@ pub struct NumberError {
     pub most: f64,
 }
 
-/// Tells the [`WordOrder`] of a controller by watching a counter in two registers that grows by small steps.
+/// Finds the [`WordOrder`] of a controller by watching a counter in two registers that grows by small steps.
 ///
-/// The word that changes from sample to sample is the low one. While both orders are still possible (the counter stands, or
-/// both words changed at once), it says nothing.
+/// The word that changes from sample to sample is the low one. While both orders are still possible (the counter is at rest, or
+/// both words changed at once), it has no answer.
 ///
 /// ```
 /// use fanuc_hmi_modbus::{typed::OrderProbe, WordOrder};
@@ -235,10 +235,10 @@ pub struct OrderProbe {
 }
 
 impl OrderProbe {
-    /// The largest step between two samples that speaks for an order: 4 s of a counter that steps every 8 ms.
+    /// The largest step between two samples that is evidence of an order: 4 s of a counter that steps every 8 ms.
     pub const MAX_STEP: u32 = 500;
 
-    /// Takes the two registers of the counter; says the order when two steps more speak for it than for the other.
+    /// Takes the two registers of the counter; returns the order when two steps more are evidence of it than of the other.
     pub fn watch(&mut self, words: [u16; 2]) -> Option<WordOrder> {
         if let Some(last) = self.last.replace(words) {
             let small = |order: WordOrder| {
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counter_that_stands_or_jumps_tells_no_order() {
+    fn a_counter_that_is_at_rest_or_jumps_shows_no_order() {
         let mut probe = OrderProbe::default();
         for _ in 0..10 {
             assert_eq!(probe.watch([5, 5]), None);

@@ -9,11 +9,13 @@
 
 mod common;
 
+use core::time::Duration;
+
 use common::{MS, Seen, all, bytes, connected, read, rtu, sent, tcp};
 use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::{
-    Bits, Client, ClientConfig, ClientEvent, ConfigError, DecodeError, Exception, Failure, Mismatch, Reply,
-    Request, SessionError, Words,
+    Bits, Client, ClientConfig, ClientEvent, ConfigError, DecodeError, Exception, Failure, Framing, Mismatch,
+    Reply, Request, SessionError, Words,
 };
 
 #[test]
@@ -325,6 +327,47 @@ fn a_timeout_is_an_outcome_that_nobody_has_to_poll_at_once() {
 }
 
 #[test]
+fn a_time_of_duration_max_never_comes() {
+    let endless = |config: ClientConfig| ClientConfig {
+        timeout: Duration::MAX,
+        turnaround: Duration::MAX,
+        settle: Duration::MAX,
+        ..config
+    };
+    let late = Duration::MAX - MS;
+    let long = [
+        tcp(1),
+        rtu(),
+        ClientConfig { framing: Framing::Rtu { silence: Duration::MAX }, ..rtu() },
+        ClientConfig::rtu_over_tcp(),
+        ClientConfig {
+            framing: Framing::RtuOverTcp { stall: Duration::MAX },
+            ..ClientConfig::rtu_over_tcp()
+        },
+    ];
+    for config in long.map(endless) {
+        let mut client: Client = Client::new(config).unwrap();
+        client.handle_connected(MS);
+        let ticket = client.request(1, &read(0, 1)).unwrap();
+        client.handle_timeout(late);
+        // A serial line is drained for ever.
+        let requests = sent(&mut client, late).len();
+        assert_eq!(requests, usize::from(!matches!(config.framing, Framing::Rtu { .. })), "{config:?}");
+        assert_eq!(client.poll_timeout(), Some(Duration::MAX), "{config:?}");
+        client.handle_timeout(late);
+        assert_eq!(all(&mut client), [], "{config:?}");
+        let transaction = (config.framing == Framing::Tcp).then_some(1);
+        client.handle_input(late, &bytes(transaction, 1, Reply::HoldingRegisters((&[7]).into())));
+        if requests == 1 {
+            assert_eq!(all(&mut client), [Seen::Registers(ticket, vec![7])], "{config:?}");
+        }
+        client.handle_timeout(Duration::MAX);
+        client.handle_connected(Duration::MAX);
+        client.handle_disconnected(Duration::MAX);
+    }
+}
+
+#[test]
 fn all_bytes_are_taken_however_many_and_however_late() {
     let mut client: Client = connected(tcp(1));
     let ticket = client.request(1, &read(0, 1)).unwrap();
@@ -332,8 +375,8 @@ fn all_bytes_are_taken_however_many_and_however_late() {
     let stray = bytes(Some(999), 1, Reply::HoldingRegisters((&[0; 125]).into()));
     let mut stream = stray.repeat(100);
     stream.extend(bytes(Some(1), 1, Reply::HoldingRegisters((&[7]).into())));
-    client.handle_input(core::time::Duration::MAX, &stream);
-    client.handle_timeout(core::time::Duration::MAX);
+    client.handle_input(Duration::MAX, &stream);
+    client.handle_timeout(Duration::MAX);
     assert_eq!(client.statistics().strays, 100);
     assert_eq!(
         all(&mut client).last(),

@@ -335,7 +335,7 @@ fn a_serial_line_takes_eleven_bits_a_byte() {
         (timing::silence(0), timing::silence(19_200)),
         (Duration::from_micros(1750), Duration::from_micros(2005))
     );
-    // 8 bytes there and 9 back, 3.5 characters of silence behind each.
+    // 8 bytes there and 9 back, 3.5 characters of silence after each.
     assert_eq!(timing::read_time(2, 9600), Duration::from_nanos(9_166_666 + 10_312_500 + 2 * 4_010_000));
 }
 
@@ -371,4 +371,12 @@ fn assignments_are_checked_one_by_one_and_line_by_line() {
         assert_eq!(Assignment::FACTORY.print(1, &mut Short(room)), Err(core::fmt::Error), "{room}");
     }
     assert_eq!(Assignment::FACTORY.print(1, &mut Short(whole.len())), Ok(()));
+}
+
+#[test]
+fn times_of_the_line_overflow_nothing() {
+    assert_eq!(timing::line_time(usize::MAX, 1), Duration::from_nanos(u64::MAX));
+    assert_eq!(timing::line_time(1, 0), Duration::from_secs(11));
+    assert_eq!(timing::silence(0), Duration::from_micros(1750));
+    assert!(timing::read_time(u16::MAX, 0) > Duration::from_secs(1_000_000));
 }

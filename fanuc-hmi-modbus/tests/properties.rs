@@ -196,7 +196,7 @@ proptest! {
         if let Ok(bytes) = encoded(transaction, unit, &reply) {
             let read = read(&bytes, transaction.is_some()).reply().unwrap().pdu;
             match (reply, read) {
-                // A reply does not say how many bits of its last byte count.
+                // A reply does not show how many bits of its last byte count.
                 (Reply::Coils(sent), Reply::Coils(read)) | (Reply::DiscreteInputs(sent), Reply::DiscreteInputs(read)) => {
                     prop_assert_eq!(read.truncated(sent.len()), sent);
                     prop_assert!(read.iter().skip(sent.len()).all(|bit| !bit));
@@ -271,10 +271,10 @@ proptest! {
     }
 
     #[test]
-    fn damage_on_a_line_costs_only_the_frames_that_it_touches(
+    fn corruption_on_a_line_costs_only_the_frames_that_it_touches(
         frames in vec(small(), 3..7),
         at in any::<prop::sample::Index>(),
-        damage in prop_oneof![Just(None), (1u8..=255).prop_map(Some)],
+        corrupt in prop_oneof![Just(None), (1u8..=255).prop_map(Some)],
         insert in vec(any::<u8>(), 0..4),
     ) {
         let bytes: Vec<_> = frames.iter().map(|asked| encoded(None, 1, &asked.request()).unwrap()).collect();
@@ -282,16 +282,16 @@ proptest! {
         let at = at.index(stream.len());
         // A byte lost before its like is as well the like lost, which may be the next frame's.
         let like = stream[at..].iter().take_while(|byte| **byte == stream[at]).count();
-        let last = if damage.is_none() { at + like - 1 } else { at };
+        let last = if corrupt.is_none() { at + like - 1 } else { at };
         let ends: Vec<usize> = bytes.iter().scan(0, |end, frame| { *end += frame.len(); Some(*end) }).collect();
         let frame_at = |at: usize| ends.iter().position(|end| at < *end).unwrap();
         let (first, last) = (frame_at(at), frame_at(last));
         let whole = stream.len();
-        match damage {
+        match corrupt {
             Some(bits) => stream[at] ^= bits,
             None => drop(stream.splice(at..at + 1, insert.iter().copied())),
         }
-        // One run of bytes in 65536 has by chance the CRC that it should have: nothing can tell that from a frame.
+        // One run of bytes in 65536 has by chance the CRC that it should have: nothing distinguishes that from a frame.
         let begins = |start: usize| {
             let before = start < at && (start == 0 || ends.contains(&start));
             let old = (start + whole).checked_sub(stream.len());
@@ -304,9 +304,9 @@ proptest! {
         let found: Vec<_> = decode(RTU, Side::Client, [&stream[..]]).into_iter().filter_map(|(item, _)| item.ok()).collect();
         let pdu = |frame: &Vec<u8>| frame[1..frame.len() - 2].to_vec();
         let before: Vec<_> = bytes[..first].iter().map(pdu).collect();
-        let behind: Vec<_> = bytes[last + 1..].iter().map(pdu).collect();
+        let after: Vec<_> = bytes[last + 1..].iter().map(pdu).collect();
         prop_assert!(found.starts_with(&before), "{:?}", found);
-        prop_assert!(found.ends_with(&behind), "{:?}", found);
+        prop_assert!(found.ends_with(&after), "{:?}", found);
     }
 
     #[test]

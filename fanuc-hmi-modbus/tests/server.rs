@@ -14,8 +14,8 @@ use core::time::Duration;
 use common::{Bank, MS, bytes, read, transmitted};
 use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::{
-    ConfigError, DecodeError, Exception, Registers, Request, Server, ServerConfig, ServerEvent, Words,
-    WordsMut, function, limit, serve,
+    ConfigError, DecodeError, Exception, Framing, Registers, Request, Server, ServerConfig, ServerEvent,
+    Words, WordsMut, function, limit, serve,
 };
 
 /// The reply PDU to a request PDU.
@@ -68,7 +68,7 @@ fn what_cannot_be_served_gets_its_exception() {
         assert_eq!(answer(bank, pdu), reply, "{pdu:x?}");
     }
     assert_eq!(bank.writes, [], "a refused request changes nothing");
-    // Registers are never asked for what lies beyond 65535.
+    // Registers are never asked for what is beyond 65535.
     struct Everything;
     impl Registers for Everything {
         fn read_holding_registers(&mut self, _: u16, _: &mut WordsMut<'_>) -> Result<(), Exception> {
@@ -145,7 +145,7 @@ fn a_server_on_a_serial_line_answers_after_the_silence() {
     server.handle_input(20 * MS, &bytes(None, 1, Request::Other { function: 65, data: &[1, 2] }));
     server.handle_timeout(25 * MS);
     assert_eq!(transmitted(&mut server, 25 * MS)[0][..4], [1, 65, 1, 2]);
-    // A reply waits while others speak.
+    // A reply waits while others send.
     server.handle_input(30 * MS, &request);
     server.handle_timeout(35 * MS);
     server.handle_input(36 * MS, &[2]);
@@ -229,4 +229,21 @@ fn a_server_that_cannot_be_is_refused() {
     assert_eq!(error, Some(ConfigError::Unit { found: 0 }));
     let config = ServerConfig { unit: Some(0), ..ServerConfig::tcp() };
     assert!(Server::<_, 1>::new(config, Bank::new()).is_ok(), "on TCP 0 is a unit");
+}
+
+#[test]
+fn a_silence_of_duration_max_never_comes() {
+    let late = Duration::MAX - MS;
+    for framing in [Framing::Rtu { silence: Duration::MAX }, Framing::RtuOverTcp { stall: Duration::MAX }] {
+        let config = ServerConfig { framing, ..ServerConfig::rtu(1, 19_200) };
+        let mut server: Server<_> = Server::new(config, Bank::new()).unwrap();
+        server.handle_connected(MS);
+        server.handle_input(late, &bytes(None, 1, read(0, 1)));
+        assert_eq!(server.poll_timeout(), Some(Duration::MAX));
+        server.handle_timeout(late);
+        let is_serial = matches!(framing, Framing::Rtu { .. });
+        assert_eq!(transmitted(&mut server, late).len(), usize::from(!is_serial), "{framing:?}");
+        server.handle_connected(Duration::MAX);
+        server.handle_disconnected(Duration::MAX);
+    }
 }

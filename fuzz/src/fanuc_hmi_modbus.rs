@@ -14,10 +14,10 @@ use robot_session::{Decoder as _, Encode as _, Session};
 
 use crate::written;
 
-/// A frame's PDU or an error, and the stream offset behind it.
+/// A frame's PDU or an error, and the stream offset after it.
 type Item = (Result<Vec<u8>, DecodeError>, u64);
 
-/// Two bytes say which framing and side, and how long the reads are; the rest is the stream.
+/// Two bytes choose which framing and side, and how long the reads are; the rest is the stream.
 pub fn fanuc_hmi_modbus_decoder(data: &[u8]) {
     let [settings, size, stream @ ..] = data else { return };
     let framing = if settings & 1 == 0 { Framing::Tcp } else { Framing::RTU_OVER_TCP };
@@ -46,7 +46,7 @@ pub fn fanuc_hmi_modbus_decoder(data: &[u8]) {
     assert_eq!(at, stream.len(), "every byte is in one item");
 }
 
-/// What a PDU says encodes to its bytes again, but for the unused bits of a request; a server answers it with a reply that a
+/// What a PDU holds encodes to its bytes again, but for the unused bits of a request; a server answers it with a reply that a
 /// client takes.
 fn messages(pdu: &[u8]) {
     let mut out = [0; limit::PDU];
@@ -111,7 +111,7 @@ pub fn fanuc_hmi_modbus_message(data: &[u8]) {
     };
     if let Ok(pdu) = written(reply.encoded_len(), |out| reply.encode(out)) {
         match (Reply::decode(&pdu), reply) {
-            // The reply does not say how many of the last byte's bits were asked for: those are 0.
+            // The reply does not show how many of the last byte's bits were asked for: those are 0.
             (Ok(Reply::Coils(read)), Reply::Coils(bits))
             | (Ok(Reply::DiscreteInputs(read)), Reply::DiscreteInputs(bits)) => {
                 assert_eq!(read.truncated(bits.len()), bits);

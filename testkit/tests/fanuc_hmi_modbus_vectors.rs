@@ -35,7 +35,7 @@ fn object(item: Result<Frame<&[u8]>, DecodeError>, side: Side) -> Value {
     message.unwrap_or_else(|error| json!({ "error": error }))
 }
 
-/// Every item that the decoder gives for a stream, with the offset behind it.
+/// Every item that the decoder gives for a stream, with the offset after it.
 fn decode<'a>(framing: Framing, side: Side, chunks: impl IntoIterator<Item = &'a [u8]>) -> Vec<(Value, u64)> {
     let drain = |decoder: &mut Decoder, items: &mut Vec<(Value, u64)>| {
         while let Some(item) = decoder.next_frame() {
@@ -76,7 +76,7 @@ fn good(vector: &Vector) -> Vec<u8> {
     out[..len].to_vec()
 }
 
-/// Whether only the silence behind the frame tells where it ends.
+/// Whether only the silence after the frame shows where it ends.
 fn ends_with_silence(vector: &Vector) -> bool {
     framing(vector) != Framing::Tcp && vector.flags.iter().any(|flag| flag == "other")
 }
@@ -135,7 +135,7 @@ fn a_neighbour_on_either_side_changes_nothing() {
 
 /// On a serial line; TCP loses no bytes, and a frame cut there ends with its connection.
 #[test]
-fn a_good_frame_behind_a_cut_one_is_found_and_costs_one_error() {
+fn a_valid_frame_after_a_cut_one_is_found_and_costs_one_error() {
     let vectors = vectors(LINK);
     let rtu = |v: &&Vector| v.result == Outcome::Valid && framing(v) != Framing::Tcp;
     let mut streams = 0;

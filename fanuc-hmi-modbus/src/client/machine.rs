@@ -215,28 +215,28 @@ impl<const N: usize> ClientMachine<N> {
         input: ClientInput,
         config: &ClientConfig,
     ) -> Result<ClientAction, Unexpected> {
-        let unexpected = Unexpected { state: self.name(), input: input.name() };
-        match input {
-            ClientInput::Connected => Ok(self.connected(now, config)),
-            ClientInput::Disconnected => Ok(self.disconnected(config)),
-            ClientInput::Request { broadcast } => self.request(broadcast).ok_or(unexpected),
-            ClientInput::Taken { place } => self.taken(place).ok_or(unexpected),
-            ClientInput::Transmit => Ok(self.transmit(now, config)),
+        let action = match input {
+            ClientInput::Connected => Some(self.connected(now, config)),
+            ClientInput::Disconnected => Some(self.disconnected(config)),
+            ClientInput::Request { broadcast } => self.request(broadcast),
+            ClientInput::Taken { place } => self.taken(place),
+            ClientInput::Transmit => Some(self.transmit(now, config)),
             ClientInput::Received => match &mut self.link {
-                ClientLink::Down => Err(unexpected),
+                ClientLink::Down => None,
                 ClientLink::Up { line, .. } => {
                     // Bytes that come after a silence do not go on with what came before it.
                     let cuts = line.is_due(now) && config.keeps(Rule::CutAtSilence);
                     *line = Line::received(now, config.framing);
-                    Ok(if cuts { ClientAction::Cut } else { ClientAction::Nothing })
+                    Some(if cuts { ClientAction::Cut } else { ClientAction::Nothing })
                 }
             },
             ClientInput::Reply { transaction, fits } => match self.link {
-                ClientLink::Down => Err(unexpected),
-                ClientLink::Up { .. } => Ok(self.reply(transaction, fits, config)),
+                ClientLink::Down => None,
+                ClientLink::Up { .. } => Some(self.reply(transaction, fits, config)),
             },
-            ClientInput::Timer => Ok(self.timer(now, config)),
-        }
+            ClientInput::Timer => Some(self.timer(now, config)),
+        };
+        action.ok_or_else(|| Unexpected { state: self.name(), input: input.name() })
     }
 
     /// When [`ClientInput::Timer`] is due.

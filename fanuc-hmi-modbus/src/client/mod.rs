@@ -265,7 +265,7 @@ impl<const N: usize> Session for Client<N> {
             bytes = bytes.get(taken..).unwrap_or_default();
             self.decode(now);
         }
-        // On TCP the server is out of step: its next good frame may never come.
+        // On TCP the server is out of step: its next valid frame may never come.
         if let (false, Framing::Tcp, Some(error)) =
             (was_corrupt, self.config.framing, self.decoder.corruption())
         {
@@ -340,9 +340,7 @@ impl Place {
     /// The reply takes the place of its request.
     fn keep_reply(&mut self, pdu: &[u8]) {
         let quantity = self.pdu.request().map_or(0, |request| request.quantity_read());
-        if let Ok(reply) = PduBuf::new(&pdu) {
-            self.pdu = reply;
-            self.content = Content::Reply { quantity };
-        }
+        self.pdu.hold(pdu);
+        self.content = Content::Reply { quantity };
     }
 }

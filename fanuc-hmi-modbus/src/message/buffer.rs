@@ -28,6 +28,14 @@ impl PduBuf {
         Ok(Self { bytes, len: u8::try_from(len).map_err(|_| EncodeError::PduLength { found: len })? })
     }
 
+    /// Holds these bytes from now on, unless they are too many.
+    pub(crate) fn hold(&mut self, pdu: &[u8]) {
+        if let (Some(to), Ok(len)) = (self.bytes.get_mut(..pdu.len()), u8::try_from(pdu.len())) {
+            to.copy_from_slice(pdu);
+            self.len = len;
+        }
+    }
+
     /// The bytes: a function code and what follows it.
     pub fn as_bytes(&self) -> &[u8] {
         self.bytes.get(..usize::from(self.len)).unwrap_or_default()

@@ -50,7 +50,7 @@ impl<'a> Words<'a> {
         (0..words.len()).map(move |index| words.get(index).unwrap_or_default())
     }
 
-    /// Copies as many registers as `out` holds, and says how many.
+    /// Copies as many registers as `out` holds, and returns how many.
     #[inline]
     pub fn copy_to(&self, out: &mut [u16]) -> usize {
         match self.0 {
@@ -133,7 +133,7 @@ impl<'a> Bits<'a> {
         Self(BitsIn::Wire { bytes, len: if len < held { len } else { held } })
     }
 
-    /// How many bits there are. A reply does not say how many of its last byte were asked for: all 8 are counted.
+    /// How many bits there are. A reply does not show how many of its last byte were asked for: all 8 are counted.
     #[inline]
     pub const fn len(&self) -> usize {
         match self.0 {
@@ -182,7 +182,7 @@ impl<'a> Bits<'a> {
         (0..bits.len()).map(move |index| bits.get(index).unwrap_or_default())
     }
 
-    /// Copies as many bits as `out` holds, and says how many.
+    /// Copies as many bits as `out` holds, and returns how many.
     pub fn copy_to(&self, out: &mut [bool]) -> usize {
         for (to, from) in out.iter_mut().zip(self.iter()) {
             *to = from;

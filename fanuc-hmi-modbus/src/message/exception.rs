@@ -21,7 +21,7 @@ pub enum Exception {
     MemoryParityError,
     /// 10: a gateway found no path to the unit.
     GatewayPathUnavailable,
-    /// 11: the unit behind a gateway did not answer.
+    /// 11: the unit beyond a gateway did not answer.
     GatewayTargetFailedToRespond,
     /// A code that the specification does not name.
     Other(u8),

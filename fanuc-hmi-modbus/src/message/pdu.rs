@@ -7,7 +7,7 @@ pub trait Pdu: sealed::Sealed {
     /// The bytes that [`encode`](Self::encode) writes, whether or not the specification allows them.
     fn encoded_len(&self) -> usize;
 
-    /// Writes the PDU to the beginning of `out`, and says how many bytes it took.
+    /// Writes the PDU to the beginning of `out`, and returns how many bytes it took.
     ///
     /// # Errors
     /// When the specification does not allow the message, or `out` is too small: then nothing of use is in `out`.

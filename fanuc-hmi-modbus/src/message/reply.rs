@@ -35,7 +35,7 @@ pub enum Reply<'a> {
     ReadWriteRegisters(Words<'a>),
     /// The server refuses the request of this function code, 1 to 127.
     Exception { function: u8, exception: Exception },
-    /// Another function, 1 to 127, with the bytes behind its code.
+    /// Another function, 1 to 127, with the bytes after its code.
     Other { function: u8, data: &'a [u8] },
 }
 
@@ -44,7 +44,7 @@ impl<'a> Reply<'a> {
     ///
     /// # Errors
     /// When the bytes are not a reply that the specification allows.
-    #[inline(always)] // small: what is done with the registers is built in behind it
+    #[inline(always)] // small: what is done with the registers is inlined after it
     pub fn decode(pdu: &'a [u8]) -> Result<Self, DecodeError> {
         let (&function, body) = pdu.split_first().ok_or(DecodeError::Empty)?;
         Ok(match function {
@@ -153,7 +153,7 @@ impl<'a> Reply<'a> {
 }
 
 impl Reply<'_> {
-    /// The same reply with so many bits, where it has bits: the last byte of a reply does not say how many of its bits were
+    /// The same reply with so many bits, where it has bits: the last byte of a reply does not show how many of its bits were
     /// asked for.
     pub(crate) fn with_bits(self, bits: u16) -> Self {
         match self {

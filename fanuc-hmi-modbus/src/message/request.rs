@@ -29,7 +29,7 @@ pub enum Request<'a> {
     MaskWriteRegister { address: u16, and: u16, or: u16 },
     /// 23: 1 to 121 registers are written, then 1 to 125 are read.
     ReadWriteRegisters { address: u16, quantity: u16, write_address: u16, values: Words<'a> },
-    /// Another function, 1 to 127, with the bytes behind its code.
+    /// Another function, 1 to 127, with the bytes after its code.
     Other { function: u8, data: &'a [u8] },
 }
 
@@ -186,7 +186,7 @@ fn run(function: u8, body: &[u8], max: u16) -> Result<(u16, u16), DecodeError> {
     Ok((address, within(function, quantity, max)?))
 }
 
-/// The word at `offset` behind the function code, and what follows it.
+/// The word at `offset` after the function code, and what follows it.
 #[inline]
 fn word(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), DecodeError> {
     match body.split_first_chunk() {
@@ -197,7 +197,7 @@ fn word(function: u8, offset: usize, body: &[u8]) -> Result<(u16, &[u8]), Decode
     }
 }
 
-/// A quantity, its byte count and exactly the data that they announce, `offset` behind the function code.
+/// A quantity, its byte count and exactly the data that they announce, `offset` after the function code.
 #[inline]
 fn data(
     function: u8,

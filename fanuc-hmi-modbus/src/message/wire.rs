@@ -17,7 +17,7 @@ pub(super) fn room_for<const N: usize>(out: &mut [u8]) -> Result<&mut [u8; N], E
     out.first_chunk_mut().ok_or(EncodeError::Space { needed: N, available })
 }
 
-/// The bytes behind the function code, where exactly `N` must stand.
+/// The bytes after the function code, exactly `N` of them.
 #[inline]
 pub(super) fn exactly<const N: usize>(function: u8, body: &[u8]) -> Result<&[u8; N], DecodeError> {
     let length = DecodeError::PduLength { function, expected: N + 1, found: body.len() + 1 };

@@ -110,7 +110,6 @@ impl<const N: usize> ServerMachine<N> {
         input: ServerInput,
         config: &ServerConfig,
     ) -> Result<ServerAction, Unexpected> {
-        let unexpected = Unexpected { state: self.name(), input: input.name() };
         let ServerLink::Up { line, replies } = &mut self.link else {
             return match input {
                 ServerInput::Connected => {
@@ -118,7 +117,9 @@ impl<const N: usize> ServerMachine<N> {
                     Ok(ServerAction::Reset)
                 }
                 ServerInput::Disconnected => Ok(ServerAction::Reset),
-                ServerInput::Received | ServerInput::Request { .. } => Err(unexpected),
+                ServerInput::Received | ServerInput::Request { .. } => {
+                    Err(Unexpected { state: self.name(), input: input.name() })
+                }
                 ServerInput::Transmit | ServerInput::Timer => Ok(ServerAction::Nothing),
             };
         };

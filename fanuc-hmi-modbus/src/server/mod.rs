@@ -180,7 +180,7 @@ impl<R: Registers, const N: usize> Session for Server<R, N> {
                 self.discard();
             }
         }
-        // On TCP the client is out of step: its next good frame may never come.
+        // On TCP the client is out of step: its next valid frame may never come.
         if let (false, Framing::Tcp, Some(error)) =
             (was_corrupt, self.config.framing, self.decoder.corruption())
         {

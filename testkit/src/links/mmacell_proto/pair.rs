@@ -5,210 +5,25 @@ use core::time::Duration;
 use mmacell_proto::central::machine::{CentralAction, CentralInput, CentralLink, CentralMachine};
 use mmacell_proto::device::machine::{Axes, DeviceAction, DeviceInput, DeviceMachine};
 use mmacell_proto::{
-    CentralConfig, CentralEvent, Closing, Command, DeviceConfig, DeviceEvent, ErrorCode, Mode, Order,
-    PlatformPose, Progress, Reply, Unfinished,
+    CentralEvent, Closing, Command, DecodeError, DeviceEvent, ErrorCode, Miss, Mode, Order, Progress, Reply,
+    Unfinished,
 };
-use robot_session::Unexpected;
 
-use crate::model::{Edge, Edges, Machine, System, age, drive};
+use super::world::{
+    ARRIVED, Act, BETWEEN, DONE, EXPECTED, HOME, IN_FAULT, Job, NO_BREAK, NO_TARGET, NOT_DONE, NOT_MISSED,
+    ONCE, ONE_MOTION, OUTCOME, Outcome, Pose, SERVO_OFF, STRAY, Setup, TICK, Truth, UNKNOWN, World, target,
+};
+use crate::model::{Edge, Edges, System, age, drive};
 
-pub(super) const TICK: Duration = Duration::from_millis(50);
-const HOME: PlatformPose = PlatformPose::ORIGIN;
-/// Where a motion ends that something stops.
-const BETWEEN: PlatformPose = PlatformPose::from_units([5_000, 0]);
-
-pub(super) const DONE: &str = "done: executed";
-pub(super) const NOT_DONE: &str = "not done: not executed";
-const ONCE: &str = "executed at most once";
-const OUTCOME: &str = "one outcome for each request";
-pub(super) const ARRIVED: &str = "arrived: at rest at the target, servo motors on";
-pub(super) const NOT_MISSED: &str = "missed: not under way";
-pub(super) const NO_TARGET: &str = "no target: neither arrived nor missed";
-pub(super) const IN_FAULT: &str = "nothing moves in a fault";
-pub(super) const ONE_MOTION: &str = "one motion at a time";
-const EXPECTED: &str = "no unexpected input";
-const NO_BREAK: &str = "no connection ends without a fault";
-
-type Pose = PlatformPose;
-
-const UNKNOWN: Truth = Truth { at: HOME, moves: false, servo: false };
-
-/// The bounds of the system.
-#[derive(Debug, Clone, Copy)]
-pub struct Setup {
-    /// The central controller's end.
-    pub central: CentralConfig,
-    /// The device's end.
-    pub device: DeviceConfig,
-    /// Motions that the caller commands, each to another pose.
-    pub jobs: u8,
-    /// Faults of any kind.
-    pub faults: u8,
-}
-
-/// Everything that decides what happens next.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct World {
-    /// The central controller's end.
-    pub central: CentralMachine<Pose>,
-    /// The device's end.
-    pub device: DeviceMachine<Pose>,
-    /// Nothing arrives any more, and no end knows.
-    pub cut: bool,
-    /// A command on its way.
-    pub down: Option<Command<Pose>>,
-    /// A reply on its way.
-    pub up: Option<Reply<Pose>>,
-    /// What was true when the status was asked for last.
-    pub truth: Truth,
-    /// Orders that the owner has not answered.
-    pub owner: [Option<Order<Pose>>; 2],
-    /// Where the axes are.
-    pub at: Pose,
-    /// Where they go.
-    pub going: Option<Pose>,
-    /// The motion began in this tick: a device may still report that it is at rest.
-    pub young: bool,
-    /// Each job: how often it was executed, and its outcome.
-    pub jobs: [Job; 2],
-    /// The next job.
-    pub next: u8,
-    /// The job that has no outcome yet.
-    pub pending: Option<u8>,
-    /// The target of the motion that the device has agreed to on this connection, as the caller knows it.
-    pub target: Option<Pose>,
-    /// Faults that may still come.
-    pub faults: u8,
-    /// What must not be, and was.
-    pub wrong: Option<&'static str>,
-}
-
-/// What is true of the axes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Truth {
-    at: Pose,
-    moves: bool,
-    servo: bool,
-}
-
-/// What is known of a job.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Job {
-    executed: u8,
-    outcome: Option<Outcome>,
-}
-
-/// What its sender was notified of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Outcome {
-    /// Executed.
-    Done,
-    /// Not executed.
-    NotDone,
-    /// Nobody can tell.
-    Unknown,
-}
-
-/// One thing that happens.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Act {
-    /// The caller makes a connection; the device may not know that the one before is gone.
-    Connect,
-    /// The caller requests the next motion.
-    Move,
-    /// The caller requests something else.
-    Request(Command<Pose>),
-    /// The caller aborts.
-    Abort,
-    /// The command is sent.
-    Transmit,
-    /// It arrives.
-    Deliver,
-    /// The owner accepts its first order.
-    Accept,
-    /// The reply is sent.
-    Reply,
-    /// The reply arrives.
-    Return,
-    /// The central controller's time is handled.
-    Due,
-    /// 50 ms pass.
-    Tick,
-    /// The axes reach their target.
-    Arrive,
-    /// Fault: something stops them on their way, and the device does not notice.
-    Stall,
-    /// Fault: the reply is that of a device that begins a motion late: it still reports that it is at rest.
-    LateReply,
-    /// Fault: the owner refuses its first order.
-    Refuse,
-    /// Fault: the device fails.
-    Fail,
-    /// Fault: the servo motors are switched off at the device.
-    ServoOff,
-    /// Fault: nothing arrives any more, and nobody knows.
-    Cut,
-    /// Fault: the connection breaks, and both ends know.
-    Break,
-    /// Fault: the device restarts and loses its memory; nobody knows.
-    RestartDevice,
-    /// Fault: the central controller restarts and loses its memory; the device does not know.
-    RestartCentral,
-}
-
-impl Machine for CentralMachine<Pose> {
-    const END: &'static str = "central";
-    type Input = CentralInput<Pose>;
-    type Action = CentralAction<Pose>;
-    type Config = CentralConfig;
-
-    fn on(
-        &mut self,
-        now: Duration,
-        input: Self::Input,
-        config: &CentralConfig,
-    ) -> Result<Self::Action, Unexpected> {
-        CentralMachine::on(self, now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        CentralMachine::each_time(self, f);
-    }
-
-    fn name(&self) -> &'static str {
-        CentralMachine::name(self)
-    }
-
-    fn input_name(input: &Self::Input) -> &'static str {
-        input.name()
-    }
-}
-
-impl Machine for DeviceMachine<Pose> {
-    const END: &'static str = "device";
-    type Input = DeviceInput<Pose>;
-    type Action = DeviceAction<Pose>;
-    type Config = DeviceConfig;
-
-    fn on(
-        &mut self,
-        _: Duration,
-        input: Self::Input,
-        config: &DeviceConfig,
-    ) -> Result<Self::Action, Unexpected> {
-        DeviceMachine::on(self, input, config)
-    }
-
-    fn each_time(&mut self, _: impl FnMut(&mut Duration)) {}
-
-    fn name(&self) -> &'static str {
-        DeviceMachine::name(self)
-    }
-
-    fn input_name(input: &Self::Input) -> &'static str {
-        input.name()
-    }
-}
+/// What the caller requests besides the next motion.
+const REQUESTS: [Command<Pose>; 6] = [
+    Command::Status,
+    Command::Servo { on: true },
+    Command::Servo { on: false },
+    Command::Stop,
+    Command::Reset,
+    Command::Close,
+];
 
 impl System for Setup {
     type State = World;
@@ -221,6 +36,7 @@ impl System for Setup {
             cut: false,
             down: None,
             up: None,
+            again: None,
             truth: UNKNOWN,
             owner: [None; 2],
             at: HOME,
@@ -230,6 +46,7 @@ impl System for Setup {
             next: 0,
             pending: None,
             target: None,
+            foreign: false,
             faults: self.faults,
             wrong: None,
         }
@@ -246,14 +63,16 @@ impl System for Setup {
         add(!open, Act::Connect);
         if idle && !self.is_over(world) {
             add(world.next < self.jobs, Act::Move);
-            for command in [Command::Status, Command::Servo { on: true }, Command::Stop, Command::Reset] {
+            for command in REQUESTS {
                 add(true, Act::Request(command));
             }
         }
         let sending = matches!(world.central.link, CentralLink::Sending { .. });
         add(sending, Act::Transmit);
         add(sending || matches!(world.central.link, CentralLink::Awaiting { .. }), Act::Abort);
-        add(world.down.is_some() && world.device.reads(), Act::Deliver);
+        // Of an owner who answers late, two orders are enough.
+        let reads = world.down.is_some() && world.device.reads() && world.owner[1].is_none();
+        add(reads, Act::Deliver);
         add(world.owner[0].is_some(), Act::Accept);
         add(world.device.pending().is_some() && world.up.is_none(), Act::Reply);
         add(world.up.is_some(), Act::Return);
@@ -265,9 +84,16 @@ impl System for Setup {
             add(world.going.is_some(), Act::Stall);
             let status = matches!(world.device.pending(), Some(Reply::Status(status)) if status.moving);
             add(status && world.young && world.up.is_none(), Act::LateReply);
-            add(world.owner[0].is_some(), Act::Refuse);
+            for error in [ErrorCode::Generic, ErrorCode::Other(77)] {
+                add(world.owner[0].is_some(), Act::Refuse(error));
+            }
             add(!matches!(world.device.axes, Axes::Fault { .. }), Act::Fail);
-            add(world.device.axes == Axes::Still, Act::ServoOff);
+            let status = matches!(world.device.pending(), Some(Reply::Status(status)) if status.servo && !status.moving);
+            add(status && world.up.is_none(), Act::ServoOffReply);
+            add(world.device.pending().is_some() && world.up.is_none() && !world.cut, Act::RepeatReply);
+            add(world.up.is_some(), Act::Garble);
+            add(reads, Act::Misread);
+            add(open && !world.cut, Act::Usurp);
             add(open && !world.cut, Act::Cut);
             add(open, Act::Break);
             add(true, Act::RestartDevice);
@@ -280,7 +106,7 @@ impl System for Setup {
         let edges = &mut { edges };
         match act {
             Act::Connect => {
-                (world.cut, world.down, world.up) = (false, None, None);
+                world.hang_up(false);
                 (world.target, world.truth) = (None, UNKNOWN);
                 self.device(&mut world, DeviceInput::Connected, edges);
                 self.central(&mut world, CentralInput::Connected, edges);
@@ -315,6 +141,15 @@ impl System for Setup {
                 if let Some(reply) = world.up.take() {
                     self.receive(&mut world, reply, edges);
                 }
+                world.up = world.again.take();
+                if let (Some(reply), false) = (world.up, self.late_repeats) {
+                    world.up = None;
+                    let ends = !matches!(world.central.link, CentralLink::Ended);
+                    self.receive(&mut world, reply, edges);
+                    if ends && world.central.link != CentralLink::Ended {
+                        world.wrong = Some(STRAY);
+                    }
+                }
             }
             Act::Due => self.central(&mut world, CentralInput::Due, edges),
             Act::Tick => {
@@ -338,10 +173,9 @@ impl System for Setup {
                     status.moving = false;
                 }
             }
-            Act::Refuse => {
+            Act::Refuse(error) => {
                 world.faults -= 1;
                 if let Some(order) = world.take_order() {
-                    let error = ErrorCode::Other(77);
                     let _ = drive(&mut world.device, DeviceInput::Refuse(order, error), &self.device, edges);
                 }
             }
@@ -350,29 +184,55 @@ impl System for Setup {
                 world.going = None;
                 self.device(&mut world, DeviceInput::Failed(ErrorCode::Servo1), edges);
             }
-            Act::ServoOff => {
+            Act::ServoOffReply => {
                 world.faults -= 1;
-                world.device.axes = Axes::Off;
+                world.truth.servo = false;
+                self.device(&mut world, DeviceInput::Transmit, edges);
+                if let Some(Reply::Status(status)) = &mut world.up {
+                    status.servo = false;
+                }
+            }
+            Act::RepeatReply => {
+                world.faults -= 1;
+                world.foreign = true;
+                self.device(&mut world, DeviceInput::Transmit, edges);
+                world.again = world.up;
+            }
+            Act::Garble => {
+                world.faults -= 1;
+                world.foreign = true;
+                world.hang_up(world.cut);
+                self.central(&mut world, CentralInput::Corrupt(DecodeError::Incomplete), edges);
+            }
+            Act::Misread => {
+                world.faults -= 1;
+                world.down = None;
+                self.device(&mut world, DeviceInput::Corrupt(DecodeError::Incomplete), edges);
+            }
+            Act::Usurp => {
+                world.faults -= 1;
+                world.hang_up(true);
+                self.device(&mut world, DeviceInput::Connected, edges);
             }
             Act::Cut => {
                 world.faults -= 1;
-                (world.cut, world.down, world.up) = (true, None, None);
+                world.hang_up(true);
             }
             Act::Break => {
                 world.faults -= 1;
-                (world.down, world.up) = (None, None);
+                world.hang_up(world.cut);
                 self.device(&mut world, DeviceInput::Disconnected, edges);
                 self.central(&mut world, CentralInput::Disconnected, edges);
             }
             Act::RestartDevice => {
                 world.faults -= 1;
-                (world.cut, world.down, world.up) = (true, None, None);
+                world.hang_up(true);
                 (world.owner, world.going, world.young) = ([None; 2], None, false);
                 world.device = DeviceMachine { pose: Some(world.at), ..DeviceMachine::NEW };
             }
             Act::RestartCentral => {
                 world.faults -= 1;
-                (world.cut, world.down, world.up) = (true, None, None);
+                world.hang_up(true);
                 world.central = CentralMachine::NEW;
                 // Nobody is left who knows.
                 world.conclude(Outcome::Unknown);
@@ -455,7 +315,8 @@ impl Setup {
     /// The owner accepts the order that it was asked first, also if nobody waits for it any more, and carries it out.
     fn accept(&self, world: &mut World, edges: &mut Edges<'_>) {
         let Some(order) = world.take_order() else { return };
-        let in_fault = matches!(world.device.axes, Axes::Fault { .. });
+        let (in_fault, off) =
+            (matches!(world.device.axes, Axes::Fault { .. }), world.device.axes == Axes::Off);
         // It is not pending any more, or not possible.
         let Ok(DeviceAction::None) =
             drive(&mut world.device, DeviceInput::Accept(order), &self.device, edges)
@@ -467,6 +328,9 @@ impl Setup {
                 if in_fault {
                     world.wrong = Some(IN_FAULT);
                 }
+                if off {
+                    world.wrong = Some(SERVO_OFF);
+                }
                 if world.going.is_some() {
                     world.wrong = Some(ONE_MOTION);
                 }
@@ -476,7 +340,9 @@ impl Setup {
                 (world.going, world.young) = (Some(pose), true);
             }
             Order::Home => (world.going, world.young) = (Some(HOME), true),
-            Order::Stop if world.going.take().is_some() => self.rest(world, BETWEEN, edges),
+            Order::Stop | Order::Servo { on: false } if world.going.take().is_some() => {
+                self.rest(world, BETWEEN, edges);
+            }
             _ => {}
         }
     }
@@ -492,8 +358,7 @@ impl Setup {
         match drive(&mut world.central, CentralInput::Reply(reply), &self.central, edges) {
             Ok(CentralAction::Report(CentralEvent::Status { motion, .. })) => match motion {
                 // After a reset only the servo motors can be judged.
-                Progress::Missed(mmacell_proto::Miss::ServoOff)
-                    if world.target.is_none() && world.resets() => {}
+                Progress::Missed(Miss::ServoOff) if world.target.is_none() && world.resets() => {}
                 Progress::Arrived | Progress::Missed(_) if world.target.is_none() => {
                     world.wrong = Some(NO_TARGET);
                 }
@@ -507,7 +372,7 @@ impl Setup {
                 if let CentralEvent::Done { command } = event {
                     match command {
                         Command::Move { pose, .. } => world.target = Some(pose),
-                        Command::Stop | Command::Reset => world.target = None,
+                        Command::Stop | Command::Reset | Command::Servo { on: false } => world.target = None,
                         _ => {}
                     }
                 }
@@ -530,7 +395,9 @@ impl Setup {
                 Outcome::Unknown
             }
             CentralEvent::Closed { reason: Closing::Mismatch | Closing::Malformed(_), .. } => {
-                world.wrong = Some(NO_BREAK);
+                if !world.foreign {
+                    world.wrong = Some(NO_BREAK);
+                }
                 return;
             }
             _ => return,
@@ -539,44 +406,10 @@ impl Setup {
             world.wrong = Some(OUTCOME);
         }
         world.conclude(outcome);
-        if let CentralEvent::Closed { reason: Closing::Mismatch | Closing::Malformed(_), .. } = event {
+        if let CentralEvent::Closed { reason: Closing::Mismatch | Closing::Malformed(_), .. } = event
+            && !world.foreign
+        {
             world.wrong = Some(NO_BREAK);
         }
     }
-}
-
-impl World {
-    fn take_order(&mut self) -> Option<Order<Pose>> {
-        let [first, second] = &mut self.owner;
-        core::mem::replace(first, second.take())
-    }
-
-    fn conclude(&mut self, outcome: Outcome) {
-        if let Some(job) = self.pending.take().and_then(|job| self.jobs.get_mut(usize::from(job))) {
-            job.outcome = Some(outcome);
-        }
-    }
-
-    /// Whether a tick changes anything.
-    fn ages(&self) -> bool {
-        let mut ages = self.young;
-        self.central.clone().each_time(|time| ages |= !time.is_zero() && *time != Duration::MAX);
-        ages
-    }
-
-    /// Whether the last motion was a reset.
-    fn resets(&self) -> bool {
-        use mmacell_proto::central::machine::{Motion, Target};
-        let (Motion::Starting { target, .. } | Motion::Moving { target } | Motion::Rest { target, .. }) =
-            self.central.motion
-        else {
-            return false;
-        };
-        target == Target::Unknown
-    }
-}
-
-/// Where a job leads.
-fn target(job: u8) -> Pose {
-    PlatformPose::from_units([100 * (i32::from(job) + 1), 0])
 }

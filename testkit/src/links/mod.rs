@@ -14,6 +14,7 @@ use crate::model::Pair;
 /// Every pair of ends, each in a line.
 pub const PAIRS: &[Pair] = &[
     fanuc_hmi_modbus::RTU,
+    fanuc_hmi_modbus::RTU_OVER_TCP,
     fanuc_hmi_modbus::TCP,
     isra_ball::PAIR,
     kawasaki_msg::PAIR,

@@ -1,51 +1,74 @@
 //! Modbus: a client and a server over TCP and on a serial line.
 
+mod machines;
 mod pair;
+mod refine;
+mod world;
 
 use fanuc_hmi_modbus::{ClientConfig, Framing, Rule, ServerConfig};
 
-use self::pair::{COSTS, ENDS, FOREIGN_REPLY, Job, OTHER_UNIT, STALE, Setup, TICK};
-use crate::model::{Depth, Diagram, MustFail, Pair, Setting, draw};
+pub use self::refine::Refined;
+use self::world::{COLLISION, COSTS, ENDS, FOREIGN_REPLY, Job, OTHER_UNIT, STALE, Setup, TICK};
+use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, draw};
 
 /// Over TCP, with transactions in the frames.
 pub const TCP: Pair = Pair {
     name: "fanuc-hmi-modbus client × server, tcp",
     settings: |depth| match depth {
         Depth::Quick => vec![
-            Setting::new("3 requests, 2 in flight, 1 fault", tcp(3, 2, 1)),
-            Setting::new("3 requests one by one, 2 faults", tcp(3, 1, 2)),
+            Setting::new("3 requests, 2 in flight, 2 faults", tcp(3, 2, 2)),
+            Setting::new("3 requests one by one, 3 faults", tcp(3, 1, 3)),
         ],
         Depth::Deep => vec![
-            Setting::new("3 requests, 2 in flight, 2 faults", tcp(3, 2, 2)),
-            Setting::new("4 requests one by one, 3 faults", tcp(4, 1, 3)),
+            Setting::new("4 requests, 2 in flight, 3 faults", tcp(4, 2, 3)),
+            Setting::new("4 requests one by one, 4 faults", tcp(4, 1, 4)),
         ],
     },
     must_fail: tcp_must_fail,
     diagrams: || Vec::new(),
 };
 
-/// RTU on a serial line: one request at a time, and nothing in a reply says what it answers.
+/// RTU on a serial line: one request at a time, and nothing in a reply shows what it answers.
 pub const RTU: Pair = Pair {
     name: "fanuc-hmi-modbus client × server, rtu",
     settings: |depth| match depth {
         Depth::Quick => vec![
-            Setting::new("3 requests, 2 faults", rtu(&[Job::Unicast; 3], 2)),
-            Setting::new("a broadcast, an absent unit, 1 fault", rtu(&MIXED, 1)),
+            Setting::new("3 requests, 4 faults", rtu(&[Job::Unicast; 3], 4)),
+            Setting::new("a broadcast, an absent unit, 3 faults", rtu(&MIXED, 3)),
+            Setting::new("the same, a server that needs silences", strict(rtu(&MIXED, 3))),
         ],
         Depth::Deep => vec![
-            Setting::new("4 requests, 2 faults", rtu(&[Job::Unicast; 4], 2)),
-            Setting::new("a broadcast, an absent unit, 2 faults", rtu(&MIXED, 2)),
+            Setting::new("4 requests, 6 faults", rtu(&[Job::Unicast; 4], 6)),
+            Setting::new("a broadcast, an absent unit, 5 faults", rtu(&MIXED, 5)),
+            Setting::new("the same, a server that needs silences", strict(rtu(&MIXED, 5))),
         ],
     },
     must_fail: rtu_must_fail,
     diagrams,
 };
 
+/// RTU frames through a TCP connection: one request at a time, and neither a transaction nor a silence between frames.
+pub const RTU_OVER_TCP: Pair = Pair {
+    name: "fanuc-hmi-modbus client × server, rtu over tcp",
+    settings: |depth| match depth {
+        Depth::Quick => vec![
+            Setting::new("3 requests, 3 faults", rtu_over_tcp(&[Job::Unicast; 3], 3)),
+            Setting::new("a broadcast, an absent unit, 2 faults", rtu_over_tcp(&MIXED, 2)),
+        ],
+        Depth::Deep => vec![
+            Setting::new("4 requests, 4 faults", rtu_over_tcp(&[Job::Unicast; 4], 4)),
+            Setting::new("a broadcast, an absent unit, 4 faults", rtu_over_tcp(&MIXED, 4)),
+        ],
+    },
+    must_fail: rtu_over_tcp_must_fail,
+    diagrams: || Vec::new(),
+};
+
 const MIXED: [Job; 4] = [Job::Unicast, Job::Broadcast, Job::Absent, Job::Unicast];
 
 fn tcp(jobs: usize, in_flight: usize, faults: u8) -> Setup {
     let client = ClientConfig { in_flight, timeout: TICK, ..ClientConfig::tcp() };
-    Setup { client, server: ServerConfig::tcp(), jobs: vec![Job::Unicast; jobs], faults, tcp: true }
+    Setup { client, server: ServerConfig::tcp(), jobs: vec![Job::Unicast; jobs], faults, strict: false }
 }
 
 fn rtu(jobs: &[Job], faults: u8) -> Setup {
@@ -53,13 +76,41 @@ fn rtu(jobs: &[Job], faults: u8) -> Setup {
     let client = ClientConfig {
         framing,
         timeout: 2 * TICK,
-        settle: 2 * TICK,
+        // Every fault can make the reply a tick later.
+        settle: u32::from(faults.max(2)) * TICK,
         turnaround: 3 * TICK,
         broadcast: true,
         ..ClientConfig::tcp()
     };
     let server = ServerConfig { framing, unit: Some(1), broadcast: true, ..ServerConfig::tcp() };
-    Setup { client, server, jobs: jobs.to_vec(), faults, tcp: false }
+    Setup { client, server, jobs: jobs.to_vec(), faults, strict: false }
+}
+
+fn strict(setup: Setup) -> Setup {
+    Setup { strict: true, ..setup }
+}
+
+fn rtu_over_tcp(jobs: &[Job], faults: u8) -> Setup {
+    let framing = Framing::RtuOverTcp { stall: TICK };
+    let mut setup = rtu(jobs, faults);
+    (setup.client.framing, setup.server.framing) = (framing, framing);
+    setup
+}
+
+/// Walks every state and every transition of small systems of each transport with real sessions.
+///
+/// # Panics
+/// Where a session differs from its machine.
+pub fn refine_all() -> Vec<Refined> {
+    let setups = [
+        tcp(3, 2, 2),
+        tcp(3, 1, 2),
+        rtu(&[Job::Unicast; 3], 3),
+        rtu(&MIXED, 3),
+        rtu_over_tcp(&[Job::Unicast; 3], 2),
+        rtu_over_tcp(&MIXED, 1),
+    ];
+    setups.iter().map(refine::refine).collect()
 }
 
 fn without(mut setup: Setup, rule: Rule) -> Setup {
@@ -81,6 +132,7 @@ fn tcp_must_fail() -> Vec<MustFail> {
         case("EndAtDisconnect", Rule::EndAtDisconnect, ENDS, tcp(3, 1, 1)),
         case("DropQueued", Rule::DropQueued, STALE, tcp(3, 1, 1)),
         case("DropReplies", Rule::DropReplies, FOREIGN_REPLY, tcp(3, 1, 2)),
+        MustFail::new("timeout", STANDSTILL, "3 requests", patient(tcp(3, 1, 1))),
     ]
 }
 
@@ -96,12 +148,12 @@ fn rtu_must_fail() -> Vec<MustFail> {
     no_turnaround.client.turnaround = core::time::Duration::ZERO;
     vec![
         case("settle", FOREIGN_REPLY, no_settle),
-        case("turnaround", COSTS, no_turnaround),
+        case("turnaround", COSTS, strict(no_turnaround)),
         case("OneInFlight", FOREIGN_REPLY, without(two, Rule::OneInFlight)),
         case("CheckReply", FOREIGN_REPLY, without(unicast(), Rule::CheckReply)),
         case("DrainFirst", FOREIGN_REPLY, without(unicast(), Rule::DrainFirst)),
         case("ReadBeforeSend", FOREIGN_REPLY, without(rtu(&[Job::Unicast; 3], 4), Rule::ReadBeforeSend)),
-        case("WaitForSilence", COSTS, without(unicast(), Rule::WaitForSilence)),
+        case("WaitForSilence", COLLISION, without(unicast(), Rule::WaitForSilence)),
         case("CutAtSilence", COSTS, without(unicast(), Rule::CutAtSilence)),
         case("CheckUnit", OTHER_UNIT, without(mixed(), Rule::CheckUnit)),
         case(
@@ -109,11 +161,34 @@ fn rtu_must_fail() -> Vec<MustFail> {
             FOREIGN_REPLY,
             without(rtu(&[Job::Broadcast, Job::Unicast], 2), Rule::NoReplyToBroadcast),
         ),
-        case("ReplyAfterSilence", COSTS, without(unicast(), Rule::ReplyAfterSilence)),
+        case("ReplyAfterSilence", COLLISION, without(unicast(), Rule::ReplyAfterSilence)),
     ]
 }
 
+fn rtu_over_tcp_must_fail() -> Vec<MustFail> {
+    let unicast = || rtu_over_tcp(&[Job::Unicast; 3], 2);
+    let case = |name, property, setup: Setup| MustFail::new(name, property, "3 requests", setup);
+    let mut no_settle = unicast();
+    no_settle.client.settle = core::time::Duration::ZERO;
+    let mut two = unicast();
+    two.client.in_flight = 2;
+    vec![
+        case("settle", FOREIGN_REPLY, no_settle),
+        case("timeout", STANDSTILL, patient(unicast())),
+        case("OneInFlight", FOREIGN_REPLY, without(two, Rule::OneInFlight)),
+        case("CutAtSilence", COSTS, without(unicast(), Rule::CutAtSilence)),
+        case("DropReplies", FOREIGN_REPLY, without(unicast(), Rule::DropReplies)),
+    ]
+}
+
+/// A client that waits for ever.
+fn patient(mut setup: Setup) -> Setup {
+    setup.client.timeout = core::time::Duration::MAX;
+    setup
+}
+
 fn diagrams() -> Vec<Diagram> {
-    let settings = [Setting::new("tcp", tcp(3, 2, 1)), Setting::new("rtu", rtu(&MIXED, 1))];
+    let systems = [("tcp", tcp(3, 2, 1)), ("rtu", rtu(&MIXED, 1)), ("rtu over tcp", rtu_over_tcp(&MIXED, 1))];
+    let settings = systems.map(|(name, setup)| Setting::new(name, setup));
     draw("fanuc-hmi-modbus", &["client", "server"], &settings)
 }

@@ -3,211 +3,17 @@
 use core::time::Duration;
 
 use fanuc_hmi_modbus::{
-    ClientAction, ClientConfig, ClientInput, ClientLink, ClientMachine, Places, ServerAction, ServerConfig,
-    ServerInput, ServerMachine, Stage,
+    ClientAction, ClientInput, ClientLink, ClientMachine, Places, ServerAction, ServerInput, ServerMachine,
+    Stage,
 };
-use robot_session::Unexpected;
 
-use crate::model::{Edge, Edges, Machine, System, age, drive};
-
-pub(super) const TICK: Duration = Duration::from_millis(10);
-const UNIT: u8 = 1;
-
-/// What the caller asks for, what may go wrong, and both configurations.
-#[derive(Debug, Clone)]
-pub(super) struct Setup {
-    pub(super) client: ClientConfig,
-    pub(super) server: ServerConfig,
-    pub(super) jobs: Vec<Job>,
-    /// Faults in all.
-    pub(super) faults: u8,
-    /// Connections can be lost; on a serial line they cannot.
-    pub(super) tcp: bool,
-}
-
-/// A request that the caller makes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Job {
-    Unicast,
-    Broadcast,
-    /// To a unit that is not there.
-    Absent,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub(super) struct World {
-    client: ClientMachine<2>,
-    server: ServerMachine<2>,
-    /// The job in each place of the client.
-    places: [u8; 2],
-    /// The jobs whose replies wait at the server.
-    replies: Vec<Frame>,
-    down: Vec<Frame>,
-    up: Vec<Frame>,
-    line: Line,
-    /// The client's decoder holds half a reply.
-    half: bool,
-    /// The server carries out a broadcast, and receives nothing.
-    busy: u8,
-    records: Vec<Record>,
-    next: u8,
-    epoch: u8,
-    faults: u8,
-    flags: Flags,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-struct Frame {
-    job: u8,
-    transaction: u16,
-    ticks: u8,
-    what: What,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum What {
-    Whole,
-    Half,
-    OtherUnit,
-    Exception,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Line {
-    Good,
-    Lost { client: bool, server: bool },
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-struct Record {
-    /// Up to 2.
-    executed: u8,
-    outcome: Outcome,
-    /// The connection on which it was made; 0 is none.
-    epoch: u8,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Outcome {
-    None,
-    Done,
-    Refused,
-    Unknown,
-    NotSent,
-    Announced,
-    /// The client's process was restarted.
-    Abandoned,
-}
-
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-struct Flags {
-    foreign_reply: bool,
-    other_unit: bool,
-    ended_twice: bool,
-    stale: bool,
-    unexpected: bool,
-    used: u8,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Act {
-    Ask,
-    ClientSend(Fate),
-    ServerRead(Verdict),
-    ServerTimer,
-    ServerSend(Fate),
-    ClientRead,
-    ClientTimer,
-    Lose,
-    ClientNotices,
-    ServerNotices,
-    Connect,
-    RestartClient,
-    RestartServer,
-    Tick,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Fate {
-    Good,
-    /// Lost or corrupt.
-    Lost,
-    Late,
-    Half,
-    OtherUnit,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verdict {
-    CarryOut,
-    Exception,
-}
-
-impl Machine for ClientMachine<2> {
-    const END: &'static str = "client";
-    type Input = ClientInput;
-    type Action = ClientAction;
-    type Config = ClientConfig;
-
-    fn on(
-        &mut self,
-        now: Duration,
-        input: ClientInput,
-        config: &ClientConfig,
-    ) -> Result<ClientAction, Unexpected> {
-        ClientMachine::on(self, now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        ClientMachine::each_time(self, f);
-    }
-
-    fn name(&self) -> &'static str {
-        ClientMachine::name(self)
-    }
-
-    fn input_name(input: &ClientInput) -> &'static str {
-        input.name()
-    }
-}
-
-impl Machine for ServerMachine<2> {
-    const END: &'static str = "server";
-    type Input = ServerInput;
-    type Action = ServerAction;
-    type Config = ServerConfig;
-
-    fn on(
-        &mut self,
-        now: Duration,
-        input: ServerInput,
-        config: &ServerConfig,
-    ) -> Result<ServerAction, Unexpected> {
-        ServerMachine::on(self, now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        ServerMachine::each_time(self, f);
-    }
-
-    fn name(&self) -> &'static str {
-        ServerMachine::name(self)
-    }
-
-    fn input_name(input: &ServerInput) -> &'static str {
-        input.name()
-    }
-}
+use super::world::{
+    Act, COLLISION, COSTS, ENDED_TWICE, ENDS, FOREIGN_REPLY, Fate, Flags, Frame, Job, Line, OTHER_UNIT,
+    Outcome, Record, STALE, Setup, TICK, TRUE, TWICE, UNEXPECTED, Verdict, What, World,
+};
+use crate::model::{Edge, Edges, System, age, drive};
 
 impl Setup {
-    fn unit(&self, job: u8) -> u8 {
-        match self.jobs[usize::from(job)] {
-            Job::Unicast => UNIT,
-            Job::Broadcast => 0,
-            Job::Absent => 2,
-        }
-    }
-
     fn client(&self, world: &mut World, input: ClientInput, edges: &mut Edges<'_>) -> ClientAction {
         drive(&mut world.client, input, &self.client, edges).unwrap_or_else(|_| {
             world.flags.unexpected = true;
@@ -227,11 +33,18 @@ impl Setup {
         match action {
             ClientAction::TimedOut(places) => self.end_all(world, places, Outcome::Unknown, edges),
             ClientAction::Reset { lost, not_sent } => {
-                world.half = false;
+                world.client_holds.clear();
                 self.end_all(world, lost, Outcome::Unknown, edges);
                 self.end_all(world, not_sent, Outcome::NotSent, edges);
             }
-            ClientAction::Cut => world.half = false,
+            // What is whole among what the decoder held is found.
+            ClientAction::Cut => {
+                for frame in core::mem::take(&mut world.client_holds) {
+                    if frame.what != What::Half {
+                        self.take(world, frame, edges);
+                    }
+                }
+            }
             ClientAction::Refused { place } => self.end(world, place, Outcome::Unknown, edges),
             ClientAction::Nothing
             | ClientAction::Keep { .. }
@@ -256,7 +69,7 @@ impl Setup {
 
     fn send(&self, world: &mut World, fate: Fate, edges: &mut Edges<'_>) {
         // Bytes of another frame are arriving: on a serial line both are lost.
-        let collides = !self.tcp
+        let collides = self.is_serial()
             && matches!(world.client.link, ClientLink::Up { line: fanuc_hmi_modbus::Line::Busy { silent_at }, .. } if !silent_at.is_zero());
         let action = self.client(world, ClientInput::Transmit, edges);
         let (place, transaction) = match action {
@@ -264,6 +77,7 @@ impl Setup {
             ClientAction::Announce { place } => (place, 0),
             _ => return,
         };
+        world.flags.collision |= collides;
         let job = world.places[usize::from(place)];
         let asked = world.records[usize::from(job)].epoch;
         world.flags.stale |= asked != 0 && asked != world.epoch;
@@ -281,47 +95,71 @@ impl Setup {
     }
 
     fn serve(&self, world: &mut World, verdict: Verdict, edges: &mut Edges<'_>) {
-        let frame = world.down.remove(0);
+        let mut frame = world.down.remove(0);
         if world.busy > 0 {
             return;
         }
-        self.server(world, ServerInput::Received, edges);
+        if verdict == Verdict::Exception {
+            frame.what = What::Exception;
+        }
+        let action = self.server(world, ServerInput::Received, edges);
+        if let ServerAction::Judge { cut: true } | ServerAction::Keep { cut: true } = action {
+            self.judge_held(world, edges);
+        }
+        match action {
+            ServerAction::Judge { .. } => self.judge(world, frame, edges),
+            ServerAction::Keep { .. } => world.server_holds.push(frame),
+            _ => {}
+        }
+    }
+
+    fn judge_held(&self, world: &mut World, edges: &mut Edges<'_>) {
+        let held = core::mem::take(&mut world.server_holds);
+        if self.strict && held.len() > 1 {
+            return;
+        }
+        for frame in held.into_iter().filter(|frame| frame.what != What::Noise) {
+            self.judge(world, frame, edges);
+        }
+    }
+
+    fn judge(&self, world: &mut World, frame: Frame, edges: &mut Edges<'_>) {
         let unit = self.unit(frame.job);
         let action = self.server(world, ServerInput::Request { unit }, edges);
         if !matches!(action, ServerAction::Serve | ServerAction::ServeBroadcast) {
             return;
         }
         world.flags.other_unit |= self.jobs[usize::from(frame.job)] == Job::Absent;
-        let what = match verdict {
-            Verdict::CarryOut => {
-                let executed = &mut world.records[usize::from(frame.job)].executed;
-                *executed = (*executed + 1).min(2);
-                What::Whole
-            }
-            Verdict::Exception => What::Exception,
-        };
+        if frame.what != What::Exception {
+            let executed = &mut world.records[usize::from(frame.job)].executed;
+            *executed = (*executed + 1).min(2);
+        }
         if unit == 0 {
             world.busy = 2;
         }
         if action == ServerAction::Serve {
-            world.replies.push(Frame { what, ..frame });
+            world.replies.push(frame);
         }
     }
 
     fn reply(&self, world: &mut World, fate: Fate, edges: &mut Edges<'_>) {
-        let collides = !self.tcp && world.server.deadline().is_some_and(|at| !at.is_zero());
+        let collides = self.is_serial() && world.server.deadline().is_some_and(|at| !at.is_zero());
         if self.server(world, ServerInput::Transmit, edges) != ServerAction::Send {
             return;
         }
+        world.flags.collision |= collides;
         let mut frame = world.replies.remove(0);
         frame.ticks = u8::from(fate == Fate::Late);
         match fate {
             Fate::Half => frame.what = What::Half,
             Fate::OtherUnit => frame.what = What::OtherUnit,
-            Fate::Good | Fate::Lost | Fate::Late => {}
+            Fate::Good | Fate::Lost | Fate::Late | Fate::Twice => {}
         }
         if fate != Fate::Lost && !collides && world.line == Line::Good {
             world.up.push(frame);
+            if fate == Fate::Twice {
+                world.up.push(frame);
+            }
         }
     }
 
@@ -329,11 +167,15 @@ impl Setup {
         let frame = world.up.remove(0);
         let action = self.client(world, ClientInput::Received, edges);
         self.report(world, action, edges);
-        if frame.what == What::Half || world.half {
-            // What follows half a frame without a silence is taken for its rest.
-            world.half = frame.what == What::Half;
-            return;
+        if frame.what == What::Half || !world.client_holds.is_empty() {
+            // What follows without a silence may be the rest.
+            world.client_holds.push(frame);
+        } else {
+            self.take(world, frame, edges);
         }
+    }
+
+    fn take(&self, world: &mut World, frame: Frame, edges: &mut Edges<'_>) {
         let transaction = frame.transaction;
         let expects = world.client.expects(transaction, &self.client);
         let asked = expects.map(|place| self.unit(world.places[usize::from(place)]));
@@ -349,16 +191,6 @@ impl Setup {
         self.report(world, action, edges);
     }
 
-    fn lose(world: &mut World, client: bool, server: bool) {
-        world.down.clear();
-        world.up.clear();
-        world.line = Line::Lost { client, server };
-    }
-
-    fn client_due(world: &World) -> bool {
-        world.client.deadline().is_some_and(|at| at.is_zero())
-    }
-
     fn ready(&self, world: &World, ready: &mut Vec<Act>) {
         let arrived = |frames: &[Frame]| frames.first().is_some_and(|frame| frame.ticks == 0);
         if arrived(&world.up) {
@@ -368,7 +200,7 @@ impl Setup {
             ready.push(Act::ServerRead(Verdict::CarryOut));
         }
         // A driver reads what has arrived first.
-        if Self::client_due(world) && !arrived(&world.up) {
+        if world.client_due() && !arrived(&world.up) {
             ready.push(Act::ClientTimer);
         }
         if world.server.deadline().is_some_and(|at| at.is_zero()) && !arrived(&world.down) {
@@ -411,7 +243,8 @@ impl System for Setup {
             down: Vec::new(),
             up: Vec::new(),
             line: Line::Good,
-            half: false,
+            client_holds: Vec::new(),
+            server_holds: Vec::new(),
             busy: 0,
             records: vec![Record { executed: 0, outcome: Outcome::None, epoch: 0 }; self.jobs.len()],
             next: 0,
@@ -440,12 +273,19 @@ impl System for Setup {
         }
         if acts.contains(&Act::ServerSend(Fate::Good)) {
             acts.extend([Fate::Lost, Fate::Late, Fate::OtherUnit].map(Act::ServerSend));
-            if !self.tcp {
+            if !self.has_transactions() {
                 acts.push(Act::ServerSend(Fate::Half));
             }
+            // Neither a transaction nor a silence would show that it comes again.
+            if self.has_transactions() || self.is_serial() {
+                acts.push(Act::ServerSend(Fate::Twice));
+            }
         }
-        if self.tcp && world.line == Line::Good {
+        if !self.is_serial() && world.line == Line::Good {
             acts.push(Act::Lose);
+        }
+        if self.is_serial() {
+            acts.push(Act::Noise);
         }
         acts.extend([Act::RestartClient, Act::RestartServer]);
     }
@@ -476,7 +316,9 @@ impl System for Setup {
             Act::ClientSend(fate) => self.send(world_mut, fate, edges),
             Act::ServerRead(verdict) => self.serve(world_mut, verdict, edges),
             Act::ServerTimer => {
-                self.server(world_mut, ServerInput::Timer, edges);
+                if self.server(world_mut, ServerInput::Timer, edges) == ServerAction::Cut {
+                    self.judge_held(world_mut, edges);
+                }
             }
             Act::ServerSend(fate) => self.reply(world_mut, fate, edges),
             Act::ClientRead => self.read(world_mut, edges),
@@ -487,7 +329,17 @@ impl System for Setup {
                 }
                 self.report(world_mut, action, edges);
             },
-            Act::Lose => Self::lose(world_mut, false, false),
+            Act::Lose => world_mut.lose(false, false),
+            Act::Noise => {
+                let frame = Frame { job: 0, transaction: 0, ticks: 0, what: What::Noise };
+                if world_mut.busy == 0 {
+                    let action = self.server(world_mut, ServerInput::Received, edges);
+                    if action == (ServerAction::Keep { cut: true }) {
+                        self.judge_held(world_mut, edges);
+                    }
+                    world_mut.server_holds.push(frame);
+                }
+            }
             Act::ClientNotices => {
                 let action = self.client(world_mut, ClientInput::Disconnected, edges);
                 self.report(world_mut, action, edges);
@@ -498,6 +350,7 @@ impl System for Setup {
             Act::ServerNotices => {
                 if self.server(world_mut, ServerInput::Disconnected, edges) == ServerAction::Reset {
                     world_mut.replies.clear();
+                    world_mut.server_holds.clear();
                 }
                 if let Line::Lost { server, .. } = &mut world_mut.line {
                     *server = true;
@@ -510,6 +363,7 @@ impl System for Setup {
                 self.report(world_mut, action, edges);
                 if self.server(world_mut, ServerInput::Connected, edges) == ServerAction::Reset {
                     world_mut.replies.clear();
+                    world_mut.server_holds.clear();
                 }
             }
             Act::RestartClient => {
@@ -519,20 +373,21 @@ impl System for Setup {
                     }
                 }
                 world_mut.client = ClientMachine::NEW;
-                world_mut.half = false;
-                if self.tcp {
-                    Self::lose(world_mut, true, false);
-                } else {
+                world_mut.client_holds.clear();
+                if self.is_serial() {
                     self.client(world_mut, ClientInput::Connected, edges);
+                } else {
+                    world_mut.lose(true, false);
                 }
             }
             Act::RestartServer => {
                 world_mut.server = ServerMachine::NEW;
                 world_mut.replies.clear();
-                if self.tcp {
-                    Self::lose(world_mut, false, true);
-                } else {
+                world_mut.server_holds.clear();
+                if self.is_serial() {
                     self.server(world_mut, ServerInput::Connected, edges);
+                } else {
+                    world_mut.lose(false, true);
                 }
             }
             Act::Tick => {
@@ -555,6 +410,7 @@ impl System for Setup {
             }
         };
         unless(!flags.foreign_reply, FOREIGN_REPLY);
+        unless(!flags.collision, COLLISION);
         unless(!flags.other_unit, OTHER_UNIT);
         unless(!flags.ended_twice, ENDED_TWICE);
         unless(!flags.stale, STALE);
@@ -570,8 +426,11 @@ impl System for Setup {
             |(record, job): &(&Record, &Job)| record.outcome == Outcome::Unknown && **job == Job::Unicast;
         let failed = world.records.iter().zip(&self.jobs).filter(failed).count();
         // On TCP a server that is late also refuses what finds no place.
-        let most =
-            if self.tcp { usize::from(flags.used.min(1)) * self.jobs.len() } else { flags.used.into() };
+        let most = if self.has_transactions() {
+            usize::from(flags.used.min(1)) * self.jobs.len()
+        } else {
+            flags.used.into()
+        };
         unless(failed <= most, COSTS);
         let waits = world.client.held().any(|held| matches!(held.stage, Stage::InFlight { .. }));
         unless(world.client.link != ClientLink::Down || !waits, ENDS);
@@ -592,13 +451,3 @@ impl System for Setup {
         u32::from(act == Act::Tick)
     }
 }
-
-pub(super) const FOREIGN_REPLY: &str = "a reply is never taken for that of another request";
-pub(super) const OTHER_UNIT: &str = "only the unit that was asked carries a request out";
-pub(super) const ENDED_TWICE: &str = "each request has one outcome";
-pub(super) const STALE: &str = "what waited when the connection was lost is not sent";
-pub(super) const UNEXPECTED: &str = "a caller who keeps the contract sees nothing unexpected";
-pub(super) const TWICE: &str = "nothing is carried out twice";
-pub(super) const TRUE: &str = "done was carried out, refused and not sent were not";
-pub(super) const COSTS: &str = "a fault costs no more than the requests in flight";
-pub(super) const ENDS: &str = "a lost connection ends every request in flight";

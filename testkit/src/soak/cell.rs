@@ -41,7 +41,7 @@ impl Axes for PlatformPose {
     }
 }
 
-/// Where a part lies, and where it belongs.
+/// Where a part is, and where it belongs.
 fn pick(part: usize) -> RobotPose {
     RobotPose::from_units([1000 + part as i32, 2000, -500, part as i32])
 }
@@ -233,14 +233,16 @@ struct Cell {
     robot: Station<RobotPose, RobotPose>,
     platform: Station<PlatformPose, PlatformPose>,
     conditioning: Station<NoPose, PlatformPose>,
-    /// What the cameras will say, and when.
+    /// What the cameras will see, and when.
     picture: Option<(Duration, i32)>,
     /// The part that the camera has shown and whose fate is not known yet.
     open: Option<usize>,
     vacuum: bool,
-    /// The part that lies there to be picked, and whether it hangs on the gripper.
+    /// The part that is there to be picked, and whether it hangs on the gripper.
     part: Option<usize>,
     held: bool,
+    /// It is placed so badly that this pick fails.
+    slips: bool,
     /// The vacuum switch is high whatever the vacuum does, until somebody looks after a fault.
     stuck_high: bool,
     switch: bool,
@@ -257,6 +259,7 @@ fn session(seed: u64, log: Log) -> Tally {
         delay: 0.05,
         max_delay: [50 * MS, 1200 * MS][rng.below(2)],
         pause: 20 * MS,
+        stall: 0.002,
         ..Faults::TCP
     };
     let config = TaskConfig {
@@ -284,6 +287,7 @@ fn session(seed: u64, log: Log) -> Tally {
         vacuum: false,
         part: None,
         held: false,
+        slips: false,
         stuck_high: false,
         switch: false,
         bad: rng.unit(),
@@ -334,10 +338,10 @@ impl Cell {
         received.extend(self.look(rng));
         received.extend(self.gripper(rng));
         for event in received {
-            self.tell(event);
+            self.notify(event);
         }
         if rng.chance(0.0002 * bad) {
-            self.tell(Event::Abort);
+            self.notify(Event::Abort);
         }
         self.task.handle_timeout(now);
         self.obey();
@@ -359,7 +363,7 @@ impl Cell {
         self.now = self.robot.wire.next(now, times.chain([Some(now + 10 * MS)]));
     }
 
-    fn tell(&mut self, event: Event) {
+    fn notify(&mut self, event: Event) {
         if !matches!(event, Event::Status { .. }) {
             self.log.line(self.now, format_args!("  for the task: {event:?}"));
         }
@@ -381,6 +385,7 @@ impl Cell {
         }
         let part = self.ledger.send(self.robot.wire.mark());
         (self.open, self.part, self.held) = (Some(part), Some(part), false);
+        self.slips = rng.chance(0.3 * self.bad);
         self.log.line(self.now, format_args!("job {part}: a part"));
         let platform = PlatformPose::from_units([part as i32, 10]);
         Some(Event::PartFound { platform, pick: pick(part) })
@@ -405,7 +410,9 @@ impl Cell {
                 self.log.line(self.now, format_args!("  part {part} falls"));
                 (self.part, self.held) = (None, false);
             }
-            Some(part) if self.vacuum && pose == pick(part) => self.held |= rng.chance(1.0 - 0.2 * bad),
+            Some(part) if self.vacuum && pose == pick(part) && !self.slips => {
+                self.held |= rng.chance(1.0 - 0.2 * bad);
+            }
             _ => {}
         }
         let high = self.held || self.stuck_high;
@@ -426,7 +433,7 @@ impl Cell {
                     if gripper == VACUUM {
                         self.vacuum = open;
                     }
-                    self.tell(Event::Done(task::Device::Gripper));
+                    self.notify(Event::Done(task::Device::Gripper));
                 }
                 Output::Entered(step) => self.entered(step),
                 _ => {}
@@ -441,7 +448,7 @@ impl Cell {
             Step::GiveUp | Step::NothingFound => Reported::NotDone,
             Step::Faulted => Reported::Unknown,
             Step::Unpicked => {
-                self.tell(Event::Next);
+                self.notify(Event::Next);
                 return;
             }
             _ => return,
@@ -452,11 +459,11 @@ impl Cell {
         }
         match step {
             Step::Placed | Step::NothingFound => {
-                self.tell(if self.is_done { Event::Finish } else { Event::Next });
+                self.notify(if self.is_done { Event::Finish } else { Event::Next });
             }
             Step::Faulted => {
                 self.stuck_high = false;
-                self.tell(Event::Recover);
+                self.notify(Event::Recover);
             }
             _ => {}
         }

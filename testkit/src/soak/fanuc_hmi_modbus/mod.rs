@@ -1,15 +1,17 @@
 //! A client and a server over TCP, on a serial line, and over RTU through TCP. A job is a request.
 
+mod hostile;
+
 use core::time::Duration;
 
 use fanuc_hmi_modbus::{
     Bits, BitsMut, Client, ClientConfig, ClientEvent, DecodeError, Exception, Failure, Frame, Registers,
     Reply, Request, Server, ServerConfig, Side, Ticket, Words, WordsMut,
 };
-use robot_session::{Encode as _, Session as _};
+use robot_session::Session as _;
 
 use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
-use crate::link::{Delivery, End, Faults};
+use crate::link::{End, Faults};
 use crate::rng::Rng;
 use crate::turn;
 
@@ -61,7 +63,7 @@ enum Sabotage {
 /// What a request writes: to which address, and what. Coils are 0 and 1.
 type Write = (u16, Vec<u16>);
 
-/// Every register holds what [`held`] says; what is written is kept as a list.
+/// Every register holds what [`held`] gives; what is written is kept as a list.
 #[derive(Debug, Default)]
 struct Bank {
     writes: Vec<Write>,
@@ -119,7 +121,7 @@ struct Cell {
     server: Server<Bank>,
     /// In place of the server's replies: whatever the protocol has.
     hostile: bool,
-    /// Until the end of the faults: what the client reports says nothing of the server.
+    /// Until the end of the faults: what the client reports proves nothing of the server.
     harassed: bool,
     /// The connection is lost, and the ends have noticed it.
     lost: [bool; 2],
@@ -190,6 +192,9 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
     cell.wire.poll_late(0.02 * bad);
     cell.client.handle_connected(cell.now);
     cell.server.handle_connected(cell.now);
+    if sabotage == Sabotage::None && rng.chance(0.1) {
+        cell.pester(&mut rng);
+    }
     let jobs = 5 + rng.below(36);
     while cell.now < LIMIT && (cell.asked.len() < jobs || !cell.open.is_empty()) {
         while cell.asked.len() < jobs && cell.ask(&mut rng) {}
@@ -204,7 +209,7 @@ impl Cell {
     /// False: there is no place.
     fn ask(&mut self, rng: &mut Rng) -> bool {
         let n = self.asked.len() as u16;
-        // Address and values say which job it is, both.
+        // Address and values show which job it is, both.
         let address = 1000 + 16 * n;
         let words = [n, !n, n.wrapping_mul(31) ^ 0x1010];
         let bits: [bool; 12] = core::array::from_fn(|bit| n >> bit & 1 == 1);
@@ -327,37 +332,6 @@ impl Cell {
             self.server.handle_connected(self.now);
             self.lost = [false; 2];
         }
-    }
-
-    /// What a server could send that keeps no rule, and what no server sends.
-    fn harass(&mut self, rng: &mut Rng) {
-        while let Some(delivery) = self.wire.receive(End::B, self.now) {
-            let Delivery::Bytes(_) = delivery else {
-                self.lost[1] = true;
-                continue;
-            };
-            for _ in 0..rng.below(3) {
-                let words = [7u16; 3];
-                let pdu = match rng.below(5) {
-                    0 => Reply::Exception {
-                        function: 1 + rng.below(16) as u8,
-                        exception: (rng.below(256) as u8).into(),
-                    },
-                    1 => Reply::HoldingRegisters((&words[..1 + rng.below(3)]).into()),
-                    2 => Reply::WriteRegister { address: 1000, value: rng.below(9) as u16 },
-                    3 => Reply::WriteRegisters { address: 1000, quantity: 3 },
-                    _ => Reply::Other { function: 65, data: &[1, 2] },
-                };
-                let transaction = (self.way == Way::Tcp).then(|| rng.below(12) as u16);
-                let mut out = [0; Frame::MAX_LEN];
-                let unit = [UNIT, UNIT, 9][rng.below(3)];
-                if let Ok(length) = (Frame { transaction, unit, pdu }).encode(&mut out) {
-                    let length = if rng.chance(0.1) { rng.below(length + 1) } else { length };
-                    self.wire.send(End::B, self.now, &out[..length]);
-                }
-            }
-        }
-        self.lost[1] |= !self.wire.is_connected() && self.wire.next_delivery().is_none();
     }
 
     fn execute(&mut self, write: Write, rng: &mut Rng) {

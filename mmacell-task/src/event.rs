@@ -39,7 +39,7 @@ pub enum Event {
     },
     /// The camera sees nothing.
     NotFound,
-    /// The level of the vacuum switch. It is taken for low until this says otherwise; the task acts on its edges.
+    /// The level of the vacuum switch. It is taken for low until this reports otherwise; the task acts on its edges.
     Switch {
         /// High: the vacuum is deep enough for a part to be on the gripper.
         high: bool,

@@ -12,9 +12,9 @@ pub enum Device {
     Platform,
     /// The conditioning system (CSC). It has to be there; the source gives it no orders but to close.
     Conditioning,
-    /// The cameras, whether the central controller's own or behind a connection.
+    /// The cameras, whether the central controller's own or at the end of a connection.
     Vision,
-    /// The valves of the gripper, whether the central controller's own or behind a connection.
+    /// The valves of the gripper, whether the central controller's own or at the end of a connection.
     Gripper,
 }
 

@@ -232,7 +232,7 @@ fn every_step_has_a_timeout() {
             step,
             Step::Placed | Step::Unpicked | Step::NothingFound | Step::Faulted | Step::Finished
         );
-        // For devices to be switched on it waits for ever, unless a setting says otherwise.
+        // For devices to be switched on it waits for ever, unless a setting limits it.
         let passes = matches!(step, Step::DevicesReady | Step::CheckGrip | Step::Resetting | Step::Closing);
         if waits_for_the_caller || passes || step == Step::AwaitDevices {
             continue;

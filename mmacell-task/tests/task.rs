@@ -183,7 +183,7 @@ fn after_a_part_comes_the_next_one_or_the_end() {
     run_to(&mut early, Step::FindPart);
     poll(&mut early, ZERO);
     early.handle_event(ZERO, Event::NotFound);
-    assert_eq!(early.step(), Step::GoCamera1, "the last one told counts, as soon as it can be followed");
+    assert_eq!(early.step(), Step::GoCamera1, "the last one reported counts, as soon as it can be followed");
 }
 
 #[test]

@@ -28,11 +28,19 @@ pub(crate) struct Events<E> {
     /// Bytes have come without a connection.
     pub(crate) stray: bool,
     peer: Option<PeerStatus>,
+    progress: (u32, u32),
 }
 
 impl<E: Event> Events<E> {
     pub(crate) const fn new() -> Self {
-        Self { queue: EventQueue::new(), connect: false, disconnect: false, stray: false, peer: None }
+        Self {
+            queue: EventQueue::new(),
+            connect: false,
+            disconnect: false,
+            stray: false,
+            peer: None,
+            progress: (0, 0),
+        }
     }
 
     /// A connection begins or ends.
@@ -54,6 +62,16 @@ impl<E: Event> Events<E> {
             self.peer = Some(status);
             self.notice(E::peer_status(status));
         }
+    }
+
+    /// Whether an order has come further than was reported.
+    pub(crate) fn progresses(&mut self, progress: (u32, u32)) -> bool {
+        core::mem::replace(&mut self.progress, progress) != progress
+    }
+
+    /// A new order is where none has come further.
+    pub(crate) fn order_begins(&mut self) {
+        self.progress = (0, 0);
     }
 
     pub(crate) fn pop(&mut self) -> Option<E> {

@@ -41,8 +41,6 @@ pub struct Pc<S> {
     /// The commands that have no outcome yet, oldest first.
     commands: [(u8, i32); Commands::MAX as usize],
     events: Events<PcEvent>,
-    /// How many jobs were executed and queued when it was reported last.
-    progress: (u32, u32),
     statistics: PcStatistics,
 }
 
@@ -63,7 +61,6 @@ impl<S: JobSource> Pc<S> {
             source: None,
             commands: [(0, 0); Commands::MAX as usize],
             events: Events::new(),
-            progress: (0, 0),
             statistics: PcStatistics::default(),
         })
     }
@@ -82,7 +79,7 @@ impl<S: JobSource> Pc<S> {
         let active = self.machine.order.number();
         self.request(Input::Start { order }).map_err(|_| SessionError::OrderActive { active })?;
         self.source = Some(source);
-        self.progress = (0, 0);
+        self.events.order_begins();
         Ok(())
     }
 
@@ -358,9 +355,8 @@ impl<S: JobSource> Session for Pc<S> {
         if let Some(event) = self.events.pop() {
             return Some(event);
         }
-        let progress @ (executed, queued) = (self.machine.count.executed, self.machine.count.queued);
-        let changed = core::mem::replace(&mut self.progress, progress) != progress;
-        changed.then_some(PcEvent::Progress { executed, queued })
+        let (executed, queued) = (self.machine.count.executed, self.machine.count.queued);
+        self.events.progresses((executed, queued)).then_some(PcEvent::Progress { executed, queued })
     }
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.

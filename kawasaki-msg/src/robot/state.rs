@@ -9,6 +9,8 @@ use crate::numbering::{ALL_NUMBERS, NumberSet};
 /// statistics are the session's.
 ///
 /// `WORDS` is how many job numbers it can tell apart, by 64: all of them, or fewer for a model.
+///
+#[doc = include_str!("../../diagrams/robot.md")]
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Machine<const WORDS: usize = ALL_NUMBERS> {
     /// The connection and the cycle in it.

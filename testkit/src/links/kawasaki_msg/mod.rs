@@ -161,7 +161,7 @@ fn settings(depth: Depth) -> Vec<Setting> {
     let (lossy, insists) = (Peer::Lossy { insists: false }, Peer::Lossy { insists: true });
     settings.extend([
         Setting::new("robot × a PC that keeps the rules, 3 jobs, 2 faults", any(lossy, 2)),
-        Setting::new("robot × one that says the end whenever all is sent, 1 fault", any(insists, 1)),
+        Setting::new("robot × one that sends the end whenever all is sent, 1 fault", any(insists, 1)),
         Setting::new("robot × a PC that does anything, 3 jobs", any(Peer::Any, 0)),
         Setting::new("robot × a PC that does anything, foreign orders end", foreign),
         Setting::new("robot × a PC that does anything, datagrams", udp_robot),
@@ -238,7 +238,7 @@ fn must_fail() -> Vec<MustFail> {
         MustFail::new(
             "GapAtConnection (robot)",
             EARLY_END,
-            "a PC that says the end whenever all is sent, 1 fault",
+            "a PC that sends the end whenever all is sent, 1 fault",
             robot(RobotRule::GapAtConnection, any(Peer::Lossy { insists: true }, 1)),
         ),
         MustFail::new(

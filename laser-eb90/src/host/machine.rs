@@ -5,6 +5,7 @@ use core::time::Duration;
 use robot_session::Unexpected;
 
 use super::config::{HostConfig, HostRule};
+pub use super::link::{Batch, HostAction, HostLink, Outcome, Sent, Tries, UnknownReason};
 use crate::words::{Class, Refusal};
 
 /// The host's machine: one frame at a time, and the next only after the answer to the last (§3(5)).
@@ -18,92 +19,6 @@ pub struct HostMachine {
     pub link: HostLink,
     /// The frame that is being filled; the first instruction begins it.
     pub next: Option<Batch>,
-}
-
-/// Where the frame that was sent last has come to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum HostLink {
-    /// There is no connection.
-    Disconnected {
-        /// Nothing is sent before, also on the next connection.
-        quiet_until: Duration,
-        /// The caller has not resumed.
-        held: bool,
-    },
-    /// No frame is in flight.
-    Idle {
-        /// Nothing is sent before.
-        quiet_until: Duration,
-    },
-    /// A frame is in flight.
-    Awaiting(Sent),
-    /// An error code came, or nothing: the frame is sent again.
-    Resending {
-        /// The frame.
-        batch: Batch,
-        /// How often it was sent.
-        tries: Tries,
-        /// When the line has settled.
-        not_before: Duration,
-    },
-    /// An error code came that may refer to the first half of the frame alone: the frame is not sent again, but its echo may
-    /// still come.
-    AwaitingRest {
-        /// The frame.
-        batch: Batch,
-        /// How often it was sent.
-        tries: Tries,
-        /// When it cannot come any more.
-        until: Duration,
-    },
-    /// A frame was refused for good, or its outcome is unknown: nothing is sent until the caller resumes.
-    Held {
-        /// Nothing is sent before.
-        quiet_until: Duration,
-    },
-}
-
-/// A frame, apart from its bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Batch {
-    /// The number of the first instruction.
-    pub first: u64,
-    /// How many instructions.
-    pub count: u8,
-    /// The command word of the first: the one that is answered (§3(6)).
-    pub word: u16,
-    /// How the controller treats it.
-    pub class: Class,
-}
-
-/// A frame in flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Sent {
-    /// The frame.
-    pub batch: Batch,
-    /// How often it was sent.
-    pub tries: Tries,
-    /// When its last byte has certainly been received.
-    pub received_by: Duration,
-    /// From when on an error code refers to the whole frame.
-    pub final_from: Duration,
-    /// When it has certainly been executed, if it is executed before it is answered.
-    pub executed_by: Duration,
-    /// When the answer is overdue.
-    pub deadline: Duration,
-    /// Corrupt bytes came.
-    pub corrupt: bool,
-}
-
-/// How often a frame was sent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Tries {
-    /// How often again, because of an error code or silence.
-    pub resends: u8,
-    /// How many of the transmissions before brought no answer.
-    pub unanswered: u8,
-    /// When a full queue counts as a refusal; `None` as long as it was not full.
-    pub full_until: Option<Duration>,
 }
 
 /// What happens to the host.
@@ -146,22 +61,6 @@ pub enum HostInput {
     Resume,
 }
 
-/// What the host does about it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum HostAction {
-    /// Nothing.
-    Nothing,
-    /// Sends the frame: bytes that came before are no answer to it.
-    Transmit,
-    /// Reports what became of a frame.
-    Report(Batch, Outcome),
-    /// Reports an answer that nobody asked for.
-    Unasked {
-        /// Its word.
-        word: u16,
-    },
-}
-
 /// Which frame is due.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Due {
@@ -169,46 +68,6 @@ pub enum Due {
     Next,
     /// The last one, again.
     Again,
-}
-
-/// What became of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Outcome {
-    /// Its command word was echoed.
-    Done {
-        /// How often it was sent again.
-        resends: u8,
-        /// How many of the transmissions before brought no answer.
-        unanswered: u8,
-    },
-    /// Nothing of it was taken.
-    Refused(Refusal),
-    /// It may have been taken or not.
-    Unknown(UnknownReason),
-}
-
-/// Why an outcome is unknown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum UnknownReason {
-    /// No byte came.
-    Silence,
-    /// Bytes came, but no answer.
-    Corrupt,
-    /// The answer was another word than the command's.
-    OtherWord {
-        /// The command word that was sent.
-        expected: u16,
-        /// The word that came back.
-        found: u16,
-    },
-    /// "Bad frame" came so early that it may refer to the first half of the frame alone, and no echo followed. See
-    /// [`controller_drops_partial`](crate::HostConfig::controller_drops_partial).
-    PartialFrame,
-    /// The execution of an immediate instruction failed: it may have had effects.
-    ExecutionFailed,
-    /// The connection was lost first.
-    Disconnected,
 }
 
 impl HostMachine {
@@ -389,144 +248,5 @@ impl HostInput {
             Self::Timeout => "Timeout",
             Self::Resume => "Resume",
         }
-    }
-}
-
-impl HostLink {
-    /// Until when nothing is sent on the next connection, whether it waits for the caller, and what is reported.
-    fn disconnect(self, now: Duration, config: &HostConfig) -> (Duration, bool, HostAction) {
-        let lost = |batch| HostAction::Report(batch, Outcome::Unknown(UnknownReason::Disconnected));
-        match self {
-            Self::Disconnected { quiet_until, held } => (quiet_until, held, HostAction::Nothing),
-            Self::Idle { quiet_until } => (quiet_until, false, HostAction::Nothing),
-            Self::Held { quiet_until } => (quiet_until, true, HostAction::Nothing),
-            Self::Awaiting(sent) => (sent.settled_if_taken(now, config), true, lost(sent.batch)),
-            Self::Resending { batch, not_before: until, .. } | Self::AwaitingRest { batch, until, .. } => {
-                (until, true, lost(batch))
-            }
-        }
-    }
-}
-
-impl Batch {
-    const fn done(self, tries: Tries, now: Duration) -> (HostLink, HostAction) {
-        let Tries { resends, unanswered, .. } = tries;
-        let done = Outcome::Done { resends, unanswered };
-        (HostLink::Idle { quiet_until: now }, HostAction::Report(self, done))
-    }
-
-    const fn unknown(self, reason: UnknownReason, quiet_until: Duration) -> (HostLink, HostAction) {
-        (HostLink::Held { quiet_until }, HostAction::Report(self, Outcome::Unknown(reason)))
-    }
-
-    const fn other_word(self, found: u16, quiet_until: Duration) -> (HostLink, HostAction) {
-        self.unknown(UnknownReason::OtherWord { expected: self.word, found }, quiet_until)
-    }
-}
-
-impl Sent {
-    /// A frame whose last byte leaves the port at `left` if nothing pauses.
-    fn new(batch: Batch, tries: Tries, left: Duration, config: &HostConfig) -> Self {
-        let sent = Self {
-            batch,
-            tries,
-            received_by: left,
-            final_from: left,
-            executed_by: left,
-            deadline: left,
-            corrupt: false,
-        };
-        let received_by = left.saturating_add(config.max_pause);
-        Self { deadline: sent.transmitted(left, config).deadline, ..sent.transmitted(received_by, config) }
-    }
-
-    /// A frame whose last byte has left the port.
-    fn transmitted(self, now: Duration, config: &HostConfig) -> Self {
-        Self {
-            received_by: now,
-            final_from: now.saturating_add(config.reply_time),
-            executed_by: now.saturating_add(config.execution(self.batch.class)),
-            deadline: now.saturating_add(config.timeout(self.batch.class)),
-            ..self
-        }
-    }
-
-    fn answered(
-        self,
-        now: Duration,
-        word: u16,
-        refusal: Option<Refusal>,
-        config: &HostConfig,
-    ) -> (HostLink, HostAction) {
-        match refusal {
-            Some(refusal) if word != self.batch.word => self.refused(now, refusal, config),
-            _ if word == self.batch.word || !config.keeps(HostRule::CompareWord) => {
-                self.batch.done(self.tries, now)
-            }
-            _ => self.batch.other_word(word, self.settled_if_taken(now, config)),
-        }
-    }
-
-    fn refused(mut self, now: Duration, refusal: Refusal, config: &HostConfig) -> (HostLink, HostAction) {
-        let Self { batch, .. } = self;
-        if refusal == Refusal::BadFrame && now < self.final_from && !config.controller_drops_partial {
-            let until = self.settled_if_taken(now, config);
-            return (HostLink::AwaitingRest { batch, tries: self.tries, until }, HostAction::Nothing);
-        }
-        let settled = now.max(self.received_by).saturating_add(config.settle);
-        let (again, not_before) = match refusal {
-            Refusal::QueueFull => (self.may_be_full(now, config), now.saturating_add(config.backoff)),
-            Refusal::BadChecksum | Refusal::BadFrame => (self.may_resend(config), settled),
-            // The same again would be refused again, or executed again.
-            Refusal::UnknownCommand | Refusal::BadBatch | Refusal::BadParameters => {
-                (!config.keeps(HostRule::FinalCodes) && self.may_resend(config), settled)
-            }
-        };
-        if again {
-            return (HostLink::Resending { batch, tries: self.tries, not_before }, HostAction::Nothing);
-        }
-        match refusal {
-            // The error code refers to the last transmission alone.
-            _ if self.tries.unanswered > 0 && config.keeps(HostRule::UnansweredIsUnknown) => {
-                batch.unknown(UnknownReason::Silence, settled)
-            }
-            Refusal::BadParameters
-                if batch.class == Class::Immediate && config.keeps(HostRule::FailedIsUnknown) =>
-            {
-                batch.unknown(UnknownReason::ExecutionFailed, settled)
-            }
-            _ => (
-                HostLink::Held { quiet_until: settled },
-                HostAction::Report(batch, Outcome::Refused(refusal)),
-            ),
-        }
-    }
-
-    fn overdue(mut self, now: Duration, config: &HostConfig) -> (HostLink, HostAction) {
-        let settled = self.settled_if_taken(now, config);
-        if config.resend_on_silence && self.may_resend(config) {
-            self.tries.unanswered = self.tries.unanswered.saturating_add(1);
-            let Self { batch, tries, .. } = self;
-            return (HostLink::Resending { batch, tries, not_before: settled }, HostAction::Nothing);
-        }
-        let reason = if self.corrupt { UnknownReason::Corrupt } else { UnknownReason::Silence };
-        self.batch.unknown(reason, settled)
-    }
-
-    fn may_resend(&mut self, config: &HostConfig) -> bool {
-        let again = self.tries.resends < config.resends;
-        self.tries.resends += u8::from(again);
-        again
-    }
-
-    fn may_be_full(&mut self, now: Duration, config: &HostConfig) -> bool {
-        now < *self.tries.full_until.get_or_insert(now.saturating_add(config.full_timeout))
-    }
-
-    /// When whatever this transmission can cause has come, if the controller has taken the frame, or may take it.
-    fn settled_if_taken(&self, now: Duration, config: &HostConfig) -> Duration {
-        let outlast = config.keeps(HostRule::OutlastExecution);
-        let over = if outlast { self.executed_by } else { self.received_by };
-        now.max(over).saturating_add(config.settle)
     }
 }

@@ -1,6 +1,7 @@
 //! The host: the PC that sends instructions and learns whether they were taken.
 
 mod config;
+mod link;
 pub mod machine;
 
 use core::time::Duration;

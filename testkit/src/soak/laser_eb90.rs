@@ -1,4 +1,7 @@
 //! A host and a controller on a serial line. A job is an instruction: a cut, which is queued, or one that is executed at once.
+//!
+//! The host's assumptions hold: where the line pauses longer, or the ends are called later, they are set above it. In some sessions one
+//! end is hostile: it answers or sends anything at any time. What is executed then proves nothing; each job has one outcome all the same.
 
 use core::time::Duration;
 
@@ -6,18 +9,23 @@ use laser_eb90::{
     Class, Controller, ControllerConfig, ControllerEvent, DecodeError, EncodeError, Frame, Host, HostConfig,
     HostEvent, Instruction, Instructions, Item, Items, Payload, Profile, SessionError,
 };
-use robot_session::Session as _;
+use robot_session::{Encode as _, Session as _};
 use robot_work_queue::Reader;
 
+use super::wire::Cable;
 use super::{Check, Ledger, Log, Reported, Row, Tally, Unseen, Wire};
-use crate::link::{Delivery, End, Faults};
+use crate::link::{End, Faults};
 use crate::rng::Rng;
+use crate::turn;
 
 pub(super) const SERIAL: Row =
     Row { link: "laser-eb90", transport: "serial", job: "instructions", one_in: Some(256), session };
 
 const MS: Duration = Duration::from_millis(1);
 const LIMIT: Duration = Duration::from_secs(3600);
+/// The fault-free time at the end, and the instructions that must be done in it.
+const HEALED: Duration = Duration::from_secs(60);
+const WORK: usize = 10;
 /// An interpreted instruction, an immediate one and a query.
 const CUT: u16 = 0x0101;
 const SWITCH: u16 = 0x0201;
@@ -28,7 +36,7 @@ const ASK: u16 = 0x0301;
 struct Marked {
     word: u16,
     job: u32,
-    /// The bits of a float: damage makes a NaN, too, which is to equal itself.
+    /// The bits of a float: corruption makes a NaN, too, which is to equal itself.
     x: u32,
 }
 
@@ -63,38 +71,58 @@ impl TryFrom<Instruction<'_>> for Marked {
     }
 }
 
+/// Who does not keep the source's rules.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Hostile {
+    Nobody,
+    Host,
+    Controller,
+}
+
 struct Cell {
     now: Duration,
     log: Log,
+    rng: Rng,
     wire: Wire,
+    /// Nothing arrives before.
+    plug_at: Duration,
+    hostile: Hostile,
+    healed: bool,
     ledger: Ledger,
     /// Executed, and nobody sent it.
     aliens: Vec<Marked>,
     sent: Vec<Marked>,
+    config: HostConfig,
     host: Host,
-    /// Whether it sends again on silence.
-    insists: bool,
+    /// The job of the host's first ticket.
+    base: usize,
     controller: Controller<'static, Marked>,
     reader: Reader<'static, Marked>,
     motion_at: Duration,
     pace: Duration,
+    unexpected: u64,
 }
 
 fn session(seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     let bad = [0.2, 1.0, 4.0][rng.below(3)];
     let baud = [9600, 115_200][rng.below(2)];
+    let is_slow = rng.chance(0.5);
     let faults = Faults {
         flip: 0.001 * bad,
         lose_byte: 0.0005 * bad,
         insert: 0.0005 * bad,
         lose: 0.02,
-        // Below the controller's silence, which has to be "above the pauses that a PC makes within a frame".
         pause: [2 * MS, 45 * MS][rng.below(2)],
+        stall: if is_slow { 0.05 } else { 0.0 },
         ..Faults::SERIAL
     };
-    let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let config = HostConfig {
+    let hostile = match rng.below(10) {
+        0 => Hostile::Host,
+        1 => Hostile::Controller,
+        _ => Hostile::Nobody,
+    };
+    let defaults = HostConfig {
         baud,
         batch: 1 + rng.below(7) as u8,
         resend_on_silence: rng.chance(0.1),
@@ -102,78 +130,167 @@ fn session(seed: u64, log: Log) -> Tally {
         full_timeout: Duration::from_secs(2),
         ..HostConfig::default()
     };
-    let (mut host, mut controller) =
-        (Host::new(config).unwrap(), Controller::new(ControllerConfig::default(), writer).unwrap());
-    host.handle_connected(Duration::ZERO);
-    controller.handle_connected(Duration::ZERO);
+    // Pauses of up to 10 s in a frame and in its answer, and a controller that is called up to 5 s late twice between them.
+    let config = HostConfig {
+        max_pause: Duration::from_secs(11),
+        reply_time: Duration::from_secs(16),
+        settle: Duration::from_secs(22),
+        earlier_execution: Duration::from_secs(6),
+        ..defaults
+    };
+    let config = if is_slow { config } else { defaults };
+    let mut wire = Wire::new(seed, faults.at_baud(baud), ["host", "controller"], false, log);
+    wire.poll_late(if is_slow { 0.005 } else { 0.0 });
+    let (controller, reader) = new_controller();
     let mut cell = Cell {
         now: Duration::ZERO,
         log,
-        wire: Wire::new(seed, faults.at_baud(baud), ["host", "controller"], false, log),
+        wire,
+        plug_at: Duration::ZERO,
+        hostile,
+        healed: false,
         ledger: Ledger::default(),
         aliens: Vec::new(),
         sent: Vec::new(),
-        host,
-        insists: config.resend_on_silence,
+        config,
+        host: new_host(config, Duration::ZERO),
+        base: 0,
         controller,
         reader,
         motion_at: Duration::ZERO,
         pace: [MS, 20 * MS, 700 * MS][rng.below(3)],
+        unexpected: 0,
+        rng,
     };
-    let jobs = 5 + rng.below(36);
-    let mut next = word(&mut rng);
+    cell.controller.handle_connected(Duration::ZERO);
+    let jobs = 5 + cell.rng.below(36);
     while cell.now < LIMIT && (cell.sent.len() < jobs || !cell.host.is_idle()) {
-        while cell.sent.len() < jobs && cell.submit(next) {
-            next = word(&mut rng);
-        }
+        cell.misfortune();
+        cell.submit_until(jobs);
         cell.step();
-        // The user looks at an outcome that nobody knows, and goes on.
-        if cell.host.is_held() {
-            cell.host.resume();
-        }
     }
+    let stuck = !cell.heal();
     // What the controller still holds is executed.
     let end = cell.now + Duration::from_secs(8);
     while cell.now < end && (!cell.reader.is_empty() || cell.now + Duration::from_secs(7) < end) {
         cell.step();
     }
-    cell.settle()
+    cell.settle(stuck)
 }
 
-fn word(rng: &mut Rng) -> u16 {
-    match rng.below(10) {
-        0 => SWITCH,
-        1 => ASK,
-        _ => CUT,
-    }
+fn new_host(config: HostConfig, now: Duration) -> Host {
+    let mut host = Host::new(config).unwrap();
+    host.handle_connected(now);
+    host
+}
+
+fn new_controller() -> (Controller<'static, Marked>, Reader<'static, Marked>) {
+    let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
+    (Controller::new(ControllerConfig::default(), writer).unwrap(), reader)
 }
 
 impl Cell {
-    fn submit(&mut self, word: u16) -> bool {
-        let marked = Marked::new(word, self.sent.len());
-        match self.host.submit(word, |payload| marked.write(payload)) {
-            Ok(_) => {
-                self.sent.push(marked);
-                self.ledger.send(self.wire.mark());
-                true
+    fn submit_until(&mut self, jobs: usize) {
+        while self.sent.len() < jobs {
+            let word = match self.rng.below(10) {
+                0 => SWITCH,
+                1 => ASK,
+                _ => CUT,
+            };
+            let marked = Marked::new(word, self.sent.len());
+            match self.host.submit(word, |payload| marked.write(payload)) {
+                Ok(_) => {
+                    self.sent.push(marked);
+                    self.ledger.send(self.wire.mark());
+                }
+                Err(SessionError::Full) => return,
+                Err(error) => panic!("{error}"),
             }
-            Err(SessionError::Full) => false,
-            Err(error) => panic!("{error}"),
         }
     }
 
+    /// What befalls both ends and the line.
+    fn misfortune(&mut self) {
+        if self.rng.chance(0.001) {
+            self.log.line(self.now, format_args!("the line is unplugged"));
+            self.plug_at = self.now + self.rng.log_uniform(10 * MS, 10_000 * MS);
+        }
+        if self.rng.chance(0.001) {
+            self.log.line(self.now, format_args!("the host's port is closed and opened again"));
+            self.host.handle_disconnected(self.now);
+            self.host.handle_connected(self.now);
+        }
+        if self.rng.chance(0.001) {
+            self.log.line(self.now, format_args!("the host is restarted"));
+            self.host = new_host(self.config, self.now);
+            // A new host knows nothing of the instructions of the one before.
+            for job in self.base..self.sent.len() {
+                if !self.ledger.is_reported(job) {
+                    let unknown = if self.is_certain() { Reported::Unknown } else { Reported::AnyTimes(0) };
+                    self.ledger.report(job, unknown, self.wire.mark());
+                }
+            }
+            self.base = self.sent.len();
+        }
+        if self.rng.chance(0.001) {
+            self.log.line(self.now, format_args!("the controller is restarted, its motion task is not"));
+            while let Some(job) = self.reader.take() {
+                let marked = job.complete();
+                self.execute(marked);
+            }
+            (self.controller, self.reader) = new_controller();
+            self.controller.handle_connected(self.now);
+        }
+    }
+
+    /// Whether what is executed follows from what was reported: no hostile end, and no caller who wants a frame several times.
+    fn is_certain(&self) -> bool {
+        self.hostile == Hostile::Nobody && !self.config.resend_on_silence
+    }
+
+    /// A minute without faults, in which work is asked for. Whether it was done.
+    fn heal(&mut self) -> bool {
+        self.wire.heal(self.now);
+        (self.healed, self.plug_at) = (true, self.now);
+        let end = self.now + HEALED;
+        let (begin, jobs) = (self.sent.len(), self.sent.len() + WORK);
+        let is_done =
+            |cell: &Self| cell.sent.len() == jobs && (begin..jobs).all(|job| cell.ledger.is_reported(job));
+        while self.now < end && !is_done(self) {
+            self.submit_until(jobs);
+            self.step();
+        }
+        is_done(self)
+    }
+
     fn step(&mut self) {
-        let mut out = [0; Frame::MAX_LEN];
-        while let Some(Delivery::Bytes(bytes)) = self.wire.receive(End::A, self.now) {
-            self.host.handle_input(self.now, &bytes);
+        let is_cut = self.now < self.plug_at;
+        let (now, mut events) = (self.now, Vec::new());
+        // The user looks at an outcome that nobody knows, and goes on.
+        if self.host.is_held() {
+            self.host.resume();
         }
-        while let Some(Delivery::Bytes(bytes)) = self.wire.receive(End::B, self.now) {
-            self.controller.handle_input(self.now, &bytes);
-        }
-        self.host.handle_timeout(self.now);
-        self.controller.handle_timeout(self.now);
-        self.hear();
-        self.obey();
+        turn(&mut Cable { wire: &mut self.wire, is_cut }, End::A, &mut self.host, now, |_, event| {
+            events.push(event);
+        });
+        events.into_iter().for_each(|event| self.report(event));
+        let (log, mut executed, mut unexpected) = (self.log, Vec::new(), 0);
+        turn(
+            &mut Cable { wire: &mut self.wire, is_cut },
+            End::B,
+            &mut self.controller,
+            now,
+            |controller, event| {
+                log.line(now, format_args!("  controller: {event:?}"));
+                match event {
+                    ControllerEvent::Execute { class, .. } => executed.extend(obey(controller, now, class)),
+                    ControllerEvent::Unexpected(_) => unexpected += 1,
+                    _ => {}
+                }
+            },
+        );
+        self.unexpected += unexpected;
+        executed.into_iter().for_each(|marked| self.execute(marked));
         while self.motion_at <= self.now {
             let Some(job) = self.reader.take() else {
                 self.motion_at = self.now + MS;
@@ -183,53 +300,53 @@ impl Cell {
             self.motion_at += self.pace;
             self.execute(marked);
         }
-        while let Some(n) = self.host.poll_transmit(self.now, &mut out) {
-            self.wire.send(End::A, self.now, &out[..n]);
-        }
-        while let Some(n) = self.controller.poll_transmit(self.now, &mut out) {
-            self.wire.send(End::B, self.now, &out[..n]);
-        }
+        self.provoke();
         let motion = (!self.reader.is_empty()).then_some(self.motion_at);
-        let times = [self.host.poll_timeout(), self.controller.poll_timeout(), motion];
+        let plug = is_cut.then_some(self.plug_at);
+        let times = [self.host.poll_timeout(), self.controller.poll_timeout(), motion, plug];
+        // The next submission may be all that is left to happen.
         self.now = self.wire.next(self.now, times);
     }
 
-    fn hear(&mut self) {
-        while let Some(event) = self.host.poll_event() {
-            self.log.line(self.now, format_args!("  host: {event:?}"));
-            let (first, count, reported) = match event {
-                HostEvent::Done { first, count, unanswered: 0, .. } => (first, count, Reported::Done),
-                HostEvent::Done { first, count, .. } => (first, count, Reported::AnyTimes(1)),
-                // It may have been asked several times: then that is what the user wants.
-                HostEvent::Answer { ticket, .. } if self.insists => (ticket, 1, Reported::AnyTimes(1)),
-                HostEvent::Answer { ticket, .. } => (ticket, 1, Reported::Done),
-                HostEvent::Refused { first, count, .. } => (first, count, Reported::NotDone),
-                HostEvent::Unknown { first, count, .. } if self.insists => {
-                    (first, count, Reported::AnyTimes(0))
-                }
-                HostEvent::Unknown { first, count, .. } => (first, count, Reported::Unknown),
-                _ => continue,
-            };
-            for job in first..first + u64::from(count) {
-                self.ledger.report(job as usize, reported, self.wire.mark());
-            }
+    /// A random walk over the messages of one end.
+    fn provoke(&mut self) {
+        if self.healed || self.hostile == Hostile::Nobody || !self.rng.chance(0.05) {
+            return;
         }
+        let (profile, mut buffer, mut out) = (Profile::default(), [0; 64], [0; Frame::MAX_LEN]);
+        let mut payload = Payload::new(&mut buffer, &profile);
+        let words = [CUT, SWITCH, ASK, 0xE001, 0xE002, 0xE003, 0xE004, 0xE005, 0xE006, 0x7777];
+        payload.word(words[self.rng.below(words.len())]).unwrap();
+        if self.rng.chance(0.5) {
+            Marked::new(CUT, 1_000_000 + self.rng.below(1000)).write(&mut payload).unwrap();
+        }
+        let n = payload.frame().unwrap().encode(&mut out).unwrap();
+        let n = if self.rng.chance(0.7) { n } else { self.rng.below(n) };
+        let from = if self.hostile == Hostile::Host { End::A } else { End::B };
+        self.wire.send(from, self.now, &out[..n]);
     }
 
-    fn obey(&mut self) {
-        while let Some(event) = self.controller.poll_event() {
-            self.log.line(self.now, format_args!("  controller: {event:?}"));
-            let ControllerEvent::Execute { class, .. } = event else { continue };
-            let Some(Ok(marked)) = self.controller.instruction().map(Marked::try_from) else {
-                self.controller.refuse(self.now, laser_eb90::Refusal::BadParameters).unwrap();
-                continue;
-            };
-            self.execute(marked);
-            let values = |payload: &mut Payload<'_>| match class {
-                Class::Query => payload.f32(&[1.5, -2.5]).map(drop),
-                _ => Ok(()),
-            };
-            self.controller.answer(self.now, values).unwrap();
+    fn report(&mut self, event: HostEvent) {
+        self.log.line(self.now, format_args!("  host: {event:?}"));
+        let insists = self.config.resend_on_silence;
+        let (first, count, reported) = match event {
+            HostEvent::Done { first, count, unanswered: 0, .. } => (first, count, Reported::Done),
+            HostEvent::Done { first, count, .. } => (first, count, Reported::AnyTimes(1)),
+            // It may have been asked several times: then that is what the user wants.
+            HostEvent::Answer { ticket, .. } if insists => (ticket, 1, Reported::AnyTimes(1)),
+            HostEvent::Answer { ticket, .. } => (ticket, 1, Reported::Done),
+            HostEvent::Refused { first, count, .. } => (first, count, Reported::NotDone),
+            HostEvent::Unknown { first, count, .. } if insists => (first, count, Reported::AnyTimes(0)),
+            HostEvent::Unknown { first, count, .. } => (first, count, Reported::Unknown),
+            HostEvent::Unexpected(_) => {
+                self.unexpected += 1;
+                return;
+            }
+            _ => return,
+        };
+        let reported = if self.hostile == Hostile::Nobody { reported } else { Reported::AnyTimes(0) };
+        for ticket in first..first + u64::from(count) {
+            self.ledger.report(self.base + ticket as usize, reported, self.wire.mark());
         }
     }
 
@@ -241,8 +358,8 @@ impl Cell {
         }
     }
 
-    fn settle(self) -> Tally {
-        let mut tally = Tally::default();
+    fn settle(self, stuck: bool) -> Tally {
+        let mut tally = Tally { stuck: stuck.into(), invented: self.unexpected, ..Tally::default() };
         let profile = Profile::default();
         let unseen = self.wire.settle(self.now, &mut tally, Frame::MAX_LEN, |_, bytes| {
             let mut payload = [0; laser_eb90::MAX_PAYLOAD];
@@ -253,7 +370,7 @@ impl Cell {
             }
         });
         for alien in &self.aliens {
-            if !unseen.iter().any(|unseen| holds(unseen, alien)) {
+            if self.hostile == Hostile::Nobody && !unseen.iter().any(|unseen| holds(unseen, alien)) {
                 self.log.line(self.now, format_args!("!!! nobody sent {alien:?}"));
                 tally.invented += 1;
             }
@@ -265,7 +382,21 @@ impl Cell {
     }
 }
 
-/// Whether an instruction is in a frame that damage has made.
+/// Executes an immediate instruction or a query, and answers it.
+fn obey(controller: &mut Controller<'static, Marked>, now: Duration, class: Class) -> Option<Marked> {
+    let Some(Ok(marked)) = controller.instruction().map(Marked::try_from) else {
+        controller.refuse(now, laser_eb90::Refusal::BadParameters).unwrap();
+        return None;
+    };
+    let values = |payload: &mut Payload<'_>| match class {
+        Class::Query => payload.f32(&[1.5, -2.5]).map(drop),
+        _ => Ok(()),
+    };
+    controller.answer(now, values).unwrap();
+    Some(marked)
+}
+
+/// Whether an instruction is in a frame that corruption has made.
 fn holds(unseen: &Unseen, alien: &Marked) -> bool {
     let (profile, mut payload) = (Profile::default(), [0; laser_eb90::MAX_PAYLOAD]);
     let Ok(Some((frame, _))) = Frame::decode(&unseen.bytes, &mut payload, &profile) else { return false };

@@ -13,10 +13,11 @@ use val2_viewer::{
     WorkstationEvent,
 };
 
+use super::wire::Cable;
 use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
-use crate::link::{Delivery, End, Faults};
+use crate::link::{End, Faults};
 use crate::rng::Rng;
-use crate::{Carrier, turn};
+use crate::turn;
 
 pub(super) const SERIAL: Row =
     Row { link: "val2-viewer", transport: "serial", job: "requests", one_in: Some(256), session };
@@ -87,14 +88,14 @@ fn session(seed: u64, log: Log) -> Tally {
         let is_cut = now < plug_at;
         let asked = workstation.statistics().requests;
         let mut events = Vec::new();
-        turn(&mut Line { wire: &mut wire, is_cut }, End::A, &mut workstation, now, |_, event| {
+        turn(&mut Cable { wire: &mut wire, is_cut }, End::A, &mut workstation, now, |_, event| {
             events.push(event);
         });
         if now >= draw_at {
             workstation.draw(now);
             let waits = workstation.machine().name() == "WaitingStale";
             draw_at = now + operator(now, log, waits, healed.is_none(), &mut rng);
-            turn(&mut Line { wire: &mut wire, is_cut }, End::A, &mut workstation, now, |_, event| {
+            turn(&mut Cable { wire: &mut wire, is_cut }, End::A, &mut workstation, now, |_, event| {
                 events.push(event);
             });
         }
@@ -161,7 +162,7 @@ fn session(seed: u64, log: Log) -> Tally {
             requests -= 1;
             open = Some(ledger.send(wire.mark()));
         }
-        cell.turn(&mut Line { wire: &mut wire, is_cut }, now, &mut made);
+        cell.turn(&mut Cable { wire: &mut wire, is_cut }, now, &mut made);
         if healed.is_none() {
             if is_hostile_host && rng.chance(0.1) {
                 let packet = PosePacket { count: rng.next_u64() as u16, pose: anything(&mut rng) };
@@ -230,29 +231,6 @@ fn operator(now: Duration, log: Log, waits: bool, is_careless: bool, rng: &mut R
     pause
 }
 
-/// A line that may be unplugged: nothing that is on it arrives.
-struct Line<'a> {
-    wire: &'a mut Wire,
-    is_cut: bool,
-}
-
-impl Carrier for Line<'_> {
-    fn send(&mut self, from: End, now: Duration, bytes: &[u8]) {
-        if !self.is_cut {
-            self.wire.send(from, now, bytes);
-        }
-    }
-
-    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
-        loop {
-            let delivery = self.wire.receive(at, now)?;
-            if !self.is_cut {
-                return Some(delivery);
-            }
-        }
-    }
-}
-
 /// The host, and ALTER, which gives it poses.
 struct Cell {
     host: Host,
@@ -314,7 +292,7 @@ impl Cell {
         }
     }
 
-    fn turn(&mut self, line: &mut Line<'_>, now: Duration, made: &mut Vec<Made>) {
+    fn turn(&mut self, line: &mut Cable<'_>, now: Duration, made: &mut Vec<Made>) {
         if !self.reads {
             return;
         }

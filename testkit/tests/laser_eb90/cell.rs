@@ -3,52 +3,17 @@
 use core::time::Duration;
 
 use laser_eb90::{
-    Class, Controller, ControllerConfig, ControllerEvent, EncodeError, Host, HostConfig, HostEvent,
-    Instruction, Item, Payload, Profile, SessionError,
+    Class, Controller, ControllerConfig, ControllerEvent, Host, HostConfig, HostEvent, Item, Profile,
+    SessionError,
 };
 use robot_session::Session as _;
 use robot_work_queue::Reader;
 use testkit::link::{Delivery, End, Faults, Link};
 
-pub const MS: Duration = Duration::from_millis(1);
+pub use crate::common::{CUT, Cut, MS, STOP, WHERE, cut, write_cut};
+
 /// A hundred cycles of the controller.
 pub const START: Duration = Duration::from_millis(1600);
-/// An interpreted, an immediate and a query instruction of the default words.
-pub const CUT: u16 = 0x0101;
-pub const STOP: u16 = 0x0201;
-pub const WHERE: u16 = 0x0301;
-
-/// A cut that knows which one it is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cut {
-    pub index: u32,
-    pub x: f32,
-}
-
-impl TryFrom<Instruction<'_>> for Cut {
-    type Error = ();
-
-    fn try_from(instruction: Instruction<'_>) -> Result<Self, ()> {
-        let mut items = instruction.parameters;
-        match (instruction.word, items.next(), items.next(), items.next()) {
-            (CUT, Some(Ok(Item::I16(index))), Some(Ok(Item::F32(x))), None) => {
-                let [low, high] = index.array().ok_or(())?.map(i16::cast_unsigned);
-                let [x] = x.array().ok_or(())?;
-                Ok(Self { index: u32::from(high) << 16 | u32::from(low), x })
-            }
-            _ => Err(()),
-        }
-    }
-}
-
-pub fn cut(index: u32) -> Cut {
-    Cut { index, x: index as f32 * 0.25 }
-}
-
-pub fn write_cut(payload: &mut Payload<'_>, cut: Cut) -> Result<(), EncodeError> {
-    let index = [(cut.index & 0xFFFF) as i16, (cut.index >> 16) as i16];
-    payload.i16(&index)?.f32(&[cut.x]).map(drop)
-}
 
 /// A controller that was connected at 0.
 pub fn controller(profile: Profile) -> (Controller<'static, Cut>, Reader<'static, Cut>) {

@@ -4,6 +4,8 @@
 
 mod bad_line;
 mod cell;
+#[path = "../../../laser-eb90/tests/common/mod.rs"]
+mod common;
 mod refine;
 mod session;
 mod vectors;

@@ -3,9 +3,10 @@
 mod machines;
 mod pair;
 mod refine;
+mod world;
 
-pub use pair::{Act, Exchange, Fate, State, TICK};
 pub use refine::{Refined, refine};
+pub use world::{Act, Exchange, Fate, State, TICK};
 
 use isra_ball::{ball, host};
 

@@ -8,12 +8,8 @@ use core::time::Duration;
 use crate::model::{Edge, Edges, System, age, drive};
 use isra_ball::ball::machine::{self as ball, BallMachine};
 use isra_ball::host::machine::{self as host, HostMachine};
-use isra_ball::{BallConfig, HostConfig};
 
-/// The time of a tick.
-pub const TICK: Duration = Duration::from_millis(5);
-/// The ticks of a poll and its packet on the line.
-const LINE: u8 = 2;
+use super::world::{Act, Exchange, Fate, LINE, Packet, State, TICK};
 
 pub(super) const AGE: &str = "values are used no longer than max_age";
 pub(super) const MEASURED: &str = "values are used only if they were measured";
@@ -23,176 +19,6 @@ pub(super) const PAIRED: &str = "a packet is the reply to the poll that it ends"
 pub(super) const ASKED: &str = "the ball sends nothing unasked";
 pub(super) const CLAIMED: &str = "without a fault nothing is missed, stale or unasked";
 const EXPECTED: &str = "no input is unexpected";
-
-/// A system: bounds and faults.
-#[derive(Debug, Clone, Copy)]
-pub struct Exchange {
-    /// The host's configuration.
-    pub config: Config,
-    /// The ball's configuration.
-    pub ball: BallConfig,
-    /// So many faults at most.
-    pub faults: u8,
-    /// The most ticks that a packet is late.
-    pub delay: u8,
-    /// The ball may have no new values at any time.
-    pub idle: bool,
-    /// Noise may be a poll to the ball: a fault.
-    pub noise: bool,
-    /// The host may not be called for a while: a fault.
-    pub sleeps: bool,
-}
-
-/// The host's configuration on a line of whole ticks.
-#[derive(Debug, Clone, Copy)]
-pub struct Config(pub HostConfig);
-
-impl Config {
-    const WHOLE: Self = Self(HostConfig {
-        baud: 13_000,
-        period: Duration::from_millis(15),
-        // A packet that is one tick late is in time.
-        max_delay: Duration::from_micros(7500),
-        max_age: Duration::from_millis(55),
-        without: None,
-    });
-
-    pub(super) fn without(self, rule: isra_ball::host::Rule) -> Self {
-        Self(HostConfig { without: Some(rule), ..self.0 })
-    }
-
-    /// Three ticks late is in time, later than the next poll is due.
-    pub(super) fn patient(self) -> Self {
-        let (max_delay, max_age) = (Duration::from_micros(17_500), Duration::from_millis(85));
-        Self(HostConfig { max_delay, max_age, ..self.0 })
-    }
-
-    /// The greatest age in ticks.
-    fn max_age(&self) -> u8 {
-        (self.0.max_age.as_nanos() / TICK.as_nanos()) as u8
-    }
-}
-
-impl Exchange {
-    /// A ball that has new values at every tick.
-    pub fn steady() -> Self {
-        let (config, ball) = (Config::WHOLE, BallConfig::default());
-        Self { config, ball, faults: 1, delay: 1, idle: false, noise: false, sleeps: true }
-    }
-
-    /// A ball that measures when it likes.
-    pub fn slow() -> Self {
-        Self { idle: true, ..Self::steady() }
-    }
-
-    /// From this age on values are just as old.
-    fn oldest(&self) -> u8 {
-        self.config.max_age() + self.delay + LINE + 2
-    }
-}
-
-/// A packet between the ball and the host.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Packet {
-    /// Ticks until it arrives; 0 in the host's input.
-    pub ticks: u8,
-    fresh: bool,
-    age: u8,
-    measured: bool,
-    /// It answers the poll that is open.
-    reply: bool,
-}
-
-/// The state of everything.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct State {
-    /// The host's machine.
-    pub host: HostMachine,
-    /// The ball's machine.
-    pub ball: BallMachine,
-    /// The age of the ball's values in ticks; they were measured, or never.
-    age: u8,
-    measured: bool,
-    /// An ENQ has come on this connection of the ball and was not answered.
-    asked: bool,
-    /// How long the ball has had the poll that it is to answer.
-    waits: u8,
-    /// On the line and in the host's input, oldest first.
-    pub up: Vec<Packet>,
-    asleep: bool,
-    open: bool,
-    /// The age of the values in use, and whether they were measured.
-    using: Option<(u8, bool)>,
-    faults: u8,
-    wrong: Option<&'static str>,
-}
-
-impl State {
-    /// The host is not called.
-    pub fn is_asleep(&self) -> bool {
-        self.asleep
-    }
-
-    /// A poll has no outcome yet.
-    pub fn is_open(&self) -> bool {
-        self.open
-    }
-
-    /// Values are in use.
-    pub fn is_using(&self) -> bool {
-        self.using.is_some()
-    }
-}
-
-/// What happens.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Act {
-    /// The host does what came due.
-    Timer,
-    /// The host sends ENQ.
-    Poll {
-        /// It arrives.
-        arrives: bool,
-    },
-    /// The ball sends its packet.
-    Reply(Fate),
-    /// The host reads the oldest packet.
-    Receive,
-    /// Time passes.
-    Tick {
-        /// The sensor has new values.
-        measures: bool,
-    },
-    /// The sensor has new values within a tick.
-    Measure,
-    /// The ball receives an ENQ that nobody has sent.
-    Noise,
-    /// The host is not called any more.
-    Sleep,
-    /// The host is called again.
-    Wake,
-    /// A new host on the same line.
-    RestartHost,
-    /// The host's port is lost and opened again.
-    ReopenHost,
-    /// The ball is switched off and on.
-    RestartBall,
-    /// The ball's end of the line is lost and there again.
-    ReopenBall,
-    /// The line is plugged into another ball, which has values of long ago; the host's port is opened again.
-    OtherBall,
-}
-
-/// What becomes of a packet.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fate {
-    /// It arrives, so many ticks late.
-    Late(u8),
-    /// Nothing of it arrives.
-    Lost,
-    /// It arrives with a wrong checksum.
-    Corrupt,
-}
 
 impl System for Exchange {
     type State = State;
@@ -491,22 +317,5 @@ impl Exchange {
         self.ball(state, ball::Input::Disconnected, edges);
         self.ball(state, ball::Input::Connected, edges);
         (state.asked, state.waits) = (false, 0);
-    }
-}
-
-impl Act {
-    fn is_fault(self) -> bool {
-        match self {
-            Self::Poll { arrives } => !arrives,
-            Self::Reply(fate) => !matches!(fate, Fate::Late(_)),
-            Self::Timer | Self::Receive | Self::Tick { .. } | Self::Measure | Self::Wake => false,
-            Self::Noise
-            | Self::Sleep
-            | Self::RestartHost
-            | Self::ReopenHost
-            | Self::RestartBall
-            | Self::ReopenBall
-            | Self::OtherBall => true,
-        }
     }
 }

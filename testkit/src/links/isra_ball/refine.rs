@@ -7,7 +7,7 @@ use isra_ball::host::machine::HostMachine;
 use isra_ball::{Ball, Host, HostEvent, Keys};
 use robot_session::Session as _;
 
-use super::pair::{Act, Exchange, Fate, State, TICK};
+use super::world::{Act, Exchange, Fate, State, TICK};
 use crate::model::{Options, System, explore};
 
 /// How much was walked.

@@ -7,10 +7,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use robot_session::{Received, Sent, Transport};
 
 use crate::interrupt;
-use crate::line::Clock;
 
 /// How many bytes of each direction the source keeps: "jeweils die letzten 1000 gesendeten und empfangenen Bytes" (VAL II
 /// thesis, §9.1).
@@ -73,40 +71,6 @@ pub enum Way {
     Sent,
     /// To this end.
     Received,
-}
-
-/// A transport whose bytes are kept for a trace.
-#[derive(Debug)]
-pub struct Traced<'a, T> {
-    transport: T,
-    trace: &'a Trace,
-    clock: Clock,
-}
-
-impl<'a, T: Transport> Traced<'a, T> {
-    /// `transport`, whose session and trace have the time of `clock`.
-    pub fn new(transport: T, trace: &'a Trace, clock: Clock) -> Self {
-        Self { transport, trace, clock }
-    }
-}
-
-impl<T: Transport> Transport for Traced<'_, T> {
-    fn now(&self) -> Duration {
-        self.clock.now()
-    }
-
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        let received = self.transport.receive(buffer, wait)?;
-        if let Received::Bytes(length) = received {
-            self.trace.add(self.clock.now(), Way::Received, buffer.get(..length).unwrap_or_default());
-        }
-        Ok(received)
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        self.trace.add(self.clock.now(), Way::Sent, bytes);
-        self.transport.send(bytes)
-    }
 }
 
 /// Keeps the last bytes of each direction. Clones share them.

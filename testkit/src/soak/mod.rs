@@ -9,6 +9,7 @@ mod fanuc_hmi_modbus;
 mod isra_ball;
 mod kawasaki_msg;
 mod laser_eb90;
+mod log;
 mod mmacell_proto;
 mod tally;
 mod val2_alter;
@@ -18,8 +19,9 @@ mod wire;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 pub use fanuc_hmi_modbus::SABOTAGED;
+pub use log::{Log, Mark};
 pub use tally::{Job, Ledger, Reported, Tally};
-pub use wire::{Check, Log, Mark, Unseen, Wire};
+pub use wire::{Check, Unseen, Wire};
 
 /// One link over one transport: a row of the table.
 #[derive(Debug, Clone, Copy)]

@@ -3,7 +3,7 @@
 use core::ops::AddAssign;
 use core::time::Duration;
 
-use super::wire::{Log, Mark};
+use super::log::{Log, Mark};
 use crate::link::FaultCounts;
 
 /// What is reported to the sender of a job.

@@ -1,41 +1,12 @@
-//! The faulty link of a session, what it did to each transmission, and the trace.
+//! The faulty link of a session, and what it did to each transmission.
 
-use core::fmt::Arguments;
 use core::time::Duration;
 
+use super::log::{Log, Mark};
 use super::tally::Tally;
 use crate::Carrier;
 use crate::link::{Delivery, End, Faults, Link};
 use crate::rng::Rng;
-
-/// Where the trace of a session goes: to standard output, or nowhere.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Log {
-    on: bool,
-}
-
-impl Log {
-    /// Nowhere.
-    pub const OFF: Self = Self { on: false };
-    /// To standard output.
-    pub const ON: Self = Self { on: true };
-
-    /// A line of the trace.
-    pub fn line(self, now: Duration, what: Arguments<'_>) {
-        if self.on {
-            println!("{:>12.3} ms  {what}", now.as_secs_f64() * 1e3);
-        }
-    }
-}
-
-/// How many transmissions each end, A and B, has made so far.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Mark(usize, usize);
-
-impl Mark {
-    /// After them all.
-    pub const END: Self = Self(usize::MAX, usize::MAX);
-}
 
 /// What some bytes begin with, by the protocol's own check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

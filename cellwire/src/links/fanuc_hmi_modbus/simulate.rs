@@ -15,11 +15,12 @@ use serde_json::{Value, json};
 use super::controller::{Controller, circle};
 use super::{is_rtu, word_order};
 use crate::device;
+use crate::drive::Traced;
 use crate::line::{Clock, Line};
 use crate::settings::Settings;
 use crate::simulate::{Endpoint, SimulateOptions, log, ready};
 use crate::tcp;
-use crate::trace::{Trace, Traced};
+use crate::trace::Trace;
 
 /// Who a controller is shared between: every connection sees the same registers.
 pub type Shared = Arc<Mutex<Controller>>;

@@ -9,8 +9,9 @@ use std::time::Duration;
 use kawasaki_msg::{START, timing};
 use robot_session::{Ended, Received, Sent, Transport};
 
+use crate::drive::Traced;
 use crate::line::Clock;
-use crate::trace::{Trace, Traced};
+use crate::trace::Trace;
 
 /// What an end has sent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -1,0 +1,33 @@
+//! The trace of a session, and places in it.
+
+use core::fmt::Arguments;
+use core::time::Duration;
+
+/// Where the trace of a session goes: to standard output, or nowhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Log {
+    pub(super) on: bool,
+}
+
+impl Log {
+    /// Nowhere.
+    pub const OFF: Self = Self { on: false };
+    /// To standard output.
+    pub const ON: Self = Self { on: true };
+
+    /// A line of the trace.
+    pub fn line(self, now: Duration, what: Arguments<'_>) {
+        if self.on {
+            println!("{:>12.3} ms  {what}", now.as_secs_f64() * 1e3);
+        }
+    }
+}
+
+/// How many transmissions each end, A and B, has made so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Mark(pub(super) usize, pub(super) usize);
+
+impl Mark {
+    /// After them all.
+    pub const END: Self = Self(usize::MAX, usize::MAX);
+}

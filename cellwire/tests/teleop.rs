@@ -82,7 +82,7 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
     let mut line = Line::over_port(robot_port, clock, 38_400, off.start("robot")).unwrap();
     let stopped = Arc::clone(&stop);
     let robot_thread = thread::spawn(move || {
-        puma::run(&mut line, clock, config, &stopped, |_, event| {
+        puma::run(&mut line, config, &stopped, |_, event| {
             let _ = tell.send(event);
             Ok(())
         })

@@ -165,8 +165,8 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     };
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
-        let robot = scope
-            .spawn(|| (puma::run(&mut robot.line, clock, puma, &stop, |_, _| Ok(())), robot.line.faults()));
+        let robot =
+            scope.spawn(|| (puma::run(&mut robot.line, puma, &stop, |_, _| Ok(())), robot.line.faults()));
         let ball = scope.spawn(|| (ball::run(&mut ball.line, &stop, |_| Ok(())), ball.line.faults()));
         let viewer =
             scope.spawn(|| (workstation::run(&mut viewer.line, &stop, |_| Ok(())), viewer.line.faults()));

@@ -355,6 +355,28 @@ fn an_offset_is_held_while_the_subroutine_runs() {
     assert_eq!(cell.controller.values(), x(300));
 }
 
+/// The controller stops the arm for the subroutine: what the host sent last is no speed from which it may go on.
+#[test]
+fn after_the_subroutine_the_arm_begins_from_rest() {
+    let limits = Limits { velocity: [50; 6], acceleration: [20; 6] };
+    let (host, controller) = plain();
+    let controller = ControllerConfig { subroutine: true, ..controller };
+    let mut cell = running(HostConfig { limits, subroutine: true, ..host }, controller);
+    cell.host.set_target(cell.now, x(50));
+    cell.cycles(6);
+    cell.host.exception(cell.now, Exception::CloseGripper).unwrap();
+    while cell.controller.state() != ControllerState::Interrupted {
+        cell.run(cell.now + MS);
+    }
+    assert_eq!(cell.host.values(), x(50));
+    cell.cycles(1);
+    cell.applied.clear();
+    cell.controller.resume(cell.now).unwrap();
+    cell.cycles(6);
+    let values: Vec<_> = cell.applied.iter().map(|values| values[0]).skip_while(|x| *x == 0).collect();
+    assert!(values.starts_with(&[20, 40, 50]), "{values:?}");
+}
+
 #[test]
 fn without_mode_bit_4_only_the_exception_counts() {
     let (host, controller) = plain();

@@ -110,10 +110,9 @@ impl Active {
         match (self.stage, self.target) {
             (Stage::Running, Target::Fresh { .. }) => Course::Target,
             (Stage::Running, Target::Stale) if !stale => Course::Target,
-            (Stage::Running | Stage::Interrupted, _) if is_offset => Course::Hold,
-            (Stage::Accepted | Stage::Running | Stage::Interrupted | Stage::Stopping { .. }, _) => {
-                Course::Zero
-            }
+            (Stage::Interrupted, _) => Course::Rest,
+            (Stage::Running, _) if is_offset => Course::Hold,
+            (Stage::Accepted | Stage::Running | Stage::Stopping { .. }, _) => Course::Zero,
         }
     }
 

@@ -101,6 +101,8 @@ pub enum Course {
     Zero,
     /// An offset brakes and stays.
     Hold,
+    /// The controller has brought the arm to rest: nothing moves, and what follows begins from rest.
+    Rest,
 }
 
 /// What the session is to do: everything that is set, in this order.

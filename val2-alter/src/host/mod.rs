@@ -270,10 +270,13 @@ impl Host {
     /// The next values, and the limiter that has made them.
     fn next_values(&self, course: Course) -> ([i16; AXES], Limiter) {
         let mut limiter = self.limiter;
-        let target = match course {
-            Course::Target => self.target,
-            Course::Zero => [0; AXES],
-            Course::Hold => limiter.position(),
+        if course == Course::Rest {
+            limiter.rest();
+        }
+        let target = match (course, self.config.mode.accumulation()) {
+            (Course::Target, _) => self.target,
+            (Course::Zero, _) | (Course::Rest, Accumulation::Cumulative) => [0; AXES],
+            (Course::Hold, _) | (Course::Rest, Accumulation::NonCumulative) => limiter.position(),
         };
         let values = match self.config.mode.accumulation() {
             Accumulation::Cumulative => limiter.speeds(target),

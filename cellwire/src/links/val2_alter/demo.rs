@@ -46,7 +46,7 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
         ),
     );
     report.fact("cycles", "cycles of 28 ms", puma.cycles);
-    report.fact("kept", "kept", puma.replies.len());
+    report.fact("kept", "kept", puma.turn_around.count());
     // The host falls silent at the end: that cycle is missed on purpose.
     let planned = puma.ends.len() - record.ends_before_stop;
     let missed = puma.missed.saturating_sub(planned as u64);
@@ -115,8 +115,8 @@ fn slack(config: &CellConfig) -> Option<Budget> {
 fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
     let CellRecord { puma, host, drawn, .. } = record;
     report.require(puma.starts > 0, || "ALTER never ran".into());
-    report.require(puma.replies.len() as u64 > missed + puma.bad_replies, || {
-        format!("{} of {} cycles were kept", puma.replies.len(), puma.cycles)
+    report.require(puma.turn_around.count() > missed + puma.bad_replies, || {
+        format!("{} of {} cycles were kept", puma.turn_around.count(), puma.cycles)
     });
     report.require(puma.drift == 0.0, || format!("the arm moved {} mm while ALTER was off", puma.drift));
     report

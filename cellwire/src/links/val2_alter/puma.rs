@@ -1,22 +1,23 @@
 //! The simulated PUMA 562 on its MARK III controller.
 
-use core::ops::RangeInclusive;
+use core::ops::{ControlFlow, RangeInclusive};
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::Session as _;
+use robot_session::{Driver, Received, Sent, Session as _, Transport};
 use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{
-    AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Frame, Mode,
-    Motion, SegmentStatus,
+    AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Mode, Motion,
+    SegmentStatus,
 };
 
 use super::arm::{Arm, ArmConfig};
 use super::pose::Pose;
 use crate::device::serve;
-use crate::line::{Clock, Line};
+use crate::line::Line;
 use crate::priority::{self, Rank};
 use crate::report::Samples;
 use crate::settings::Settings;
@@ -24,6 +25,8 @@ use crate::simulate::{SimulateOptions, log};
 
 /// The subroutine that closes or opens the gripper takes this long.
 const SUBROUTINE: Duration = Duration::from_millis(120);
+/// The stop is looked at this often.
+const IDLE: Duration = Duration::from_millis(20);
 /// The program counts its motion segments at this pace.
 const SEGMENT: Duration = Duration::from_secs(1);
 
@@ -136,8 +139,8 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
     };
     let restart = Duration::from_millis(settings.number("restart_ms", 1000u64)?);
     let config = PumaConfig { controller, restart, ..default };
-    serve("puma", "robot", options, controller.baud, |line, clock| {
-        run(line, clock, config, &AtomicBool::new(false), |at, event| log(&to_json(at, event)))?;
+    serve("puma", "robot", options, controller.baud, |line, _| {
+        run(line, config, &AtomicBool::new(false), |at, event| log(&to_json(at, event)))?;
         Ok(())
     })
 }
@@ -148,44 +151,84 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// When an event cannot be told.
 pub fn run(
     line: &mut Line,
-    clock: Clock,
     config: PumaConfig,
     stop: &AtomicBool,
     mut tell: impl FnMut(Duration, PumaEvent) -> Result<()>,
 ) -> Result<PumaRecord> {
     priority::raise(Rank::Hardware);
-    let mut puma = Puma::new(config)?;
-    let mut out = [0; Frame::MAX_LEN];
-    // When this process gets no processor, a request leaves late through no fault of the host: the robot's clock stands still.
-    let mut stood = Duration::ZERO;
-    while !stop.load(Ordering::Relaxed) && line.wait(puma.wake(clock.now() - stood) + stood) {
-        stood += line.take_lateness();
-        puma.record.stood = stood;
-        while let Some((at, byte)) = line.receive() {
-            puma.receive(at.saturating_sub(stood), byte);
-        }
-        let now = clock.now() - stood;
-        puma.controller.handle_timeout(now);
-        puma.collect(now);
-        puma.operate(now, line.is_connected());
-        if let Some(length) = puma.controller.poll_transmit(now, &mut out) {
-            let arrived = line.send(out.get(..length).unwrap_or_default());
-            puma.sent(arrived.saturating_sub(stood), length);
-        }
-        puma.collect(now);
+    let mut controller = Controller::new(config.controller)?;
+    let mut puma = Puma::new(config);
+    let mut driver = Driver::new(RobotLine { now: line.now(), line, stood: Duration::ZERO, request: None });
+    while !stop.load(Ordering::Relaxed) {
+        let (now, connected) = (driver.transport().now, driver.transport().line.is_connected());
+        puma.operate(&mut controller, now, connected);
+        let mut events = Vec::new();
+        let wait = puma.wait(&controller, now);
+        let turn = driver.turn(&mut controller, Some(wait), |_, event| {
+            events.push(event);
+            ControlFlow::<()>::Continue(())
+        })?;
+        let robot = driver.transport();
+        puma.collect(events, &controller, robot);
         for event in puma.events.drain(..) {
-            tell(now, event)?;
+            tell(robot.now, event)?;
             if let PumaEvent::Ended(error, _) = event {
-                line.end_session(&format!("ALTER ended, {}", error_text(error)));
+                robot.line.end_session(&format!("ALTER ended, {}", error_text(error)));
             }
+        }
+        if turn.is_break() {
+            break;
         }
     }
     Ok(puma.record)
 }
 
-/// The controller, its operator, its program and its gripper.
+/// The line by the robot's own clock.
+struct RobotLine<'a> {
+    line: &'a mut Line,
+    now: Duration,
+    /// When this process gets no processor, a request leaves late through no fault of the host: the robot's clock stands still.
+    stood: Duration,
+    request: Option<Request>,
+}
+
+/// The request that is being answered.
+struct Request {
+    arrived: Duration,
+    length: usize,
+    first_byte: Option<Duration>,
+    last_byte: Duration,
+}
+
+impl Transport for RobotLine<'_> {
+    fn now(&self) -> Duration {
+        self.now
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        let received = Transport::receive(self.line, buffer, wait)?;
+        self.stood += self.line.take_lateness();
+        self.now = self.now.max(self.line.now().saturating_sub(self.stood));
+        // What comes before the request has left is an answer to the one before.
+        if let (Received::Bytes(_), Some(request)) = (received, &mut self.request)
+            && self.now >= request.arrived
+        {
+            request.first_byte.get_or_insert(self.now);
+            request.last_byte = self.now;
+        }
+        Ok(received)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        let arrived = self.line.send(bytes).saturating_sub(self.stood);
+        let length = bytes.len();
+        self.request = Some(Request { arrived, length, first_byte: None, last_byte: Duration::ZERO });
+        Ok(Sent::Buffered)
+    }
+}
+
+/// The robot's operator, its program, its arm and its gripper.
 struct Puma {
-    controller: Controller,
     arm: Arm,
     config: PumaConfig,
     record: PumaRecord,
@@ -193,22 +236,12 @@ struct Puma {
     connected: bool,
     start_at: Duration,
     resume_at: Option<Duration>,
-    request: Option<Request>,
     stands_at: Option<Pose>,
 }
 
-/// The request that is being answered.
-struct Request {
-    arrived: Duration,
-    window: Duration,
-    first_byte: Option<Duration>,
-    last_byte: Duration,
-}
-
 impl Puma {
-    fn new(config: PumaConfig) -> Result<Self> {
-        Ok(Self {
-            controller: Controller::new(config.controller)?,
+    fn new(config: PumaConfig) -> Self {
+        Self {
             arm: Arm::new(config.arm, config.controller.mode),
             config,
             record: PumaRecord::default(),
@@ -216,64 +249,48 @@ impl Puma {
             connected: false,
             start_at: Duration::ZERO,
             resume_at: None,
-            request: None,
             stands_at: None,
-        })
-    }
-
-    /// When there is something to do at the latest.
-    fn wake(&self, now: Duration) -> Duration {
-        let idle = now + Duration::from_millis(20);
-        let start = (self.controller.state() == ControllerState::Off).then_some(self.start_at);
-        [self.controller.poll_timeout(), self.resume_at, start].into_iter().flatten().fold(idle, Ord::min)
-    }
-
-    fn receive(&mut self, at: Duration, byte: u8) {
-        // What comes before the request has left is an answer to the one before.
-        if let Some(request) = self.request.as_mut().filter(|request| at >= request.arrived) {
-            request.first_byte.get_or_insert(at);
-            request.last_byte = at;
         }
-        self.controller.handle_input(at, &[byte]);
+    }
+
+    /// How long there is nothing to do here.
+    fn wait(&self, controller: &Controller, now: Duration) -> Duration {
+        let start = (controller.state() == ControllerState::Off).then_some(self.start_at);
+        let next = [self.resume_at, start].into_iter().flatten().min();
+        next.map_or(IDLE, |at| at.saturating_sub(now).min(IDLE))
     }
 
     /// What the robot's program and its operator do: the subroutine returns, the program starts, its segments go by.
-    fn operate(&mut self, now: Duration, connected: bool) {
+    fn operate(&mut self, controller: &mut Controller, now: Duration, connected: bool) {
         if self.resume_at.is_some_and(|at| at <= now) {
             self.resume_at = None;
             // ALTER may have ended meanwhile.
-            let _ = self.controller.resume(now);
+            let _ = controller.resume(now);
         }
         if connected != self.connected {
             self.connected = connected;
             if connected {
-                self.controller.handle_connected(now);
+                controller.handle_connected(now);
             } else {
-                self.controller.handle_disconnected(now);
+                controller.handle_disconnected(now);
             }
             self.start_at = self.start_at.max(now + Duration::from_millis(200));
             self.events.push(PumaEvent::Connected(connected));
         }
-        if self.controller.state() == ControllerState::Off && now >= self.start_at {
+        if controller.state() == ControllerState::Off && now >= self.start_at {
             // It cannot have been started already: it is off.
-            let _ = self.controller.start(now);
+            let _ = controller.start(now);
         }
         let number = now.as_millis() / SEGMENT.as_millis() % u128::from(u16::MAX);
         let done = now.as_millis() % SEGMENT.as_millis() * u128::from(Motion::DONE) / SEGMENT.as_millis();
         let [number, done] = [1 + number, done].map(|word| u16::try_from(word).unwrap_or_default());
-        self.controller.set_segment(SegmentStatus::Normal, number, done);
-        self.controller.set_transform(self.arm.transform());
+        controller.set_segment(SegmentStatus::Normal, number, done);
+        controller.set_transform(self.arm.transform());
     }
 
-    /// A message was sent; its last byte arrives at `arrived`.
-    fn sent(&mut self, arrived: Duration, length: usize) {
-        let controller = &self.config.controller;
-        let window = Budget::new(controller.mode.accumulation(), controller.baud, length, 0).window;
-        self.request = Some(Request { arrived, window, first_byte: None, last_byte: Duration::ZERO });
-    }
-
-    fn collect(&mut self, now: Duration) {
-        while let Some(event) = self.controller.poll_event() {
+    fn collect(&mut self, events: Vec<ControllerEvent>, controller: &Controller, robot: &mut RobotLine<'_>) {
+        let arrived = robot.request.as_ref().map_or(Duration::ZERO, |request| request.arrived);
+        for event in events {
             match event {
                 ControllerEvent::Started => {
                     self.arm.begin();
@@ -283,18 +300,21 @@ impl Puma {
                     }
                     self.events.push(PumaEvent::Started(pose));
                 }
-                ControllerEvent::Refused => self.off(PumaEvent::Refused),
-                ControllerEvent::GaveUp => self.off(PumaEvent::GaveUp),
-                ControllerEvent::Reply { values, .. } => self.measure(values),
+                ControllerEvent::Refused => self.off(arrived, PumaEvent::Refused),
+                ControllerEvent::GaveUp => self.off(arrived, PumaEvent::GaveUp),
+                ControllerEvent::Reply { values, .. } => {
+                    self.measure(values, controller, robot.request.take())
+                }
                 ControllerEvent::BadReply(code) => {
-                    if !matches!(self.controller.state(), ControllerState::Starting | ControllerState::Off) {
-                        self.record.without.push(now + self.record.stood);
+                    if !matches!(controller.state(), ControllerState::Starting | ControllerState::Off) {
+                        self.record.without.push(robot.now + robot.stood);
                     }
                     self.events.push(PumaEvent::BadReply(code));
                 }
                 ControllerEvent::Exception(exception) => {
-                    self.resume_at =
-                        Some(self.request.as_ref().map_or(Duration::ZERO, |r| r.last_byte) + SUBROUTINE);
+                    self.resume_at = Some(
+                        robot.request.as_ref().map_or(robot.now, |request| request.last_byte) + SUBROUTINE,
+                    );
                     match exception {
                         Exception::CloseGripper => self.grip(true),
                         Exception::OpenGripper => self.grip(false),
@@ -307,13 +327,14 @@ impl Puma {
                 ControllerEvent::Ended(error) => {
                     let pose = self.arm.pose();
                     self.stands_at = Some(pose);
-                    self.record.ends.push((now + self.record.stood, error));
-                    self.off(PumaEvent::Ended(error, pose));
+                    self.record.ends.push((robot.now + robot.stood, error));
+                    self.off(arrived, PumaEvent::Ended(error, pose));
                 }
                 _ => {}
             }
         }
-        let stats = self.controller.statistics();
+        self.record.stood = robot.stood;
+        let stats = controller.statistics();
         let record = &mut self.record;
         (record.cycles, record.missed, record.bad_replies) =
             (stats.cycles, stats.timeouts, stats.bad_replies);
@@ -321,20 +342,23 @@ impl Puma {
     }
 
     /// A reply was taken, and this is what it does to the arm.
-    fn measure(&mut self, values: [i16; AXES]) {
+    fn measure(&mut self, values: [i16; AXES], controller: &Controller, request: Option<Request>) {
         self.arm.take(values);
-        let Some(Request { arrived, window, first_byte: Some(first), last_byte }) = self.request.take()
-        else {
-            return;
-        };
+        let Some(Request { arrived, length, first_byte: Some(first), last_byte }) = request else { return };
+        let config = &self.config.controller;
+        let window = Budget::new(config.mode.accumulation(), config.baud, length, 0).window;
         let turn_around = last_byte.saturating_sub(arrived);
-        let byte_time = timing::transmission(1, self.config.controller.baud);
+        let byte_time = timing::transmission(1, config.baud);
         let record = &mut self.record;
         record.turn_around.add(turn_around);
         record.thinking.add(first.saturating_sub(byte_time).saturating_sub(arrived));
         record.margin.add(window.saturating_sub(turn_around));
         record.window = Some(record.window.map_or(window, |least| least.min(window)));
-        let stats = self.controller.statistics();
+        // The subroutine has stopped the arm: what comes after it begins from rest.
+        if controller.state() == ControllerState::Interrupted {
+            return;
+        }
+        let stats = controller.statistics();
         record.replies.push(Taken { at: last_byte, session: stats.starts, cycle: stats.cycles, values });
     }
 
@@ -344,9 +368,8 @@ impl Puma {
     }
 
     /// The program has ended; the operator starts it again after a while.
-    fn off(&mut self, event: PumaEvent) {
-        let now = self.request.as_ref().map_or(Duration::ZERO, |request| request.arrived);
-        self.start_at = now + self.config.restart;
+    fn off(&mut self, asked: Duration, event: PumaEvent) {
+        self.start_at = asked + self.config.restart;
         self.resume_at = None;
         self.events.push(event);
     }

@@ -249,8 +249,9 @@ impl World {
         };
         let moving = match course {
             Course::Target => self.target.0,
+            Course::Rest if !system.is_offset() => 0,
             Course::Zero => 0,
-            Course::Hold => self.offset.0,
+            Course::Hold | Course::Rest => self.offset.0,
         };
         let offset = if system.is_offset() { (moving, self.offset.0) } else { (0, 0) };
         let at_rest = if system.is_offset() { offset.0 == offset.1 } else { moving == 0 };

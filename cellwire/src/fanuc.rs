@@ -42,7 +42,7 @@ enum Command {
 
 /// Logs the telemetry block of a controller every 8 ms, as a table.
 ///
-/// Each line has the time by the robot's own life counter, what the controller says, and the speeds without the controller's
+/// Each line has the time by the robot's own life counter, what the controller reports, and the speeds without the controller's
 /// jumps. The word order is found by watching the life counter. Runs until --seconds have passed, or until interrupted: what
 /// was read is in the file by then.
 #[derive(Debug, clap::Args)]
@@ -98,7 +98,7 @@ enum OrderArg {
     HighFirst,
 }
 
-/// Does what the arguments say; false when nothing usable was read.
+/// Does what the arguments ask for; false when nothing usable was read.
 ///
 /// # Errors
 /// When the controller cannot be reached, or a file cannot be read or written.
@@ -113,13 +113,13 @@ pub fn run(args: &Args) -> Result<bool> {
 struct Order {
     known: Option<WordOrder>,
     probe: OrderProbe,
-    /// What the life counter says, where that is not the order in which the blocks are read.
+    /// What the life counter shows, where that is not the order in which the blocks are read.
     contradicted: Option<WordOrder>,
     waiting: Vec<[u16; 37]>,
 }
 
 impl Order {
-    /// The life counter has not told after so many blocks: it stands still, or is something else.
+    /// The life counter has not shown it after so many blocks: it stands still, or is something else.
     const PATIENCE: usize = 500;
 
     /// The blocks that can be read now.
@@ -229,7 +229,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<bool> {
     let comparison = Comparison::new(recording::reference(&trajectory, &arm), recorded, 10.0)?;
     let mut report =
         Report::new("fanuc-hmi-modbus", format!("{} against {}", path.display(), args.trajectory.display()));
-    comparison.tell(&mut report, comparison.delay);
+    comparison.report(&mut report, comparison.delay);
     if let Some(folder) = &args.out {
         for path in plot::draw(folder, &comparison)? {
             eprintln!("{}", path.display());

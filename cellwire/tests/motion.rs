@@ -1,4 +1,4 @@
-//! What the telemetry says about the motion: orientation, time and speeds from blocks, errors against a reference, offsets
+//! What the telemetry shows of the motion: orientation, time and speeds from blocks, errors against a reference, offsets
 //! for DYNAMIC PATH MODIFIER.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::cast_possible_truncation, reason = "the controller's registers are of single precision")]
@@ -365,7 +365,7 @@ mod modifier {
         let silent = modifier.next_period(ms(25));
         assert_eq!((silent.counts, silent.lost), ([0; 6], true));
         modifier.demand(ms(32), along_x(5.06)).unwrap();
-        // The 0.48 of before is gone: nobody wants that motion any more.
+        // The 0.48 of before is gone: that motion was given up.
         assert_eq!(modifier.next_period(ms(32)).counts[0], 40);
         assert_eq!(modifier.next_period(ms(40)).counts[0], 41);
     }
@@ -395,7 +395,7 @@ mod modifier {
     }
 
     proptest! {
-        /// Whatever the source says, each period, each path and the sum stay within their limits.
+        /// Whatever the source sends, each period, each path and the sum stay within their limits.
         #[test]
         fn no_limit_is_ever_passed(
             speeds in prop::collection::vec(-1e6..1e6f64, 1..200),

@@ -202,7 +202,7 @@ fn steps_that_make_no_sense_are_refused() {
     assert_eq!(named.unwrap_err(), ResampleError::Encode(EncodeError::Name));
 }
 
-/// "Fig. 4": from P[1] to P[2] at 10 mm/s, then to P[3] at 31 mm/s. The name says tdMax 0.5 s, tdMin 0.05 s.
+/// "Fig. 4": from P[1] to P[2] at 10 mm/s, then to P[3] at 31 mm/s. The name gives tdMax 0.5 s, tdMin 0.05 s.
 #[test]
 fn the_sources_listing_takes_steps_between_its_shortest_and_its_longest() {
     let path = format!("{}/../reference/ls/figure-4.ls", env!("CARGO_MANIFEST_DIR"));

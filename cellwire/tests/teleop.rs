@@ -21,7 +21,9 @@ use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
 use cellwire::serial;
 use cellwire::teleop::cell::{self, CellConfig};
 use cellwire::teleop::verdict::Extremes;
-use cellwire::teleop::{LIMITS, Mapping, PortConfig, Teleop, TeleopConfig, Told, Traces, host_config};
+use cellwire::teleop::{
+    LIMITS, Mapping, Notification, PortConfig, Teleop, TeleopConfig, Traces, host_config,
+};
 use cellwire::trace::TraceArgs;
 use indicatif::ProgressBar;
 use val2_alter::{ErrorCode, HostConfig, Mode, Motion};
@@ -29,7 +31,7 @@ use val2_alter::{ErrorCode, HostConfig, Mode, Motion};
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn next(events: &Receiver<PumaEvent>) -> PumaEvent {
-    events.recv_timeout(PATIENCE).expect("the robot tells something")
+    events.recv_timeout(PATIENCE).expect("the robot reports something")
 }
 
 /// Where the arm stands at the beginning of ALTER.
@@ -57,12 +59,12 @@ fn wait_for_end(events: &Receiver<PumaEvent>) -> (ErrorCode, Pose) {
     }
 }
 
-/// Waits until the robot itself says that it has moved.
+/// Waits until the robot itself reports that it has moved.
 fn wait_for_motion(host: &Teleop) {
     let mut begin = None;
     loop {
-        let (_, told) = host.wait(PATIENCE).expect("the host tells something");
-        let Told::Motion(Motion { transform: Some(transform), .. }) = told else { continue };
+        let (_, notification) = host.wait(PATIENCE).expect("the host reports something");
+        let Notification::Motion(Motion { transform: Some(transform), .. }) = notification else { continue };
         if *begin.get_or_insert(transform) != transform {
             return;
         }
@@ -77,13 +79,13 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
     let stop = Arc::new(AtomicBool::new(false));
     let (robot_port, robot) = serial::pair().unwrap();
     let (ball_port, ball) = serial::pair().unwrap();
-    let (tell, events) = channel();
+    let (notify, events) = channel();
     let config = PumaConfig { restart: Duration::from_millis(200), ..PumaConfig::default() };
     let mut line = Line::over_port(robot_port, clock, 38_400, off.start("robot")).unwrap();
     let stopped = Arc::clone(&stop);
     let robot_thread = thread::spawn(move || {
         puma::run(&mut line, config, &stopped, |_, event| {
-            let _ = tell.send(event);
+            let _ = notify.send(event);
             Ok(())
         })
     });

@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let traces =
         Traces { robot: start("host-robot"), ball: start("host-ball"), viewer: start("host-viewer") };
     let teleop = Teleop::start(config, clock, &traces)?;
-    teleop.order(Order::Clamp(args.clamp));
+    teleop.order(Order::GripperKeys(args.clamp));
     let mut model = Model::new(ports, traces, args.clamp);
     let mut terminal = ratatui::try_init()?;
     let outcome = show(&mut terminal, &mut model, &teleop, clock);
@@ -105,8 +105,8 @@ fn show(
     clock: Clock,
 ) -> Result<()> {
     loop {
-        for (at, told) in teleop.told() {
-            model.take(at, told);
+        for (at, notification) in teleop.notifications() {
+            model.take(at, notification);
         }
         model.pass_time(clock.now());
         terminal.draw(|frame| screen::draw(frame, model))?;

@@ -9,13 +9,13 @@ use val2_alter::{AXES, ExceptionOutcome, HostState, Motion, Policy, Start};
 
 use crate::links::val2_alter::puma::error_text;
 use crate::report::Samples;
-use crate::teleop::{Order, PortConfig, Told, Traces, lost_text};
+use crate::teleop::{Notification, Order, PortConfig, Traces, lost_text};
 use crate::trace::Trace;
 
 const MESSAGES: usize = 200;
 /// The tests of ball and workstation take so long.
 const TEST: Duration = Duration::from_secs(3);
-/// Damaged bytes are messages so far apart at least.
+/// Corrupt bytes are messages so far apart at least.
 const DAMAGE: Duration = Duration::from_secs(1);
 
 /// The ports, for the operator to read.
@@ -46,10 +46,10 @@ pub(super) struct Counts {
     pub(super) cycles: u64,
     pub(super) missed: u64,
     pub(super) rejected: u64,
-    pub(super) damaged: u64,
+    pub(super) corrupt: u64,
     pub(super) packets: u64,
     pub(super) ball_missed: u64,
-    pub(super) ball_damaged: u64,
+    pub(super) ball_corrupt: u64,
     pub(super) asked: u64,
     pub(super) poses: u64,
 }
@@ -86,7 +86,7 @@ struct Test {
     until: Duration,
     packets: u64,
     missed: u64,
-    damaged: u64,
+    corrupt: u64,
     asked: u64,
     poses: u64,
 }
@@ -95,10 +95,10 @@ impl Test {
     fn result(&self, counts: &Counts) -> String {
         match self.what {
             "ball" => format!(
-                "ball: {} packets, {} missed, {} damaged",
+                "ball: {} packets, {} missed, {} corrupt",
                 counts.packets - self.packets,
                 counts.ball_missed - self.missed,
-                counts.ball_damaged - self.damaged
+                counts.ball_corrupt - self.corrupt
             ),
             what => format!(
                 "{what}: asked {}, got {} poses",
@@ -137,23 +137,23 @@ impl Model {
         }
     }
 
-    /// Takes what the host told.
-    pub(super) fn take(&mut self, at: Duration, told: Told) {
+    /// Takes what the host reported.
+    pub(super) fn take(&mut self, at: Duration, notification: Notification) {
         self.now = self.now.max(at);
-        match told {
-            Told::PortOpen(name, path) => self.say(format!("{name}: {path} opened")),
-            Told::PortLost(name, why) => self.say(format!("{name}: {why}")),
-            Told::Priority(true) => self.say("replies at real-time priority".into()),
-            Told::Priority(false) => self.say("replies at normal priority: no right to more".into()),
-            Told::Start(start) => {
+        match notification {
+            Notification::PortOpen(name, path) => self.show(format!("{name}: {path} opened")),
+            Notification::PortLost(name, why) => self.show(format!("{name}: {why}")),
+            Notification::Priority(true) => self.show("replies at real-time priority".into()),
+            Notification::Priority(false) => self.show("replies at normal priority: no right to more".into()),
+            Notification::Start(start) => {
                 self.control = ("starting", start.control(), error_text(start.error));
                 self.start = Some(start);
                 if self.policy != Policy::Ignore {
                     let answer = if self.policy == Policy::Accept { "accepted" } else { "refused" };
-                    self.say(format!("start, mode {}: {answer}", start.mode.0));
+                    self.show(format!("start, mode {}: {answer}", start.mode.0));
                 }
             }
-            Told::Motion(motion) => {
+            Notification::Motion(motion) => {
                 let phase = match motion.phase {
                     val2_alter::MotionPhase::Running => "running",
                     val2_alter::MotionPhase::Interrupted => "interrupted",
@@ -161,66 +161,68 @@ impl Model {
                 self.control = (phase, motion.control(), error_text(motion.error));
                 self.motion = Some(motion);
             }
-            Told::Reply { demand, values, thinking } => {
+            Notification::Reply { demand, values, thinking } => {
                 (self.demand, self.values) = (demand, values);
                 self.thinking.add(thinking);
                 self.counts.cycles += 1;
             }
-            Told::End(end) => {
+            Notification::End(end) => {
                 self.control = ("ended", end.control(), error_text(end.error));
                 self.values = [0; AXES];
-                self.say(format!("the robot ended ALTER: {}", error_text(end.error)));
+                self.show(format!("the robot ended ALTER: {}", error_text(end.error)));
             }
-            Told::Missed => {
+            Notification::Missed => {
                 self.counts.missed += 1;
-                self.say("a reply was too late".into());
+                self.show("a reply was too late".into());
             }
-            Told::Rejected(code) => {
+            Notification::Rejected(code) => {
                 self.counts.rejected += 1;
-                self.say(format!("reply not read: {}", error_text(code)));
+                self.show(format!("reply not read: {}", error_text(code)));
             }
-            Told::Damaged(error) => {
-                self.counts.damaged += 1;
+            Notification::Corrupt(error) => {
+                self.counts.corrupt += 1;
                 self.say_damage(format!("robot: {error}"));
             }
-            Told::Lost(reason) => self.say(lost_text(reason).into()),
-            Told::Stopped => self.say("at rest; no reply any more".into()),
-            Told::State(state) => self.state = state,
-            Told::Clamp(exception, Ok(())) => self.say(format!("gripper: exception {}", u8::from(exception))),
-            Told::Clamp(_, Err(error)) => self.say(format!("gripper: {error}")),
-            Told::ClampOutcome(exception, outcome) => {
+            Notification::Lost(reason) => self.show(lost_text(reason).into()),
+            Notification::Stopped => self.show("at rest; no reply any more".into()),
+            Notification::State(state) => self.state = state,
+            Notification::Gripper(exception, Ok(())) => {
+                self.show(format!("gripper: exception {}", u8::from(exception)))
+            }
+            Notification::Gripper(_, Err(error)) => self.show(format!("gripper: {error}")),
+            Notification::GripperOutcome(exception, outcome) => {
                 let outcome = match outcome {
                     ExceptionOutcome::Done => "done",
                     ExceptionOutcome::NotDone => "not done",
                     ExceptionOutcome::Unknown(_) => "unknown",
                 };
-                self.say(format!("gripper: exception {}: {outcome}", u8::from(exception)));
+                self.show(format!("gripper: exception {}: {outcome}", u8::from(exception)));
             }
-            Told::Ball(packet, took) => {
+            Notification::Ball(packet, took) => {
                 if core::mem::take(&mut self.ball_is_stale) {
-                    self.say("the ball is back".into());
+                    self.show("the ball is back".into());
                 }
                 self.show_ball(packet, took);
             }
-            Told::BallOld(packet, took) => self.show_ball(packet, took),
+            Notification::BallOld(packet, took) => self.show_ball(packet, took),
             // The poll that a late packet answers has been counted as missed.
-            Told::BallLate => {}
-            Told::BallMissed => self.counts.ball_missed += 1,
-            Told::BallDamaged(error) => {
-                self.counts.ball_damaged += 1;
+            Notification::BallLate => {}
+            Notification::BallMissed => self.counts.ball_missed += 1,
+            Notification::BallCorrupt(error) => {
+                self.counts.ball_corrupt += 1;
                 self.say_damage(format!("ball: {error}"));
             }
-            Told::BallStale => {
+            Notification::BallStale => {
                 self.ball_is_stale = true;
-                self.say("no new values from the ball: to rest".into());
+                self.show("no new values from the ball: to rest".into());
             }
-            Told::PoseAsked => self.counts.asked += 1,
-            Told::Pose => self.counts.poses += 1,
-            Told::Probed { port, baud, good, damaged } => {
-                self.say(format!("{port} at {baud}: {good} good, {damaged} damaged"));
+            Notification::PoseAsked => self.counts.asked += 1,
+            Notification::Pose => self.counts.poses += 1,
+            Notification::Probed { port, baud, good, corrupt } => {
+                self.show(format!("{port} at {baud}: {good} good, {corrupt} corrupt"));
             }
-            Told::ProbeRefused => self.say("port test: not while ALTER runs".into()),
-            Told::Trace(path) => self.say(format!("trace written: {}", path.display())),
+            Notification::ProbeRefused => self.show("port test: not while ALTER runs".into()),
+            Notification::Trace(path) => self.show(format!("trace written: {}", path.display())),
         }
     }
 
@@ -228,7 +230,7 @@ impl Model {
     pub(super) fn pass_time(&mut self, now: Duration) {
         self.now = now;
         for test in self.tests.extract_if(.., |test| test.until <= now).collect::<Vec<_>>() {
-            self.say(test.result(&self.counts));
+            self.show(test.result(&self.counts));
         }
     }
 
@@ -257,7 +259,7 @@ impl Model {
         }
     }
 
-    /// Whether the operator wants to quit, and the robot is at rest or does not come to rest.
+    /// Whether the operator has asked to quit, and the robot is at rest or does not come to rest.
     pub(super) fn may_quit(&self) -> bool {
         self.quitting.is_some_and(|until| {
             matches!(self.state, HostState::Disconnected | HostState::Idle | HostState::Silent)
@@ -277,27 +279,27 @@ impl Model {
     fn letter(&mut self, letter: char) -> Option<Command> {
         match letter {
             'w' if self.ports.viewer.is_none() => {
-                self.say("workstation test: there is none; use --viewer PORT".into());
+                self.show("workstation test: there is none; use --viewer PORT".into());
                 None
             }
             'w' => self.begin_test("workstation"),
             'k' => self.begin_test("ball"),
             't' if !matches!(self.state, HostState::Disconnected | HostState::Idle) => {
-                self.say("port test: not while ALTER runs".into());
+                self.show("port test: not while ALTER runs".into());
                 None
             }
             't' => {
-                self.say("port test: listening, some seconds".into());
+                self.show("port test: listening, some seconds".into());
                 Some(Command::Probe)
             }
             'a' => {
                 self.policy = Policy::Accept;
-                self.say("waiting for the robot; Esc ends ALTER".into());
+                self.show("waiting for the robot; Esc ends ALTER".into());
                 Some(Command::Order(Order::Policy(Policy::Accept)))
             }
             'v' => {
                 self.policy = Policy::Refuse;
-                self.say("ALTER will be refused".into());
+                self.show("ALTER will be refused".into());
                 Some(Command::Order(Order::Policy(Policy::Refuse)))
             }
             'o' => {
@@ -327,11 +329,11 @@ impl Model {
                     .flatten()
                     .map(|(name, p)| format!("{name}: {} at {} baud", p.path, p.baud))
                     .collect();
-                lines.into_iter().for_each(|line| self.say(line));
+                lines.into_iter().for_each(|line| self.show(line));
             }
-            '2' => self.say("ball type ISRA; DIMENSION 6 is described nowhere".into()),
+            '2' => self.show("ball type ISRA; DIMENSION 6 is described nowhere".into()),
             '3' => self.view = View::Debug(0),
-            '4' => self.say(format!(
+            '4' => self.show(format!(
                 "{} pictures, own thread; replies p99 {:.2} ms",
                 self.drawn,
                 self.thinking.at(0.99).as_secs_f64() * 1e3
@@ -339,8 +341,8 @@ impl Model {
             _ => {
                 self.clamp = !self.clamp;
                 let state = if self.clamp { "on: the program must name a subroutine" } else { "off" };
-                self.say(format!("clamp {state}"));
-                return Some(Command::Order(Order::Clamp(self.clamp)));
+                self.show(format!("clamp {state}"));
+                return Some(Command::Order(Order::GripperKeys(self.clamp)));
             }
         }
         None
@@ -348,7 +350,7 @@ impl Model {
 
     fn end_alter(&mut self) -> Option<Command> {
         self.policy = Policy::Ignore;
-        self.say("ALTER: coming to rest".into());
+        self.show("ALTER: coming to rest".into());
         Some(Command::Order(Order::Stop))
     }
 
@@ -359,11 +361,11 @@ impl Model {
             until: self.now + TEST,
             packets: counts.packets,
             missed: counts.ball_missed,
-            damaged: counts.ball_damaged,
+            corrupt: counts.ball_corrupt,
             asked: counts.asked,
             poses: counts.poses,
         });
-        self.say(format!("{what} test: {} s", TEST.as_secs()));
+        self.show(format!("{what} test: {} s", TEST.as_secs()));
         None
     }
 
@@ -372,15 +374,15 @@ impl Model {
         (self.ball, self.exchange) = (Some(packet), took);
     }
 
-    /// A bad line says so once a second; all of it is counted.
+    /// A bad line is reported once a second; all of it is counted.
     fn say_damage(&mut self, message: String) {
         if self.now >= self.damage_said + DAMAGE {
             self.damage_said = self.now;
-            self.say(message);
+            self.show(message);
         }
     }
 
-    fn say(&mut self, message: String) {
+    fn show(&mut self, message: String) {
         if self.messages.len() == MESSAGES {
             self.messages.pop_front();
         }
@@ -426,17 +428,17 @@ pub(super) mod tests {
     #[test]
     fn quitting_waits_until_the_robot_is_at_rest() {
         let mut model = model();
-        model.take(MS, Told::State(HostState::Running));
+        model.take(MS, Notification::State(HostState::Running));
         assert_eq!(press(&mut model, KeyCode::Char('q')), Some(Command::Order(Order::Stop)));
         assert!(!model.may_quit());
-        model.take(2 * MS, Told::State(HostState::Silent));
+        model.take(2 * MS, Notification::State(HostState::Silent));
         assert!(model.may_quit());
     }
 
     #[test]
     fn a_robot_that_does_not_come_to_rest_keeps_nobody_here_for_ever() {
         let mut model = model();
-        model.take(MS, Told::State(HostState::Running));
+        model.take(MS, Notification::State(HostState::Running));
         let interrupt = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
         assert_eq!(model.key(interrupt, MS), Some(Command::Order(Order::Stop)));
         model.pass_time(2000 * MS);
@@ -449,7 +451,7 @@ pub(super) mod tests {
     fn ports_are_tested_only_without_alter() {
         let mut model = model();
         assert_eq!(press(&mut model, KeyCode::Char('t')), Some(Command::Probe));
-        model.take(MS, Told::State(HostState::Running));
+        model.take(MS, Notification::State(HostState::Running));
         assert_eq!(press(&mut model, KeyCode::Char('t')), None);
         assert_eq!(last(&model), "port test: not while ALTER runs");
     }
@@ -457,13 +459,13 @@ pub(super) mod tests {
     #[test]
     fn the_ball_test_counts_for_three_seconds() {
         let mut model = model();
-        model.take(MS, Told::BallMissed);
+        model.take(MS, Notification::BallMissed);
         press(&mut model, KeyCode::Char('k'));
-        model.take(MS, Told::BallMissed);
+        model.take(MS, Notification::BallMissed);
         model.pass_time(3000 * MS);
         assert_eq!(last(&model), "ball test: 3 s");
         model.pass_time(3001 * MS);
-        assert_eq!(last(&model), "ball: 0 packets, 1 missed, 0 damaged");
+        assert_eq!(last(&model), "ball: 0 packets, 1 missed, 0 corrupt");
         press(&mut model, KeyCode::Char('w'));
         assert_eq!(last(&model), "workstation test: there is none; use --viewer PORT");
     }
@@ -480,8 +482,8 @@ pub(super) mod tests {
         assert!(option('2').2.starts_with("ball type ISRA"));
         assert_eq!(option('4').2, "0 pictures, own thread; replies p99 0.00 ms");
         let on = "clamp on: the program must name a subroutine";
-        assert_eq!(option('5'), (Some(Command::Order(Order::Clamp(true))), View::Main, on.into()));
-        assert_eq!(option('5').0, Some(Command::Order(Order::Clamp(false))));
+        assert_eq!(option('5'), (Some(Command::Order(Order::GripperKeys(true))), View::Main, on.into()));
+        assert_eq!(option('5').0, Some(Command::Order(Order::GripperKeys(false))));
         assert_eq!(option('3').1, View::Debug(0));
         press(&mut model, KeyCode::Tab);
         assert_eq!(model.view, View::Debug(1));
@@ -489,9 +491,9 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_end_of_alter_is_said() {
+    fn the_end_of_alter_is_reported() {
         let mut model = model();
-        model.take(MS, Told::End(End { error: ErrorCode::Timeout }));
+        model.take(MS, Notification::End(End { error: ErrorCode::Timeout }));
         assert_eq!(last(&model), "the robot ended ALTER: timeout");
         assert_eq!(model.control, ("ended", 0xE6, "timeout"));
     }

@@ -217,13 +217,13 @@ fn ball_lines(model: &Model) -> Vec<Line<'static>> {
     let stale = if model.ball_is_stale { "  STALE" } else { "" };
     let keys: String = (1..=8).map(|key| if packet.keys.is_down(key) { '●' } else { '·' }).collect();
     let mut lines = vec![Line::from(format!(
-        "type {} sensor {} {:?}  keys {keys}  {:.1} ms  missed {} damaged {}{stale}",
+        "type {} sensor {} {:?}  keys {keys}  {:.1} ms  missed {} corrupt {}{stale}",
         packet.sensor_type,
         packet.sensor,
         packet.status,
         model.exchange.as_secs_f64() * 1e3,
         model.counts.ball_missed,
-        model.counts.ball_damaged
+        model.counts.ball_corrupt
     ))];
     let axes = packet.axes();
     let row = |axis: usize| {
@@ -260,7 +260,7 @@ mod tests {
 
     use super::*;
     use crate::alter::model::tests::model;
-    use crate::teleop::Told;
+    use crate::teleop::Notification;
 
     fn picture(model: &Model) -> Vec<String> {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
@@ -274,11 +274,11 @@ mod tests {
     fn every_window_of_the_source_fits_a_terminal_of_80_by_24() {
         let mut model = model();
         let ms = Duration::from_millis;
-        model.take(ms(1), Told::Start(Start::new(Mode(23), List::new(&[5, -1]).unwrap())));
-        model.take(ms(2), Told::State(HostState::Running));
+        model.take(ms(1), Notification::Start(Start::new(Mode(23), List::new(&[5, -1]).unwrap())));
+        model.take(ms(2), Notification::State(HostState::Running));
         model.take(
             ms(30),
-            Told::Motion(Motion {
+            Notification::Motion(Motion {
                 phase: MotionPhase::Running,
                 error: ErrorCode::Checksum,
                 segment_status: SegmentStatus::NearTarget,
@@ -295,10 +295,10 @@ mod tests {
             moment: [1, -64, 9],
             keys: Keys(0x81),
         };
-        model.take(ms(31), Told::Ball(packet, ms(14)));
-        model.take(ms(31), Told::PortLost("viewer", "the port is gone, and is tried again".into()));
+        model.take(ms(31), Notification::Ball(packet, ms(14)));
+        model.take(ms(31), Notification::PortLost("viewer", "the port is gone, and is tried again".into()));
         let demand = [90, -90, 0, 0, -75, 10];
-        model.take(ms(32), Told::Reply { demand, values: [8, -8, 0, 0, -13, 10], thinking: ms(1) });
+        model.take(ms(32), Notification::Reply { demand, values: [8, -8, 0, 0, -13, 10], thinking: ms(1) });
         assert_eq!(
             picture(&model),
             [
@@ -317,7 +317,7 @@ mod tests {
                 "│           ││                 ││move   50 % ││ 0.000  0.000 -1.000       0.50 │",
                 "└───────────┘└─────────────────┘└────────────┘└────────────────────────────────┘",
                 "┌Ball: force, asked → sent─────────────────────────────────────────────────────┐",
-                "│type 2 sensor 1 Old  keys ●······●  14.0 ms  missed 0 damaged 0               │",
+                "│type 2 sensor 1 Old  keys ●······●  14.0 ms  missed 0 corrupt 0               │",
                 "│X   127 ·······│███████    90 →    8   RX    1 ·······│·······     0 →    0   │",
                 "│Y  -128 ███████│·······   -90 →   -8   RY  -64 ···████│·······   -75 →  -13   │",
                 "│Z     0 ·······│·······     0 →    0   RZ    9 ·······│·······    10 →   10   │",

@@ -75,7 +75,7 @@ impl Link {
             // The robot opens the connection.
             Self::KawasakiMsg if is_client => "robot",
             Self::KawasakiMsg => "pc",
-            // Serial device servers listen: the robot is behind one.
+            // Serial device servers listen: the robot is connected to one.
             Self::Val2Alter | Self::LaserEb90 if is_client => "host",
             Self::Val2Alter => "robot",
             Self::LaserEb90 => "controller",
@@ -164,7 +164,7 @@ pub struct CodecArgs {
 }
 
 impl CodecArgs {
-    /// What the arguments say.
+    /// What the arguments set.
     pub fn options(&self) -> CodecOptions {
         let mut settings: Map<String, Value> = self.set.iter().cloned().collect();
         for (name, value) in [("framing", &self.framing), ("view", &self.view)] {

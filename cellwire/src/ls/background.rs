@@ -11,7 +11,7 @@ use super::{rules, write};
 
 /// Writes the background task that puts the tool's pose and speed into registers for `cellwire fanuc log`.
 ///
-/// It is the source's listing with your registers in it. Run it as a background task (BG Logic) with the period that it says;
+/// It is the source's listing with your registers in it. Run it as a background task (BG Logic) with the period that it names;
 /// it moves nothing. Its 19 registers are read over Modbus as 37 from PDU address 0 on, which needs three slots of `$SNPX_ASG`:
 /// they are printed too.
 #[derive(Debug, clap::Args)]

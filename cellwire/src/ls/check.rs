@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::{rules, same_name};
 
-/// Reads LS files and says what is wrong with them, by line and column.
+/// Reads LS files and reports what is wrong with them, by line and column.
 ///
 /// The exit status is 1 if a file is no program, or would not be written as it is. Warnings (a point that is not used, a
 /// comment of more than 16 characters) do not count.
@@ -46,7 +46,7 @@ fn check_one(args: &Args, path: &Path, text: &str, encoding: Encoding, out: &mut
     let mut warnings = Vec::new();
     let program = Program::decode_with(text, |warning| warnings.push(warning));
     let mut rules = rules(args.name_limit);
-    rules.comment = CommentRule::Truncate; // a controller reads a long comment, and keeps 16 characters: a warning says so
+    rules.comment = CommentRule::Truncate; // a controller reads a long comment, and keeps 16 characters: a warning reports it
     let unwritable = program.as_ref().ok().and_then(|program| program.check(&rules).err());
     let name = path.display().to_string();
     if args.json {
@@ -64,7 +64,7 @@ fn check_one(args: &Args, path: &Path, text: &str, encoding: Encoding, out: &mut
                 let named = &program.name;
                 writeln!(
                     out,
-                    "  warning: the program is named {named}, the file is not: the controller wants both the same"
+                    "  warning: the program is named {named}, the file is not: on the controller both must be the same"
                 )?;
             }
             for warning in &warnings {

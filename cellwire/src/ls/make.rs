@@ -124,7 +124,7 @@ pub(super) fn make(args: &Args) -> Result<()> {
 }
 
 impl Args {
-    /// What the mode's own options say; those of another mode are refused rather than ignored.
+    /// What the mode's own options set; those of another mode are refused rather than ignored.
     fn sampling(&self) -> Result<Sampling> {
         let given = [
             ("--mm", Mode::Distance, self.mm.is_some()),

@@ -39,7 +39,7 @@ enum Command {
     Background(background::Args),
 }
 
-/// Does what the arguments say; false when a file was refused.
+/// Does what the arguments ask for; false when a file was refused.
 ///
 /// # Errors
 /// When a file cannot be read or written, or arguments do not fit together.
@@ -126,7 +126,7 @@ fn write(program: &Program, rules: &Rules, out: Option<&Path>) -> Result<String>
     std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
     if !same_name(&path, program) {
         eprintln!(
-            "warning: the program is named {}: the controller wants the file named so too",
+            "warning: the program is named {}: the file on the controller must have the same name",
             program.name
         );
     }

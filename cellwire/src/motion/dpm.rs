@@ -137,7 +137,7 @@ impl Modifier {
         let speeds = match self.demand {
             Some((speeds, at)) if now.saturating_sub(at) <= self.config.timeout => speeds,
             _ => {
-                // What was left over is part of a motion that nobody wants any more.
+                // What was left over is part of a motion that was given up.
                 self.state.iter_mut().for_each(|state| state.rest = 0.0);
                 return Offsets { lost: true, ..Offsets::default() };
             }

@@ -1,7 +1,7 @@
 //! A recorded motion against the one that was asked for: errors of position, orientation and their speeds, after the delay
 //! between them has been found.
 //!
-//! The source found 4 mm at 100 mm/s, which is a delay of 40 ms: without the fit, an error says more about when than
+//! The source found 4 mm at 100 mm/s, which is a delay of 40 ms: without the fit, an error shows more about when than
 //! about where. Nothing is stored here: both motions are slices of the caller's.
 
 use core::ops::RangeInclusive;
@@ -46,7 +46,7 @@ impl From<&MotionSample> for State {
     }
 }
 
-/// Sets the speeds of states in the order of their times: from the neighbour before to the one behind, so that they are
+/// Sets the speeds of states in the order of their times: from the neighbour before to the one after, so that they are
 /// neither early nor late; at the ends from the one neighbour. Both motions must get theirs in the same way.
 pub fn differentiate(states: &mut [State]) {
     let mut before: Option<State> = None;
@@ -79,7 +79,7 @@ pub struct Deviation {
     pub angular_velocity: [f64; 3],
 }
 
-/// The deviation of each recorded state from the reference `delay` seconds earlier. Before its first state and behind
+/// The deviation of each recorded state from the reference `delay` seconds earlier. Before its first state and after
 /// its last, the reference rests there. No items when the reference is empty.
 pub fn deviations<'a>(
     reference: &'a [State],
@@ -184,7 +184,7 @@ impl Summary {
     }
 }
 
-/// The reference at a time: between two states, at rest before the first and behind the last.
+/// The reference at a time: between two states, at rest before the first and after the last.
 fn interpolate(reference: &[State], time: f64) -> Option<State> {
     let (first, last) = (reference.first()?, reference.last()?);
     let resting = |state: &State| State::at(time, state.position, state.orientation);

@@ -1,4 +1,4 @@
-//! Motion: where an arm is, what a recording says of it, and how far it was from the plan.
+//! Motion: where an arm is, what a recording shows of it, and how far it was from the plan.
 
 pub mod dpm;
 mod evaluate;

@@ -357,7 +357,7 @@ impl Path {
 const LEAST_ACCELERATION: f64 = 1.0;
 
 /// The acceleration at each sample, as a share of the greatest. It is taken from `window` seconds before the sample to
-/// `window` seconds behind it, within the trajectory.
+/// `window` seconds after it, within the trajectory.
 fn accelerations(
     trajectory: &Trajectory,
     kinematics: &impl Kinematics,

@@ -1,4 +1,4 @@
-//! What the telemetry blocks say about the motion: time from the life counter, speeds without the controller's jumps.
+//! What the telemetry blocks show of the motion: time from the life counter, speeds without the controller's jumps.
 
 use core::time::Duration;
 

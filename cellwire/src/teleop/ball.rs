@@ -9,7 +9,7 @@ use isra_ball::{Decoder, ENQ, Host, HostConfig, HostEvent, timing};
 use robot_session::{Decoder as _, Driver, Session as _};
 
 use super::port::Port;
-use super::{Context, Order, TeleopConfig, Told};
+use super::{Context, Notification, Order, TeleopConfig};
 use crate::priority::{self, Rank};
 
 /// A port that is gone is looked at this often.
@@ -77,16 +77,16 @@ impl Ball {
             match event {
                 HostEvent::Packet(packet) => {
                     self.order(Order::Ball(packet, self.host.live_until().unwrap_or(now)));
-                    self.context.tell(Told::Ball(packet, now - asked));
+                    self.context.notify(Notification::Ball(packet, now - asked));
                 }
-                HostEvent::Old(packet) => self.context.tell(Told::BallOld(packet, now - asked)),
+                HostEvent::Old(packet) => self.context.notify(Notification::BallOld(packet, now - asked)),
                 HostEvent::Stale => {
                     self.order(Order::BallStale);
-                    self.context.tell(Told::BallStale);
+                    self.context.notify(Notification::BallStale);
                 }
-                HostEvent::Missed => self.context.tell(Told::BallMissed),
-                HostEvent::Corrupt(error) => self.context.tell(Told::BallDamaged(error)),
-                HostEvent::Unasked(_) => self.context.tell(Told::BallLate),
+                HostEvent::Missed => self.context.notify(Notification::BallMissed),
+                HostEvent::Corrupt(error) => self.context.notify(Notification::BallCorrupt(error)),
+                HostEvent::Unasked(_) => self.context.notify(Notification::BallLate),
                 _ => {}
             }
         }
@@ -101,7 +101,7 @@ impl Ball {
         let port = self.driver.transport();
         for baud in [4800, 9600, 19_200] {
             let period = self.polls.period.max(timing::min_period(baud));
-            let (mut good, mut damaged) = (0, 0);
+            let (mut good, mut corrupt) = (0, 0);
             for _ in 0..10 {
                 let Some(received) = port.listen(baud, &[ENQ], period) else { break };
                 let mut decoder = Decoder::new();
@@ -113,11 +113,11 @@ impl Ball {
                         decoder.finish();
                     }
                     while let Some(outcome) = decoder.next_frame() {
-                        *if outcome.is_ok() { &mut good } else { &mut damaged } += 1;
+                        *if outcome.is_ok() { &mut good } else { &mut corrupt } += 1;
                     }
                 }
             }
-            self.context.tell(Told::Probed { port: "ball", baud, good, damaged });
+            self.context.notify(Notification::Probed { port: "ball", baud, good, corrupt });
         }
         self.driver.transport().end_listening();
     }

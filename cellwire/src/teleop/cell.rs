@@ -10,7 +10,7 @@ use isra_ball::{BallStatistics, Status};
 use val2_alter::timing;
 use val2_alter::{AXES, Exception, HostConfig, HostState, Mode};
 
-use super::{LIMITS, Mapping, Order, PortConfig, Teleop, TeleopConfig, Told, Traces};
+use super::{LIMITS, Mapping, Notification, Order, PortConfig, Teleop, TeleopConfig, Traces};
 use crate::demo::DemoOptions;
 use crate::line::{Clock, Line, LineFaults};
 use crate::links::isra_ball::ball;
@@ -22,7 +22,7 @@ use crate::trace::TraceArgs;
 
 /// The hand's whole round, and a little more.
 const OWN_RUN: Duration = Duration::from_millis(6500);
-/// With faults: how often each kind of damage is done, for each byte.
+/// With faults: how often each kind of fault is inserted, for each byte.
 const FAULT_RATE: f64 = 0.0001;
 /// With faults: the host has too much to do for `STALL`, once in this time.
 const STALL_EVERY: Duration = Duration::from_millis(2900);
@@ -41,9 +41,9 @@ pub struct CellConfig {
     pub ball_baud: u32,
     /// The mode of its ALTER instruction.
     pub mode: Mode,
-    /// Whether lines damage bytes, and the host stalls.
+    /// Whether lines corrupt bytes, and the host stalls.
     pub faults: bool,
-    /// What the damage follows from.
+    /// The seed of the faults.
     pub seed: u64,
     /// What becomes of the last bytes of a session.
     pub trace: TraceArgs,
@@ -75,15 +75,15 @@ pub struct CellRecord {
     pub drawn: Drawn,
     /// The host's side.
     pub host: HostRecord,
-    /// Bytes damaged by the lines of robot, ball and workstation.
+    /// Bytes corrupted by the lines of robot, ball and workstation.
     pub line_faults: [u64; 3],
-    /// When the host was told to come to rest.
+    /// When the host was ordered to come to rest.
     pub stopped_at: Duration,
     /// How many of the robot's ends of ALTER came before that.
     pub ends_before_stop: usize,
 }
 
-/// What the host told.
+/// What the host reported.
 #[derive(Debug, Default)]
 pub struct HostRecord {
     /// Each reply that the robot has not rejected.
@@ -96,16 +96,16 @@ pub struct HostRecord {
     pub has_priority: bool,
     /// Times that ALTER was accepted.
     pub starts: u32,
-    /// Ends of ALTER that the robot told.
+    /// Ends of ALTER that the robot reported.
     pub ends: u64,
     /// Deadlines that passed without a reply.
     pub missed: u64,
-    /// Stretches of damaged bytes from the robot.
-    pub damaged: u64,
+    /// Stretches of corrupt bytes from the robot.
+    pub corrupt: u64,
     /// Exceptions taken for the gripper's keys, and when: true closes.
-    pub clamps: Vec<(Duration, bool)>,
+    pub gripper_keys: Vec<(Duration, bool)>,
     /// Keys that did nothing, because ALTER did not run.
-    pub clamps_refused: u64,
+    pub gripper_keys_refused: u64,
     /// Packets of the ball with new values, and with old ones.
     pub fresh: u64,
     /// Packets of the ball with the values before.
@@ -116,15 +116,15 @@ pub struct HostRecord {
     pub ball_missed: u64,
     /// Packets of the ball that were no reply.
     pub ball_late: u64,
-    /// Damaged packets of the ball.
-    pub ball_damaged: u64,
+    /// Corrupt packets of the ball.
+    pub ball_corrupt: u64,
     /// Times that the ball's values became too old.
     pub ball_stale: u64,
     /// Poses sent to the workstation.
     pub poses: u64,
     /// Times that the host was made to sleep.
     pub stalls: u64,
-    /// Whether ALTER runs, as far as the host has heard.
+    /// Whether ALTER runs, as far as the host knows.
     pub runs: bool,
 }
 
@@ -135,7 +135,7 @@ pub struct Cycle {
     pub at: Duration,
     /// The how many-th ALTER, from 1.
     pub session: u32,
-    /// [`HostRecord::stood`] by then: behind such a cycle the arm begins from rest.
+    /// [`HostRecord::stood`] by then: after such a cycle the arm begins from rest.
     pub stood: u64,
     /// What the ball asked for, in units a cycle.
     pub demand: [i16; AXES],
@@ -218,7 +218,7 @@ impl Wire {
     }
 }
 
-/// Runs the host for its time, lets it come to rest, and records what it tells.
+/// Runs the host for its time, lets it come to rest, and records what it reports.
 fn drive(
     config: &CellConfig,
     teleop: TeleopConfig,
@@ -239,17 +239,17 @@ fn drive(
             record.stalls += 1;
             host.order(Order::Stall(STALL));
         }
-        if let Some((at, told)) = host.wait(Duration::from_millis(20)) {
-            record.take(at, &told, progress);
+        if let Some((at, notification)) = host.wait(Duration::from_millis(20)) {
+            record.take(at, &notification, progress);
         }
     }
     let stopped_at = clock.now();
     host.order(Order::Stop);
     let patience = stopped_at + Duration::from_secs(2);
     while clock.now() < patience {
-        let Some((at, told)) = host.wait(Duration::from_millis(20)) else { continue };
-        record.take(at, &told, progress);
-        if told == Told::State(HostState::Idle) {
+        let Some((at, notification)) = host.wait(Duration::from_millis(20)) else { continue };
+        record.take(at, &notification, progress);
+        if notification == Notification::State(HostState::Idle) {
             break;
         }
     }
@@ -257,46 +257,48 @@ fn drive(
 }
 
 impl HostRecord {
-    fn take(&mut self, at: Duration, told: &Told, progress: &ProgressBar) {
-        match told {
-            Told::Priority(raised) => self.has_priority = *raised,
-            Told::Start(_) => {
+    fn take(&mut self, at: Duration, notification: &Notification, progress: &ProgressBar) {
+        match notification {
+            Notification::Priority(raised) => self.has_priority = *raised,
+            Notification::Start(_) => {
                 self.starts += 1;
                 self.runs = false;
             }
-            Told::Motion(_) => self.runs = true,
-            Told::Reply { demand, values, thinking } => {
+            Notification::Motion(_) => self.runs = true,
+            Notification::Reply { demand, values, thinking } => {
                 let (session, stood) = (self.starts, self.stood);
                 self.cycles.push(Cycle { at, session, stood, demand: *demand, values: *values });
                 self.thinking.add(*thinking);
                 progress.inc(1);
             }
-            Told::End(_) => {
+            Notification::End(_) => {
                 self.ends += 1;
                 self.runs = false;
             }
-            Told::Lost(_) => self.runs = false,
-            Told::Missed => {
+            Notification::Lost(_) => self.runs = false,
+            Notification::Missed => {
                 self.missed += 1;
                 self.stood += 1;
             }
-            Told::Rejected(_) => {
+            Notification::Rejected(_) => {
                 self.cycles.pop();
                 self.stood += 1;
             }
-            Told::Damaged(_) => self.damaged += 1,
-            Told::Clamp(exception, Ok(())) => self.clamps.push((at, *exception == Exception::CloseGripper)),
-            Told::Clamp(_, Err(_)) => self.clamps_refused += 1,
-            Told::Ball(packet, took) | Told::BallOld(packet, took) => {
+            Notification::Corrupt(_) => self.corrupt += 1,
+            Notification::Gripper(exception, Ok(())) => {
+                self.gripper_keys.push((at, *exception == Exception::CloseGripper))
+            }
+            Notification::Gripper(_, Err(_)) => self.gripper_keys_refused += 1,
+            Notification::Ball(packet, took) | Notification::BallOld(packet, took) => {
                 let count = if packet.status == Status::Fresh { &mut self.fresh } else { &mut self.old };
                 *count += 1;
                 self.exchange.add(*took);
             }
-            Told::BallMissed => self.ball_missed += 1,
-            Told::BallLate => self.ball_late += 1,
-            Told::BallDamaged(_) => self.ball_damaged += 1,
-            Told::BallStale => self.ball_stale += 1,
-            Told::Pose => self.poses += 1,
+            Notification::BallMissed => self.ball_missed += 1,
+            Notification::BallLate => self.ball_late += 1,
+            Notification::BallCorrupt(_) => self.ball_corrupt += 1,
+            Notification::BallStale => self.ball_stale += 1,
+            Notification::Pose => self.poses += 1,
             _ => {}
         }
     }

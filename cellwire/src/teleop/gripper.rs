@@ -23,7 +23,7 @@ pub(super) struct GripperKeys {
 }
 
 impl GripperKeys {
-    /// `close` and `open` are masks of the key byte: bit *k* is key *k* + 1. The source does not say which keys it took. A
+    /// `close` and `open` are masks of the key byte: bit *k* is key *k* + 1. The source does not name its keys. A
     /// key that is held from the beginning must be released first.
     pub(super) const fn new(close: u8, open: u8) -> Self {
         Self { close, open, held: u8::MAX, enabled: true }

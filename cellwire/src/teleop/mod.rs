@@ -7,11 +7,11 @@
 //!             │                           ▼              │        each thread blocks on its own port;
 //!             │                         viewer thread    │◀────▶ viewer
 //!             └────────────────────┬─────────────────────┘
-//!                                  └─told─▶ screen, demo, records: one way
+//!                                  └──────▶ screen, demo, records: one way
 //! ```
 //!
 //! The robot thread alone answers the controller. Before a reply it takes no lock and waits for nobody: orders come to it through
-//! a channel that it empties then, and what it has to tell and to trace leaves after the reply.
+//! a channel that it empties then, and what it has to report and to trace leaves after the reply.
 
 mod ball;
 pub mod cell;
@@ -69,7 +69,7 @@ pub struct TeleopConfig {
     pub mapping: Mapping,
 }
 
-/// What the robot thread is told.
+/// What the robot thread is to do.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Order {
     /// A packet of the ball with new values, and until when they may be used.
@@ -81,16 +81,16 @@ pub enum Order {
     /// Come to rest, then fall silent.
     Stop,
     /// The gripper on the ball's keys, on or off.
-    Clamp(bool),
+    GripperKeys(bool),
     /// Listen at several baud rates, unless ALTER runs.
     Probe,
     /// Sleep, as a host does that has too much to do: a fault for the demo.
     Stall(Duration),
 }
 
-/// What the threads of the host tell, each with its time.
+/// What the threads of the host report, each with its time.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Told {
+pub enum Notification {
     /// A port is open (again).
     PortOpen(&'static str, String),
     /// A port is gone; it is tried again.
@@ -117,7 +117,7 @@ pub enum Told {
     /// The controller could not read a reply.
     Rejected(ErrorCode),
     /// Bytes from the robot that are no message.
-    Damaged(val2_alter::DecodeError),
+    Corrupt(val2_alter::DecodeError),
     /// ALTER is over without an end message.
     Lost(LostReason),
     /// The values are zero after [`Order::Stop`]; no message is answered any more.
@@ -125,9 +125,9 @@ pub enum Told {
     /// The session's state after something happened.
     State(HostState),
     /// A key of the gripper was pressed, and what became of it.
-    Clamp(Exception, Result<(), SessionError>),
+    Gripper(Exception, Result<(), SessionError>),
     /// What became of it at the robot.
-    ClampOutcome(Exception, ExceptionOutcome),
+    GripperOutcome(Exception, ExceptionOutcome),
     /// A packet of the ball with new values, and how long after the poll it was whole.
     Ball(Packet, Duration),
     /// The same without new values.
@@ -136,15 +136,15 @@ pub enum Told {
     BallMissed,
     /// A packet of the ball that is no reply: it comes too late.
     BallLate,
-    /// Damaged bytes from the ball.
-    BallDamaged(isra_ball::DecodeError),
+    /// Corrupt bytes from the ball.
+    BallCorrupt(isra_ball::DecodeError),
     /// The ball's values are too old.
     BallStale,
     /// The workstation asked for a pose.
     PoseAsked,
     /// The workstation was sent a pose.
     Pose,
-    /// What was heard at a port at one baud rate.
+    /// What was received at a port at one baud rate.
     Probed {
         /// The port.
         port: &'static str,
@@ -152,8 +152,8 @@ pub enum Told {
         baud: u32,
         /// Good messages.
         good: usize,
-        /// Damaged ones.
-        damaged: usize,
+        /// Corrupt ones.
+        corrupt: usize,
     },
     /// ALTER runs: no port is tested.
     ProbeRefused,
@@ -166,7 +166,7 @@ pub enum Told {
 pub struct Teleop {
     orders: Sender<Order>,
     probes: Vec<Sender<()>>,
-    told: Receiver<(Duration, Told)>,
+    notification: Receiver<(Duration, Notification)>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -183,18 +183,18 @@ pub struct Traces {
 }
 
 impl Teleop {
-    /// Opens the ports and begins. `told` receives everything that happens; nobody needs to listen.
+    /// Opens the ports and begins. Everything that happens is reported; nobody needs to take it.
     ///
     /// # Errors
     /// When a port cannot be opened, or the ball cannot be polled that fast.
     pub fn start(config: TeleopConfig, clock: Clock, traces: &Traces) -> Result<Self> {
         let (orders, orders_in) = channel();
-        let (tell, told) = channel();
+        let (notify, notification) = channel();
         let (poses, poses_in) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let context = |trace: &Trace| Context {
             clock,
-            tell: tell.clone(),
+            notify: notify.clone(),
             stop: Arc::clone(&stop),
             trace: trace.clone(),
         };
@@ -208,12 +208,12 @@ impl Teleop {
         };
         let mut threads = vec![thread::spawn(|| robot.run()), thread::spawn(|| ball.run())];
         threads.extend(viewer.map(|viewer| thread::spawn(|| viewer.run())));
-        Ok(Self { orders, probes: vec![ball_probe, viewer_probe], told, stop, threads })
+        Ok(Self { orders, probes: vec![ball_probe, viewer_probe], notification, stop, threads })
     }
 
     /// Gives the robot thread an order. It is done within 20 ms, or before the next reply.
     pub fn order(&self, order: Order) {
-        // A robot thread that is gone has told why.
+        // A robot thread that is gone has reported why.
         let _ = self.orders.send(order);
     }
 
@@ -225,14 +225,14 @@ impl Teleop {
         }
     }
 
-    /// What has been told since the last call, in order of telling.
-    pub fn told(&self) -> impl Iterator<Item = (Duration, Told)> {
-        self.told.try_iter()
+    /// What was reported since the last call, in its order.
+    pub fn notifications(&self) -> impl Iterator<Item = (Duration, Notification)> {
+        self.notification.try_iter()
     }
 
-    /// Waits for the next thing told.
-    pub fn wait(&self, timeout: Duration) -> Option<(Duration, Told)> {
-        self.told.recv_timeout(timeout).ok()
+    /// Waits for the next report.
+    pub fn wait(&self, timeout: Duration) -> Option<(Duration, Notification)> {
+        self.notification.recv_timeout(timeout).ok()
     }
 }
 
@@ -249,14 +249,14 @@ impl Drop for Teleop {
 #[derive(Clone)]
 struct Context {
     clock: Clock,
-    tell: Sender<(Duration, Told)>,
+    notify: Sender<(Duration, Notification)>,
     stop: Arc<AtomicBool>,
     trace: Trace,
 }
 
 impl Context {
-    fn tell(&self, told: Told) {
-        let _ = self.tell.send((self.clock.now(), told));
+    fn notify(&self, notification: Notification) {
+        let _ = self.notify.send((self.clock.now(), notification));
     }
 
     fn is_stopped(&self) -> bool {
@@ -265,21 +265,21 @@ impl Context {
 
     /// Writes the trace of a session that ended.
     fn end_trace(&self, why: &str) {
-        tell_trace(&self.trace, why, &self.tell, self.clock);
+        report_trace(&self.trace, why, &self.notify, self.clock);
     }
 
     /// The same, while the next session may begin already: a file system keeps nobody waiting.
     fn end_trace_aside(&self, why: String) {
-        let (trace, tell, clock) = (self.trace.clone(), self.tell.clone(), self.clock);
-        thread::spawn(move || tell_trace(&trace, &why, &tell, clock));
+        let (trace, notify, clock) = (self.trace.clone(), self.notify.clone(), self.clock);
+        thread::spawn(move || report_trace(&trace, &why, &notify, clock));
     }
 }
 
-fn tell_trace(trace: &Trace, why: &str, tell: &Sender<(Duration, Told)>, clock: Clock) {
+fn report_trace(trace: &Trace, why: &str, notify: &Sender<(Duration, Notification)>, clock: Clock) {
     match trace.session_ended(why) {
-        Ok(Some(path)) => drop(tell.send((clock.now(), Told::Trace(path)))),
+        Ok(Some(path)) => drop(notify.send((clock.now(), Notification::Trace(path)))),
         Ok(None) => {}
-        Err(error) => drop(tell.send((clock.now(), Told::PortLost("trace", format!("{error:#}"))))),
+        Err(error) => drop(notify.send((clock.now(), Notification::PortLost("trace", format!("{error:#}"))))),
     }
 }
 

@@ -8,7 +8,7 @@ use anyhow::Result;
 use robot_session::{Received, Sent, Transport};
 use serialport::SerialPort;
 
-use super::{Context, PortConfig, Told};
+use super::{Context, Notification, PortConfig};
 use crate::serial;
 use crate::trace::Way;
 
@@ -34,7 +34,7 @@ impl Port {
     /// Opens it for the first time: without it there is no host.
     pub(super) fn open(name: &'static str, config: &PortConfig, context: &Context) -> Result<Self> {
         let port = serial::open(&config.path, config.baud)?;
-        context.tell(Told::PortOpen(name, config.path.clone()));
+        context.notify(Notification::PortOpen(name, config.path.clone()));
         let (read_at, written_at) = (Duration::ZERO, Duration::ZERO);
         let (config, context) = (config.clone(), context.clone());
         Ok(Self { name, config, context, open: Some(port), untraced: Vec::new(), read_at, written_at })
@@ -113,14 +113,14 @@ impl Port {
 
     fn lose(&mut self, error: &io::Error) {
         self.open = None;
-        self.context.tell(Told::PortLost(self.name, error.to_string()));
+        self.context.notify(Notification::PortLost(self.name, error.to_string()));
     }
 
     fn reopen(&mut self) {
         thread::sleep(REOPEN);
         if let Ok(port) = serial::open(&self.config.path, self.config.baud) {
             self.open = Some(port);
-            self.context.tell(Told::PortOpen(self.name, self.config.path.clone()));
+            self.context.notify(Notification::PortOpen(self.name, self.config.path.clone()));
         }
     }
 }

@@ -12,7 +12,7 @@ use val2_alter::{AXES, Decoder, Framing, Host, HostEvent, HostState, RobotMessag
 
 use super::gripper::GripperKeys;
 use super::port::Port;
-use super::{Context, Mapping, Order, TeleopConfig, Told};
+use super::{Context, Mapping, Notification, Order, TeleopConfig};
 use crate::priority::{self, Rank};
 
 /// Orders are looked at this often while the robot is silent.
@@ -32,7 +32,7 @@ pub(super) struct Robot {
     orders: Receiver<Order>,
     poses: Sender<Transform>,
     /// To be reported after the reply has left.
-    later: Vec<Told>,
+    later: Vec<Notification>,
     state: HostState,
 }
 
@@ -59,13 +59,13 @@ impl Robot {
     }
 
     pub(super) fn run(mut self) {
-        self.context.tell(Told::Priority(priority::raise(Rank::Reply)));
+        self.context.notify(Notification::Priority(priority::raise(Rank::Reply)));
         while !self.context.is_stopped() {
             self.obey();
             self.follow_port();
             self.reply();
             self.driver.transport().trace();
-            self.tell_later();
+            self.notify_later();
         }
         self.context.end_trace("the host ends");
     }
@@ -88,14 +88,14 @@ impl Robot {
                 Order::Ball(packet, until) => {
                     if let Some(exception) = self.gripper.keys(packet.keys.0) {
                         let outcome = self.host.exception(now, exception);
-                        self.later.push(Told::Clamp(exception, outcome));
+                        self.later.push(Notification::Gripper(exception, outcome));
                     }
                     (self.packet, self.packet_until) = (Some(packet), until);
                 }
                 Order::BallStale => self.packet = None,
                 Order::Policy(policy) => self.host.set_policy(now, policy),
                 Order::Stop => self.host.stop(now),
-                Order::Clamp(on) => {
+                Order::GripperKeys(on) => {
                     self.gripper.set_enabled(on);
                     self.host.set_subroutine(now, on);
                 }
@@ -121,8 +121,8 @@ impl Robot {
         if self.host.statistics().replies > replies {
             let thinking = self.driver.transport().written_at.saturating_sub(read_at);
             let (demand, values) = (demand.unwrap_or([0; AXES]), self.host.values());
-            self.later.push(Told::Reply { demand, values, thinking });
-            self.tell_later();
+            self.later.push(Notification::Reply { demand, values, thinking });
+            self.notify_later();
         }
         if self.driver.transport().read_at == read_at {
             self.turn(IDLE);
@@ -134,15 +134,15 @@ impl Robot {
         let Self { driver, host, later, .. } = self;
         let turn = driver.turn(host, Some(wait), |_, event| {
             later.push(match event {
-                HostEvent::Start(start) => Told::Start(start),
-                HostEvent::Motion(motion) => Told::Motion(motion),
-                HostEvent::End(end) => Told::End(end),
-                HostEvent::Corrupt(error) => Told::Damaged(error),
-                HostEvent::Missed => Told::Missed,
-                HostEvent::Rejected(code) => Told::Rejected(code),
-                HostEvent::Stopped => Told::Stopped,
-                HostEvent::Exception(exception, outcome) => Told::ClampOutcome(exception, outcome),
-                HostEvent::Lost(reason) => Told::Lost(reason),
+                HostEvent::Start(start) => Notification::Start(start),
+                HostEvent::Motion(motion) => Notification::Motion(motion),
+                HostEvent::End(end) => Notification::End(end),
+                HostEvent::Corrupt(error) => Notification::Corrupt(error),
+                HostEvent::Missed => Notification::Missed,
+                HostEvent::Rejected(code) => Notification::Rejected(code),
+                HostEvent::Stopped => Notification::Stopped,
+                HostEvent::Exception(exception, outcome) => Notification::GripperOutcome(exception, outcome),
+                HostEvent::Lost(reason) => Notification::Lost(reason),
                 _ => return ControlFlow::<()>::Continue(()),
             });
             ControlFlow::Continue(())
@@ -150,24 +150,26 @@ impl Robot {
         debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
     }
 
-    fn tell_later(&mut self) {
+    fn notify_later(&mut self) {
         let mut ended = None;
-        for told in self.later.drain(..) {
-            match &told {
-                Told::Motion(motion) => {
+        for notification in self.later.drain(..) {
+            match &notification {
+                Notification::Motion(motion) => {
                     if let Some(transform) = motion.transform {
                         let _ = self.poses.send(transform);
                     }
                 }
-                Told::End(end) => ended = Some(format!("ALTER ended with error {}", u8::from(end.error))),
-                Told::Lost(reason) => ended = Some(super::lost_text(*reason).into()),
+                Notification::End(end) => {
+                    ended = Some(format!("ALTER ended with error {}", u8::from(end.error)))
+                }
+                Notification::Lost(reason) => ended = Some(super::lost_text(*reason).into()),
                 _ => {}
             }
-            self.context.tell(told);
+            self.context.notify(notification);
         }
         if self.state != self.host.state() {
             self.state = self.host.state();
-            self.context.tell(Told::State(self.state));
+            self.context.notify(Notification::State(self.state));
         }
         if let Some(why) = ended {
             self.context.end_trace_aside(why);
@@ -177,21 +179,21 @@ impl Robot {
     /// Listens for the controller's messages at each rate. It starts its program about once a second.
     fn probe(&mut self) {
         if self.host.state() != HostState::Idle {
-            return self.later.push(Told::ProbeRefused);
+            return self.later.push(Notification::ProbeRefused);
         }
         for baud in [9600, 19_200, 38_400] {
             let Some(received) = self.driver.transport().listen(baud, &[], LISTEN) else { continue };
             let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
-            let (mut good, mut damaged) = (0, 0);
+            let (mut good, mut corrupt) = (0, 0);
             let mut rest = received.as_slice();
             while !rest.is_empty() {
                 let taken = decoder.push(rest);
                 rest = rest.get(taken..).unwrap_or_default();
                 while let Some(outcome) = decoder.next_frame() {
-                    *if outcome.is_ok() { &mut good } else { &mut damaged } += 1;
+                    *if outcome.is_ok() { &mut good } else { &mut corrupt } += 1;
                 }
             }
-            self.later.push(Told::Probed { port: "robot", baud, good, damaged });
+            self.later.push(Notification::Probed { port: "robot", baud, good, corrupt });
         }
         self.driver.transport().end_listening();
     }

@@ -66,7 +66,7 @@ pub struct Extremes {
 
 impl Extremes {
     /// Of speeds as the robot took them. Each ALTER begins from rest, and the arm stands where a reply is missing: what
-    /// comes behind the gap begins from rest too.
+    /// comes after the gap begins from rest too.
     pub fn of(replies: &[Taken]) -> Self {
         let mut extremes = Self::default();
         let mut last: Option<&Taken> = None;

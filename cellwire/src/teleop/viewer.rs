@@ -10,7 +10,7 @@ use val2_alter::Transform;
 use val2_viewer::{ENQ, Host, HostConfig, HostEvent};
 
 use super::port::Port;
-use super::{Context, PortConfig, Told};
+use super::{Context, Notification, PortConfig};
 
 /// New poses are looked at this often.
 const IDLE: Duration = Duration::from_millis(20);
@@ -67,8 +67,8 @@ impl Feed {
         let context = &self.context;
         let turn = self.driver.turn(&mut self.host, Some(IDLE), |_, event| {
             match event {
-                HostEvent::Asked | HostEvent::Ignored => context.tell(Told::PoseAsked),
-                HostEvent::Sent(_) => context.tell(Told::Pose),
+                HostEvent::Asked | HostEvent::Ignored => context.notify(Notification::PoseAsked),
+                HostEvent::Sent(_) => context.notify(Notification::Pose),
                 _ => {}
             }
             ControlFlow::<()>::Continue(())
@@ -83,8 +83,8 @@ impl Feed {
         for baud in [9600, 19_200, 38_400] {
             let Some(received) = self.driver.transport().listen(baud, &[], LISTEN) else { continue };
             let good = received.iter().filter(|byte| **byte == ENQ).count();
-            let damaged = received.len() - good;
-            self.context.tell(Told::Probed { port: "viewer", baud, good, damaged });
+            let corrupt = received.len() - good;
+            self.context.notify(Notification::Probed { port: "viewer", baud, good, corrupt });
         }
         self.driver.transport().end_listening();
     }

@@ -28,7 +28,7 @@ use crate::settings::Settings;
 use crate::tcp;
 
 const ARM: Arm = Arm::LR_MATE_200ID;
-/// The robot stands still for so long before and behind the motion.
+/// The robot stands still for so long before and after the motion.
 const REST: f64 = 0.3;
 /// The speeds of the source's tests ("Zhodnocení"), in mm/s and °/s.
 const SPEED: (f64, f64) = (100.0, 20.0);
@@ -80,7 +80,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     match &compared {
         Ok(comparison) => {
             let first = recording.first().map_or(0.0, f64::from) * PERIOD.as_secs_f64();
-            comparison.tell(&mut report, comparison.delay - (begins - first));
+            comparison.report(&mut report, comparison.delay - (begins - first));
             for (_, what, figures, (measured, unit)) in comparison.figures() {
                 report.require(figures.rms <= measured, || {
                     format!(

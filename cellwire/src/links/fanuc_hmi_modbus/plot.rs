@@ -166,7 +166,7 @@ struct Panel {
     curves: Vec<Curve>,
 }
 
-/// The time from a little before the reference begins to a little behind its end.
+/// The time from a little before the reference begins to a little after its end.
 fn span(comparison: &Comparison) -> Result<Range<f64>> {
     let (Some(first), Some(last)) = (comparison.reference.first(), comparison.reference.last()) else {
         anyhow::bail!("there is nothing to draw");

@@ -12,7 +12,7 @@ use crate::motion::{
 };
 use crate::report::Report;
 
-/// The columns of the table: time by the life counter; what the controller says; what was made of it here.
+/// The columns of the table: time by the life counter; what the controller reports; what was made of it here.
 pub const HEADER: &str = "time_s,life_counter,missed,override_percent,x_mm,y_mm,z_mm,w_deg,p_deg,r_deg,q1,q2,q3,q4,\
 controller_vx,controller_vy,controller_vz,controller_dq1,controller_dq2,controller_dq3,controller_dq4,\
 vx_mm_s,vy_mm_s,vz_mm_s,dq1_s,dq2_s,dq3_s,dq4_s,wx_deg_s,wy_deg_s,wz_deg_s";
@@ -178,7 +178,7 @@ impl Comparison {
     }
 
     /// The delay and the errors as rows of a report, beside the source's.
-    pub fn tell(&self, report: &mut Report, delay: f64) {
+    pub fn report(&self, report: &mut Report, delay: f64) {
         report.fact("delay_ms", "delay that fits best", format!("{:.1} ms", delay * 1e3));
         report.fact("compared", "samples compared", self.summary.count);
         for (key, label, figures, (measured, unit)) in self.figures() {

@@ -57,7 +57,7 @@ impl Run {
         self.points.last().map_or(0.0, |point| point.time)
     }
 
-    /// The pose at a time; at rest before the first point and behind the last.
+    /// The pose at a time; at rest before the first point and after the last.
     pub(super) fn at(&self, seconds: f64) -> Pose {
         let next = self.points.partition_point(|point| point.time <= seconds);
         let joints = match (self.points.get(next.wrapping_sub(1)), self.points.get(next)) {
@@ -77,14 +77,14 @@ impl Run {
         }
         self.points.iter_mut().zip(times).for_each(|(point, time)| point.time = time);
         for index in 1..self.points.len().saturating_sub(1) {
-            let Some(&[before, here, behind]) =
+            let Some(&[before, here, after]) =
                 self.points.get(index - 1..=index + 1).and_then(|w| w.first_chunk())
             else {
                 continue;
             };
-            let (h0, h1) = (here.time - before.time, behind.time - here.time);
+            let (h0, h1) = (here.time - before.time, after.time - here.time);
             let mut rate = [0.0; 6];
-            let joints = before.joints.iter().zip(here.joints).zip(behind.joints);
+            let joints = before.joints.iter().zip(here.joints).zip(after.joints);
             for (rate, ((a, b), c)) in rate.iter_mut().zip(joints) {
                 // The slope of the parabola through the three.
                 *rate = ((b - a) / h0 * h1 + (c - b) / h1 * h0) / (h0 + h1);

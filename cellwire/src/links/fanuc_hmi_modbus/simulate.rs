@@ -39,8 +39,8 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
                 if is_rtu(&settings)? { ServerConfig::rtu_over_tcp(unit) } else { ServerConfig::tcp() };
             let listener = tcp::listen(address)?;
             ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
-            let tell = |event: Value| drop(log(&event)); // a script that reads no more is none of our business
-            serve_tcp(&listener, &controller, Clock::start(), config, &options.trace.start("fanuc"), tell)
+            let notify = |event: Value| drop(log(&event)); // a script that reads no more is none of our business
+            serve_tcp(&listener, &controller, Clock::start(), config, &options.trace.start("fanuc"), notify)
         }
         Endpoint::Pty(_) => {
             let baud = settings.baud(19_200)?;
@@ -62,22 +62,22 @@ pub fn serve_tcp(
     clock: Clock,
     config: ServerConfig,
     trace: &Trace,
-    tell: impl Fn(Value) + Clone + Send + 'static,
+    notify: impl Fn(Value) + Clone + Send + 'static,
 ) -> Result<()> {
     for stream in listener.incoming() {
-        let (stream, controller, trace, tell) =
-            (stream?, Arc::clone(controller), trace.clone(), tell.clone());
+        let (stream, controller, trace, notify) =
+            (stream?, Arc::clone(controller), trace.clone(), notify.clone());
         thread::spawn(move || {
             let peer = stream.peer_addr().map_or_else(|_| "gone".into(), |peer| peer.to_string());
-            tell(json!({"event": "connected", "peer": peer}));
-            let why = match serve_stream(stream, &controller, clock, config, &trace, &tell) {
+            notify(json!({"event": "connected", "peer": peer}));
+            let why = match serve_stream(stream, &controller, clock, config, &trace, &notify) {
                 Ok(None) => "the client closed the connection".into(),
                 Ok(Some(error)) => format!("the client is out of step: {error}"),
                 Err(error) => format!("{error:#}"),
             };
-            tell(json!({"event": "disconnected", "peer": peer, "why": why}));
+            notify(json!({"event": "disconnected", "peer": peer, "why": why}));
             if let Ok(Some(path)) = trace.session_ended(&why) {
-                tell(json!({"event": "trace", "path": path}));
+                notify(json!({"event": "trace", "path": path}));
             }
         });
     }
@@ -91,13 +91,13 @@ fn serve_stream(
     clock: Clock,
     config: ServerConfig,
     trace: &Trace,
-    tell: &impl Fn(Value),
+    notify: &impl Fn(Value),
 ) -> Result<Option<DecodeError>> {
     stream.set_nodelay(true)?;
     let registers = Connection { controller: Arc::clone(controller), clock };
     let mut server = Server::<_, PLACES>::new(config, registers)?;
     let transport = Traced::new(stream, trace, clock);
-    let ended = robot_session::drive(&mut server, transport, |_, event| match report(event, tell) {
+    let ended = robot_session::drive(&mut server, transport, |_, event| match report(event, notify) {
         Some(error) => ControlFlow::Break(error),
         None => ControlFlow::Continue(()),
     })?;
@@ -164,19 +164,19 @@ impl Registers for Connection {
 }
 
 /// Reports what was refused, and what was corrupt; why the connection is to be closed.
-fn report(event: ServerEvent, tell: &impl Fn(Value)) -> Option<DecodeError> {
+fn report(event: ServerEvent, notify: &impl Fn(Value)) -> Option<DecodeError> {
     match event {
         ServerEvent::Served { unit, function, exception: Some(exception), .. } => {
             let exception = u8::from(exception);
-            tell(json!({"event": "refused", "unit": unit, "function": function, "exception": exception}));
+            notify(json!({"event": "refused", "unit": unit, "function": function, "exception": exception}));
             None
         }
         ServerEvent::Refused { unit, function, .. } => {
-            tell(json!({"event": "too_many", "unit": unit, "function": function}));
+            notify(json!({"event": "too_many", "unit": unit, "function": function}));
             None
         }
         ServerEvent::Corrupt(error) => {
-            tell(json!({"event": "corrupt", "error": error}));
+            notify(json!({"event": "corrupt", "error": error}));
             None
         }
         ServerEvent::OutOfStep(error) => Some(error),

@@ -28,11 +28,11 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     report.fact("old", "packets with old values", host.old);
     report.fact("missed", "polls without a packet", host.ball_missed);
     report.fact("late", "packets that are no reply", host.ball_late);
-    report.fact("damaged", "corrupt packets, or pieces of one", host.ball_damaged);
+    report.fact("corrupt", "corrupt packets, or pieces of one", host.ball_corrupt);
     report.fact("line_faults", "bytes corrupted on the line", line_faults);
     report.fact("stale", "times that the values were older than 150 ms", host.ball_stale);
-    report.fact("key_presses", "gripper keys sent on", host.clamps.len());
-    report.fact("key_presses_refused", "gripper keys while ALTER was off", host.clamps_refused);
+    report.fact("key_presses", "gripper keys sent on", host.gripper_keys.len());
+    report.fact("key_presses_refused", "gripper keys while ALTER was off", host.gripper_keys_refused);
     let budget = Budget { time: isra_ball::HostConfig::default().period, source: "§3.4: the robot's cycle" };
     report.timing("exchange", "poll to packet", &host.exchange, Some(budget));
     report.require(answered > host.ball_missed, || {
@@ -44,7 +44,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         format!("a packet came in {fastest:?}, faster than the line carries it")
     });
     // The last one may be on the line when the run ends.
-    let (sent, arrived) = (ball.fresh + ball.old, answered + host.ball_late + host.ball_damaged);
+    let (sent, arrived) = (ball.fresh + ball.old, answered + host.ball_late + host.ball_corrupt);
     report.require(config.faults || sent <= arrived + 1, || {
         format!("the ball sent {sent} packets, {arrived} arrived, whole or not")
     });

@@ -19,10 +19,10 @@ use crate::report::{Budget, Report};
 use crate::settings::Settings;
 use crate::tcp::{self, FaultyProxy};
 
-/// The pen's speed in mm/s unless `--set speed=…` says another: so much faster than an arm that the picture takes a few seconds.
+/// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
 const SPEED: u32 = 16_000;
 
-/// The jobs that the robot's queue holds, unless `--set queue=…` says another number.
+/// The jobs that the robot's queue holds, unless `--set queue=…` gives another number.
 const QUEUE: usize = 256;
 
 /// With `--faults`, so likely does a read break the connection.
@@ -34,7 +34,7 @@ const RECONNECT: Duration = Duration::from_millis(100);
 /// The number of the first order: that of the source's example (thesis, section 10.1).
 const ORDER: u16 = 50;
 
-/// An order that was ended is over when the job that is being executed is done, and the robot has said so: within this time, and
+/// An order that was ended is over when the job that is being executed is done, and the robot has reported it: within this time, and
 /// that of the longest line.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -132,7 +132,7 @@ impl<'a> Program<'a> for Repeat<'a> {
             self.outcomes.push(Outcome { sent: pc.sent(), executed });
         }
         if self.robot_is_off.load(Ordering::Relaxed) {
-            return Ok(false); // why, it says itself
+            return Ok(false); // it reports why
         }
         if pc.order().is_some() {
             if time_is_up && !self.interrupted {
@@ -140,7 +140,7 @@ impl<'a> Program<'a> for Repeat<'a> {
                 self.interrupted = true;
             }
             let late = self.seconds.is_some_and(|seconds| self.start.elapsed() > seconds + self.patience);
-            ensure!(!late, "the order does not end: the robot has not said so for {:?}", self.patience);
+            ensure!(!late, "the order does not end: the robot has not reported it for {:?}", self.patience);
             return Ok(true);
         }
         let drawn = !self.outcomes.is_empty();

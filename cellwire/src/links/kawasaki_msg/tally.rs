@@ -31,7 +31,7 @@ pub struct Tally {
     pub unreported: u64,
     /// Not what was sent under the number.
     pub altered: u64,
-    /// Not behind the job before it.
+    /// Not after the job before it.
     pub out_of_order: u64,
 }
 

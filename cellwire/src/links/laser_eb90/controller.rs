@@ -152,14 +152,14 @@ pub fn run(
     line: &mut Line,
     clock: Clock,
     switch: &Switch,
-    tell: impl FnMut(Value) -> Result<()>,
+    notify: impl FnMut(Value) -> Result<()>,
     executed: &Mutex<Vec<Job>>,
 ) -> Result<RobotCounts> {
     let (writer, reader) = robot_work_queue::boxed::<Job>(robot.queue, NUMBERS)?;
     let config = ControllerConfig { profile: robot.profile, ..ControllerConfig::default() };
     let (halted, done) = (AtomicBool::new(false), AtomicBool::new(false));
     let motion = Motion { robot, switch, halted: &halted, done: &done, executed };
-    let mut task = Communication { motion, clock, tell, refused: 0 };
+    let mut task = Communication { motion, clock, notify, refused: 0 };
     let controller = Controller::new(config, writer)?;
     priority::raise(Rank::Hardware);
     thread::scope(|scope| {
@@ -206,7 +206,7 @@ impl Transport for Measured<'_> {
 struct Communication<'a, F> {
     motion: Motion<'a>,
     clock: Clock,
-    tell: F,
+    notify: F,
     refused: u64,
 }
 
@@ -228,14 +228,14 @@ impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
 
     fn take(&mut self, controller: &mut Controller<'_, Job>, event: ControllerEvent) -> Result<()> {
         match event {
-            ControllerEvent::Queued { count } => (self.tell)(json!({"event": "queued", "count": count})),
+            ControllerEvent::Queued { count } => (self.notify)(json!({"event": "queued", "count": count})),
             ControllerEvent::Refused(refusal) => {
                 self.refused += 1;
-                (self.tell)(json!({"event": "refused", "refusal": refusal}))
+                (self.notify)(json!({"event": "refused", "refusal": refusal}))
             }
             ControllerEvent::Execute { class, word } => {
                 let items = controller.instruction().map(|instruction| instruction.parameters);
-                (self.tell)(json!({"event": class, "word": word, "items": items}))?;
+                (self.notify)(json!({"event": class, "word": word, "items": items}))?;
                 self.execute(controller, word)
             }
             _ => Ok(()),

@@ -18,7 +18,7 @@ use crate::report::{Budget, Report};
 use crate::serial;
 use crate::settings::Settings;
 
-/// The simulated baud rate, unless `--set baud=…` says another. The source names none; at this one a short run shows some
+/// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
 /// hundred instructions.
 const BAUD: u32 = 115_200;
 
@@ -175,12 +175,12 @@ fn report(
     if tally.unknown > 0 {
         report.fact("unknown_executed", "of these executed", tally.unknown_executed);
     }
-    report.fact("unseen", "executed damaged: the checksum cannot see it", tally.unseen);
+    report.fact("unseen", "executed corrupt: the checksum cannot see it", tally.unseen);
     report.fact("resent", "frames sent again after an error code", cutter.counts.resent);
     report.fact("refused", "frames refused after all resends, sent later", cutter.counts.refused);
     report.fact("error_codes", "error codes sent by the robot", robot.refused);
     report.fact("restarts", "restarts of the robot, noticed", cutter.counts.restarts);
-    report.fact("line_faults", "bytes damaged by the line", line.faults());
+    report.fact("line_faults", "bytes corrupted by the line", line.faults());
     report.fact("single_rate", "instructions a second, one in a frame", tenths(one));
     report.fact("batch_rate", "instructions a second, seven in a frame", tenths(seven));
     report.fact("gain", "seven are faster by", format!("{} %", percent(seven / one)));

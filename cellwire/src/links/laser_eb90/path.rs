@@ -47,7 +47,7 @@ impl Cut {
         }
     }
 
-    /// Where it ends on the sheet; what damage has moved off it is at its edge.
+    /// Where it ends on the sheet; what corruption has moved off it is at its edge.
     pub fn end(&self) -> Point {
         let [x, y, ..] = self.values;
         Point { x: hundredths(x).clamp(0, SHEET.x), y: hundredths(y).clamp(0, SHEET.y) }
@@ -83,7 +83,7 @@ fn steps(line: Line, length: &mut f64) -> Vec<Cut> {
         .collect()
 }
 
-/// What a measuring system says of the sheet at X, Y: its height, and how the beam must be tilted to stand upright on it. The
+/// What a measuring system gives for the sheet at X, Y: its height, and how the beam must be tilted to stand upright on it. The
 /// parameters of a laser robot cannot be taught, they come from such a system (introduction of the source).
 fn measured(x: f64, y: f64) -> (f64, f64, f64) {
     let (wave_x, wave_y) = (x / 240.0, y / 310.0);

@@ -8,9 +8,9 @@ use crate::report::Jobs;
 /// What the host knows of an instruction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Known {
-    /// The controller said that it is queued.
+    /// The controller reported that it is queued.
     Queued,
-    /// Nobody can tell.
+    /// Nobody can know.
     Unknown,
 }
 
@@ -25,9 +25,9 @@ pub struct Tally {
     pub unknown: u64,
     /// Of these: executed.
     pub unknown_executed: u64,
-    /// Executed with other values than were sent: damage that the checksum cannot see.
+    /// Executed with other values than were sent: corruption that the checksum cannot see.
     pub unseen: u64,
-    /// Said to be queued, neither executed nor replaced by a damaged one.
+    /// Reported as queued, neither executed nor replaced by a corrupt one.
     pub lost: u64,
     /// Executed more than once.
     pub repeated: u64,
@@ -101,7 +101,7 @@ mod tests {
         let path: Vec<_> = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(cut).into();
         let (queued, unknown) = (Some(Known::Queued), Some(Known::Unknown));
         let known = [queued, queued, unknown, unknown, queued, queued, None];
-        // The second was damaged, the third executed, the fourth not, the fifth lost, the sixth executed twice.
+        // The second was corrupt, the third executed, the fourth not, the fifth lost, the sixth executed twice.
         let executed = [1.0, 2.5, 3.0, 6.0, 6.0].map(|length| Some(cut(length)));
         assert_eq!(
             Tally::new(&path, &known, &executed),

@@ -40,7 +40,7 @@ pub struct Record {
     pub dropped: u64,
     /// Parts that left their place again with the gripper, because nothing blew them off. Never, if step 21 is right.
     pub carried_off: u64,
-    /// The longest time for which the vacuum was on without its part behind a fall, in cell time.
+    /// The longest time for which the vacuum was on without its part after a fall, in cell time.
     pub vacuum_after_fall: Duration,
     /// Levels and their beginnings.
     pub vacuum: Vec<(Duration, bool)>,

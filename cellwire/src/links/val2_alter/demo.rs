@@ -51,7 +51,7 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
     let planned = puma.ends.len() - record.ends_before_stop;
     let missed = puma.missed.saturating_sub(planned as u64);
     report.fact("missed", "missed", missed);
-    report.fact("bad_replies", "replies damaged, or cut off by the window", puma.bad_replies);
+    report.fact("bad_replies", "replies corrupt, or cut off by the window", puma.bad_replies);
     report.fact("stalls", "times the host was put to sleep", host.stalls);
     report.fact("ends", "ended by the controller", ends(record));
     report.fact("taken_up_again", "taken up again", puma.starts.saturating_sub(1));
@@ -70,7 +70,7 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
 
     limits(&mut report, config, record);
 
-    let pressed = |closes| host.clamps.iter().filter(|(_, clamp)| *clamp == closes).count();
+    let pressed = |closes| host.gripper_keys.iter().filter(|(_, clamp)| *clamp == closes).count();
     let moved = |closes| puma.gripper.iter().filter(|grip| **grip == closes).count();
     report.fact(
         "gripper_closed",
@@ -87,7 +87,7 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
     report.fact("drift_mm", "arm moved while ALTER was off, mm", puma.drift);
     report.fact("stray_replies", "replies too late for their window", puma.strays);
     report.fact("simulator_late_us", "the simulator was late itself, µs in all", micros(puma.stood));
-    report.fact("line_faults", "bytes damaged on the lines", record.line_faults.iter().sum::<u64>());
+    report.fact("line_faults", "bytes corrupted on the lines", record.line_faults.iter().sum::<u64>());
 
     let budget = puma.window.map(|time| Budget { time, source: "§3.4" });
     report.timing("turn_around", "request to reply, in the cycles kept", &puma.turn_around, budget);
@@ -110,7 +110,7 @@ fn slack(config: &CellConfig) -> Option<Budget> {
     worst.slack().map(|time| Budget { time, source: "§3.4, longest messages" })
 }
 
-/// A machine that takes the processor away, from the host or from the kernel thread behind a pseudo-terminal, may cost single
+/// A machine that takes the processor away, from the host or from the kernel thread of a pseudo-terminal, may cost single
 /// cycles: they are counted, and taken up again from. What must hold is everything that follows from host and robot themselves.
 fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
     let CellRecord { puma, host, drawn, .. } = record;
@@ -127,8 +127,8 @@ fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, misse
         format!("ALTER ended {to_take_up} times, and was taken up {} times", puma.starts)
     });
     if !config.faults && record.ends_before_stop == 0 {
-        let pressed: Vec<bool> = host.clamps.iter().map(|(_, closes)| *closes).collect();
-        let due = host.clamps.iter().take_while(|(at, _)| *at < settled).count();
+        let pressed: Vec<bool> = host.gripper_keys.iter().map(|(_, closes)| *closes).collect();
+        let due = host.gripper_keys.iter().take_while(|(at, _)| *at < settled).count();
         report.require(pressed.starts_with(&puma.gripper) && puma.gripper.len() >= due, || {
             format!("the gripper moved {:?}, its keys were pressed {pressed:?}", puma.gripper)
         });
@@ -248,7 +248,7 @@ mod tests {
     fn limits_gripper_and_kept_cycles_are_judged() {
         let fast = |record: &mut CellRecord| record.puma.replies[50].values[0] = 17;
         assert!(failures(fast)[0].starts_with("the robot got Extremes"));
-        let press = |at| move |record: &mut CellRecord| record.host.clamps.push((at * MS, true));
+        let press = |at| move |record: &mut CellRecord| record.host.gripper_keys.push((at * MS, true));
         assert_eq!(failures(press(5000)), ["the gripper moved [], its keys were pressed [true]"]);
         assert_eq!(failures(press(9990)), [""; 0], "too late for the run");
         let damaged = |record: &mut CellRecord| (record.puma.cycles, record.puma.bad_replies) = (200, 100);

@@ -13,7 +13,7 @@ const ASKED: RGBColor = RGBColor(200, 90, 40);
 const LIMITED: RGBColor = RGBColor(20, 80, 160);
 const LIMIT: RGBColor = RGBColor(130, 130, 130);
 
-/// One curve: a time in seconds and a value; a new piece from rest for each ALTER, and behind each cycle in which the arm stood.
+/// One curve: a time in seconds and a value; a new piece from rest for each ALTER, and after each cycle in which the arm stood.
 type Curve = Vec<Vec<(f64, f64)>>;
 
 /// Draws velocity and acceleration along X.

@@ -148,12 +148,12 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// Runs the robot's program until told to stop, or until the connection is gone.
 ///
 /// # Errors
-/// When an event cannot be told.
+/// When an event cannot be reported.
 pub fn run(
     line: &mut Line,
     config: PumaConfig,
     stop: &AtomicBool,
-    mut tell: impl FnMut(Duration, PumaEvent) -> Result<()>,
+    mut notify: impl FnMut(Duration, PumaEvent) -> Result<()>,
 ) -> Result<PumaRecord> {
     priority::raise(Rank::Hardware);
     let mut controller = Controller::new(config.controller)?;
@@ -171,7 +171,7 @@ pub fn run(
         let robot = driver.transport();
         puma.collect(events, &controller, robot);
         for event in puma.events.drain(..) {
-            tell(robot.now, event)?;
+            notify(robot.now, event)?;
             if let PumaEvent::Ended(error, _) = event {
                 robot.line.end_session(&format!("ALTER ended, {}", error_text(error)));
             }

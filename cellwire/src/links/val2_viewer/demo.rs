@@ -21,7 +21,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     report.fact("sent", "poses sent", host.poses);
     report.fact("poses", "poses drawn", drawn.poses);
     report.fact("gaps", "poses that never came", drawn.gaps);
-    report.fact("damaged", "corrupt lines, or pieces of one", drawn.damaged);
+    report.fact("corrupt", "corrupt lines, or pieces of one", drawn.damaged);
     report.fact("line_faults", "bytes corrupted on the line", line_faults);
     report.fact("stale", "times that the picture was stale", drawn.stale);
     report.fact("pauses", "times that the operator paused it to ask again", drawn.pauses);

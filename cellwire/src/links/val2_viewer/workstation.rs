@@ -86,7 +86,7 @@ pub fn run(line: &mut Line, stop: &AtomicBool, mut report: impl FnMut(Value) -> 
                 drawn.most_at_once = drawn.most_at_once.max(at_once);
                 report(pose(&packet))
             }
-            WorkstationEvent::Corrupt(error) => report(json!({"event": "damaged", "error": error})),
+            WorkstationEvent::Corrupt(error) => report(json!({"event": "corrupt", "error": error})),
             _ => Ok(()),
         })?;
         if !goes_on {

@@ -6,7 +6,8 @@ use kawasaki_msg::pc::{Action, Answer, Count, Input, JobSent, Link, Order, Outco
 use kawasaki_msg::{FromPc, FromRobot, PcConfig, Phase, Status};
 
 use super::machines::Pc;
-use super::pair::{NO_SPIN, ONE_OUTCOME, TICK, UNEXPECTED};
+use super::pair::{NO_SPIN, ONE_OUTCOME, UNEXPECTED};
+use super::world::TICK;
 use crate::model::{Edge, Edges, System, age, drive};
 
 const NOW: Duration = Duration::ZERO;

@@ -18,8 +18,8 @@ use kawasaki_msg::{Acks, PcConfig, RecoveryLimits, RobotConfig, Takeover};
 pub use any_pc::{AnyPc, Peer};
 pub use any_robot::AnyRobot;
 pub use machines::{Pc, Robot};
-pub use pair::TICK;
 pub use refine::{Refined, refine};
+pub use world::TICK;
 pub use world::{Act, Faults, Flags, InFlight, Reported, Sent, Setup, Start, Tag, World};
 
 use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, draw};

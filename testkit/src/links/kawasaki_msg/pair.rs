@@ -10,8 +10,6 @@ use super::step::{below, executed};
 use super::world::{Act, Faults, Flags, InFlight, Reported, Setup, World};
 use crate::model::{Edges, System};
 
-/// The time of a tick.
-pub const TICK: Duration = Duration::from_millis(500);
 const NOW: Duration = Duration::ZERO;
 
 pub(super) const TWICE: &str = "no job is executed twice";

@@ -13,8 +13,7 @@ use kawasaki_msg::{
 use robot_work_queue::Reader;
 
 use super::machines;
-use super::pair::TICK;
-use super::world::{Act, Reported, Setup, Tag, World};
+use super::world::{Act, Reported, Setup, TICK, Tag, World};
 use crate::model::{Options, System, explore};
 
 /// How much was walked.

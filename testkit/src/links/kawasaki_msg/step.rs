@@ -7,8 +7,7 @@ use kawasaki_msg::robot::{self, Cycle, Link, Order, RecoveryStep, Stage};
 use kawasaki_msg::{FromPc, FromRobot, Phase, Takeover};
 
 use super::machines::{Pc, Robot, fast_is_slow};
-use super::pair::TICK;
-use super::world::{Act, InFlight, Reported, Sent, Setup, Start, Tag, World};
+use super::world::{Act, InFlight, Reported, Sent, Setup, Start, TICK, Tag, World};
 use crate::model::{Edges, age, drive};
 
 /// How many ticks a datagram can be late.

@@ -1,8 +1,13 @@
 //! The closed system of both machines: what it holds.
 
+use core::time::Duration;
+
 use kawasaki_msg::{FromPc, FromRobot, PcConfig, RobotConfig};
 
 use super::machines::{Pc, Robot};
+
+/// The time of a tick.
+pub const TICK: Duration = Duration::from_millis(500);
 
 /// What may go wrong, and what the users may do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,15 +1,20 @@
 //! The robot, its queue and its motion task against PCs that are not ours.
 
+mod world;
+
 use core::time::Duration;
 
-use kawasaki_msg::robot::{
-    AckState, Action, Cycle, Input, Link, Order, RecoveryStep, Replies, Stage, Starts,
-};
+use kawasaki_msg::robot::{Action, Cycle, Input, Link, Order, RecoveryStep, Stage, Starts};
 use kawasaki_msg::{FromPc, FromRobot, RobotConfig};
 
 use super::machines::{Robot, fast_is_slow};
-use super::pair::{FAST, NO_ALARM, NO_SPIN, TICK, TWICE, UNEXPECTED};
+use super::pair::{FAST, NO_ALARM, NO_SPIN, TWICE, UNEXPECTED};
+use super::world::TICK;
 use crate::model::{Edge, Edges, System, age, drive};
+
+use Letter::Nothing as N;
+use world::Flags;
+pub use world::{Act, Letter, Sent, World};
 
 const NOW: Duration = Duration::ZERO;
 const OURS: u16 = 1;
@@ -55,154 +60,13 @@ pub struct AnyPc {
     pub late: bool,
 }
 
-/// A message, with the job that it is, or how many jobs the PC has sent before it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Sent {
-    /// `None` is corrupt.
-    message: Option<FromPc>,
-    job: u8,
-}
-
-/// The robot, and what is known of its jobs.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct World {
-    robot: Robot,
-    down: Vec<Vec<Sent>>,
-    /// What was read ends with a corrupt message: it is known when the next one begins.
-    tail: bool,
-    queue: Vec<u8>,
-    executing: Option<u8>,
-    /// Executed and completed, and not reported to the session yet.
-    unreported: u8,
-    /// The jobs of the order that were begun, done, and whether the PC has sent all.
-    begun: u8,
-    done: u8,
-    sent_all: bool,
-    over: bool,
-    faults: u8,
-    /// Ticks of standing still with a connection.
-    stood: u8,
-    flags: Flags,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-struct Flags {
-    twice: bool,
-    skipped: bool,
-    early_end: bool,
-    wrong_count: bool,
-    unexpected: bool,
-    healthy: bool,
-    fast_path: bool,
-}
-
-/// What happens.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Act {
-    /// A connection is made.
-    Connect,
-    /// It is lost.
-    Break,
-    /// `handle_timeout`.
-    Timeout,
-    /// The robot sends a packet, and the PC answers with up to three messages, or never.
-    Transmit([Letter; 3]),
-    /// The robot reads so many messages of the first packet.
-    Read(u8),
-    /// The robot reads a message of a PC that does anything.
-    Receive(Letter),
-    /// Nothing more comes for now.
-    ReadEnd,
-    /// The motion task has executed a job, and completes it.
-    Done,
-    /// The session is handed the report.
-    Report,
-    /// The motion program leads out of the alarm.
-    ClearQueue,
-    /// Time goes on.
-    Tick,
-}
-
-/// A message of the PC's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Letter {
-    /// None.
-    Nothing,
-    /// Filler.
-    Filler,
-    /// The order's start.
-    Start,
-    /// Another order's.
-    OtherStart,
-    /// The order's end.
-    End,
-    /// Its interruption.
-    Interrupt,
-    /// The job that was asked for, or one so far from it.
-    Job(i8),
-    /// A job of another order.
-    OtherOrder,
-    /// A job out of bounds.
-    BadJob,
-    /// A status that names another order.
-    OtherStatus,
-    /// Corrupt bytes.
-    Corrupt,
-}
-
-use Letter::Nothing as N;
-
-impl World {
-    /// What is still to be sent decides nothing else, and a PC that does anything does not read it.
-    fn project(&mut self) {
-        (self.robot.replies, self.robot.ended) = (Replies::default(), None);
-        if let AckState::Cumulative { acked } = &mut self.robot.acks {
-            *acked = self.robot.executed;
-        }
-        if let Link::Connected { status_at, .. } = &mut self.robot.link {
-            *status_at = Duration::MAX;
-        }
-        if self.robot.order == Order::Idle {
-            (self.robot.queued, self.robot.executed) = (0, 0);
-        }
-    }
-
-    fn stage(&self) -> Option<Stage> {
-        if let Order::Active { stage, .. } = self.robot.order { Some(stage) } else { None }
-    }
-
-    /// The job that is asked for.
-    fn next(&self) -> u8 {
-        if self.stage().is_some() { self.robot.queued as u8 } else { 0 }
-    }
-
-    fn occupied(&self) -> usize {
-        self.queue.len() + usize::from(self.executing.is_some())
-    }
-
-    fn is_empty(&self) -> bool {
-        self.occupied() == 0
-    }
-
-    /// The motion task takes its next job at once.
-    fn take(&mut self) {
-        if self.executing.is_none() && !self.queue.is_empty() {
-            let job = self.queue.remove(0);
-            self.flags.twice |= job < self.begun;
-            self.flags.skipped |= job > self.begun;
-            self.begun = self.begun.max(job + 1);
-            self.executing = Some(job);
-        }
-    }
-
-    fn report(&mut self, config: &AnyPc, edges: &mut Edges<'_>) {
-        self.unreported -= 1;
-        let number = config.number(self.robot.executed as u8);
-        config.drive(self, Input::Executed { number }, edges);
-    }
-}
-
 impl AnyPc {
+    fn report(&self, w: &mut World, edges: &mut Edges<'_>) {
+        w.unreported -= 1;
+        let number = self.number(w.robot.executed as u8);
+        self.drive(w, Input::Executed { number }, edges);
+    }
+
     fn is_free(&self) -> bool {
         !matches!(self.peer, Peer::Lossy { .. })
     }
@@ -523,7 +387,7 @@ impl System for AnyPc {
                 }
                 w.take();
             }
-            Act::Report => w.report(self, edges),
+            Act::Report => self.report(&mut w, edges),
             Act::ClearQueue => {
                 self.drive(&mut w, Input::ClearQueue, edges);
             }

@@ -1,5 +1,7 @@
 //! The device's end of a simulated serial line, on which bytes take as long as on a real one.
 
+mod faults;
+
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -16,6 +18,8 @@ use serialport::SerialPort;
 use crate::priority::{self, Rank};
 use crate::serial::READ_TIMEOUT;
 use crate::trace::{Trace, Way};
+
+pub use faults::LineFaults;
 
 /// Consecutive bytes are handed over in runs of this many, as a serial chip with a FIFO does: one by one they would keep two
 /// processors busy waking threads. The last byte of a transmission is not late because of that.
@@ -34,46 +38,6 @@ impl Clock {
     /// The time since then.
     pub fn now(self) -> Duration {
         self.0.elapsed()
-    }
-}
-
-/// How often a line corrupts a byte, and the generator that decides when.
-#[derive(Debug, Clone)]
-pub struct LineFaults {
-    /// The probability that one bit of a byte is inverted.
-    pub flip: f64,
-    /// The probability that a byte is lost.
-    pub lose: f64,
-    /// The probability that a random byte is inserted before a byte.
-    pub insert: f64,
-    rng: fastrand::Rng,
-    count: u64,
-}
-
-impl LineFaults {
-    /// No faults.
-    pub fn none() -> Self {
-        Self::with_rate(0.0, 0)
-    }
-
-    /// Each kind with the same probability.
-    pub fn with_rate(rate: f64, seed: u64) -> Self {
-        Self { flip: rate, lose: rate, insert: rate, rng: fastrand::Rng::with_seed(seed), count: 0 }
-    }
-
-    fn pass(&mut self, byte: u8, mut out: impl FnMut(u8)) {
-        if self.rng.f64() < self.insert {
-            self.count += 1;
-            out(self.rng.u8(..));
-        }
-        if self.rng.f64() < self.lose {
-            self.count += 1;
-        } else if self.rng.f64() < self.flip {
-            self.count += 1;
-            out(byte ^ 1 << self.rng.u8(0..8));
-        } else {
-            out(byte);
-        }
     }
 }
 

@@ -1,0 +1,41 @@
+//! What a serial line does to bytes.
+
+/// How often a line corrupts a byte, and the generator that decides when.
+#[derive(Debug, Clone)]
+pub struct LineFaults {
+    /// The probability that one bit of a byte is inverted.
+    pub flip: f64,
+    /// The probability that a byte is lost.
+    pub lose: f64,
+    /// The probability that a random byte is inserted before a byte.
+    pub insert: f64,
+    pub(super) rng: fastrand::Rng,
+    pub(super) count: u64,
+}
+
+impl LineFaults {
+    /// No faults.
+    pub fn none() -> Self {
+        Self::with_rate(0.0, 0)
+    }
+
+    /// Each kind with the same probability.
+    pub fn with_rate(rate: f64, seed: u64) -> Self {
+        Self { flip: rate, lose: rate, insert: rate, rng: fastrand::Rng::with_seed(seed), count: 0 }
+    }
+
+    pub(super) fn pass(&mut self, byte: u8, mut out: impl FnMut(u8)) {
+        if self.rng.f64() < self.insert {
+            self.count += 1;
+            out(self.rng.u8(..));
+        }
+        if self.rng.f64() < self.lose {
+            self.count += 1;
+        } else if self.rng.f64() < self.flip {
+            self.count += 1;
+            out(byte ^ 1 << self.rng.u8(0..8));
+        } else {
+            out(byte);
+        }
+    }
+}

@@ -14,13 +14,16 @@ pub(super) struct Hostile {
     pub(super) end: End,
     rng: Rng,
     max_number: u16,
+    orders: [u16; 4],
     /// The next job that the motion task may take.
     pub(super) next: u16,
 }
 
 impl Hostile {
-    pub(super) fn new(end: End, seed: u64, max_number: u16) -> Self {
-        Self { end, rng: Rng::new(seed ^ 0x686F_7374), max_number, next: 1 }
+    /// Over datagrams its orders have numbers of their own: a late one may name them when ours have begun.
+    pub(super) fn new(end: End, seed: u64, max_number: u16, datagrams: bool) -> Self {
+        let orders = if datagrams && end == End::B { [0, 601, 602, 603] } else { [0, 1, 2, 3] };
+        Self { end, rng: Rng::new(seed ^ 0x686F_7374), max_number, orders, next: 1 }
     }
 
     /// Whether something is sent now, and what: some messages, a few of them corrupt.
@@ -31,7 +34,7 @@ impl Hostile {
         }
         let mut packet = String::new();
         for _ in 0..1 + rng.below(4) {
-            let order = [0, 1, 2, 3][rng.below(4)];
+            let order = self.orders[rng.below(4)];
             // Often the next one, so that orders get on.
             let number =
                 if rng.chance(0.7) { self.next } else { rng.below(self.max_number.into()) as u16 + 2 };

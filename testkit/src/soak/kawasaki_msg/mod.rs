@@ -243,7 +243,7 @@ impl Cell {
     fn is_harassed(&mut self, seed: u64, rng: &mut Rng) {
         let end = if rng.chance(0.5) { End::A } else { End::B };
         self.log.line(self.now, format_args!("{end:?} is hostile"));
-        self.hostile = Some(Hostile::new(end, seed, self.config.0.max_number));
+        self.hostile = Some(Hostile::new(end, seed, self.config.0.max_number, self.config.0.datagrams));
         let until = self.now + rng.log_uniform(100 * MS, 40_000 * MS);
         while self.now < until {
             if end == End::A && self.pc.order().is_none() {

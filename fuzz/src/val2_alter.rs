@@ -196,12 +196,14 @@ pub fn val2_alter_host(mut data: &[u8]) {
             // After a start, or a cycle in which the arm was at rest, the values begin again from rest.
             let statistics = host.statistics();
             let rests = statistics.starts + statistics.rejected + statistics.missed;
-            if core::mem::replace(&mut stood, rests) != rests {
+            let interrupted = host.state() == HostState::Interrupted;
+            if core::mem::replace(&mut stood, rests) != rests || interrupted {
                 last = [0; 6];
             }
             match HostMessage::decode(frame.data(), Framing::DEFAULT).unwrap() {
                 HostMessage::Reply(Reply { values, .. }) => {
                     let values = values.map(Option::unwrap_or_default);
+                    assert!(!interrupted || values == last, "the controller has brought the arm to rest");
                     for (value, last) in values.iter().zip(last) {
                         assert!((value - last).abs() <= 7 && value.abs() <= 60, "{last} then {value}");
                     }

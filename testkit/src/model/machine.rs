@@ -42,6 +42,33 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     }
 }
 
+/// The methods of [`Machine`] that a link's machine has itself, under the same names.
+macro_rules! forward {
+    () => {
+        fn on(
+            &mut self,
+            now: core::time::Duration,
+            input: Self::Input,
+            config: &Self::Config,
+        ) -> Result<Self::Action, robot_session::Unexpected> {
+            Self::on(self, now, input, config)
+        }
+
+        fn each_time(&mut self, f: impl FnMut(&mut core::time::Duration)) {
+            Self::each_time(self, f);
+        }
+
+        fn name(&self) -> &'static str {
+            Self::name(self)
+        }
+
+        fn input_name(input: &Self::Input) -> &'static str {
+            input.name()
+        }
+    };
+}
+pub(crate) use forward;
+
 /// One transition of one end.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Edge {

@@ -7,7 +7,7 @@
 //! Time in a model is always zero: a tick of the system takes its length from every deadline, see [`age`]. States that behave
 //! alike are then equal, and there are finitely many.
 //!
-//! [`Graph::walks`] gives paths that together visit every state and take every transition: a link's refinement replays them
+//! [`Graph::walks`] gives paths that together visit every state and take every transition: [`refine()`] replays them
 //! over bytes through the sessions. [`mermaid`] draws what was seen, and a [`Pair`] is what the command `model` knows of a link.
 
 pub mod diagram;
@@ -16,6 +16,7 @@ mod fingerprint;
 mod graph;
 mod machine;
 mod pair;
+mod refine;
 mod runs;
 #[cfg(feature = "stateright")]
 mod second;
@@ -24,6 +25,8 @@ mod system;
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
+pub(crate) use machine::forward;
 pub use machine::{Edge, Edges, Machine, age, drive};
 pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, draw};
+pub use refine::{Refined, refine};
 pub use system::{System, trace};

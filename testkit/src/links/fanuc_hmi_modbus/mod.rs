@@ -7,9 +7,8 @@ mod world;
 
 use fanuc_hmi_modbus::{ClientConfig, Framing, Rule, ServerConfig};
 
-pub use self::refine::Refined;
 use self::world::{COLLISION, COSTS, ENDS, FOREIGN_REPLY, Job, OTHER_UNIT, STALE, Setup, TICK};
-use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, draw};
 
 /// Over TCP, with transactions in the frames.
 pub const TCP: Pair = Pair {

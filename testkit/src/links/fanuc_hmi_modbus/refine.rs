@@ -10,40 +10,14 @@ use fanuc_hmi_modbus::{
 use robot_session::{Encode as _, Session as _};
 
 use super::world::{Act, Fate, Job, Outcome, Setup, TICK, Verdict, World};
-use crate::model::{Options, System, explore};
-
-/// How much was walked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Refined {
-    /// States of the model.
-    pub states: usize,
-    /// Paths through them.
-    pub walks: usize,
-    /// Steps of all paths.
-    pub steps: usize,
-}
+use crate::model::{self, Refined, age};
 
 /// Walks every state and every transition of a system with real sessions.
 ///
 /// # Panics
 /// Where a session differs from its machine.
 pub(super) fn refine(setup: &Setup) -> Refined {
-    let graph = explore(setup, &Options { edges: true, ..Options::default() });
-    let mut refined = Refined { states: graph.states, ..Refined::default() };
-    for walk in graph.walks() {
-        let mut world = setup.init();
-        let mut sessions = Sessions::new(setup);
-        sessions.compare(&world, &[]);
-        for (at, act) in walk.iter().enumerate() {
-            let next = setup.step(&world, *act, None);
-            sessions.walk(*act, &world, &next, &walk[..=at]);
-            sessions.compare(&next, &walk[..=at]);
-            world = next;
-        }
-        refined.walks += 1;
-        refined.steps += walk.len();
-    }
-    refined
+    model::refine(setup, || Sessions::new(setup), Sessions::walk, Sessions::compare)
 }
 
 /// The address of a request is its job.
@@ -258,13 +232,8 @@ impl<'a> Sessions<'a> {
     /// The sessions' machines are the model's, and what is reported and sent is what the model has.
     fn compare(&mut self, world: &World, walk: &[Act]) {
         let (now, mut client, mut server) = (self.now, self.client.machine().clone(), *self.server.machine());
-        let relative = |time: &mut Duration| {
-            if *time != Duration::MAX {
-                *time = time.saturating_sub(now);
-            }
-        };
-        client.each_time(relative);
-        server.each_time(relative);
+        age(&mut client, now);
+        age(&mut server, now);
         assert_eq!(client, world.client, "{walk:?}");
         assert_eq!(server, world.server, "{walk:?}");
         let outcomes: Vec<_> = world.records.iter().map(|record| record.outcome).collect();

@@ -1,13 +1,10 @@
 //! Both machines as the model knows them.
 
-use core::time::Duration;
-
 use isra_ball::ball::machine::{self as ball, BallMachine};
 use isra_ball::host::machine::{self as host, HostMachine};
 use isra_ball::{BallConfig, HostConfig};
-use robot_session::Unexpected;
 
-use crate::model::Machine;
+use crate::model::{Machine, forward};
 
 impl Machine for HostMachine {
     const END: &'static str = "host";
@@ -15,26 +12,7 @@ impl Machine for HostMachine {
     type Action = host::Action;
     type Config = HostConfig;
 
-    fn on(
-        &mut self,
-        now: Duration,
-        input: host::Input,
-        config: &HostConfig,
-    ) -> Result<host::Action, Unexpected> {
-        self.on(now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        self.each_time(f);
-    }
-
-    fn name(&self) -> &'static str {
-        self.name()
-    }
-
-    fn input_name(input: &host::Input) -> &'static str {
-        input.name()
-    }
+    forward!();
 
     fn action_name(action: &host::Action) -> String {
         match action {
@@ -50,26 +28,7 @@ impl Machine for BallMachine {
     type Action = ball::Action;
     type Config = BallConfig;
 
-    fn on(
-        &mut self,
-        now: Duration,
-        input: ball::Input,
-        config: &BallConfig,
-    ) -> Result<ball::Action, Unexpected> {
-        self.on(now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        self.each_time(f);
-    }
-
-    fn name(&self) -> &'static str {
-        self.name()
-    }
-
-    fn input_name(input: &ball::Input) -> &'static str {
-        input.name()
-    }
+    forward!();
 
     fn action_name(action: &ball::Action) -> String {
         match action {

@@ -5,7 +5,7 @@ mod pair;
 mod refine;
 mod world;
 
-pub use refine::{Refined, refine};
+pub use refine::refine;
 pub use world::{Act, Exchange, Fate, State, TICK};
 
 use isra_ball::{ball, host};

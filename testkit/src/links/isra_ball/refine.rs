@@ -3,45 +3,18 @@
 use core::time::Duration;
 
 use isra_ball::ball::machine::BallMachine;
-use isra_ball::host::machine::HostMachine;
 use isra_ball::{Ball, Host, HostEvent, Keys};
 use robot_session::Session as _;
 
 use super::world::{Act, Exchange, Fate, State, TICK};
-use crate::model::{Options, System, explore};
-
-/// How much was walked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Refined {
-    /// States of the model.
-    pub states: usize,
-    /// Paths through them.
-    pub walks: usize,
-    /// Steps of all paths.
-    pub steps: usize,
-}
+use crate::model::{self, Refined, age};
 
 /// Walks every state and every transition of a system with real sessions.
 ///
 /// # Panics
 /// Where a session differs from its machine.
 pub fn refine(exchange: &Exchange) -> Refined {
-    let graph = explore(exchange, &Options { edges: true, ..Options::default() });
-    let mut refined = Refined { states: graph.states, ..Refined::default() };
-    for walk in graph.walks() {
-        let mut sessions = Sessions::new(exchange);
-        let mut state = exchange.init();
-        sessions.compare(&state, &[]);
-        for (at, act) in walk.iter().enumerate() {
-            let next = exchange.step(&state, *act, None);
-            sessions.walk(*act, &state, &next, &walk[..=at]);
-            sessions.compare(&next, &walk[..=at]);
-            state = next;
-        }
-        refined.walks += 1;
-        refined.steps += walk.len();
-    }
-    refined
+    model::refine(exchange, || Sessions::new(exchange), Sessions::walk, Sessions::compare)
 }
 
 struct Sessions<'a> {
@@ -163,7 +136,7 @@ impl<'a> Sessions<'a> {
     /// The sessions' machines are the model's, and what is reported and sent is what the model has.
     fn compare(&mut self, state: &State, walk: &[Act]) {
         let (now, mut host) = (self.now, *self.host.machine());
-        HostMachine::each_time(&mut host, |time| *time = time.saturating_sub(now));
+        age(&mut host, now);
         assert_eq!(host, state.host, "{walk:?}");
         let ball: BallMachine = *self.ball.machine();
         assert_eq!(ball, state.ball, "{walk:?}");

@@ -5,7 +5,7 @@ use core::time::Duration;
 use kawasaki_msg::robot_session::Unexpected;
 use kawasaki_msg::{FromPc, PcConfig, RobotConfig, pc, robot};
 
-use crate::model;
+use crate::model::{self, forward};
 
 /// 64 job numbers are enough for it.
 pub type Robot = robot::Machine<1>;
@@ -18,26 +18,7 @@ impl model::Machine for Robot {
     type Action = robot::Action;
     type Config = RobotConfig;
 
-    fn on(
-        &mut self,
-        now: Duration,
-        input: robot::Input,
-        config: &RobotConfig,
-    ) -> Result<robot::Action, Unexpected> {
-        Robot::on(self, now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        Robot::each_time(self, f);
-    }
-
-    fn name(&self) -> &'static str {
-        Robot::name(self)
-    }
-
-    fn input_name(input: &robot::Input) -> &'static str {
-        input.name()
-    }
+    forward!();
 
     fn action_name(action: &robot::Action) -> String {
         if *action == robot::Action::Nothing { String::new() } else { format!("{action:?}") }

@@ -7,7 +7,7 @@ use laser_eb90::host::machine::{HostAction, HostInput, HostMachine};
 use laser_eb90::{ControllerConfig, HostConfig, Refusal};
 use robot_session::Unexpected;
 
-use crate::model::Machine;
+use crate::model::{Machine, forward};
 
 /// An interpreted instruction and an immediate one.
 pub const CUT: u16 = 0x0101;
@@ -331,26 +331,7 @@ impl Machine for ControllerMachine {
     type Action = ControllerAction;
     type Config = ControllerConfig;
 
-    fn on(
-        &mut self,
-        now: Duration,
-        input: ControllerInput,
-        config: &ControllerConfig,
-    ) -> Result<ControllerAction, Unexpected> {
-        ControllerMachine::on(self, now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        ControllerMachine::each_time(self, f);
-    }
-
-    fn name(&self) -> &'static str {
-        ControllerMachine::name(self)
-    }
-
-    fn input_name(input: &ControllerInput) -> &'static str {
-        input.name()
-    }
+    forward!();
 
     fn action_name(action: &ControllerAction) -> String {
         match action {

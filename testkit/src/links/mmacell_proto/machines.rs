@@ -7,7 +7,7 @@ use mmacell_proto::device::machine::{DeviceAction, DeviceInput, DeviceMachine};
 use mmacell_proto::{CentralConfig, DeviceConfig, PlatformPose};
 use robot_session::Unexpected;
 
-use crate::model::Machine;
+use crate::model::{Machine, forward};
 
 impl Machine for CentralMachine<PlatformPose> {
     const END: &'static str = "central";
@@ -15,26 +15,7 @@ impl Machine for CentralMachine<PlatformPose> {
     type Action = CentralAction<PlatformPose>;
     type Config = CentralConfig;
 
-    fn on(
-        &mut self,
-        now: Duration,
-        input: Self::Input,
-        config: &CentralConfig,
-    ) -> Result<Self::Action, Unexpected> {
-        CentralMachine::on(self, now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        CentralMachine::each_time(self, f);
-    }
-
-    fn name(&self) -> &'static str {
-        CentralMachine::name(self)
-    }
-
-    fn input_name(input: &Self::Input) -> &'static str {
-        input.name()
-    }
+    forward!();
 }
 
 impl Machine for DeviceMachine<PlatformPose> {

@@ -11,7 +11,7 @@ use mmacell_proto::central::CentralRule;
 use mmacell_proto::device::DeviceRule;
 use mmacell_proto::{CentralConfig, DeviceConfig};
 
-pub use self::refine::{Refined, refine};
+pub use self::refine::refine;
 pub use self::world::{Act, Setup, World};
 use crate::model::{Depth, MustFail, Pair, Setting, draw};
 

@@ -2,47 +2,21 @@
 
 use core::time::Duration;
 
-use mmacell_proto::central::machine::{CentralLink, CentralMachine};
+use mmacell_proto::central::machine::CentralLink;
 use mmacell_proto::{
     Central, CentralEvent, Command, Device, DeviceEvent, ErrorCode, Mode, Order, Reply, Unfinished,
 };
 use robot_session::Session as _;
 
 use super::world::{Act, BETWEEN, HOME, Outcome, Pose, Setup, TICK, World, target};
-use crate::model::{Options, System, explore};
-
-/// How much was walked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Refined {
-    /// States of the model.
-    pub states: usize,
-    /// Paths through them.
-    pub walks: usize,
-    /// Steps of all paths.
-    pub steps: usize,
-}
+use crate::model::{self, Refined, age};
 
 /// Walks every state and every transition of a system with real sessions.
 ///
 /// # Panics
 /// Where a session differs from its machine.
 pub fn refine(setup: &Setup) -> Refined {
-    let graph = explore(setup, &Options { edges: true, ..Options::default() });
-    let mut refined = Refined { states: graph.states, ..Refined::default() };
-    for walk in graph.walks() {
-        let mut state = setup.init();
-        let mut sessions = Sessions::new(setup);
-        sessions.compare(&state, &[]);
-        for (at, act) in walk.iter().enumerate() {
-            let next = setup.step(&state, *act, None);
-            sessions.walk(*act, &state, &next, &walk[..=at]);
-            sessions.compare(&next, &walk[..=at]);
-            state = next;
-        }
-        refined.walks += 1;
-        refined.steps += walk.len();
-    }
-    refined
+    model::refine(setup, || Sessions::new(setup), Sessions::walk, Sessions::compare)
 }
 
 struct Sessions<'a> {
@@ -222,7 +196,7 @@ impl<'a> Sessions<'a> {
     /// The sessions' machines are the model's, and what is reported and sent is what the model has.
     fn compare(&mut self, world: &World, walk: &[Act]) {
         let (now, mut central) = (self.now, *self.central.machine());
-        CentralMachine::each_time(&mut central, |time| *time = time.saturating_sub(now));
+        age(&mut central, now);
         assert_eq!(central, world.central, "{walk:?}");
         assert_eq!(*self.device.machine(), world.device, "{walk:?}");
         assert_eq!(self.central.is_idle(), world.central.link == CentralLink::Idle, "{walk:?}");

@@ -1,15 +1,12 @@
 //! Both machines, as the model sees them.
 
-use core::time::Duration;
-
-use robot_session::Unexpected;
 use val2_alter::machine::{
     Answer, ControllerActions, ControllerInput, ControllerMachine, HostActions, HostInput, HostMachine,
     Outgoing, Taken,
 };
 use val2_alter::{ControllerConfig, Exception, ExceptionOutcome, HostConfig, MotionPhase};
 
-use crate::model::Machine;
+use crate::model::{Machine, forward};
 
 impl Machine for HostMachine {
     const END: &'static str = "host";
@@ -17,26 +14,7 @@ impl Machine for HostMachine {
     type Action = HostActions;
     type Config = HostConfig;
 
-    fn on(
-        &mut self,
-        now: Duration,
-        input: HostInput,
-        config: &HostConfig,
-    ) -> Result<HostActions, Unexpected> {
-        self.on(now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        self.each_time(f);
-    }
-
-    fn name(&self) -> &'static str {
-        self.name()
-    }
-
-    fn input_name(input: &HostInput) -> &'static str {
-        input.name()
-    }
+    forward!();
 
     fn action_name(actions: &HostActions) -> String {
         let send = actions.send.map(|answer| match answer {
@@ -68,26 +46,7 @@ impl Machine for ControllerMachine {
     type Action = ControllerActions;
     type Config = ControllerConfig;
 
-    fn on(
-        &mut self,
-        now: Duration,
-        input: ControllerInput,
-        config: &ControllerConfig,
-    ) -> Result<ControllerActions, Unexpected> {
-        self.on(now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        self.each_time(f);
-    }
-
-    fn name(&self) -> &'static str {
-        self.name()
-    }
-
-    fn input_name(input: &ControllerInput) -> &'static str {
-        input.name()
-    }
+    forward!();
 
     fn action_name(actions: &ControllerActions) -> String {
         let send = actions.send.map(|message| match message {

@@ -1,13 +1,10 @@
 //! Both machines as the model knows them.
 
-use core::time::Duration;
-
-use robot_session::Unexpected;
 use val2_viewer::host::machine::{self as host, HostMachine};
 use val2_viewer::workstation::machine::{self as workstation, WorkstationMachine};
 use val2_viewer::{HostConfig, WorkstationConfig};
 
-use crate::model::Machine;
+use crate::model::{Machine, forward};
 
 impl Machine for HostMachine {
     const END: &'static str = "host";
@@ -15,26 +12,7 @@ impl Machine for HostMachine {
     type Action = host::Action;
     type Config = HostConfig;
 
-    fn on(
-        &mut self,
-        now: Duration,
-        input: host::Input,
-        config: &HostConfig,
-    ) -> Result<host::Action, Unexpected> {
-        self.on(now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        self.each_time(f);
-    }
-
-    fn name(&self) -> &'static str {
-        self.name()
-    }
-
-    fn input_name(input: &host::Input) -> &'static str {
-        input.name()
-    }
+    forward!();
 }
 
 impl Machine for WorkstationMachine {
@@ -43,24 +21,5 @@ impl Machine for WorkstationMachine {
     type Action = workstation::Action;
     type Config = WorkstationConfig;
 
-    fn on(
-        &mut self,
-        now: Duration,
-        input: workstation::Input,
-        config: &WorkstationConfig,
-    ) -> Result<workstation::Action, Unexpected> {
-        self.on(now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        self.each_time(f);
-    }
-
-    fn name(&self) -> &'static str {
-        self.name()
-    }
-
-    fn input_name(input: &workstation::Input) -> &'static str {
-        input.name()
-    }
+    forward!();
 }

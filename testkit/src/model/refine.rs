@@ -1,0 +1,40 @@
+//! The real sessions of a link, driven over bytes along the paths of its model.
+
+use super::explore::{Options, explore};
+use super::system::System;
+
+/// How much was walked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Refined {
+    /// States of the model.
+    pub states: usize,
+    /// Paths through them.
+    pub walks: usize,
+    /// Steps of all paths.
+    pub steps: usize,
+}
+
+/// Walks every state and every transition of a system with sessions that are `new` for each path. `walk` does to them what an act
+/// does to the state before it, with the state after it and the path to there; `compare` panics where they differ from a state.
+pub fn refine<S: System, R>(
+    system: &S,
+    new: impl Fn() -> R,
+    walk: impl Fn(&mut R, S::Act, &S::State, &S::State, &[S::Act]),
+    compare: impl Fn(&mut R, &S::State, &[S::Act]),
+) -> Refined {
+    let graph = explore(system, &Options { edges: true, ..Options::default() });
+    let mut refined = Refined { states: graph.states, ..Refined::default() };
+    for path in graph.walks() {
+        let (mut sessions, mut state) = (new(), system.init());
+        compare(&mut sessions, &state, &[]);
+        for (at, act) in path.iter().enumerate() {
+            let next = system.step(&state, *act, None);
+            walk(&mut sessions, *act, &state, &next, &path[..=at]);
+            compare(&mut sessions, &next, &path[..=at]);
+            state = next;
+        }
+        refined.walks += 1;
+        refined.steps += path.len();
+    }
+    refined
+}

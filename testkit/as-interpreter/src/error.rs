@@ -1,0 +1,82 @@
+use core::fmt;
+
+/// Why a statement cannot be executed. The controller stops the task and shows a number; these numbers are ours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Error {
+    /// The variable has no value.
+    Undefined,
+    /// A real where a string is needed, or the other way round.
+    Type,
+    /// An index that is no whole number from 0 to 9999.
+    Index,
+    /// An argument that the function does not take.
+    Argument,
+    /// More programs called from one another than there is room for.
+    Depth,
+    /// A division by zero.
+    Division,
+}
+
+impl Error {
+    /// Its number.
+    pub const fn number(self) -> i32 {
+        match self {
+            Error::Undefined => -101,
+            Error::Type => -102,
+            Error::Index => -103,
+            Error::Argument => -104,
+            Error::Depth => -105,
+            Error::Division => -106,
+        }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = match self {
+            Error::Undefined => "a variable has no value",
+            Error::Type => "a value is of another type",
+            Error::Index => "an index is no whole number from 0 to 9999",
+            Error::Argument => "a function does not take this value",
+            Error::Depth => "too many programs call one another",
+            Error::Division => "division by zero",
+        };
+        write!(f, "({}) {text}", self.number())
+    }
+}
+
+/// An error, and where the task has stopped.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fault {
+    /// What.
+    pub error: Error,
+    /// The program.
+    pub program: String,
+    /// Its line in the source, from 1.
+    pub line: usize,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} in {} at line {}", self.error, self.program, self.line)
+    }
+}
+
+impl core::error::Error for Fault {}
+
+/// A line that cannot be loaded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParseError {
+    /// Which, from 1; 0 for the whole.
+    pub line: usize,
+    /// Why.
+    pub why: String,
+}
+
+impl fmt::Display for ParseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}: {}", self.line, self.why)
+    }
+}
+
+impl core::error::Error for ParseError {}

@@ -1,0 +1,102 @@
+use core::task::Poll;
+use core::time::Duration;
+
+use crate::value::Pose;
+
+/// A command to the arm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// Along a straight line (`LMOVE`), else by the joints (`JMOVE`).
+    pub straight: bool,
+    /// Where to.
+    pub to: Pose,
+}
+
+/// One row of `TCP_STATUS`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Socket {
+    /// The other end's port.
+    pub port: u16,
+    /// Its number.
+    pub id: i32,
+    /// 0, or why it can be used no more.
+    pub error: i32,
+}
+
+/// What is outside of the language: time, sockets and the arm. A result below 0 is an error's number.
+///
+/// Whatever waits is asked again until it is ready. `since` is when the statement was begun.
+pub trait Host {
+    /// The time since the controller was switched on.
+    fn now(&self) -> Duration;
+
+    /// `TCP_CONNECT`: the socket's number.
+    fn connect(&mut self, since: Duration, timeout: Duration, ip: [u8; 4], port: u16) -> Poll<i32>;
+
+    /// `TCP_SEND`.
+    fn send(&mut self, since: Duration, timeout: Duration, socket: i32, strings: &[&[u8]]) -> Poll<i32>;
+
+    /// `TCP_RECV`: what has come, in strings of at most `longest` bytes.
+    fn receive(
+        &mut self,
+        since: Duration,
+        timeout: Duration,
+        socket: i32,
+        longest: usize,
+    ) -> Poll<(i32, Vec<Vec<u8>>)>;
+
+    /// `TCP_CLOSE`.
+    fn close(&mut self, socket: i32) -> i32;
+
+    /// `TCP_STATUS`.
+    fn sockets(&mut self) -> Vec<Socket>;
+
+    /// `LMOVE` or `JMOVE`: pending while the arm has another command.
+    fn give(&mut self, motion: Motion) -> Poll<()>;
+
+    /// `BREAK`: pending while the arm moves.
+    fn arrived(&mut self) -> Poll<()>;
+
+    /// `PRINT`.
+    fn print(&mut self, task: usize, line: &str);
+}
+
+/// A controller without a network whose arm is where it is sent at once, and whose clock stands still.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoHost;
+
+impl Host for NoHost {
+    fn now(&self) -> Duration {
+        Duration::ZERO
+    }
+
+    fn connect(&mut self, _: Duration, _: Duration, _: [u8; 4], _: u16) -> Poll<i32> {
+        Poll::Ready(-1)
+    }
+
+    fn send(&mut self, _: Duration, _: Duration, _: i32, _: &[&[u8]]) -> Poll<i32> {
+        Poll::Ready(-1)
+    }
+
+    fn receive(&mut self, _: Duration, _: Duration, _: i32, _: usize) -> Poll<(i32, Vec<Vec<u8>>)> {
+        Poll::Ready((-1, Vec::new()))
+    }
+
+    fn close(&mut self, _: i32) -> i32 {
+        0
+    }
+
+    fn sockets(&mut self) -> Vec<Socket> {
+        Vec::new()
+    }
+
+    fn give(&mut self, _: Motion) -> Poll<()> {
+        Poll::Ready(())
+    }
+
+    fn arrived(&mut self) -> Poll<()> {
+        Poll::Ready(())
+    }
+
+    fn print(&mut self, _: usize, _: &str) {}
+}

@@ -1,0 +1,88 @@
+//! A file as it is loaded.
+
+use std::collections::HashMap;
+
+use crate::error::ParseError;
+use crate::expression::Variable;
+use crate::parser::routine;
+use crate::statement::Statement;
+
+/// All programs of a file.
+#[derive(Debug, Clone)]
+pub struct Program {
+    pub(crate) routines: Vec<Routine>,
+    pub(crate) globals: HashMap<String, usize>,
+}
+
+/// One `.PROGRAM`.
+#[derive(Debug, Clone)]
+pub(crate) struct Routine {
+    pub(crate) name: String,
+    pub(crate) parameters: Vec<usize>,
+    pub(crate) locals: usize,
+    pub(crate) statements: Vec<Statement>,
+}
+
+/// The names that are known while a file is read.
+#[derive(Debug, Default)]
+pub(crate) struct Names {
+    pub(crate) programs: HashMap<String, usize>,
+    pub(crate) globals: HashMap<String, usize>,
+    pub(crate) locals: HashMap<String, usize>,
+}
+
+impl Names {
+    pub(crate) fn variable(&mut self, name: &str) -> Variable {
+        let is_local = name.starts_with('.');
+        let names = if is_local { &mut self.locals } else { &mut self.globals };
+        let next = names.len();
+        let at = *names.entry(name.into()).or_insert(next);
+        if is_local { Variable::Local(at) } else { Variable::Global(at) }
+    }
+}
+
+impl Program {
+    /// Loads a file.
+    ///
+    /// # Errors
+    /// The first line that is none of the subset, or breaks a limit of the language.
+    pub fn parse(source: &str) -> Result<Self, ParseError> {
+        let mut names = Names::default();
+        let mut bodies = Vec::new();
+        for (i, line) in source.lines().enumerate() {
+            let (number, text) = (i + 1, line.trim());
+            let fail = |why: &str| ParseError { line: number, why: why.into() };
+            if let Some(head) = text.strip_prefix(".PROGRAM") {
+                let name = head.split('(').next().unwrap_or_default().trim();
+                let (next, open) =
+                    (names.programs.len(), bodies.last().is_some_and(|body: &Body<'_>| !body.closed));
+                if open || names.programs.insert(name.into(), next).is_some() {
+                    return Err(fail("a program inside of another, or with the name of another"));
+                }
+                bodies.push(Body { head, line: number, lines: Vec::new(), closed: false });
+            } else if let Some(body) = bodies.last_mut().filter(|body| !body.closed) {
+                body.closed = text == ".END";
+                body.lines.push((number, text));
+            } else if !text.is_empty() && !text.starts_with(';') {
+                return Err(fail("a statement outside of a program"));
+            }
+        }
+        let routines = bodies.iter().map(|body| routine(body, &mut names)).collect::<Result<_, _>>()?;
+        Ok(Self { routines, globals: names.globals })
+    }
+
+    /// How many programs there are, and how many statements in all.
+    pub fn size(&self) -> (usize, usize) {
+        (self.routines.len(), self.routines.iter().map(|routine| routine.statements.len()).sum())
+    }
+}
+
+/// The lines of a program before they are read.
+#[derive(Debug)]
+pub(crate) struct Body<'a> {
+    /// What follows `.PROGRAM`.
+    pub(crate) head: &'a str,
+    pub(crate) line: usize,
+    pub(crate) lines: Vec<(usize, &'a str)>,
+    closed: bool,
+}

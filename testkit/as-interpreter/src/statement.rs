@@ -1,0 +1,81 @@
+//! What a line can be.
+
+use crate::expression::{Expression, Place};
+
+/// A statement, with the line that it is at. Places in a program are counted from 0.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Statement {
+    pub(crate) line: usize,
+    pub(crate) what: What,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum What {
+    Assign(Place, Expression),
+    /// `IF … THEN`, `WHILE … DO`: goes there unless it is so; `UNTIL` too.
+    Unless(Expression, usize),
+    /// `ELSE`, the `END` of a loop.
+    GoTo(usize),
+    /// `FOR`: the end is kept in a local variable, the loop ends there.
+    For {
+        variable: Place,
+        from: Expression,
+        to: Expression,
+        kept: usize,
+        end: usize,
+    },
+    /// The `END` of a `FOR`.
+    Next {
+        variable: Place,
+        kept: usize,
+        begin: usize,
+    },
+    /// `DO`, the `END` of an `IF`, and settings of the arm.
+    Nothing,
+    Call(usize, Vec<Expression>),
+    Return,
+    /// `WAIT`: until it is so.
+    Wait(Expression),
+    /// `TWAIT`: so many seconds.
+    WaitTime(Expression),
+    /// `TIMER (n) = …`
+    SetTimer(Expression, Expression),
+    /// `SIGNAL`: on, or off if negative.
+    Signal(Vec<Expression>),
+    Move {
+        straight: bool,
+        to: Expression,
+    },
+    /// `BREAK`
+    Arrive,
+    Print(Vec<Expression>),
+    Connect {
+        socket: Place,
+        port: Expression,
+        ip: Place,
+        timeout: Expression,
+    },
+    Send {
+        result: Place,
+        socket: Expression,
+        strings: Place,
+        count: Expression,
+        timeout: Expression,
+    },
+    Receive {
+        result: Place,
+        socket: Expression,
+        strings: Place,
+        count: Place,
+        timeout: Expression,
+        longest: Expression,
+    },
+    Close {
+        result: Place,
+        socket: Expression,
+    },
+    Status {
+        count: Place,
+        columns: [Place; 5],
+    },
+}

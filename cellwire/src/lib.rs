@@ -8,34 +8,17 @@
 #[doc = include_str!("../../README.md")]
 struct Readme;
 
-pub mod alter;
-pub mod capture;
-pub mod codec;
-pub mod decode;
-pub mod demo;
-pub mod device;
-pub mod drawing;
-pub mod drive;
-pub mod encode;
-pub mod fanuc;
-pub mod interrupt;
-pub mod line;
+pub mod cell;
+pub mod command;
+pub mod io;
 pub mod links;
-pub mod ls;
 pub mod motion;
-pub mod priority;
-pub mod report;
-pub mod serial;
-pub mod settings;
-pub mod simulate;
-pub mod tcp;
-pub mod teleop;
-pub mod trace;
-pub mod vectors;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+
+use self::command::{alter, decode, demo, encode, fanuc, ls, modbus, simulate, vectors};
 
 /// Tests robot links without a robot: runs them end to end, reads and writes their bytes, and simulates the devices.
 ///
@@ -63,7 +46,7 @@ enum Command {
     Decode(decode::Args),
     Encode(encode::Args),
     Simulate(simulate::Args),
-    Modbus(links::fanuc_hmi_modbus::client::Args),
+    Modbus(modbus::Args),
     Fanuc(fanuc::Args),
     Ls(ls::Args),
     Vectors(vectors::Args),
@@ -77,7 +60,7 @@ pub fn main() -> ExitCode {
         Command::Decode(args) => decode::run(&args),
         Command::Encode(args) => encode::run(&args),
         Command::Simulate(args) => simulate::run(&args),
-        Command::Modbus(args) => links::fanuc_hmi_modbus::client::run(&args),
+        Command::Modbus(args) => modbus::run(&args),
         Command::Fanuc(args) => fanuc::run(&args),
         Command::Ls(args) => ls::run(&args),
         Command::Vectors(args) => vectors::run(&args),

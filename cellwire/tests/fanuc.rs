@@ -7,10 +7,10 @@ use std::process::{Command, Output};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
-use cellwire::line::Clock;
+use cellwire::io::line::Clock;
+use cellwire::io::trace::TraceArgs;
 use cellwire::links::fanuc_hmi_modbus::controller::{Controller, circle};
 use cellwire::links::fanuc_hmi_modbus::simulate::serve_tcp;
-use cellwire::trace::TraceArgs;
 use fanuc_hmi_modbus::{ServerConfig, WordOrder};
 use serde_json::Value;
 

@@ -10,7 +10,7 @@ use std::thread;
 
 use core::ops::ControlFlow;
 
-use cellwire::serial::{self, Port};
+use cellwire::io::serial::{self, Port};
 use laser_eb90::{Host, HostConfig, HostEvent, Item, UnknownReason};
 use robot_session::{Driver, Ended, Session as _, now};
 

@@ -14,17 +14,17 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::Duration;
 
-use cellwire::line::{Clock, Line};
+use cellwire::cell::teleop::cell::{self, CellConfig};
+use cellwire::cell::teleop::verdict::Extremes;
+use cellwire::cell::teleop::{
+    LIMITS, Mapping, Notification, PortConfig, Teleop, TeleopConfig, Traces, host_config,
+};
+use cellwire::io::line::{Clock, Line};
+use cellwire::io::serial;
+use cellwire::io::trace::TraceArgs;
 use cellwire::links::isra_ball::ball;
 use cellwire::links::val2_alter::Pose;
 use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
-use cellwire::serial;
-use cellwire::teleop::cell::{self, CellConfig};
-use cellwire::teleop::verdict::Extremes;
-use cellwire::teleop::{
-    LIMITS, Mapping, Notification, PortConfig, Teleop, TeleopConfig, Traces, host_config,
-};
-use cellwire::trace::TraceArgs;
 use indicatif::ProgressBar;
 use val2_alter::{ErrorCode, HostConfig, Mode, Motion};
 

@@ -43,6 +43,7 @@ pub trait Machine: Clone + Eq + Hash + Debug {
 }
 
 /// The methods of [`Machine`] that a link's machine has itself, under the same names.
+#[cfg(feature = "links")]
 macro_rules! forward {
     () => {
         fn on(
@@ -67,6 +68,7 @@ macro_rules! forward {
         }
     };
 }
+#[cfg(feature = "links")]
 pub(crate) use forward;
 
 /// One transition of one end.

@@ -25,6 +25,7 @@ mod system;
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
+#[cfg(feature = "links")]
 pub(crate) use machine::forward;
 pub use machine::{Edge, Edges, Machine, age, drive};
 pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, draw};

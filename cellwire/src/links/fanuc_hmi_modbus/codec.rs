@@ -3,20 +3,19 @@ use fanuc_hmi_modbus::{
     DecodeError, Decoder, Frame, Framing, PduBuf, Reply, Side, TelemetryBlock, WordOrder,
 };
 use robot_session::{Decoder as _, Encode as _};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
-use super::{framing, json, word_order};
-use crate::codec::Codec;
-use crate::links::CodecOptions;
-use crate::settings::Settings;
+use super::options::{framing, json, word_order};
+use crate::links::codec::Codec;
+use crate::links::settings::Settings;
 
 /// The settings: `framing` is `tcp` or `rtu`; `view=telemetry` shows a reply of 37 registers as the telemetry block, whose
 /// `word_order` is `low_first` or `high_first`.
 ///
 /// # Errors
 /// When a setting is none of these.
-pub fn codec(side: &str, options: &CodecOptions) -> Result<Box<dyn Codec>> {
-    let settings = Settings::new("fanuc-hmi-modbus", &options.settings, &["framing", "view", "word_order"])?;
+pub(super) fn codec(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+    let settings = Settings::new("fanuc-hmi-modbus", settings, &["framing", "view", "word_order"])?;
     let framing = framing(&settings)?;
     let side = if side == "client" { Side::Client } else { Side::Server };
     let order = word_order(&settings)?;
@@ -87,8 +86,11 @@ impl Codec for Modbus {
         }
         let frame: Frame<PduBuf> = serde_json::from_value(message)?;
         let tcp = self.framing == Framing::Tcp;
-        ensure!(tcp || frame.transaction.is_none(), "an RTU frame has no transaction; use --framing tcp");
-        ensure!(!tcp || frame.transaction.is_some(), "a key is missing: transaction, or use --framing rtu");
+        ensure!(tcp || frame.transaction.is_none(), "an RTU frame has no transaction; use --set framing=tcp");
+        ensure!(
+            !tcp || frame.transaction.is_some(),
+            "a key is missing: transaction, or use --set framing=rtu"
+        );
         let mut bytes = vec![0; frame.encoded_len()];
         frame.encode(&mut bytes)?;
         Ok(bytes)
@@ -98,18 +100,17 @@ impl Codec for Modbus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::codec::Stream;
+    use crate::links::codec::Stream;
     use serde_json::{Map, json};
 
-    fn options(from: &str, settings: &[(&str, &str)]) -> CodecOptions {
-        let settings = settings.iter().map(|(name, value)| ((*name).into(), (*value).into()));
-        CodecOptions { from: Some(from.into()), settings: settings.collect::<Map<_, _>>() }
+    fn options(settings: &[(&str, &str)]) -> Map<String, Value> {
+        settings.iter().map(|(name, value)| ((*name).into(), (*value).into())).collect()
     }
 
     #[test]
     fn the_telemetry_view_shows_the_block_and_encodes_it_again() {
         for (order, counter) in [("low_first", 0x0001_86A0), ("high_first", 0x86A0_0001_u32)] {
-            let options = options("server", &[("view", "telemetry"), ("word_order", order)]);
+            let options = options(&[("view", "telemetry"), ("word_order", order)]);
             let mut registers = vec![0; 37];
             registers[..5].copy_from_slice(&[0x86A0, 0x0001, 100, 0xE979, 0x42F6]);
             let plain = json!({"transaction": 1, "unit": 1, "function": 3, "registers": registers});
@@ -133,7 +134,7 @@ mod tests {
     #[test]
     fn other_replies_look_the_same_in_every_view() {
         let reply = json!({"unit": 1, "function": 3, "registers": [1, 2]});
-        let options = options("server", &[("view", "telemetry"), ("framing", "rtu")]);
+        let options = options(&[("view", "telemetry"), ("framing", "rtu")]);
         let codec = |_| codec("server", &options).unwrap();
         let mut stream = Stream::new(codec(0));
         let mut items = Vec::new();
@@ -149,16 +150,13 @@ mod tests {
 
     #[test]
     fn what_is_asked_wrongly_is_said() {
-        let error = |options: &CodecOptions| codec("client", options).err().unwrap().to_string();
-        assert_eq!(
-            error(&options("client", &[("framing", "ascii")])),
-            "framing=ascii is neither tcp nor rtu"
-        );
-        assert_eq!(error(&options("client", &[("view", "x")])), "view=x is not telemetry, the only one");
+        let error = |settings: &Map<String, Value>| codec("client", settings).err().unwrap().to_string();
+        assert_eq!(error(&options(&[("framing", "ascii")])), "framing=ascii is neither tcp nor rtu");
+        assert_eq!(error(&options(&[("view", "x")])), "view=x is not telemetry, the only one");
         let request = json!({"unit": 1, "function": 3, "address": 0, "quantity": 37});
-        let tcp = codec("client", &options("client", &[])).unwrap();
+        let tcp = codec("client", &options(&[])).unwrap();
         let error = tcp.encode(request).unwrap_err().to_string();
-        assert_eq!(error, "a key is missing: transaction, or use --framing rtu");
+        assert_eq!(error, "a key is missing: transaction, or use --set framing=rtu");
         let request = json!({"transaction": 1, "unit": 1, "function": 3, "address": 0, "quantity": 126});
         let error = tcp.encode(request).unwrap_err().to_string();
         assert_eq!(error, "quantity 126 in function 3 is not within 1 to 125");

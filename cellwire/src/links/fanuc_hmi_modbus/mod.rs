@@ -1,47 +1,60 @@
 //! fanuc-hmi-modbus in the tool: its codec, the simulated controller, and a client for scripts.
 
-pub mod client;
 mod codec;
 pub mod controller;
-mod demo;
-pub mod logger;
-pub mod plot;
-pub mod recording;
-mod robot;
+pub mod options;
 pub mod simulate;
 
-use anyhow::{Result, bail};
-use fanuc_hmi_modbus::{Framing, WordOrder};
-use serde_json::Value;
+use crate::links::codec::Codec;
+use crate::links::device::{Device, SimulateOptions};
+use crate::links::link::Link;
 
-use crate::settings::Settings;
+use anyhow::Result;
+use serde_json::{Map, Value};
 
-pub use codec::codec;
-pub use demo::demo;
+/// The link.
+#[derive(Debug)]
+pub struct FanucHmiModbus;
 
-/// The setting `framing`: `tcp`, the default, or `rtu`.
-fn is_rtu(settings: &Settings<'_>) -> Result<bool> {
-    match settings.text("framing")? {
-        None | Some("tcp") => Ok(false),
-        Some("rtu") => Ok(true),
-        Some(other) => bail!("framing={other} is neither tcp nor rtu"),
+impl Link for FanucHmiModbus {
+    fn name(&self) -> &'static str {
+        "fanuc-hmi-modbus"
+    }
+
+    fn about(&self) -> &'static str {
+        "FANUC's HMI Device Communication, Modbus; settings: framing, view, word_order"
+    }
+
+    fn sides(&self) -> &'static [&'static str] {
+        &["client", "server"]
+    }
+
+    fn sender(&self, is_client: bool, _server_port: u16) -> &'static str {
+        if is_client { "client" } else { "server" }
+    }
+
+    fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+        codec::codec(side, settings)
+    }
+
+    fn devices(&self) -> &'static [&'static dyn Device] {
+        &[&FanucDevice]
     }
 }
 
-fn framing(settings: &Settings<'_>) -> Result<Framing> {
-    Ok(if is_rtu(settings)? { Framing::RTU_OVER_TCP } else { Framing::Tcp })
-}
+#[derive(Debug)]
+struct FanucDevice;
 
-/// The setting `word_order`: `low_first`, the default, or `high_first`.
-fn word_order(settings: &Settings<'_>) -> Result<WordOrder> {
-    match settings.text("word_order")? {
-        None | Some("low_first") => Ok(WordOrder::LowFirst),
-        Some("high_first") => Ok(WordOrder::HighFirst),
-        Some(other) => bail!("word_order={other} is neither low_first nor high_first"),
+impl Device for FanucDevice {
+    fn name(&self) -> &'static str {
+        "fanuc"
     }
-}
 
-/// A value that is only ever made of numbers and names.
-fn json(value: impl serde::Serialize) -> Value {
-    serde_json::to_value(value).unwrap_or_default()
+    fn about(&self) -> &'static str {
+        "A FANUC controller with a moving robot, over Modbus; settings: framing, unit, word_order, and on a serial line baud"
+    }
+
+    fn simulate(&self, options: &SimulateOptions) -> Result<()> {
+        simulate::simulate(options)
+    }
 }

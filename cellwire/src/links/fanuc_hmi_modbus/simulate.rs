@@ -13,14 +13,14 @@ use robot_session::Ended;
 use serde_json::{Value, json};
 
 use super::controller::{Controller, circle};
-use super::{is_rtu, word_order};
-use crate::device;
-use crate::drive::Traced;
-use crate::line::{Clock, Line};
-use crate::settings::Settings;
-use crate::simulate::{Endpoint, SimulateOptions, log, ready};
-use crate::tcp;
-use crate::trace::Trace;
+use super::options::{is_rtu, word_order};
+use crate::io::drive::Traced;
+use crate::io::line::{Clock, Line};
+use crate::io::tcp;
+use crate::io::trace::Trace;
+use crate::links::device;
+use crate::links::device::{Endpoint, SimulateOptions, log, ready};
+use crate::links::settings::Settings;
 
 /// Who a controller is shared between: every connection sees the same registers.
 pub type Shared = Arc<Mutex<Controller>>;

@@ -9,12 +9,12 @@ use robot_session::{Driver, Session as _, Transport as _};
 use serde_json::{Value, json};
 
 use super::hand::grip;
-use crate::device::serve;
-use crate::drive::turn;
-use crate::line::Line;
-use crate::priority::{self, Rank};
-use crate::settings::Settings;
-use crate::simulate::{SimulateOptions, log};
+use crate::io::drive::turn;
+use crate::io::line::Line;
+use crate::io::priority::{self, Rank};
+use crate::links::device::serve;
+use crate::links::device::{SimulateOptions, log};
+use crate::links::settings::Settings;
 
 /// The ball's processor makes new values this often, which the source does not give. A poll before that gets old ones.
 const MEASURING: Duration = Duration::from_millis(10);

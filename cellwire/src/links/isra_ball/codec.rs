@@ -1,18 +1,17 @@
 use anyhow::Result;
 use isra_ball::robot_session::Decoder as _;
 use isra_ball::{Decoder, Packet};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
-use crate::codec::Codec;
-use crate::links::CodecOptions;
-use crate::settings::Settings;
+use crate::links::codec::Codec;
+use crate::links::settings::Settings;
 
 /// What the ball sends. The host's ENQ is one byte and no message.
 ///
 /// # Errors
 /// When a setting is given: the link has none.
-pub fn codec(options: &CodecOptions) -> Result<Box<dyn Codec>> {
-    Settings::new("isra-ball", &options.settings, &[])?;
+pub(super) fn codec(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+    Settings::new("isra-ball", settings, &[])?;
     Ok(Box::new(Ball(Decoder::new())))
 }
 

@@ -2,18 +2,17 @@ use anyhow::{Context, Result};
 use kawasaki_msg::robot_session::Decoder as _;
 use kawasaki_msg::{Charset, Decoder, Message, Value as Field, Values};
 use serde::Deserialize;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
-use crate::codec::Codec;
-use crate::links::CodecOptions;
-use crate::settings::Settings;
+use crate::links::codec::Codec;
+use crate::links::settings::Settings;
 
 /// Both sides send the same messages. Setting: `charset`, `ascii` (default) or `latin1`.
 ///
 /// # Errors
 /// When a setting is another.
-pub fn codec(options: &CodecOptions) -> Result<Box<dyn Codec>> {
-    let settings = Settings::new("kawasaki-msg", &options.settings, &["charset"])?;
+pub(super) fn codec(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+    let settings = Settings::new("kawasaki-msg", settings, &["charset"])?;
     let charset = match settings.text("charset")? {
         None | Some("ascii") => Charset::Ascii,
         Some("latin1") => Charset::Latin1,

@@ -1,41 +1,79 @@
 //! kawasaki-msg in the tool: its codec, both ends simulated, and a picture to draw.
 
 mod codec;
-mod demo;
 pub mod pc;
 mod peer;
 pub mod robot;
+pub mod sheet;
 pub mod simulate;
-pub mod tally;
 
-pub use codec::codec;
-pub use demo::demo;
+use crate::links::codec::Codec;
+use crate::links::device::{Device, SimulateOptions};
+use crate::links::link::Link;
+use anyhow::Result;
+use serde_json::{Map, Value};
 
-use kawasaki_msg::{JobKind, Line, Point};
+/// The link.
+#[derive(Debug)]
+pub struct KawasakiMsg;
 
-use crate::drawing;
+impl Link for KawasakiMsg {
+    fn name(&self) -> &'static str {
+        "kawasaki-msg"
+    }
 
-/// The board: an A3 sheet, in hundredths of a millimetre.
-pub const SHEET: drawing::Point = drawing::Point { x: 42_000, y: 29_700 };
+    fn about(&self) -> &'static str {
+        "A Kawasaki robot and a PC; settings: charset, of the demo port, queue, speed"
+    }
 
-/// The lines of a picture as jobs: a point on the board is a point on the sheet.
-pub fn jobs(picture: &drawing::Picture) -> Vec<Line> {
-    let point = |p: drawing::Point| Point::new(p.x, p.y);
-    let job = |line: &drawing::Line| Line {
-        kind: if line.draws { JobKind::Draw } else { JobKind::Move },
-        start: point(line.from),
-        end: point(line.to),
-    };
-    picture.lines.iter().map(job).collect()
+    fn sides(&self) -> &'static [&'static str] {
+        &["pc", "robot"]
+    }
+
+    fn sender(&self, is_client: bool, _server_port: u16) -> &'static str {
+        // The robot opens the connection.
+        if is_client { "robot" } else { "pc" }
+    }
+
+    fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+        codec::codec(settings)
+    }
+
+    fn devices(&self) -> &'static [&'static dyn Device] {
+        &[&RobotDevice, &PcDevice]
+    }
 }
 
-/// What was drawn, as a picture.
-pub fn drawn(lines: impl IntoIterator<Item = Line>) -> Vec<drawing::Line> {
-    let point = |p: Point| drawing::Point { x: p.x, y: p.y };
-    let line = |line: Line| drawing::Line {
-        draws: line.kind == JobKind::Draw,
-        from: point(line.start),
-        to: point(line.end),
-    };
-    lines.into_iter().map(line).collect()
+#[derive(Debug)]
+struct RobotDevice;
+
+impl Device for RobotDevice {
+    fn name(&self) -> &'static str {
+        "kawasaki-robot"
+    }
+
+    fn about(&self) -> &'static str {
+        "A Kawasaki robot that draws what a PC sends; settings: speed, queue, acks, out"
+    }
+
+    fn simulate(&self, options: &SimulateOptions) -> Result<()> {
+        simulate::robot(options)
+    }
+}
+
+#[derive(Debug)]
+struct PcDevice;
+
+impl Device for PcDevice {
+    fn name(&self) -> &'static str {
+        "kawasaki-pc"
+    }
+
+    fn about(&self) -> &'static str {
+        "A PC with a picture for a Kawasaki robot; settings: drawing, order, repeat"
+    }
+
+    fn simulate(&self, options: &SimulateOptions) -> Result<()> {
+        simulate::pc(options)
+    }
 }

@@ -11,7 +11,7 @@ use robot_session::{Driver, Session as _, Transport as _};
 
 pub use super::peer::Packets;
 use super::peer::{Peer, outcome};
-use crate::trace::Trace;
+use crate::io::trace::Trace;
 
 /// The program of a PC: what it does between two looks at the connection.
 pub trait Program<'a> {

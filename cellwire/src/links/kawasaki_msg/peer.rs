@@ -9,9 +9,9 @@ use std::time::Duration;
 use kawasaki_msg::{START, timing};
 use robot_session::{Ended, Received, Sent, Transport};
 
-use crate::drive::Traced;
-use crate::line::Clock;
-use crate::trace::Trace;
+use crate::io::drive::Traced;
+use crate::io::line::Clock;
+use crate::io::trace::Trace;
 
 /// What an end has sent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -12,9 +12,9 @@ use robot_session::{Driver, Session, Transport as _};
 use robot_work_queue::Reader;
 
 use super::peer::{Peer, outcome};
-use crate::report::Samples;
-use crate::tcp;
-use crate::trace::Trace;
+use crate::io::samples::Samples;
+use crate::io::tcp;
+use crate::io::trace::Trace;
 
 /// The motion task looks at its switch at least so often.
 const LONGEST_SLEEP: Duration = Duration::from_millis(50);

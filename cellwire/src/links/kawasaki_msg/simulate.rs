@@ -10,11 +10,11 @@ use serde_json::json;
 
 use super::pc::{self, Program};
 use super::robot::{self, Setup, Stroke};
-use super::{SHEET, drawn, jobs};
-use crate::drawing::{self, Picture};
-use crate::settings::Settings;
-use crate::simulate::{Endpoint, SimulateOptions, log, ready};
-use crate::tcp;
+use super::sheet::{SHEET, drawn, jobs};
+use crate::io::drawing::{self, Picture};
+use crate::io::tcp;
+use crate::links::device::{Endpoint, SimulateOptions, log, ready};
+use crate::links::settings::Settings;
 
 /// The PC until interrupted: a robot that connects gets the picture as an order. Settings: `drawing`, an SVG file [default: a built-in
 /// picture]; `order`, the number of the first order; `repeat`, begin the next order when one is over.

@@ -2,17 +2,16 @@ use anyhow::{Context, Result};
 use laser_eb90::robot_session::{Decoder as _, Encode as _};
 use laser_eb90::{Decoder, MAX_PAYLOAD, Payload, Profile};
 use serde::de::DeserializeSeed;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
-use crate::codec::Codec;
-use crate::links::CodecOptions;
+use crate::links::codec::Codec;
 
 /// Both directions have the same frames.
 ///
 /// # Errors
 /// When a setting is no field of `Profile`.
-pub fn codec(options: &CodecOptions) -> Result<Box<dyn Codec>> {
-    let profile = super::profile(&options.settings)?;
+pub(super) fn codec(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+    let profile = super::profile::profile(settings)?;
     Ok(Box::new(Eb90 { decoder: Decoder::new(&profile), profile }))
 }
 

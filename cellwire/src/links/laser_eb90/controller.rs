@@ -14,14 +14,14 @@ use robot_session::{Driver, Received, Sent, Session as _, Transport};
 use robot_work_queue::Reader;
 use serde_json::{Value, json};
 
-use crate::device::serve;
-use crate::drive::turn;
-use crate::line::{Clock, Line};
-use crate::priority::{self, Rank};
-use crate::report::Samples;
-use crate::serial::READ_TIMEOUT;
-use crate::settings::Settings;
-use crate::simulate::{SimulateOptions, log};
+use crate::io::drive::turn;
+use crate::io::line::{Clock, Line};
+use crate::io::priority::{self, Rank};
+use crate::io::samples::Samples;
+use crate::io::serial::READ_TIMEOUT;
+use crate::links::device::serve;
+use crate::links::device::{SimulateOptions, log};
+use crate::links::settings::Settings;
 
 /// Executes nothing until [`GO_ON`].
 pub const HALT: u16 = 0x0201;
@@ -101,12 +101,12 @@ const NUMBERS: u16 = 10_000;
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let settings = Settings::new("laser", &options.settings, &[&OWN[..], &super::PROFILE].concat())?;
+    let settings = Settings::new("laser", &options.settings, &[&OWN[..], &super::profile::PROFILE].concat())?;
     let mut fields = options.settings.clone();
     fields.retain(|name, _| !OWN.contains(&name.as_str()));
     let queue = settings.number_in("queue", 64, 1..=LONGEST)?;
     let execution = Duration::from_millis(settings.number("execution_ms", 20u32)?.into());
-    let robot = Robot { profile: super::profile(&fields)?, queue, execution, boot: 1 };
+    let robot = Robot { profile: super::profile::profile(&fields)?, queue, execution, boot: 1 };
     serve("laser", "laser", options, settings.baud(timing::BAUD)?, |line, clock| {
         run(robot, line, clock, &Switch::default(), |event| log(&event), &Mutex::default())?;
         Ok(())

@@ -2,44 +2,59 @@
 
 mod codec;
 pub mod controller;
-mod demo;
-pub mod host;
-pub mod path;
-pub mod tally;
+mod profile;
 
-pub use codec::codec;
-pub use demo::demo;
+use crate::links::codec::Codec;
+use crate::links::device::{Device, SimulateOptions};
+use crate::links::link::Link;
 
-use anyhow::{Context, Result};
-use laser_eb90::Profile;
+use anyhow::Result;
 use serde_json::{Map, Value};
 
-use crate::settings::Settings;
+/// The link.
+#[derive(Debug)]
+pub struct LaserEb90;
 
-/// The names of the settings of a profile: the fields of the crate's `Profile`.
-const PROFILE: [&str; 7] =
-    ["tail", "flag", "tags", "checksum", "checksum_negated", "checksum_with_flag", "byte_order"];
+impl Link for LaserEb90 {
+    fn name(&self) -> &'static str {
+        "laser-eb90"
+    }
 
-/// A profile from settings: its fields by name, such as `tail=etx`.
-///
-/// # Errors
-/// When a name is no field of `Profile`, or a value is none of the field's.
-pub fn profile(settings: &Map<String, Value>) -> Result<Profile> {
-    Settings::new("laser-eb90", settings, &PROFILE)?;
-    serde_json::from_value(Value::Object(settings.clone())).context("a setting of laser-eb90")
+    fn about(&self) -> &'static str {
+        "A laser machining robot, EB 90 frames; settings: the fields of its Profile, of the demo baud"
+    }
+
+    fn sides(&self) -> &'static [&'static str] {
+        &["host", "controller"]
+    }
+
+    fn sender(&self, is_client: bool, _server_port: u16) -> &'static str {
+        // Serial device servers listen: the robot is connected to one.
+        if is_client { "host" } else { "controller" }
+    }
+
+    fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+        codec::codec(settings)
+    }
+
+    fn devices(&self) -> &'static [&'static dyn Device] {
+        &[&LaserDevice]
+    }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+#[derive(Debug)]
+struct LaserDevice;
 
-    #[test]
-    fn the_settings_of_a_profile_are_its_fields() {
-        let fields = serde_json::to_value(Profile::default()).unwrap();
-        let names: Vec<_> = fields.as_object().unwrap().keys().cloned().collect();
-        assert_eq!(names, PROFILE);
-        let settings = Map::from_iter([("baud".into(), 9600.into())]);
-        let error = profile(&settings).unwrap_err().to_string();
-        assert!(error.starts_with("laser-eb90 has no setting `baud`: it has tail, flag"), "{error}");
+impl Device for LaserDevice {
+    fn name(&self) -> &'static str {
+        "laser"
+    }
+
+    fn about(&self) -> &'static str {
+        "The controller of a laser robot; settings: baud, queue, execution_ms, and the fields of its Profile"
+    }
+
+    fn simulate(&self, options: &SimulateOptions) -> Result<()> {
+        controller::simulate(options)
     }
 }

@@ -4,6 +4,12 @@ use std::time::Duration;
 
 use mmacell_proto::{PlatformPose, Pose, RobotPose};
 
+/// Where the robot is at rest.
+pub const ROBOT_HOME: RobotPose = RobotPose::from_units([0, 0, 100_000, 0]);
+
+/// Where the platform is at rest.
+pub const PLATFORM_HOME: PlatformPose = PlatformPose::ORIGIN;
+
 /// A pose that axes can be moved to.
 pub trait Simulated: Pose + serde::Serialize + Send + 'static {
     /// The pose after this share of the way, 0 to 1.

@@ -5,11 +5,10 @@ use mmacell_proto::{
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::Value;
+use serde_json::{Map, Value};
 
-use crate::codec::Codec;
-use crate::links::CodecOptions;
-use crate::settings::Settings;
+use crate::links::codec::Codec;
+use crate::links::settings::Settings;
 
 /// The names of the settings: the fields of the crate's `Dialect`, each true or false.
 pub(super) const DIALECT: [&str; 7] = ["itr", "ovrd", "clos", "off", "lone_lf", "blank", "wide_integers"];
@@ -18,9 +17,9 @@ pub(super) const DIALECT: [&str; 7] = ["itr", "ovrd", "clos", "off", "lone_lf", 
 ///
 /// # Errors
 /// When a setting is no field of `Dialect`.
-pub fn codec(side: &str, options: &CodecOptions) -> Result<Box<dyn Codec>> {
-    Settings::new("mmacell-proto", &options.settings, &DIALECT)?;
-    let dialect = dialect(&options.settings)?;
+pub(super) fn codec(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+    Settings::new("mmacell-proto", settings, &DIALECT)?;
+    let dialect = dialect(settings)?;
     let side = match side {
         "central" => Side { parse: parse_command, write: write_command },
         "robot" => Side { parse: parse_reply::<RobotPose>, write: write_reply::<RobotPose> },

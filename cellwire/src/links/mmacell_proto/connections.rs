@@ -9,7 +9,7 @@ use std::thread;
 /// Accepts connections until it is dropped. A new one takes the place of the one before, which is closed: it may be half open, and
 /// then nobody else ever would.
 #[derive(Debug)]
-pub(super) struct Connections {
+pub struct Connections {
     listener: Arc<TcpListener>,
     newest: Newest,
     stopped: Arc<AtomicBool>,
@@ -20,14 +20,15 @@ type Newest = Arc<Mutex<Option<TcpStream>>>;
 
 /// Ends the connections of a device from another thread.
 #[derive(Debug, Clone)]
-pub(super) struct Stop {
+pub struct Stop {
     listener: Arc<TcpListener>,
     stopped: Arc<AtomicBool>,
     newest: Newest,
 }
 
 impl Connections {
-    pub(super) fn accept(listener: TcpListener) -> Self {
+    /// Accepts in a thread of its own until it is stopped.
+    pub fn accept(listener: TcpListener) -> Self {
         let (sender, accepted) = channel();
         let (listener, newest) = (Arc::new(listener), Newest::default());
         let stopped = Arc::new(AtomicBool::new(false));
@@ -48,7 +49,7 @@ impl Connections {
     }
 
     /// What ends them.
-    pub(super) fn stop(&self) -> Stop {
+    pub fn stop(&self) -> Stop {
         Stop {
             listener: Arc::clone(&self.listener),
             stopped: Arc::clone(&self.stopped),
@@ -68,7 +69,7 @@ impl Iterator for Connections {
 
 impl Stop {
     /// No connection is accepted any more, and the newest one ends.
-    pub(super) fn stop(&self) {
+    pub fn stop(&self) {
         self.stopped.store(true, Ordering::Relaxed);
         close(&self.newest, None);
         // Wakes the listener.

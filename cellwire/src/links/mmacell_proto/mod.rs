@@ -1,20 +1,81 @@
 //! mmacell-proto in the tool: its codec, the simulated cell, and the central controller that runs the task in it.
 
 pub mod axes;
-pub mod cell;
-pub mod central;
 mod codec;
-mod connections;
-mod demo;
-mod periphery;
+pub mod connections;
 pub mod simulate;
 pub mod station;
-mod timeline;
-mod verdict;
-pub mod workpiece;
 
-pub use codec::codec;
-pub use demo::demo;
+use crate::links::codec::Codec;
+use crate::links::device::{Device, SimulateOptions};
+use crate::links::link::Link;
+use anyhow::Result;
+use serde_json::{Map, Value};
 
-#[cfg(test)]
-mod virtual_clock;
+/// The link.
+#[derive(Debug)]
+pub struct MmacellProto;
+
+impl Link for MmacellProto {
+    fn name(&self) -> &'static str {
+        "mmacell-proto"
+    }
+
+    fn about(&self) -> &'static str {
+        "The MM&A micro-manipulation cell; settings: the fields of its Dialect, of the demo parts, speed, stall_every"
+    }
+
+    fn sides(&self) -> &'static [&'static str] {
+        &["central", "robot", "platform"]
+    }
+
+    fn sender(&self, is_client: bool, server_port: u16) -> &'static str {
+        match server_port {
+            _ if is_client => "central",
+            ::mmacell_proto::port::PLATFORM => "platform",
+            _ => "robot",
+        }
+    }
+
+    fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+        codec::codec(side, settings)
+    }
+
+    fn devices(&self) -> &'static [&'static dyn Device] {
+        &[&MmaRobotDevice, &MmaPlatformDevice]
+    }
+}
+
+#[derive(Debug)]
+struct MmaRobotDevice;
+
+impl Device for MmaRobotDevice {
+    fn name(&self) -> &'static str {
+        "mma-robot"
+    }
+
+    fn about(&self) -> &'static str {
+        "The robot of the MM&A cell; settings: speed, fail_every, mute_every, drop_every, the fields of its Dialect"
+    }
+
+    fn simulate(&self, options: &SimulateOptions) -> Result<()> {
+        simulate::robot(options)
+    }
+}
+
+#[derive(Debug)]
+struct MmaPlatformDevice;
+
+impl Device for MmaPlatformDevice {
+    fn name(&self) -> &'static str {
+        "mma-platform"
+    }
+
+    fn about(&self) -> &'static str {
+        "The orientation platform of the MM&A cell; settings: those of mma-robot"
+    }
+
+    fn simulate(&self, options: &SimulateOptions) -> Result<()> {
+        simulate::platform(options)
+    }
+}

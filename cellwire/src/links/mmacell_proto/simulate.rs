@@ -8,15 +8,14 @@ use anyhow::{Result, bail, ensure};
 use mmacell_proto::{DeviceConfig, Dialect, PlatformPose, RobotPose};
 use serde_json::json;
 
-use super::axes::Simulated;
-use super::central::CONFIG;
+use super::axes::{PLATFORM_HOME, ROBOT_HOME, Simulated};
 use super::codec::{DIALECT, dialect};
 use super::connections::Connections;
 use super::station::{MotionFaults, Station};
-use crate::settings::Settings;
-use crate::simulate::{Endpoint, SimulateOptions, log, ready};
-use crate::tcp;
-use crate::trace::{Trace, Way};
+use crate::io::tcp;
+use crate::io::trace::{Trace, Way};
+use crate::links::device::{Endpoint, SimulateOptions, log, ready};
+use crate::links::settings::Settings;
 
 /// What it can be set to beside its dialect.
 const SETTINGS: [&str; 8] = [
@@ -35,7 +34,7 @@ const SETTINGS: [&str; 8] = [
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn robot(options: &SimulateOptions) -> Result<()> {
-    simulate::<RobotPose>("mma-robot", CONFIG.robot_home, options)
+    simulate::<RobotPose>("mma-robot", ROBOT_HOME, options)
 }
 
 /// The platform until interrupted.
@@ -43,7 +42,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn platform(options: &SimulateOptions) -> Result<()> {
-    simulate::<PlatformPose>("mma-platform", CONFIG.platform_home, options)
+    simulate::<PlatformPose>("mma-platform", PLATFORM_HOME, options)
 }
 
 /// Settings: `speed`, how many times faster than life it moves; `fail_every`, `stall_every` and `refuse_every`, after how many

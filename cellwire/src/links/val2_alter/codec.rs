@@ -2,18 +2,17 @@ use anyhow::{Result, bail};
 use robot_session::Decoder as _;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::Value;
+use serde_json::{Map, Value};
 use val2_alter::{Decoder, Frame, Framing, HostMessage, Message, RobotMessage};
 
-use crate::codec::Codec;
-use crate::links::CodecOptions;
+use crate::links::codec::Codec;
 
 /// What the `robot` or the `host` sends. The settings are the fields of [`Framing`].
 ///
 /// # Errors
 /// When a setting is unknown or has no such value.
-pub fn codec(side: &str, options: &CodecOptions) -> Result<Box<dyn Codec>> {
-    let framing = serde_json::from_value(Value::Object(options.settings.clone()))?;
+pub(super) fn codec(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+    let framing = serde_json::from_value(Value::Object(settings.clone()))?;
     match side {
         "robot" => Ok(Box::new(Side::<RobotMessage>::new(framing))),
         "host" => Ok(Box::new(Side::<HostMessage>::new(framing))),

@@ -2,14 +2,64 @@
 
 mod arm;
 mod codec;
-mod demo;
 mod layout;
-mod plot;
 mod pose;
 pub mod puma;
 
+use crate::links::codec::Codec;
+use crate::links::device::{Device, SimulateOptions};
+use crate::links::link::Link;
+use anyhow::Result;
+use serde_json::{Map, Value};
+
 pub use arm::ArmConfig;
-pub use codec::codec;
-pub use demo::demo;
 pub use layout::{Layout, Order};
 pub use pose::Pose;
+
+/// The link.
+#[derive(Debug)]
+pub struct Val2Alter;
+
+impl Link for Val2Alter {
+    fn name(&self) -> &'static str {
+        "val2-alter"
+    }
+
+    fn about(&self) -> &'static str {
+        "VAL II ALTER on a Unimation MARK III; settings: the fields of its Framing, of the demo baud, mode"
+    }
+
+    fn sides(&self) -> &'static [&'static str] {
+        &["robot", "host"]
+    }
+
+    fn sender(&self, is_client: bool, _server_port: u16) -> &'static str {
+        // Serial device servers listen: the robot is connected to one.
+        if is_client { "host" } else { "robot" }
+    }
+
+    fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+        codec::codec(side, settings)
+    }
+
+    fn devices(&self) -> &'static [&'static dyn Device] {
+        &[&PumaDevice]
+    }
+}
+
+#[derive(Debug)]
+struct PumaDevice;
+
+impl Device for PumaDevice {
+    fn name(&self) -> &'static str {
+        "puma"
+    }
+
+    fn about(&self) -> &'static str {
+        "The PUMA 562 on its MARK III; settings: baud, mode, subroutine, attempts, restart_ms"
+    }
+
+    fn simulate(&self, options: &SimulateOptions) -> Result<()> {
+        puma::simulate(options)
+    }
+}

@@ -16,12 +16,12 @@ use val2_alter::{
 
 use super::arm::{Arm, ArmConfig};
 use super::pose::Pose;
-use crate::device::serve;
-use crate::line::Line;
-use crate::priority::{self, Rank};
-use crate::report::Samples;
-use crate::settings::Settings;
-use crate::simulate::{SimulateOptions, log};
+use crate::io::line::Line;
+use crate::io::priority::{self, Rank};
+use crate::io::samples::Samples;
+use crate::links::device::serve;
+use crate::links::device::{SimulateOptions, log};
+use crate::links::settings::Settings;
 
 /// The subroutine that closes or opens the gripper takes this long.
 const SUBROUTINE: Duration = Duration::from_millis(120);

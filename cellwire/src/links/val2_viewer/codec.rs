@@ -1,18 +1,17 @@
 use anyhow::Result;
 use robot_session::{Decoder as _, Encode as _};
-use serde_json::Value;
+use serde_json::{Map, Value};
 use val2_viewer::{Decoder, PosePacket};
 
-use crate::codec::Codec;
-use crate::links::CodecOptions;
-use crate::settings::Settings;
+use crate::links::codec::Codec;
+use crate::links::settings::Settings;
 
 /// What the host sends. The workstation's ENQ is one byte and no message.
 ///
 /// # Errors
 /// When a setting is given: the link has none.
-pub fn codec(options: &CodecOptions) -> Result<Box<dyn Codec>> {
-    Settings::new("val2-viewer", &options.settings, &[])?;
+pub(super) fn codec(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+    Settings::new("val2-viewer", settings, &[])?;
     Ok(Box::new(Host(Decoder::new())))
 }
 

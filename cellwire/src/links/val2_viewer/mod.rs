@@ -1,8 +1,57 @@
 //! val2-viewer in the tool: its codec, and the simulated graphics workstation.
 
 mod codec;
-mod demo;
 pub mod workstation;
 
-pub use codec::codec;
-pub use demo::demo;
+use crate::links::codec::Codec;
+use crate::links::device::{Device, SimulateOptions};
+use crate::links::link::Link;
+use anyhow::Result;
+use serde_json::{Map, Value};
+
+/// The link.
+#[derive(Debug)]
+pub struct Val2Viewer;
+
+impl Link for Val2Viewer {
+    fn name(&self) -> &'static str {
+        "val2-viewer"
+    }
+
+    fn about(&self) -> &'static str {
+        "The graphics workstation that draws the robot of val2-alter"
+    }
+
+    fn sides(&self) -> &'static [&'static str] {
+        &["host"]
+    }
+
+    fn sender(&self, _is_client: bool, _server_port: u16) -> &'static str {
+        "host"
+    }
+
+    fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+        codec::codec(settings)
+    }
+
+    fn devices(&self) -> &'static [&'static dyn Device] {
+        &[&ViewerDevice]
+    }
+}
+
+#[derive(Debug)]
+struct ViewerDevice;
+
+impl Device for ViewerDevice {
+    fn name(&self) -> &'static str {
+        "viewer"
+    }
+
+    fn about(&self) -> &'static str {
+        "The graphics workstation that draws the PUMA; settings: baud"
+    }
+
+    fn simulate(&self, options: &SimulateOptions) -> Result<()> {
+        workstation::simulate(options)
+    }
+}

@@ -8,12 +8,12 @@ use robot_session::{Driver, Session as _, Transport as _};
 use serde_json::{Value, json};
 use val2_viewer::{PosePacket, Workstation, WorkstationConfig, WorkstationEvent, timing};
 
-use crate::device::serve;
-use crate::drive::turn;
-use crate::line::Line;
-use crate::priority::{self, Rank};
-use crate::settings::Settings;
-use crate::simulate::{SimulateOptions, log};
+use crate::io::drive::turn;
+use crate::io::line::Line;
+use crate::io::priority::{self, Rank};
+use crate::links::device::serve;
+use crate::links::device::{SimulateOptions, log};
+use crate::links::settings::Settings;
 
 /// What a workstation has seen.
 #[derive(Debug, Clone, Copy, Default)]

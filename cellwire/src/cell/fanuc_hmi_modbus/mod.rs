@@ -1,0 +1,10 @@
+//! FANUC telemetry: a logger, the robot that runs a program of splines, and the comparison of the two.
+
+mod demo;
+pub mod logger;
+pub mod plot;
+pub mod recording;
+mod robot;
+pub mod task;
+
+pub use demo::demo;

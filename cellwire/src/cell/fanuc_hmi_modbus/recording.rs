@@ -1,0 +1,200 @@
+//! What a logger keeps: the blocks as a table, and the motion in them.
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use fanuc_hmi_modbus::TelemetryBlock;
+
+use crate::cell::report::Report;
+use crate::motion::{
+    self, Counts, Deviation, Figures, JointSample, Kinematics, MotionSample, Observation, Pose, Quaternion,
+    State, Summary, Tracker, Trajectory,
+};
+
+/// The columns of the table: time by the life counter; what the controller reports; what was made of it here.
+pub const HEADER: &str = "time_s,life_counter,missed,override_percent,x_mm,y_mm,z_mm,w_deg,p_deg,r_deg,q1,q2,q3,q4,\
+controller_vx,controller_vy,controller_vz,controller_dq1,controller_dq2,controller_dq3,controller_dq4,\
+vx_mm_s,vy_mm_s,vz_mm_s,dq1_s,dq2_s,dq3_s,dq4_s,wx_deg_s,wy_deg_s,wz_deg_s";
+
+/// Blocks, as they were read.
+#[derive(Debug)]
+pub struct Recording {
+    tracker: Tracker,
+    first: Option<u32>,
+    samples: Vec<(TelemetryBlock, MotionSample)>,
+}
+
+impl Recording {
+    /// Nothing yet, of a background task with this period.
+    pub fn new(period: Duration) -> Self {
+        Self { tracker: Tracker::with_period(period), first: None, samples: Vec::new() }
+    }
+
+    /// Takes a block; the sample, if it is one.
+    pub fn push(&mut self, block: &TelemetryBlock) -> Option<MotionSample> {
+        match self.tracker.push(block) {
+            Observation::Sample(sample) => {
+                self.samples.push((*block, sample));
+                Some(sample)
+            }
+            Observation::First | Observation::Restarted => {
+                // Times begin anew: what came before belongs to another run.
+                self.first = Some(block.life_counter);
+                self.samples.clear();
+                None
+            }
+            _ => None,
+        }
+    }
+
+    /// How regularly the blocks came.
+    pub fn counts(&self) -> Counts {
+        self.tracker.counts()
+    }
+
+    /// The life counter at time zero.
+    pub fn first(&self) -> Option<u32> {
+        self.first
+    }
+
+    /// The samples with their blocks.
+    pub fn samples(&self) -> &[(TelemetryBlock, MotionSample)] {
+        &self.samples
+    }
+
+    /// Drops the samples that were kept so far; the next one follows them all the same.
+    pub fn forget(&mut self) {
+        self.samples.clear();
+    }
+
+    /// The motion, its speeds taken from both neighbours.
+    pub fn states(&self) -> Vec<State> {
+        let mut states: Vec<State> = self.samples.iter().map(|(_, sample)| sample.into()).collect();
+        motion::differentiate(&mut states);
+        states
+    }
+}
+
+/// A line of the table.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write_row(out: &mut impl Write, block: &TelemetryBlock, sample: &MotionSample) -> io::Result<()> {
+    write!(
+        out,
+        "{:.3},{},{},{}",
+        sample.time.as_secs_f64(),
+        block.life_counter,
+        sample.missed,
+        block.override_percent
+    )?;
+    let shown = block.position.iter().chain(&block.wpr).chain(&block.quaternion);
+    for value in shown.chain(&block.velocity).chain(&block.quaternion_rate) {
+        write!(out, ",{value}")?;
+    }
+    let rates = sample.quaternion_rate.iter().chain(&sample.angular_velocity_world);
+    for value in sample.velocity.iter().chain(rates) {
+        write!(out, ",{value:.5}")?;
+    }
+    writeln!(out)
+}
+
+/// Reads a table back: the columns that a comparison needs, by their names.
+///
+/// # Errors
+/// When a column is missing, or holds something else than numbers.
+pub fn read_states(text: &str) -> Result<Vec<State>> {
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
+    let names = ["time_s", "x_mm", "y_mm", "z_mm", "q1", "q2", "q3", "q4"];
+    let mut columns = [0; 8];
+    for (column, name) in columns.iter_mut().zip(names) {
+        let found = header.iter().position(|column| column == &name);
+        *column = found.with_context(|| {
+            format!("the first line has no column {name}: is this a table of `fanuc log`?")
+        })?;
+    }
+    let mut states: Vec<State> = Vec::new();
+    for (number, line) in (2..).zip(lines).filter(|(_, line)| !line.trim().is_empty()) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let mut values = [0.0; 8];
+        for ((value, column), name) in values.iter_mut().zip(columns).zip(names) {
+            let field = fields.get(column).and_then(|field| field.trim().parse::<f64>().ok());
+            *value = field
+                .filter(|v| v.is_finite())
+                .with_context(|| format!("line {number}: {name} is no number"))?;
+        }
+        let [time, x, y, z, quaternion @ ..] = values;
+        anyhow::ensure!(
+            states.last().is_none_or(|last| time > last.time),
+            "line {number}: the time is not later than the one before (was the controller restarted?)"
+        );
+        states.push(State::at(time, [x, y, z], Quaternion::normalised(quaternion)));
+    }
+    anyhow::ensure!(states.len() > 2, "there are {} samples, which is too few", states.len());
+    motion::differentiate(&mut states);
+    Ok(states)
+}
+
+/// The motion that a trajectory asks for.
+pub fn reference(trajectory: &Trajectory, arm: &impl Kinematics) -> Vec<State> {
+    let state = |sample: &JointSample| {
+        let Pose { position, orientation } = arm.forward(&sample.joints);
+        State::at(sample.time, position, Quaternion::normalised(orientation))
+    };
+    let mut states: Vec<State> = trajectory.samples().iter().map(state).collect();
+    motion::differentiate(&mut states);
+    states
+}
+
+/// A recording beside its reference, on the reference's clock.
+#[derive(Debug)]
+pub struct Comparison {
+    /// What was asked for.
+    pub reference: Vec<State>,
+    /// What was recorded, the delay taken off its times.
+    pub recording: Vec<State>,
+    /// The delay, in seconds.
+    pub delay: f64,
+    /// The errors, on the reference's clock.
+    pub deviations: Vec<Deviation>,
+    /// The greatest and the mean of them.
+    pub summary: Summary,
+}
+
+impl Comparison {
+    /// Fits the delay within `latest` seconds either way and compares.
+    ///
+    /// # Errors
+    /// When there is nothing to compare.
+    pub fn new(reference: Vec<State>, mut recording: Vec<State>, latest: f64) -> Result<Self> {
+        let delay = motion::fit_delay(&reference, &recording, -latest..=latest, 0.02);
+        let delay = delay.context("there is nothing to compare: no samples")?;
+        recording.iter_mut().for_each(|state| state.time -= delay);
+        let deviations: Vec<Deviation> = motion::deviations(&reference, &recording, 0.0).collect();
+        let summary = deviations.iter().copied().collect();
+        Ok(Self { reference, recording, delay, deviations, summary })
+    }
+
+    /// The delay and the errors as rows of a report, beside the source's.
+    pub fn report(&self, report: &mut Report, delay: f64) {
+        report.fact("delay_ms", "delay that fits best", format!("{:.1} ms", delay * 1e3));
+        report.fact("compared", "samples compared", self.summary.count);
+        for (key, label, figures, (measured, unit)) in self.figures() {
+            let label = format!("error of the {label}, rms and greatest (source: {measured} {unit})");
+            report.fact(key, &label, format!("{:.3} {unit}   {:.3} {unit}", figures.rms, figures.max));
+        }
+    }
+
+    /// Each error's key, name, figures, and what the source measured on a real robot ("Zhodnocení").
+    pub fn figures(&self) -> [(&'static str, &'static str, Figures, (f64, &'static str)); 4] {
+        let Summary { position, rotation, velocity, angular_velocity, .. } = self.summary;
+        [
+            ("position_error", "position", position, (4.0, "mm")),
+            ("rotation_error", "orientation", rotation, (0.5, "°")),
+            ("velocity_error", "velocity", velocity, (8.0, "mm/s")),
+            ("angular_velocity_error", "angular velocity", angular_velocity, (1.5, "°/s")),
+        ]
+    }
+}

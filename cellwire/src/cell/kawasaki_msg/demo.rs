@@ -1,0 +1,325 @@
+//! `cellwire demo kawasaki-msg`: the source's own application, a PC that lets a robot draw a picture.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, anyhow, bail, ensure};
+use indicatif::ProgressBar;
+use kawasaki_msg::{Bounds, Line, Pc, PcConfig, PcEvent, Point, RobotConfig, timing};
+
+use super::tally::{Outcome, Tally};
+use crate::cell::options::DemoOptions;
+use crate::cell::report::{Budget, Report};
+use crate::io::drawing::{self, Picture};
+use crate::io::tcp::{self, FaultyProxy};
+use crate::links::kawasaki_msg::pc::{self, Packets, Program};
+use crate::links::kawasaki_msg::robot::{self, Setup, Stroke};
+use crate::links::kawasaki_msg::sheet::{SHEET, drawn, jobs};
+use crate::links::settings::Settings;
+
+/// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
+const SPEED: u32 = 16_000;
+
+/// The jobs that the robot's queue holds, unless `--set queue=…` gives another number.
+const QUEUE: usize = 256;
+
+/// With `--faults`, so likely does a read break the connection.
+const BREAKS: f64 = 0.02;
+
+/// How long a robot without a connection waits here: a short run is to see many connections.
+const RECONNECT: Duration = Duration::from_millis(100);
+
+/// The number of the first order: that of the source's example (thesis, section 10.1).
+const ORDER: u16 = 50;
+
+/// An order that was ended is over when the job that is being executed is done, and the robot has reported it: within this time, and
+/// that of the longest line.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Draws the picture once; with a time, again and again until it is over.
+///
+/// # Errors
+/// When the picture cannot be read, or the drawn one cannot be written; when no port is free.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let settings = Settings::new("kawasaki-msg", &options.settings, &["port", "queue", "speed"])?;
+    let port: u16 = settings.number("port", 0)?;
+    let (queue, speed) = (settings.number("queue", QUEUE)?, settings.number("speed", SPEED)?);
+    ensure!(speed > 0, "speed={speed}: give at least 1 mm/s");
+    ensure!((1..=9998).contains(&queue), "queue={queue}: give 1 to 9998 jobs, less than there are numbers");
+    let picture = match &options.drawing {
+        Some(file) => Picture::from_file(file, SHEET)?,
+        None => Picture::built_in(SHEET)?,
+    };
+    let lines = jobs(&picture);
+    let bounds = Bounds { min: Point::new(0, 0), max: Point::new(SHEET.x, SHEET.y) };
+    let config = RobotConfig { bounds, reconnect_delay: RECONNECT, ..RobotConfig::TCP };
+    let setup = Setup { config, queue, speed: f64::from(speed) };
+    let listener = tcp::listen(&format!("127.0.0.1:{port}"))?;
+    let server = listener.local_addr()?;
+    let proxy = match options.faults {
+        true => Some(FaultyProxy::start(server, options.seed, BREAKS)?),
+        false => None,
+    };
+    let address = proxy.as_ref().map_or(server, FaultyProxy::address).to_string();
+    let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
+    let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
+
+    let (stop, robot_is_off) = (AtomicBool::new(false), AtomicBool::new(false));
+    let mut program = Repeat::new(&lines, options, patience, &robot_is_off);
+    let (sender, strokes) = mpsc::channel();
+    let (robot, packets) = thread::scope(|scope| {
+        let robot = scope.spawn(|| {
+            let trace = options.trace.start("kawasaki-robot");
+            let run = robot::run(&setup, &address, &trace, &stop, sender, |_| Ok(()));
+            robot_is_off.store(true, Ordering::Relaxed);
+            run
+        });
+        let trace = options.trace.start("kawasaki-pc");
+        let packets = pc::run(&listener, PcConfig::TCP, &trace, &mut program);
+        stop.store(true, Ordering::Relaxed);
+        (robot.join(), packets)
+    });
+    let robot = robot.map_err(|_| anyhow!("the simulated robot panicked"))??;
+    let strokes: Vec<Stroke> = strokes.try_iter().collect();
+    let seen = Seen { packets: packets?, strokes, robot, time: program.start.elapsed() };
+    if let Some(file) = &options.out {
+        drawing::write_svg(file, SHEET, &drawn(seen.longest_order().map(|stroke| stroke.job.line)))?;
+    }
+    Ok(report(&picture, &lines, &program.outcomes, &seen, proxy.as_ref()))
+}
+
+/// The PC's program: one order after another, each the whole picture.
+struct Repeat<'a> {
+    lines: &'a [Line],
+    start: Instant,
+    seconds: Option<Duration>,
+    patience: Duration,
+    robot_is_off: &'a AtomicBool,
+    progress: &'a ProgressBar,
+    outcomes: Vec<Outcome>,
+    over: Option<u32>,
+    interrupted: bool,
+}
+
+impl<'a> Repeat<'a> {
+    fn new(
+        lines: &'a [Line],
+        options: &'a DemoOptions,
+        patience: Duration,
+        robot_is_off: &'a AtomicBool,
+    ) -> Self {
+        options.progress.set_length(lines.len() as u64);
+        Self {
+            lines,
+            start: Instant::now(),
+            seconds: options.seconds,
+            patience,
+            robot_is_off,
+            progress: &options.progress,
+            outcomes: Vec::new(),
+            over: None,
+            interrupted: false,
+        }
+    }
+}
+
+impl<'a> Program<'a> for Repeat<'a> {
+    fn step(&mut self, pc: &mut Pc<&'a [Line]>) -> Result<bool> {
+        let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);
+        if let Some(executed) = self.over.take() {
+            self.outcomes.push(Outcome { sent: pc.sent(), executed });
+        }
+        if self.robot_is_off.load(Ordering::Relaxed) {
+            return Ok(false); // it reports why
+        }
+        if pc.order().is_some() {
+            if time_is_up && !self.interrupted {
+                pc.interrupt()?;
+                self.interrupted = true;
+            }
+            let late = self.seconds.is_some_and(|seconds| self.start.elapsed() > seconds + self.patience);
+            ensure!(!late, "the order does not end: the robot has not reported it for {:?}", self.patience);
+            return Ok(true);
+        }
+        let drawn = !self.outcomes.is_empty();
+        if time_is_up || (drawn && self.seconds.is_none()) {
+            return Ok(false);
+        }
+        let number = u16::try_from(self.outcomes.len()).unwrap_or(u16::MAX).saturating_add(ORDER);
+        pc.start(number, self.lines)?;
+        Ok(true)
+    }
+
+    fn notify(&mut self, notification: pc::Notification<'_>) -> Result<()> {
+        let pc::Notification::Event(event) = notification else { return Ok(()) };
+        match event {
+            PcEvent::Progress { executed, queued } => {
+                self.progress.set_position(executed.into());
+                self.progress.set_message(format!("drawn, {} in the queue", queued.saturating_sub(executed)));
+            }
+            PcEvent::OrderOver { executed, .. } => self.over = Some(executed),
+            PcEvent::OrderRefused { given_up: true, order, active } => {
+                bail!("the robot refuses order {order}: order {active} is active");
+            }
+            PcEvent::OutcomeUnknown { order, .. } => bail!("the robot has forgotten order {order}"),
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// What the run has shown.
+struct Seen {
+    packets: Packets,
+    strokes: Vec<Stroke>,
+    robot: robot::Run,
+    time: Duration,
+}
+
+impl Seen {
+    /// The strokes of the order that got farthest: a picture that was cut short is drawn only if there is no other.
+    fn longest_order(&self) -> impl Iterator<Item = &Stroke> {
+        let orders = self.strokes.chunk_by(|a, b| a.order == b.order);
+        orders.max_by_key(|order| order.len()).unwrap_or_default().iter()
+    }
+}
+
+fn report(
+    picture: &Picture,
+    lines: &[Line],
+    outcomes: &[Outcome],
+    seen: &Seen,
+    proxy: Option<&FaultyProxy>,
+) -> Report {
+    let Seen { packets, strokes, robot, time } = seen;
+    let tally = Tally::new(lines, outcomes, strokes);
+    let statistics = robot.statistics;
+    let title = format!(
+        "a PC lets a robot draw a picture of {} strokes and {} moves",
+        picture.strokes(),
+        lines.len() - picture.strokes()
+    );
+    let mut report = Report::new("kawasaki-msg", title);
+    let complete = outcomes.iter().filter(|outcome| outcome.executed as usize == lines.len()).count();
+    report.fact("orders", "orders: pictures begun", outcomes.len());
+    report.fact("pictures", "pictures drawn whole", complete);
+    report.jobs(tally.jobs());
+    if tally.withdrawn > 0 {
+        report.fact("withdrawn", "taken back when the time was up", tally.withdrawn);
+    }
+    report.fact("asked_again", "jobs discarded at a full queue and sent again", statistics.discarded);
+    report.fact("packets", "packets of the PC", packets.count);
+    report.fact("messages_mean", "messages a packet, mean", tenths(packets.messages, packets.count));
+    report.fact("messages_most", "messages a packet, most", packets.most_messages);
+    report.fact("longest_packet", "bytes of the longest packet, at most 4096 (§9.5)", packets.longest);
+    let a_second = tenths(robot.exchange.count(), 1) / time.as_secs_f64();
+    report.fact("exchanges_a_second", "exchanges a second, in the source 31 (§9.4)", round(a_second));
+    if let Some(faults) = proxy.map(FaultyProxy::faults) {
+        report.fact("splits", "reads cut in pieces", faults.splits.load(Ordering::Relaxed));
+        report.fact("delays", "reads delayed", faults.delays.load(Ordering::Relaxed));
+        report.fact("disconnects", "connections broken", faults.disconnects.load(Ordering::Relaxed));
+    }
+    report.fact("connections", "connections opened", robot.connections);
+    report.timing("exchange", "packet to answer", &robot.exchange, None);
+    report.timing(
+        "unpack",
+        "unpack and queue a packet",
+        &robot.unpack,
+        Some(Budget { time: timing::UNPACK_MEAN, source: "app. 2, its mean" }),
+    );
+    report.timing(
+        "work_cycle",
+        "job to job without motion",
+        &robot.work_cycle,
+        Some(Budget { time: Duration::from_millis(110), source: "§12.1" }),
+    );
+    report.require(tally.executed_once > 0, || "nothing was drawn".into());
+    for (count, what) in [
+        (tally.altered, "jobs were not what was sent"),
+        (tally.out_of_order, "jobs were executed out of their order"),
+        (tally.unreported, "jobs were executed that the PC believes were not"),
+    ] {
+        report.require(count == 0, || format!("{count} {what}"));
+    }
+    report
+}
+
+fn tenths(dividend: u64, divisor: u64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "counts of a run")]
+    let quotient = dividend as f64 / divisor.max(1) as f64;
+    round(quotient)
+}
+
+fn round(x: f64) -> f64 {
+    (x * 10.0).round() / 10.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::trace::TraceArgs;
+    use serde_json::Value;
+    use std::path::PathBuf;
+
+    fn options(settings: &[(&str, i64)]) -> DemoOptions {
+        DemoOptions {
+            seconds: None,
+            faults: false,
+            seed: 1,
+            out: None,
+            drawing: None,
+            trace: TraceArgs::off(),
+            settings: settings.iter().map(|(name, value)| ((*name).into(), Value::from(*value))).collect(),
+            progress: ProgressBar::hidden(),
+        }
+    }
+
+    /// A square with a diagonal: a move of 96 mm to its corner, then five strokes.
+    fn square(name: &str) -> PathBuf {
+        let file = std::env::temp_dir().join(format!("cellwire-{name}-{}.svg", std::process::id()));
+        let path = r#"<path fill="none" stroke="black" d="M 10 10 H 90 V 90 H 10 Z L 90 90"/>"#;
+        let svg = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100">{path}</svg>"#);
+        std::fs::write(&file, svg).unwrap();
+        file
+    }
+
+    #[test]
+    fn what_the_robot_draws_is_the_picture() {
+        let given = square("whole");
+        let drawn = given.with_extension("drawn.svg");
+        let mut options = options(&[("speed", 200_000)]);
+        (options.drawing, options.out) = (Some(given.clone()), Some(drawn.clone()));
+        let object = demo(&options).unwrap().to_json();
+        assert_eq!((&object["ok"], &object["executed_once"]), (&true.into(), &6.into()), "{object}");
+        let [given, drawn] = [given, drawn].map(|file| {
+            let picture = Picture::from_file(&file, SHEET).unwrap();
+            std::fs::remove_file(file).unwrap();
+            picture
+        });
+        assert_eq!(given, drawn);
+    }
+
+    #[test]
+    fn over_a_connection_that_breaks_every_line_is_drawn_once() {
+        let mut options = options(&[("speed", 1_000_000)]);
+        options.faults = true;
+        let object = demo(&options).unwrap().to_json();
+        let lines = jobs(&Picture::built_in(SHEET).unwrap()).len();
+        assert_eq!((&object["ok"], &object["executed_once"]), (&true.into(), &lines.into()), "{object}");
+        assert!(object["disconnects"].as_u64() > Some(0), "{object}");
+    }
+
+    #[test]
+    fn a_picture_that_is_cut_short_is_reported() {
+        // The pen needs more than two seconds to the first corner: that job is finished, the others are taken back.
+        let (file, mut options) = (square("short"), options(&[("speed", 40), ("queue", 4)]));
+        (options.drawing, options.seconds) = (Some(file.clone()), Some(Duration::from_secs(1)));
+        let object = demo(&options).unwrap().to_json();
+        std::fs::remove_file(file).unwrap();
+        let [pictures, once, lost] = ["pictures", "executed_once", "lost"].map(|key| &object[key]);
+        assert_eq!((pictures, once, lost), (&0.into(), &1.into(), &0.into()), "{object}");
+        assert!(object["withdrawn"].as_u64() >= Some(3), "{object}");
+    }
+}

@@ -1,0 +1,8 @@
+//! A laser robot that cuts a sheet.
+
+mod demo;
+pub mod host;
+pub mod path;
+pub mod tally;
+
+pub use demo::demo;

@@ -1,0 +1,371 @@
+//! The central controller: the task over three sessions. No sockets and no clock: bytes and times come in.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use anyhow::Result;
+use mmacell_proto::{
+    Central as Session, CentralConfig, CentralEvent, Closing, Command, NoPose, PlatformPose, Pose, RobotPose,
+    Session as _, Unfinished,
+};
+use mmacell_task::{Device, Event, Failure, Fault, Output, Step, Task, TaskConfig};
+use robot_session::{Output as Settled, settle};
+
+use super::cell::{Cell, Which};
+use crate::io::samples::Samples;
+use crate::links::mmacell_proto::axes::{PLATFORM_HOME, ROBOT_HOME};
+
+/// The set-up of the simulated cell. Its times are those of the cell.
+pub const CONFIG: TaskConfig = TaskConfig {
+    robot_home: ROBOT_HOME,
+    platform_home: PLATFORM_HOME,
+    camera_1: Some(RobotPose::from_units([-120_000, 0, 60_000, 0])),
+    camera_2: Some(RobotPose::from_units([120_000, 0, 60_000, 0])),
+    percent: 80,
+    ..TaskConfig::DEFAULT
+};
+
+/// The two times of a run: the cell may run faster than the clock on the wall, the protocol's deadlines do not.
+#[derive(Debug, Clone, Copy)]
+pub struct Now {
+    /// By which replies are awaited.
+    pub wall: Duration,
+    /// By which axes move.
+    pub cell: Duration,
+}
+
+/// The task, its sessions and what they did.
+#[derive(Debug)]
+pub struct Central {
+    task: Task,
+    robot: End<RobotPose>,
+    platform: End<PlatformPose>,
+    periphery: End<NoPose>,
+    /// Orders that wait for their turn on the third connection: it leads to two devices of the task.
+    waiting: VecDeque<(Device, Command<NoPose>)>,
+    /// Whose order is under way there.
+    asked: Option<Device>,
+    switch: bool,
+    parts: Option<u64>,
+    /// What happened.
+    pub log: Log,
+}
+
+/// What a run did.
+#[derive(Debug, Default)]
+pub struct Log {
+    /// Each step and when it began, in cell time.
+    pub steps: Vec<(Duration, Step)>,
+    /// Parts that the task believes in their place.
+    pub placed: u64,
+    /// Faults, and what they were.
+    pub faults: Vec<Fault>,
+    /// Parts that were missed or lost as often as they may be.
+    pub unpicked: u64,
+    /// Steps 7 that began with the vacuum on.
+    pub vacuum_left_on: u64,
+    /// Commands that were answered.
+    pub exchanges: u64,
+    /// Command to reply, on the wall's clock.
+    pub turn_around: Samples,
+    /// Motions that the devices agreed to: robot, platform.
+    pub agreed: [u64; 2],
+    /// Motions that they refused.
+    pub refused: u64,
+    /// Motions whose connection broke before the reply.
+    pub unknown: [u64; 2],
+    /// Connections that were opened again.
+    pub reconnections: u64,
+}
+
+#[derive(Debug)]
+struct End<P> {
+    session: Session<P>,
+    sent_at: Duration,
+    outgoing: Vec<u8>,
+}
+
+impl Central {
+    /// A controller that places so many parts; `None`: until [`finish`](Self::finish). The cell runs `speed` times faster than the
+    /// clock on the wall, by which replies take their time.
+    ///
+    /// # Errors
+    /// Never, with the defaults of the protocol.
+    pub fn new(parts: Option<u64>, speed: u32) -> Result<Self> {
+        let order_timeout = CONFIG.order_timeout.saturating_mul(speed);
+        let motion_timeout = CONFIG.motion_timeout.saturating_mul(speed);
+        Ok(Self {
+            task: Task::new(TaskConfig { order_timeout, motion_timeout, ..CONFIG }),
+            robot: End::new()?,
+            platform: End::new()?,
+            periphery: End::new()?,
+            waiting: VecDeque::new(),
+            asked: None,
+            switch: false,
+            parts,
+            log: Log::default(),
+        })
+    }
+
+    /// A connection has been opened.
+    pub fn connected(&mut self, now: Now, which: Which) {
+        match which {
+            Which::Robot => self.robot.connect(now.wall),
+            Which::Platform => self.platform.connect(now.wall),
+            Which::Periphery => self.periphery.connect(now.wall),
+        }
+    }
+
+    /// A connection has ended.
+    pub fn disconnected(&mut self, now: Now, which: Which) {
+        match which {
+            Which::Robot => self.robot.session.handle_disconnected(now.wall),
+            Which::Platform => self.platform.session.handle_disconnected(now.wall),
+            Which::Periphery => self.periphery.session.handle_disconnected(now.wall),
+        }
+    }
+
+    /// Bytes from a device.
+    pub fn receive(&mut self, now: Now, which: Which, bytes: &[u8]) {
+        match which {
+            Which::Robot => self.robot.session.handle_input(now.wall, bytes),
+            Which::Platform => self.platform.session.handle_input(now.wall, bytes),
+            Which::Periphery => self.periphery.session.handle_input(now.wall, bytes),
+        }
+    }
+
+    /// Bytes for a device; empty when there are none.
+    pub fn transmit(&mut self, which: Which) -> Vec<u8> {
+        core::mem::take(match which {
+            Which::Robot => &mut self.robot.outgoing,
+            Which::Platform => &mut self.platform.outgoing,
+            Which::Periphery => &mut self.periphery.outgoing,
+        })
+    }
+
+    /// Does everything that can be done now. The cell is looked at, not touched: its switch, and what its cameras see.
+    pub fn run(&mut self, now: Now, cell: &Cell) {
+        self.robot.session.handle_timeout(now.wall);
+        self.platform.session.handle_timeout(now.wall);
+        self.periphery.session.handle_timeout(now.wall);
+        self.task.handle_timeout(now.cell);
+        loop {
+            let switch = cell.parts().switch();
+            if core::mem::replace(&mut self.switch, switch) != switch {
+                self.task.handle_event(now.cell, Event::Switch { high: switch });
+            }
+            let mut idle = true;
+            for (event, turn_around) in self.robot.settle(now.wall) {
+                self.log.note(0, &event, turn_around);
+                self.report(now, Which::Robot, Device::Robot, &event);
+                idle = false;
+            }
+            for (event, turn_around) in self.platform.settle(now.wall) {
+                self.log.note(1, &event, turn_around);
+                self.report(now, Which::Platform, Device::Platform, &event);
+                idle = false;
+            }
+            for (event, turn_around) in self.periphery.settle(now.wall) {
+                self.log.note(2, &event, turn_around);
+                self.report_periphery(now, cell, &event);
+                idle = false;
+            }
+            while let Some(output) = self.task.poll_output(now.cell) {
+                self.carry_out(now, cell, output);
+                idle = false;
+            }
+            if self.asked.is_none()
+                && let Some((device, command)) = self.waiting.pop_front()
+            {
+                self.asked = Some(device);
+                if self.periphery.session.request(command).is_err() {
+                    self.periphery_lost(now);
+                }
+                idle = false;
+            }
+            if idle {
+                return;
+            }
+        }
+    }
+
+    /// When to run again, if nothing arrives: on the wall's clock, and on the cell's.
+    pub fn due(&self) -> (Option<Duration>, Option<Duration>) {
+        let wall = [
+            self.robot.session.poll_timeout(),
+            self.platform.session.poll_timeout(),
+            self.periphery.session.poll_timeout(),
+        ];
+        (wall.into_iter().flatten().min(), self.task.poll_timeout())
+    }
+
+    /// Whether a connection has to be opened again.
+    pub fn is_broken(&self, which: Which) -> bool {
+        let connected = match which {
+            Which::Robot => self.robot.session.is_connected(),
+            Which::Platform => self.platform.session.is_connected(),
+            Which::Periphery => self.periphery.session.is_connected(),
+        };
+        !connected && !matches!(self.task.step(), Step::Closing | Step::Finished)
+    }
+
+    /// Where the task is.
+    pub fn step(&self) -> Step {
+        self.task.step()
+    }
+
+    /// No further part after this one.
+    pub fn finish(&mut self) {
+        self.parts = Some(0);
+    }
+
+    fn carry_out(&mut self, now: Now, cell: &Cell, output: Output) {
+        let sent = match output {
+            Output::Entered(step) => {
+                self.entered(now, cell, step);
+                Ok(())
+            }
+            Output::Robot(command) => self.robot.session.request(command),
+            Output::Platform(command) => self.platform.session.request(command),
+            Output::Conditioning(command) => {
+                self.waiting.push_back((Device::Conditioning, command));
+                Ok(())
+            }
+            Output::Acquire { camera } => {
+                self.waiting.push_back((Device::Vision, Command::Acquire { camera }));
+                Ok(())
+            }
+            Output::Grip { gripper, open } => {
+                self.waiting.push_back((Device::Gripper, Command::Grip { gripper, open }));
+                Ok(())
+            }
+            _ => Ok(()),
+        };
+        if sent.is_err() {
+            let device = if matches!(output, Output::Robot(_)) { Device::Robot } else { Device::Platform };
+            self.task.handle_event(now.cell, Event::Failed { device, failure: Failure::Lost });
+        }
+    }
+
+    fn entered(&mut self, now: Now, cell: &Cell, step: Step) {
+        self.log.steps.push((now.cell, step));
+        let event = match step {
+            Step::GoCamera1 => {
+                self.log.vacuum_left_on += u64::from(cell.parts().vacuum());
+                return;
+            }
+            Step::Placed => {
+                self.log.placed += 1;
+                let more = self.parts.is_none_or(|parts| self.log.placed < parts);
+                if more { Event::Next } else { Event::Finish }
+            }
+            Step::Unpicked => {
+                self.log.unpicked += 1;
+                Event::Next
+            }
+            Step::Faulted => {
+                self.log.faults.extend(self.task.fault());
+                Event::Recover
+            }
+            _ => return,
+        };
+        self.task.handle_event(now.cell, event);
+    }
+
+    fn report<P: Pose>(&mut self, now: Now, which: Which, device: Device, event: &CentralEvent<P>) {
+        if *event == CentralEvent::Connected {
+            which.devices().iter().for_each(|device| self.task.handle_event(now.cell, Event::Ready(*device)));
+        }
+        if let Some(event) = Event::from_central(device, event) {
+            self.task.handle_event(now.cell, event);
+        }
+    }
+
+    fn report_periphery(&mut self, now: Now, cell: &Cell, event: &CentralEvent<NoPose>) {
+        if *event == CentralEvent::Connected {
+            return self.report(now, Which::Periphery, Device::Conditioning, event);
+        }
+        let event = match (event, self.asked.take()) {
+            (CentralEvent::Done { command: Command::Acquire { camera: 1 } }, _) => {
+                let (platform, pick) = cell.parts().part();
+                Event::PartFound { platform, pick }
+            }
+            (CentralEvent::Done { command: Command::Acquire { .. } }, _) => {
+                Event::SlotFound { place: cell.parts().place() }
+            }
+            (CentralEvent::Closed { reason, .. }, _) if *reason != Closing::Agreed => {
+                return self.periphery_lost(now);
+            }
+            (event, Some(device)) => return self.report(now, Which::Periphery, device, event),
+            (_, None) => return,
+        };
+        self.task.handle_event(now.cell, event);
+    }
+
+    fn periphery_lost(&mut self, now: Now) {
+        (self.asked, self.waiting) = (None, VecDeque::new());
+        for device in Which::Periphery.devices() {
+            let event = Event::Failed { device: *device, failure: Failure::Lost };
+            self.task.handle_event(now.cell, event);
+        }
+    }
+}
+
+impl<P: Pose> End<P> {
+    fn new() -> Result<Self> {
+        Ok(Self {
+            session: Session::new(CentralConfig::DEFAULT)?,
+            sent_at: Duration::ZERO,
+            outgoing: Vec::new(),
+        })
+    }
+
+    fn connect(&mut self, now: Duration) {
+        self.outgoing.clear();
+        self.session.handle_connected(now);
+    }
+
+    /// What has happened, each with the time since the last command; what is to be sent is in `outgoing`.
+    fn settle(&mut self, now: Duration) -> Vec<(CentralEvent<P>, Duration)> {
+        let Self { session, sent_at, outgoing } = self;
+        let (mut events, mut buffer) = (Vec::new(), [0; 64]);
+        let _ = settle(session, now, &mut buffer, |_, output| {
+            match output {
+                Settled::Event(event) => events.push((event, now.saturating_sub(*sent_at))),
+                Settled::Transmit(bytes) => {
+                    outgoing.extend_from_slice(bytes);
+                    *sent_at = now;
+                }
+            }
+            ControlFlow::<()>::Continue(())
+        });
+        events
+    }
+}
+
+impl Log {
+    fn note<P: Pose>(&mut self, connection: usize, event: &CentralEvent<P>, turn_around: Duration) {
+        let motions = |counts: &mut [u64; 2], command: &Command<P>| {
+            if let (Command::Move { .. }, Some(count)) = (command, counts.get_mut(connection)) {
+                *count += 1;
+            }
+        };
+        match event {
+            CentralEvent::Done { command } => motions(&mut self.agreed, command),
+            CentralEvent::Refused { command: Command::Move { .. }, .. } => self.refused += 1,
+            CentralEvent::Closed { reason, unfinished } => {
+                if let Unfinished::Unknown(command) = unfinished {
+                    motions(&mut self.unknown, command);
+                }
+                if *reason != Closing::Agreed {
+                    return;
+                }
+            }
+            CentralEvent::Connected => return,
+            _ => {}
+        }
+        self.exchanges += 1;
+        self.turn_around.add(turn_around);
+    }
+}

@@ -1,0 +1,477 @@
+//! `cellwire demo mmacell-proto`: the pick-and-place task over three TCP connections into a simulated cell.
+
+use std::io::{Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpStream};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail, ensure};
+use mmacell_task::Step;
+
+use super::cell::{Cell, Which};
+use super::central::{Central, Now};
+use super::timeline;
+use super::verdict::{End, attempts, is_in_order, leaves_open};
+use super::workpiece::Outcome;
+use crate::cell::options::DemoOptions;
+use crate::cell::report::{Jobs, Report};
+use crate::io::samples::Samples;
+use crate::io::tcp::{self, FaultyProxy};
+use crate::io::trace::{Trace, Way};
+use crate::links::mmacell_proto::connections::{Connections, Stop};
+use crate::links::mmacell_proto::station::MotionFaults;
+use crate::links::settings::Settings;
+
+/// Parts of a run without a limit.
+const PARTS: u64 = 100;
+/// How many times faster than life the cell runs, unless a setting says otherwise. The protocol's own times are not changed.
+const SPEED: u32 = 200;
+/// How often a read breaks the connection when faults are wanted.
+const BREAKS: f64 = 0.001;
+/// Longer than this the task is in no step, even when every connection has to be opened again.
+const STANDSTILL: Duration = Duration::from_secs(20);
+
+/// Runs the demo. Settings: `parts`, `speed`; `stall_every`, after how many of the robot's motions one stops half-way without an
+/// error.
+///
+/// # Errors
+/// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stands still.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let settings = Settings::new("mmacell-proto", &options.settings, &["parts", "speed", "stall_every"])?;
+    let speed = settings.number("speed", SPEED)?;
+    ensure!((1..=10_000).contains(&speed), "speed={speed} is outside 1 to 10000");
+    let parts: u64 = settings.number("parts", PARTS)?;
+    ensure!(parts > 0, "parts=0 leaves nothing to do");
+    // A time limit counts, not a number of parts, unless both are given.
+    let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
+    let stalls = MotionFaults { stall_every: settings.number("stall_every", 0)?, ..MotionFaults::default() };
+    let run = Run::start(options, speed, stalls)?;
+    let (log, cell) = run.place((!until_limit).then_some(parts), options)?;
+    if let Some(path) = &options.out {
+        timeline::draw(path, &log, &cell)?;
+    }
+    let mut report = report(&log, &cell, options.faults || stalls.stall_every > 0, speed);
+    report.require(until_limit || options.seconds.is_some() || log.placed == parts, || {
+        format!("{} of {parts} parts were placed", log.placed)
+    });
+    if let Some(path) = &options.out {
+        report.fact("timeline", "timeline", path.display().to_string());
+    }
+    Ok(report)
+}
+
+/// The simulated cell and its three ports.
+struct Run {
+    cell: Arc<Mutex<Cell>>,
+    clock: Clock,
+    addresses: [SocketAddr; 3],
+    devices: Vec<(Stop, JoinHandle<()>)>,
+    _proxies: Vec<FaultyProxy>,
+}
+
+/// One clock for the protocol and one, faster, for the axes.
+#[derive(Debug, Clone, Copy)]
+struct Clock {
+    epoch: Instant,
+    speed: u32,
+}
+
+impl Clock {
+    fn now(&self) -> Now {
+        let wall = self.epoch.elapsed();
+        Now { wall, cell: wall * self.speed }
+    }
+}
+
+impl Run {
+    fn start(options: &DemoOptions, speed: u32, stalls: MotionFaults) -> Result<Self> {
+        let cell = Arc::new(Mutex::new(Cell::new(options.seed, options.faults, stalls)?));
+        let clock = Clock { epoch: Instant::now(), speed };
+        let mut addresses = Vec::new();
+        let mut proxies = Vec::new();
+        let mut devices = Vec::new();
+        for which in Which::ALL {
+            let listener = tcp::listen("127.0.0.1:0")?;
+            let mut address = listener.local_addr()?;
+            let cell = Arc::clone(&cell);
+            let trace = options.trace.start(&format!("mma-{}", format!("{which:?}").to_lowercase()));
+            let connections = Connections::accept(listener);
+            let stop = connections.stop();
+            devices.push((stop, thread::spawn(move || serve(connections, which, &cell, clock, &trace))));
+            if options.faults {
+                let proxy = FaultyProxy::start(address, options.seed + which as u64, BREAKS)?;
+                address = proxy.address();
+                proxies.push(proxy);
+            }
+            addresses.push(address);
+        }
+        let addresses =
+            <[SocketAddr; 3]>::try_from(addresses).map_err(|_| anyhow::anyhow!("three devices"))?;
+        Ok(Self { cell, clock, addresses, devices, _proxies: proxies })
+    }
+
+    /// Places so many parts, or as many as fit into the time; what happened.
+    fn place(self, parts: Option<u64>, options: &DemoOptions) -> Result<(super::central::Log, Cell)> {
+        let (sender, inbox) = channel();
+        let mut central = Central::new(parts, self.clock.speed)?;
+        let mut connections = Vec::new();
+        for (which, address) in Which::ALL.into_iter().zip(self.addresses) {
+            connections.push(Connection::open(which, address, 0, &sender)?);
+            central.connected(self.clock.now(), which);
+        }
+        options.progress.set_length(parts.unwrap_or_default());
+        let mut stands_since = (Step::AwaitDevices, Duration::ZERO);
+        while central.step() != Step::Finished {
+            let now = self.clock.now();
+            {
+                let mut cell = lock(&self.cell);
+                cell.advance(now.cell);
+                central.run(now, &cell);
+            }
+            for connection in &mut connections {
+                connection.write(&central.transmit(connection.which));
+            }
+            if options.seconds.is_some_and(|end| now.wall >= end) {
+                central.finish();
+            }
+            for connection in &mut connections {
+                if central.is_broken(connection.which) {
+                    *connection = connection.open_again(&sender)?;
+                    central.log.reconnections += 1;
+                    central.connected(self.clock.now(), connection.which);
+                }
+            }
+            if stands_since.0 != central.step() {
+                stands_since = (central.step(), now.wall);
+                options.progress.set_position(central.log.placed);
+            } else if now.wall - stands_since.1 > STANDSTILL {
+                bail!("the cell stands still in step {:?}: please report this as a bug", stands_since.0);
+            }
+            Self::wait(self.clock, &mut central, &mut connections, &inbox)?;
+        }
+        drop(connections);
+        // Each device leaves its trace when its last connection has ended, however long that takes to write.
+        for (stop, device) in self.devices {
+            stop.stop();
+            let _ = device.join();
+        }
+        let rest = Cell::new(0, false, MotionFaults::default())?;
+        let cell = core::mem::replace(&mut *lock(&self.cell), rest);
+        Ok((central.log, cell))
+    }
+
+    /// Waits until something arrives, or until the time at which something is due.
+    fn wait(
+        clock: Clock,
+        central: &mut Central,
+        connections: &mut [Connection],
+        inbox: &Receiver<Arrival>,
+    ) -> Result<()> {
+        let (now, (wall, cell)) = (clock.now(), central.due());
+        let cell = cell.map(|at| at.saturating_sub(now.cell) / clock.speed);
+        let wall = wall.map(|at| at.saturating_sub(now.wall));
+        // The vacuum switch is looked at at least this often.
+        let wait = [Some(Duration::from_millis(1)), cell, wall].into_iter().flatten().min();
+        let first = match inbox.recv_timeout(wait.unwrap_or_default()) {
+            Ok(first) => first,
+            Err(RecvTimeoutError::Timeout) => return Ok(()),
+            Err(RecvTimeoutError::Disconnected) => bail!("every connection is gone"),
+        };
+        let now = clock.now();
+        for arrival in core::iter::once(first).chain(inbox.try_iter()) {
+            let current = connections.iter().any(|c| c.which == arrival.which && c.number == arrival.number);
+            match arrival.bytes {
+                _ if !current => {} // from a connection that has been given up
+                Some(bytes) => central.receive(now, arrival.which, &bytes),
+                None => central.disconnected(now, arrival.which),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a reading thread received: bytes, or the end.
+struct Arrival {
+    which: Which,
+    number: u64,
+    bytes: Option<Vec<u8>>,
+}
+
+/// The central controller's end of one connection, with a thread that reads.
+struct Connection {
+    which: Which,
+    address: SocketAddr,
+    number: u64,
+    stream: TcpStream,
+}
+
+impl Connection {
+    fn open(which: Which, address: SocketAddr, number: u64, sender: &Sender<Arrival>) -> Result<Self> {
+        let stream = tcp::connect(&address.to_string()).with_context(|| format!("the {which:?} is gone"))?;
+        let mut reader = stream.try_clone()?;
+        let sender = sender.clone();
+        thread::spawn(move || {
+            let mut buffer = [0; 256];
+            loop {
+                let bytes = match reader.read(&mut buffer) {
+                    Ok(0) | Err(_) => None,
+                    Ok(len) => buffer.get(..len).map(<[u8]>::to_vec),
+                };
+                let end = bytes.is_none();
+                if sender.send(Arrival { which, number, bytes }).is_err() || end {
+                    return;
+                }
+            }
+        });
+        Ok(Self { which, address, number, stream })
+    }
+
+    fn open_again(&self, sender: &Sender<Arrival>) -> Result<Self> {
+        let _ = self.stream.shutdown(Shutdown::Both);
+        Self::open(self.which, self.address, self.number + 1, sender)
+    }
+
+    /// What cannot be written is lost with the connection, which the reader reports.
+    fn write(&mut self, bytes: &[u8]) {
+        if !bytes.is_empty() && self.stream.write_all(bytes).is_err() {
+            let _ = self.stream.shutdown(Shutdown::Both);
+        }
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        let _ = self.stream.shutdown(Shutdown::Both);
+    }
+}
+
+/// A device at its port, one central controller at a time: the newest.
+fn serve(connections: Connections, which: Which, cell: &Mutex<Cell>, clock: Clock, trace: &Trace) {
+    for mut stream in connections {
+        lock(cell).connect(which, clock.now().cell);
+        let mut buffer = [0; 256];
+        while let Ok(len @ 1..) = stream.read(&mut buffer) {
+            let bytes = buffer.get(..len).unwrap_or_default();
+            trace.add(clock.now().wall, Way::Received, bytes);
+            let (reply, closes) = lock(cell).receive(which, clock.now().cell, bytes);
+            trace.add(clock.now().wall, Way::Sent, &reply);
+            if stream.write_all(&reply).is_err() || closes {
+                break;
+            }
+        }
+        trace.end_session("the connection ended");
+    }
+}
+
+fn lock(cell: &Mutex<Cell>) -> MutexGuard<'_, Cell> {
+    cell.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn report(log: &super::central::Log, cell: &Cell, faults: bool, speed: u32) -> Report {
+    let record = &cell.parts().record;
+    let tries = attempts(log.steps.iter().map(|(_, step)| *step));
+    let title = format!(
+        "pick and place over three TCP connections, robot, platform, and cameras with valves; the axes run {speed} times faster than life"
+    );
+    let mut report = Report::new("mmacell-proto", title);
+    let ended = |wanted: End| tries.iter().filter(|(_, end)| *end == wanted).count();
+    report.fact("parts_placed", "parts placed", log.placed);
+    report.fact("attempts", "attempts", tries.len());
+    report.fact("missed", "parts missed and tried again", record.missed);
+    report.fact("fallen", "parts lost in flight and tried again", record.lost);
+    let elsewhere = let_go_elsewhere(log, cell);
+    report.fact("let_go_in_place", "parts let go in the right place", record.placed);
+    report.fact("let_go_elsewhere", "parts let go elsewhere", elsewhere);
+    report.fact("unpicked", "parts missed or lost as often as they may be", log.unpicked);
+    report.fact("exchanges", "commands answered", log.exchanges);
+    if faults {
+        report.fact("faults", "faults that a reset led out of", log.faults.len());
+        report.fact("reconnections", "connections opened again", log.reconnections);
+        report.fact("broken_off", "attempts that a fault broke off", ended(End::Fault));
+        report.fact("dropped", "parts let go at a fault", record.dropped);
+    }
+    report.fact("vacuum_left_on", "attempts begun with the vacuum on", log.vacuum_left_on);
+    let after_loss = u64::try_from(record.vacuum_after_fall.as_millis()).unwrap_or(u64::MAX);
+    report.fact("vacuum_after_loss_ms", "longest vacuum after a loss, ms of the cell's time", after_loss);
+    report.jobs(motions(log, cell));
+    let open = tries.iter().filter(|(steps, end)| leaves_open(steps, *end)).count() as u64;
+    report.require(record.carried_off <= open, || {
+        format!("{} parts were not blown off and left their place again", record.carried_off)
+    });
+    report.require((log.placed..=log.placed + open).contains(&record.placed), || {
+        format!("{} parts are in their place, the task believes {}", record.placed, log.placed)
+    });
+    report.require(elsewhere == 0, || format!("{elsewhere} parts were let go in the wrong place"));
+    report.require(log.vacuum_left_on == 0 && !cell.parts().vacuum(), || "the vacuum was left on".into());
+    for (number, (steps, end)) in tries.iter().enumerate() {
+        report.require(is_in_order(steps, *end), || {
+            format!("attempt {}: steps out of order: {steps:?}, ended {end:?}", number + 1)
+        });
+    }
+    report.timing("turn_around", "command to reply", &log.turn_around, None);
+    let mut cycles = Samples::default();
+    placed_in(log).into_iter().for_each(|time| cycles.add(time));
+    report.timing("cycle", "cycle of a part, in the cell's time", &cycles, None);
+    for (step, samples) in durations(log) {
+        let number = step.number().map_or_else(|| "–".into(), |number| number.to_string());
+        let key = format!("step_{}", step.label().replace(' ', "_"));
+        report.timing(&key, &format!("  {number:>2} {}", step.label()), &samples, None);
+    }
+    report
+}
+
+/// Parts that the task let go elsewhere than in their place, without a fault that made it close the valves.
+fn let_go_elsewhere(log: &super::central::Log, cell: &Cell) -> usize {
+    let outcomes = cell.parts().record.outcomes.iter();
+    let dropped = outcomes.filter(|(_, outcome)| *outcome == Outcome::Dropped);
+    let step = |at: Duration| log.steps.iter().rev().find(|(begin, _)| *begin <= at).map(|(_, step)| *step);
+    dropped.filter(|(at, _)| !matches!(step(*at), Some(Step::Faulted | Step::Resetting))).count()
+}
+
+/// Motions as jobs: what was agreed to was executed once; what was executed was agreed to, or its reply was lost.
+fn motions(log: &super::central::Log, cell: &Cell) -> Jobs {
+    let executed = [cell.robot().motions(), cell.platform().motions()];
+    let mut jobs = Jobs::default();
+    for ((agreed, unknown), executed) in log.agreed.iter().zip(log.unknown).zip(executed) {
+        jobs.sent += agreed + unknown;
+        jobs.lost += agreed.saturating_sub(executed);
+        jobs.repeated += executed.saturating_sub(agreed + unknown);
+        jobs.executed_once += executed.min(agreed + unknown);
+        jobs.unknown += unknown;
+    }
+    jobs
+}
+
+/// The time that each part took, from step 7 of its first attempt until it was placed.
+fn placed_in(log: &super::central::Log) -> Vec<Duration> {
+    let mut begun = None;
+    let mut times = Vec::new();
+    for (at, step) in &log.steps {
+        match step {
+            Step::GoCamera1 => begun = begun.or(Some(*at)),
+            Step::Placed => times.extend(begun.take().map(|begun| *at - begun)),
+            _ => {}
+        }
+    }
+    times
+}
+
+/// How long each step of the cycle took each time, in the order of the steps.
+fn durations(log: &super::central::Log) -> Vec<(Step, Samples)> {
+    let cycle = |step: &Step| step.number().is_some_and(|number| number >= 7) || *step == Step::Resetting;
+    let mut all: Vec<(Step, Samples)> =
+        Step::ALL.into_iter().filter(cycle).map(|step| (step, Samples::default())).collect();
+    for pair in log.steps.windows(2) {
+        if let [(begin, step), (end, _)] = pair
+            && let Some((_, samples)) = all.iter_mut().find(|(known, _)| known == step)
+        {
+            samples.add(*end - *begin);
+        }
+    }
+    all.retain(|(_, samples)| samples.count() > 0);
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use indicatif::ProgressBar;
+    use serde_json::json;
+
+    use super::*;
+    use crate::io::trace::TraceArgs;
+    use crate::links::settings;
+
+    fn options(faults: bool, set: &[&str]) -> DemoOptions {
+        DemoOptions {
+            seconds: None,
+            faults,
+            seed: 7,
+            out: None,
+            drawing: None,
+            trace: TraceArgs::off(),
+            settings: set.iter().filter_map(|text| settings::parse(text).ok()).collect(),
+            progress: ProgressBar::hidden(),
+        }
+    }
+
+    #[test]
+    fn every_part_is_placed_and_the_picture_shows_it() {
+        let path = std::env::temp_dir().join(format!("cellwire-timeline-{}.svg", std::process::id()));
+        let options = DemoOptions { out: Some(path.clone()), ..options(false, &["parts=12", "speed=400"]) };
+        let object = demo(&options).unwrap().to_json();
+        assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(12)), "{object}");
+        let attempts = 12 + object["missed"].as_u64().unwrap() + object["fallen"].as_u64().unwrap();
+        assert_eq!(object["attempts"], attempts);
+        assert_eq!(object["cycle"]["count"], 12);
+        let picture = std::fs::read_to_string(&path).unwrap();
+        std::fs::remove_file(path).unwrap();
+        for word in ["placed", "Vacuum switch", "to place", "time of the cell"] {
+            assert!(picture.contains(word), "{word}");
+        }
+    }
+
+    #[test]
+    fn over_connections_that_break_every_part_is_placed_too() {
+        let object = demo(&options(true, &["parts=15"])).unwrap().to_json();
+        assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(15)), "{object}");
+        assert_eq!((&object["lost"], &object["repeated"]), (&json!(0), &json!(0)), "{object}");
+    }
+
+    /// A robot that is at rest half-way, without an error, has not arrived: nothing is let go there.
+    #[test]
+    fn a_robot_that_stalls_lets_nothing_go_in_the_wrong_place() {
+        let object = demo(&options(false, &["parts=10", "stall_every=7"])).unwrap().to_json();
+        assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(10)), "{object}");
+        assert_eq!(
+            (&object["let_go_in_place"], &object["let_go_elsewhere"]),
+            (&json!(10), &json!(0)),
+            "{object}"
+        );
+        assert!(object["faults"].as_u64().unwrap() > 0, "{object}");
+    }
+
+    #[test]
+    fn a_part_that_is_let_go_in_the_wrong_place_fails_the_demo() {
+        let mut cell = Cell::new(1, false, MotionFaults::default()).unwrap();
+        let at = Duration::from_secs;
+        cell.drop_part(at(3));
+        let steps = vec![(at(1), Step::AwaitPlace), (at(2), Step::Release), (at(4), Step::Blow)];
+        let mut log = super::super::central::Log { steps, ..Default::default() };
+        let report = report(&log, &cell, false, 1);
+        assert!(!report.is_good());
+        assert_eq!(report.to_json()["let_go_elsewhere"], 1);
+        log.steps.insert(2, (at(2), Step::Faulted));
+        assert_eq!(let_go_elsewhere(&log, &cell), 0, "a fault closes the valves");
+    }
+
+    /// Long traces, too, are whole when the demo ends.
+    #[test]
+    fn each_device_leaves_its_whole_trace() {
+        let dir = std::env::temp_dir().join(format!("cellwire-mma-trace-{}", std::process::id()));
+        std::fs::create_dir_all(&dir).unwrap();
+        let options =
+            DemoOptions { trace: TraceArgs::keep(10_000_000, &dir), ..options(false, &["parts=20"]) };
+        demo(&options).unwrap();
+        for which in ["robot", "platform", "periphery"] {
+            let text = std::fs::read_to_string(dir.join(format!("mma-{which}-1.trace"))).unwrap();
+            let last = text.lines().last().unwrap();
+            assert!(last.starts_with("4F 4B 0D 0A # "), "{which}: {last}");
+            let before = text.lines().rev().nth(1).unwrap();
+            assert!(before.starts_with("43 4C 4F 0D 0A # "), "{which}: {before}");
+        }
+        std::fs::remove_dir_all(dir).unwrap();
+    }
+
+    #[test]
+    fn a_setting_out_of_range_is_refused() {
+        for (set, error) in [
+            ("parts=0", "parts=0 leaves nothing to do"),
+            ("speed=0", "speed=0 is outside 1 to 10000"),
+            ("cycles=5", "mmacell-proto has no setting `cycles`: it has parts, speed, stall_every"),
+        ] {
+            assert_eq!(demo(&options(false, &[set])).unwrap_err().to_string(), error);
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! The pick-and-place task in the simulated cell.
+
+pub mod cell;
+pub mod central;
+mod demo;
+mod periphery;
+mod timeline;
+mod verdict;
+pub mod workpiece;
+
+pub use demo::demo;
+
+#[cfg(test)]
+mod virtual_clock;

@@ -1,0 +1,33 @@
+//! Scenarios: simulated devices and clients put together, with what is measured and drawn.
+
+pub mod fanuc_hmi_modbus;
+pub mod kawasaki_msg;
+pub mod laser_eb90;
+pub mod mmacell_proto;
+pub mod operator;
+mod options;
+pub mod report;
+pub mod teleop;
+
+use anyhow::{Result, bail};
+
+pub use options::DemoOptions;
+
+use self::report::Report;
+
+/// Runs the demo of the link of this name.
+///
+/// # Errors
+/// When it cannot be set up: a port in use, a file that does not exist.
+pub fn demo(link: &str, options: &DemoOptions) -> Result<Report> {
+    match link {
+        "kawasaki-msg" => kawasaki_msg::demo(options),
+        "val2-alter" => teleop::demo::robot(options),
+        "val2-viewer" => teleop::demo::viewer(options),
+        "isra-ball" => teleop::demo::ball(options),
+        "fanuc-hmi-modbus" => fanuc_hmi_modbus::demo(options),
+        "laser-eb90" => laser_eb90::demo(options),
+        "mmacell-proto" => mmacell_proto::demo(options),
+        _ => bail!("{link} has no demo"),
+    }
+}

@@ -1,0 +1,341 @@
+//! The windows of the operator's screen (§10.6).
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Paragraph};
+use val2_alter::{Accumulation, CoordinateFrame, HostState, Mode, Polarity, Policy, SegmentStatus};
+
+use super::model::{Model, View};
+use crate::links::val2_alter::Layout as Words;
+
+const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];
+
+pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
+    let rows = Layout::vertical([
+        Constraint::Length(1),
+        Constraint::Length(7),
+        Constraint::Length(6),
+        Constraint::Min(6),
+        Constraint::Length(3),
+    ]);
+    let [head, top, middle, lower, command] = rows.areas(frame.area());
+    draw_head(frame, head, model);
+    let columns = Layout::horizontal([Constraint::Length(24), Constraint::Length(14), Constraint::Min(30)]);
+    let [mode, initial, messages] = columns.areas(top);
+    window(frame, mode, "ALTER mode", mode_lines(model));
+    window(frame, initial, "Initial data", initial_lines(model));
+    draw_messages(frame, messages, model);
+    let columns = Layout::horizontal([
+        Constraint::Length(13),
+        Constraint::Length(19),
+        Constraint::Length(14),
+        Constraint::Min(33),
+    ]);
+    let [alter, control, segment, transform] = columns.areas(middle);
+    window(frame, alter, "Alter byte", alter_lines(model));
+    window(frame, control, "Control byte", control_lines(model));
+    window(frame, segment, "Segment", segment_lines(model));
+    window(frame, transform, "Transformation", transform_lines(model));
+    match model.view {
+        View::Debug(line) => draw_debug(frame, lower, model, line),
+        View::Main | View::Options => window(frame, lower, "Ball: force, asked → sent", ball_lines(model)),
+    }
+    let text = match model.view {
+        View::Options => "(1)Ports (2)Ball type (3)IO debug (4)Display (5)Clamp on/off  Esc",
+        View::Debug(_) => "(Tab)next line  Esc  (A)lter (V)refuse (Q)uit",
+        View::Main => "(W)orkstation (K)ball test (T)est ports (A)lter (V)refuse (O)ptions (Q)uit",
+    };
+    window(frame, command, "Command", vec![Line::from(text)]);
+}
+
+fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
+    let (text, color) = match (model.state, model.policy) {
+        (HostState::Running, _) => ("ALTER runs", Color::Green),
+        (HostState::Starting, _) => ("ALTER starts", Color::Yellow),
+        (HostState::Interrupted, _) => ("ALTER interrupted", Color::Yellow),
+        (HostState::Stopping, _) => ("coming to rest", Color::Yellow),
+        (HostState::Silent, _) => ("at rest, silent", Color::Yellow),
+        (HostState::Disconnected, _) => ("no port", Color::Red),
+        (HostState::Idle, Policy::Accept) => ("waiting for the robot", Color::Yellow),
+        (HostState::Idle, Policy::Refuse) => ("ALTER refused", Color::Red),
+        (HostState::Idle, Policy::Ignore) => ("no ALTER", Color::Reset),
+    };
+    let counts = &model.counts;
+    let p99 = model.thinking.at(0.99).as_secs_f64() * 1e3;
+    let text = Line::from(vec![
+        Span::styled(text, Style::new().fg(color).add_modifier(Modifier::BOLD)),
+        Span::raw(format!(
+            "  cycles {}  missed {}  rejected {}  reply p99 {p99:.2} ms",
+            counts.cycles, counts.missed, counts.rejected
+        )),
+    ]);
+    frame.render_widget(Paragraph::new(text), area);
+}
+
+fn window(frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec<Line<'_>>) {
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
+}
+
+/// The last messages, each on as many lines as it needs.
+fn draw_messages(frame: &mut Frame<'_>, area: Rect, model: &Model) {
+    const TIME: usize = 8;
+    let [width, room] = [area.width, area.height].map(|cells| usize::from(cells.saturating_sub(2)));
+    let mut lines = Vec::new();
+    for (at, text) in model.messages.iter().rev().take(room).rev() {
+        let mut line = format!("{:1$.2} ", at.as_secs_f64(), TIME - 1);
+        let mut used = TIME;
+        for word in text.split(' ') {
+            let length = word.chars().count();
+            if used > TIME && used + 1 + length > width {
+                lines.push(Line::from(core::mem::replace(&mut line, " ".repeat(TIME))));
+                used = TIME;
+            }
+            if used > TIME {
+                line.push(' ');
+                used += 1;
+            }
+            line.push_str(word);
+            used += length;
+        }
+        lines.push(Line::from(line));
+    }
+    lines.drain(..lines.len().saturating_sub(room));
+    window(frame, area, "Messages", lines);
+}
+
+fn draw_debug(frame: &mut Frame<'_>, area: Rect, model: &Model, line: usize) {
+    let (name, trace) = model.debugged(line);
+    let lines = trace.lines();
+    let room = usize::from(area.height.saturating_sub(2));
+    let first = lines.len().saturating_sub(room);
+    let shown = lines.into_iter().skip(first).map(Line::from).collect();
+    window(frame, area, &format!("IO debug: the last bytes of the {name}'s line"), shown);
+}
+
+fn mode_lines(model: &Model) -> Vec<Line<'static>> {
+    let Some(start) = &model.start else { return vec![Line::from("no start message yet")] };
+    let mode = start.mode;
+    let words = [
+        format!("{} = {:05b}b", mode.0, mode.0),
+        match mode.accumulation() {
+            Accumulation::Cumulative => "cumulative".into(),
+            Accumulation::NonCumulative => "non-cumulative".into(),
+        },
+        match mode.frame(Polarity::default()) {
+            CoordinateFrame::World => "world coordinates".into(),
+            CoordinateFrame::Tool => "tool coordinates".into(),
+        },
+        transform_words(mode).into(),
+        if mode.uses_inputs() { "values are used".into() } else { "values are ignored".into() },
+    ];
+    words.map(Line::from).into()
+}
+
+fn transform_words(mode: Mode) -> &'static str {
+    match (mode.has_transform(), mode.transform_from_joints()) {
+        (false, _) => "no transformation",
+        (true, false) => "transf. of set point",
+        (true, true) => "transf. from joints",
+    }
+}
+
+fn initial_lines(model: &Model) -> Vec<Line<'static>> {
+    match &model.start {
+        None => vec![Line::from("–")],
+        Some(start) if start.data.words().is_empty() => vec![Line::from("none")],
+        Some(start) => start.data.words().iter().map(|word| Line::from(word.to_string())).collect(),
+    }
+}
+
+fn alter_lines(model: &Model) -> Vec<Line<'static>> {
+    let (phase, control, _) = model.control;
+    vec![Line::from(format!("{:02b}", control >> 5 & 3)), Line::from(phase)]
+}
+
+fn control_lines(model: &Model) -> Vec<Line<'static>> {
+    let (_, control, error) = model.control;
+    let style = if control & 7 == 0 { Style::new() } else { Style::new().fg(Color::Red) };
+    vec![
+        Line::from(format!("{control:08b} = {control:02X}h")),
+        Line::styled(format!("error {}", control & 7), style),
+        Line::styled(error, style),
+    ]
+}
+
+fn segment_lines(model: &Model) -> Vec<Line<'static>> {
+    let Some(motion) = &model.motion else { return vec![Line::from("–")] };
+    vec![
+        Line::from(format!("status {}", u8::from(motion.segment_status))),
+        Line::from(segment_words(motion.segment_status)),
+        Line::from(format!("number {}", motion.segment)),
+        Line::from(format!("move   {:.0} %", motion.fraction() * 100.0)),
+    ]
+}
+
+fn segment_words(status: SegmentStatus) -> &'static str {
+    match status {
+        SegmentStatus::NoneYet => "none yet",
+        SegmentStatus::Normal => "on the path",
+        SegmentStatus::Finished => "finished",
+        SegmentStatus::NullingUnplanned => "nulling",
+        SegmentStatus::StoppedUnplanned => "stopped",
+        SegmentStatus::Halt => "HALT",
+        SegmentStatus::BrakingForBreak => "brake: BREAK",
+        SegmentStatus::StoppedForBreak => "stop: BREAK",
+        SegmentStatus::BrakingForFault => "brake: fault",
+        SegmentStatus::StoppedForFault => "stop: fault",
+        SegmentStatus::BrakingForSignal => "brake: sig.",
+        SegmentStatus::StoppedForSignal => "stop: signal",
+        SegmentStatus::NearTarget => "near target",
+        SegmentStatus::Other(_) => "unknown",
+    }
+}
+
+fn transform_lines(model: &Model) -> Vec<Line<'static>> {
+    let Some(transform) = model.motion.as_ref().and_then(|motion| motion.transform) else {
+        return vec![Line::from("not transmitted")];
+    };
+    let pose = Words::COLUMNS.pose(&transform);
+    let mut lines = vec![Line::from("    n      o      a        p, mm")];
+    for row in 0..3 {
+        let at = |v: [f64; 3]| v.get(row).copied().unwrap_or_default();
+        lines.push(Line::from(format!(
+            "{:6.3} {:6.3} {:6.3}  {:9.2}",
+            at(pose.n),
+            at(pose.o),
+            at(pose.a),
+            at(pose.p)
+        )));
+    }
+    lines
+}
+
+fn ball_lines(model: &Model) -> Vec<Line<'static>> {
+    let Some(packet) = &model.ball else { return vec![Line::from("no packet yet")] };
+    let stale = if model.ball_is_stale { "  STALE" } else { "" };
+    let keys: String = (1..=8).map(|key| if packet.keys.is_down(key) { '●' } else { '·' }).collect();
+    let mut lines = vec![Line::from(format!(
+        "type {} sensor {} {:?}  keys {keys}  {:.1} ms  missed {} corrupt {}{stale}",
+        packet.sensor_type,
+        packet.sensor,
+        packet.status,
+        model.exchange.as_secs_f64() * 1e3,
+        model.counts.ball_missed,
+        model.counts.ball_corrupt
+    ))];
+    let axes = packet.axes();
+    let row = |axis: usize| {
+        let (Some(name), Some(force)) = (AXES.get(axis), axes.get(axis)) else { return String::new() };
+        let [demand, value] = [model.demand, model.values].map(|v| v.get(axis).copied().unwrap_or_default());
+        format!("{name} {force:4} {} {demand:5} →{value:5}", bar(*force))
+    };
+    lines.extend((0..3).map(|axis| Line::from(format!("{}   {}", row(axis), row(axis + 3)))));
+    lines
+}
+
+/// A force as a bar around its middle.
+fn bar(force: i8) -> String {
+    const HALF: i16 = 7;
+    let length = (i16::from(force) * HALF + i16::from(force.signum()) * 63) / 127;
+    (-HALF..=HALF)
+        .map(|at| match at {
+            0 => '│',
+            _ if length > 0 && (1..=length).contains(&at) => '█',
+            _ if length < 0 && (length..0).contains(&at) => '█',
+            _ => '·',
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use isra_ball::{Keys, Packet, Status};
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+    use val2_alter::{ErrorCode, List, Motion, MotionPhase, Start, Transform};
+
+    use super::*;
+    use crate::cell::operator::model::tests::model;
+    use crate::cell::teleop::Notification;
+
+    fn picture(model: &Model) -> Vec<String> {
+        let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
+        terminal.draw(|frame| draw(frame, model)).unwrap();
+        let buffer = terminal.backend().buffer();
+        let cells: Vec<_> = buffer.content().iter().map(|cell| cell.symbol()).collect();
+        cells.chunks(80).map(|row| row.concat()).collect()
+    }
+
+    #[test]
+    fn every_window_of_the_source_fits_a_terminal_of_80_by_24() {
+        let mut model = model();
+        let ms = Duration::from_millis;
+        model.take(ms(1), Notification::Start(Start::new(Mode(23), List::new(&[5, -1]).unwrap())));
+        model.take(ms(2), Notification::State(HostState::Running));
+        model.take(
+            ms(30),
+            Notification::Motion(Motion {
+                phase: MotionPhase::Running,
+                error: ErrorCode::Checksum,
+                segment_status: SegmentStatus::NearTarget,
+                segment: 16,
+                percent: 8192,
+                transform: Some(Transform([16384, 0, 0, 0, -16384, 0, 0, 0, -16384, 12800, -4816, 16])),
+            }),
+        );
+        let packet = Packet {
+            sensor_type: 2,
+            sensor: 1,
+            status: Status::Old,
+            force: [127, -128, 0],
+            moment: [1, -64, 9],
+            keys: Keys(0x81),
+        };
+        model.take(ms(31), Notification::Ball(packet, ms(14)));
+        model.take(ms(31), Notification::PortLost("viewer", "the port is gone, and is tried again".into()));
+        let demand = [90, -90, 0, 0, -75, 10];
+        model.take(ms(32), Notification::Reply { demand, values: [8, -8, 0, 0, -13, 10], thinking: ms(1) });
+        assert_eq!(
+            picture(&model),
+            [
+                "ALTER runs  cycles 1  missed 0  rejected 0  reply p99 1.00 ms                   ",
+                "┌ALTER mode────────────┐┌Initial data┐┌Messages────────────────────────────────┐",
+                "│23 = 10111b           ││5           ││   0.03 viewer: the port is gone, and is│",
+                "│cumulative            ││-1          ││        tried again                     │",
+                "│tool coordinates      ││            ││                                        │",
+                "│transf. of set point  ││            ││                                        │",
+                "│values are used       ││            ││                                        │",
+                "└──────────────────────┘└────────────┘└────────────────────────────────────────┘",
+                "┌Alter byte─┐┌Control byte─────┐┌Segment─────┐┌Transformation──────────────────┐",
+                "│00         ││10000001 = 81h   ││status 13   ││    n      o      a        p, mm│",
+                "│running    ││error 1          ││near target ││ 1.000  0.000  0.000     400.00 │",
+                "│           ││checksum error   ││number 16   ││ 0.000 -1.000  0.000    -150.50 │",
+                "│           ││                 ││move   50 % ││ 0.000  0.000 -1.000       0.50 │",
+                "└───────────┘└─────────────────┘└────────────┘└────────────────────────────────┘",
+                "┌Ball: force, asked → sent─────────────────────────────────────────────────────┐",
+                "│type 2 sensor 1 Old  keys ●······●  14.0 ms  missed 0 corrupt 0               │",
+                "│X   127 ·······│███████    90 →    8   RX    1 ·······│·······     0 →    0   │",
+                "│Y  -128 ███████│·······   -90 →   -8   RY  -64 ···████│·······   -75 →  -13   │",
+                "│Z     0 ·······│·······     0 →    0   RZ    9 ·······│·······    10 →   10   │",
+                "│                                                                              │",
+                "└──────────────────────────────────────────────────────────────────────────────┘",
+                "┌Command───────────────────────────────────────────────────────────────────────┐",
+                "│(W)orkstation (K)ball test (T)est ports (A)lter (V)refuse (O)ptions (Q)uit    │",
+                "└──────────────────────────────────────────────────────────────────────────────┘",
+            ]
+        );
+    }
+
+    #[test]
+    fn the_debug_view_shows_the_last_bytes() {
+        let mut model = model();
+        model.traces.robot.add(Duration::from_millis(5), crate::io::trace::Way::Sent, &[0x10, 0x02]);
+        model.view = View::Debug(0);
+        let rows = picture(&model);
+        assert!(rows.iter().any(|row| row.starts_with("│10 02 # 0.005000 s sent")), "{rows:#?}");
+    }
+}

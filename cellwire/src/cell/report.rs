@@ -1,0 +1,242 @@
+//! The result of a demo: a table for people, an object for programs, and whether the link kept its promises.
+
+use core::fmt;
+use std::time::Duration;
+
+use comfy_table::{CellAlignment, Table, presets::UTF8_FULL_CONDENSED};
+use serde_json::{Map, Value, json};
+
+use crate::io::samples::Samples;
+
+/// The result of one link's demo.
+#[derive(Debug, Default)]
+pub struct Report {
+    title: String,
+    object: Map<String, Value>,
+    facts: Vec<(String, String)>,
+    timings: Vec<[String; 6]>,
+    failures: Vec<String>,
+    over_budget: Vec<String>,
+}
+
+/// What the source allows, for the p99 of a timing.
+#[derive(Debug, Clone, Copy)]
+pub struct Budget {
+    /// The time.
+    pub time: Duration,
+    /// The section of the source.
+    pub source: &'static str,
+}
+
+impl Report {
+    /// An empty report. `title` describes in one line what was run.
+    pub fn new(link: &str, title: impl Into<String>) -> Self {
+        let title = format!("{link}: {}", title.into());
+        let object = Map::from_iter([("link".into(), json!(link))]);
+        Self { title, object, ..Self::default() }
+    }
+
+    /// A row of the table, and a field of the object.
+    pub fn fact(&mut self, key: &str, label: &str, value: impl Into<Value>) {
+        let value = value.into();
+        let text = match &value {
+            Value::String(text) => text.clone(),
+            other => other.to_string(),
+        };
+        self.facts.push((label.into(), text));
+        self.object.insert(key.into(), value);
+    }
+
+    /// Adds the jobs of the run. Lost and repeated jobs are failures; jobs that the link reported as unknown are not.
+    pub fn jobs(&mut self, jobs: Jobs) {
+        self.fact("sent", "jobs sent", jobs.sent);
+        self.fact("executed_once", "executed once", jobs.executed_once);
+        self.fact("lost", "lost", jobs.lost);
+        self.fact("repeated", "repeated", jobs.repeated);
+        if jobs.unknown > 0 {
+            self.fact("unknown", "outcome unknown", jobs.unknown);
+        }
+        self.require(jobs.lost == 0, || format!("{} jobs were lost", jobs.lost));
+        self.require(jobs.repeated == 0, || format!("{} jobs were executed more than once", jobs.repeated));
+    }
+
+    /// Adds a row with p50, p99, max and the budget. A p99 above the budget is reported; it is no failure, because other programs of
+    /// a shared machine cause it too. In a short run, where the p99 is nearly the maximum, three samples may be above the budget.
+    pub fn timing(&mut self, key: &str, label: &str, samples: &Samples, budget: Option<Budget>) {
+        let [p50, p99, max] = [samples.at(0.5), samples.at(0.99), samples.max()];
+        let mut object = json!({"count": samples.count(), "p50_us": micros(p50), "p99_us": micros(p99), "max_us": micros(max)});
+        let (limit, margin) = match budget {
+            None => ("–".into(), "–".into()),
+            Some(budget) => {
+                let judged = samples.judged();
+                let margin = budget.time.as_secs_f64() - judged.as_secs_f64();
+                if let Some(object) = object.as_object_mut() {
+                    object.insert("budget_us".into(), micros(budget.time));
+                    object.insert("margin_us".into(), json!((margin * 1e6).round()));
+                }
+                if judged > budget.time {
+                    let (p99, time) = (show(p99), show(budget.time));
+                    self.over_budget
+                        .push(format!("{label}: p99 is {p99}, the budget {time} ({})", budget.source));
+                }
+                (format!("{} ({})", show(budget.time), budget.source), format!("{:.2} ms", margin * 1e3))
+            }
+        };
+        self.object.insert(key.into(), object);
+        self.timings.push([label.into(), show(p50), show(p99), show(max), limit, margin]);
+    }
+
+    /// Adds a failure if a promise was not kept.
+    pub fn require(&mut self, kept: bool, failure: impl FnOnce() -> String) {
+        if !kept {
+            self.failures.push(failure());
+        }
+    }
+
+    /// Whether every promise was kept.
+    pub fn is_good(&self) -> bool {
+        self.failures.is_empty()
+    }
+
+    /// Whether every timing was within its budget.
+    pub fn is_in_time(&self) -> bool {
+        self.over_budget.is_empty()
+    }
+
+    /// The title and the tables, without whether every promise was kept.
+    pub fn figures(&self) -> impl fmt::Display + '_ {
+        Figures(self)
+    }
+
+    /// The report as one object.
+    pub fn to_json(&self) -> Value {
+        let mut object = self.object.clone();
+        object.insert("ok".into(), json!(self.is_good()));
+        object.insert("failures".into(), json!(self.failures));
+        object.insert("over_budget".into(), json!(self.over_budget));
+        Value::Object(object)
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.figures())?;
+        self.over_budget.iter().try_for_each(|time| writeln!(f, "over budget: {time}"))?;
+        if self.is_good() {
+            return writeln!(f, "every promise kept");
+        }
+        self.failures.iter().try_for_each(|failure| writeln!(f, "FAILED: {failure}"))
+    }
+}
+
+/// The title and the tables of a report.
+struct Figures<'a>(&'a Report);
+
+impl fmt::Display for Figures<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let report = self.0;
+        writeln!(f, "{}", report.title)?;
+        if !report.facts.is_empty() {
+            let mut table = Table::new();
+            table.load_style(UTF8_FULL_CONDENSED);
+            for (label, value) in &report.facts {
+                table.add_row([label, value]);
+            }
+            right_align(&mut table, 1);
+            writeln!(f, "{table}")?;
+        }
+        if !report.timings.is_empty() {
+            let mut table = Table::new();
+            table
+                .load_style(UTF8_FULL_CONDENSED)
+                .set_header(["time", "p50", "p99", "max", "budget", "margin"]);
+            for row in &report.timings {
+                table.add_row(row);
+            }
+            (1..6).for_each(|column| right_align(&mut table, column));
+            writeln!(f, "{table}")?;
+        }
+        Ok(())
+    }
+}
+
+/// The outcomes of the jobs of a run, as the simulated device counted them.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Jobs {
+    /// Given to the link.
+    pub sent: u64,
+    /// Executed exactly once.
+    pub executed_once: u64,
+    /// Neither executed nor reported.
+    pub lost: u64,
+    /// Executed more than once.
+    pub repeated: u64,
+    /// Reported by the link as "outcome unknown".
+    pub unknown: u64,
+}
+
+fn right_align(table: &mut Table, index: usize) {
+    if let Some(column) = table.column_mut(index) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+}
+
+fn micros(time: Duration) -> Value {
+    json!(u64::try_from(time.as_micros()).unwrap_or(u64::MAX))
+}
+
+fn show(time: Duration) -> String {
+    if time < Duration::from_micros(100) {
+        return format!("{} µs", time.as_micros());
+    }
+    format!("{:.2} ms", time.as_secs_f64() * 1e3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn in_a_short_run_three_samples_may_exceed_the_budget() {
+        for (count, late) in [(70, 3), (400, 4), (1000, 10)] {
+            let mut samples = Samples::default();
+            (late..count).for_each(|_| samples.add(Duration::from_millis(1)));
+            (0..late).for_each(|_| samples.add(Duration::from_millis(9)));
+            let budget = Some(Budget { time: Duration::from_millis(5), source: "§1" });
+            let mut report = Report::new("x", "y");
+            report.timing("t", "t", &samples, budget);
+            assert!(report.is_in_time(), "{late} of {count}");
+            samples.add(Duration::from_millis(9));
+            report.timing("t", "t", &samples, budget);
+            assert!(!report.is_in_time(), "one more than {late} of {count}");
+        }
+    }
+
+    #[test]
+    fn a_late_p99_is_reported_and_a_lost_job_is_a_failure() {
+        let mut samples = Samples::default();
+        (1..=100).for_each(|ms| samples.add(Duration::from_millis(ms)));
+        let mut report = Report::new("x", "y");
+        report.timing(
+            "turn_around",
+            "turn-around",
+            &samples,
+            Some(Budget { time: Duration::from_millis(110), source: "§9.4" }),
+        );
+        assert!(report.is_in_time());
+        report.timing(
+            "turn_around",
+            "turn-around",
+            &samples,
+            Some(Budget { time: Duration::from_millis(90), source: "§9.4" }),
+        );
+        assert!(report.is_good() && !report.is_in_time());
+        report.jobs(Jobs { sent: 2, executed_once: 1, lost: 1, ..Jobs::default() });
+        let object = report.to_json();
+        assert_eq!(object["ok"], false);
+        assert_eq!(object["failures"], json!(["1 jobs were lost"]));
+        let over = "turn-around: p99 is 99.01 ms, the budget 90.00 ms (§9.4)";
+        assert_eq!(object["over_budget"], json!([over]));
+        assert!(report.to_string().ends_with(&format!("over budget: {over}\nFAILED: 1 jobs were lost\n")));
+    }
+}

@@ -1,0 +1,129 @@
+//! The thread that polls the ball.
+
+use std::ops::ControlFlow;
+use std::sync::mpsc::{Receiver, Sender};
+use std::time::Duration;
+
+use anyhow::Result;
+use isra_ball::{Decoder, ENQ, Host, HostConfig, HostEvent, timing};
+use robot_session::{Decoder as _, Driver, Session as _};
+
+use super::port::Port;
+use super::{Context, Notification, Order, TeleopConfig};
+use crate::io::priority::{self, Rank};
+
+/// A port that is gone is looked at this often.
+const IDLE: Duration = Duration::from_millis(20);
+
+pub(super) struct Ball {
+    context: Context,
+    driver: Driver<Port>,
+    host: Host,
+    orders: Sender<Order>,
+    probe: Receiver<()>,
+    polls: HostConfig,
+    is_connected: bool,
+}
+
+impl Ball {
+    pub(super) fn open(
+        config: &TeleopConfig,
+        context: Context,
+        orders: Sender<Order>,
+        probe: Receiver<()>,
+    ) -> Result<Self> {
+        let driver = Driver::new(Port::open("ball", &config.ball, &context)?);
+        let (host, polls) = (Host::new(config.polls)?, config.polls);
+        Ok(Self { context, driver, host, orders, probe, polls, is_connected: false })
+    }
+
+    pub(super) fn run(mut self) {
+        priority::raise(Rank::Poll);
+        while !self.context.is_stopped() {
+            if self.probe.try_recv().is_ok() {
+                self.probe();
+            }
+            self.follow_port();
+            self.turn();
+            self.driver.transport().trace();
+        }
+        self.context.end_trace("the host ends");
+    }
+
+    fn follow_port(&mut self) {
+        let port = self.driver.transport();
+        if port.is_open() == self.is_connected {
+            return;
+        }
+        self.is_connected = port.is_open();
+        let now = self.context.clock.now();
+        if self.is_connected { self.host.handle_connected(now) } else { self.host.handle_disconnected(now) }
+    }
+
+    fn turn(&mut self) {
+        let mut events = Vec::new();
+        let turn = self.driver.turn(&mut self.host, Some(IDLE), |_, event| {
+            events.push(event);
+            ControlFlow::<()>::Continue(())
+        });
+        debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
+        self.collect(events);
+    }
+
+    fn collect(&mut self, events: Vec<HostEvent>) {
+        let asked = self.driver.transport().written_at;
+        for event in events {
+            let now = self.context.clock.now();
+            match event {
+                HostEvent::Packet(packet) => {
+                    self.order(Order::Ball(packet, self.host.live_until().unwrap_or(now)));
+                    self.context.notify(Notification::Ball(packet, now - asked));
+                }
+                HostEvent::Old(packet) => self.context.notify(Notification::BallOld(packet, now - asked)),
+                HostEvent::Stale => {
+                    self.order(Order::BallStale);
+                    self.context.notify(Notification::BallStale);
+                }
+                HostEvent::Missed => self.context.notify(Notification::BallMissed),
+                HostEvent::Corrupt(error) => self.context.notify(Notification::BallCorrupt(error)),
+                HostEvent::Unasked(_) => self.context.notify(Notification::BallLate),
+                _ => {}
+            }
+        }
+    }
+
+    /// Polls ten times at each rate. The robot thread comes to rest meanwhile: the connection is as good as lost.
+    fn probe(&mut self) {
+        self.is_connected = false;
+        self.host.handle_disconnected(self.context.clock.now());
+        let events = core::iter::from_fn(|| self.host.poll_event()).collect();
+        self.collect(events);
+        let port = self.driver.transport();
+        for baud in [4800, 9600, 19_200] {
+            let period = self.polls.period.max(timing::min_period(baud));
+            let (mut good, mut corrupt) = (0, 0);
+            for _ in 0..10 {
+                let Some(received) = port.listen(baud, &[ENQ], period) else { break };
+                let mut decoder = Decoder::new();
+                let mut rest = received.as_slice();
+                while !rest.is_empty() {
+                    let taken = decoder.push(rest);
+                    rest = rest.get(taken..).unwrap_or_default();
+                    if rest.is_empty() {
+                        decoder.finish();
+                    }
+                    while let Some(outcome) = decoder.next_frame() {
+                        *if outcome.is_ok() { &mut good } else { &mut corrupt } += 1;
+                    }
+                }
+            }
+            self.context.notify(Notification::Probed { port: "ball", baud, good, corrupt });
+        }
+        self.driver.transport().end_listening();
+    }
+
+    fn order(&self, order: Order) {
+        // A robot thread that is gone has reported why.
+        let _ = self.orders.send(order);
+    }
+}

@@ -1,0 +1,52 @@
+//! `cellwire demo isra-ball`: the teleoperation cell, seen from the ball.
+
+use anyhow::Result;
+use isra_ball::timing;
+
+use crate::cell::options::DemoOptions;
+use crate::cell::report::{Budget, Report};
+use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
+use crate::links::settings::Settings;
+
+/// Runs the cell. Setting: `baud` (9600) of the ball's line.
+///
+/// # Errors
+/// When there are no pseudo-terminals, or a setting is none of this demo's.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let settings = Settings::new("isra-ball", &options.settings, &["baud"])?;
+    let config = CellConfig { ball_baud: settings.baud(timing::BAUD)?, ..CellConfig::of(options) };
+    let CellRecord { ball, host, line_faults: [_, line_faults, _], .. } =
+        cell::run(&config, &options.progress)?;
+    let title = format!(
+        "a hand on the ball steers the robot: one poll in its cycle of 28 ms, at {} baud",
+        config.ball_baud
+    );
+    let mut report = Report::new("isra-ball", title);
+    let answered = host.fresh + host.old;
+    report.fact("polls", "polls", answered + host.ball_missed);
+    report.fact("fresh", "packets with new values", host.fresh);
+    report.fact("old", "packets with old values", host.old);
+    report.fact("missed", "polls without a packet", host.ball_missed);
+    report.fact("late", "packets that are no reply", host.ball_late);
+    report.fact("corrupt", "corrupt packets, or pieces of one", host.ball_corrupt);
+    report.fact("line_faults", "bytes corrupted on the line", line_faults);
+    report.fact("stale", "times that the values were older than 150 ms", host.ball_stale);
+    report.fact("key_presses", "gripper keys sent on", host.gripper_keys.len());
+    report.fact("key_presses_refused", "gripper keys while ALTER was off", host.gripper_keys_refused);
+    let budget = Budget { time: isra_ball::HostConfig::default().period, source: "§3.4: the robot's cycle" };
+    report.timing("exchange", "poll to packet", &host.exchange, Some(budget));
+    report.require(answered > host.ball_missed, || {
+        format!("{answered} polls were answered, {} were not", host.ball_missed)
+    });
+    // A packet too late for its poll looks like the answer to the next one: they have no numbers.
+    let fastest = host.exchange.at(0.0);
+    report.require(host.ball_missed > 0 || fastest >= timing::exchange_time(config.ball_baud), || {
+        format!("a packet came in {fastest:?}, faster than the line carries it")
+    });
+    // The last one may be on the line when the run ends.
+    let (sent, arrived) = (ball.fresh + ball.old, answered + host.ball_late + host.ball_corrupt);
+    report.require(config.faults || sent <= arrived + 1, || {
+        format!("the ball sent {sent} packets, {arrived} arrived, whole or not")
+    });
+    Ok(report)
+}

@@ -1,0 +1,131 @@
+//! The source's Figure 9 from a run: what the hand asked for, and what the limits made of it.
+
+use std::path::Path;
+
+use anyhow::{Result, anyhow};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use val2_alter::{Limits, Scale, timing};
+
+use crate::cell::teleop::cell::Cycle;
+
+const ASKED: RGBColor = RGBColor(200, 90, 40);
+const LIMITED: RGBColor = RGBColor(20, 80, 160);
+const LIMIT: RGBColor = RGBColor(130, 130, 130);
+
+/// One curve: a time in seconds and a value; a new piece from rest for each ALTER, and after each cycle in which the arm stood.
+type Curve = Vec<Vec<(f64, f64)>>;
+
+/// Draws velocity and acceleration along X.
+///
+/// # Errors
+/// When the file cannot be written, or there is nothing to draw.
+pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()> {
+    let (Some(first), Some(last)) = (cycles.first(), cycles.last()) else {
+        return Err(anyhow!("there is nothing to draw: ALTER never ran"));
+    };
+    let cycle = timing::CYCLE.as_secs_f64();
+    let velocity = |units: f64| units / Scale::PUMA_562.per_mm / cycle;
+    let acceleration = |units: f64| velocity(units) / cycle;
+    let span = first.at.as_secs_f64()..last.at.as_secs_f64();
+
+    let root = SVGBackend::new(path, (1100, 760)).into_drawing_area();
+    let failed = |error| anyhow!("cannot draw {}: {error}", path.display());
+    root.fill(&WHITE).map_err(failed)?;
+    let (top, bottom) = root.split_vertically(390);
+    let asked = curve(cycles, |cycle| cycle.demand[0]);
+    let limited = curve(cycles, |cycle| cycle.values[0]);
+    let panel = Panel {
+        title: "Velocity along X: what the hand asks for, and what the limits make of it",
+        unit: "mm/s",
+        limit: velocity(limits.velocity[0].into()),
+        asked: scaled(&asked, velocity),
+        limited: scaled(&limited, velocity),
+    };
+    panel.draw(&top, span.clone()).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
+    let panel = Panel {
+        title: "Acceleration along X (clipped: letting go asks for many times the limit)",
+        unit: "mm/s²",
+        limit: acceleration(limits.acceleration[0].into()),
+        asked: scaled(&steps(&asked), acceleration),
+        limited: scaled(&steps(&limited), acceleration),
+    };
+    panel.draw(&bottom, span).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
+    root.present().map_err(failed)
+}
+
+struct Panel {
+    title: &'static str,
+    unit: &'static str,
+    limit: f64,
+    asked: Curve,
+    limited: Curve,
+}
+
+impl Panel {
+    fn draw(
+        &self,
+        area: &DrawingArea<SVGBackend<'_>, Shift>,
+        span: core::ops::Range<f64>,
+    ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+        let range = -self.limit * 2.0..self.limit * 2.0;
+        let mut chart = ChartBuilder::on(area)
+            .caption(self.title, ("sans-serif", 18))
+            .margin(12)
+            .x_label_area_size(36)
+            .y_label_area_size(64)
+            .build_cartesian_2d(span.clone(), range.clone())?;
+        chart
+            .configure_mesh()
+            .x_desc("time, s")
+            .y_desc(self.unit)
+            .y_label_formatter(&|y| format!("{y:.0}"))
+            .x_label_formatter(&|x| format!("{x:.1}"))
+            .light_line_style(WHITE)
+            .label_style(("sans-serif", 13))
+            .axis_desc_style(("sans-serif", 14))
+            .draw()?;
+        for limit in [self.limit, -self.limit] {
+            let ends = [(span.start, limit), (span.end, limit)];
+            chart.draw_series(DashedLineSeries::new(ends, 6, 4, LIMIT.stroke_width(1)))?;
+        }
+        for (curve, style, label) in [
+            (&self.asked, ASKED.stroke_width(1), "asked for"),
+            (&self.limited, LIMITED.stroke_width(2), "limited"),
+        ] {
+            let mut labelled = false;
+            for piece in curve {
+                let clipped = piece.iter().map(|(at, value)| (*at, value.clamp(range.start, range.end)));
+                let series = chart.draw_series(LineSeries::new(clipped, style))?;
+                if !core::mem::replace(&mut labelled, true) {
+                    series.label(label).legend(move |(x, y)| PathElement::new([(x, y), (x + 22, y)], style));
+                }
+            }
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::LowerLeft)
+            .background_style(WHITE.mix(0.85))
+            .border_style(LIMIT)
+            .label_font(("sans-serif", 13))
+            .draw()
+    }
+}
+
+fn curve(cycles: &[Cycle], value: impl Fn(&Cycle) -> i16) -> Curve {
+    let pieces = cycles.chunk_by(|a, b| (a.session, a.stood) == (b.session, b.stood));
+    pieces.map(|piece| piece.iter().map(|c| (c.at.as_secs_f64(), value(c).into())).collect()).collect()
+}
+
+/// The step into each value, from rest at the beginning of a piece.
+fn steps(curve: &Curve) -> Curve {
+    let step = |piece: &Vec<(f64, f64)>| {
+        let before = core::iter::once(0.0).chain(piece.iter().map(|(_, value)| *value));
+        piece.iter().zip(before).map(|((at, value), before)| (*at, value - before)).collect()
+    };
+    curve.iter().map(step).collect()
+}
+
+fn scaled(curve: &Curve, scale: impl Fn(f64) -> f64) -> Curve {
+    curve.iter().map(|piece| piece.iter().map(|(at, value)| (*at, scale(*value))).collect()).collect()
+}

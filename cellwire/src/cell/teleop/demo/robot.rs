@@ -1,0 +1,257 @@
+//! `cellwire demo val2-alter`: the teleoperation cell, seen from the robot.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use anyhow::Result;
+use val2_alter::{AXES, Framing, Mode, Scale, timing};
+
+use super::plot;
+use crate::cell::options::DemoOptions;
+use crate::cell::report::{Budget, Report};
+use crate::cell::teleop::LIMITS;
+use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
+use crate::cell::teleop::verdict::{Extremes, speeds};
+use crate::links::settings::Settings;
+use crate::links::val2_alter::puma::{self, error_text};
+
+/// What happens so shortly before the end of a run may stay unanswered.
+const SETTLING: Duration = Duration::from_secs(1);
+
+/// Runs the cell. Settings: `baud` (38400) and `mode` (23) of the robot's line.
+///
+/// # Errors
+/// When there are no pseudo-terminals, or a setting is none of this demo's.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let settings = Settings::new("val2-alter", &options.settings, &["baud", "mode"])?;
+    let config = CellConfig {
+        baud: settings.baud(timing::BAUD)?,
+        mode: Mode(settings.number_in("mode", Mode::CUMULATIVE_23.0, puma::MODES)?),
+        ..CellConfig::of(options)
+    };
+    let record = cell::run(&config, &options.progress)?;
+    if let Some(path) = &options.out {
+        plot::draw(path, &speeds(&record.host.cycles, config.mode.accumulation()), &LIMITS)?;
+    }
+    Ok(report(&config, &record))
+}
+
+fn report(config: &CellConfig, record: &CellRecord) -> Report {
+    let CellRecord { puma, host, drawn, .. } = record;
+    let mut report = Report::new(
+        "val2-alter",
+        format!(
+            "a ball steers a robot, mode {} at {} baud, and a workstation draws it",
+            config.mode.0, config.baud
+        ),
+    );
+    report.fact("cycles", "cycles of 28 ms", puma.cycles);
+    report.fact("kept", "kept", puma.turn_around.count());
+    // The host falls silent at the end: that cycle is missed on purpose.
+    let planned = puma.ends.len() - record.ends_before_stop;
+    let missed = puma.missed.saturating_sub(planned as u64);
+    report.fact("missed", "missed", missed);
+    report.fact("bad_replies", "replies corrupt, or cut off by the window", puma.bad_replies);
+    report.fact("stalls", "times the host was put to sleep", host.stalls);
+    report.fact("ends", "ended by the controller", ends(record));
+    report.fact("taken_up_again", "taken up again", puma.starts.saturating_sub(1));
+    report.fact(
+        "priority",
+        "priority of the replies",
+        if host.has_priority { "real time" } else { "normal" },
+    );
+    let mut every_cycle = puma.turn_around.clone();
+    for _ in puma.without.iter().filter(|at| **at < record.stopped_at) {
+        every_cycle.add(timing::CYCLE);
+    }
+    let p999 = micros(every_cycle.at(0.999).min(timing::CYCLE));
+    report.fact("turn_around_p999_us", "turn-around p99.9, a missed cycle being 28000, µs", p999);
+    report.fact("least_margin_us", "least left of the window, µs", micros(puma.margin.at(0.0)));
+
+    limits(&mut report, config, record);
+
+    let pressed = |closes| host.gripper_keys.iter().filter(|(_, clamp)| *clamp == closes).count();
+    let moved = |closes| puma.gripper.iter().filter(|grip| **grip == closes).count();
+    report.fact(
+        "gripper_closed",
+        "gripper closed, of key presses",
+        format!("{} of {}", moved(true), pressed(true)),
+    );
+    report.fact(
+        "gripper_opened",
+        "gripper opened, of key presses",
+        format!("{} of {}", moved(false), pressed(false)),
+    );
+    report.fact("poses", "poses drawn, of poses sent", format!("{} of {}", drawn.poses, host.poses));
+    report.fact("most_poses_at_once", "most poses between two pictures", drawn.most_at_once);
+    report.fact("drift_mm", "arm moved while ALTER was off, mm", puma.drift);
+    report.fact("stray_replies", "replies too late for their window", puma.strays);
+    report.fact("simulator_late_us", "the simulator was late itself, µs in all", micros(puma.stood));
+    report.fact("line_faults", "bytes corrupted on the lines", record.line_faults.iter().sum::<u64>());
+
+    let budget = puma.window.map(|time| Budget { time, source: "§3.4" });
+    report.timing("turn_around", "request to reply, in the cycles kept", &puma.turn_around, budget);
+    report.timing("host", "of that, host and machine", &puma.thinking, None);
+    // What it gave up took it too long; while it was put to sleep, it is not asked.
+    let mut host_own = host.thinking.clone();
+    for _ in host.stalls..host.missed {
+        host_own.add(timing::CYCLE);
+    }
+    report.timing("host_own", "the host by its own clock", &host_own, slack(config));
+
+    promises(&mut report, config, record, missed);
+    report
+}
+
+/// What a window leaves the host when the request and its reply are as long as they can be.
+fn slack(config: &CellConfig) -> Option<Budget> {
+    let (accumulation, transform) = (config.mode.accumulation(), config.mode.has_transform());
+    let worst = timing::Budget::worst_case(accumulation, config.baud, transform, AXES, Framing::DEFAULT);
+    worst.slack().map(|time| Budget { time, source: "§3.4, longest messages" })
+}
+
+/// A machine that takes the processor away, from the host or from the kernel thread of a pseudo-terminal, may cost single
+/// cycles: they are counted, and taken up again from. What must hold is everything that follows from host and robot themselves.
+fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
+    let CellRecord { puma, host, drawn, .. } = record;
+    report.require(puma.starts > 0, || "ALTER never ran".into());
+    report.require(puma.turn_around.count() > missed + puma.bad_replies, || {
+        format!("{} of {} cycles were kept", puma.turn_around.count(), puma.cycles)
+    });
+    report.require(puma.drift == 0.0, || format!("the arm moved {} mm while ALTER was off", puma.drift));
+    report
+        .require(drawn.most_at_once <= 1, || format!("{} poses came at once: a backlog", drawn.most_at_once));
+    let settled = record.stopped_at.saturating_sub(SETTLING);
+    let to_take_up = puma.ends.iter().filter(|(at, _)| *at < settled).count() as u64;
+    report.require(puma.starts > to_take_up, || {
+        format!("ALTER ended {to_take_up} times, and was taken up {} times", puma.starts)
+    });
+    if !config.faults && record.ends_before_stop == 0 {
+        let pressed: Vec<bool> = host.gripper_keys.iter().map(|(_, closes)| *closes).collect();
+        let due = host.gripper_keys.iter().take_while(|(at, _)| *at < settled).count();
+        report.require(pressed.starts_with(&puma.gripper) && puma.gripper.len() >= due, || {
+            format!("the gripper moved {:?}, its keys were pressed {pressed:?}", puma.gripper)
+        });
+    }
+}
+
+fn ends(record: &CellRecord) -> String {
+    let mut reasons = BTreeMap::<&str, u32>::new();
+    for (_, error) in record.puma.ends.iter().take(record.ends_before_stop) {
+        *reasons.entry(error_text(*error)).or_default() += 1;
+    }
+    let text: Vec<_> = reasons.iter().map(|(reason, count)| format!("{count} × {reason}")).collect();
+    if text.is_empty() { "0".into() } else { text.join(", ") }
+}
+
+/// What the hand asked for, what the robot got, and the limits, along X in physical units; judged in every axis.
+fn limits(report: &mut Report, config: &CellConfig, record: &CellRecord) {
+    let accumulation = config.mode.accumulation();
+    let mut asked = Extremes::default();
+    for pair in speeds(&record.host.cycles, accumulation).windows(2) {
+        if let [before, after] = pair
+            && before.session == after.session
+        {
+            asked.add(before.demand, after.demand);
+        }
+    }
+    let sent = Extremes::of(&speeds(&record.puma.replies, accumulation));
+    let cycle = timing::CYCLE.as_secs_f64();
+    let mm = |units: u32, per: f64| (f64::from(units) / Scale::PUMA_562.per_mm / per).round();
+    let row = |asked: u32, sent: u32, limit: u16, per: f64| {
+        format!("{} asked, {} sent, limit {}", mm(asked, per), mm(sent, per), mm(limit.into(), per))
+    };
+    let velocity = row(asked.velocity[0], sent.velocity[0], LIMITS.velocity[0], cycle);
+    report.fact("velocity_x", "highest velocity along X, mm/s", velocity);
+    let acceleration =
+        row(asked.acceleration[0], sent.acceleration[0], LIMITS.acceleration[0], cycle * cycle);
+    report.fact("acceleration_x", "highest acceleration along X, mm/s²", acceleration);
+    report.require(sent.keeps(&LIMITS), || format!("the robot got {sent:?}, the limits are {LIMITS:?}"));
+}
+
+fn micros(time: Duration) -> u64 {
+    u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use val2_alter::ErrorCode;
+
+    use super::*;
+    use crate::io::trace::TraceArgs;
+    use crate::links::val2_alter::puma::Taken;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn failures(change: impl FnOnce(&mut CellRecord)) -> Vec<String> {
+        list("failures", change)
+    }
+
+    fn over_budget(change: impl FnOnce(&mut CellRecord)) -> Vec<String> {
+        list("over_budget", change)
+    }
+
+    fn list(key: &str, change: impl FnOnce(&mut CellRecord)) -> Vec<String> {
+        let config = CellConfig {
+            time: 10_000 * MS,
+            baud: timing::BAUD,
+            ball_baud: 9600,
+            mode: Mode::CUMULATIVE_23,
+            faults: false,
+            seed: 1,
+            trace: TraceArgs::off(),
+        };
+        let mut record = CellRecord { stopped_at: 10_000 * MS, ..CellRecord::default() };
+        record.puma.starts = 1;
+        for cycle in 1..=100u8 {
+            let at = u32::from(cycle) * timing::CYCLE;
+            let values = [8, 0, 0, 0, 0, 0];
+            record.puma.replies.push(Taken { at, session: 1, cycle: cycle.into(), values });
+            record.puma.turn_around.add(6 * MS);
+            record.host.thinking.add(MS / 20);
+        }
+        change(&mut record);
+        serde_json::from_value(report(&config, &record).to_json()[key].take()).unwrap()
+    }
+
+    /// One cycle is missed, and ALTER ends for it.
+    fn miss(record: &mut CellRecord) {
+        record.puma.missed += 1;
+        record.puma.without.push(5000 * MS);
+        record.puma.ends.push((5000 * MS, ErrorCode::Timeout));
+        record.ends_before_stop += 1;
+    }
+
+    #[test]
+    fn a_missed_cycle_is_forgiven_when_alter_is_taken_up_again() {
+        assert_eq!(failures(|_| ()), [""; 0]);
+        let taken_up = |record: &mut CellRecord| {
+            miss(record);
+            record.puma.starts = 2;
+        };
+        assert_eq!(failures(taken_up), [""; 0]);
+        assert_eq!(failures(miss), ["ALTER ended 1 times, and was taken up 1 times"]);
+    }
+
+    #[test]
+    fn a_slow_host_is_reported() {
+        let slow = |record: &mut CellRecord| (0..4).for_each(|_| record.host.thinking.add(5 * MS));
+        let own = "the host by its own clock: p99 is 5.00 ms, the budget 2.74 ms (§3.4, longest messages)";
+        assert_eq!(over_budget(slow), [own]);
+        let gives_up = |record: &mut CellRecord| record.host.missed = 4;
+        assert!(over_budget(gives_up)[0].starts_with("the host by its own clock: p99 is 28"));
+        let asleep = |record: &mut CellRecord| (record.host.missed, record.host.stalls) = (4, 4);
+        assert_eq!(over_budget(asleep), [""; 0]);
+    }
+
+    #[test]
+    fn limits_gripper_and_kept_cycles_are_judged() {
+        let fast = |record: &mut CellRecord| record.puma.replies[50].values[0] = 17;
+        assert!(failures(fast)[0].starts_with("the robot got Extremes"));
+        let press = |at| move |record: &mut CellRecord| record.host.gripper_keys.push((at * MS, true));
+        assert_eq!(failures(press(5000)), ["the gripper moved [], its keys were pressed [true]"]);
+        assert_eq!(failures(press(9990)), [""; 0], "too late for the run");
+        let damaged = |record: &mut CellRecord| (record.puma.cycles, record.puma.bad_replies) = (200, 100);
+        assert_eq!(failures(damaged), ["100 of 200 cycles were kept"]);
+    }
+}

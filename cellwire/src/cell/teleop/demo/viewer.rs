@@ -1,0 +1,37 @@
+//! `cellwire demo val2-viewer`: the teleoperation cell, seen from the workstation.
+
+use anyhow::Result;
+
+use crate::cell::options::DemoOptions;
+use crate::cell::report::Report;
+use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
+use crate::links::settings::Settings;
+
+/// Runs the cell.
+///
+/// # Errors
+/// When there are no pseudo-terminals, or a setting is given: the demo has none.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    Settings::new("val2-viewer", &options.settings, &[])?;
+    let config = CellConfig::of(options);
+    let CellRecord { drawn, host, line_faults: [_, _, line_faults], .. } =
+        cell::run(&config, &options.progress)?;
+    let mut report = Report::new("val2-viewer", "a workstation draws the robot, one pose for each request");
+    report.fact("requests", "requests", drawn.asked);
+    report.fact("sent", "poses sent", host.poses);
+    report.fact("poses", "poses drawn", drawn.poses);
+    report.fact("gaps", "poses that never came", drawn.gaps);
+    report.fact("corrupt", "corrupt lines, or pieces of one", drawn.damaged);
+    report.fact("line_faults", "bytes corrupted on the line", line_faults);
+    report.fact("stale", "times that the picture was stale", drawn.stale);
+    report.fact("pauses", "times that the operator paused it to ask again", drawn.pauses);
+    report.fact("most_at_once", "most poses between two pictures", drawn.most_at_once);
+    report.require(drawn.poses > 0, || "no pose was drawn".into());
+    report
+        .require(drawn.most_at_once <= 1, || format!("{} poses came at once: a backlog", drawn.most_at_once));
+    // The last one may be on the line when the run ends.
+    report.require(config.faults || host.poses <= drawn.poses + 1, || {
+        format!("{} poses were sent, {} came", host.poses, drawn.poses)
+    });
+    Ok(report)
+}

@@ -1,0 +1,303 @@
+//! The host computer of the teleoperation cell: a control ball steers a robot over ALTER, and a workstation draws it.
+//!
+//! ```text
+//!             ┌────────────────── host ──────────────────┐
+//!  ball ◀────▶│ ball thread ──orders──▶ robot thread     │◀────▶ robot
+//!             │                           │ poses        │
+//!             │                           ▼              │        each thread blocks on its own port;
+//!             │                         viewer thread    │◀────▶ viewer
+//!             └────────────────────┬─────────────────────┘
+//!                                  └──────▶ screen, demo, records: one way
+//! ```
+//!
+//! The robot thread alone answers the controller. Before a reply it takes no lock and waits for nobody: orders come to it through
+//! a channel that it empties then, and what it has to report and to trace leaves after the reply.
+
+mod ball;
+pub mod cell;
+pub mod demo;
+mod filter;
+mod gripper;
+mod mapping;
+mod port;
+mod robot;
+pub mod verdict;
+mod viewer;
+
+pub use filter::{Axes, Filter};
+pub use mapping::Mapping;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use anyhow::Result;
+use isra_ball::Packet;
+use val2_alter::{
+    AXES, End, ErrorCode, Exception, ExceptionOutcome, HostConfig, HostState, Limits, LostReason, Motion,
+    Policy, SessionError, Start,
+};
+
+use crate::io::line::Clock;
+use crate::io::trace::Trace;
+
+/// A serial port by its path.
+#[derive(Debug, Clone)]
+pub struct PortConfig {
+    /// The path or name.
+    pub path: String,
+    /// The baud rate.
+    pub baud: u32,
+}
+
+/// What the host is to do.
+#[derive(Debug, Clone)]
+pub struct TeleopConfig {
+    /// The robot's port.
+    pub robot: PortConfig,
+    /// The ball's port.
+    pub ball: PortConfig,
+    /// The workstation's port.
+    pub viewer: Option<PortConfig>,
+    /// The ALTER session.
+    pub alter: HostConfig,
+    /// The polls of the ball.
+    pub polls: isra_ball::HostConfig,
+    /// What the ball's forces mean.
+    pub mapping: Mapping,
+}
+
+/// What the robot thread is to do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Order {
+    /// A packet of the ball with new values, and until when they may be used.
+    Ball(Packet, Duration),
+    /// The ball's values are too old: come to rest.
+    BallStale,
+    /// How start messages are answered.
+    Policy(Policy),
+    /// Come to rest, then fall silent.
+    Stop,
+    /// The gripper on the ball's keys, on or off.
+    GripperKeys(bool),
+    /// Listen at several baud rates, unless ALTER runs.
+    Probe,
+    /// Sleep, as a host does that has too much to do: a fault for the demo.
+    Stall(Duration),
+}
+
+/// What the threads of the host report, each with its time.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Notification {
+    /// A port is open (again).
+    PortOpen(&'static str, String),
+    /// A port is gone; it is tried again.
+    PortLost(&'static str, String),
+    /// Whether the reply thread runs before all others.
+    Priority(bool),
+    /// A start message.
+    Start(Start),
+    /// A standard message.
+    Motion(Motion),
+    /// A reply has left.
+    Reply {
+        /// What the ball asked for.
+        demand: [i16; AXES],
+        /// What the limits made of it.
+        values: [i16; AXES],
+        /// From the last byte read to the reply written.
+        thinking: Duration,
+    },
+    /// ALTER is over.
+    End(End),
+    /// The reply came too late to be sent.
+    Missed,
+    /// The controller could not read a reply.
+    Rejected(ErrorCode),
+    /// Bytes from the robot that are no message.
+    Corrupt(val2_alter::DecodeError),
+    /// ALTER is over without an end message.
+    Lost(LostReason),
+    /// The values are zero after [`Order::Stop`]; no message is answered any more.
+    Stopped,
+    /// The session's state after something happened.
+    State(HostState),
+    /// A key of the gripper was pressed, and what became of it.
+    Gripper(Exception, Result<(), SessionError>),
+    /// What became of it at the robot.
+    GripperOutcome(Exception, ExceptionOutcome),
+    /// A packet of the ball with new values, and how long after the poll it was whole.
+    Ball(Packet, Duration),
+    /// The same without new values.
+    BallOld(Packet, Duration),
+    /// A poll of the ball without a packet.
+    BallMissed,
+    /// A packet of the ball that is no reply: it comes too late.
+    BallLate,
+    /// Corrupt bytes from the ball.
+    BallCorrupt(isra_ball::DecodeError),
+    /// The ball's values are too old.
+    BallStale,
+    /// The workstation asked for a pose.
+    PoseAsked,
+    /// The workstation was sent a pose.
+    Pose,
+    /// What was received at a port at one baud rate.
+    Probed {
+        /// The port.
+        port: &'static str,
+        /// The rate.
+        baud: u32,
+        /// Good messages.
+        good: usize,
+        /// Corrupt ones.
+        corrupt: usize,
+    },
+    /// ALTER runs: no port is tested.
+    ProbeRefused,
+    /// A trace was written.
+    Trace(PathBuf),
+}
+
+/// The running host. It ends when it is dropped.
+#[derive(Debug)]
+pub struct Teleop {
+    orders: Sender<Order>,
+    probes: Vec<Sender<()>>,
+    notification: Receiver<(Duration, Notification)>,
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+/// The traces of the host's own ends of the lines.
+#[derive(Debug, Clone)]
+pub struct Traces {
+    /// The robot's line.
+    pub robot: Trace,
+    /// The ball's line.
+    pub ball: Trace,
+    /// The workstation's line.
+    pub viewer: Trace,
+}
+
+impl Teleop {
+    /// Opens the ports and begins. Everything that happens is reported; nobody needs to take it.
+    ///
+    /// # Errors
+    /// When a port cannot be opened, or the ball cannot be polled that fast.
+    pub fn start(config: TeleopConfig, clock: Clock, traces: &Traces) -> Result<Self> {
+        let (orders, orders_in) = channel();
+        let (notify, notification) = channel();
+        let (poses, poses_in) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        let context = |trace: &Trace| Context {
+            clock,
+            notify: notify.clone(),
+            stop: Arc::clone(&stop),
+            trace: trace.clone(),
+        };
+        let (ball_probe, ball_probe_in) = channel();
+        let (viewer_probe, viewer_probe_in) = channel();
+        let robot = robot::Robot::open(&config, context(&traces.robot), orders_in, poses)?;
+        let ball = ball::Ball::open(&config, context(&traces.ball), orders.clone(), ball_probe_in)?;
+        let viewer = match &config.viewer {
+            Some(port) => Some(viewer::Feed::open(port, context(&traces.viewer), poses_in, viewer_probe_in)?),
+            None => None,
+        };
+        let mut threads = vec![thread::spawn(|| robot.run()), thread::spawn(|| ball.run())];
+        threads.extend(viewer.map(|viewer| thread::spawn(|| viewer.run())));
+        Ok(Self { orders, probes: vec![ball_probe, viewer_probe], notification, stop, threads })
+    }
+
+    /// Gives the robot thread an order. It is done within 20 ms, or before the next reply.
+    pub fn order(&self, order: Order) {
+        // A robot thread that is gone has reported why.
+        let _ = self.orders.send(order);
+    }
+
+    /// Listens at every port at several baud rates, the operator's port test (§10.6). Not while ALTER runs.
+    pub fn probe(&self) {
+        self.order(Order::Probe);
+        for probe in &self.probes {
+            let _ = probe.send(());
+        }
+    }
+
+    /// What was reported since the last call, in its order.
+    pub fn notifications(&self) -> impl Iterator<Item = (Duration, Notification)> {
+        self.notification.try_iter()
+    }
+
+    /// Waits for the next report.
+    pub fn wait(&self, timeout: Duration) -> Option<(Duration, Notification)> {
+        self.notification.recv_timeout(timeout).ok()
+    }
+}
+
+impl Drop for Teleop {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// What every thread of the host has.
+#[derive(Clone)]
+struct Context {
+    clock: Clock,
+    notify: Sender<(Duration, Notification)>,
+    stop: Arc<AtomicBool>,
+    trace: Trace,
+}
+
+impl Context {
+    fn notify(&self, notification: Notification) {
+        let _ = self.notify.send((self.clock.now(), notification));
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Writes the trace of a session that ended.
+    fn end_trace(&self, why: &str) {
+        report_trace(&self.trace, why, &self.notify, self.clock);
+    }
+
+    /// The same, while the next session may begin already: a file system keeps nobody waiting.
+    fn end_trace_aside(&self, why: String) {
+        let (trace, notify, clock) = (self.trace.clone(), self.notify.clone(), self.clock);
+        thread::spawn(move || report_trace(&trace, &why, &notify, clock));
+    }
+}
+
+fn report_trace(trace: &Trace, why: &str, notify: &Sender<(Duration, Notification)>, clock: Clock) {
+    match trace.session_ended(why) {
+        Ok(Some(path)) => drop(notify.send((clock.now(), Notification::Trace(path)))),
+        Ok(None) => {}
+        Err(error) => drop(notify.send((clock.now(), Notification::PortLost("trace", format!("{error:#}"))))),
+    }
+}
+
+/// The session's defaults for a computer with an operating system: bytes that came together may be read far apart.
+pub fn host_config() -> HostConfig {
+    HostConfig { gap: None, ..HostConfig::default() }
+}
+
+/// Why ALTER is over without an end message, in words.
+pub fn lost_text(reason: LostReason) -> &'static str {
+    match reason {
+        LostReason::Silence => "the robot sends nothing",
+        LostReason::Restart => "the robot has started ALTER again",
+        LostReason::Disconnected => "the port is gone",
+    }
+}
+
+/// Limits at which the source's Figure 9 is easily seen: 100 mm/s and 30 °/s, reached in a third of a second.
+pub const LIMITS: Limits =
+    Limits { velocity: [90, 90, 90, 150, 150, 150], acceleration: [8, 8, 8, 13, 13, 13] };

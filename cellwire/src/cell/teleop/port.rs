@@ -1,0 +1,145 @@
+//! A serial port that may go away and come back.
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use robot_session::{Received, Sent, Transport};
+use serialport::SerialPort;
+
+use super::{Context, Notification, PortConfig};
+use crate::io::serial;
+use crate::io::trace::Way;
+
+/// A port that is gone is tried again this often; the session goes on meanwhile.
+const REOPEN: Duration = Duration::from_millis(200);
+/// A wait that has run out still takes what is there.
+const LEAST_WAIT: Duration = Duration::from_micros(50);
+
+pub(super) struct Port {
+    name: &'static str,
+    config: PortConfig,
+    context: Context,
+    open: Option<Box<dyn SerialPort>>,
+    /// What goes to the trace when there is time for its lock.
+    untraced: Vec<(Duration, Way, Vec<u8>)>,
+    /// When bytes were read last.
+    pub(super) read_at: Duration,
+    /// When bytes were written last.
+    pub(super) written_at: Duration,
+}
+
+impl Port {
+    /// Opens it for the first time: without it there is no host.
+    pub(super) fn open(name: &'static str, config: &PortConfig, context: &Context) -> Result<Self> {
+        let port = serial::open(&config.path, config.baud)?;
+        context.notify(Notification::PortOpen(name, config.path.clone()));
+        let (read_at, written_at) = (Duration::ZERO, Duration::ZERO);
+        let (config, context) = (config.clone(), context.clone());
+        Ok(Self { name, config, context, open: Some(port), untraced: Vec::new(), read_at, written_at })
+    }
+
+    /// Waits for bytes, and takes all that there are; none when none came in that time. A port that is gone is opened again
+    /// meanwhile.
+    pub(super) fn read(&mut self, wait: Duration, buffer: &mut [u8]) -> usize {
+        let Some(port) = &mut self.open else {
+            self.reopen();
+            return 0;
+        };
+        let (mut length, mut wait) = (0, wait.max(LEAST_WAIT));
+        while let Some(rest) = buffer.get_mut(length..).filter(|rest| !rest.is_empty()) {
+            let outcome = port.set_timeout(wait).map_err(io::Error::from).and_then(|()| port.read(rest));
+            match outcome {
+                Ok(n) => length += n,
+                Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+                Err(e) => {
+                    self.lose(&e);
+                    break;
+                }
+            }
+            if !port.bytes_to_read().is_ok_and(|waiting| waiting > 0) {
+                break;
+            }
+            wait = LEAST_WAIT;
+        }
+        if length > 0 {
+            self.read_at = self.context.clock.now();
+            let bytes = buffer.get(..length).unwrap_or_default();
+            self.untraced.push((self.read_at, Way::Received, bytes.to_vec()));
+        }
+        length
+    }
+
+    /// Whether the port is there.
+    pub(super) fn is_open(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// Writes all of `bytes`; false when the port is gone.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> bool {
+        let Some(port) = &mut self.open else { return false };
+        if let Err(e) = port.write_all(bytes) {
+            self.lose(&e);
+            return false;
+        }
+        self.written_at = self.context.clock.now();
+        self.untraced.push((self.written_at, Way::Sent, bytes.to_vec()));
+        true
+    }
+
+    /// Passes on to the trace what was read and written. The screen may hold its lock: not before a reply.
+    pub(super) fn trace(&mut self) {
+        for (at, way, bytes) in self.untraced.drain(..) {
+            self.context.trace.add(at, way, &bytes);
+        }
+    }
+
+    /// Listens at another baud rate for so long, after sending `ask`; what was received. `None` when the port is gone or does not
+    /// know the rate.
+    pub(super) fn listen(&mut self, baud: u32, ask: &[u8], time: Duration) -> Option<Vec<u8>> {
+        let port = self.open.as_mut()?;
+        port.set_baud_rate(baud).ok()?;
+        port.write_all(ask).ok()?;
+        serial::listen(port.as_mut(), time).ok()
+    }
+
+    /// Back to the rate of its own.
+    pub(super) fn end_listening(&mut self) {
+        if let Some(Err(e)) = self.open.as_mut().map(|port| port.set_baud_rate(self.config.baud)) {
+            self.lose(&e.into());
+        }
+    }
+
+    fn lose(&mut self, error: &io::Error) {
+        self.open = None;
+        self.context.notify(Notification::PortLost(self.name, error.to_string()));
+    }
+
+    fn reopen(&mut self) {
+        thread::sleep(REOPEN);
+        if let Ok(port) = serial::open(&self.config.path, self.config.baud) {
+            self.open = Some(port);
+            self.context.notify(Notification::PortOpen(self.name, self.config.path.clone()));
+        }
+    }
+}
+
+/// A port that is gone is as silent as one that is there: what is lost with it is the end of the connection.
+impl Transport for Port {
+    fn now(&self) -> Duration {
+        self.context.clock.now()
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        Ok(match self.read(wait.unwrap_or(LEAST_WAIT), buffer) {
+            0 => Received::Nothing,
+            length => Received::Bytes(length),
+        })
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.write(bytes);
+        Ok(Sent::Buffered)
+    }
+}

@@ -1,0 +1,41 @@
+//! The arguments of `decode` and `encode`.
+
+use anyhow::Result;
+use serde_json::{Map, Value};
+
+use crate::links::codec::Codec;
+use crate::links::link::Link;
+use crate::links::{link_parser, settings, side};
+
+/// Which bytes are read or written.
+#[derive(Debug, clap::Args)]
+pub(super) struct CodecArgs {
+    /// The link's crate name
+    #[arg(value_parser = link_parser())]
+    pub(super) link: &'static dyn Link,
+    /// The side that sends the bytes [default: the first of the link's sides]
+    #[arg(long, value_name = "SIDE")]
+    pub(super) from: Option<String>,
+    /// A setting of the link other than its default, such as leading_dle=1 or framing=rtu; the link's page lists them
+    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
+    set: Vec<(String, Value)>,
+}
+
+impl CodecArgs {
+    /// The codec of the side that sends.
+    ///
+    /// # Errors
+    /// When the link has no such side or setting.
+    pub(super) fn codec(&self) -> Result<Box<dyn Codec>> {
+        self.codec_of(side(self.link, self.from.as_deref())?)
+    }
+
+    /// The codec of another side.
+    ///
+    /// # Errors
+    /// When the link has no such setting.
+    pub(super) fn codec_of(&self, side: &'static str) -> Result<Box<dyn Codec>> {
+        let settings: Map<String, Value> = self.set.iter().cloned().collect();
+        self.link.codec(side, &settings)
+    }
+}

@@ -1,0 +1,112 @@
+//! `cellwire demo`: each link end to end, over real sockets and pseudo-terminals.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::Value;
+
+use crate::cell::{self, DemoOptions};
+use crate::io::interrupt;
+use crate::io::trace::TraceArgs;
+use crate::links::link::Link;
+use crate::links::settings;
+use crate::links::{LINKS, link_parser};
+
+/// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
+///
+/// Prints a table for each link. The exit status is 0 only if nothing was lost or repeated. A time above its budget at p99 is
+/// reported, and fails the demo with --check-times: when another program has the processor, the links recover from the delay.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The links to run [default: all]
+    #[arg(value_parser = link_parser())]
+    links: Vec<&'static dyn Link>,
+    /// End each link after this time [default: each link's own short run]
+    #[arg(long, value_name = "N", value_parser = seconds)]
+    seconds: Option<Duration>,
+    /// Insert the faults that the link's transport can have
+    #[arg(long)]
+    faults: bool,
+    /// Fail when a time is above its budget at p99: for a machine on which nothing else runs
+    #[arg(long)]
+    check_times: bool,
+    /// The seed of the faults: the same seed gives the same faults
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Print one JSON object per link instead of a table
+    #[arg(long)]
+    json: bool,
+    /// Write the result of the demo to this file or, for fanuc-hmi-modbus, to this folder (one LINK only)
+    #[arg(long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    /// The SVG file to draw, its outlines on an A3 sheet [default: a built-in picture] (kawasaki-msg only)
+    #[arg(long, value_name = "FILE")]
+    drawing: Option<PathBuf>,
+    #[command(flatten)]
+    trace: TraceArgs,
+    /// A setting of the link's demo other than its default, such as baud=19200 (one LINK only)
+    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
+    set: Vec<(String, Value)>,
+}
+
+/// Returns true when every link kept its promises.
+pub fn run(args: &Args) -> Result<bool> {
+    let links = if args.links.is_empty() { LINKS.as_slice() } else { &args.links };
+    if links.len() != 1 {
+        anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes another kind of result");
+        anyhow::ensure!(args.set.is_empty(), "--set needs one LINK: each has other settings");
+    }
+    anyhow::ensure!(
+        args.drawing.is_none() || links.iter().all(|link| link.name() == "kawasaki-msg"),
+        "--drawing is for kawasaki-msg alone: cellwire demo kawasaki-msg --drawing FILE"
+    );
+    if let Some(folder) = args.out.as_deref().and_then(Path::parent).filter(|path| *path != Path::new("")) {
+        // Checked before the run: afterwards its result would be lost.
+        anyhow::ensure!(folder.is_dir(), "cannot write --out: there is no folder {}", folder.display());
+    }
+    interrupt::handle()?;
+    let (mut all, mut out) = (true, std::io::stdout());
+    for link in links {
+        let progress = progress_line(link.name(), args.json);
+        let options = DemoOptions {
+            seconds: args.seconds,
+            faults: args.faults,
+            seed: args.seed,
+            out: args.out.clone(),
+            drawing: args.drawing.clone(),
+            trace: args.trace.clone(),
+            settings: args.set.iter().cloned().collect(),
+            progress: progress.clone(),
+        };
+        let report = cell::demo(link.name(), &options)?;
+        progress.finish_and_clear();
+        all &= report.is_good() && (report.is_in_time() || !args.check_times);
+        if args.json {
+            writeln!(out, "{}", report.to_json())?;
+        } else {
+            writeln!(out, "{report}")?;
+        }
+    }
+    Ok(all)
+}
+
+fn progress_line(name: &'static str, quiet: bool) -> ProgressBar {
+    let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+    let style = ProgressStyle::with_template("{prefix} {bar:30} {pos}/{len} {msg} [{elapsed}]");
+    let bar = ProgressBar::with_draw_target(Some(0), target).with_prefix(name);
+    match style {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is not a number of seconds"))?;
+    if !(0.1..=1e6).contains(&seconds) {
+        return Err("give between 0.1 and 1000000 seconds".into());
+    }
+    Ok(Duration::from_secs_f64(seconds))
+}

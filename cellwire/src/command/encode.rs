@@ -1,0 +1,65 @@
+//! `cellwire encode`: reads message objects, writes one frame of hex per line.
+
+use std::io::{self, BufRead, Write};
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use serde_json::Value;
+
+use super::codec::CodecArgs;
+
+/// Reads message objects and writes one frame of hex per line.
+///
+/// Reads what `cellwire decode` prints (a whole line, or just the message object), one object per line. An object that the
+/// link cannot send is reported with its line number; nothing is written for it.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    codec: CodecArgs,
+    /// The input [default: standard input]
+    file: Option<PathBuf>,
+}
+
+/// Returns true when every object was written.
+pub fn run(args: &Args) -> Result<bool> {
+    let codec = args.codec.codec()?;
+    let input: Box<dyn BufRead> = match &args.file {
+        Some(path) => {
+            let file =
+                std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+            Box::new(io::BufReader::new(file))
+        }
+        None => Box::new(io::stdin().lock()),
+    };
+    let mut out = io::stdout().lock();
+    let mut all = true;
+    for (index, line) in input.lines().enumerate() {
+        let line = line.context("cannot read the input")?;
+        if line.trim().is_empty() {
+            continue;
+        }
+        let frame = message(&line).and_then(|message| codec.encode(message));
+        match frame {
+            Ok(frame) => writeln!(out, "{}", hex(&frame))?,
+            Err(error) => {
+                all = false;
+                eprintln!("line {}: {error:#}", index + 1);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// Bytes as upper-case hex, separated by spaces.
+pub fn hex(bytes: &[u8]) -> String {
+    let pairs: Vec<String> = bytes.iter().map(|b| format!("{b:02X}")).collect();
+    pairs.join(" ")
+}
+
+fn message(line: &str) -> Result<Value> {
+    let mut value: Value = serde_json::from_str(line).context("not a JSON object")?;
+    match value.get_mut("message") {
+        Some(message) if message.is_object() => Ok(message.take()),
+        _ => Ok(value),
+    }
+}

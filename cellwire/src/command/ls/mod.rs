@@ -1,0 +1,137 @@
+//! `cellwire ls`: LS programs checked, made from trajectories, and the background task that feeds the telemetry.
+
+mod background;
+mod check;
+mod make;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::{Subcommand, ValueEnum};
+use fanuc_ls::{Program, Rules};
+
+use crate::motion::{Arm, Pose, Trajectory};
+
+/// FANUC teach pendant programs as text: LS files.
+///
+/// A controller with the ASCII upload option loads them; others need them compiled to TP first (WinOLPC, RoboGuide). The
+/// file's name must be the program's.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire ls check WELD.LS                           is it a program, and a sound one
+  cellwire ls make path.csv --mode dynamic            points dense where the motion changes
+  cellwire ls make path.csv --mode distance --mm 5    a point every 5 mm
+  cellwire ls background                              the task that `cellwire fanuc log` reads";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Check(check::Args),
+    Make(make::Args),
+    Background(background::Args),
+}
+
+/// Does what the arguments ask for; false when a file was refused.
+///
+/// # Errors
+/// When a file cannot be read or written, or arguments do not fit together.
+pub fn run(args: &Args) -> Result<bool> {
+    match &args.command {
+        Command::Check(args) => check::check(args),
+        Command::Make(args) => make::make(args).map(|()| true),
+        Command::Background(args) => background::background(args).map(|()| true),
+    }
+}
+
+/// The robot's arm.
+#[derive(Debug, Clone, clap::Args)]
+pub struct ArmArgs {
+    /// The arm's dimensions in mm: J1 to J2 out, J2 to J3, J3 up to the forearm's axis, J3 to the wrist's centre, wrist to flange
+    /// [default: the LR Mate 200iD's, 50,330,35,335,80]
+    #[arg(long, value_name = "A,B,C,D,E", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    arm: Option<Vec<f64>>,
+    /// The tool frame, X,Y,Z in mm and W,P,R in degrees, seen from the flange [default: the flange]
+    #[arg(long, value_name = "X,Y,Z,W,P,R", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    tool: Option<Vec<f64>>,
+    /// What J3 of the trajectory counts from: the horizontal, as FANUC shows it, or the upper arm
+    #[arg(long, value_enum, default_value_t = J3::Horizontal)]
+    j3: J3,
+}
+
+impl ArmArgs {
+    /// The arm with its tool.
+    ///
+    /// # Errors
+    /// When a number is missing.
+    pub fn arm(&self) -> Result<Arm> {
+        let mut arm = Arm::LR_MATE_200ID;
+        if let Some(dimensions) = &self.arm {
+            let &[shoulder, upper_arm, elbow, forearm, flange] = dimensions.as_slice() else {
+                bail!("--arm needs five numbers, with commas between them");
+            };
+            arm = Arm { shoulder, upper_arm, elbow, forearm, flange, ..arm };
+        }
+        if let Some(tool) = &self.tool {
+            let tool = <[f64; 6]>::try_from(tool.as_slice());
+            arm.tool =
+                Pose::from_xyzwpr(tool.ok().context("--tool needs six numbers, with commas between them")?);
+        }
+        Ok(arm)
+    }
+
+    /// A trajectory from its file.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is none.
+    pub fn trajectory(&self, path: &Path) -> Result<Trajectory> {
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let trajectory = Trajectory::from_csv(&text).with_context(|| path.display().to_string())?;
+        Ok(match self.j3 {
+            J3::Horizontal => trajectory,
+            J3::UpperArm => trajectory.from_upper_arm(),
+        })
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum J3 {
+    Horizontal,
+    UpperArm,
+}
+
+/// The default rules with this limit to a program's name.
+fn rules(name_limit: usize) -> Rules {
+    let mut rules = Rules::default();
+    rules.name_limit = name_limit;
+    rules
+}
+
+/// Writes a program to a file, NAME.LS where none is given; what to call it.
+fn write(program: &Program, rules: &Rules, out: Option<&Path>) -> Result<String> {
+    let text = program.to_text(rules)?;
+    if out == Some(Path::new("-")) {
+        std::io::stdout().write_all(text.as_bytes())?;
+        return Ok("standard output".into());
+    }
+    let path = out.map_or_else(|| PathBuf::from(format!("{}.LS", program.name)), Path::to_path_buf);
+    std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    if !same_name(&path, program) {
+        eprintln!(
+            "warning: the program is named {}: the file on the controller must have the same name",
+            program.name
+        );
+    }
+    Ok(path.display().to_string())
+}
+
+fn same_name(path: &Path, program: &Program) -> bool {
+    path.file_stem().is_none_or(|stem| stem.eq_ignore_ascii_case(&program.name))
+}

@@ -1,0 +1,12 @@
+//! The commands: arguments, help, and what is printed.
+
+pub mod alter;
+mod codec;
+pub mod decode;
+pub mod demo;
+pub mod encode;
+pub mod fanuc;
+pub mod ls;
+pub mod modbus;
+pub mod simulate;
+pub mod vectors;

@@ -1,0 +1,57 @@
+//! `cellwire simulate`: simulates one end of a link until interrupted.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use serde_json::Value;
+
+use crate::io::interrupt;
+use crate::io::trace::TraceArgs;
+use crate::links::device::{Device, Endpoint, SimulateOptions};
+use crate::links::device_parser;
+use crate::links::settings;
+
+/// Simulates a device until interrupted.
+///
+/// Prints one line of JSON when the device is ready, with the address or the path to connect to, then one line for each event.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The device
+    #[arg(value_parser = device_parser())]
+    device: &'static dyn Device,
+    #[command(flatten)]
+    endpoint: EndpointArgs,
+    #[command(flatten)]
+    trace: TraceArgs,
+    /// A setting of the device other than its default, such as baud=19200; `simulate --help` lists them by device
+    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
+    set: Vec<(String, Value)>,
+}
+
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct EndpointArgs {
+    /// Listen on this TCP address; port 0 selects any free port
+    #[arg(long, value_name = "ADDR")]
+    listen: Option<String>,
+    /// Connect to this TCP address, for a device that is a TCP client
+    #[arg(long, value_name = "ADDR")]
+    connect: Option<String>,
+    /// Create a pseudo-terminal and a link to it at this path
+    #[arg(long, value_name = "LINKPATH")]
+    pty: Option<PathBuf>,
+}
+
+/// Runs until interrupted.
+pub fn run(args: &Args) -> Result<bool> {
+    let endpoint = match &args.endpoint {
+        EndpointArgs { listen: Some(address), .. } => Endpoint::Listen(address.clone()),
+        EndpointArgs { connect: Some(address), .. } => Endpoint::Connect(address.clone()),
+        EndpointArgs { pty: Some(path), .. } => Endpoint::Pty(path.clone()),
+        _ => anyhow::bail!("give --listen, --connect or --pty"),
+    };
+    let settings = args.set.iter().cloned().collect();
+    interrupt::handle()?;
+    args.device.simulate(&SimulateOptions { endpoint, trace: args.trace.clone(), settings })?;
+    Ok(true)
+}

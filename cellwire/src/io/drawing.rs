@@ -1,0 +1,249 @@
+//! Pictures for machines that draw lines: an SVG file to lines, and lines to an SVG file.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use kurbo::{BezPath, PathEl, Point as CurvePoint};
+use usvg::tiny_skia_path::PathSegment;
+
+/// The built-in picture: a robot that draws a rosette, some 6000 lines.
+const BUILT_IN: &str = include_str!("../../assets/robot.svg");
+
+/// How far a line may be from the curve that it approximates, in millimetres on the sheet.
+const TOLERANCE: f64 = 0.05;
+
+/// A point on the sheet in hundredths of a millimetre: x to the right, y down, from the upper left corner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Point {
+    /// To the right.
+    pub x: i32,
+    /// Down.
+    pub y: i32,
+}
+
+/// One straight line, with the pen on the sheet or lifted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Line {
+    /// Whether the line is drawn; otherwise the pen only moves there.
+    pub draws: bool,
+    /// Where it begins.
+    pub from: Point,
+    /// Where it ends; never equal to `from`.
+    pub to: Point,
+}
+
+/// The lines of a picture, each beginning where the one before it ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    /// The lines in the order of drawing.
+    pub lines: Vec<Line>,
+    /// The sheet's width and height in hundredths of a millimetre.
+    pub sheet: Point,
+}
+
+impl Picture {
+    /// The built-in picture on a sheet of this size.
+    ///
+    /// # Errors
+    /// Never for a sheet that has an area.
+    pub fn built_in(sheet: Point) -> Result<Self> {
+        Self::from_svg(BUILT_IN.as_bytes(), sheet)
+    }
+
+    /// The picture of an SVG file, as large as the sheet allows. Outlines are drawn, fills are not.
+    ///
+    /// # Errors
+    /// When the file cannot be read, is not an SVG file, or has no lines.
+    pub fn from_file(path: &Path, sheet: Point) -> Result<Self> {
+        let data =
+            std::fs::read(path).with_context(|| format!("cannot read the drawing {}", path.display()))?;
+        Self::from_svg(&data, sheet).with_context(|| format!("the drawing {}", path.display()))
+    }
+
+    fn from_svg(data: &[u8], sheet: Point) -> Result<Self> {
+        let tree = usvg::Tree::from_data(data, &usvg::Options::default()).context("is not an SVG file")?;
+        let mut path = BezPath::new();
+        collect(tree.root(), &mut path);
+        let (width, height) = (f64::from(tree.size().width()), f64::from(tree.size().height()));
+        let scale = (f64::from(sheet.x) / width).min(f64::from(sheet.y) / height);
+        let (left, top) =
+            ((f64::from(sheet.x) - width * scale) / 2.0, (f64::from(sheet.y) - height * scale) / 2.0);
+        // Limited to the sheet, as by an end stop of the pen: a picture may extend beyond its own view box.
+        let on_sheet = |p: CurvePoint| Point {
+            x: whole(p.x * scale + left).clamp(0, sheet.x),
+            y: whole(p.y * scale + top).clamp(0, sheet.y),
+        };
+        let mut pen = Pen { at: Point { x: 0, y: 0 }, lines: Vec::new() };
+        let mut start = pen.at;
+        kurbo::flatten(path, TOLERANCE * 100.0 / scale, |element| match element {
+            PathEl::MoveTo(p) => {
+                start = on_sheet(p);
+                pen.go(start, false);
+            }
+            PathEl::LineTo(p) => pen.go(on_sheet(p), true),
+            PathEl::ClosePath => pen.go(start, true),
+            PathEl::QuadTo(..) | PathEl::CurveTo(..) => {} // flattened: there are none
+        });
+        pen.trim();
+        anyhow::ensure!(
+            !pen.lines.is_empty(),
+            "has no lines to draw: only outlines are drawn, and text must be turned into paths first"
+        );
+        Ok(Self { lines: pen.lines, sheet })
+    }
+
+    /// How many of the lines are drawn.
+    pub fn strokes(&self) -> usize {
+        self.lines.iter().filter(|line| line.draws).count()
+    }
+}
+
+/// Writes the drawn lines as an SVG file of the sheet's size.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_svg(path: &Path, sheet: Point, lines: &[Line]) -> Result<()> {
+    let mm = |v: i32| f64::from(v) / 100.0;
+    let mut data = svg::node::element::path::Data::new();
+    let mut at = None;
+    for line in lines.iter().filter(|line| line.draws) {
+        if at != Some(line.from) {
+            data = data.move_to((mm(line.from.x), mm(line.from.y)));
+        }
+        data = data.line_to((mm(line.to.x), mm(line.to.y)));
+        at = Some(line.to);
+    }
+    let strokes = svg::node::element::Path::new()
+        .set("fill", "none")
+        .set("stroke", "black")
+        .set("stroke-width", 0.25)
+        .set("stroke-linecap", "round")
+        .set("stroke-linejoin", "round")
+        .set("d", data);
+    let document = svg::Document::new()
+        .set("width", format!("{}mm", mm(sheet.x)))
+        .set("height", format!("{}mm", mm(sheet.y)))
+        .set("viewBox", (0, 0, mm(sheet.x), mm(sheet.y)))
+        .add(strokes);
+    svg::save(path, &document).with_context(|| format!("cannot write {}", path.display()))
+}
+
+struct Pen {
+    at: Point,
+    lines: Vec<Line>,
+}
+
+impl Pen {
+    fn go(&mut self, to: Point, draws: bool) {
+        if to == self.at {
+            return;
+        }
+        let from = self.at;
+        self.at = to;
+        match self.lines.last_mut() {
+            // Two consecutive moves become one.
+            Some(last) if !last.draws && !draws => last.to = to,
+            _ => self.lines.push(Line { draws, from, to }),
+        }
+        // A move that ends where it began is dropped.
+        if self.lines.last().is_some_and(|last| last.from == last.to) {
+            self.lines.pop();
+        }
+    }
+
+    /// Drops a move after the last drawn line.
+    fn trim(&mut self) {
+        while self.lines.last().is_some_and(|last| !last.draws) {
+            self.lines.pop();
+        }
+    }
+}
+
+fn collect(group: &usvg::Group, out: &mut BezPath) {
+    for node in group.children() {
+        match node {
+            usvg::Node::Group(inner) => collect(inner, out),
+            usvg::Node::Path(path) if path.is_visible() => {
+                let Some(data) = path.data().clone().transform(path.abs_transform()) else { continue };
+                data.segments().for_each(|segment| out.push(element(segment)));
+            }
+            usvg::Node::Path(_) | usvg::Node::Image(_) | usvg::Node::Text(_) => {}
+        }
+    }
+}
+
+fn element(segment: PathSegment) -> PathEl {
+    let point = |p: usvg::tiny_skia_path::Point| CurvePoint::new(f64::from(p.x), f64::from(p.y));
+    match segment {
+        PathSegment::MoveTo(p) => PathEl::MoveTo(point(p)),
+        PathSegment::LineTo(p) => PathEl::LineTo(point(p)),
+        PathSegment::QuadTo(a, p) => PathEl::QuadTo(point(a), point(p)),
+        PathSegment::CubicTo(a, b, p) => PathEl::CurveTo(point(a), point(b), point(p)),
+        PathSegment::Close => PathEl::ClosePath,
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "clamped to the sheet right after; `as` saturates")]
+fn whole(x: f64) -> i32 {
+    x.round() as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const A4: Point = Point { x: 29700, y: 21000 };
+
+    fn picture(body: &str) -> Result<Picture> {
+        let text = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 297 210">{body}</svg>"#);
+        Picture::from_svg(text.as_bytes(), A4)
+    }
+
+    #[test]
+    fn the_built_in_picture_is_detailed_and_continuous() {
+        let picture = Picture::built_in(A4).unwrap();
+        assert!(picture.strokes() >= 2000, "{}", picture.strokes());
+        assert!(picture.lines.windows(2).all(|w| w[0].to == w[1].from));
+        assert!(picture.lines.windows(2).all(|w| w[0].draws || w[1].draws), "two moves in a row");
+        assert!(picture.lines.iter().all(|l| l.from != l.to));
+    }
+
+    #[test]
+    fn a_square_is_a_move_and_four_lines() {
+        let picture =
+            picture(r#"<rect x="10" y="20" width="30" height="40" fill="none" stroke="red"/>"#).unwrap();
+        let corner = |x, y| Point { x, y };
+        let at = [corner(1000, 2000), corner(4000, 2000), corner(4000, 6000), corner(1000, 6000)];
+        let line = |draws, from, to| Line { draws, from, to };
+        assert_eq!(
+            picture.lines,
+            [
+                line(false, corner(0, 0), at[0]),
+                line(true, at[0], at[1]),
+                line(true, at[1], at[2]),
+                line(true, at[2], at[3]),
+                line(true, at[3], at[0]),
+            ]
+        );
+    }
+
+    #[test]
+    fn a_curve_stays_within_the_tolerance() {
+        let picture = picture(r#"<circle cx="100" cy="100" r="50" fill="none" stroke="red"/>"#).unwrap();
+        assert!(picture.strokes() > 20);
+        for line in picture.lines.iter().filter(|l| l.draws) {
+            let middle = (f64::from(line.from.x + line.to.x) / 2.0, f64::from(line.from.y + line.to.y) / 2.0);
+            let radius = (middle.0 - 10000.0).hypot(middle.1 - 10000.0);
+            assert!((radius - 5000.0).abs() <= 7.0, "{radius}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_drawn_is_reported() {
+        let error = |result: Result<Picture>| format!("{:#}", result.unwrap_err());
+        assert!(error(picture("")).contains("has no lines to draw"));
+        assert!(error(Picture::from_svg(b"no svg", A4)).starts_with("is not an SVG file"));
+        let missing = Picture::from_file(Path::new("no/such.svg"), A4);
+        assert!(error(missing).starts_with("cannot read the drawing no/such.svg"));
+    }
+}

@@ -1,0 +1,12 @@
+//! Transports, the times of a serial line, captures, files, signals.
+
+pub mod capture;
+pub mod drawing;
+pub mod drive;
+pub mod interrupt;
+pub mod line;
+pub mod priority;
+pub mod samples;
+pub mod serial;
+pub mod tcp;
+pub mod trace;

@@ -1,0 +1,140 @@
+//! Serial ports and pseudo-terminals, in raw mode and without flow control.
+
+use core::ops::RangeInclusive;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use clap::builder::TypedValueParser;
+use robot_session::{Received, Sent, Transport};
+use serialport::{FlowControl, SerialPort};
+
+use crate::io::interrupt;
+
+/// The timeout of a blocking read, after which the reader checks whether it should end.
+pub const READ_TIMEOUT: Duration = Duration::from_millis(50);
+
+/// The permitted baud rates.
+pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
+
+/// The parser of a baud rate on the command line.
+pub fn baud_rate() -> impl TypedValueParser<Value = u32> {
+    clap::value_parser!(u32).range(i64::from(*BAUD_RATES.start())..=i64::from(*BAUD_RATES.end()))
+}
+
+/// Opens a port: 8N1, raw, and no flow control, because these links send binary data that may contain XON and XOFF.
+///
+/// # Errors
+/// When there is no such port, or another program uses it.
+pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
+    let port = serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT).open();
+    port.map_err(|error| {
+        let advice = match error.kind() {
+            serialport::ErrorKind::NoDevice => ": no such port, or another program uses it",
+            serialport::ErrorKind::InvalidInput => {
+                ": it is not a serial port, or does not support this baud rate"
+            }
+            _ => "",
+        };
+        anyhow::Error::new(error).context(format!("cannot open {path} at {baud} baud{advice}"))
+    })
+}
+
+/// A port as what a session is driven over.
+#[allow(missing_debug_implementations, reason = "it holds a port")]
+pub struct Port(pub Box<dyn SerialPort>);
+
+impl Transport for Port {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        // A timeout of 0 would be an error at once on some systems.
+        self.0.set_timeout(wait.unwrap_or(READ_TIMEOUT).max(Duration::from_micros(100)))?;
+        match self.0.read(buffer) {
+            Ok(0) => Ok(Received::Closed),
+            Ok(length) => Ok(Received::Bytes(length)),
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {
+                Ok(Received::Nothing)
+            }
+            Err(e) => Err(e),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.0.write_all(bytes).map(|()| Sent::Buffered)
+    }
+}
+
+/// Everything that arrives within `time`.
+///
+/// # Errors
+/// When the port is gone.
+pub fn listen(port: &mut dyn SerialPort, time: Duration) -> Result<Vec<u8>> {
+    port.set_timeout(Duration::from_millis(20))?;
+    let end = Instant::now() + time;
+    let mut received = Vec::new();
+    let mut buffer = [0; 64];
+    while Instant::now() < end {
+        match port.read(&mut buffer) {
+            Ok(n) => received.extend_from_slice(buffer.get(..n).unwrap_or_default()),
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
+            Err(e) => return Err(e.into()),
+        }
+    }
+    Ok(received)
+}
+
+/// A symbolic link to a pseudo-terminal, at a path given by the caller. It is removed when this is dropped.
+#[derive(Debug)]
+pub struct PtyLink {
+    path: PathBuf,
+}
+
+impl PtyLink {
+    /// Creates a pseudo-terminal and the link to it. The port is the device's end; a client opens the path.
+    ///
+    /// # Errors
+    /// When the path exists and is not a link.
+    #[cfg(unix)]
+    pub fn create(path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
+        let (device, name) = pair()?;
+        if path.is_symlink() {
+            std::fs::remove_file(path)
+                .with_context(|| format!("cannot replace the link {}", path.display()))?;
+        }
+        std::os::unix::fs::symlink(&name, path)
+            .with_context(|| format!("cannot make the link {} to {name}", path.display()))?;
+        let link = path.to_owned();
+        interrupt::before_exit(move || drop(std::fs::remove_file(link)));
+        Ok((Self { path: path.into() }, device))
+    }
+
+    #[cfg(not(unix))]
+    pub fn create(_path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
+        anyhow::bail!("pseudo-terminals need Unix; use --listen")
+    }
+}
+
+impl Drop for PtyLink {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path); // it may be gone already
+    }
+}
+
+/// A pseudo-terminal: the device's end, and the path that a client opens.
+///
+/// This process does not keep the client's end open, so that the device detects when the client closes it.
+///
+/// # Errors
+/// When the system cannot create another one.
+#[cfg(unix)]
+pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
+    let (mut device, client) = serialport::TTYPort::pair().context("cannot make a pseudo-terminal")?;
+    let name = client.name().context("the pseudo-terminal has no name")?;
+    device.set_timeout(READ_TIMEOUT)?;
+    Ok((Box::new(device), name))
+}
+
+#[cfg(not(unix))]
+pub fn pair() -> Result<(Box<dyn SerialPort>, String)> {
+    anyhow::bail!("pseudo-terminals need Unix")
+}

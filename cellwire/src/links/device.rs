@@ -1,0 +1,99 @@
+//! A simulated end of a link, and where its peer reaches it.
+
+use core::fmt::Debug;
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use serde_json::{Map, Value, json};
+
+use crate::io::line::{Clock, Line};
+use crate::io::serial::PtyLink;
+use crate::io::tcp;
+use crate::io::trace::TraceArgs;
+
+/// A simulated end of a link.
+pub trait Device: Debug + Sync {
+    /// Its name on the command line.
+    fn name(&self) -> &'static str;
+
+    /// What it is, and its settings, in one line.
+    fn about(&self) -> &'static str;
+
+    /// Runs it until the process is interrupted.
+    ///
+    /// # Errors
+    /// When its endpoint cannot be opened.
+    fn simulate(&self, options: &SimulateOptions) -> Result<()>;
+}
+
+/// The options of a simulator.
+#[derive(Debug)]
+pub struct SimulateOptions {
+    /// Where clients reach it.
+    pub endpoint: Endpoint,
+    /// What to do with the bytes of a session that ended.
+    pub trace: TraceArgs,
+    /// Settings other than the device's defaults.
+    pub settings: Map<String, Value>,
+}
+
+/// Where clients reach a simulated device.
+#[derive(Debug)]
+pub enum Endpoint {
+    /// A TCP address to listen on.
+    Listen(String),
+    /// A TCP address to connect to.
+    Connect(String),
+    /// The path of a link to a pseudo-terminal.
+    Pty(PathBuf),
+}
+
+/// Prints the line that reports the device as ready, and its endpoint: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
+///
+/// # Errors
+/// When standard output is closed.
+pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
+    log(&json!({"ready": device, kind: place}))
+}
+
+/// Prints one line of JSON and flushes it, so that a script can read it while the device runs.
+///
+/// # Errors
+/// When standard output is closed.
+pub fn log(line: &Value) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{line}")?;
+    out.flush()?;
+    Ok(())
+}
+
+/// Runs `device` on a line at `baud` until the process is interrupted. `name` is the name of the device, `trace` that of its
+/// traces.
+///
+/// # Errors
+/// When the endpoint cannot be opened; whatever `device` returns.
+pub fn serve(
+    name: &str,
+    trace: &str,
+    options: &SimulateOptions,
+    baud: u32,
+    device: impl FnOnce(&mut Line, Clock) -> Result<()>,
+) -> Result<()> {
+    let clock = Clock::start();
+    let trace = options.trace.start(trace);
+    match &options.endpoint {
+        Endpoint::Pty(path) => {
+            let (_link, port) = PtyLink::create(path)?;
+            let mut line = Line::over_port(port, clock, baud, trace)?;
+            ready(name, "pty", &path.to_string_lossy())?;
+            device(&mut line, clock)
+        }
+        Endpoint::Listen(address) => {
+            let listener = tcp::listen(address)?;
+            ready(name, "listen", &listener.local_addr()?.to_string())?;
+            device(&mut Line::over_tcp(listener, clock, baud, trace), clock)
+        }
+        Endpoint::Connect(_) => anyhow::bail!("{name} is on a serial line: use --pty or --listen"),
+    }
+}

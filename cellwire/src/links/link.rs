@@ -1,0 +1,34 @@
+//! What the tool knows of a link.
+
+use core::fmt::Debug;
+
+use anyhow::Result;
+use serde_json::{Map, Value};
+
+use crate::links::codec::Codec;
+use crate::links::device::Device;
+
+/// A link.
+pub trait Link: Debug + Sync {
+    /// The crate's name.
+    fn name(&self) -> &'static str;
+
+    /// What it is, and its settings, in one line.
+    fn about(&self) -> &'static str;
+
+    /// The names of the sides that send, for `--from`; the first is the default.
+    fn sides(&self) -> &'static [&'static str];
+
+    /// The side that sends, in a capture: the TCP client, or the server on this port.
+    fn sender(&self, is_client: bool, server_port: u16) -> &'static str;
+
+    /// The codec of what one of its sides sends, with settings other than the link's defaults, as in the vectors' `options`:
+    /// `{"framing":"rtu"}`.
+    ///
+    /// # Errors
+    /// When a setting is not one of this link.
+    fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>>;
+
+    /// Its ends that can be simulated.
+    fn devices(&self) -> &'static [&'static dyn Device];
+}

@@ -45,6 +45,7 @@ fn host() -> String {
     let running = after(&asked, &[On::Target, On::Transmit(DRAFT)]);
     let unsent = after(&running, &[GRIP]);
     let sent = after(&unsent, &[runs, On::Transmit(DRAFT)]);
+    let unread = after(&sent, &[rejects, On::Transmit(DRAFT)]);
     let paused = after(&sent, &[interrupted]);
     let stopping = after(&running, &[On::Stop]);
     let zeros = after(&stopping, &[runs, On::Transmit(DRAFT)]);
@@ -61,6 +62,7 @@ fn host() -> String {
         ("running", running),
         ("running, an exception to be sent", unsent),
         ("running, an exception sent", sent),
+        ("running, an exception not read", unread),
         ("interrupted, a reply is due", paused),
         ("stopping", stopping),
         ("stopping, zeros sent", zeros),

@@ -4,7 +4,7 @@ use robot_session::Session as _;
 use val2_alter::{
     ControllerConfig, ControllerEvent, ControllerState, End, ErrorCode, Exception, ExceptionOutcome, Frame,
     Framing, Host, HostConfig, HostEvent, HostMessage, HostState, Limits, Message, Mode, MotionPhase, Policy,
-    SessionError, StartCode, Unselected,
+    SessionError, StartCode, UnknownReason, Unselected,
 };
 
 #[test]
@@ -309,36 +309,91 @@ fn without_a_subroutine_an_exception_is_refused_here_and_aborts_there() {
     assert!(cell.host_events.contains(&HostEvent::End(End { error: ErrorCode::None })));
 }
 
+const GOOD: &[u8] = b"\x10\x10\x02\x80\x02\x01\x00\x00\x20\x10\x03\xA3";
+const REJECTED: &[u8] = b"\x10\x10\x02\x81\x02\x01\x00\x00\x20\x10\x03\xA4";
+const TIMEOUT: &[u8] = b"\x10\x10\x02\x86\x02\x01\x00\x00\x20\x10\x03\xA9";
+const INTERRUPTED: &[u8] = b"\x10\x10\x02\xC0\x02\x01\x00\x00\x20\x10\x03\xE3";
+
+/// What the host answers.
+fn answer(host: &mut Host, message: &[u8]) -> HostMessage {
+    let mut out = [0; Frame::MAX_LEN];
+    host.handle_input(MS, message);
+    let len = host.poll_transmit(MS, &mut out).unwrap();
+    let (frame, _) = Frame::decode(&out[..len], Framing::DEFAULT).unwrap().unwrap();
+    HostMessage::decode(frame.data(), Framing::DEFAULT).unwrap()
+}
+
+/// A host in an ALTER that has an exception to be sent.
+fn with_exception() -> Host {
+    let mut host = connected(HostConfig { subroutine: true, limits: Limits::NONE, ..HostConfig::default() });
+    let accepted = answer(&mut host, b"\x10\x10\x02\xA0\x17\x10\x03\xB7");
+    assert_eq!(accepted, HostMessage::StartReply(StartCode::Accept));
+    assert_eq!(host.exception(MS, Exception::OpenGripper), Err(SessionError::NotRunning));
+    answer(&mut host, GOOD);
+    host.exception(MS, Exception::OpenGripper).unwrap();
+    host
+}
+
+/// The codes in the answers to these messages.
+fn codes<const N: usize>(host: &mut Host, messages: [&[u8]; N]) -> [u8; N] {
+    messages.map(|message| match answer(host, message) {
+        HostMessage::Reply(reply) => reply.exception.into(),
+        HostMessage::StartReply(code) => panic!("{code:?}"),
+    })
+}
+
+fn outcomes(host: &mut Host) -> Vec<ExceptionOutcome> {
+    let outcome = |event| match event {
+        HostEvent::Exception(Exception::OpenGripper, outcome) => Some(outcome),
+        _ => None,
+    };
+    core::iter::from_fn(|| host.poll_event()).filter_map(outcome).collect()
+}
+
 #[test]
 fn an_exception_that_was_not_read_is_sent_again() {
-    let mut host = connected(HostConfig { subroutine: true, limits: Limits::NONE, ..HostConfig::default() });
-    let mut out = [0; Frame::MAX_LEN];
-    let mut turn = |host: &mut Host, bytes: &[u8]| {
-        host.handle_input(MS, bytes);
-        let len = host.poll_transmit(MS, &mut out).unwrap();
-        let (frame, _) = Frame::decode(&out[..len], Framing::DEFAULT).unwrap().unwrap();
-        HostMessage::decode(frame.data(), Framing::DEFAULT).unwrap()
-    };
-    let good = b"\x10\x10\x02\x80\x02\x01\x00\x00\x20\x10\x03\xA3";
-    let rejected = b"\x10\x10\x02\x81\x02\x01\x00\x00\x20\x10\x03\xA4";
-    assert_eq!(
-        turn(&mut host, b"\x10\x10\x02\xA0\x17\x10\x03\xB7"),
-        HostMessage::StartReply(StartCode::Accept)
-    );
-    assert_eq!(host.exception(MS, Exception::OpenGripper), Err(SessionError::NotRunning));
-    turn(&mut host, good);
-    host.exception(MS, Exception::OpenGripper).unwrap();
-    let mut exceptions = Vec::new();
-    for bytes in [good, rejected, rejected, good, rejected] {
-        let HostMessage::Reply(reply) = turn(&mut host, bytes) else { panic!() };
-        exceptions.push(u8::from(reply.exception));
+    for unread in [REJECTED, TIMEOUT] {
+        let mut host = with_exception();
+        let messages = [GOOD, unread, unread, REJECTED, GOOD, GOOD, REJECTED];
+        assert_eq!(codes(&mut host, messages), [254, 0, 254, 0, 254, 0, 0]);
+        assert_eq!(host.statistics().rejected, 4);
+        assert_eq!(outcomes(&mut host), [ExceptionOutcome::Done]);
     }
-    assert_eq!(exceptions, [254, 254, 254, 0, 0]);
-    assert_eq!(host.statistics().rejected, 3);
-    let outcomes =
-        core::iter::from_fn(|| host.poll_event()).filter(|e| matches!(e, HostEvent::Exception(..)));
-    let done = HostEvent::Exception(Exception::OpenGripper, ExceptionOutcome::Done);
-    assert_eq!(outcomes.collect::<Vec<_>>(), [done]);
+}
+
+/// Two messages of the controller later, what is late is no longer on the line.
+#[test]
+fn an_exception_that_was_not_read_may_be_late() {
+    for unread in [REJECTED, TIMEOUT] {
+        let mut host = with_exception();
+        assert_eq!(codes(&mut host, [GOOD, unread]), [254, 0]);
+        let pending = SessionError::ExceptionPending { pending: 254 };
+        assert_eq!(host.exception(MS, Exception::CloseGripper), Err(pending));
+        assert_eq!(codes(&mut host, [INTERRUPTED, GOOD]), [0, 0]);
+        assert_eq!(outcomes(&mut host), [ExceptionOutcome::Unknown(UnknownReason::Unclear)]);
+    }
+}
+
+#[test]
+fn a_stop_reports_an_exception_as_not_done_when_it_can_no_longer_come() {
+    let mut host = with_exception();
+    assert_eq!(codes(&mut host, [GOOD]), [254]);
+    host.stop(MS);
+    assert_eq!(codes(&mut host, [REJECTED]), [0]);
+    assert_eq!(outcomes(&mut host), []);
+    host.handle_input(MS, GOOD);
+    assert_eq!(outcomes(&mut host), [ExceptionOutcome::NotDone]);
+}
+
+#[test]
+fn between_an_exception_and_its_outcome_no_message_is_missing() {
+    for corrupt in [b"\x10\x10\x02\x80\x10\x03\xFF".as_slice(), b"\x10\x04"] {
+        let mut host = with_exception();
+        assert_eq!(codes(&mut host, [GOOD, REJECTED]), [254, 0]);
+        host.handle_input(MS, corrupt);
+        assert_eq!(codes(&mut host, [GOOD]), [0]);
+        assert_eq!(outcomes(&mut host), [ExceptionOutcome::Unknown(UnknownReason::OutOfSequence)]);
+    }
 }
 
 #[test]

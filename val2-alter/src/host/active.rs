@@ -8,7 +8,6 @@ use super::input::{Course, Draft, HostActions};
 use super::state::{Active, Pending, Request, Stage, Target};
 use crate::frame::DLE;
 use crate::message::{AXES, Accumulation, ErrorCode, Exception, MotionPhase};
-use crate::timing::CYCLE;
 
 const ALL: u8 = (1 << AXES) - 1;
 
@@ -46,12 +45,13 @@ impl Active {
         self.request = Some(Request {
             due: Due::reply(now, len.into(), self.kept.count_ones(), config),
             phase,
-            follows_until: now.saturating_add(CYCLE * 2).saturating_sub(config.max_delay),
+            follows_until: config.follows_until(now),
         });
         actions
     }
 
-    /// What the message after a reply says of the exception in it.
+    /// What a message says of the exception that was sent. The message after its reply says whether that was read. If not, it
+    /// may still be late, and the message after that says whether it has started the subroutine all the same.
     fn judge_exception(
         &mut self,
         now: Duration,
@@ -59,37 +59,36 @@ impl Active {
         error: ErrorCode,
         config: &HostConfig,
     ) -> Option<(Exception, ExceptionOutcome)> {
-        let Pending::Sent { exception, follows_until } = self.exception else { return None };
-        let stopping = matches!(self.stage, Stage::Stopping { .. });
-        let outcome = match error {
-            _ if !config.is_in_time() && config.keeps(HostRule::InTime) => {
-                ExceptionOutcome::Unknown(UnknownReason::OutOfSequence)
-            }
-            ErrorCode::None if !config.keeps(HostRule::SendOnce) => {
-                self.exception = Pending::Unsent(exception);
-                return None;
-            }
-            ErrorCode::None => ExceptionOutcome::Done,
-            _ if phase == MotionPhase::Interrupted => ExceptionOutcome::Unknown(UnknownReason::Unclear),
-            ErrorCode::Timeout | ErrorCode::Other(_) if config.keeps(HostRule::RejectedOnly) => {
-                ExceptionOutcome::Unknown(UnknownReason::Unclear)
-            }
-            _ if now >= follows_until && config.keeps(HostRule::InSequence) => {
-                ExceptionOutcome::Unknown(UnknownReason::OutOfSequence)
-            }
-            _ if stopping => ExceptionOutcome::NotDone,
-            _ => {
-                self.exception = Pending::Unsent(exception);
-                return None;
-            }
+        let (exception, follows_until, is_first) = match self.exception {
+            Pending::None | Pending::Unsent(_) => return None,
+            Pending::Sent { exception, follows_until } => (exception, follows_until, true),
+            Pending::Unread { exception, follows_until } => (exception, follows_until, false),
         };
-        self.exception = Pending::None;
-        Some((exception, outcome))
+        let follows = now < follows_until || !config.keeps(HostRule::InSequence);
+        let outcome = if !config.is_in_time() && config.keeps(HostRule::InTime) {
+            Some(ExceptionOutcome::Unknown(UnknownReason::OutOfSequence))
+        } else if is_first && error == ErrorCode::None {
+            config.keeps(HostRule::SendOnce).then_some(ExceptionOutcome::Done)
+        } else if phase == MotionPhase::Interrupted {
+            Some(ExceptionOutcome::Unknown(UnknownReason::Unclear))
+        } else if is_first && config.keeps(HostRule::Unread) {
+            let follows_until = if follows { config.follows_until(now) } else { Duration::ZERO };
+            self.exception = Pending::Unread { exception, follows_until };
+            return None;
+        } else if !follows {
+            Some(ExceptionOutcome::Unknown(UnknownReason::OutOfSequence))
+        } else {
+            matches!(self.stage, Stage::Stopping { .. }).then_some(ExceptionOutcome::NotDone)
+        };
+        self.exception = if outcome.is_some() { Pending::None } else { Pending::Unsent(exception) };
+        outcome.map(|outcome| (exception, outcome))
     }
 
     /// Bytes were corrupt: a message may have been among them.
     pub(super) fn lose_sequence(&mut self) {
-        if let Pending::Sent { follows_until, .. } = &mut self.exception {
+        if let Pending::Sent { follows_until, .. } | Pending::Unread { follows_until, .. } =
+            &mut self.exception
+        {
             *follows_until = Duration::ZERO;
         }
     }
@@ -98,7 +97,7 @@ impl Active {
         match self.exception {
             Pending::None => None,
             Pending::Unsent(exception) => Some((exception, ExceptionOutcome::NotDone)),
-            Pending::Sent { exception, .. } => {
+            Pending::Sent { exception, .. } | Pending::Unread { exception, .. } => {
                 Some((exception, ExceptionOutcome::Unknown(UnknownReason::Ended)))
             }
         }

@@ -68,8 +68,8 @@ pub enum HostRule {
     InTime,
     /// An error code counts only in the message that follows the reply directly.
     InSequence,
-    /// Only error codes that say that a reply came let an exception be sent again.
-    RejectedOnly,
+    /// A reply that was not read may be late: the message after shows whether its exception was executed.
+    Unread,
     /// An exception that was read is not sent again.
     SendOnce,
     /// No exception is sent while the subroutine runs.
@@ -99,6 +99,11 @@ impl HostConfig {
     /// When a controller that sends nothing from now on counts as lost.
     pub(super) fn lost_at(&self, now: Duration) -> Duration {
         now.saturating_add(timing::CYCLE.saturating_mul(self.silence_cycles))
+    }
+
+    /// Until when a message is the one that follows a message which arrived at `now`.
+    pub(super) fn follows_until(&self, now: Duration) -> Duration {
+        now.saturating_add(timing::CYCLE * 2).saturating_sub(self.max_delay)
     }
 
     /// Whether a reply arrives before the message after the one that it answers has left, so that it cannot be taken for the
@@ -211,7 +216,7 @@ pub enum LostReason {
 pub enum ExceptionOutcome {
     /// The controller has read it: the subroutine was started.
     Done,
-    /// It was never sent, or the controller could not read it.
+    /// It was never sent, or the controller did not read it, also not late.
     NotDone,
     /// It was sent, and nobody knows whether it was read.
     Unknown(UnknownReason),
@@ -224,7 +229,7 @@ pub enum UnknownReason {
     Ended,
     /// A message was lost in between, or replies may be late: what the next message says may be about another reply.
     OutOfSequence,
-    /// The next message has an error code that does not say that the reply was not read.
+    /// The controller did not read it in time, and the subroutine runs: by a reply that came late, or by itself.
     Unclear,
 }
 

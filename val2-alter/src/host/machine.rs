@@ -320,7 +320,9 @@ impl HostMachine {
         }
         match &mut self.phase {
             HostPhase::Active(active) if active.stage == Stage::Running => match active.exception {
-                Pending::Unsent(pending) | Pending::Sent { exception: pending, .. } => {
+                Pending::Unsent(pending)
+                | Pending::Sent { exception: pending, .. }
+                | Pending::Unread { exception: pending, .. } => {
                     Err(SessionError::ExceptionPending { pending: pending.into() })
                 }
                 Pending::None if !has_room => Err(SessionError::EventsFull),

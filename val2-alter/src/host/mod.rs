@@ -82,7 +82,8 @@ impl Host {
         self.on(now, HostInput::NoTarget);
     }
 
-    /// Sends an exception code with the next reply, once. What became of it is a [`HostEvent::Exception`].
+    /// Sends an exception code with the next reply, once. What became of it is a [`HostEvent::Exception`], after one message, or
+    /// after two when the first one says that the reply was not read. If it was not late either, it is sent again.
     ///
     /// # Errors
     /// [`SessionError::NoSubroutine`] when the configuration says that the ALTER instruction names none,

@@ -117,6 +117,13 @@ pub enum Pending {
         /// Until when the message that comes next is the one that follows directly.
         follows_until: Duration,
     },
+    /// Sent with the reply before the last message, which said that no reply was read: it may have come late since.
+    Unread {
+        /// The code.
+        exception: Exception,
+        /// Until when the message that comes next is the one that follows directly.
+        follows_until: Duration,
+    },
 }
 
 /// A standard message that is not answered yet.
@@ -186,7 +193,9 @@ impl HostMachine {
                 if let Target::Fresh { until } = &mut active.target {
                     f(until);
                 }
-                if let Pending::Sent { follows_until, .. } = &mut active.exception {
+                if let Pending::Sent { follows_until, .. } | Pending::Unread { follows_until, .. } =
+                    &mut active.exception
+                {
                     f(follows_until);
                 }
                 f(&mut active.lost_at);

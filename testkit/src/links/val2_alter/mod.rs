@@ -19,11 +19,10 @@ pub const PAIR: Pair =
     Pair { name: "val2-alter host × controller", settings, must_fail: rules::must_fail, diagrams };
 
 fn settings(depth: Depth) -> Vec<Setting> {
-    let (faults, jobs) = if depth == Depth::Quick { (2, 1) } else { (3, 2) };
+    let (faults, jobs) = if depth == Depth::Quick { (2, 1) } else { (4, 2) };
     let each = |(name, system): (&str, Alter)| {
-        // A controller that takes late replies needs a smaller max_delay: with more faults, or a second exception while the first
-        // one is on the line, what is reported done need not be.
-        let (faults, jobs) = if system.operator { (2, 1) } else { (faults, jobs) };
+        // Only where late replies are taken does one exception meet the reply of another.
+        let jobs = if system.late_once { 2 } else { jobs };
         let system = Alter { faults, jobs, ..system };
         Setting::new(format!("{name}, {jobs} exceptions, a stop, {faults} faults of any kind"), system)
     };

@@ -85,6 +85,7 @@ impl System for Alter {
             controller,
             down: Vec::new(),
             up: Vec::new(),
+            late: false,
             faults: self.faults,
             jobs: Vec::new(),
             target: (0, FRESH),
@@ -133,6 +134,9 @@ impl System for Alter {
         }
         if let Some(wanted) = world.host.wanted(&self.host) {
             fates(Act::Answer, acts);
+            if world.late {
+                acts.retain(|act| *act != Act::Answer(Fate::Late));
+            }
             if faulty {
                 acts.push(Act::LateTick);
             }
@@ -175,6 +179,7 @@ impl System for Alter {
                 let actions = world.controller(self, ControllerInput::Transmit { len }, edges);
                 if let Some(message) = actions.send.map(Message::from) {
                     let ticks = on_the_line(len.into(), self.controller.baud);
+                    world.late = fate == Fate::Late && self.late_once;
                     self.carry(&mut world.down, message, Message::Corrupt, fate, ticks);
                 }
             }

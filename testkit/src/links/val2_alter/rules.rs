@@ -51,10 +51,10 @@ fn hosts(base: Alter) -> [MustFail; 16] {
         case("host: replies may be late", DONE, "delays of a cycle", &[Rule::InTime], base.late_lines()),
         case("host: an error code counts in sequence", ONCE, plain, &[Rule::InSequence], base),
         case(
-            "host: a timeout is no rejection",
+            "host: a reply that was not read may be late",
             NOT_DONE,
             "a controller that takes late replies and goes on",
-            &[Rule::RejectedOnly],
+            &[Rule::Unread],
             base.goes_on(),
         ),
         case("host: an exception that was read is not sent again", ONCE, plain, &[Rule::SendOnce], base),
@@ -88,26 +88,29 @@ fn controllers(base: Alter) -> [MustFail; 7] {
         MustFail::new(rule, property, setting, system)
     };
     let plain = "cumulative, 1 exception, 2 faults";
-    let three = "cumulative, 1 exception, 3 faults";
+    let three = Alter { faults: 3, ..base };
     let two = Alter { jobs: 2, ..base };
     // A host that sends exceptions at any time.
     let host = HostConfig { without: &[HostRule::NotInterrupted], ..base.host };
     let pushes = Alter { host, interrupts: true, ..base };
+    // A host for which an error code is the last word on a reply.
+    let host = HostConfig { without: &[HostRule::Unread], ..base.host };
+    let trusts = Alter { host, ..three };
     [
         case("controller: an interruption is reported", INFORMED, plain, &[Rule::ReportInterruption], base),
         case(
             "controller: no reply before the request has left",
             DONE,
-            three,
+            "cumulative, 1 exception, 3 faults",
             &[Rule::AfterRequest],
-            Alter { faults: 3, ..base },
+            three,
         ),
         case(
             "controller: the first reply of a window",
             NOT_DONE,
-            three,
+            "a host that trusts error codes, 3 faults",
             &[Rule::FirstReply],
-            Alter { faults: 3, ..base },
+            trusts,
         ),
         case("controller: a missing reply ends ALTER", STANDSTILL, plain, &[Rule::EndOnMissing], base),
         case(

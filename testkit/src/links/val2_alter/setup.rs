@@ -24,6 +24,8 @@ pub struct Alter {
     pub controller: ControllerConfig,
     /// By how many ticks what is late is late.
     pub late: u8,
+    /// A message and its reply are not both late: together they would be later than the host assumes.
+    pub late_once: bool,
     /// The controller's program names another mode.
     pub other_mode: bool,
     /// The controller keeps the words that come in an interruption.
@@ -64,6 +66,7 @@ impl Alter {
             host,
             controller,
             late: 1,
+            late_once: false,
             other_mode: false,
             takes_all: true,
             interrupts: false,
@@ -72,10 +75,11 @@ impl Alter {
         }
     }
 
-    /// A controller that goes on after a timeout, and takes a reply that comes too late all the same.
+    /// A controller that goes on after a timeout, and takes a reply that comes too late all the same, on a line that keeps what
+    /// the host assumes of it.
     pub fn goes_on(mut self) -> Self {
         self.controller.without = &[ControllerRule::EndOnMissing, ControllerRule::FirstReply];
-        self.operator = true;
+        (self.operator, self.late_once) = (true, true);
         self
     }
 

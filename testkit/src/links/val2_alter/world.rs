@@ -42,6 +42,8 @@ pub struct World {
     pub down: Vec<(Message, u8)>,
     /// What the host has sent.
     pub up: Vec<(Reply, u8)>,
+    /// The message that was sent last is late, where that counts.
+    pub late: bool,
     /// Faults that may still happen.
     pub faults: u8,
     /// The caller's exceptions.

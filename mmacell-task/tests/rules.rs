@@ -3,6 +3,8 @@
 
 mod common;
 
+use core::time::Duration;
+
 use common::*;
 use mmacell_proto::{
     BLOW, CentralEvent, Closing, Command, ErrorCode, Miss, Progress, Status, Unfinished, VACUUM,
@@ -379,5 +381,37 @@ proptest! {
                 }
             }
         }
+    }
+}
+
+/// No limits at all, at any time up to the end of the clock: nothing overflows, and nothing is overdue.
+#[test]
+fn the_longest_times_are_legal() {
+    const MAX: Duration = Duration::MAX;
+    let config = TaskConfig {
+        poll: MAX,
+        grip_dwell: MAX,
+        place_dwell: MAX,
+        blow: MAX,
+        ready_timeout: MAX,
+        order_timeout: MAX,
+        motion_timeout: MAX,
+        ..CONFIG
+    };
+    for now in [ZERO, MAX - MS, MAX] {
+        let mut task = Task::new(config);
+        ready(&mut task, now);
+        let mut entered = 0;
+        for _ in 0..40 {
+            while let Some(output) = task.poll_output(now) {
+                entered += u32::from(matches!(output, Output::Entered(_)));
+                if let Some(event) = answer(output, &task) {
+                    task.handle_event(now, event);
+                }
+            }
+            task.handle_timeout(MAX);
+            assert_eq!(task.fault(), None, "{:?} at {now:?}", task.step());
+        }
+        assert!(entered > 5, "{entered} steps at {now:?}");
     }
 }

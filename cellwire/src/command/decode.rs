@@ -2,17 +2,21 @@
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{self, Read, Write};
+use std::io::{self, BufWriter, Read, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context, Result};
 use clap::ValueEnum;
-use serde_json::{Map, Value};
+use serde_json::json;
 
 use super::codec::CodecArgs;
 use crate::io::capture::{self, Flow, Piece, Reassembly};
-use crate::links::codec::{Item, Stream};
+use crate::links::codec::{Item, Kind, Stream};
+
+/// So much is read and written at once.
+const CHUNK: usize = 64 * 1024;
 
 /// Reads bytes and writes one JSON object per line.
 ///
@@ -47,18 +51,21 @@ pub fn run(args: &Args) -> Result<bool> {
         }
         None => Box::new(io::stdin()),
     };
-    let mut out = Lines { out: io::stdout().lock(), clean: true };
+    let out = Arc::new(Mutex::new(BufWriter::with_capacity(CHUNK, io::stdout())));
+    let input = Box::new(Tied { input, out: Arc::clone(&out) });
+    let mut out = Lines { out, clean: true };
     match args.format {
         Format::Hex | Format::Raw => decode_stream(args, input, &mut out)?,
         Format::Pcap => decode_capture(args, input, &mut out)?,
     }
+    lock(&out.out).flush()?;
     Ok(out.clean)
 }
 
-fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines<'_>) -> Result<()> {
+fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
     let mut stream = Stream::new(args.codec.codec()?);
     let mut hex = HexReader::default();
-    let mut buffer = vec![0; 64 * 1024];
+    let mut buffer = vec![0; CHUNK];
     loop {
         let n = input.read(&mut buffer).context("cannot read the input")?;
         if n == 0 {
@@ -66,16 +73,16 @@ fn decode_stream(args: &Args, mut input: Box<dyn Read + Send>, out: &mut Lines<'
         }
         let bytes = buffer.get(..n).unwrap_or_default();
         match args.format {
-            Format::Hex => stream.push(&hex.read(bytes)?, |item| out.write(&item.to_json()))?,
-            Format::Raw | Format::Pcap => stream.push(bytes, |item| out.write(&item.to_json()))?,
+            Format::Hex => stream.push(&hex.read(bytes)?, |item| out.write("", item))?,
+            Format::Raw | Format::Pcap => stream.push(bytes, |item| out.write("", item))?,
         }
     }
     hex.finish()?;
-    stream.finish(|item| out.write(&item.to_json()))
+    stream.finish(|item| out.write("", item))
 }
 
 /// Each direction of each connection is a separate stream, and its lines name it.
-fn decode_capture(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines<'_>) -> Result<()> {
+fn decode_capture(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
     let link = args.codec.link;
     let mut directions: BTreeMap<Flow, Direction> = BTreeMap::new();
     let mut clients: BTreeSet<SocketAddr> = BTreeSet::new();
@@ -106,7 +113,7 @@ fn decode_capture(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines<'_>)
         let rest = core::mem::take(&mut direction.tcp).finish();
         direction.take(rest, out)?;
         let Direction { stream, label, .. } = direction;
-        stream.finish(|item| out.write(&labelled(&label, &item)))?;
+        stream.finish(|item| out.write(&label, item))?;
     }
     Ok(())
 }
@@ -115,13 +122,14 @@ fn decode_capture(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines<'_>)
 struct Direction {
     stream: Stream,
     tcp: Reassembly,
-    label: Map<String, Value>,
+    /// Its fields before those of a line.
+    label: String,
 }
 
 impl Direction {
     /// `None` when the direction is not that of the requested side.
     fn new(args: &Args, flow: Flow, clients: &BTreeSet<SocketAddr>) -> Result<Option<Self>> {
-        let (mut codec, mut label) = (None, Map::new());
+        let (mut codec, mut label) = (None, String::new());
         if let Flow::Tcp(from, to) | Flow::Udp(from, to) = flow {
             // If the capture lacks the beginning of the connection, the lower port counts as the server's.
             let is_client = match (clients.contains(&from), clients.contains(&to)) {
@@ -134,24 +142,24 @@ impl Direction {
                 return Ok(None);
             }
             codec = Some(args.codec.codec_of(side)?);
-            label.insert("flow".into(), format!("{from} > {to}").into());
-            label.insert("from".into(), side.into());
+            label = format!("\"flow\":{},\"from\":{},", json!(format!("{from} > {to}")), json!(side));
         }
         let codec = codec.map_or_else(|| args.codec.codec(), Ok)?;
         let stream = Stream::new(codec);
         Ok(Some(Self { stream, tcp: Reassembly::default(), label }))
     }
 
-    fn take(&mut self, pieces: Vec<Piece>, out: &mut Lines<'_>) -> Result<()> {
+    fn take(&mut self, pieces: Vec<Piece>, out: &mut Lines) -> Result<()> {
         for piece in pieces {
             match piece {
-                Piece::Bytes(bytes) => {
-                    self.stream.push(&bytes, |item| out.write(&labelled(&self.label, &item)))?
-                }
+                Piece::Bytes(bytes) => self.stream.push(&bytes, |item| out.write(&self.label, item))?,
                 Piece::Gap(bytes) => {
-                    let content = Err(serde_json::json!({"kind": "gap", "missing": bytes}));
-                    let item = Item { offset: self.stream.offset(), length: 0, content };
-                    out.write(&labelled(&self.label, &item))?;
+                    let json = format!("{{\"kind\":\"gap\",\"missing\":{bytes}}}");
+                    let offset = self.stream.offset();
+                    out.write(
+                        &self.label,
+                        Item { offset, length: 0, kind: Kind::Error, json: json.as_bytes() },
+                    )?;
                 }
             }
         }
@@ -159,24 +167,35 @@ impl Direction {
     }
 }
 
-fn labelled(label: &Map<String, Value>, item: &Item) -> Value {
-    let mut line = label.clone();
-    if let Value::Object(object) = item.to_json() {
-        line.extend(object);
-    }
-    Value::Object(line)
+type Output = Arc<Mutex<BufWriter<io::Stdout>>>;
+
+fn lock(out: &Output) -> MutexGuard<'_, BufWriter<io::Stdout>> {
+    out.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Standard output, and whether every line so far was a message.
-struct Lines<'a> {
-    out: io::StdoutLock<'a>,
+struct Lines {
+    out: Output,
     clean: bool,
 }
 
-impl Lines<'_> {
-    fn write(&mut self, line: &Value) -> Result<()> {
-        self.clean &= line.get("error").is_none();
-        Ok(writeln!(self.out, "{line}")?)
+impl Lines {
+    fn write(&mut self, label: &str, item: Item<'_>) -> Result<()> {
+        self.clean &= item.kind == Kind::Message;
+        Ok(item.write_line(label, &mut *lock(&self.out))?)
+    }
+}
+
+/// The input. Before it may have to wait for bytes, the lines so far are written.
+struct Tied {
+    input: Box<dyn Read + Send>,
+    out: Output,
+}
+
+impl Read for Tied {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        lock(&self.out).flush()?;
+        self.input.read(buffer)
     }
 }
 

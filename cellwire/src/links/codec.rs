@@ -1,17 +1,19 @@
-//! The interface between the tool and a link's decoder and encoder: bytes to JSON lines and back.
+//! The interface between the tool and a link's decoder and encoder: bytes to lines of JSON and back.
+
+use std::io::{self, Write};
 
 use anyhow::Result;
+use robot_session::Decoder;
+use serde::Serialize;
 use serde_json::{Value, json};
 
 /// One direction of one link.
-///
-/// The first four are the methods of a link's `Decoder`, with frames and errors in their `serde` form.
 pub trait Codec {
     /// Takes bytes; returns how many, 0 when the decoder's buffer is full.
     fn push(&mut self, bytes: &[u8]) -> usize;
 
-    /// The next message object, or error object; `None` when more bytes are needed.
-    fn next(&mut self) -> Option<Result<Value, Value>>;
+    /// Writes the next message object, or error object; `None` when more bytes are needed.
+    fn next(&mut self, json: &mut Vec<u8>) -> Option<Kind>;
 
     /// The stream has ended: an incomplete frame becomes an error of `next`, or its bytes remain after the last position.
     fn finish(&mut self);
@@ -26,24 +28,122 @@ pub trait Codec {
     fn encode(&self, message: Value) -> Result<Vec<u8>>;
 }
 
-/// A part of the stream: `Ok` with a message object, or `Err` with an error object.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Item {
+/// What an object is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A message.
+    Message,
+    /// Why bytes are none.
+    Error,
+}
+
+/// What a codec needs beside the link's decoder.
+pub trait Messages {
+    /// The link's decoder.
+    type Decoder: Decoder;
+
+    /// Writes a frame of the decoder, with [`message`] or [`error`].
+    fn show(&self, frame: <Self::Decoder as Decoder>::Frame<'_>, json: &mut Vec<u8>) -> Kind;
+
+    /// The bytes of one message object.
+    ///
+    /// # Errors
+    /// When the object is not a message of this link, or a value cannot be encoded.
+    fn encode(&self, message: Value) -> Result<Vec<u8>>;
+}
+
+/// Writes a message object.
+pub fn message(message: &impl Serialize, json: &mut Vec<u8>) -> Kind {
+    write(message, json);
+    Kind::Message
+}
+
+/// Writes an error object.
+pub fn error(error: &impl Serialize, json: &mut Vec<u8>) -> Kind {
+    write(error, json);
+    Kind::Error
+}
+
+/// The decoder and the messages of a link as a codec.
+pub fn codec<M>(decoder: M::Decoder, messages: M) -> Box<dyn Codec>
+where
+    M: Messages + 'static,
+    <M::Decoder as Decoder>::Error: Serialize,
+{
+    Box::new(Pair { decoder, messages })
+}
+
+struct Pair<M: Messages> {
+    decoder: M::Decoder,
+    messages: M,
+}
+
+impl<M: Messages> Codec for Pair<M>
+where
+    <M::Decoder as Decoder>::Error: Serialize,
+{
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        self.decoder.push(bytes)
+    }
+
+    fn next(&mut self, json: &mut Vec<u8>) -> Option<Kind> {
+        Some(match self.decoder.next_frame()? {
+            Ok(frame) => self.messages.show(frame, json),
+            Err(found) => error(&found, json),
+        })
+    }
+
+    fn finish(&mut self) {
+        self.decoder.finish();
+    }
+
+    fn position(&self) -> u64 {
+        self.decoder.position()
+    }
+
+    fn encode(&self, message: Value) -> Result<Vec<u8>> {
+        self.messages.encode(message)
+    }
+}
+
+/// A part of the stream.
+#[derive(Debug, Clone, Copy)]
+pub struct Item<'a> {
     /// The first byte, from the start of the stream.
     pub offset: u64,
     /// The number of bytes.
     pub length: u64,
-    /// The message or the error.
-    pub content: Result<Value, Value>,
+    /// What `json` is.
+    pub kind: Kind,
+    /// The object.
+    pub json: &'a [u8],
 }
 
-impl Item {
-    /// The item as one object: `{"offset":…,"length":…,"message":{…}}`, or with `"error"` in place of `"message"`.
-    pub fn to_json(&self) -> Value {
-        match &self.content {
-            Ok(message) => json!({"offset": self.offset, "length": self.length, "message": message}),
-            Err(error) => json!({"offset": self.offset, "length": self.length, "error": error}),
-        }
+impl Item<'_> {
+    /// Writes the line `{"offset":…,"length":…,"message":{…}}`, or with `"error"` in place of `"message"`. `label` are the fields
+    /// before it: nothing, or such as `"flow":"…",`.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_line(&self, label: &str, mut out: impl Write) -> io::Result<()> {
+        out.write_all(b"{")?;
+        out.write_all(label.as_bytes())?;
+        out.write_all(b"\"offset\":")?;
+        serde_json::to_writer(&mut out, &self.offset)?;
+        out.write_all(b",\"length\":")?;
+        serde_json::to_writer(&mut out, &self.length)?;
+        out.write_all(if self.kind == Kind::Message { b",\"message\":" } else { b",\"error\":" })?;
+        out.write_all(self.json)?;
+        out.write_all(b"}\n")
+    }
+
+    /// The object as a value: of a message, or of an error.
+    ///
+    /// # Errors
+    /// None: it is an object.
+    pub fn content(&self) -> serde_json::Result<Result<Value, Value>> {
+        let value = serde_json::from_slice(self.json)?;
+        Ok(if self.kind == Kind::Message { Ok(value) } else { Err(value) })
     }
 }
 
@@ -52,12 +152,13 @@ impl Item {
 pub struct Stream {
     codec: Box<dyn Codec>,
     taken: u64,
+    json: Vec<u8>,
 }
 
 impl Stream {
     /// A stream at offset 0.
     pub fn new(codec: Box<dyn Codec>) -> Self {
-        Self { codec, taken: 0 }
+        Self { codec, taken: 0, json: Vec::new() }
     }
 
     /// The number of bytes taken so far.
@@ -69,7 +170,7 @@ impl Stream {
     ///
     /// # Errors
     /// Whatever `emit` returns.
-    pub fn push(&mut self, mut bytes: &[u8], mut emit: impl FnMut(Item) -> Result<()>) -> Result<()> {
+    pub fn push(&mut self, mut bytes: &[u8], mut emit: impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
         while !bytes.is_empty() {
             let taken = self.codec.push(bytes);
             self.taken += taken as u64;
@@ -88,7 +189,7 @@ impl Stream {
     ///
     /// # Errors
     /// Whatever `emit` returns.
-    pub fn finish(mut self, mut emit: impl FnMut(Item) -> Result<()>) -> Result<()> {
+    pub fn finish(mut self, mut emit: impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
         self.codec.finish();
         self.drain(&mut emit)?;
         let offset = self.codec.position();
@@ -96,14 +197,24 @@ impl Stream {
         if length == 0 {
             return Ok(());
         }
-        emit(Item { offset, length, content: Err(json!({"kind": "incomplete"})) })
+        let kind = error(&json!({"kind": "incomplete"}), &mut self.json);
+        emit(Item { offset, length, kind, json: &self.json })
     }
 
-    fn drain(&mut self, emit: &mut impl FnMut(Item) -> Result<()>) -> Result<()> {
+    fn drain(&mut self, emit: &mut impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
         loop {
             let offset = self.codec.position();
-            let Some(content) = self.codec.next() else { return Ok(()) };
-            emit(Item { offset, length: self.codec.position() - offset, content })?;
+            self.json.clear();
+            let Some(kind) = self.codec.next(&mut self.json) else { return Ok(()) };
+            emit(Item { offset, length: self.codec.position() - offset, kind, json: &self.json })?;
         }
+    }
+}
+
+/// Every value of the links is one of numbers, texts and names, which JSON has.
+fn write(value: &impl Serialize, json: &mut Vec<u8>) {
+    if serde_json::to_writer(&mut *json, value).is_err() {
+        json.clear();
+        json.extend_from_slice(b"null");
     }
 }

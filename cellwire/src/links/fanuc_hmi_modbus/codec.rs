@@ -1,12 +1,10 @@
 use anyhow::{Result, bail, ensure};
-use fanuc_hmi_modbus::{
-    DecodeError, Decoder, Frame, Framing, PduBuf, Reply, Side, TelemetryBlock, WordOrder,
-};
-use robot_session::{Decoder as _, Encode as _};
+use fanuc_hmi_modbus::{Decoder, Frame, Framing, PduBuf, Reply, Side, TelemetryBlock, WordOrder};
+use robot_session::Encode as _;
 use serde_json::{Map, Value};
 
 use super::options::{framing, json, word_order};
-use crate::links::codec::Codec;
+use crate::links::codec::{Codec, Kind, Messages, codec, error, message};
 use crate::links::settings::Settings;
 
 /// The settings: `framing` is `tcp` or `rtu`; `view=telemetry` shows a reply of 37 registers as the telemetry block, whose
@@ -14,7 +12,7 @@ use crate::links::settings::Settings;
 ///
 /// # Errors
 /// When a setting is none of these.
-pub(super) fn codec(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let settings = Settings::new("fanuc-hmi-modbus", settings, &["framing", "view", "word_order"])?;
     let framing = framing(&settings)?;
     let side = if side == "client" { Side::Client } else { Side::Server };
@@ -24,57 +22,40 @@ pub(super) fn codec(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn
         Some("telemetry") => Some(order),
         Some(other) => bail!("view={other} is not telemetry, the only one"),
     };
-    Ok(Box::new(Modbus { decoder: Decoder::new(framing, side), framing, side, view }))
+    Ok(codec(Decoder::new(framing, side), Modbus { framing, side, view }))
 }
 
 struct Modbus {
-    decoder: Decoder,
     framing: Framing,
     side: Side,
     /// Whether the telemetry block is shown as one, and in which word order.
     view: Option<WordOrder>,
 }
 
-impl Modbus {
-    fn message(&self, frame: Frame<&[u8]>) -> Result<Value, DecodeError> {
+impl Messages for Modbus {
+    type Decoder = Decoder;
+
+    fn show(&self, frame: Frame<&[u8]>, out: &mut Vec<u8>) -> Kind {
         if self.side == Side::Client {
-            return frame.request().map(json);
+            return match frame.request() {
+                Ok(request) => message(&request, out),
+                Err(found) => error(&found, out),
+            };
         }
-        let frame = frame.reply()?;
-        let mut message = json(frame);
-        if let (Some(order), Reply::HoldingRegisters(words)) = (self.view, frame.pdu)
-            && words.len() == usize::from(TelemetryBlock::QUANTITY)
-            && let (Some(block), Value::Object(message)) =
-                (TelemetryBlock::from_words(&words, order), &mut message)
-        {
-            message.remove("registers");
-            message.insert("telemetry".into(), json(block));
-        }
-        Ok(message)
-    }
-}
-
-impl Codec for Modbus {
-    fn push(&mut self, bytes: &[u8]) -> usize {
-        self.decoder.push(bytes)
-    }
-
-    fn next(&mut self) -> Option<Result<Value, Value>> {
-        let frame = self.decoder.next_frame()?.map(Frame::to_owned);
-        let message = match &frame {
-            Ok(Ok(frame)) => self.message(frame.as_ref()),
-            Ok(Err(error)) => return Some(Err(json(error))),
-            Err(error) => Err(*error),
+        let reply = match frame.reply() {
+            Ok(reply) => reply,
+            Err(found) => return error(&found, out),
         };
-        Some(message.map_err(json))
-    }
-
-    fn finish(&mut self) {
-        self.decoder.finish();
-    }
-
-    fn position(&self) -> u64 {
-        self.decoder.position()
+        if let (Some(order), Reply::HoldingRegisters(words)) = (self.view, reply.pdu)
+            && words.len() == usize::from(TelemetryBlock::QUANTITY)
+            && let (Some(block), Value::Object(mut object)) =
+                (TelemetryBlock::from_words(&words, order), json(reply))
+        {
+            object.remove("registers");
+            object.insert("telemetry".into(), json(block));
+            return message(&object, out);
+        }
+        message(&reply, out)
     }
 
     fn encode(&self, mut message: Value) -> Result<Vec<u8>> {
@@ -114,20 +95,20 @@ mod tests {
             let mut registers = vec![0; 37];
             registers[..5].copy_from_slice(&[0x86A0, 0x0001, 100, 0xE979, 0x42F6]);
             let plain = json!({"transaction": 1, "unit": 1, "function": 3, "registers": registers});
-            let bytes = codec("server", &options).unwrap().encode(plain).unwrap();
+            let bytes = either("server", &options).unwrap().encode(plain).unwrap();
             let mut items = Vec::new();
-            let mut stream = Stream::new(codec("server", &options).unwrap());
+            let mut stream = Stream::new(either("server", &options).unwrap());
             stream
                 .push(&bytes, |item| {
-                    items.push(item);
+                    items.push(item.content()?);
                     Ok(())
                 })
                 .unwrap();
-            let message = items.pop().unwrap().content.unwrap();
+            let message = items.pop().unwrap().unwrap();
             assert_eq!(message["telemetry"]["life_counter"], counter);
             assert_eq!(message["telemetry"]["override"], 100);
             assert_eq!(message.get("registers"), None);
-            assert_eq!(codec("server", &options).unwrap().encode(message).unwrap(), bytes);
+            assert_eq!(either("server", &options).unwrap().encode(message).unwrap(), bytes);
         }
     }
 
@@ -135,13 +116,13 @@ mod tests {
     fn other_replies_look_the_same_in_every_view() {
         let reply = json!({"unit": 1, "function": 3, "registers": [1, 2]});
         let options = options(&[("view", "telemetry"), ("framing", "rtu")]);
-        let codec = |_| codec("server", &options).unwrap();
+        let codec = |_| either("server", &options).unwrap();
         let mut stream = Stream::new(codec(0));
         let mut items = Vec::new();
         let bytes = codec(1).encode(reply.clone()).unwrap();
         stream
             .push(&bytes, |item| {
-                items.push(item.content);
+                items.push(item.content()?);
                 Ok(())
             })
             .unwrap();
@@ -150,11 +131,11 @@ mod tests {
 
     #[test]
     fn what_is_asked_wrongly_is_said() {
-        let error = |settings: &Map<String, Value>| codec("client", settings).err().unwrap().to_string();
+        let error = |settings: &Map<String, Value>| either("client", settings).err().unwrap().to_string();
         assert_eq!(error(&options(&[("framing", "ascii")])), "framing=ascii is neither tcp nor rtu");
         assert_eq!(error(&options(&[("view", "x")])), "view=x is not telemetry, the only one");
         let request = json!({"unit": 1, "function": 3, "address": 0, "quantity": 37});
-        let tcp = codec("client", &options(&[])).unwrap();
+        let tcp = either("client", &options(&[])).unwrap();
         let error = tcp.encode(request).unwrap_err().to_string();
         assert_eq!(error, "a key is missing: transaction, or use --set framing=rtu");
         let request = json!({"transaction": 1, "unit": 1, "function": 3, "address": 0, "quantity": 126});

@@ -34,7 +34,7 @@ impl Link for FanucHmiModbus {
     }
 
     fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-        codec::codec(side, settings)
+        codec::either(side, settings)
     }
 
     fn devices(&self) -> &'static [&'static dyn Device] {

@@ -32,7 +32,7 @@ impl Link for IsraBall {
     }
 
     fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-        codec::codec(settings)
+        codec::ball(settings)
     }
 
     fn devices(&self) -> &'static [&'static dyn Device] {

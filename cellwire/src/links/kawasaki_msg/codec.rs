@@ -1,28 +1,26 @@
 use anyhow::{Context, Result};
-use kawasaki_msg::robot_session::Decoder as _;
 use kawasaki_msg::{Charset, Decoder, Message, Value as Field, Values};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use crate::links::codec::Codec;
+use crate::links::codec::{Codec, Kind, Messages, codec, message};
 use crate::links::settings::Settings;
 
 /// Both sides send the same messages. Setting: `charset`, `ascii` (default) or `latin1`.
 ///
 /// # Errors
 /// When a setting is another.
-pub(super) fn codec(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let settings = Settings::new("kawasaki-msg", settings, &["charset"])?;
     let charset = match settings.text("charset")? {
         None | Some("ascii") => Charset::Ascii,
         Some("latin1") => Charset::Latin1,
         Some(other) => anyhow::bail!("charset={other} is neither ascii nor latin1"),
     };
-    Ok(Box::new(Messages { decoder: Decoder::new(charset), charset }))
+    Ok(codec(Decoder::new(charset), Plant { charset }))
 }
 
-struct Messages {
-    decoder: Decoder,
+struct Plant {
     charset: Charset,
 }
 
@@ -36,24 +34,11 @@ struct Object {
     fields: Vec<String>,
 }
 
-impl Codec for Messages {
-    fn push(&mut self, bytes: &[u8]) -> usize {
-        self.decoder.push(bytes)
-    }
+impl Messages for Plant {
+    type Decoder = Decoder;
 
-    fn next(&mut self) -> Option<Result<Value, Value>> {
-        Some(match self.decoder.next_frame()? {
-            Ok(message) => Ok(serde_json::to_value(message).unwrap_or_default()),
-            Err(error) => Err(serde_json::to_value(error).unwrap_or_default()),
-        })
-    }
-
-    fn finish(&mut self) {
-        self.decoder.finish();
-    }
-
-    fn position(&self) -> u64 {
-        self.decoder.position()
+    fn show(&self, frame: Message<'_>, json: &mut Vec<u8>) -> Kind {
+        message(&frame, json)
     }
 
     fn encode(&self, message: Value) -> Result<Vec<u8>> {

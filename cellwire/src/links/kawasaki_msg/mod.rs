@@ -36,7 +36,7 @@ impl Link for KawasakiMsg {
     }
 
     fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-        codec::codec(settings)
+        codec::either(settings)
     }
 
     fn devices(&self) -> &'static [&'static dyn Device] {

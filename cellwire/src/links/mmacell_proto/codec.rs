@@ -1,5 +1,4 @@
 use anyhow::{Context, Result};
-use mmacell_proto::robot_session::Decoder as _;
 use mmacell_proto::{
     AnyPose, Command, DecodeError, Decoder, Dialect, Line, PlatformPose, Pose, Reply, RobotPose,
 };
@@ -7,7 +6,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-use crate::links::codec::Codec;
+use crate::links::codec::{Codec, Kind, Messages, codec, error, message};
 use crate::links::settings::Settings;
 
 /// The names of the settings: the fields of the crate's `Dialect`, each true or false.
@@ -17,15 +16,15 @@ pub(super) const DIALECT: [&str; 7] = ["itr", "ovrd", "clos", "off", "lone_lf", 
 ///
 /// # Errors
 /// When a setting is no field of `Dialect`.
-pub(super) fn codec(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     Settings::new("mmacell-proto", settings, &DIALECT)?;
     let dialect = dialect(settings)?;
     let side = match side {
-        "central" => Side { parse: parse_command, write: write_command },
-        "robot" => Side { parse: parse_reply::<RobotPose>, write: write_reply::<RobotPose> },
-        _ => Side { parse: parse_reply::<PlatformPose>, write: write_reply::<PlatformPose> },
+        "central" => Side { dialect, parse: parse_command, write: write_command },
+        "robot" => Side { dialect, parse: parse_reply::<RobotPose>, write: write_reply::<RobotPose> },
+        _ => Side { dialect, parse: parse_reply::<PlatformPose>, write: write_reply::<PlatformPose> },
     };
-    Ok(Box::new(Lines { decoder: Decoder::new(dialect), dialect, side }))
+    Ok(codec(Decoder::new(dialect), side))
 }
 
 /// The dialect among some settings.
@@ -35,46 +34,38 @@ pub(super) fn dialect(settings: &serde_json::Map<String, Value>) -> Result<Diale
     serde_json::from_value(Value::Object(known)).context("each of these settings is true or false")
 }
 
-struct Lines {
-    decoder: Decoder,
-    dialect: Dialect,
-    side: Side,
-}
-
+/// What one side sends: `parse` and `write` are of its messages.
 struct Side {
-    parse: fn(Line<'_>, &Dialect) -> Result<Value, DecodeError>,
+    dialect: Dialect,
+    parse: fn(Line<'_>, &Dialect, &mut Vec<u8>) -> Kind,
     write: fn(Value, Dialect) -> Result<Vec<u8>>,
 }
 
-impl Codec for Lines {
-    fn push(&mut self, bytes: &[u8]) -> usize {
-        self.decoder.push(bytes)
-    }
+impl Messages for Side {
+    type Decoder = Decoder;
 
-    fn next(&mut self) -> Option<Result<Value, Value>> {
-        let line = self.decoder.next_frame()?;
-        Some(line.and_then(|line| (self.side.parse)(line, &self.dialect)).map_err(json))
-    }
-
-    fn finish(&mut self) {
-        self.decoder.finish();
-    }
-
-    fn position(&self) -> u64 {
-        self.decoder.position()
+    fn show(&self, line: Line<'_>, json: &mut Vec<u8>) -> Kind {
+        (self.parse)(line, &self.dialect, json)
     }
 
     fn encode(&self, message: Value) -> Result<Vec<u8>> {
-        (self.side.write)(message, self.dialect)
+        (self.write)(message, self.dialect)
     }
 }
 
-fn parse_command(line: Line<'_>, dialect: &Dialect) -> Result<Value, DecodeError> {
-    Command::<AnyPose>::decode(line, dialect).map(json)
+fn parse_command(line: Line<'_>, dialect: &Dialect, json: &mut Vec<u8>) -> Kind {
+    show(Command::<AnyPose>::decode(line, dialect), json)
 }
 
-fn parse_reply<P: Pose + Serialize>(line: Line<'_>, dialect: &Dialect) -> Result<Value, DecodeError> {
-    Reply::<P>::decode(line, dialect).map(json)
+fn parse_reply<P: Pose + Serialize>(line: Line<'_>, dialect: &Dialect, json: &mut Vec<u8>) -> Kind {
+    show(Reply::<P>::decode(line, dialect), json)
+}
+
+fn show<M: Serialize>(decoded: Result<M, DecodeError>, json: &mut Vec<u8>) -> Kind {
+    match decoded {
+        Ok(found) => message(&found, json),
+        Err(found) => error(&found, json),
+    }
 }
 
 fn write_command(message: Value, dialect: Dialect) -> Result<Vec<u8>> {
@@ -89,9 +80,4 @@ fn write_reply<P: Pose + DeserializeOwned>(message: Value, dialect: Dialect) -> 
     let mut bytes = Vec::new();
     reply.in_dialect(dialect).append_to(&mut bytes)?;
     Ok(bytes)
-}
-
-/// A value that is only ever made of numbers and names.
-fn json(value: impl Serialize) -> Value {
-    serde_json::to_value(value).unwrap_or_default()
 }

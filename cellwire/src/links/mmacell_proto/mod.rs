@@ -38,7 +38,7 @@ impl Link for MmacellProto {
     }
 
     fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-        codec::codec(side, settings)
+        codec::either(side, settings)
     }
 
     fn devices(&self) -> &'static [&'static dyn Device] {

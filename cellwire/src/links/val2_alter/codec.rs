@@ -1,55 +1,40 @@
+use core::marker::PhantomData;
+
 use anyhow::{Result, bail};
-use robot_session::Decoder as _;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
-use val2_alter::{Decoder, Frame, Framing, HostMessage, Message, RobotMessage};
+use val2_alter::{Decoder, Frame, Framing, HostMessage, Message, Received, RobotMessage};
 
-use crate::links::codec::Codec;
+use crate::links::codec::{Codec, Kind, Messages, codec, message};
 
 /// What the `robot` or the `host` sends. The settings are the fields of [`Framing`].
 ///
 /// # Errors
 /// When a setting is unknown or has no such value.
-pub(super) fn codec(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
+pub(super) fn either(from: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let framing = serde_json::from_value(Value::Object(settings.clone()))?;
-    match side {
-        "robot" => Ok(Box::new(Side::<RobotMessage>::new(framing))),
-        "host" => Ok(Box::new(Side::<HostMessage>::new(framing))),
-        _ => bail!("val2-alter has no side `{side}`"),
+    match from {
+        "robot" => Ok(side::<RobotMessage>(framing)),
+        "host" => Ok(side::<HostMessage>(framing)),
+        _ => bail!("val2-alter has no side `{from}`"),
     }
 }
 
 struct Side<M> {
-    decoder: Decoder<M>,
     framing: Framing,
+    message: PhantomData<M>,
 }
 
-impl<M: Message> Side<M> {
-    fn new(framing: Framing) -> Self {
-        Self { decoder: Decoder::new(framing), framing }
-    }
+fn side<M: Message + Serialize + DeserializeOwned + 'static>(framing: Framing) -> Box<dyn Codec> {
+    codec(Decoder::<M>::new(framing), Side { framing, message: PhantomData })
 }
 
-impl<M: Message + Serialize + DeserializeOwned> Codec for Side<M> {
-    fn push(&mut self, bytes: &[u8]) -> usize {
-        self.decoder.push(bytes)
-    }
+impl<M: Message + Serialize + DeserializeOwned> Messages for Side<M> {
+    type Decoder = Decoder<M>;
 
-    fn next(&mut self) -> Option<Result<Value, Value>> {
-        let item = self.decoder.next_frame()?;
-        Some(match item {
-            Ok(received) => Ok(serde_json::to_value(received.message).unwrap_or_default()),
-            Err(error) => Err(serde_json::to_value(error).unwrap_or_default()),
-        })
-    }
-
-    fn finish(&mut self) {
-        self.decoder.finish();
-    }
-
-    fn position(&self) -> u64 {
-        self.decoder.position()
+    fn show(&self, received: Received<M>, json: &mut Vec<u8>) -> Kind {
+        message(&received.message, json)
     }
 
     fn encode(&self, message: Value) -> Result<Vec<u8>> {

@@ -31,7 +31,7 @@ impl Link for Val2Viewer {
     }
 
     fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-        codec::codec(settings)
+        codec::host(settings)
     }
 
     fn devices(&self) -> &'static [&'static dyn Device] {

@@ -21,7 +21,6 @@ impl ControllerMachine {
     pub fn on(&mut self, now: Duration, input: ControllerInput, config: &ControllerConfig) -> Step {
         use {ControllerInput as On, ControllerPhase as Is};
         let nothing = ControllerActions::default();
-        let unexpected = Unexpected { state: self.name(), input: input.name() };
         match (&mut self.phase, input) {
             (phase, On::Connected | On::Disconnected) => {
                 let on = matches!(phase, Is::On(_));
@@ -78,7 +77,7 @@ impl ControllerMachine {
                 | On::Reply { .. }
                 | On::Corrupt(_)
                 | On::Transmit { .. },
-            ) => return Err(unexpected),
+            ) => return Err(self.unexpected(input)),
             (_, On::Bytes { partial }) => {
                 self.gap_at = config.gap.filter(|_| partial).map(|gap| now.saturating_add(gap));
             }
@@ -95,7 +94,7 @@ impl ControllerMachine {
                 return Ok(alter.reply(now, exception, has_room, config));
             }
             (Is::On(Alter { turn: Turn::Host { closes, .. }, .. }), On::WindowClosed) if *closes > now => {
-                return Err(unexpected);
+                return Err(self.unexpected(input));
             }
             (Is::On(alter), On::WindowClosed) => {
                 let actions = alter.window_closed(config);
@@ -103,10 +102,10 @@ impl ControllerMachine {
             }
             (Is::Disconnected | Is::Off, On::WindowClosed) => {}
             (Is::On(_), On::Transmit { len }) => {
-                let Some(message) = self.due(now) else { return Err(unexpected) };
+                let Some(message) = self.due(now) else { return Err(self.unexpected(input)) };
                 return Ok(self.transmit(now, message, len, config));
             }
-            (Is::Off, On::Transmit { .. }) => return Err(unexpected),
+            (Is::Off, On::Transmit { .. }) => return Err(self.unexpected(input)),
         }
         Ok(nothing)
     }
@@ -126,6 +125,10 @@ impl ControllerMachine {
             }
             ControllerPhase::Disconnected | ControllerPhase::Off | ControllerPhase::On(_) => None,
         }
+    }
+
+    fn unexpected(&self, input: ControllerInput) -> Unexpected {
+        Unexpected { state: self.name(), input: input.name() }
     }
 
     fn pass_time(&mut self, now: Duration) -> ControllerActions {

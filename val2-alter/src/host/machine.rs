@@ -19,10 +19,10 @@ impl HostMachine {
     ///
     /// # Errors
     /// [`Unexpected`]: the port is not open, or there is nothing to transmit.
+    #[inline(always)] // where the input is known, little of it is left
     pub fn on(&mut self, now: Duration, input: HostInput, config: &HostConfig) -> Step {
         use {HostInput as On, HostPhase as Is};
         let nothing = HostActions::default();
-        let unexpected = Unexpected { state: self.name(), input: input.name() };
         match (&mut self.phase, input) {
             (_, On::Policy(policy)) => self.policy = policy,
             (_, On::Subroutine(installed)) => self.subroutine = installed,
@@ -59,7 +59,7 @@ impl HostMachine {
                 | On::CorruptFrame
                 | On::Noise
                 | On::Transmit(_),
-            ) => return Err(unexpected),
+            ) => return Err(self.unexpected(input)),
             (_, On::Bytes { partial }) => {
                 self.gap_at = config.gap.filter(|_| partial).map(|gap| now.saturating_add(gap));
             }
@@ -101,7 +101,7 @@ impl HostMachine {
                 | Is::Active(Active { request: None, .. })
                 | Is::Silent { .. },
                 On::Transmit(_),
-            ) => return Err(unexpected),
+            ) => return Err(self.unexpected(input)),
         }
         Ok(nothing)
     }
@@ -247,6 +247,10 @@ impl HostMachine {
         }
         actions.send = Some(Answer::Reply { select, held, exception });
         actions
+    }
+
+    fn unexpected(&self, input: HostInput) -> Unexpected {
+        Unexpected { state: self.name(), input: input.name() }
     }
 
     fn pass_time(&mut self, now: Duration, config: &HostConfig) -> HostActions {

@@ -200,6 +200,7 @@ impl Host {
     }
 
     /// Gives the machine an input and does what it says, but for sending.
+    #[inline(always)] // where the input is known, little of it is left
     fn on(&mut self, now: Duration, input: HostInput) -> HostActions {
         let actions = match self.machine.on(now, input, &self.config) {
             Ok(actions) => actions,
@@ -209,12 +210,11 @@ impl Host {
                 return HostActions::default();
             }
         };
-        if actions != HostActions::default() {
-            self.act(now, &actions);
-        }
+        self.act(now, &actions);
         actions
     }
 
+    #[inline(always)] // see `on`
     fn act(&mut self, now: Duration, actions: &HostActions) {
         if actions.end_frame {
             self.decoder.finish();

@@ -36,6 +36,16 @@ impl Decoder {
         Self { buffer: [0; Message::MAX_LEN + WINDOW], charset, cursor: Cursor::START }
     }
 
+    /// Takes of an input what fits, and gives back the rest. No message goes on after the end of a datagram.
+    pub(crate) fn take<'b>(&mut self, bytes: &'b [u8], is_datagram: bool) -> &'b [u8] {
+        let taken = robot_session::Decoder::push(self, bytes);
+        let rest = bytes.get(taken..).unwrap_or_default();
+        if rest.is_empty() && is_datagram {
+            robot_session::Decoder::finish(self);
+        }
+        rest
+    }
+
     /// Gives the plain jobs that come next to `take`, until it refuses one or one is not plain.
     #[inline(always)]
     pub(crate) fn plain_jobs(

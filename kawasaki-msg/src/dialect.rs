@@ -110,6 +110,12 @@ impl Dialect {
         self
     }
 
+    /// Whether both ends can agree on this highest job number.
+    pub(crate) fn check_max_number(found: u16) -> Result<(), ConfigError> {
+        let is_valid = (2..=Self::MAX_NUMBER).contains(&found);
+        if is_valid { Ok(()) } else { Err(ConfigError::MaxNumber { found }) }
+    }
+
     /// The character set of names and fields.
     pub const fn charset(&self) -> Charset {
         self.charset

@@ -9,7 +9,6 @@ mod content;
 mod decoder;
 mod dialect;
 mod error;
-mod events;
 mod job;
 mod message;
 mod number;

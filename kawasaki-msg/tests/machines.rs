@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::fmt::Debug;
+use core::iter::from_fn;
 use core::time::Duration;
 
 use kawasaki_msg::{FromPc, FromRobot, PcConfig, Phase, RobotConfig, Status, pc, robot};
@@ -9,21 +10,27 @@ use kawasaki_msg::{FromPc, FromRobot, PcConfig, Phase, RobotConfig, Status, pc, 
 const NOW: Duration = Duration::from_secs(100);
 const LATER: Duration = Duration::from_secs(1000);
 
-/// A line for each state and input: the next state and the action, or `unexpected`.
-fn matrix<M: Clone + PartialEq + Debug, I: Copy + Debug, A: Debug>(
+/// A line for each state and input: the next state, the action and what is reported of the state, or `unexpected`.
+fn matrix<M: Clone + PartialEq + Debug, I: Copy + Debug, A: Debug, R: Debug>(
     states: &[M],
     inputs: &[(I, &str)],
     name: impl Fn(&M) -> &'static str,
+    report: impl Fn(&mut M) -> Option<R>,
     on: impl Fn(&mut M, I) -> Result<A, kawasaki_msg::robot_session::Unexpected>,
 ) -> String {
     let mut text = String::new();
     for state in states {
         for (input, input_name) in inputs {
             let mut next = state.clone();
+            while report(&mut next).is_some() {}
+            let before = next.clone();
             let line = match on(&mut next, *input) {
-                Ok(action) => format!("{} / {action:?}", name(&next)),
+                Ok(action) => {
+                    let reports: String = from_fn(|| report(&mut next)).map(|r| format!(", {r:?}")).collect();
+                    format!("{} / {action:?}{reports}", name(&next))
+                }
                 Err(unexpected) => {
-                    assert_eq!(next, *state, "nothing has changed");
+                    assert_eq!(next, before, "nothing has changed");
                     assert_eq!((unexpected.state, unexpected.input), (name(state), *input_name));
                     "unexpected".into()
                 }
@@ -101,7 +108,9 @@ fn what_a_robot_does_is_what_is_committed() {
         alarm,
     ];
     let inputs = inputs.map(|input| (input, input.name()));
-    let found = matrix(&states, &inputs, Machine::name, |machine, input| machine.on(LATER, input, &config));
+    let found = matrix(&states, &inputs, Machine::name, Machine::report, |machine, input| {
+        machine.on(LATER, input, &config)
+    });
     compare(&found, include_str!("robot_matrix.txt"), "robot_matrix.txt");
     for name in ["JobsMissing", "Clearing", "Ending", "Interrupted", "Alarm", "Connecting"] {
         assert!(found.contains(&format!("\n{name} + ")), "{name}");
@@ -191,7 +200,9 @@ fn what_a_pc_does_is_what_is_committed() {
         and(&active, &[Input::Interrupt]),
     ];
     let inputs = inputs.map(|input| (input, input.name()));
-    let found = matrix(&states, &inputs, Machine::name, |machine, input| machine.on(LATER, input, &config));
+    let found = matrix(&states, &inputs, Machine::name, Machine::report, |machine, input| {
+        machine.on(LATER, input, &config)
+    });
     compare(&found, include_str!("pc_matrix.txt"), "pc_matrix.txt");
     for name in ["StartSent", "StartLost", "OtherOrderEnds", "Ending"] {
         assert!(found.contains(&format!("\n{name} + ")), "{name}");

@@ -113,7 +113,10 @@ fn an_answer_is_waited_for_but_not_for_ever() {
     assert_eq!(robot.poll_event(), None);
     robot.handle_timeout(Duration::ZERO);
     assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));
-    assert_eq!((robot.machine().link, robot.poll_timeout()), (kawasaki_msg::robot::Link::Connecting, None));
+    assert_eq!(
+        (robot.machine().link, robot.poll_timeout()),
+        (kawasaki_msg::robot::Link::Connecting { reported: true }, None)
+    );
     robot.handle_connected(Duration::ZERO);
     let second = Duration::from_secs(1);
     for cycle in 1..5 {
@@ -127,8 +130,8 @@ fn an_answer_is_waited_for_but_not_for_ever() {
     }
     robot.poll_transmit(second * 4, &mut out).unwrap();
     robot.handle_timeout(second * 5);
-    assert_eq!(robot.poll_event(), Some(RobotEvent::Disconnect), "the fifth cycle without an answer");
     assert_eq!(robot.poll_event(), Some(RobotEvent::NoReply));
+    assert_eq!(robot.poll_event(), Some(RobotEvent::Disconnect), "the fifth cycle without an answer");
     robot.handle_disconnected(second * 5);
     assert_eq!(robot.poll_timeout(), Some(second * 6));
     robot.handle_timeout(second * 6);

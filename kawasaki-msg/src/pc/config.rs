@@ -80,9 +80,7 @@ impl PcConfig {
     pub const UDP: Self = Self { limits: Limits::UDP, datagrams: true, ..Self::TCP };
 
     pub(crate) fn check(&self) -> Result<(), ConfigError> {
-        if !(2..=Dialect::MAX_NUMBER).contains(&self.max_number) {
-            return Err(ConfigError::MaxNumber { found: self.max_number });
-        }
+        Dialect::check_max_number(self.max_number)?;
         self.limits.check(&self.dialect)
     }
 

@@ -1,7 +1,4 @@
-use robot_session::Unexpected;
-
 use crate::error::{DecodeError, MessageError};
-use crate::events::{Event, PeerStatus};
 use crate::pc::state::CommandOutcome;
 use crate::phase::Phase;
 
@@ -33,7 +30,7 @@ pub enum PcEvent {
     OutcomeUnknown { order: u16, executed: u32, sent: u32 },
     /// The robot takes no jobs for now.
     Paused { queued: u32 },
-    /// The robot's status has changed.
+    /// The robot has sent its status.
     PeerStatus { order: u16, phase: Phase, queued: Option<u16>, executed: Option<u16> },
     /// What became of a command.
     Command { id: u8, value: i32, outcome: CommandOutcome },
@@ -43,17 +40,4 @@ pub enum PcEvent {
     Rejected(MessageError),
     /// The caller did what the state does not allow: it has changed nothing.
     Unexpected { state: &'static str, input: &'static str },
-}
-
-impl Event for PcEvent {
-    const CONNECT: Option<Self> = None;
-    const DISCONNECT: Self = PcEvent::Disconnect;
-
-    fn unexpected(Unexpected { state, input }: Unexpected) -> Self {
-        PcEvent::Unexpected { state, input }
-    }
-
-    fn peer_status((order, phase, queued, executed): PeerStatus) -> Self {
-        PcEvent::PeerStatus { order, phase, queued, executed }
-    }
 }

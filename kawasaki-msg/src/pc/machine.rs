@@ -7,7 +7,7 @@ use robot_session::Unexpected;
 use super::config::{PcConfig, PcRule, Takeover};
 use super::state::{
     Action, CommandOutcome, Commands, Contents, Count, Input, JobSent, Known, Link, Machine, Order, Outcome,
-    Reply, Stage, Start,
+    Reply, Report, Stage, Start,
 };
 use crate::content::FromPc;
 use crate::phase::Phase;
@@ -51,7 +51,10 @@ impl<const WORDS: usize> Machine<WORDS> {
         let action = match input {
             Input::Connected => Some(self.on_connected(now, config)),
             Input::Disconnected => Some(self.on_disconnected()),
-            Input::Timeout => Some(self.on_timeout(now, config)),
+            Input::Timeout => {
+                self.on_timeout(now, config);
+                Some(Action::Nothing)
+            }
             Input::Received => self.on_received(now, config),
             Input::Message(message) => self.is_connected().then(|| self.on_report(now, message, config)),
             Input::Corrupt => self.on_corrupt(config),
@@ -95,6 +98,16 @@ impl<const WORDS: usize> Machine<WORDS> {
             answer.send(FromPc::Filler);
         }
         true
+    }
+
+    /// What is to be reported of the state; `None` when it all was.
+    pub fn report(&mut self) -> Option<Report> {
+        if let Link::Connected { close, .. } = &mut self.link
+            && core::mem::take(close)
+        {
+            return Some(Report::Disconnect);
+        }
+        core::mem::take(&mut self.count.is_news).then_some(Report::Progress)
     }
 
     /// When [`Input::Timeout`] or an answer is due; `None` if only the robot or the caller can make something happen.
@@ -160,7 +173,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     fn on_connected(&mut self, now: Duration, config: &PcConfig) -> Action {
         let action = self.on_disconnected();
         let silent_at = now.saturating_add(config.silence);
-        self.link = Link::Connected { silent_at, reply: Reply::Nothing, robot: Known::Nothing };
+        self.link = Link::Connected { silent_at, reply: Reply::Nothing, robot: Known::Nothing, close: false };
         action
     }
 
@@ -179,24 +192,23 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_timeout(&mut self, now: Duration, config: &PcConfig) -> Action {
-        let Link::Connected { silent_at, .. } = &mut self.link else { return Action::Nothing };
+    fn on_timeout(&mut self, now: Duration, config: &PcConfig) {
+        let Link::Connected { silent_at, close, .. } = &mut self.link else { return };
         if let Order::Starting { start: start @ Start::Sent { .. }, .. } = &mut self.order
             && let Start::Sent { answer_by } = start
             && now >= *answer_by
         {
             if config.datagrams {
                 *start = Start::Lost;
-                return Action::Nothing;
+            } else {
+                *answer_by = Duration::MAX;
+                *close = true;
             }
-            *answer_by = Duration::MAX;
-            return Action::Disconnect;
         }
         if now >= *silent_at {
             *silent_at = now.saturating_add(config.silence);
-            return Action::Disconnect;
+            *close = true;
         }
-        Action::Nothing
     }
 
     fn on_received(&mut self, now: Duration, config: &PcConfig) -> Option<Action> {

@@ -18,5 +18,5 @@ pub use session::Pc;
 pub use source::{JobSource, Supply};
 pub use state::{
     Action, CommandOutcome, Commands, Contents, Count, Input, JobSent, Known, Link, Machine, Order, Outcome,
-    Rejection, Reply, Stage, Start,
+    Rejection, Reply, Report, Stage, Start,
 };

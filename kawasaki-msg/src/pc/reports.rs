@@ -85,7 +85,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             }
             return Action::Rejected(Rejection::OutOfOrder);
         }
-        self.count.queued = from;
+        self.count.set_queued(from);
         if let Link::Connected {
             reply: Reply::Receiving { contents } | Reply::Due { contents, .. }, ..
         } = &mut self.link
@@ -267,13 +267,19 @@ impl<const WORDS: usize> Count<WORDS> {
         {
             self.ahead.remove(numbering.next(self.executed));
             self.executed += 1;
+            self.is_news = true;
         }
-        self.queued = self.queued.max(self.executed);
+        self.set_queued(self.queued.max(self.executed));
     }
 
     fn queue(&mut self, numbering: Numbering, last: Option<u16>) {
         if let Some(count) = last.map_or(Some(self.executed), |number| self.of(numbering, number)) {
-            self.queued = count;
+            self.set_queued(count);
         }
+    }
+
+    fn set_queued(&mut self, count: u32) {
+        self.is_news |= self.queued != count;
+        self.queued = count;
     }
 }

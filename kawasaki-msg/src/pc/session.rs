@@ -1,17 +1,16 @@
 use core::time::Duration;
 
-use robot_session::{Decoder as _, Session, Unexpected};
+use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
 
 use super::config::PcConfig;
 use super::event::PcEvent;
 use super::packet::PacketAnswer;
 use super::source::JobSource;
-use super::state::{Action, CommandOutcome, Commands, Input, Machine, Outcome, Rejection};
+use super::state::{Action, CommandOutcome, Commands, Input, Machine, Outcome, Rejection, Report};
 use crate::content::{FromRobot, phase};
 use crate::decoder::Decoder;
 use crate::dialect::Params;
 use crate::error::{ConfigError, MessageError, SessionError};
-use crate::events::{Event as _, Events};
 use crate::message::Message;
 use crate::packet::Packet;
 use crate::phase::Phase;
@@ -40,9 +39,11 @@ pub struct Pc<S> {
     source: Option<S>,
     /// The commands that have no outcome yet, oldest first.
     commands: [(u8, i32); Commands::MAX as usize],
-    events: Events<PcEvent>,
+    events: Events,
     statistics: PcStatistics,
 }
+
+type Events = EventQueue<PcEvent, 32>;
 
 /// The outcomes of an order and of all commands.
 const OUTCOMES: usize = 1 + Commands::MAX as usize;
@@ -60,7 +61,7 @@ impl<S: JobSource> Pc<S> {
             decoder: Decoder::new(config.dialect.charset()),
             source: None,
             commands: [(0, 0); Commands::MAX as usize],
-            events: Events::new(),
+            events: EventQueue::new(),
             statistics: PcStatistics::default(),
         })
     }
@@ -73,13 +74,12 @@ impl<S: JobSource> Pc<S> {
         if order == 0 {
             return Err(SessionError::OrderZero);
         }
-        if !self.events.queue.has_room(OUTCOMES) {
+        if !self.events.has_room(OUTCOMES) {
             return Err(SessionError::TooManyEvents);
         }
         let active = self.machine.order.number();
         self.request(Input::Start { order }).map_err(|_| SessionError::OrderActive { active })?;
         self.source = Some(source);
-        self.events.order_begins();
         Ok(())
     }
 
@@ -111,7 +111,7 @@ impl<S: JobSource> Pc<S> {
         let Commands { in_flight, waiting } = self.machine.commands;
         let place = usize::from(in_flight + waiting);
         let too_many = SessionError::TooManyCommands { waiting: place };
-        if !self.events.queue.has_room(OUTCOMES) {
+        if !self.events.has_room(OUTCOMES) {
             return Err(too_many);
         }
         self.request(Input::Command).map_err(|_| too_many)?;
@@ -176,9 +176,9 @@ impl<S: JobSource> Pc<S> {
     }
 
     #[cold]
-    fn unexpected(&mut self, unexpected: Unexpected) {
+    fn unexpected(&mut self, Unexpected { state, input }: Unexpected) {
         self.statistics.unexpected += 1;
-        self.events.notice(PcEvent::unexpected(unexpected));
+        self.events.push_notice(PcEvent::Unexpected { state, input });
     }
 
     /// Everything that the decoder has.
@@ -193,7 +193,7 @@ impl<S: JobSource> Pc<S> {
                 }
                 Some(Err(error)) => {
                     self.statistics.corrupt += 1;
-                    self.events.notice(PcEvent::Corrupt(error));
+                    self.events.push_notice(PcEvent::Corrupt(error));
                     self.machine.on(now, Input::Corrupt, &self.config)
                 }
             };
@@ -209,25 +209,33 @@ impl<S: JobSource> Pc<S> {
         match action {
             // What is rejected is reported where the message is known.
             Action::Nothing | Action::Rejected(_) => {}
-            Action::Disconnect => self.events.disconnect = true,
-            Action::Started => self.events.notice(PcEvent::OrderStarted { order }),
+            Action::Started => self.events.push_notice(PcEvent::OrderStarted { order }),
             Action::Refused { active } => {
-                self.events.notice(PcEvent::OrderRefused { order, active, given_up: false });
+                self.events.push_notice(PcEvent::OrderRefused { order, active, given_up: false });
             }
             Action::Paused => {
-                self.events.notice(PcEvent::Paused { queued: self.machine.count.queued });
+                self.events.push_notice(PcEvent::Paused { queued: self.machine.count.queued });
             }
-            Action::ExecutedAhead { index } => self.events.notice(PcEvent::ExecutedAhead { index }),
+            Action::ExecutedAhead { index } => self.events.push_notice(PcEvent::ExecutedAhead { index }),
             Action::Commands { count, outcome } => {
                 commands_end(&mut self.commands, &mut self.events, count, outcome);
             }
             Action::Outcome(outcome) => {
                 self.source = None;
-                self.events.outcome(match outcome {
-                    Outcome::Over { executed, complete } => PcEvent::OrderOver { order, executed, complete },
-                    Outcome::Unknown { executed, sent } => PcEvent::OutcomeUnknown { order, executed, sent },
-                    Outcome::GivenUp { active } => PcEvent::OrderRefused { order, active, given_up: true },
-                });
+                push(
+                    &mut self.events,
+                    match outcome {
+                        Outcome::Over { executed, complete } => {
+                            PcEvent::OrderOver { order, executed, complete }
+                        }
+                        Outcome::Unknown { executed, sent } => {
+                            PcEvent::OutcomeUnknown { order, executed, sent }
+                        }
+                        Outcome::GivenUp { active } => {
+                            PcEvent::OrderRefused { order, active, given_up: true }
+                        }
+                    },
+                );
             }
         }
     }
@@ -238,7 +246,7 @@ impl<S> Pc<S> {
     fn on_message(
         config: &PcConfig,
         machine: &mut Machine,
-        events: &mut Events<PcEvent>,
+        events: &mut Events,
         commands: &mut [(u8, i32)],
         now: Duration,
         message: &Message<'_>,
@@ -249,7 +257,7 @@ impl<S> Pc<S> {
         let (role, params) = match config.dialect.read(message) {
             Ok(read) => read,
             Err(error) => {
-                events.notice(PcEvent::Rejected(error));
+                events.push_notice(PcEvent::Rejected(error));
                 return machine.on(now, Input::Message(FromRobot::Unusable), config);
             }
         };
@@ -257,25 +265,26 @@ impl<S> Pc<S> {
         if role == Role::Status {
             let (queued, executed) = (params.number(Field::Queued), params.number(Field::Executed));
             let order = params.number(Field::Order).unwrap_or(0);
-            events.peer_status((order, phase(&params), queued, executed));
+            events.push_notice(PcEvent::PeerStatus { order, phase: phase(&params), queued, executed });
         }
         if let Action::Rejected(why) = action {
-            events.notice(PcEvent::Rejected(rejected(config, machine, why, role, &params)));
+            events.push_notice(PcEvent::Rejected(rejected(config, machine, why, role, &params)));
         }
         Ok(action)
     }
 }
 
+/// An outcome: what it is of was begun only with room for it.
+fn push(events: &mut Events, outcome: PcEvent) {
+    let pushed = events.push_outcome(outcome);
+    debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
+}
+
 /// The first commands have an outcome.
-fn commands_end(
-    commands: &mut [(u8, i32)],
-    events: &mut Events<PcEvent>,
-    count: u8,
-    outcome: CommandOutcome,
-) {
+fn commands_end(commands: &mut [(u8, i32)], events: &mut Events, count: u8, outcome: CommandOutcome) {
     let count = usize::from(count);
     for (id, value) in commands.iter().take(count).copied() {
-        events.outcome(PcEvent::Command { id, value, outcome });
+        push(events, PcEvent::Command { id, value, outcome });
     }
     commands.rotate_left(count);
 }
@@ -315,27 +324,19 @@ impl<S: JobSource> Session for Pc<S> {
 
     fn handle_connected(&mut self, now: Duration) {
         self.decoder.clear();
-        self.events.connection_changed();
         self.input(now, Input::Connected);
     }
 
     fn handle_disconnected(&mut self, now: Duration) {
-        self.events.connection_changed();
         self.input(now, Input::Disconnected);
     }
 
     fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
         if !self.machine.is_connected() {
-            self.statistics.unexpected += 1;
-            self.events.stray = true;
-            return;
+            return self.unexpected(Unexpected { state: "not connected", input: "bytes" });
         }
         loop {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            if bytes.is_empty() && self.config.datagrams {
-                self.decoder.finish();
-            }
+            bytes = self.decoder.take(bytes, self.config.datagrams);
             self.read(now);
             if bytes.is_empty() {
                 break;
@@ -346,17 +347,16 @@ impl<S: JobSource> Session for Pc<S> {
     }
 
     fn handle_timeout(&mut self, now: Duration) {
-        // The answer to a start and the silence of the robot may be due at once.
-        self.input(now, Input::Timeout);
         self.input(now, Input::Timeout);
     }
 
     fn poll_event(&mut self) -> Option<PcEvent> {
-        if let Some(event) = self.events.pop() {
-            return Some(event);
-        }
-        let (executed, queued) = (self.machine.count.executed, self.machine.count.queued);
-        self.events.progresses((executed, queued)).then_some(PcEvent::Progress { executed, queued })
+        self.events.pop().or_else(|| {
+            Some(match self.machine.report()? {
+                Report::Disconnect => PcEvent::Disconnect,
+                Report::Progress => PcEvent::Progress { executed: self.executed(), queued: self.queued() },
+            })
+        })
     }
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.
@@ -381,6 +381,6 @@ impl<S: JobSource> Session for Pc<S> {
     }
 
     fn statistics(&self) -> PcStatistics {
-        PcStatistics { dropped_notices: self.events.queue.dropped_notices(), ..self.statistics }
+        PcStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
     }
 }

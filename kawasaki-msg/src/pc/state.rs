@@ -36,6 +36,8 @@ pub enum Link {
         reply: Reply,
         /// The order that the robot is in.
         robot: Known,
+        /// It is to be closed, which is not reported yet.
+        close: bool,
     },
 }
 
@@ -153,6 +155,8 @@ pub struct Count<const WORDS: usize = ALL_NUMBERS> {
     pub ahead: NumberSet<WORDS>,
     /// Corrupt bytes came: an acknowledgement may be lost.
     pub is_unsure: bool,
+    /// What is executed or queued is not reported yet.
+    pub is_news: bool,
 }
 
 /// The commands that have no outcome yet, oldest first: those in flight, then those that wait.
@@ -207,8 +211,6 @@ pub enum Input {
 pub enum Action {
     /// Nothing.
     Nothing,
-    /// Close the connection.
-    Disconnect,
     /// The message is not used.
     Rejected(Rejection),
     /// The robot has taken the order.
@@ -234,6 +236,15 @@ pub enum Action {
     },
     /// The order has ended.
     Outcome(Outcome),
+}
+
+/// What the caller learns of the state: where it has changed again before that, as it is then.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Report {
+    /// The connection is to be closed.
+    Disconnect,
+    /// Jobs are executed or queued.
+    Progress,
 }
 
 /// What became of a command.
@@ -306,7 +317,15 @@ impl Order {
 
 impl<const WORDS: usize> Default for Count<WORDS> {
     fn default() -> Self {
-        Self { executed: 0, queued: 0, sent: 0, total: None, ahead: NumberSet::new(), is_unsure: false }
+        Self {
+            executed: 0,
+            queued: 0,
+            sent: 0,
+            total: None,
+            ahead: NumberSet::new(),
+            is_unsure: false,
+            is_news: false,
+        }
     }
 }
 

@@ -126,9 +126,7 @@ impl RobotConfig {
         if min.x > max.x || min.y > max.y {
             return Err(ConfigError::Bounds);
         }
-        if !(2..=Dialect::MAX_NUMBER).contains(&self.max_number) {
-            return Err(ConfigError::MaxNumber { found: self.max_number });
-        }
+        Dialect::check_max_number(self.max_number)?;
         self.limits.check(&self.dialect)
     }
 

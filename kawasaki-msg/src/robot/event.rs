@@ -1,7 +1,4 @@
-use robot_session::Unexpected;
-
 use crate::error::{DecodeError, MessageError};
-use crate::events::{Event, PeerStatus};
 use crate::phase::Phase;
 use crate::robot::state::RecoveryStep;
 
@@ -29,7 +26,7 @@ pub enum RobotEvent {
     OrderOver { order: u16, executed: u32 },
     /// A command past the queue: it takes effect after the job that is being executed.
     Command { id: u8, value: Option<i32> },
-    /// The PC's status has changed: its order, how far it is, the last job sent, the last job known to be executed.
+    /// The PC has sent its status: its order, how far it is, the last job sent, the last job known to be executed.
     PeerStatus { order: u16, phase: Phase, sent: Option<u16>, executed: Option<u16> },
     /// The queue is full after this job; the PC is asked to pause.
     QueueFull { last: Option<u16> },
@@ -49,17 +46,4 @@ pub enum RobotEvent {
     Rejected(MessageError),
     /// The caller did what the state does not allow: it has changed nothing.
     Unexpected { state: &'static str, input: &'static str },
-}
-
-impl Event for RobotEvent {
-    const CONNECT: Option<Self> = Some(RobotEvent::Connect);
-    const DISCONNECT: Self = RobotEvent::Disconnect;
-
-    fn unexpected(Unexpected { state, input }: Unexpected) -> Self {
-        RobotEvent::Unexpected { state, input }
-    }
-
-    fn peer_status((order, phase, sent, executed): PeerStatus) -> Self {
-        RobotEvent::PeerStatus { order, phase, sent, executed }
-    }
 }

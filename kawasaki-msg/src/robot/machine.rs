@@ -7,7 +7,7 @@ use robot_session::Unexpected;
 use super::config::{Acks, RobotConfig, RobotRule};
 use super::state::{
     AckState, Action, Cycle, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
-    Rejection, Replies, Stage, Starts,
+    Rejection, Replies, Report, Stage, Starts,
 };
 use crate::content::FromPc;
 use crate::phase::Phase;
@@ -58,6 +58,15 @@ impl<const WORDS: usize> Machine<WORDS> {
         Ok(Action::Nothing)
     }
 
+    /// What is to be reported of the state; `None` when it was.
+    pub fn report(&mut self) -> Option<Report> {
+        match &mut self.link {
+            Link::Disconnected { .. } => None,
+            Link::Connecting { reported } => (!core::mem::replace(reported, true)).then_some(Report::Connect),
+            Link::Connected { close, .. } => core::mem::take(close).then_some(Report::Disconnect),
+        }
+    }
+
     /// When [`Input::Timeout`], [`Input::Settled`] or a packet is due.
     pub fn deadline(&self) -> Option<Duration> {
         let mut order = Duration::MAX;
@@ -78,7 +87,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
         let link = match self.link {
             Link::Disconnected { connect_at } => connect_at,
-            Link::Connecting => Duration::MAX,
+            Link::Connecting { .. } => Duration::MAX,
             Link::Connected { cycle: Cycle::Ready { at }, .. } => at,
             Link::Connected { cycle: Cycle::Waiting { overdue_at, .. }, .. } => overdue_at,
         };
@@ -89,7 +98,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         match &mut self.link {
             Link::Disconnected { connect_at } => f(connect_at),
-            Link::Connecting => {}
+            Link::Connecting { .. } => {}
             Link::Connected { cycle, status_at, .. } => {
                 f(status_at);
                 match cycle {
@@ -131,7 +140,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             (Order::Active { stage: Stage::Interrupted { .. }, .. }, _) => "Interrupted",
             (Order::Active { stage: Stage::Alarm, .. }, _) => "Alarm",
             (Order::Idle, Link::Disconnected { .. }) => "Disconnected",
-            (Order::Idle, Link::Connecting) => "Connecting",
+            (Order::Idle, Link::Connecting { .. }) => "Connecting",
             (Order::Idle, Link::Connected { .. }) => "Idle",
         }
     }
@@ -165,6 +174,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             silent: 0,
             synced: false,
             status_at: now.saturating_add(config.status_period),
+            close: false,
         };
         if let Starts::New { ignored_until, .. } = &mut self.starts
             && *ignored_until == Duration::MAX
@@ -188,7 +198,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         let connected = match self.link {
             // It is closed already.
             Link::Disconnected { .. } => return Action::Nothing,
-            Link::Connecting => false,
+            Link::Connecting { .. } => false,
             Link::Connected { .. } => true,
         };
         self.link = Link::Disconnected { connect_at: now.saturating_add(config.reconnect_delay) };
@@ -206,10 +216,10 @@ impl<const WORDS: usize> Machine<WORDS> {
         if let Link::Disconnected { connect_at } = self.link
             && now >= connect_at
         {
-            self.link = Link::Connecting;
-            return Action::Connect;
+            self.link = Link::Connecting { reported: false };
+            return Action::Nothing;
         }
-        let Link::Connected { cycle, silent, .. } = &mut self.link else { return Action::Nothing };
+        let Link::Connected { cycle, silent, close, .. } = &mut self.link else { return Action::Nothing };
         if let Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } = &mut self.order {
             flow.end_pause(now);
             if let Recovery::Waiting { failures, until } = *recovery
@@ -225,8 +235,8 @@ impl<const WORDS: usize> Machine<WORDS> {
             *cycle = Cycle::Ready { at: now };
             let limit = config.silent_cycles;
             *silent = silent.saturating_add(1).min(limit);
-            let is_lost = limit != 0 && *silent == limit;
-            return if is_lost { Action::Disconnect } else { Action::NoReply };
+            *close |= limit != 0 && *silent == limit;
+            return Action::NoReply;
         }
         Action::Nothing
     }

@@ -15,5 +15,5 @@ pub use event::RobotEvent;
 pub use session::Robot;
 pub use state::{
     AckState, Action, Cycle, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
-    Rejection, Replies, Stage, Starts,
+    Rejection, Replies, Report, Stage, Starts,
 };

@@ -1,16 +1,15 @@
 use core::time::Duration;
 
-use robot_session::{Decoder as _, Session, Unexpected};
+use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
 use robot_work_queue::Writer;
 
 use super::config::RobotConfig;
 use super::event::RobotEvent;
-use super::state::{Action, Input, Machine, RecoveryStep, Rejection};
+use super::state::{Action, Input, Machine, RecoveryStep, Rejection, Report};
 use crate::content::{FromPc, phase};
 use crate::decoder::Decoder;
 use crate::dialect::Params;
 use crate::error::{ConfigError, MessageError, SessionError};
-use crate::events::{Event as _, Events};
 use crate::job::Job;
 use crate::message::Message;
 use crate::packet::Packet;
@@ -50,9 +49,11 @@ pub struct Robot<'q> {
     writer: Writer<'q, Job>,
     /// How the jobs of the order are read in one pass; `None` where they cannot be.
     plain: Option<PlainJobs>,
-    events: Events<RobotEvent>,
+    events: Events,
     statistics: RobotStatistics,
 }
+
+type Events = EventQueue<RobotEvent, 32>;
 
 /// The outcomes of an order: started, ending, interrupted, over, and an alarm.
 const OF_ORDER: usize = 5;
@@ -74,7 +75,7 @@ impl<'q> Robot<'q> {
             decoder: Decoder::new(config.dialect.charset()),
             writer,
             plain: None,
-            events: Events::new(),
+            events: EventQueue::new(),
             statistics: RobotStatistics::default(),
         })
     }
@@ -98,7 +99,7 @@ impl<'q> Robot<'q> {
     /// # Errors
     /// When no order is active, or it is ending or being cleared; when too many events wait.
     pub fn clear_queue(&mut self) -> Result<(), SessionError> {
-        if !self.events.queue.has_room(OF_ORDER) {
+        if !self.events.has_room(OF_ORDER) {
             return Err(SessionError::TooManyEvents);
         }
         self.request(Duration::ZERO, Input::ClearQueue).map_err(|_| SessionError::NoOrder)
@@ -165,9 +166,9 @@ impl<'q> Robot<'q> {
     }
 
     #[cold]
-    fn unexpected(&mut self, unexpected: Unexpected) {
+    fn unexpected(&mut self, Unexpected { state, input }: Unexpected) {
         self.statistics.unexpected += 1;
-        self.events.notice(RobotEvent::unexpected(unexpected));
+        self.events.push_notice(RobotEvent::Unexpected { state, input });
     }
 
     /// Everything that the decoder has: plain jobs in one pass, the rest message by message.
@@ -189,7 +190,7 @@ impl<'q> Robot<'q> {
                 }
                 Some(Err(error)) => {
                     self.statistics.corrupt += 1;
-                    self.events.notice(RobotEvent::Corrupt(error));
+                    self.events.push_notice(RobotEvent::Corrupt(error));
                     self.machine.on(now, Input::Corrupt, &self.config)
                 }
             };
@@ -219,45 +220,45 @@ impl<'q> Robot<'q> {
         match action {
             // What concerns a single message is done where the message is known.
             Action::Nothing | Action::Queue | Action::Refused | Action::Rejected(_) | Action::Discarded => {}
-            Action::Connect => self.events.connect = true,
-            Action::Disconnect => {
-                self.statistics.unanswered += 1;
-                self.events.disconnect = true;
-                self.events.notice(RobotEvent::NoReply);
-            }
             Action::NoReply => {
                 self.statistics.unanswered += 1;
-                self.events.notice(RobotEvent::NoReply);
+                self.events.push_notice(RobotEvent::NoReply);
             }
             Action::Clear => self.writer.clear(),
             Action::Interrupt => {
                 self.writer.clear();
-                self.events.outcome(RobotEvent::OrderInterrupted { order });
+                push(&mut self.events, RobotEvent::OrderInterrupted { order });
             }
             Action::Started => {
                 let order = self.machine.order.number();
                 self.plain = PlainJobs::new(&self.config.dialect, &self.config.bounds, order);
                 self.statistics.work_cycle.cancel();
-                self.events.outcome(RobotEvent::OrderStarted { order });
+                push(&mut self.events, RobotEvent::OrderStarted { order });
             }
-            Action::Ending => self.events.outcome(RobotEvent::OrderEnding { order }),
+            Action::Ending => push(&mut self.events, RobotEvent::OrderEnding { order }),
             Action::Over => {
                 self.writer.reset();
                 self.plain = None;
                 let executed = self.machine.executed;
-                self.events.outcome(RobotEvent::OrderOver { order, executed });
+                push(&mut self.events, RobotEvent::OrderOver { order, executed });
             }
-            Action::Cleared => self.events.notice(RobotEvent::QueueCleared { next }),
-            Action::Drained => self.events.notice(RobotEvent::QueueDrained { next }),
-            Action::Step(RecoveryStep::Alarm) => self.events.outcome(RobotEvent::Alarm { order, next }),
+            Action::Cleared => self.events.push_notice(RobotEvent::QueueCleared { next }),
+            Action::Drained => self.events.push_notice(RobotEvent::QueueDrained { next }),
+            Action::Step(RecoveryStep::Alarm) => push(&mut self.events, RobotEvent::Alarm { order, next }),
             Action::Step(step) => {
                 if step == RecoveryStep::Clear {
                     self.writer.clear();
                 }
-                self.events.notice(RobotEvent::Recovery { step, next });
+                self.events.push_notice(RobotEvent::Recovery { step, next });
             }
         }
     }
+}
+
+/// An outcome: what it is of was begun only with room for it.
+fn push(events: &mut Events, outcome: RobotEvent) {
+    let pushed = events.push_outcome(outcome);
+    debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
 }
 
 #[inline(never)] // by itself it fits the registers
@@ -282,7 +283,7 @@ struct Reading<'a, 'q> {
     config: &'a RobotConfig,
     machine: &'a mut Machine,
     writer: &'a mut Writer<'q, Job>,
-    events: &'a mut Events<RobotEvent>,
+    events: &'a mut Events,
     statistics: &'a mut RobotStatistics,
 }
 
@@ -298,19 +299,20 @@ impl Reading<'_, '_> {
         match role {
             // An order is begun only with room for all that it can report, and a motion task.
             Role::OrderStart => {
-                room = self.events.queue.has_room(2 * OF_ORDER) && !self.writer.is_abandoned();
+                room = self.events.has_room(2 * OF_ORDER) && !self.writer.is_abandoned();
             }
             Role::Status => {
                 let (sent, executed) = (params.number(Field::Queued), params.number(Field::Executed));
                 let order = params.number(Field::Order).unwrap_or(0);
-                self.events.peer_status((order, phase(&params), sent, executed));
+                let phase = phase(&params);
+                self.events.push_notice(RobotEvent::PeerStatus { order, phase, sent, executed });
             }
-            Role::Command(id) if self.events.queue.has_room(2 * OF_ORDER + 1) => {
-                self.events.outcome(RobotEvent::Command { id, value: params.get(Field::Value) });
+            Role::Command(id) if self.events.has_room(2 * OF_ORDER + 1) => {
+                push(self.events, RobotEvent::Command { id, value: params.get(Field::Value) });
             }
             Role::Command(_) => {
                 self.statistics.discarded += 1;
-                self.events.notice(RobotEvent::Rejected(MessageError::NotExpected { role }));
+                self.events.push_notice(RobotEvent::Rejected(MessageError::NotExpected { role }));
             }
             _ => {}
         }
@@ -319,7 +321,7 @@ impl Reading<'_, '_> {
         let action = self.machine.on(now, Input::Message { message, room }, self.config)?;
         let order = params.number(Field::Order).unwrap_or(0);
         match action {
-            Action::Refused => self.events.notice(RobotEvent::OrderRefused { order, active }),
+            Action::Refused => self.events.push_notice(RobotEvent::OrderRefused { order, active }),
             Action::Rejected(why) => self.rejected(why, role, &params),
             Action::Discarded => self.statistics.discarded += 1,
             _ => {}
@@ -346,7 +348,7 @@ impl Reading<'_, '_> {
         match (action, job) {
             (Action::Rejected(Rejection::Bad), Err(error)) => {
                 self.statistics.discarded += 1;
-                self.events.notice(RobotEvent::Rejected(error));
+                self.events.push_notice(RobotEvent::Rejected(error));
             }
             (Action::Rejected(why), _) => self.rejected(why, Role::Job, params),
             (Action::Discarded, _) => self.statistics.discarded += 1,
@@ -362,7 +364,7 @@ impl Reading<'_, '_> {
         let action = self.machine.on(now, input, self.config)?;
         self.statistics.discarded += 1;
         if action != Action::Discarded {
-            self.events.notice(RobotEvent::Rejected(error));
+            self.events.push_notice(RobotEvent::Rejected(error));
         }
         Ok(action)
     }
@@ -392,10 +394,10 @@ impl Reading<'_, '_> {
             Rejection::Repeated => self.statistics.repeated += 1,
             _ => self.statistics.discarded += 1,
         }
-        self.events.notice(RobotEvent::Rejected(error));
+        self.events.push_notice(RobotEvent::Rejected(error));
         if why == Rejection::QueueFull {
             let last = self.config.numbering().number(self.machine.queued);
-            self.events.notice(RobotEvent::QueueFull { last });
+            self.events.push_notice(RobotEvent::QueueFull { last });
         }
     }
 }
@@ -408,28 +410,20 @@ impl Session for Robot<'_> {
 
     fn handle_connected(&mut self, now: Duration) {
         self.decoder.clear();
-        self.events.connection_changed();
         self.statistics.exchange.cancel();
         self.input(now, Input::Connected);
     }
 
     fn handle_disconnected(&mut self, now: Duration) {
-        self.events.connection_changed();
         self.input(now, Input::Disconnected);
     }
 
     fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
         if !self.machine.is_connected() {
-            self.statistics.unexpected += 1;
-            self.events.stray = true;
-            return;
+            return self.unexpected(Unexpected { state: "not connected", input: "bytes" });
         }
         loop {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            if bytes.is_empty() && self.config.datagrams {
-                self.decoder.finish();
-            }
+            bytes = self.decoder.take(bytes, self.config.datagrams);
             self.read(now);
             if bytes.is_empty() {
                 break;
@@ -458,7 +452,12 @@ impl Session for Robot<'_> {
     }
 
     fn poll_event(&mut self) -> Option<RobotEvent> {
-        self.events.pop()
+        self.events.pop().or_else(|| {
+            Some(match self.machine.report()? {
+                Report::Connect => RobotEvent::Connect,
+                Report::Disconnect => RobotEvent::Disconnect,
+            })
+        })
     }
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.
@@ -483,6 +482,6 @@ impl Session for Robot<'_> {
     }
 
     fn statistics(&self) -> RobotStatistics {
-        RobotStatistics { dropped_notices: self.events.queue.dropped_notices(), ..self.statistics }
+        RobotStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
     }
 }

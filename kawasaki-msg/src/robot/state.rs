@@ -40,7 +40,10 @@ pub enum Link {
         connect_at: Duration,
     },
     /// One is being opened.
-    Connecting,
+    Connecting {
+        /// That it is to be opened is reported.
+        reported: bool,
+    },
     /// Bytes can flow.
     Connected {
         /// Who is to speak.
@@ -51,6 +54,8 @@ pub enum Link {
         synced: bool,
         /// When the status is due without any other reason.
         status_at: Duration,
+        /// It is to be closed, which is not reported yet.
+        close: bool,
     },
 }
 
@@ -261,10 +266,6 @@ pub enum Input {
 pub enum Action {
     /// Nothing.
     Nothing,
-    /// Open a connection.
-    Connect,
-    /// Close it.
-    Disconnect,
     /// Put the job into the slot.
     Queue,
     /// Clear the queue but for the job that is being executed.
@@ -291,6 +292,15 @@ pub enum Action {
     Rejected(Rejection),
     /// It is not used because it follows a message that failed.
     Discarded,
+}
+
+/// What the caller learns of the state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Report {
+    /// A connection is to be opened.
+    Connect,
+    /// It is to be closed.
+    Disconnect,
 }
 
 /// Why a message is not used.

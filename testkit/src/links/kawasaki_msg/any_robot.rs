@@ -2,7 +2,9 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::{Action, Answer, Count, Input, JobSent, Link, Order, Outcome, Reply, Stage, Start};
+use kawasaki_msg::pc::{
+    Action, Answer, Count, Input, JobSent, Link, Order, Outcome, Reply, Report, Stage, Start,
+};
 use kawasaki_msg::{FromPc, FromRobot, PcConfig, Phase, Status};
 
 use super::machines::Pc;
@@ -17,6 +19,7 @@ const OTHER: u16 = 2;
 pub(super) const AGAIN: &str = "no job that is known to be executed is sent";
 pub(super) const COUNTS: &str =
     "executed, queued, sent and all jobs follow one another, and executed never falls";
+pub(super) const REPORTED: &str = "progress is reported where there is some";
 pub(super) const NUMBERS: &str = "no number is in flight twice";
 pub(super) const SPOKEN: &str = "each answer follows a message";
 pub(super) const SILENCE: &str = "a robot that is silent, or does not answer a start, is given up in time";
@@ -55,6 +58,7 @@ struct Flags {
     unexpected: bool,
     again: bool,
     counts: bool,
+    reported: bool,
     outcome: bool,
     unspoken: bool,
 }
@@ -128,37 +132,37 @@ impl Answer for Packet<'_> {
 
 impl AnyRobot {
     fn drive(&self, w: &mut World, input: Input, edges: &mut Edges<'_>) -> Action {
-        let (before, order) = (w.pc.count.executed, w.pc.order);
+        let (before, order) = ((w.pc.count.executed, w.pc.count.queued), w.pc.order);
         let Ok(action) = drive(&mut w.pc, input, &self.pc, edges) else {
             w.flags.unexpected = true;
             return Action::Nothing;
         };
         let count = &w.pc.count;
         let started = matches!(input, Input::Start { .. });
-        w.flags.counts |= !started && count.executed < before;
+        let changed = !started && (count.executed, count.queued) != before;
+        w.flags.counts |= !started && count.executed < before.0;
         w.flags.counts |=
             count.executed > count.queued || count.queued > count.sent || count.sent > self.jobs;
         w.flags.outcome |=
             matches!(action, Action::Outcome(_)) != (order != Order::Idle && w.pc.order == Order::Idle);
-        if let Action::Outcome(outcome) = action {
-            if let Outcome::Over { executed, complete } = outcome {
-                w.flags.outcome |= complete && executed != self.jobs;
-            }
+        if let Action::Outcome(Outcome::Over { executed, complete: true }) = action {
+            w.flags.outcome |= executed != self.jobs;
+        }
+        let mut reports = core::iter::from_fn(|| w.pc.report()).peekable();
+        let is_given_up = reports.next_if_eq(&Report::Disconnect).is_some();
+        w.flags.reported |= reports.ne(changed.then_some(Report::Progress));
+        if let Action::Outcome(_) = action {
             w.pc.count = Count::default();
+        }
+        if is_given_up {
+            self.drive(w, Input::Disconnected, edges);
         }
         action
     }
 
-    fn pass(&self, w: &mut World, edges: &mut Edges<'_>) {
-        let timeouts = [(); 2].map(|()| self.drive(w, Input::Timeout, edges));
-        if timeouts.contains(&Action::Disconnect) {
-            self.drive(w, Input::Disconnected, edges);
-        }
-    }
-
     fn is_due(&self, w: &World) -> bool {
         let mut after = w.clone();
-        self.pass(&mut after, &mut None);
+        self.drive(&mut after, Input::Timeout, &mut None);
         after != *w
     }
 
@@ -277,7 +281,9 @@ impl System for AnyRobot {
             Act::ReadEnd => {
                 on(&mut w, Input::ReadEnd { whole: true });
             }
-            Act::Timeout => self.pass(&mut w, edges),
+            Act::Timeout => {
+                on(&mut w, Input::Timeout);
+            }
             Act::Answer => {
                 let executed = w.pc.count.executed;
                 let mut packet = Packet { system: self, executed, jobs: 0, again: false };
@@ -319,6 +325,7 @@ impl System for AnyRobot {
         add(w.flags.unexpected, UNEXPECTED);
         add(w.flags.again, AGAIN);
         add(w.flags.counts, COUNTS);
+        add(w.flags.reported, REPORTED);
         add(w.flags.outcome, ONE_OUTCOME);
         add(w.flags.unspoken, SPOKEN);
         let count = &w.pc.count;

@@ -76,7 +76,7 @@ impl System for Setup {
         let timeout = self.robot_is_due(w);
         let ready = matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW }, .. });
         let answers = matches!(w.pc.link, pc::Link::Connected { reply: pc::Reply::Due { at: NOW, .. }, .. });
-        now(w.robot.link == Link::Connecting, Act::Connect);
+        now(matches!(w.robot.link, Link::Connecting { .. }), Act::Connect);
         now(timeout, Act::RobotTimeout);
         now(!timeout && ready, Act::Transmit);
         now(self.pc_is_due(w), Act::PcTimeout);

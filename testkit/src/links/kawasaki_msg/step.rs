@@ -167,12 +167,29 @@ impl Setup {
             // What is known of it decides nothing any more.
             w.pc.count = pc::Count::default();
         }
+        while let Some(report) = w.pc.report() {
+            if report == pc::Report::Disconnect {
+                self.pc_closes(w, edges);
+            }
+        }
         action
+    }
+
+    fn pc_closes(&self, w: &mut World, edges: &mut Edges<'_>) {
+        if self.datagrams() {
+            self.pc(w, pc::Input::Disconnected, edges);
+            self.pc(w, pc::Input::Connected, edges);
+        } else {
+            w.lose();
+            self.pc(w, pc::Input::Disconnected, edges);
+        }
     }
 
     /// A call of the robot's `handle_timeout`, which looks at the queue, too.
     fn robot_pass(&self, w: &mut World, edges: &mut Edges<'_>) {
-        let timeouts = [(); 2].map(|()| self.robot(w, robot::Input::Timeout, edges));
+        self.robot(w, robot::Input::Timeout, edges);
+        self.robot(w, robot::Input::Timeout, edges);
+        let report = w.robot.report();
         let cleared = matches!(w.stage(), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }));
         if !cleared || w.occupied() == 0 {
             self.robot(w, robot::Input::Settled, edges);
@@ -180,25 +197,11 @@ impl Setup {
         if w.occupied() <= self.low_water {
             self.robot(w, robot::Input::Drained, edges);
         }
-        if timeouts.contains(&robot::Action::Disconnect) {
+        if report == Some(robot::Report::Disconnect) {
             if !self.datagrams() {
                 w.lose();
             }
             self.robot(w, robot::Input::Disconnected, edges);
-        }
-    }
-
-    /// A call of the PC's.
-    fn pc_pass(&self, w: &mut World, edges: &mut Edges<'_>) {
-        let timeouts = [(); 2].map(|()| self.pc(w, pc::Input::Timeout, edges));
-        if timeouts.contains(&pc::Action::Disconnect) {
-            if !self.datagrams() {
-                w.lose();
-            }
-            self.pc(w, pc::Input::Disconnected, edges);
-            if self.datagrams() {
-                self.pc(w, pc::Input::Connected, edges);
-            }
         }
     }
 
@@ -257,7 +260,7 @@ impl Setup {
 
     pub(super) fn pc_is_due(&self, w: &World) -> bool {
         let mut after = w.clone();
-        self.pc_pass(&mut after, &mut None);
+        self.pc(&mut after, pc::Input::Timeout, &mut None);
         after != *w
     }
 
@@ -341,7 +344,9 @@ impl Setup {
                 let messages = messages.map(|(i, message)| (i + 1 != usize::from(count)).then_some(message));
                 self.pc_reads(w, messages.collect(), edges);
             }
-            Act::PcTimeout => self.pc_pass(w, edges),
+            Act::PcTimeout => {
+                self.pc(w, pc::Input::Timeout, edges);
+            }
             Act::Answer => {
                 let start = w.starts.len().saturating_sub(1) as u8;
                 let mut messages = Vec::new();

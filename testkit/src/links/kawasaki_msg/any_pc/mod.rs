@@ -4,7 +4,7 @@ mod world;
 
 use core::time::Duration;
 
-use kawasaki_msg::robot::{Action, Cycle, Input, Link, Order, RecoveryStep, Stage, Starts};
+use kawasaki_msg::robot::{Action, Cycle, Input, Link, Order, RecoveryStep, Report, Stage, Starts};
 use kawasaki_msg::{FromPc, FromRobot, RobotConfig};
 
 use super::machines::{Robot, fast_is_slow};
@@ -102,7 +102,9 @@ impl AnyPc {
     }
 
     fn pass(&self, w: &mut World, edges: &mut Edges<'_>) {
-        let timeouts = [(); 2].map(|()| self.drive(w, Input::Timeout, edges));
+        self.drive(w, Input::Timeout, edges);
+        self.drive(w, Input::Timeout, edges);
+        let report = w.robot.report();
         let cleared = matches!(w.stage(), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }));
         if !cleared || w.is_empty() {
             self.drive(w, Input::Settled, edges);
@@ -110,7 +112,7 @@ impl AnyPc {
         if w.occupied() <= self.low_water {
             self.drive(w, Input::Drained, edges);
         }
-        if timeouts.contains(&Action::Disconnect) {
+        if report == Some(Report::Disconnect) {
             self.lose(w, edges);
         }
     }
@@ -282,7 +284,7 @@ impl System for AnyPc {
     }
 
     fn acts(&self, w: &World, acts: &mut Vec<Act>) {
-        if w.robot.link == Link::Connecting {
+        if matches!(w.robot.link, Link::Connecting { .. }) {
             acts.push(Act::Connect);
             return;
         }

@@ -354,12 +354,13 @@ impl System for AnyPc {
                 let (_, asked) = self.transmit(&mut w);
                 w.faults -= u8::from(letters.contains(&Letter::Corrupt));
                 let from = asked.unwrap_or(w.done);
-                let is_last =
-                    |l: &Letter| matches!(l, Letter::Job(i) if from.wrapping_add_signed(*i) + 1 == self.jobs);
-                w.sent_all |= letters.iter().any(|l| is_last(l) || *l == Letter::End);
                 let packet: Vec<_> =
                     letters.iter().filter(|l| **l != N).map(|l| self.sent(*l, from)).collect();
                 if !packet.is_empty() {
+                    if let Some(from) = asked {
+                        // It begins again where it is asked to.
+                        w.sent_all = from + packet.len() as u8 >= self.jobs;
+                    }
                     w.down.push(packet);
                 }
             }

@@ -19,6 +19,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use self::command::{alter, decode, demo, encode, fanuc, ls, modbus, simulate, vectors};
+use self::io::drive::Lost;
+use self::io::output::{self, remark};
 
 /// Tests robot links without a robot: runs them end to end, reads and writes their bytes, and simulates the devices.
 ///
@@ -38,7 +40,11 @@ Examples:
   cellwire decode kawasaki-msg --format raw capture    the messages, one JSON object per line
   cellwire ls make path.csv --mode dynamic             a robot program of spline moves from a trajectory
   cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell
-  cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against";
+  cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against
+
+Exit status:
+  0 success   1 corrupt input, or a broken promise   2 the command could not be run
+  3 a connection was lost   4 nobody reads standard output";
 
 #[derive(Subcommand)]
 enum Command {
@@ -53,7 +59,8 @@ enum Command {
     Alter(alter::Args),
 }
 
-/// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run.
+/// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run, 3 a connection was
+/// lost, 4 nobody reads standard output.
 pub fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Demo(args) => demo::run(&args),
@@ -69,16 +76,14 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
-        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS, // `cellwire decode … | head` is no failure
+        Err(error) if output::is_closed(&error) => ExitCode::from(4), // `cellwire decode … | head`
+        Err(error) if error.is::<Lost>() => {
+            remark(&format!("error: {error:#}"));
+            ExitCode::from(3)
+        }
         Err(error) => {
-            eprintln!("error: {error:#}");
+            remark(&format!("error: {error:#}"));
             ExitCode::from(2)
         }
     }
-}
-
-fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| {
-        cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
-    })
 }

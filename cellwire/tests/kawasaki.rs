@@ -97,7 +97,7 @@ fn an_interrupted_device_writes_its_trace_and_removes_its_link() {
         assert_eq!(device.process.wait().unwrap().code(), Some(130));
     }
     assert!(!link.is_symlink());
-    let trace = std::fs::read_to_string(dir.join("kawasaki-pc-1.trace")).unwrap();
+    let trace = std::fs::read_to_string(dir.join("kawasaki-pc.trace")).unwrap();
     assert!(trace.starts_with("# kawasaki-pc: interrupted\n"), "{trace}");
     std::fs::remove_dir_all(dir).unwrap();
 }

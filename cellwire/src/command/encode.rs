@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use serde_json::Value;
 
 use super::codec::CodecArgs;
+use crate::io::output::remark;
 
 /// Reads message objects and writes one frame of hex per line.
 ///
@@ -43,7 +44,7 @@ pub fn run(args: &Args) -> Result<bool> {
             Ok(frame) => writeln!(out, "{}", hex(&frame))?,
             Err(error) => {
                 all = false;
-                eprintln!("line {}: {error:#}", index + 1);
+                remark(&format!("line {}: {error:#}", index + 1));
             }
         }
     }

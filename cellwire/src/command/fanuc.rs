@@ -17,7 +17,10 @@ use crate::cell::fanuc_hmi_modbus::recording::{self, Comparison, Recording};
 use crate::cell::report::Report;
 use crate::command::ls::ArmArgs;
 use crate::io::line::Clock;
+use crate::io::output::remark;
 use crate::io::samples::Samples;
+use crate::io::tcp::ConnectArgs;
+use crate::io::{files, tcp};
 
 /// The telemetry of a FANUC controller over Modbus TCP (HMI Device Communication).
 ///
@@ -50,7 +53,7 @@ enum Command {
 struct LogArgs {
     /// The controller: HOST:PORT, where the port is usually 502
     address: String,
-    /// The file to write
+    /// The file to write; where there is one, a number is put behind its name
     #[arg(long, value_name = "FILE")]
     csv: PathBuf,
     /// How long to log [default: until interrupted]
@@ -65,6 +68,8 @@ struct LogArgs {
     /// Which word of a value comes first
     #[arg(long, value_enum, default_value_t = OrderArg::Auto)]
     word_order: OrderArg,
+    #[command(flatten)]
+    connect: ConnectArgs,
     /// Print one JSON object at the end instead of a table
     #[arg(long)]
     json: bool,
@@ -156,9 +161,9 @@ fn log(args: &LogArgs) -> Result<bool> {
     };
     let period = Duration::from_millis(args.period);
     let clock = Clock::start();
-    let mut logger = Logger::connect(&args.address, args.unit, period, clock)?;
-    let file =
-        std::fs::File::create(&args.csv).with_context(|| format!("cannot write {}", args.csv.display()))?;
+    let mut logger =
+        Logger::new(tcp::connect(&args.address, args.connect.timeout())?, args.unit, period, clock)?;
+    let (file, csv) = files::create_new(&args.csv)?;
     let mut out = LineWriter::new(file); // whole lines, also when interrupted
     writeln!(out, "{}", recording::HEADER)?;
     let target =
@@ -196,7 +201,7 @@ fn log(args: &LogArgs) -> Result<bool> {
     progress.finish_and_clear();
     let counts = recording.counts();
     let mut report =
-        Report::new("fanuc-hmi-modbus", format!("telemetry of {} in {}", args.address, args.csv.display()));
+        Report::new("fanuc-hmi-modbus", format!("telemetry of {} in {}", args.address, csv.display()));
     report.fact("samples", "samples written", counts.samples);
     report.fact("repeated", "runs of the task read twice", counts.repeated);
     report.fact("gaps", "times that runs were missed", counts.gaps);
@@ -211,12 +216,12 @@ fn log(args: &LogArgs) -> Result<bool> {
     outcome?;
     if let Some(order) = order.contradicted {
         let order = json!(order);
-        eprintln!(
+        remark(&format!(
             "warning: the life counter steps as if the word order were {order}: these values are wrong"
-        );
+        ));
     }
     if let Some(why) = why.filter(|_| counts.samples == 0) {
-        eprintln!("error: not one sample: {why}");
+        remark(&format!("error: not one sample: {why}"));
     }
     Ok(counts.samples > 0)
 }
@@ -233,7 +238,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<bool> {
     comparison.report(&mut report, comparison.delay);
     if let Some(folder) = &args.out {
         for path in plot::draw(folder, &comparison)? {
-            eprintln!("{}", path.display());
+            remark(&path.display().to_string());
         }
     }
     print(&report, args.json)?;

@@ -6,14 +6,17 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::ValueEnum;
 use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Frame, PduBuf};
 use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport};
 use serde_json::{Value, json};
 
+use crate::io::drive::Lost;
+use crate::io::output::log;
+use crate::io::output::remark;
+use crate::io::tcp::ConnectArgs;
 use crate::io::{serial, tcp};
-use crate::links::device::log;
 use crate::links::fanuc_hmi_modbus::options::json;
 
 /// Sends Modbus requests to a server and prints its replies.
@@ -34,6 +37,8 @@ pub struct Args {
     /// How long a reply may take, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 1000)]
     timeout: u64,
+    #[command(flatten)]
+    connect: ConnectArgs,
     /// The requests [default: standard input]
     file: Option<PathBuf>,
 }
@@ -89,7 +94,7 @@ impl Connection {
                 FramingArg::Tcp => ClientConfig::tcp(),
                 FramingArg::Rtu => ClientConfig::rtu_over_tcp(),
             };
-            (AnyTransport::Tcp(tcp::connect(&args.server)?), config)
+            (AnyTransport::Tcp(tcp::connect(&args.server, args.connect.timeout())?), config)
         };
         config.timeout = Duration::from_millis(args.timeout);
         let mut client = Client::new(config)?;
@@ -101,10 +106,13 @@ impl Connection {
     fn ask(&mut self, frame: &Frame<PduBuf>) -> Result<Value> {
         self.client.request(frame.unit, &frame.pdu.request()?)?;
         loop {
-            match self.driver.turn(&mut self.client, None, answer).context("the connection broke")? {
+            let turn = self.driver.turn(&mut self.client, None, answer);
+            match turn.map_err(|error| Lost(format!("the connection broke: {error}")))? {
                 ControlFlow::Continue(()) => {}
                 ControlFlow::Break(Ended::ByHandler(answer)) => return Ok(answer),
-                ControlFlow::Break(Ended::ByPeer) => bail!("the server closed the connection"),
+                ControlFlow::Break(Ended::ByPeer) => {
+                    return Err(Lost("the server closed the connection".into()).into());
+                }
             }
         }
     }
@@ -120,7 +128,7 @@ fn answer(client: &mut Client<1>, event: ClientEvent) -> ControlFlow<Value> {
         ClientEvent::Announced { .. } => ControlFlow::Break(json!({"broadcast": true})),
         ClientEvent::Failed { failure, .. } => ControlFlow::Break(json!({"failed": failure.to_string()})),
         event => {
-            eprintln!("{event:?}");
+            remark(&format!("{event:?}"));
             ControlFlow::Continue(())
         }
     }

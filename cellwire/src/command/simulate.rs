@@ -6,6 +6,7 @@ use anyhow::Result;
 use serde_json::Value;
 
 use crate::io::interrupt;
+use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
 use crate::links::device::{Device, Endpoint, SimulateOptions};
 use crate::links::device_parser;
@@ -21,6 +22,8 @@ pub struct Args {
     device: &'static dyn Device,
     #[command(flatten)]
     endpoint: EndpointArgs,
+    #[command(flatten)]
+    connect: ConnectArgs,
     #[command(flatten)]
     trace: TraceArgs,
     /// A setting of the device other than its default, such as baud=19200; `simulate --help` lists them by device
@@ -52,6 +55,11 @@ pub fn run(args: &Args) -> Result<bool> {
     };
     let settings = args.set.iter().cloned().collect();
     interrupt::handle()?;
-    args.device.simulate(&SimulateOptions { endpoint, trace: args.trace.clone(), settings })?;
+    args.device.simulate(&SimulateOptions {
+        endpoint,
+        connect_timeout: args.connect.timeout(),
+        trace: args.trace.clone(),
+        settings,
+    })?;
     Ok(true)
 }

@@ -1,16 +1,35 @@
 //! Pictures for machines that draw lines: an SVG file to lines, and lines to an SVG file.
 
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
-use anyhow::{Context, Result};
-use kurbo::{BezPath, PathEl, Point as CurvePoint};
+use anyhow::{Context, Result, ensure};
+use kurbo::{Affine, BezPath, PathEl, Point as CurvePoint};
+use usvg::roxmltree::{Document, Node, ParsingOptions};
 use usvg::tiny_skia_path::PathSegment;
+
+use crate::io::files;
 
 /// The built-in picture: a robot that draws a rosette, some 6000 lines.
 const BUILT_IN: &str = include_str!("../../assets/robot.svg");
 
 /// How far a line may be from the curve that it approximates, in millimetres on the sheet.
 const TOLERANCE: f64 = 0.05;
+
+/// The bytes of the largest file that is read.
+const MAX_BYTES: u64 = 32 << 20;
+/// The elements of a drawing, with those that `use` repeats.
+const MAX_ELEMENTS: u64 = 1_000_000;
+/// How deep its elements are nested.
+const MAX_DEPTH: u32 = 256;
+/// The lines of a drawing.
+const MAX_LINES: usize = 1_000_000;
+/// The sides of a view box, in its own units.
+const VIEW_BOX: core::ops::RangeInclusive<f64> = 0.01..=1e6;
+/// No curve goes further than so many sheets.
+const MAX_SHEETS: f64 = 100.0;
 
 /// A point on the sheet in hundredths of a millimetre: x to the right, y down, from the upper left corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -53,29 +72,52 @@ impl Picture {
     /// The picture of an SVG file, as large as the sheet allows. Outlines are drawn, fills are not.
     ///
     /// # Errors
-    /// When the file cannot be read, is not an SVG file, or has no lines.
+    /// When the file cannot be read, is not an SVG file, has no lines, or is larger than any machine draws.
     pub fn from_file(path: &Path, sheet: Point) -> Result<Self> {
-        let data =
-            std::fs::read(path).with_context(|| format!("cannot read the drawing {}", path.display()))?;
+        let mut data = Vec::new();
+        File::open(path)
+            .and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut data))
+            .with_context(|| format!("cannot read the drawing {}", path.display()))?;
+        ensure!(data.len() as u64 <= MAX_BYTES, "the drawing {} is larger than 32 MiB", path.display());
         Self::from_svg(&data, sheet).with_context(|| format!("the drawing {}", path.display()))
     }
 
     fn from_svg(data: &[u8], sheet: Point) -> Result<Self> {
-        let tree = usvg::Tree::from_data(data, &usvg::Options::default()).context("is not an SVG file")?;
+        let text = core::str::from_utf8(data).context("is not an SVG file: its text is not UTF-8")?;
+        let document =
+            Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..Default::default() })
+                .context("is not an SVG file")?;
+        let elements = Elements::new(&document).count(document.root_element(), 0);
+        ensure!(
+            elements <= MAX_ELEMENTS,
+            "has more than {MAX_ELEMENTS} elements, with those that `use` repeats, or nests them deeper than {MAX_DEPTH}"
+        );
+        let tree = usvg::Tree::from_xmltree(&document, &options()).context("is not an SVG file")?;
         let mut path = BezPath::new();
         collect(tree.root(), &mut path);
         let (width, height) = (f64::from(tree.size().width()), f64::from(tree.size().height()));
+        ensure!(
+            VIEW_BOX.contains(&width) && VIEW_BOX.contains(&height),
+            "has a view box of {width} by {height}: each side must be {} to {}",
+            VIEW_BOX.start(),
+            VIEW_BOX.end()
+        );
         let scale = (f64::from(sheet.x) / width).min(f64::from(sheet.y) / height);
         let (left, top) =
             ((f64::from(sheet.x) - width * scale) / 2.0, (f64::from(sheet.y) - height * scale) / 2.0);
+        path.apply_affine(Affine::new([scale, 0.0, 0.0, scale, left, top]));
+        let furthest = MAX_SHEETS * f64::from(sheet.x.max(sheet.y));
+        let is_near = |p: CurvePoint| p.x.abs() <= furthest && p.y.abs() <= furthest;
+        ensure!(
+            path.elements().iter().flat_map(points).all(is_near),
+            "has lines that go further than {MAX_SHEETS} sheets: is the view box right?"
+        );
         // Limited to the sheet, as by an end stop of the pen: a picture may extend beyond its own view box.
-        let on_sheet = |p: CurvePoint| Point {
-            x: whole(p.x * scale + left).clamp(0, sheet.x),
-            y: whole(p.y * scale + top).clamp(0, sheet.y),
-        };
+        let on_sheet =
+            |p: CurvePoint| Point { x: whole(p.x).clamp(0, sheet.x), y: whole(p.y).clamp(0, sheet.y) };
         let mut pen = Pen { at: Point { x: 0, y: 0 }, lines: Vec::new() };
         let mut start = pen.at;
-        kurbo::flatten(path, TOLERANCE * 100.0 / scale, |element| match element {
+        kurbo::flatten(path, TOLERANCE * 100.0, |element| match element {
             PathEl::MoveTo(p) => {
                 start = on_sheet(p);
                 pen.go(start, false);
@@ -85,6 +127,7 @@ impl Picture {
             PathEl::QuadTo(..) | PathEl::CurveTo(..) => {} // flattened: there are none
         });
         pen.trim();
+        ensure!(pen.lines.len() <= MAX_LINES, "has more than {MAX_LINES} lines");
         anyhow::ensure!(
             !pen.lines.is_empty(),
             "has no lines to draw: only outlines are drawn, and text must be turned into paths first"
@@ -125,7 +168,7 @@ pub fn write_svg(path: &Path, sheet: Point, lines: &[Line]) -> Result<()> {
         .set("height", format!("{}mm", mm(sheet.y)))
         .set("viewBox", (0, 0, mm(sheet.x), mm(sheet.y)))
         .add(strokes);
-    svg::save(path, &document).with_context(|| format!("cannot write {}", path.display()))
+    files::write(path, document.to_string().as_bytes())
 }
 
 struct Pen {
@@ -135,7 +178,7 @@ struct Pen {
 
 impl Pen {
     fn go(&mut self, to: Point, draws: bool) {
-        if to == self.at {
+        if to == self.at || self.lines.len() > MAX_LINES {
             return;
         }
         let from = self.at;
@@ -157,6 +200,59 @@ impl Pen {
             self.lines.pop();
         }
     }
+}
+
+/// The drawing itself is read and no other file: what it refers to is left out.
+fn options() -> usvg::Options<'static> {
+    let mut options = usvg::Options::default();
+    options.image_href_resolver.resolve_string = Box::new(|_, _| None);
+    options
+}
+
+/// How many elements there are when every `use` is followed.
+struct Elements<'a, 'input> {
+    by_id: HashMap<&'a str, Node<'a, 'input>>,
+    counted: HashMap<Node<'a, 'input>, u64>,
+}
+
+impl<'a, 'input> Elements<'a, 'input> {
+    fn new(document: &'a Document<'input>) -> Self {
+        let by_id = document.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
+        Self { by_id, counted: HashMap::new() }
+    }
+
+    fn count(&mut self, node: Node<'a, 'input>, depth: u32) -> u64 {
+        if depth > MAX_DEPTH {
+            return u64::MAX;
+        }
+        if let Some(count) = self.counted.get(&node) {
+            return *count;
+        }
+        // What refers to itself is drawn by nobody.
+        self.counted.insert(node, 0);
+        let mut count = 1_u64;
+        for child in node.children().filter(Node::is_element) {
+            count = count.saturating_add(self.count(child, depth + 1));
+        }
+        let target = node.attributes().find(|a| a.name() == "href").and_then(|a| a.value().strip_prefix('#'));
+        if node.tag_name().name() == "use"
+            && let Some(target) = target.and_then(|id| self.by_id.get(id).copied())
+        {
+            count = count.saturating_add(self.count(target, depth + 1));
+        }
+        self.counted.insert(node, count);
+        count
+    }
+}
+
+fn points(element: &PathEl) -> impl Iterator<Item = CurvePoint> + use<> {
+    let points = match *element {
+        PathEl::MoveTo(a) | PathEl::LineTo(a) => [Some(a), None, None],
+        PathEl::QuadTo(a, b) => [Some(a), Some(b), None],
+        PathEl::CurveTo(a, b, c) => [Some(a), Some(b), Some(c)],
+        PathEl::ClosePath => [None; 3],
+    };
+    points.into_iter().flatten()
 }
 
 fn collect(group: &usvg::Group, out: &mut BezPath) {
@@ -194,9 +290,12 @@ mod tests {
 
     const A4: Point = Point { x: 29700, y: 21000 };
 
+    fn picture_text(body: &str) -> String {
+        format!(r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 297 210">{body}</svg>"#)
+    }
+
     fn picture(body: &str) -> Result<Picture> {
-        let text = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 297 210">{body}</svg>"#);
-        Picture::from_svg(text.as_bytes(), A4)
+        Picture::from_svg(picture_text(body).as_bytes(), A4)
     }
 
     #[test]
@@ -245,5 +344,41 @@ mod tests {
         assert!(error(Picture::from_svg(b"no svg", A4)).starts_with("is not an SVG file"));
         let missing = Picture::from_file(Path::new("no/such.svg"), A4);
         assert!(error(missing).starts_with("cannot read the drawing no/such.svg"));
+        let endless = Picture::from_file(Path::new("/dev/zero"), A4);
+        assert_eq!(error(endless), "the drawing /dev/zero is larger than 32 MiB");
+    }
+
+    #[test]
+    fn no_drawing_is_too_large_to_be_refused() {
+        let error = |text: &str| format!("{:#}", Picture::from_svg(text.as_bytes(), A4).unwrap_err());
+        let svg = |head: &str, body: &str| {
+            format!(r#"<svg xmlns="http://www.w3.org/2000/svg" {head}>{body}</svg>"#)
+        };
+        let curve = r#"<path d="M0 0 C 1 1 2 3 4 5" stroke="red"/>"#;
+        let tiny = error(&svg(r#"viewBox="0 0 1e-30 1e-30""#, curve));
+        assert!(tiny.starts_with("has a view box of 0.0"), "{tiny}");
+        let far = r#"<path d="M0 0 C 1e30 1 2 3e30 4 5 A 1e20 1 0 0 0 1e19 5" stroke="red"/>"#;
+        let far = error(&svg(r#"viewBox="0 0 297 210""#, far));
+        assert_eq!(far, "has lines that go further than 100 sheets: is the view box right?");
+        let mut body = String::from(r#"<g id="a0"><path d="M0 0 L 9 9" stroke="red"/></g>"#);
+        for level in 1..40 {
+            let below = level - 1;
+            body += &format!(r##"<g id="a{level}"><use href="#a{below}"/><use href="#a{below}"/></g>"##);
+        }
+        let laughs = error(&svg(r#"viewBox="0 0 297 210""#, &body));
+        let refused =
+            "has more than 1000000 elements, with those that `use` repeats, or nests them deeper than 256";
+        assert_eq!(laughs, refused);
+        let deep = "<g>".repeat(2000) + &"</g>".repeat(2000);
+        assert_eq!(error(&svg(r#"viewBox="0 0 297 210""#, &deep)), refused);
+    }
+
+    #[test]
+    fn a_drawing_opens_no_other_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let other = folder.path().join("other.svg");
+        std::fs::write(&other, picture_text(r#"<path d="M0 0 L 9 9" stroke="red"/>"#)).unwrap();
+        let image = format!(r#"<image href="{}" width="9" height="9"/>"#, other.display());
+        assert!(format!("{:#}", picture(&image).unwrap_err()).contains("has no lines to draw"));
     }
 }

@@ -10,6 +10,11 @@ use robot_session::{Driver, Ended, Received, Sent, Session, Transport};
 use crate::io::line::Clock;
 use crate::io::trace::{Trace, Way};
 
+/// A connection that was there is gone.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Lost(pub String);
+
 /// [`Driver::turn`] until `handler` fails. False when the peer has closed the connection, or the port is gone.
 ///
 /// # Errors

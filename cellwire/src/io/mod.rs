@@ -3,8 +3,10 @@
 pub mod capture;
 pub mod drawing;
 pub mod drive;
+pub mod files;
 pub mod interrupt;
 pub mod line;
+pub mod output;
 pub mod priority;
 pub mod samples;
 pub mod serial;

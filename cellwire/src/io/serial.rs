@@ -5,7 +5,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::builder::TypedValueParser;
 use robot_session::{Received, Sent, Transport};
 use serialport::{FlowControl, SerialPort};
@@ -87,25 +87,37 @@ pub fn listen(port: &mut dyn SerialPort, time: Duration) -> Result<Vec<u8>> {
 #[derive(Debug)]
 pub struct PtyLink {
     path: PathBuf,
+    /// What it leads to.
+    name: PathBuf,
 }
 
 impl PtyLink {
     /// Creates a pseudo-terminal and the link to it. The port is the device's end; a client opens the path.
     ///
     /// # Errors
-    /// When the path exists and is not a link.
+    /// When there is something at the path, other than the link of a simulator that was killed.
     #[cfg(unix)]
     pub fn create(path: &Path) -> Result<(Self, Box<dyn SerialPort>)> {
-        let (device, name) = pair()?;
-        if path.is_symlink() {
+        // Before the pseudo-terminal, which may get the number of the one that is gone.
+        if let Ok(earlier) = std::fs::read_link(path) {
+            // That of a simulator that was killed leads nowhere any more.
+            let is_left = earlier.starts_with("/dev/pts") && !earlier.exists();
+            ensure!(
+                is_left,
+                "{} is a link to {}, which is there: another simulator may be running; remove the link if none is",
+                path.display(),
+                earlier.display()
+            );
             std::fs::remove_file(path)
                 .with_context(|| format!("cannot replace the link {}", path.display()))?;
         }
+        let (device, name) = pair()?;
         std::os::unix::fs::symlink(&name, path)
             .with_context(|| format!("cannot make the link {} to {name}", path.display()))?;
-        let link = path.to_owned();
-        interrupt::before_exit(move || drop(std::fs::remove_file(link)));
-        Ok((Self { path: path.into() }, device))
+        let link = Self { path: path.into(), name: name.into() };
+        let kept = Self { path: link.path.clone(), name: link.name.clone() };
+        interrupt::before_exit(move || drop(kept));
+        Ok((link, device))
     }
 
     #[cfg(not(unix))]
@@ -116,7 +128,10 @@ impl PtyLink {
 
 impl Drop for PtyLink {
     fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.path); // it may be gone already
+        // Somebody may have put another in its place.
+        if std::fs::read_link(&self.path).is_ok_and(|name| name == self.name) {
+            let _ = std::fs::remove_file(&self.path);
+        }
     }
 }
 

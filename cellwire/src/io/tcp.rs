@@ -1,13 +1,13 @@
 //! TCP: errors that contain advice, and a proxy that simulates the faults of a network.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 
 /// Listens on an address.
 ///
@@ -30,21 +30,60 @@ pub fn listen(address: &str) -> Result<TcpListener> {
     })
 }
 
+/// How long a connection may take to open.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct ConnectArgs {
+    /// How long the connection may take to open, in seconds
+    #[arg(long, value_name = "N", default_value = "5", value_parser = seconds)]
+    connect_timeout: Duration,
+}
+
+impl ConnectArgs {
+    /// The time.
+    pub fn timeout(self) -> Duration {
+        self.connect_timeout
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is not a number of seconds"))?;
+    if !(0.01..=3600.0).contains(&seconds) {
+        return Err("give between 0.01 and 3600 seconds".into());
+    }
+    Ok(Duration::from_secs_f64(seconds))
+}
+
 /// Connects, without Nagle's delay, because each exchange is one packet in each direction.
 ///
 /// # Errors
-/// When the connection is refused.
-pub fn connect(address: &str) -> Result<TcpStream> {
-    let stream = TcpStream::connect(address).map_err(|error| {
-        let context = format!("cannot connect to {address}");
-        match error.kind() {
-            ErrorKind::InvalidInput => anyhow::anyhow!("{context}: give HOST:PORT, such as 192.168.0.10:502"),
-            _ => anyhow::Error::new(error).context(context),
-        }
+/// When the connection is refused, or not there within `timeout`.
+pub fn connect(address: &str, timeout: Duration) -> Result<TcpStream> {
+    let context = || format!("cannot connect to {address}");
+    let found = address.to_socket_addrs().map_err(|error| match error.kind() {
+        ErrorKind::InvalidInput => anyhow!("{}: give HOST:PORT, such as 192.168.0.10:502", context()),
+        _ => anyhow::Error::new(error).context(context()),
     })?;
+    let (mut stream, mut last) = (None, anyhow!("{}: the name has no address", context()));
+    for place in found {
+        match TcpStream::connect_timeout(&place, timeout) {
+            Ok(found) => {
+                stream = Some(found);
+                break;
+            }
+            Err(error) if error.kind() == ErrorKind::TimedOut => {
+                let time = timeout.as_secs_f64();
+                last = anyhow!("{}: no answer within {time} s, see --connect-timeout", context());
+            }
+            Err(error) => last = anyhow::Error::new(error).context(context()),
+        }
+    }
+    let stream = stream.ok_or(last)?;
     stream.set_nodelay(true)?;
     Ok(stream)
 }
+
+/// [`connect`]'s time where nobody names another.
+pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Whether a read failed only because nothing arrived before its timeout, or because a signal interrupted it.
 pub fn is_silence(error: &io::Error) -> bool {
@@ -174,7 +213,7 @@ mod tests {
         );
         assert!(format!("{:#}", listen("nonsense").unwrap_err()).starts_with("cannot listen on nonsense: "));
         assert_eq!(
-            connect("nonsense").unwrap_err().to_string(),
+            connect("nonsense", Duration::from_secs(1)).unwrap_err().to_string(),
             "cannot connect to nonsense: give HOST:PORT, such as 192.168.0.10:502"
         );
     }
@@ -184,7 +223,7 @@ mod tests {
         let server = listen("127.0.0.1:0").unwrap();
         let proxy = FaultyProxy::start(server.local_addr().unwrap(), 1, 0.0).unwrap();
         let sent: Vec<u8> = (0..=255).cycle().take(100_000).collect();
-        let mut client = connect(&proxy.address().to_string()).unwrap();
+        let mut client = connect(&proxy.address().to_string(), Duration::from_secs(5)).unwrap();
         let copy = sent.clone();
         let writer = thread::spawn(move || {
             copy.chunks(1000).for_each(|chunk| client.write_all(chunk).unwrap());

@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 
-use crate::io::interrupt;
+use crate::io::output::remark;
+use crate::io::{files, interrupt};
 
 /// How many bytes of each direction the source keeps: "jeweils die letzten 1000 gesendeten und empfangenen Bytes" (VAL II
 /// thesis, §9.1).
@@ -88,7 +89,6 @@ pub struct Trace {
 struct Kept {
     sent: VecDeque<(Duration, u8)>,
     received: VecDeque<(Duration, u8)>,
-    files: u32,
 }
 
 impl Trace {
@@ -112,34 +112,44 @@ impl Trace {
         ring.drain(..surplus);
     }
 
-    /// Writes the kept bytes to a new file, clears the trace, and returns the path. `None` when there is nothing to write.
+    /// Writes the kept bytes to a new file, whose name no earlier trace has, clears the trace, and returns the path. `None` when there is nothing to write.
     ///
     /// # Errors
     /// When the file cannot be written.
     pub fn session_ended(&self, why: &str) -> Result<Option<PathBuf>> {
         let Some(dir) = &self.dir else { return Ok(None) };
-        let (sent, received, number) = {
+        let (sent, received) = {
             let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
             if kept.sent.is_empty() && kept.received.is_empty() {
                 return Ok(None);
             }
-            kept.files += 1;
-            (std::mem::take(&mut kept.sent), std::mem::take(&mut kept.received), kept.files)
+            (std::mem::take(&mut kept.sent), std::mem::take(&mut kept.received))
         };
-        let path = dir.join(format!("{}-{number}.trace", self.name));
         let mut text = Vec::new();
         writeln!(text, "# {}: {why}", self.name)?;
         write_lines(&mut text, &sent, &received)?;
-        std::fs::write(&path, text).with_context(|| format!("cannot write the trace {}", path.display()))?;
+        // Those of earlier runs stay: the next free number is taken.
+        let (mut file, path) = files::create_new(&dir.join(format!("{}.trace", self.name)))?;
+        if let Err(error) = file.write_all(&text) {
+            // A part of a trace would be taken for the whole.
+            let _ = std::fs::remove_file(&path);
+            return Err(error).with_context(|| format!("cannot write the trace {}", path.display()));
+        }
         Ok(Some(path))
     }
 
-    /// As [`session_ended`](Self::session_ended), and prints the path or the error on standard error.
+    /// As [`session_ended`](Self::session_ended); an error is a warning on standard error, and the tool goes on.
+    pub fn finish(&self, why: &str) -> Option<PathBuf> {
+        self.session_ended(why).unwrap_or_else(|error| {
+            remark(&format!("warning: {error:#}"));
+            None
+        })
+    }
+
+    /// As [`finish`](Self::finish), and prints the path on standard error.
     pub fn end_session(&self, why: &str) {
-        match self.session_ended(why) {
-            Ok(Some(path)) => eprintln!("trace: {}", path.display()),
-            Ok(None) => {}
-            Err(error) => eprintln!("trace: {error:#}"),
+        if let Some(path) = self.finish(why) {
+            remark(&format!("trace: {}", path.display()));
         }
     }
 
@@ -220,6 +230,9 @@ mod tests {
         trace.add(MS, Way::Received, &[0x11]);
         let second = trace.session_ended("the end").unwrap().unwrap();
         assert_eq!(second, dir.join("robot-2.trace"));
+        let again = Trace::new("robot", DEFAULT_BYTES, Some(&dir));
+        again.add(MS, Way::Sent, &[0x12]);
+        assert_eq!(again.session_ended("another run").unwrap().unwrap(), dir.join("robot-3.trace"));
         let text = std::fs::read_to_string(second).unwrap();
         assert_eq!(text, "# robot: the end\n11 # 0.001000 s received\n");
         std::fs::remove_dir_all(dir).unwrap();

@@ -7,6 +7,8 @@ use robot_session::Decoder;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use crate::io::output::write_json;
+
 /// One direction of one link.
 pub trait Codec {
     /// Takes bytes; returns how many, 0 when the decoder's buffer is full.
@@ -213,7 +215,7 @@ impl Stream {
 
 /// Every value of the links is one of numbers, texts and names, which JSON has.
 fn write(value: &impl Serialize, json: &mut Vec<u8>) {
-    if serde_json::to_writer(&mut *json, value).is_err() {
+    if write_json(value, json).is_err() {
         json.clear();
         json.extend_from_slice(b"null");
     }

@@ -1,13 +1,14 @@
 //! A simulated end of a link, and where its peer reaches it.
 
 use core::fmt::Debug;
-use std::io::Write;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use anyhow::Result;
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
 use crate::io::line::{Clock, Line};
+use crate::io::output::ready;
 use crate::io::serial::PtyLink;
 use crate::io::tcp;
 use crate::io::trace::TraceArgs;
@@ -32,6 +33,8 @@ pub trait Device: Debug + Sync {
 pub struct SimulateOptions {
     /// Where clients reach it.
     pub endpoint: Endpoint,
+    /// How long a connection may take to open, for a device that is a TCP client.
+    pub connect_timeout: Duration,
     /// What to do with the bytes of a session that ended.
     pub trace: TraceArgs,
     /// Settings other than the device's defaults.
@@ -47,25 +50,6 @@ pub enum Endpoint {
     Connect(String),
     /// The path of a link to a pseudo-terminal.
     Pty(PathBuf),
-}
-
-/// Prints the line that reports the device as ready, and its endpoint: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
-///
-/// # Errors
-/// When standard output is closed.
-pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
-    log(&json!({"ready": device, kind: place}))
-}
-
-/// Prints one line of JSON and flushes it, so that a script can read it while the device runs.
-///
-/// # Errors
-/// When standard output is closed.
-pub fn log(line: &Value) -> Result<()> {
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{line}")?;
-    out.flush()?;
-    Ok(())
 }
 
 /// Runs `device` on a line at `baud` until the process is interrupted. `name` is the name of the device, `trace` that of its

@@ -18,6 +18,7 @@ use super::robot::Run;
 use super::task::BackgroundTask;
 use crate::cell::options::DemoOptions;
 use crate::cell::report::{Budget, Report};
+use crate::io::files;
 use crate::io::line::Clock;
 use crate::io::samples::Samples;
 use crate::io::tcp;
@@ -118,7 +119,8 @@ fn record(
     thread::spawn(move || serve_tcp(&listener, &shared, clock, ServerConfig::tcp(), &trace, |_| {}));
     let proxy = options.faults.then(|| tcp::FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
     let address = proxy.as_ref().map_or(address, tcp::FaultyProxy::address);
-    let mut logger = Logger::connect(&address.to_string(), 1, PERIOD, clock)?;
+    let mut logger =
+        Logger::new(tcp::connect(&address.to_string(), tcp::CONNECT_TIMEOUT)?, 1, PERIOD, clock)?;
     let (mut recording, mut turn_around, mut failed) = (Recording::new(PERIOD), Samples::default(), 0);
     options.progress.set_length(millis(ends));
     logger.run(Some(Duration::from_secs_f64(ends)), |reading| {
@@ -204,10 +206,7 @@ fn write(
     comparison: &Comparison,
 ) -> Result<()> {
     plot::draw(folder, comparison)?;
-    let save = |name: &str, bytes: &[u8]| {
-        let path = folder.join(name);
-        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))
-    };
+    let save = |name: &str, bytes: &[u8]| files::write(&folder.join(name), bytes);
     save("DEMO_SPLINE.LS", program.as_bytes())?;
     save(
         "BG_TELEMETRY.LS",

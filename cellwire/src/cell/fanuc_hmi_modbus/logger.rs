@@ -4,12 +4,12 @@ use std::net::TcpStream;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Reply, TelemetryBlock};
 use robot_session::{Driver, Ended, Session as _};
 
+use crate::io::drive::Lost;
 use crate::io::line::Clock;
-use crate::io::tcp;
 
 /// A client of a controller's telemetry.
 #[derive(Debug)]
@@ -31,12 +31,12 @@ pub enum Reading<'a> {
 }
 
 impl Logger {
-    /// Connects to a controller's Modbus TCP port.
+    /// A client on a connection to a controller's Modbus TCP port.
     ///
     /// # Errors
-    /// When nobody listens there.
-    pub fn connect(address: &str, unit: u8, period: Duration, clock: Clock) -> Result<Self> {
-        let driver = Driver::new(tcp::connect(address)?);
+    /// None.
+    pub fn new(stream: TcpStream, unit: u8, period: Duration, clock: Clock) -> Result<Self> {
+        let driver = Driver::new(stream);
         let mut client = Client::new(ClientConfig::tcp())?;
         client.handle_connected(robot_session::now());
         Ok(Self { driver, client, clock, unit, period })
@@ -69,9 +69,11 @@ impl Logger {
                     Some(reading) => ControlFlow::Break(reading),
                     None => ControlFlow::Continue(()),
                 });
-            let reading = match turn.context("the connection broke")? {
+            let reading = match turn.map_err(|error| Lost(format!("the connection broke: {error}")))? {
                 ControlFlow::Continue(()) => continue,
-                ControlFlow::Break(Ended::ByPeer) => bail!("the controller closed the connection"),
+                ControlFlow::Break(Ended::ByPeer) => {
+                    return Err(Lost("the controller closed the connection".into()).into());
+                }
                 ControlFlow::Break(Ended::ByHandler(reading)) => reading,
             };
             let took = asked.take().map_or(Duration::ZERO, |asked| self.clock.now().saturating_sub(asked));

@@ -3,6 +3,7 @@
 use core::ops::Range;
 use std::path::{Path, PathBuf};
 
+use crate::io::files;
 use crate::motion::{Deviation, State};
 use anyhow::{Context, Result, anyhow};
 use plotters::coord::Shift;
@@ -104,8 +105,9 @@ pub fn draw(folder: &Path, comparison: &Comparison) -> Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
     for (name, top, bottom) in figures {
         let path = folder.join(name);
-        figure(&path, span.clone(), &top, &bottom)
+        let picture = figure(span.clone(), &top, &bottom)
             .map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
+        files::write(&path, picture.as_bytes())?;
         paths.push(path);
     }
     Ok(paths)
@@ -177,13 +179,17 @@ fn span(comparison: &Comparison) -> Result<Range<f64>> {
 
 type Failure = DrawingAreaErrorKind<std::io::Error>;
 
-fn figure(path: &Path, span: Range<f64>, top: &Panel, bottom: &Panel) -> Result<(), Failure> {
-    let root = SVGBackend::new(path, (1200, 860)).into_drawing_area();
-    root.fill(&WHITE)?;
-    let (upper, lower) = root.split_vertically(430);
-    top.draw(&upper, span.clone())?;
-    bottom.draw(&lower, span)?;
-    root.present()
+fn figure(span: Range<f64>, top: &Panel, bottom: &Panel) -> Result<String, Failure> {
+    let mut picture = String::new();
+    {
+        let root = SVGBackend::with_string(&mut picture, (1200, 860)).into_drawing_area();
+        root.fill(&WHITE)?;
+        let (upper, lower) = root.split_vertically(430);
+        top.draw(&upper, span.clone())?;
+        bottom.draw(&lower, span)?;
+        root.present()?;
+    }
+    Ok(picture)
 }
 
 impl Panel {

@@ -55,7 +55,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let lines = jobs(&picture);
     let bounds = Bounds { min: Point::new(0, 0), max: Point::new(SHEET.x, SHEET.y) };
     let config = RobotConfig { bounds, reconnect_delay: RECONNECT, ..RobotConfig::TCP };
-    let setup = Setup { config, queue, speed: f64::from(speed) };
+    let setup = Setup { config, queue, speed: f64::from(speed), connect_timeout: tcp::CONNECT_TIMEOUT };
     let listener = tcp::listen(&format!("127.0.0.1:{port}"))?;
     let server = listener.local_addr()?;
     let proxy = match options.faults {

@@ -209,7 +209,8 @@ struct Connection {
 
 impl Connection {
     fn open(which: Which, address: SocketAddr, number: u64, sender: &Sender<Arrival>) -> Result<Self> {
-        let stream = tcp::connect(&address.to_string()).with_context(|| format!("the {which:?} is gone"))?;
+        let stream = tcp::connect(&address.to_string(), tcp::CONNECT_TIMEOUT)
+            .with_context(|| format!("the {which:?} is gone"))?;
         let mut reader = stream.try_clone()?;
         let sender = sender.clone();
         thread::spawn(move || {
@@ -399,7 +400,7 @@ mod tests {
     #[test]
     fn every_part_is_placed_and_the_picture_shows_it() {
         let path = std::env::temp_dir().join(format!("cellwire-timeline-{}.svg", std::process::id()));
-        let options = DemoOptions { out: Some(path.clone()), ..options(false, &["parts=12", "speed=400"]) };
+        let options = DemoOptions { out: Some(path.clone()), ..options(false, &["parts=12", "speed=100"]) };
         let object = demo(&options).unwrap().to_json();
         assert_eq!((&object["ok"], &object["parts_placed"]), (&json!(true), &json!(12)), "{object}");
         let attempts = 12 + object["missed"].as_u64().unwrap() + object["fallen"].as_u64().unwrap();
@@ -455,7 +456,7 @@ mod tests {
             DemoOptions { trace: TraceArgs::keep(10_000_000, &dir), ..options(false, &["parts=20"]) };
         demo(&options).unwrap();
         for which in ["robot", "platform", "periphery"] {
-            let text = std::fs::read_to_string(dir.join(format!("mma-{which}-1.trace"))).unwrap();
+            let text = std::fs::read_to_string(dir.join(format!("mma-{which}.trace"))).unwrap();
             let last = text.lines().last().unwrap();
             assert!(last.starts_with("4F 4B 0D 0A # "), "{which}: {last}");
             let before = text.lines().rev().nth(1).unwrap();

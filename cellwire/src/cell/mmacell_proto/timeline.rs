@@ -12,6 +12,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::cell::Cell;
 use super::central::Log;
 use super::workpiece::Outcome;
+use crate::io::files;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
@@ -47,10 +48,14 @@ struct Span {
 pub(super) fn draw(path: &Path, log: &Log, cell: &Cell) -> Result<()> {
     let (from, to) =
         window(log, cell).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
-    let root = SVGBackend::new(path, (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs())).into_drawing_area();
+    let mut drawn = String::new();
+    let size = (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs());
+    let root = SVGBackend::with_string(&mut drawn, size).into_drawing_area();
     let picture = Picture { area: &root, from, to };
     picture.draw(log, cell).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
-    root.present().map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))
+    root.present().map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
+    drop(root);
+    files::write(path, drawn.as_bytes())
 }
 
 /// Six attempts: the first in which one part is placed, one missed and one lost, if there are any.

@@ -11,6 +11,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Subcommand, ValueEnum};
 use fanuc_ls::{Program, Rules};
 
+use crate::io::files;
 use crate::motion::{Arm, Pose, Trajectory};
 
 /// FANUC teach pendant programs as text: LS files.
@@ -122,7 +123,7 @@ fn write(program: &Program, rules: &Rules, out: Option<&Path>) -> Result<String>
         return Ok("standard output".into());
     }
     let path = out.map_or_else(|| PathBuf::from(format!("{}.LS", program.name)), Path::to_path_buf);
-    std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+    files::write(&path, text.as_bytes())?;
     if !same_name(&path, program) {
         eprintln!(
             "warning: the program is named {}: the file on the controller must have the same name",

@@ -16,10 +16,11 @@ use super::controller::{Controller, circle};
 use super::options::{is_rtu, word_order};
 use crate::io::drive::Traced;
 use crate::io::line::{Clock, Line};
+use crate::io::output::{log, ready};
 use crate::io::tcp;
 use crate::io::trace::Trace;
 use crate::links::device;
-use crate::links::device::{Endpoint, SimulateOptions, log, ready};
+use crate::links::device::{Endpoint, SimulateOptions};
 use crate::links::settings::Settings;
 
 /// Who a controller is shared between: every connection sees the same registers.
@@ -76,7 +77,7 @@ pub fn serve_tcp(
                 Err(error) => format!("{error:#}"),
             };
             notify(json!({"event": "disconnected", "peer": peer, "why": why}));
-            if let Ok(Some(path)) = trace.session_ended(&why) {
+            if let Some(path) = trace.finish(&why) {
                 notify(json!({"event": "trace", "path": path}));
             }
         });

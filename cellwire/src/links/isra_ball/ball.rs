@@ -11,9 +11,10 @@ use serde_json::{Value, json};
 use super::hand::grip;
 use crate::io::drive::turn;
 use crate::io::line::Line;
+use crate::io::output::log;
 use crate::io::priority::{self, Rank};
+use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::device::{SimulateOptions, log};
 use crate::links::settings::Settings;
 
 /// The ball's processor makes new values this often, which the source does not give. A poll before that gets old ones.

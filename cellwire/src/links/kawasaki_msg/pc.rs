@@ -114,7 +114,7 @@ impl<'a, P: Program<'a>> Server<'_, 'a, P> {
         }
         self.session.handle_disconnected(self.driver.transport().now());
         self.program.notify(Notification::Disconnected(why))?;
-        match self.trace.session_ended(why)? {
+        match self.trace.finish(why) {
             Some(path) => self.program.notify(Notification::Traced(path)),
             None => Ok(()),
         }

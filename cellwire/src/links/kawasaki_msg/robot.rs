@@ -28,6 +28,8 @@ pub struct Setup {
     pub queue: usize,
     /// How fast the pen goes, in mm/s.
     pub speed: f64,
+    /// How long a connection may take to open.
+    pub connect_timeout: Duration,
 }
 
 /// What a run has shown.
@@ -92,6 +94,7 @@ pub fn run(
         run: Run::default(),
         notify,
         reported: String::new(),
+        connect_timeout: setup.connect_timeout,
     };
     let (ended, orders, speed) = (AtomicBool::new(false), task.orders, setup.speed);
     let (outcome, work_cycle) = thread::scope(|scope| {
@@ -116,6 +119,7 @@ struct Communication<'a, T> {
     run: Run,
     notify: T,
     reported: String,
+    connect_timeout: Duration,
 }
 
 /// Why the handler ends a turn.
@@ -169,7 +173,7 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
     }
 
     fn connect(&mut self, address: &str) -> Result<Result<(), String>> {
-        let stream = match tcp::connect(address) {
+        let stream = match tcp::connect(address, self.connect_timeout) {
             Ok(stream) => stream,
             Err(error) => return Ok(Err(format!("{error:#}"))),
         };
@@ -186,7 +190,7 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
             (self.notify)(Notification::Disconnected(why))?;
             why.clone_into(&mut self.reported);
         }
-        match self.trace.session_ended(why)? {
+        match self.trace.finish(why) {
             Some(path) => (self.notify)(Notification::Traced(path)),
             None => Ok(()),
         }

@@ -12,8 +12,9 @@ use super::pc::{self, Program};
 use super::robot::{self, Setup, Stroke};
 use super::sheet::{SHEET, drawn, jobs};
 use crate::io::drawing::{self, Picture};
+use crate::io::output::{log, ready};
 use crate::io::tcp;
-use crate::links::device::{Endpoint, SimulateOptions, log, ready};
+use crate::links::device::{Endpoint, SimulateOptions};
 use crate::links::settings::Settings;
 
 /// The PC until interrupted: a robot that connects gets the picture as an order. Settings: `drawing`, an SVG file [default: a built-in
@@ -55,7 +56,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
     let config = RobotConfig { acks: Acks::Cumulative { every }, ..RobotConfig::TCP };
     let queue = settings.number("queue", 256)?;
     ensure!((1..=9998).contains(&queue), "queue={queue}: give 1 to 9998 jobs, less than there are numbers");
-    let setup = Setup { config, queue, speed: f64::from(speed) };
+    let setup = Setup { config, queue, speed: f64::from(speed), connect_timeout: options.connect_timeout };
     let out = settings.text("out")?.map(PathBuf::from);
     let Endpoint::Connect(address) = &options.endpoint else {
         bail!("kawasaki-robot is a TCP client, it opens the connection: use --connect")

@@ -16,11 +16,12 @@ use serde_json::{Value, json};
 
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
+use crate::io::output::log;
 use crate::io::priority::{self, Rank};
 use crate::io::samples::Samples;
 use crate::io::serial::READ_TIMEOUT;
+use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::device::{SimulateOptions, log};
 use crate::links::settings::Settings;
 
 /// Executes nothing until [`GO_ON`].

@@ -12,9 +12,10 @@ use super::axes::{PLATFORM_HOME, ROBOT_HOME, Simulated};
 use super::codec::{DIALECT, dialect};
 use super::connections::Connections;
 use super::station::{MotionFaults, Station};
+use crate::io::output::{log, ready};
 use crate::io::tcp;
 use crate::io::trace::{Trace, Way};
-use crate::links::device::{Endpoint, SimulateOptions, log, ready};
+use crate::links::device::{Endpoint, SimulateOptions};
 use crate::links::settings::Settings;
 
 /// What it can be set to beside its dialect.
@@ -81,7 +82,7 @@ fn simulate<P: Simulated>(name: &'static str, home: P, options: &SimulateOptions
             Err(error) => format!("{error:#}"),
         };
         log(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
-        if let Some(path) = trace.session_ended(&why)? {
+        if let Some(path) = trace.finish(&why) {
             log(&json!({"event": "trace", "path": path}))?;
         }
     }
@@ -151,7 +152,7 @@ mod tests {
             serve(listener.accept().unwrap().0, &mut station, &mut faults, &Trace::new("x", 0, None), now)
                 .unwrap()
         });
-        let mut stream = tcp::connect(&address).unwrap();
+        let mut stream = tcp::connect(&address, tcp::CONNECT_TIMEOUT).unwrap();
         stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
         let mut reader = BufReader::new(stream.try_clone().unwrap());
         let mut replies = Vec::new();
@@ -202,10 +203,10 @@ mod tests {
                 let _ = serve(stream, &mut station, &mut { NONE }, &Trace::new("x", 0, None), now);
             }
         });
-        let mut first = tcp::connect(&address).unwrap();
+        let mut first = tcp::connect(&address, tcp::CONNECT_TIMEOUT).unwrap();
         first.write_all(b"ST").unwrap();
         for _ in 0..3 {
-            let mut second = tcp::connect(&address).unwrap();
+            let mut second = tcp::connect(&address, tcp::CONNECT_TIMEOUT).unwrap();
             second.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
             second.write_all(b"STP\r\n").unwrap();
             let mut reply = String::new();

@@ -17,10 +17,11 @@ use val2_alter::{
 use super::arm::{Arm, ArmConfig};
 use super::pose::Pose;
 use crate::io::line::Line;
+use crate::io::output::log;
 use crate::io::priority::{self, Rank};
 use crate::io::samples::Samples;
+use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::device::{SimulateOptions, log};
 use crate::links::settings::Settings;
 
 /// The subroutine that closes or opens the gripper takes this long.

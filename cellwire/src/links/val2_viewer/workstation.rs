@@ -10,9 +10,10 @@ use val2_viewer::{PosePacket, Workstation, WorkstationConfig, WorkstationEvent, 
 
 use crate::io::drive::turn;
 use crate::io::line::Line;
+use crate::io::output::log;
 use crate::io::priority::{self, Rank};
+use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::device::{SimulateOptions, log};
 use crate::links::settings::Settings;
 
 /// What a workstation has seen.

@@ -8,6 +8,7 @@ use plotters::prelude::*;
 use val2_alter::{Limits, Scale, timing};
 
 use crate::cell::teleop::cell::Cycle;
+use crate::io::files;
 
 const ASKED: RGBColor = RGBColor(200, 90, 40);
 const LIMITED: RGBColor = RGBColor(20, 80, 160);
@@ -29,7 +30,8 @@ pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()>
     let acceleration = |units: f64| velocity(units) / cycle;
     let span = first.at.as_secs_f64()..last.at.as_secs_f64();
 
-    let root = SVGBackend::new(path, (1100, 760)).into_drawing_area();
+    let mut picture = String::new();
+    let root = SVGBackend::with_string(&mut picture, (1100, 760)).into_drawing_area();
     let failed = |error| anyhow!("cannot draw {}: {error}", path.display());
     root.fill(&WHITE).map_err(failed)?;
     let (top, bottom) = root.split_vertically(390);
@@ -51,7 +53,9 @@ pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()>
         limited: scaled(&steps(&limited), acceleration),
     };
     panel.draw(&bottom, span).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
-    root.present().map_err(failed)
+    root.present().map_err(failed)?;
+    drop((root, top, bottom));
+    files::write(path, picture.as_bytes())
 }
 
 struct Panel {

@@ -1,0 +1,111 @@
+//! Files that are written whole or not at all, and files that never take another's place.
+
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, Permissions};
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+
+/// Writes a file, through one beside it that takes its name when it is whole: where that fails, the earlier file is as it was.
+/// What is no regular file, such as a pipe, is written directly.
+///
+/// # Errors
+/// When there is no room or no right to write there.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace(path, bytes).with_context(|| format!("cannot write {}", path.display()))
+}
+
+fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
+    // A link stays one: the file that it leads to is written.
+    let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let earlier = fs::metadata(&path).ok();
+    if earlier.as_ref().is_some_and(|file| !file.is_file()) {
+        return Ok(OpenOptions::new().write(true).open(path)?.write_all(bytes)?);
+    }
+    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".cellwire-");
+    let mut file = match &earlier {
+        Some(earlier) => builder.permissions(earlier.permissions()).tempfile_in(folder)?,
+        None => builder.permissions(ordinary()).tempfile_in(folder)?,
+    };
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path)?;
+    Ok(())
+}
+
+/// Those of a file that any program makes, less the user's mask.
+#[cfg(unix)]
+fn ordinary() -> Permissions {
+    std::os::unix::fs::PermissionsExt::from_mode(0o666)
+}
+
+/// A new file with this name, or if there is something of that name, with a number: `run.csv`, `run-2.csv`.
+///
+/// # Errors
+/// When there is no right to write there.
+pub fn create_new(path: &Path) -> Result<(File, PathBuf)> {
+    for number in 1_u32.. {
+        let name = if number == 1 { path.to_owned() } else { numbered(path, number) };
+        match OpenOptions::new().write(true).create_new(true).open(&name) {
+            Ok(file) => return Ok((file, name)),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(error) => {
+                return Err(anyhow::Error::new(error).context(format!("cannot write {}", name.display())));
+            }
+        }
+    }
+    anyhow::bail!("cannot write {}: every number is taken", path.display())
+}
+
+fn numbered(path: &Path, number: u32) -> PathBuf {
+    let mut name = path.file_stem().map(OsString::from).unwrap_or_default();
+    name.push(format!("-{number}"));
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_and_keeps_its_rights_and_its_links() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("a.txt"), folder.path().join("link"));
+        write(&file, b"one").unwrap();
+        fs::set_permissions(&file, Permissions::from_mode(0o640)).unwrap();
+        symlink(&file, &link).unwrap();
+        write(&link, b"two").unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"two");
+        assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o640);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "nothing is left beside it");
+    }
+
+    #[test]
+    fn a_device_is_written_and_not_replaced() {
+        let null = Path::new("/dev/null");
+        write(null, b"nothing").unwrap();
+        assert!(!fs::metadata(null).unwrap().is_file());
+        let error = format!("{:#}", write(Path::new("/dev/full"), b"x").unwrap_err());
+        assert!(error.starts_with("cannot write /dev/full: No space left"), "{error}");
+    }
+
+    #[test]
+    fn a_new_file_takes_nobodys_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.csv");
+        std::os::unix::fs::symlink("/nowhere/at/all", &path).unwrap();
+        assert_eq!(create_new(&path).unwrap().1, folder.path().join("run-2.csv"));
+        assert_eq!(create_new(&path).unwrap().1, folder.path().join("run-3.csv"));
+        let error = create_new(&folder.path().join("none/run.csv")).unwrap_err();
+        assert!(error.to_string().starts_with("cannot write "), "{error}");
+    }
+}

@@ -1,0 +1,92 @@
+//! What the tool prints: JSON lines on standard output, remarks on standard error.
+
+use std::io::{self, ErrorKind, Write};
+
+use anyhow::Result;
+use serde::Serialize;
+use serde_json::ser::{CompactFormatter, Formatter};
+use serde_json::{Value, json};
+
+/// Standard output, or what reads it, is gone: there is nobody to say anything to.
+pub fn is_closed(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| match cause.downcast_ref::<io::Error>() {
+        Some(error) => error.kind() == ErrorKind::BrokenPipe,
+        // An error of the medium has its text alone.
+        None => cause
+            .downcast_ref::<serde_json::Error>()
+            .is_some_and(|error| error.io_error_kind() == Some(ErrorKind::BrokenPipe)),
+    })
+}
+
+/// Appends a value as JSON in which every control character is escaped, those of a peer's text too: a terminal obeys none.
+///
+/// # Errors
+/// When the value cannot be JSON.
+pub fn write_json(value: &impl Serialize, out: &mut Vec<u8>) -> serde_json::Result<()> {
+    value.serialize(&mut serde_json::Serializer::with_formatter(out, Escaping))
+}
+
+/// JSON itself escapes the characters below 20h only.
+struct Escaping;
+
+impl Formatter for Escaping {
+    fn write_string_fragment<W: ?Sized + Write>(&mut self, writer: &mut W, text: &str) -> io::Result<()> {
+        let mut rest = text;
+        while let Some((at, control)) = rest.char_indices().find(|(_, c)| c.is_control()) {
+            let (before, after) = rest.split_at(at);
+            CompactFormatter.write_string_fragment(writer, before)?;
+            write!(writer, "\\u{:04x}", u32::from(control))?;
+            rest = after.get(control.len_utf8()..).unwrap_or_default();
+        }
+        CompactFormatter.write_string_fragment(writer, rest)
+    }
+}
+
+/// Prints one line of JSON and flushes it, so that a script can read it while the tool runs.
+///
+/// # Errors
+/// When standard output is closed.
+pub fn log(line: &Value) -> Result<()> {
+    let mut bytes = Vec::new();
+    write_json(line, &mut bytes)?;
+    bytes.push(b'\n');
+    let mut out = io::stdout().lock();
+    out.write_all(&bytes)?;
+    Ok(out.flush()?)
+}
+
+/// Prints the line that reports a device as ready, and its endpoint: `{"ready":"kawasaki-pc","listen":"127.0.0.1:9105"}`.
+///
+/// # Errors
+/// When standard output is closed.
+pub fn ready(device: &str, kind: &str, place: &str) -> Result<()> {
+    log(&json!({"ready": device, kind: place}))
+}
+
+/// A remark on standard error, its control characters escaped. Where that is closed, nobody reads it.
+pub fn remark(text: &str) {
+    let mut line = String::with_capacity(text.len() + 1);
+    for c in text.chars() {
+        if c.is_control() && c != '\n' && c != '\t' {
+            line.extend(c.escape_unicode());
+        } else {
+            line.push(c);
+        }
+    }
+    line.push('\n');
+    let _ = io::stderr().lock().write_all(line.as_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_control_character_leaves_as_one() {
+        let mut out = Vec::new();
+        write_json(&json!({"a": "x\u{1b}[2J\u{7f}\u{9b}1mä\n\"y"}), &mut out).unwrap();
+        assert_eq!(String::from_utf8(out.clone()).unwrap(), r#"{"a":"x\u001b[2J\u007f\u009b1mä\n\"y"}"#);
+        let back: Value = serde_json::from_slice(&out).unwrap();
+        assert_eq!(back["a"], "x\u{1b}[2J\u{7f}\u{9b}1mä\n\"y");
+    }
+}

@@ -60,6 +60,9 @@ fn name(rest: &str) -> Result<(Token, &str), String> {
     if end - begin > LONGEST_NAME {
         return Err(format!("{found} has more than {LONGEST_NAME} characters"));
     }
+    if found.eq_ignore_ascii_case(".end") || found.eq_ignore_ascii_case(".program") {
+        return Err(format!("{found} is a mark of the file"));
+    }
     Ok((Token::Name(found.into()), after))
 }
 
@@ -83,7 +86,7 @@ mod tests {
         let line = "  IF (.$a == \"x;\") AND x.ok[.i+1] <> -2.5 THEN ; why";
         let words: Vec<String> = tokens(line).unwrap().iter().map(|token| format!("{token:?}")).collect();
         assert_eq!(words.len(), 17, "{words:?}");
-        for wrong in ["\"open", "a.name.of.sixteen", "3.4.5", "x = &1", ". = 1"] {
+        for wrong in ["\"open", "a.name.of.sixteen", "3.4.5", "x = &1", ". = 1", "a = .end"] {
             assert!(tokens(wrong).is_err(), "{wrong}");
         }
         assert!(tokens(".$name.of.fifteen = 1").is_ok());

@@ -22,6 +22,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod controller;
 mod error;
 mod evaluate;
 mod expression;
@@ -32,10 +33,12 @@ mod memory;
 mod parser;
 mod program;
 mod statement;
+mod tcp;
 mod value;
 
 pub use error::{Error, Fault, ParseError};
 pub use host::{Host, Motion, NoHost, Socket};
 pub use machine::{Machine, Step};
 pub use program::Program;
+pub use tcp::TcpHost;
 pub use value::{LONGEST_TEXT, Pose};

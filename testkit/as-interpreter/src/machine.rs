@@ -33,6 +33,7 @@ pub enum Step {
 
 #[derive(Debug)]
 struct Task {
+    program: usize,
     frames: Vec<Frame>,
     statements: u64,
     /// Since when the statement waits.
@@ -77,9 +78,23 @@ impl Machine {
         let Some(routine) = found else {
             return Err(ParseError { line: 0, why: format!("there is no program {program}") });
         };
-        let frame = frame(&self.program, routine).unwrap_or_default();
-        self.tasks.push(Task { frames: vec![frame], statements: 0, since: None, wakes_at: None });
+        self.tasks.push(Task {
+            program: routine,
+            frames: Vec::new(),
+            statements: 0,
+            since: None,
+            wakes_at: None,
+        });
+        self.restart(self.tasks.len() - 1);
         Ok(self.tasks.len() - 1)
+    }
+
+    /// Begins the program of a task anew: it was stopped, and what all tasks share is as it left it.
+    pub fn restart(&mut self, task: usize) {
+        if let Some(task) = self.tasks.get_mut(task) {
+            task.frames = frame(&self.program, task.program).into_iter().collect();
+            (task.since, task.wakes_at) = (None, None);
+        }
     }
 
     /// Executes one statement of a task.
@@ -202,12 +217,6 @@ impl Machine {
 
     fn cell(&self, name: &str) -> Option<&Cell> {
         self.memory.globals.get(*self.program.globals.get(name)?)
-    }
-}
-
-impl Default for Frame {
-    fn default() -> Self {
-        Self { routine: usize::MAX, at: 0, locals: Vec::new(), results: Vec::new() }
     }
 }
 

@@ -13,10 +13,12 @@ pub(crate) fn routine(body: &Body<'_>, names: &mut Names) -> Result<Routine, Par
     let (name, parameters) = head(body.head, names).map_err(fail(body.line))?;
     let mut blocks = Blocks { statements: Vec::new(), open: Vec::new() };
     for (line, text) in &body.lines {
-        let tokens = tokens(text).map_err(fail(*line))?;
         if *text == ".END" {
             blocks.statements.push(Statement { line: *line, what: What::Return });
-        } else if !tokens.is_empty() {
+            continue;
+        }
+        let tokens = tokens(text).map_err(fail(*line))?;
+        if !tokens.is_empty() {
             let mut reader = Reader::new(&tokens, names);
             let what = blocks.statement(&mut reader).map_err(fail(*line))?;
             if !reader.is_at_end() {

@@ -6,11 +6,14 @@
 //! - [`model`]: both machines of a link as one system, every state of which is explored
 //! - [`turn`]: one turn of an end on that link
 //! - [`vectors`]: the reader of `reference/vectors/<link>.json`
+//! - `controller` (feature `links`): a Kawasaki robot as the tests use it, ours and the one that AS programs make
 //! - `links` (feature `links`): each link's pair of machines as such a system
 //! - `soak` (feature `soak`, on by default): both ends of every session over bad transports
 
 pub mod chunking;
 pub mod contract;
+#[cfg(feature = "links")]
+pub mod controller;
 mod faults;
 pub mod link;
 #[cfg(feature = "links")]

@@ -9,6 +9,7 @@ use core::time::Duration;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Acks, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent};
 use kawasaki_rig::{MS, Rig, expected, picture, sent};
+use testkit::controller::{Controller as _, Native};
 use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
@@ -71,8 +72,7 @@ fn a_robot_that_was_just_started_does_not_acknowledge_the_end_of_an_order_that_i
     rig.pc.start(1, picture(1, 40)).unwrap();
     rig.run_until(LIMIT, |rig| rig.executed.len() == 5);
     rig.run_for(MS * 5);
-    let (writer, reader) = robot_work_queue::boxed(64, 9999).unwrap();
-    (rig.robot, rig.reader) = (Robot::new(RobotConfig::UDP, writer).unwrap(), reader);
+    rig.robot = Native::begin(RobotConfig::UDP, 64, 1);
     rig.from_robot.clear();
     rig.pc.interrupt().unwrap();
     rig.run_until(LIMIT, Rig::is_over);

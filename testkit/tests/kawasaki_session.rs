@@ -16,12 +16,18 @@ use core::time::Duration;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{Acks, Limits, PcConfig, PcEvent, RobotConfig, RobotEvent, Supply};
 use kawasaki_rig::{MS, Rig, Source, expected, line, picture};
+use testkit::controller::{AsRobot, Controller, Native};
 use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(300);
 
+/// Both ends as by default.
+fn any<C: Controller>(seed: u64, faults: Faults, capacity: usize, max_number: u16) -> Rig<C> {
+    Rig::of(seed, faults, capacity, max_number, RobotConfig::TCP, PcConfig::TCP)
+}
+
 /// Runs an order to its end and looks at everything that both ends say about it.
-fn run(rig: &mut Rig, order: u16, jobs: u32, seed: u64) {
+fn run<C: Controller>(rig: &mut Rig<C>, order: u16, jobs: u32, seed: u64) {
     rig.pc.start(order, picture(order, jobs)).unwrap();
     rig.run_until(LIMIT, Rig::is_over);
     assert_eq!(rig.lines(), expected(order, jobs), "seed {seed}");
@@ -55,8 +61,13 @@ fn a_picture_of_5000_lines_is_drawn() {
 
 #[test]
 fn numbers_wrap_while_the_order_goes_on() {
+    numbers_wrap::<Native>();
+    numbers_wrap::<AsRobot>();
+}
+
+fn numbers_wrap<C: Controller>() {
     for (capacity, max) in [(1, 2), (2, 3), (3, 5), (64, 65), (64, 1000)] {
-        let mut rig = Rig::new(1, Faults::NONE, capacity, max);
+        let mut rig = any::<C>(1, Faults::NONE, capacity, max);
         rig.motion = Some(Duration::from_micros(100));
         run(&mut rig, 1, 1200, u64::from(max));
     }
@@ -64,9 +75,14 @@ fn numbers_wrap_while_the_order_goes_on() {
 
 #[test]
 fn whatever_tcp_commits_every_job_is_executed_once() {
-    for seed in 0..1500 {
+    whatever_tcp_commits::<Native>(1500);
+    whatever_tcp_commits::<AsRobot>(150);
+}
+
+fn whatever_tcp_commits<C: Controller>(seeds: u64) {
+    for seed in 0..seeds {
         let (capacity, max) = [(1, 2), (3, 5), (10, 17), (64, 200), (64, 9999)][seed as usize % 5];
-        let mut rig = Rig::new(seed, Faults { disconnect: 0.04, ..Faults::TCP }, capacity, max);
+        let mut rig = any::<C>(seed, Faults { disconnect: 0.04, ..Faults::TCP }, capacity, max);
         rig.motion = Some([MS / 10, MS, 7 * MS][seed as usize % 3]);
         run(&mut rig, 7, 10 + seed as u32 % 70, seed);
     }
@@ -111,12 +127,17 @@ fn so_it_is_when_jobs_overtake_one_another() {
 
 #[test]
 fn so_it_is_when_the_list_is_cleared_again_and_again() {
-    for seed in 0..300 {
-        let individual = seed % 2 == 0;
+    the_list_is_cleared_again_and_again::<Native>(300);
+    the_list_is_cleared_again_and_again::<AsRobot>(100);
+}
+
+fn the_list_is_cleared_again_and_again<C: Controller>(seeds: u64) {
+    for seed in 0..seeds {
+        let individual = seed % 2 == 0 && C::WHOLE;
         let acks = if individual { Acks::Individual } else { RobotConfig::TCP.acks };
         let robot = RobotConfig { acks, ..RobotConfig::TCP };
         let pc = PcConfig { cumulative_acks: !individual, max_number: 50, ..PcConfig::TCP };
-        let mut rig = Rig::with(seed, Faults { disconnect: 0.02, ..Faults::TCP }, 16, 50, robot, pc);
+        let mut rig = Rig::<C>::of(seed, Faults { disconnect: 0.02, ..Faults::TCP }, 16, 50, robot, pc);
         rig.overtakes = individual;
         rig.motion = Some(5 * MS);
         let jobs = 60;
@@ -139,11 +160,16 @@ fn so_it_is_when_the_list_is_cleared_again_and_again() {
 
 #[test]
 fn so_it_is_with_every_kth_acknowledgement() {
-    for seed in 0..300 {
+    every_kth_acknowledgement::<Native>(300);
+    every_kth_acknowledgement::<AsRobot>(60);
+}
+
+fn every_kth_acknowledgement<C: Controller>(seeds: u64) {
+    for seed in 0..seeds {
         let every = NonZeroU16::new([2, 3, 10, 100][seed as usize % 4]).unwrap();
         let robot = RobotConfig { acks: Acks::Cumulative { every }, ..RobotConfig::TCP };
         let pc = PcConfig { max_number: 40, ..PcConfig::TCP };
-        let mut rig = Rig::with(seed, Faults { disconnect: 0.03, ..Faults::TCP }, 16, 40, robot, pc);
+        let mut rig = Rig::<C>::of(seed, Faults { disconnect: 0.03, ..Faults::TCP }, 16, 40, robot, pc);
         run(&mut rig, 7, 90, seed);
     }
 }
@@ -161,8 +187,13 @@ fn so_it_is_over_udp() {
 
 #[test]
 fn several_orders_follow_one_another() {
-    for seed in 0..100 {
-        let mut rig = Rig::new(seed, Faults { disconnect: 0.03, ..Faults::TCP }, 8, 9999);
+    several_orders::<Native>(100);
+    several_orders::<AsRobot>(50);
+}
+
+fn several_orders<C: Controller>(seeds: u64) {
+    for seed in 0..seeds {
+        let mut rig = any::<C>(seed, Faults { disconnect: 0.03, ..Faults::TCP }, 8, 9999);
         let mut wanted = Vec::new();
         for order in 1..=4 {
             rig.pc_events.clear();
@@ -178,10 +209,15 @@ fn several_orders_follow_one_another() {
 /// and what the PC says in the end is true.
 #[test]
 fn what_the_pc_says_is_true_when_anything_can_happen() {
+    anything_can_happen::<Native>(1000);
+    anything_can_happen::<AsRobot>(400);
+}
+
+fn anything_can_happen<C: Controller>(seeds: u64) {
     let (mut unknown, mut interrupted, mut complete) = (0, 0, 0);
-    for seed in 0..1000 {
+    for seed in 0..seeds {
         let mut rng = testkit::rng::Rng::new(seed);
-        let mut rig = Rig::new(seed, Faults { disconnect: 0.02, ..Faults::TCP }, 16, 100);
+        let mut rig = any::<C>(seed, Faults { disconnect: 0.02, ..Faults::TCP }, 16, 100);
         rig.motion = Some(3 * MS);
         let jobs = 40 + rng.below(40) as u32;
         rig.pc.start(9, picture(9, jobs)).unwrap();
@@ -205,17 +241,26 @@ fn what_the_pc_says_is_true_when_anything_can_happen() {
         let (least, most, all) = said.unwrap_or_else(|| panic!("seed {seed}: {}", rig.summary()));
         assert!((least..=most).contains(&executed), "seed {seed}: {executed} of {least}..={most}");
         assert_eq!(all, executed == jobs && least == most, "seed {seed}");
-        unknown += u32::from(least != most);
-        complete += u32::from(all);
-        interrupted += u32::from(!all && least == most);
+        unknown += u64::from(least != most);
+        complete += u64::from(all);
+        interrupted += u64::from(!all && least == most);
     }
-    assert!(unknown > 50 && interrupted > 50 && complete > 50, "{unknown} {interrupted} {complete}");
+    let least = seeds / 20;
+    assert!(
+        [unknown, interrupted, complete].iter().all(|count| *count > least),
+        "{unknown} {interrupted} {complete}"
+    );
 }
 
 #[test]
 fn a_source_that_is_late_and_a_robot_that_is_slow_lose_nothing() {
+    a_late_source_and_a_slow_robot::<Native>();
+    a_late_source_and_a_slow_robot::<AsRobot>();
+}
+
+fn a_late_source_and_a_slow_robot<C: Controller>() {
     for seed in 0..50 {
-        let mut rig = Rig::new(seed, Faults { disconnect: 0.03, ..Faults::TCP }, 8, 20);
+        let mut rig = any::<C>(seed, Faults { disconnect: 0.03, ..Faults::TCP }, 8, 20);
         let mut asked = 0;
         let source: Source = Box::new(move |index| {
             asked += 1;

@@ -38,9 +38,10 @@ pub struct Row {
 }
 
 /// Every session of the workspace.
-pub const ROWS: [Row; 11] = [
+pub const ROWS: [Row; 12] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
+    kawasaki_msg::AS,
     val2_alter::SERIAL,
     val2_viewer::SERIAL,
     isra_ball::SERIAL,

@@ -2,13 +2,10 @@
 #![allow(dead_code, unreachable_pub, missing_debug_implementations, reason = "a helper of several tests")]
 
 use core::time::Duration;
-use std::collections::VecDeque;
 
 use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{
-    Job, JobKind, Line, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, Supply,
-};
-use robot_work_queue::Reader;
+use kawasaki_msg::{Job, JobKind, Line, Pc, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Supply};
+use testkit::controller::{Controller, Native};
 use testkit::link::{Delivery, End, Faults, Link};
 
 pub const MS: Duration = Duration::from_millis(1);
@@ -39,11 +36,10 @@ pub fn picture(order: u16, jobs: u32) -> Source {
     Box::new(move |index| if index < jobs { Supply::Line(line(order, index)) } else { Supply::End })
 }
 
-pub struct Rig {
+pub struct Rig<C = Native> {
     pub now: Duration,
     pub link: Link,
-    pub robot: Robot<'static>,
-    pub reader: Reader<'static, Job>,
+    pub robot: C,
     pub pc: Pc<Source>,
     /// How long one job takes; `None` while the motion task stands still.
     pub motion: Option<Duration>,
@@ -55,7 +51,6 @@ pub struct Rig {
     pub connected: bool,
     /// What the motion task has executed.
     pub executed: Vec<Job>,
-    reports: VecDeque<u16>,
     pub robot_events: Vec<RobotEvent>,
     pub pc_events: Vec<PcEvent>,
     /// The packets that each end has sent.
@@ -64,6 +59,7 @@ pub struct Rig {
 }
 
 impl Rig {
+    /// A robot in Rust, as by default.
     pub fn new(seed: u64, faults: Faults, capacity: usize, max_number: u16) -> Self {
         let pc = PcConfig { max_number, ..PcConfig::TCP };
         Self::with(seed, faults, capacity, max_number, RobotConfig::TCP, pc)
@@ -77,13 +73,25 @@ impl Rig {
         robot: RobotConfig,
         pc: PcConfig,
     ) -> Self {
-        let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+        Self::of(seed, faults, capacity, max_number, robot, pc)
+    }
+}
+
+impl<C: Controller> Rig<C> {
+    /// Any robot.
+    pub fn of(
+        seed: u64,
+        faults: Faults,
+        capacity: usize,
+        max_number: u16,
+        robot: RobotConfig,
+        pc: PcConfig,
+    ) -> Self {
         let (robot, pc) = (RobotConfig { max_number, ..robot }, PcConfig { max_number, ..pc });
         Self {
             now: Duration::ZERO,
             link: Link::new(seed, faults),
-            robot: Robot::new(robot, writer).unwrap(),
-            reader,
+            robot: C::begin(robot, capacity, seed),
             pc: Pc::new(pc).unwrap(),
             motion: Some(MS),
             motion_at: Duration::ZERO,
@@ -91,7 +99,6 @@ impl Rig {
             reachable: true,
             connected: false,
             executed: Vec::new(),
-            reports: VecDeque::new(),
             robot_events: Vec::new(),
             pc_events: Vec::new(),
             from_robot: Vec::new(),
@@ -119,19 +126,16 @@ impl Rig {
     }
 
     pub fn summary(&self) -> String {
-        let (robot, pc) = (&self.robot, &self.pc);
+        let pc = &self.pc;
         format!(
-            "robot {:?} {:?} {}/{}, PC {:?} {:?} {}/{}/{}, {:?}\n{:?}\n{:?}",
-            robot.order(),
-            robot.phase(),
-            robot.executed(),
-            robot.queued(),
+            "robot {:?}, PC {:?} {:?} {}/{}/{}, {:?}\n{:?}\n{:?}",
+            self.robot.order(),
             pc.order(),
             pc.phase(),
             pc.executed(),
             pc.queued(),
             pc.sent(),
-            robot.statistics(),
+            self.robot.statistics(),
             self.robot_events,
             self.pc_events
         )
@@ -151,26 +155,16 @@ impl Rig {
         };
         while self.motion_at <= self.now {
             self.motion_at += time.max(Duration::from_micros(10));
-            let waiting =
-                if self.overtakes { self.reader.iter().last().map(|(number, _)| number) } else { None };
-            let taken = match waiting {
-                Some(last) => self.reader.take_where(|number, _| number == last),
-                None => self.reader.take(),
-            };
-            let Some(job) = taken else {
+            let Some(job) = self.robot.execute(self.now, self.overtakes) else {
                 self.motion_at = self.motion_at.max(self.now + 5 * MS);
                 return;
             };
-            self.executed.push(*job);
-            self.reports.push_back(job.number);
-            job.complete();
+            self.executed.push(job);
         }
     }
 
     pub fn robot_pass(&mut self) {
-        for number in self.reports.drain(..) {
-            self.robot.job_done(self.now, number).unwrap();
-        }
+        self.robot.report(self.now);
         while let Some(delivery) = self.link.receive(End::A, self.now) {
             match delivery {
                 Delivery::Bytes(bytes) => self.robot.handle_input(self.now, &bytes),
@@ -241,10 +235,7 @@ impl Rig {
 }
 
 /// The robot's controller restarted: nothing is left of its memory.
-pub fn restart(rig: &mut Rig, capacity: usize, max_number: u16) {
-    let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
+pub fn restart<C: Controller>(rig: &mut Rig<C>, capacity: usize, max_number: u16) {
     rig.link.disconnect(rig.now);
-    rig.robot = Robot::new(RobotConfig { max_number, ..RobotConfig::TCP }, writer).unwrap();
-    rig.reader = reader;
-    rig.reports.clear();
+    rig.robot = C::begin(RobotConfig { max_number, ..RobotConfig::TCP }, capacity, 1);
 }

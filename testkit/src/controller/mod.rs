@@ -1,0 +1,54 @@
+//! A Kawasaki robot as the tests use it: the session in Rust with its queue, or a controller with the AS program in it.
+
+mod interpreted;
+mod native;
+
+use core::time::Duration;
+
+use kawasaki_msg::robot_session::Session;
+use kawasaki_msg::{Job, Phase, RobotConfig, RobotEvent, SessionError};
+
+pub use interpreted::AsRobot;
+pub use native::Native;
+
+/// A robot: its communication task is a session, its motion task is driven by the test.
+pub trait Controller: Session<Event = RobotEvent> + Sized {
+    /// Its jobs may overtake one another, and it works over datagrams.
+    const WHOLE: bool;
+
+    /// A controller that was just switched on. What is left open (which task comes first) follows from `seed`.
+    fn begin(config: RobotConfig, capacity: usize, seed: u64) -> Self;
+
+    /// The motion task executes its next job, or the last one that waits if jobs may overtake one another.
+    fn execute(&mut self, now: Duration, overtakes: bool) -> Option<Job>;
+
+    /// The communication task hears of what was executed.
+    fn report(&mut self, now: Duration);
+
+    /// Whether a job waits for the motion task.
+    fn has_jobs(&self) -> bool;
+
+    /// The first reset.
+    ///
+    /// # Errors
+    /// As [`Robot::clear_queue`](kawasaki_msg::Robot::clear_queue).
+    fn clear_queue(&mut self) -> Result<(), SessionError>;
+
+    /// The second reset.
+    ///
+    /// # Errors
+    /// As [`Robot::reset_order`](kawasaki_msg::Robot::reset_order).
+    fn reset_order(&mut self) -> Result<(), SessionError>;
+
+    /// How far the order is.
+    fn phase(&self) -> Phase;
+
+    /// How many jobs of the order, or of the last one, were queued.
+    fn queued(&self) -> u32;
+
+    /// How many of them are executed.
+    fn executed(&self) -> u32;
+
+    /// The active order.
+    fn order(&self) -> Option<u16>;
+}

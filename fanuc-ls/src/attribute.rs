@@ -2,14 +2,14 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 
-use crate::error::Reason;
-use crate::text::{Read, expect, fail, or_fail, space, word};
+use crate::error::{EncodeError, Reason};
+use crate::text::{Read, expect, fail, space};
 
 /// One entry of `/ATTR`, kept as it stands: `OWNER = MNEDITOR;`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Attribute {
-    /// Its name: letters, digits and `_`.
+    /// Its name: `OWNER`; `SPEICHERGR.` on controllers set to German.
     pub name: String,
     /// Its value.
     pub value: AttributeValue,
@@ -32,8 +32,7 @@ impl Attribute {
     }
 
     pub(crate) fn decode(input: &str) -> Read<'_, Self> {
-        let (rest, name) = or_fail(input, Reason::Attribute, word)?;
-        let rest = space(rest);
+        let (rest, name) = decode_name(input, Reason::Attribute)?;
         let (rest, value) = if let Some(rest) = rest.strip_prefix(':') {
             let (rest, list) = decode_list(rest)?;
             (rest, AttributeValue::List(list))
@@ -44,6 +43,45 @@ impl Attribute {
         };
         let (rest, _) = expect(rest, ";", Reason::AttributeEnd)?;
         Ok((rest, Self { name: name.to_string(), value }))
+    }
+
+    /// COMMENT (KOMMENTAR on controllers set to German) without its quotes and the blanks that fill it up.
+    pub fn comment(&self) -> Option<&str> {
+        match &self.value {
+            AttributeValue::Text(text) if matches!(self.name.as_str(), "COMMENT" | "KOMMENTAR") => Some(
+                text.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(text).trim_end(),
+            ),
+            _ => None,
+        }
+    }
+
+    /// DEFAULT_GROUP as a mask: whether the program moves the first motion group, the second …: `1,*,*,*,*`.
+    pub fn groups(&self) -> Option<Vec<bool>> {
+        let AttributeValue::Text(text) = &self.value else { return None };
+        let group = |text: &str| match text.trim() {
+            "1" => Some(true),
+            "*" => Some(false),
+            _ => None,
+        };
+        text.split(',').map(group).collect()
+    }
+
+    /// Where the value of a text attribute is.
+    pub(crate) fn value_place(input: &str) -> Option<&str> {
+        let (rest, attribute) = Self::decode(input).ok()?;
+        let entry = input.get(..input.len() - rest.len())?.strip_suffix(';')?;
+        match attribute.value {
+            AttributeValue::Text(_) => entry.split_once('=').map(|(_, value)| value.trim()),
+            AttributeValue::List(_) => None,
+        }
+    }
+
+    /// Refuses what would be read again as something else. `index` is its place, from 1.
+    pub(crate) fn check(&self, index: usize) -> Result<(), EncodeError> {
+        let mut text = String::new();
+        self.encode(&mut text)?;
+        let same = Self::decode(&text).is_ok_and(|(rest, again)| rest.is_empty() && again == *self);
+        if same { Ok(()) } else { Err(EncodeError::Attribute { index }) }
     }
 
     /// Writes one entry, its value in the column where controllers put it.
@@ -67,12 +105,22 @@ impl Attribute {
     }
 }
 
+/// What is before the next `=` or `:`.
+fn decode_name(input: &str, reason: Reason) -> Read<'_, &str> {
+    let length = input.find(['=', ':', ';', ',', '\n']).unwrap_or(input.len());
+    let name = input.get(..length).unwrap_or(input).trim_end();
+    if name.is_empty() || name.contains([' ', '\t', '"']) {
+        return fail(input, reason);
+    }
+    Ok((input.get(length..).unwrap_or(""), name))
+}
+
 fn decode_list(input: &str) -> Read<'_, Vec<(String, String)>> {
     let mut items = Vec::new();
     let mut rest = input;
     loop {
-        let (after, name) = or_fail(space(rest), Reason::AttributeValue, word)?;
-        let (after, _) = expect(space(after), "=", Reason::AttributeValue)?;
+        let (after, name) = decode_name(space(rest), Reason::AttributeValue)?;
+        let (after, _) = expect(after, "=", Reason::AttributeValue)?;
         let (after, text) = decode_value(after, &[';', ','])?;
         items.push((name.to_string(), text));
         match after.strip_prefix(',') {
@@ -82,32 +130,46 @@ fn decode_list(input: &str) -> Read<'_, Vec<(String, String)>> {
     }
 }
 
-/// The text before one of `ends`, which may stand in quotes; a line end in it becomes a space.
+/// The text before one of `ends`, which may be between quotes; a line end in it becomes a space.
 fn decode_value<'a>(input: &'a str, ends: &[char]) -> Read<'a, String> {
-    let mut quoted = false;
+    let (mut quoted, mut line_start) = (false, 0);
+    let mut end = None;
     for (at, c) in input.char_indices() {
         match c {
             '"' => quoted = !quoted,
-            '\r' | '\n' if quoted => break,
-            _ if !quoted && ends.contains(&c) => {
-                let (value, rest) = input.split_at_checked(at).unwrap_or((input, ""));
-                let mut text = String::new();
-                for line in value.lines().map(str::trim).filter(|line| !line.is_empty()) {
-                    if !text.is_empty() {
-                        text.push(' ');
-                    }
-                    text.push_str(line);
-                }
-                return Ok((rest, text));
+            '\r' | '\n' if quoted => {
+                // A quote within the quotes: the last one is right before the end of the line.
+                let line = input.get(line_start..at).unwrap_or("").trim_end();
+                let closed = line
+                    .strip_suffix(ends)
+                    .filter(|text| text.ends_with('"') && text.matches('"').count() > 1);
+                end = closed.map(|text| line_start + text.len());
+                break;
             }
-            '\n' if next_section(input.get(at + 1..).unwrap_or("")) => break,
+            _ if !quoted && ends.contains(&c) => {
+                end = Some(at);
+                break;
+            }
+            '\n' if begins_another(input.get(at + 1..).unwrap_or("")) => break,
+            '\n' => line_start = at + 1,
             _ => {}
         }
     }
-    fail(input, Reason::AttributeEnd)
+    let Some((value, rest)) = end.and_then(|at| input.split_at_checked(at)) else {
+        return fail(input, Reason::AttributeEnd);
+    };
+    let mut text = String::new();
+    for line in value.lines().map(str::trim).filter(|line| !line.is_empty()) {
+        if !text.is_empty() {
+            text.push(' ');
+        }
+        text.push_str(line);
+    }
+    Ok((rest, text))
 }
 
-/// An attribute without its `;` ends where the next section begins, rather than swallow it.
-fn next_section(rest: &str) -> bool {
-    ["/APPL", "/MN", "/POS", "/END"].iter().any(|section| rest.starts_with(section))
+/// An attribute without its `;` ends where the next one begins, rather than swallow it.
+fn begins_another(rest: &str) -> bool {
+    rest.starts_with(|c: char| c.is_alphabetic())
+        && rest.lines().next().is_some_and(|line| line.contains(['=', ':']))
 }

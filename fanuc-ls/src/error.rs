@@ -7,7 +7,7 @@
 #[error("line {line}, column {column}: {reason}")]
 pub struct DecodeError {
     /// What was expected there.
-    #[cfg_attr(feature = "serde", serde(rename = "kind"))]
+    #[cfg_attr(feature = "serde", serde(flatten))]
     pub reason: Reason,
     /// The line of the text, from 1.
     pub line: usize,
@@ -18,9 +18,8 @@ pub struct DecodeError {
 }
 
 impl DecodeError {
-    /// The error at `at`, which is a slice of `text`.
-    pub(crate) fn new(text: &str, at: &str, reason: Reason) -> Self {
-        let offset = (at.as_ptr() as usize).saturating_sub(text.as_ptr() as usize).min(text.len());
+    /// The error at this byte of `text`.
+    pub(crate) fn new(text: &str, offset: usize, reason: Reason) -> Self {
         let before = text.get(..offset).unwrap_or(text);
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
         Self {
@@ -34,7 +33,7 @@ impl DecodeError {
 
 /// What a [`DecodeError`] found missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Reason {
     /// The text does not begin with `/PROG`.
@@ -58,6 +57,9 @@ pub enum Reason {
     /// An instruction that neither ends in `;` nor goes on in the next line.
     #[error("the instruction is not closed with `;`, and the next line does not continue it with `:`")]
     InstructionEnd,
+    /// Something follows the `;` of an instruction.
+    #[error("expected nothing after the `;`: a comment is an instruction of its own, `!text ;`")]
+    AfterInstruction,
     /// A motion instruction without a target.
     #[error("expected a target such as `P[1]` or `PR[1]`")]
     Target,
@@ -86,7 +88,7 @@ pub enum Reason {
     #[error("expected a configuration such as `CONFIG : 'N U T, 0, 0, 0',`")]
     Configuration,
     /// Something that is no axis.
-    #[error("expected an axis: X, Y, Z, W, P, R, J1 to J9 or E1 to E9, and `=`")]
+    #[error("expected an axis: X, Y, Z, W, P, R, RX to RR, J1 to J9 or E1 to E9, and `=`")]
     Axis,
     /// Something that is no number.
     #[error("expected a number such as `-108.435`, `.582` or `********`")]
@@ -97,6 +99,17 @@ pub enum Reason {
     /// The text ends before `/END`.
     #[error("expected `/END`")]
     End,
+    /// A speed outside its unit's range; see [`SpeedUnit::range`](crate::SpeedUnit::range).
+    #[error("expected a speed within the range of its unit: above 0, and not above 100%")]
+    SpeedRange,
+    /// The program's name is longer than [`Rules::name_limit`](crate::Rules::name_limit).
+    #[error("expected a name of {limit} characters at most, found {found}")]
+    NameLength {
+        /// The name's length.
+        found: usize,
+        /// The limit that was set.
+        limit: usize,
+    },
     /// Something stands behind `/END`.
     #[error("expected nothing behind `/END`: one program is one file")]
     Trailing,
@@ -192,17 +205,15 @@ impl From<core::fmt::Error> for EncodeError {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Warning {
-    /// No motion goes to this position.
+    /// No instruction uses this position.
     #[error("P[{number}] is not used")]
     UnusedPosition {
         /// The position's number.
         number: u32,
     },
     /// A motion goes to a position that `/POS` does not define.
-    #[error("instruction {line} goes to P[{number}], which /POS does not define")]
+    #[error("/POS does not define P[{number}]")]
     UndefinedPosition {
-        /// The instruction's number.
-        line: usize,
         /// The position's number.
         number: u32,
     },
@@ -213,21 +224,21 @@ pub enum Warning {
         number: u32,
     },
     /// A coordinate is not set: `********`.
-    #[error("P[{number}] holds a coordinate that was never taught")]
+    #[error("P[{number}] has a coordinate that was never taught")]
     UntaughtPosition {
         /// The position's number.
         number: u32,
     },
-    /// The numbers of the lines do not count up one by one; a line may be missing.
-    #[error("instruction {expected} is numbered {found}")]
+    /// The number does not follow the one before; a line may be missing.
+    #[error("the line is numbered {found}, the one before it {}", expected.saturating_sub(1))]
     LineNumber {
-        /// The number by order.
+        /// The number after the one before.
         expected: usize,
         /// The number in the text.
         found: usize,
     },
     /// LINE_COUNT is neither 0 nor the number of instructions.
-    #[error("LINE_COUNT says {expected}, the program has {found}")]
+    #[error("LINE_COUNT is {expected}, the program has {found} lines")]
     LineCount {
         /// What LINE_COUNT says.
         expected: usize,
@@ -235,15 +246,34 @@ pub enum Warning {
         found: usize,
     },
     /// A speed in a unit that its motion does not take, such as `J P[1] 100mm/sec`.
-    #[error("instruction {line} gives its speed in a unit that its motion does not take")]
-    SpeedUnit {
-        /// The instruction's number.
-        line: usize,
-    },
+    #[error("the motion does not take a speed in this unit")]
+    SpeedUnit,
     /// The comment is longer than the controller keeps.
     #[error("COMMENT has {found} characters, the controller keeps 16")]
     CommentLength {
         /// The comment's length.
         found: usize,
     },
+    /// A name that is not letters, digits and `_`, or begins with a digit: `-BCKEDT-` is the editor's copy of a program.
+    #[error("the program's name is not letters, digits and `_`, or begins with a digit")]
+    Name,
+}
+
+impl Warning {
+    /// What to do about it.
+    pub fn advice(self) -> &'static str {
+        match self {
+            Self::UnusedPosition { .. } => "delete the position, or check which motion should go there",
+            Self::UndefinedPosition { .. } => "teach the position, or correct the number",
+            Self::RepeatedPosition { .. } => "delete one of them, or give it a number of its own",
+            Self::UntaughtPosition { .. } => "teach the position before the program runs",
+            Self::LineNumber { .. } => "check whether a line is missing; the controller numbers them anew",
+            Self::LineCount { .. } => "check whether a line is missing, or set it to 0",
+            Self::SpeedUnit => {
+                "J takes %, sec and msec; the other motions take mm/sec, cm/min, inch/min, deg/sec, sec, msec"
+            }
+            Self::CommentLength { .. } => "shorten it: the rest is lost on the controller",
+            Self::Name => "rename the program: letters, digits and `_`, a letter first",
+        }
+    }
 }

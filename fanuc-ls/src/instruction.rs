@@ -1,9 +1,9 @@
 use alloc::string::String;
 use core::fmt;
 
-use crate::error::{EncodeError, Reason};
+use crate::error::EncodeError;
 use crate::motion::{Motion, MotionKind};
-use crate::text::{Fault, is_plain, join_lines};
+use crate::text::{Fault, is_nested, is_plain, join_lines};
 
 /// One instruction of `/MN`. The writer numbers them; a TP program jumps to labels, never to numbers.
 ///
@@ -47,11 +47,7 @@ impl Instruction {
             return Ok(Self::Comment(leading + &join_lines(comment)));
         }
         if is_motion(body) {
-            return match Motion::decode(body) {
-                Ok((_, motion)) => Ok(Self::Motion(motion)),
-                Err(nom::Err::Error(fault) | nom::Err::Failure(fault)) => Err(fault),
-                Err(nom::Err::Incomplete(_)) => Err(Fault { at: body, reason: Reason::InstructionEnd }),
-            };
+            return Motion::decode(body).map(|(_, motion)| Self::Motion(motion)).map_err(Fault::of);
         }
         let number = |name| body.strip_prefix(name).and_then(|rest: &str| plain_number(rest));
         Ok(match (number("UFRAME_NUM="), number("UTOOL_NUM=")) {
@@ -103,18 +99,6 @@ impl Instruction {
             _ => false,
         }
     }
-}
-
-/// A line of a block: deeper than the four columns of a line number, and not simply the next line of a program whose
-/// numbers are all that deep. `number` is that of the last line that is not in a block.
-pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
-    let body = line.trim_start_matches(' ');
-    if line.len() - body.len() < 5 {
-        return false;
-    }
-    let digits = body.len() - body.trim_start_matches(|c: char| c.is_ascii_digit()).len();
-    let own = body.get(..digits).and_then(|digits| digits.parse::<usize>().ok());
-    number > 0 && (in_block || own != Some(number + 1))
 }
 
 /// A motion letter, a space, and a target.

@@ -15,6 +15,8 @@ pub struct Motion {
     pub kind: MotionKind,
     /// For [`MotionKind::Circular`]: the point on the arc before the target.
     pub via: Option<Target>,
+    /// What follows that point, as it stands: `Offset,PR[3]`. Empty when there is nothing.
+    pub via_options: String,
     /// Where the robot moves to.
     pub target: Target,
     /// How fast.
@@ -28,7 +30,8 @@ pub struct Motion {
 impl Motion {
     /// A motion without a point to go through and without options.
     pub fn new(kind: MotionKind, target: Target, speed: Speed, termination: Termination) -> Self {
-        Self { kind, via: None, target, speed, termination: Some(termination), options: String::new() }
+        let (via_options, options) = (String::new(), String::new());
+        Self { kind, via: None, via_options, target, speed, termination: Some(termination), options }
     }
 
     /// Reads what stands between the line's `:` and `;`.
@@ -38,22 +41,32 @@ impl Motion {
             return fail(input, Reason::Target);
         };
         let (mut rest, mut target) = Target::decode(joint(letters.as_str()))?;
-        let mut via = None;
+        let (mut via, mut via_options) = (None, "");
         if kind == MotionKind::Circular {
             via = Some(target);
+            // What is on the first point's line belongs to it, where the second point is on the next.
+            if let Some((line, _)) = rest.split_once('\n') {
+                via_options = line.trim();
+                rest = rest.get(line.len()..).unwrap_or("");
+            }
             (rest, target) = Target::decode(joint(rest))?;
         }
         let (rest, speed) = Speed::decode(joint(rest))?;
         let (rest, termination) = Termination::decode(joint(rest))?;
         let options = join_lines(joint(rest));
-        Ok(("", Self { kind, via, target, speed, termination, options }))
+        let via_options = via_options.to_string();
+        Ok(("", Self { kind, via, via_options, target, speed, termination, options }))
     }
 
     /// Writes what [`decode`](Self::decode) reads, with the controller's spaces before the `;`.
     pub(crate) fn encode(&self, out: &mut impl fmt::Write) -> fmt::Result {
         write!(out, "{}", self.kind.letter())?;
         if let Some(via) = &self.via {
-            write!(out, " {via}    \r\n    : ")?;
+            write!(out, " {via}")?;
+            if !self.via_options.is_empty() {
+                write!(out, " {}", self.via_options)?;
+            }
+            write!(out, "    \r\n    : ")?;
         }
         write!(out, " {} {}", self.target, self.speed)?;
         if let Some(termination) = &self.termination {
@@ -67,7 +80,9 @@ impl Motion {
 
     /// Refuses what a controller would not take, or what would be read again as something else.
     pub(crate) fn check(&self, line: usize) -> Result<(), EncodeError> {
-        if self.via.is_some() != (self.kind == MotionKind::Circular) {
+        if self.via.is_some() != (self.kind == MotionKind::Circular)
+            || (self.via.is_none() && !self.via_options.is_empty())
+        {
             return Err(EncodeError::Via { line });
         }
         if let Some(Termination::Continuous(found)) = self.termination
@@ -86,23 +101,12 @@ impl Motion {
         // The texts inside may hold anything: what is read back must be what was meant.
         let mut text = String::new();
         self.encode(&mut text)?;
-        let same = Self::decode(text.trim_end()).is_ok_and(|(_, again)| again.same_texts(self));
+        let same = Self::decode(text.trim_end()).is_ok_and(|(_, again)| again == *self);
         if same && is_plain(&text.replace("\r\n", "\n")) {
             Ok(())
         } else {
             Err(EncodeError::Instruction { line })
         }
-    }
-
-    /// Equal but for the decimals of the speed that are not printed.
-    fn same_texts(&self, other: &Self) -> bool {
-        let speed = match (&self.speed, &other.speed) {
-            (Speed::Fixed { unit: a, .. }, Speed::Fixed { unit: b, .. }) => a == b,
-            (a, b) => a == b,
-        };
-        speed
-            && (self.kind, &self.via, &self.target) == (other.kind, &other.via, &other.target)
-            && (&self.termination, &self.options) == (&other.termination, &other.options)
     }
 }
 
@@ -214,7 +218,7 @@ impl fmt::Display for Target {
 pub enum Speed {
     /// `100mm/sec`.
     Fixed {
-        /// The number. Written with up to three decimals.
+        /// The number. Written with as many decimals as it has.
         value: f64,
         /// Its unit.
         unit: SpeedUnit,
@@ -250,7 +254,8 @@ impl Speed {
     }
 
     fn decode(input: &str) -> Read<'_, Self> {
-        let letters = input.find(|c: char| !(c.is_ascii_alphabetic() || c == '_')).unwrap_or(input.len());
+        let letters = input.find(|c: char| !(c.is_ascii_alphabetic() || c == '_' || c == '.'));
+        let letters = letters.unwrap_or(input.len());
         let (word, behind) = input.split_at_checked(letters).unwrap_or(("", input));
         if !word.is_empty() && behind.starts_with('[') {
             let (rest, register) = reference(input, Reason::Speed)?;
@@ -292,7 +297,8 @@ pub enum SpeedUnit {
 }
 
 impl SpeedUnit {
-    const ALL: [(Self, &'static str); 7] = [
+    /// As controllers print them; those set to German say `sek`.
+    const ALL: [(Self, &'static str); 11] = [
         (Self::Percent, "%"),
         (Self::Sec, "sec"),
         (Self::Msec, "msec"),
@@ -300,6 +306,10 @@ impl SpeedUnit {
         (Self::CmPerMin, "cm/min"),
         (Self::InchPerMin, "inch/min"),
         (Self::DegPerSec, "deg/sec"),
+        (Self::Sec, "sek"),
+        (Self::Msec, "msek"),
+        (Self::MmPerSec, "mm/sek"),
+        (Self::DegPerSec, "deg/sek"),
     ];
 
     /// The numbers that can be written with this unit: above 0 to 100 for %, above 0 to 100 000 for the others (a
@@ -365,7 +375,8 @@ impl Termination {
             return Ok((rest, Some(Self::ContinuousRegister(register.text.to_string()))));
         }
         let (after, value) = or_fail(number, Reason::Continuous, unsigned::<u8>)?;
-        if value > 100 || !ends(after) {
+        // Options may follow without a blank: `CNT100TB   .50sec`.
+        if value > 100 || after.starts_with(['.', '_']) {
             return fail(number, Reason::Continuous);
         }
         Ok((after, Some(Self::Continuous(value))))

@@ -6,7 +6,7 @@ use core::fmt;
 use nom::bytes::complete::take_while1;
 
 use crate::error::{EncodeError, Reason};
-use crate::text::{Read, decimal, expect, fail, fixed, or_fail, space, unsigned, word};
+use crate::text::{Fault, Read, decimal, expect, fail, fixed, or_fail, rounded, space, unsigned, word};
 
 /// A position of `/POS`: `P[1:"name"]{ … };`
 #[derive(Debug, Clone, PartialEq)]
@@ -39,7 +39,16 @@ impl Position {
         Some(joints)
     }
 
-    pub(crate) fn decode(input: &str) -> Read<'_, Self> {
+    /// Reads a block of `/POS`: one position and nothing else.
+    pub(crate) fn decode_block(block: &str) -> Result<Self, Fault<'_>> {
+        match Self::decode(block) {
+            Ok((rest, position)) if rest.trim().is_empty() => Ok(position),
+            Ok((rest, _)) => Err(Fault { at: space(rest), reason: Reason::Position }),
+            Err(error) => Err(Fault::of(error)),
+        }
+    }
+
+    fn decode(input: &str) -> Read<'_, Self> {
         let (rest, _) = expect(input, "P[", Reason::Position)?;
         let (rest, number) = or_fail(space(rest), Reason::Position, unsigned)?;
         let mut rest = space(rest);
@@ -102,10 +111,13 @@ pub struct Group {
 }
 
 impl Group {
-    /// `GP1` by its joint angles, in degrees, as the controller shows them (J3 from the horizontal).
+    /// `GP1` by its joint angles, in degrees, as the controller shows them (J3 from the horizontal), to three decimals.
     pub fn joints(user_frame: u16, user_tool: u16, degrees: [f64; 6]) -> Self {
-        let axis =
-            |(number, value)| Axis { name: AxisName::J(number), value: Some(value), unit: AxisUnit::Deg };
+        let axis = |(number, value)| Axis {
+            name: AxisName::J(number),
+            value: Some(rounded(value)),
+            unit: AxisUnit::Deg,
+        };
         Self {
             number: 1,
             user_frame: Some(user_frame),
@@ -115,7 +127,7 @@ impl Group {
         }
     }
 
-    /// `GP1` by X, Y, Z in mm and W, P, R in degrees.
+    /// `GP1` by X, Y, Z in mm and W, P, R in degrees, to three decimals.
     pub fn cartesian(
         user_frame: u16,
         user_tool: u16,
@@ -125,7 +137,7 @@ impl Group {
         use AxisName::{P, R, W, X, Y, Z};
         let axis = |(name, value)| {
             let unit = if matches!(name, X | Y | Z) { AxisUnit::Mm } else { AxisUnit::Deg };
-            Axis { name, value: Some(value), unit }
+            Axis { name, value: Some(rounded(value)), unit }
         };
         Self {
             number: 1,
@@ -159,8 +171,11 @@ impl Group {
         loop {
             let (after, axis) = Axis::decode(rest)?;
             axes.push(axis);
-            match space(after).strip_prefix(',') {
+            let next = space(after);
+            match next.strip_prefix(',') {
                 Some(next) => rest = space(next),
+                // Old controllers leave it out between what was never taught.
+                None if AxisName::decode(next).is_ok() => rest = next,
                 None => return Ok((after, Self { number, user_frame, user_tool, configuration, axes })),
             }
         }
@@ -220,7 +235,8 @@ impl Configuration {
 pub struct Axis {
     /// Which.
     pub name: AxisName,
-    /// Its value; None when it was never taught (`********`). Written with three decimals, as controllers do.
+    /// Its value; None when it was never taught (`********`). Written with three decimals, as controllers do, or with as
+    /// many as it has.
     pub value: Option<f64>,
     /// Its unit.
     pub unit: AxisUnit,
@@ -278,6 +294,12 @@ pub enum AxisName {
     W,
     P,
     R,
+    RX,
+    RY,
+    RZ,
+    RW,
+    RP,
+    RR,
     /// `J1` to `J9`.
     J(u8),
     /// `E1` to `E9`: an axis of an external drive.
@@ -295,7 +317,18 @@ impl AxisName {
             Some('Z') => plain(Self::Z),
             Some('W') => plain(Self::W),
             Some('P') => plain(Self::P),
-            Some('R') => plain(Self::R),
+            Some('R') => {
+                let name = match chars.clone().next() {
+                    Some('X') => Self::RX,
+                    Some('Y') => Self::RY,
+                    Some('Z') => Self::RZ,
+                    Some('W') => Self::RW,
+                    Some('P') => Self::RP,
+                    Some('R') => Self::RR,
+                    _ => return plain(Self::R),
+                };
+                Ok((input.get(2..).unwrap_or(""), name))
+            }
             Some(letter @ ('J' | 'E')) => {
                 let digit = chars.next().and_then(|c| c.to_digit(10)).and_then(|d| u8::try_from(d).ok());
                 match digit {
@@ -316,6 +349,12 @@ impl AxisName {
             Self::W => "W ",
             Self::P => "P ",
             Self::R => "R ",
+            Self::RX => "RX ",
+            Self::RY => "RY ",
+            Self::RZ => "RZ ",
+            Self::RW => "RW ",
+            Self::RP => "RP ",
+            Self::RR => "RR ",
             Self::J(number) => return write!(out, "J{number}"),
             Self::E(number) => return write!(out, "E{number}"),
         })

@@ -19,6 +19,16 @@ pub(crate) struct Fault<'a> {
     pub(crate) reason: Reason,
 }
 
+impl<'a> Fault<'a> {
+    pub(crate) fn of(error: nom::Err<Self>) -> Self {
+        match error {
+            nom::Err::Error(fault) | nom::Err::Failure(fault) => fault,
+            // The parsers are the complete ones: this is never made.
+            nom::Err::Incomplete(_) => Fault { at: "", reason: Reason::End },
+        }
+    }
+}
+
 impl<'a> ParseError<&'a str> for Fault<'a> {
     // The combinators' own kinds never leave this crate: `or_fail` puts the reason in their place.
     fn from_error_kind(at: &'a str, _: ErrorKind) -> Self {
@@ -140,18 +150,24 @@ pub(crate) fn join_lines(input: &str) -> String {
     text
 }
 
-/// `value` with three decimals as controllers print it: without the zero before the point, but zero is `0.000`. What
-/// rounds to zero from below keeps its sign, `-.000`, and is read again as the negative zero.
+/// `value` with three decimals as controllers print it, or with as many as it has: without the zero before the point, but
+/// zero is `0.000`.
 pub(crate) fn fixed(value: f64) -> String {
-    let text = format!("{value:.3}");
+    let mut text = format!("{value:.3}");
+    if text.parse() != Ok(value) {
+        text = format!("{value}");
+    }
     if text == "0.000" { text } else { without_leading_zero(text) }
 }
 
-/// `value` with as many decimals as it has, three at most: `10`, `10.5`, `.5`.
+/// `value` with as many decimals as it has: `10`, `10.5`, `.5`.
 pub(crate) fn shortest(value: f64) -> String {
-    let mut text = format!("{value:.3}");
-    text.truncate(text.trim_end_matches('0').trim_end_matches('.').len());
-    without_leading_zero(text)
+    without_leading_zero(format!("{value}"))
+}
+
+/// `value` with three decimals, which is what controllers print.
+pub(crate) fn rounded(value: f64) -> f64 {
+    format!("{value:.3}").parse().unwrap_or(value)
 }
 
 fn without_leading_zero(mut text: String) -> String {
@@ -169,4 +185,16 @@ pub(crate) fn is_plain(text: &str) -> bool {
     let control = |line: &str| line.contains(|c: char| c.is_control() && c != '\t');
     lines.next().is_some_and(|last| !control(last))
         && lines.all(|line| !control(line) && !line.trim_end().ends_with(';'))
+}
+
+/// A line of a block: deeper than the four columns of a line number, and not simply the next line of a program whose
+/// numbers are all that deep. `number` is that of the last line that is not in a block.
+pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
+    let body = line.trim_start_matches(' ');
+    if line.len() - body.len() < 5 {
+        return false;
+    }
+    let digits = body.len() - body.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    let own = body.get(..digits).and_then(|digits| digits.parse::<usize>().ok());
+    number > 0 && (in_block || own != Some(number + 1)) && !body.starts_with(':')
 }

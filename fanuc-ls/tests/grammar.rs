@@ -2,14 +2,18 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use fanuc_ls::{
-    Attribute, CommentRule, Instruction, Motion, MotionKind, Program, Rules, Speed, Target, Termination,
-    Warning,
+    Attribute, CommentRule, Document, Finding, Instruction, Motion, MotionKind, Problem, Program, Rules,
+    Speed, Target, Termination, Warning,
 };
 
 fn read(text: &str) -> (Program, Vec<Warning>) {
-    let mut warnings = Vec::new();
-    let program = Program::decode_with(text, |w| warnings.push(w)).unwrap_or_else(|e| panic!("{e}\n{text}"));
-    (program, warnings)
+    let document = Document::decode(text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+    let warning = |finding: Finding| match finding.problem {
+        Problem::Warning(warning) => warning,
+        Problem::Error(error) => panic!("{error}\n{text}"),
+    };
+    let warnings = document.findings(&Rules::default()).into_iter().map(warning).collect();
+    (document.program().unwrap(), warnings)
 }
 
 fn instructions(lines: &str) -> (Vec<Instruction>, Vec<Warning>) {

@@ -1,25 +1,52 @@
 //! LS programs: the reader over any text, and trajectories made into programs by any step.
 
 use cellwire::motion::{Acceleration, Arm, JointSample, Resampling, Sampling, SpeedStep, Trajectory};
-use fanuc_ls::{CommentRule, Program, Rules};
+use fanuc_ls::{CommentRule, Document, Encoding, Instruction, Program, Rules, Target};
 
-/// The text of an LS file. What reads and can be written reads back, and is written the same again.
+/// The bytes of an LS file. What reads is written as it was, and an edit is read as what was set. What can be written as
+/// values reads back as them, and is written the same again.
 pub fn fanuc_ls_program(data: &[u8]) {
-    let text = String::from_utf8_lossy(data);
-    let program = match Program::decode(&text) {
-        Ok(program) => program,
+    let placed = |text: &str, (line, column, offset): (usize, usize, usize)| {
+        assert!(text.is_char_boundary(offset), "a finding has a place in the text");
+        assert!(line <= text.matches('\n').count() + 1 && column >= 1);
+    };
+    let document = match Document::decode_bytes(data) {
+        Ok(document) => document,
         Err(error) => {
-            assert!(text.is_char_boundary(error.offset), "an error has a place in the text");
-            assert!(error.line <= text.matches('\n').count() + 1 && error.column >= 1);
+            let text = String::from_utf8_lossy(data);
+            if data == text.as_bytes() {
+                placed(&text, (error.line, error.column, error.offset));
+            }
             return;
         }
     };
+    assert_eq!(document.to_bytes(), data, "what is read is written as it was");
+    for finding in document.findings(&Rules::default()) {
+        placed(document.as_str(), (finding.line, finding.column, finding.offset));
+    }
+    let mut edited = document.clone();
+    for (index, statement) in document.statements().enumerate() {
+        let instruction = statement.instruction();
+        drop(instruction.operation());
+        let Instruction::Motion(mut motion) = instruction else { continue };
+        motion.target = Target::position(77);
+        if edited.set_motion(index, &motion).is_ok() {
+            assert_eq!(
+                edited.instruction(index),
+                Some(Instruction::Motion(motion)),
+                "an edit is read as it was set"
+            );
+        }
+    }
+    if document.encoding() == Encoding::Utf8 {
+        assert_eq!(Document::decode(edited.as_str()), Ok(edited), "its places are those of its text");
+    }
+    let Ok(program) = document.program() else { return };
     let mut rules = Rules::default();
     rules.comment = CommentRule::Truncate;
     let Ok(written) = program.to_text(&rules) else { return };
     let again = Program::decode(&written).expect("what is written reads");
     assert_eq!(again.to_text(&rules).as_ref(), Ok(&written), "write, read, write");
-    // The reader drops blanks and line numbers, rounding drops decimals: nothing else may be gone.
     assert_eq!(again.instructions.len(), program.instructions.len());
     assert_eq!(again.positions.len(), program.positions.len());
     assert_eq!(again.application, program.application);
@@ -43,12 +70,14 @@ pub fn fanuc_ls_trajectory(data: &[u8]) {
     let made = resampling.program("A", "", &trajectory, &Arm::LR_MATE_200ID, &Rules::default());
     let Ok((program, report)) = made else { return };
     assert_eq!(program.positions.len(), report.moves + 1);
-    assert_eq!(program.warnings(), []);
     let (first, last) = (program.positions.first(), program.positions.last());
     let written = program.to_text(&Rules::default()).expect("what is made can be written");
-    let again = Program::decode(&written).expect("what is written reads");
-    assert_eq!(again.to_text(&Rules::default()), Ok(written));
-    let joints = |sample: Option<&JointSample>| sample.map(|sample| sample.joints);
+    let again = Document::decode(&written).expect("what is written reads");
+    assert_eq!(again.findings(&Rules::default()), []);
+    assert_eq!(again.program().expect("it is understood").to_text(&Rules::default()), Ok(written));
+    let rounded =
+        |joints: [f64; 6]| joints.map(|joint| format!("{joint:.3}").parse().expect("it is a number"));
+    let joints = |sample: Option<&JointSample>| sample.map(|sample| rounded(sample.joints));
     assert_eq!(first.and_then(fanuc_ls::Position::joints), joints(trajectory.samples().first()));
     assert_eq!(last.and_then(fanuc_ls::Position::joints), joints(trajectory.samples().last()));
 }

@@ -15,13 +15,13 @@ DEFAULT_GROUP	= 1,*,*,*,*;
 P[1]{
    GP1:
 	UF : 0, UT : 1,		CONFIG : 'N U T, 0, 0, 0',
-	X =   925.450  mm,	Y =  -106.457  mm,	Z =   170.000  mm,
+	X =   925.450  mm,	Y = -106.4567  mm,	Z =   170.000  mm,
 	W =  -175.630 deg,	P =     -.920 deg,	R =     2.890 deg
 };
 P[2:"second"]{
    GP1:
 	UF : 0, UT : 1,	
 	J1=      .500 deg,	J2=      .500 deg,	J3=     -.000 deg,
-	J4=     -.500 deg,	J5=     1.000 deg,	J6=     -.000 deg
+	J4=     -.500 deg,	J5=     1.000 deg,	J6=    -.0004 deg
 };
 /END

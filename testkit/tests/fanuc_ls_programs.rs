@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use fanuc_ls::{
-    AxisName, CommentRule, Configuration, DecodeError, EncodeError, Group, Instruction, Motion, MotionKind,
-    Position, Program, Rules, Speed, SpeedUnit, Target, Termination, Warning,
+    AxisName, CommentRule, Configuration, DecodeError, Document, EncodeError, Finding, Group, Instruction,
+    Motion, MotionKind, Position, Problem, Program, Rules, Speed, SpeedUnit, Target, Termination, Warning,
 };
 
 fn text(name: &str) -> String {
@@ -17,10 +17,17 @@ fn cutting() -> Rules {
     rules
 }
 
+fn warnings(text: &str) -> Vec<Warning> {
+    let warning = |finding: Finding| match finding.problem {
+        Problem::Warning(warning) => warning,
+        Problem::Error(error) => panic!("{error}\n{text}"),
+    };
+    Document::decode(text).unwrap().findings(&Rules::default()).into_iter().map(warning).collect()
+}
+
 fn read(name: &str) -> (Program, Vec<Warning>) {
-    let mut warnings = Vec::new();
-    let program = Program::decode_with(&text(name), |w| warnings.push(w)).unwrap();
-    (program, warnings)
+    let text = text(name);
+    (Program::decode(&text).unwrap(), warnings(&text))
 }
 
 #[test]
@@ -33,6 +40,45 @@ fn each_listing_is_written_as_its_canonical_form_which_reads_as_the_same() {
         assert_eq!(again.to_text(&Rules::default()).unwrap(), written, "{name}: write, read, write");
         if name == "controller" {
             assert_eq!(again, program);
+        }
+    }
+}
+
+#[test]
+fn a_document_is_written_as_it_was_read() {
+    for name in ["figure-4", "figure-8", "controller", "post-processor", "minimal"] {
+        let text = text(name);
+        let document = Document::decode(&text).unwrap();
+        assert_eq!((document.to_string(), document.to_bytes()), (text.clone(), text.into_bytes()), "{name}");
+        assert_eq!(document.program().unwrap(), read(name).0, "{name}");
+    }
+}
+
+/// A motion or a position that is set to what it is changes nothing; set to something else, it changes what is different.
+#[test]
+fn what_is_set_to_what_it_is_stays_as_it_is_spelled() {
+    for name in ["figure-4", "figure-8", "controller", "post-processor", "minimal"] {
+        let before = Document::decode(&text(name)).unwrap();
+        let mut document = before.clone();
+        for index in 0..before.statements().count() {
+            if let Some(Instruction::Motion(motion)) = before.instruction(index) {
+                document.set_motion(index, &motion).unwrap();
+            }
+        }
+        for position in before.positions() {
+            document.set_position(&position).unwrap();
+        }
+        assert_eq!(document.as_str(), before.as_str(), "{name}");
+        for index in 0..before.statements().count() {
+            let Some(Instruction::Motion(mut motion)) = before.instruction(index) else { continue };
+            motion.target = Target::position(77);
+            let mut document = before.clone();
+            document.set_motion(index, &motion).unwrap();
+            assert_eq!(document.instruction(index), Some(Instruction::Motion(motion)), "{name}");
+            assert_eq!(Document::decode(document.as_str()).unwrap(), document, "{name}");
+            let differ =
+                document.as_str().lines().zip(before.as_str().lines()).filter(|(a, b)| a != b).count();
+            assert_eq!(differ, 1, "{name}: {document}");
         }
     }
 }
@@ -157,27 +203,21 @@ fn deep_numbers_that_count_up_are_no_nested_block() {
 
 #[test]
 fn what_is_suspicious_is_told() {
-    let warnings = |text: &str| {
-        let mut warnings = Vec::new();
-        Program::decode_with(text, |w| warnings.push(w)).unwrap();
-        warnings
-    };
     let body = "/PROG A\n/ATTR\nLINE_COUNT = 9;\n/MN\n 1:J P[1] 5% FINE;\n 3:J P[7] 5% FINE;\n/POS\n";
     let point = "P[1]{GP1:UF:0,UT:1,J1=0 deg};\n";
     assert_eq!(
         warnings(&format!("{body}{point}{point}/END")),
         [
             Warning::LineNumber { expected: 2, found: 3 },
-            Warning::LineCount { expected: 9, found: 2 },
+            Warning::UndefinedPosition { number: 7 },
             Warning::RepeatedPosition { number: 1 },
-            Warning::UndefinedPosition { line: 2, number: 7 },
         ]
     );
     let used = |instruction: &str| warnings(&format!("/PROG A\n/MN\n 1:{instruction};\n/POS\n{point}/END"));
     assert_eq!(used("  PR[2]=PR[1]"), [Warning::UnusedPosition { number: 1 }]);
     assert_eq!(used("  PR[2]=P[1]"), []);
     assert_eq!(used("J P[R[3]] 5% FINE"), []);
-    assert_eq!(used("J P[1] 5mm/sec FINE"), [Warning::SpeedUnit { line: 1 }]);
+    assert_eq!(used("J P[1] 5mm/sec FINE"), [Warning::SpeedUnit]);
 }
 
 #[test]
@@ -201,7 +241,7 @@ fn what_a_controller_would_not_take_is_not_written() {
     assert_eq!(refused(&|p| p.kind = Some("Mac\nro".into())), EncodeError::Name);
     assert_eq!(refused(&|p| p.set_comment("seventeen letters")), EncodeError::CommentLength { found: 17 });
     let mut quoted = base.clone();
-    quoted.set_comment("sixteen letters\"and one quote");
+    quoted.set_comment("sixteen\";letters");
     assert_eq!(quoted.to_text(&cutting()), Err(EncodeError::Attribute { index: 2 }));
     assert_eq!(refused(&|p| p.set_attribute("OWNER", "A; B = C")), EncodeError::Attribute { index: 1 });
     assert_eq!(refused(&|p| p.application = Some(vec!["/MN".into()])), EncodeError::Application { index: 1 });

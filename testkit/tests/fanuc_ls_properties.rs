@@ -3,8 +3,8 @@
 #![allow(clippy::cast_possible_truncation, reason = "generated numbers are small")]
 
 use fanuc_ls::{
-    Attribute, AttributeValue, Axis, AxisName, AxisUnit, Configuration, Group, Instruction, Motion,
-    MotionKind, Position, Program, Rules, Speed, SpeedUnit, Target, Termination,
+    Attribute, AttributeValue, Axis, AxisName, AxisUnit, Configuration, Document, Group, Instruction, Motion,
+    MotionKind, Position, Problem, Program, Rules, Speed, SpeedUnit, Target, Termination,
 };
 use proptest::prelude::*;
 use testkit::rng::Rng;
@@ -56,6 +56,11 @@ fn motion(rng: &mut Rng) -> Motion {
     Motion {
         kind,
         via: (kind == Circular).then(|| target(rng)),
+        via_options: if kind == Circular {
+            pick(rng, &["", "Offset,PR[2]"]).to_string()
+        } else {
+            String::new()
+        },
         target: target(rng),
         speed,
         termination,
@@ -204,7 +209,12 @@ proptest! {
     #[test]
     fn whatever_reads_and_can_be_written_reads_back(text in soup()) {
         for text in [text.clone(), text + "/END\n"] {
-            let Ok(program) = Program::decode(&text) else { continue };
+            let Ok(document) = Document::decode(&text) else { continue };
+            prop_assert_eq!(document.as_str(), &text);
+            let errors = document.findings(&Rules::default()).into_iter().filter(|f| matches!(f.problem, Problem::Error(_)));
+            let program = document.program();
+            prop_assert_eq!(program.is_ok(), errors.count() == 0);
+            let Ok(program) = program else { continue };
             let Ok(written) = program.to_text(&Rules::default()) else { continue };
             let again = Program::decode(&written).unwrap();
             prop_assert_eq!(again.to_text(&Rules::default()).unwrap(), written);

@@ -2,7 +2,7 @@ use std::hint::black_box;
 
 use benches::{Budget, Count, Link};
 use cellwire::motion::{Arm, Kinematics};
-use fanuc_ls::{Program, Rules};
+use fanuc_ls::{Document, Program, Rules};
 
 const TEXT: &str = include_str!("../../../reference/ls/figure-4.canonical.ls");
 /// A const divides by it: the length as the table wants it.
@@ -11,12 +11,25 @@ const BYTES: f64 = TEXT.len() as f64;
 pub const LINK: Link = Link {
     name: "fanuc-ls",
     counts: &[
-        Count { what: "read the source's listing", goal: None, units: BYTES, unit: "byte", run: read },
-        Count { what: "write it", goal: None, units: BYTES, unit: "byte", run: write },
+        Count {
+            what: "read the source's listing as it is",
+            goal: None,
+            units: BYTES,
+            unit: "byte",
+            run: document,
+        },
+        Count { what: "read it as values", goal: None, units: BYTES, unit: "byte", run: read },
+        Count { what: "write the values", goal: None, units: BYTES, unit: "byte", run: write },
         Count { what: "forward kinematics", goal: None, units: 1.0, unit: "op", run: forward },
     ],
     budgets: || -> Vec<Budget> { Vec::new() },
 };
+
+fn document(rounds: u64) {
+    for _ in 0..rounds {
+        black_box(Document::decode(black_box(TEXT)).expect("the listing reads"));
+    }
+}
 
 fn read(rounds: u64) {
     for _ in 0..rounds {

@@ -1,0 +1,154 @@
+use alloc::borrow::ToOwned;
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+
+use crate::attribute::Attribute;
+use crate::error::DecodeError;
+use crate::finding::{self, Finding};
+use crate::instruction::Instruction;
+use crate::parts::{Parts, at};
+use crate::position::Position;
+use crate::program::{Program, Rules};
+use crate::statement::Statement;
+
+/// An LS file, to the byte: its text, and where in it the attributes, statements and positions are.
+///
+/// Whatever has `/PROG`, `/MN` and `/END` is read. What is not understood stays in the text as it is spelled, and is one of the
+/// [`findings`](Self::findings). What is written is what was read, but for what was edited.
+///
+/// ```
+/// use fanuc_ls::{Document, Instruction, Speed};
+///
+/// let text = "/PROG A\n/MN\n   1:L  P[1]  100mm/sec FINE    ;\n   2:  CALL WELD_ON ;\n/END\n";
+/// let mut document = Document::decode(text)?;
+/// assert_eq!(document.to_string(), text);
+///
+/// let Some(Instruction::Motion(mut motion)) = document.instruction(0) else { panic!() };
+/// motion.speed = Speed::mm_per_sec(80.0);
+/// document.set_motion(0, &motion).unwrap();
+/// assert_eq!(document.to_string(), text.replace("100mm", "80mm"));
+/// # Ok::<(), fanuc_ls::DecodeError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Document {
+    pub(crate) text: String,
+    pub(crate) parts: Parts,
+    encoding: Encoding,
+}
+
+/// How the characters of a file are bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+pub enum Encoding {
+    /// UTF-8.
+    #[default]
+    Utf8,
+    /// A byte a character, Latin-1: what is not UTF-8. Controllers write comments in whatever they are set to.
+    Latin1,
+}
+
+impl Document {
+    /// Reads an LS file.
+    ///
+    /// # Errors
+    /// When it has no name, no `/MN` or no `/END`, or something follows that: it is no program, or not a whole one.
+    pub fn decode(text: &str) -> Result<Self, DecodeError> {
+        Self::new(text.to_owned(), Encoding::Utf8)
+    }
+
+    /// Reads the bytes of an LS file: UTF-8, else Latin-1.
+    ///
+    /// # Errors
+    /// As [`decode`](Self::decode).
+    pub fn decode_bytes(bytes: &[u8]) -> Result<Self, DecodeError> {
+        match core::str::from_utf8(bytes) {
+            Ok(text) => Self::decode(text),
+            Err(_) => Self::new(bytes.iter().copied().map(char::from).collect(), Encoding::Latin1),
+        }
+    }
+
+    fn new(text: String, encoding: Encoding) -> Result<Self, DecodeError> {
+        let parts = Parts::find(&text)?;
+        Ok(Self { text, parts, encoding })
+    }
+
+    /// The bytes that it was read from, and the edits. A character that Latin-1 does not have is `?`.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        match self.encoding {
+            Encoding::Utf8 => self.text.as_bytes().to_vec(),
+            Encoding::Latin1 => self.text.chars().map(|c| u8::try_from(c).unwrap_or(b'?')).collect(),
+        }
+    }
+
+    /// Its text.
+    pub fn as_str(&self) -> &str {
+        &self.text
+    }
+
+    /// Its encoding.
+    pub fn encoding(&self) -> Encoding {
+        self.encoding
+    }
+
+    /// What it says, as values.
+    ///
+    /// # Errors
+    /// The first of its findings that is an error.
+    pub fn program(&self) -> Result<Program, DecodeError> {
+        Program::from_parts(&self.text, &self.parts)
+    }
+
+    /// What a controller would not take, and what it takes and the author probably did not mean; each once, in the order of
+    /// the text.
+    pub fn findings(&self, rules: &Rules) -> Vec<Finding> {
+        finding::find(&self.text, &self.parts, rules)
+    }
+
+    /// The program's name.
+    pub fn name(&self) -> &str {
+        at(&self.text, &self.parts.name)
+    }
+
+    /// What follows the name, such as `Macro`.
+    pub fn kind(&self) -> Option<&str> {
+        Some(at(&self.text, &self.parts.kind)).filter(|kind| !kind.is_empty())
+    }
+
+    /// The attributes that are understood, in their order.
+    pub fn attributes(&self) -> impl Iterator<Item = Attribute> {
+        self.parts
+            .attributes(&self.text)
+            .filter_map(|attribute| attribute.ok().map(|(_, attribute)| attribute))
+    }
+
+    /// The statements of `/MN`, in their order.
+    pub fn statements(&self) -> impl Iterator<Item = Statement<'_>> {
+        self.parts.statements(&self.text)
+    }
+
+    /// The instruction of a statement; `index` counts from 0.
+    pub fn instruction(&self, index: usize) -> Option<Instruction> {
+        let (range, nested) = self.parts.statements.get(index)?;
+        Some(Statement::new(at(&self.text, range), *nested).instruction())
+    }
+
+    /// The positions that are understood, in their order.
+    pub fn positions(&self) -> impl Iterator<Item = Position> {
+        self.parts.positions(&self.text).filter_map(Result::ok)
+    }
+}
+
+impl core::str::FromStr for Document {
+    type Err = DecodeError;
+
+    fn from_str(text: &str) -> Result<Self, DecodeError> {
+        Self::decode(text)
+    }
+}
+
+impl fmt::Display for Document {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}

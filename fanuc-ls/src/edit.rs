@@ -1,0 +1,238 @@
+//! Edits of a [`Document`]: each changes what it names, and nothing else of the text.
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::ops::Range;
+
+use crate::attribute::Attribute;
+use crate::document::Document;
+use crate::error::EncodeError;
+use crate::instruction::Instruction;
+use crate::motion::Motion;
+use crate::parts::{at, offset};
+use crate::position::Position;
+use crate::program::check_name;
+use crate::statement::Statement;
+use crate::text::joint;
+
+impl Document {
+    /// Sets the name; the file's must be the same.
+    ///
+    /// # Errors
+    /// When it is not letters, digits and `_`, or begins with a digit.
+    pub fn set_name(&mut self, name: &str) -> Result<(), EncodeError> {
+        check_name(name, usize::MAX)?;
+        self.replace(self.parts.name.clone(), name);
+        Ok(())
+    }
+
+    /// Sets the text of an attribute in its place, or adds the attribute to `/ATTR`.
+    ///
+    /// # Errors
+    /// When it would be read as something else, is a list, or there is no `/ATTR`.
+    pub fn set_attribute(&mut self, name: &str, value: &str) -> Result<(), EncodeError> {
+        let new = Attribute::text(name, value);
+        let found =
+            self.parts.attributes(&self.text).flatten().zip(1..).find(|((_, old), _)| old.name == name);
+        let index = found.as_ref().map_or(0, |(_, index)| *index);
+        new.check(index)?;
+        let Some(section) = self.parts.attributes.clone() else {
+            return Err(EncodeError::Attribute { index });
+        };
+        let Some(((start, _), _)) = found else {
+            let mut line = String::new();
+            new.encode(&mut line)?;
+            let end = section.start + at(&self.text, &section).trim_end().len();
+            self.replace(end..end, &format!("{}{line}", self.line_end()));
+            return Ok(());
+        };
+        let old = Attribute::value_place(at(&self.text, &(start..section.end)));
+        let Some(old) = old else { return Err(EncodeError::Attribute { index }) };
+        let start = offset(&self.text, old);
+        self.replace(start..start + old.len(), value);
+        Ok(())
+    }
+
+    /// Sets the motion of a statement; `index` counts from 0. What is the same as before stays as it is spelled.
+    ///
+    /// # Errors
+    /// When there is no such statement, it is nested or has no number, or the motion cannot be written.
+    pub fn set_motion(&mut self, index: usize, motion: &Motion) -> Result<(), EncodeError> {
+        motion.check(index.saturating_add(1))?;
+        let text = |motion: &Motion| -> Result<String, EncodeError> {
+            let mut text = String::new();
+            motion.encode(&mut text)?;
+            text.truncate(text.trim_end().len());
+            Ok(text)
+        };
+        let new = text(motion)?;
+        let old = self.body(index)?;
+        let merged = match Instruction::decode(at(&self.text, &old)) {
+            Ok(Instruction::Motion(before)) if before == *motion => return Ok(()),
+            Ok(Instruction::Motion(before)) => merge(at(&self.text, &old), &text(&before)?, &new, false),
+            _ => None,
+        };
+        let reads = |text: &String| Instruction::from_text(text) == Some(Instruction::Motion(motion.clone()));
+        self.replace_lines(old, &merged.filter(reads).unwrap_or(new));
+        Ok(())
+    }
+
+    /// Sets the instruction of a statement by its text, such as `CALL WELD_ON`; `index` counts from 0.
+    ///
+    /// # Errors
+    /// When there is no such statement, it is nested or has no number, or the text would be read as something else.
+    pub fn set_instruction(&mut self, index: usize, text: &str) -> Result<(), EncodeError> {
+        let line = index.saturating_add(1);
+        let new = Instruction::from_text(text).ok_or(EncodeError::Instruction { line })?;
+        new.check(line, false)?;
+        let old = self.body(index)?;
+        let mut written = String::new();
+        new.encode(&mut written)?;
+        // A motion's letter is right after the colon, anything else after two blanks; what is there stays.
+        let blanks = self.text.get(..old.start).is_some_and(|before| before.ends_with([' ', '\t']));
+        let written = if blanks { written.trim() } else { written.trim_end() };
+        self.replace_lines(old, written);
+        Ok(())
+    }
+
+    /// Sets the position with this number. What is the same as before stays as it is spelled.
+    ///
+    /// # Errors
+    /// When there is no such position, or it cannot be written.
+    pub fn set_position(&mut self, position: &Position) -> Result<(), EncodeError> {
+        position.check()?;
+        let number = position.number;
+        let blocks = self.parts.positions(&self.text).zip(&self.parts.blocks);
+        let found =
+            blocks.filter_map(|(old, block)| Some((old.ok()?, block))).find(|(old, _)| old.number == number);
+        let Some((old, block)) = found else { return Err(EncodeError::Position { number }) };
+        let text = |position: &Position| -> Result<String, EncodeError> {
+            let mut text = String::new();
+            position.encode(&mut text)?;
+            text.truncate(text.trim_end().len());
+            Ok(text)
+        };
+        if old == *position {
+            return Ok(());
+        }
+        let block = block.start..block.start + at(&self.text, block).trim_end().len();
+        let (before, new) = (text(&old)?, text(position)?);
+        let merged = merge(at(&self.text, &block), &before, &new, true);
+        let reads = |text: &String| Position::decode_block(text).as_ref() == Ok(position);
+        self.replace_lines(block, &merged.filter(reads).unwrap_or(new));
+        Ok(())
+    }
+
+    /// Where the instruction of a statement is, without the blanks around it.
+    fn body(&self, index: usize) -> Result<Range<usize>, EncodeError> {
+        let line = index.saturating_add(1);
+        let (range, nested) = self.parts.statements.get(index).ok_or(EncodeError::Instruction { line })?;
+        let statement = Statement::new(at(&self.text, range), *nested);
+        let body = statement.place().filter(|_| !nested).ok_or(EncodeError::Instruction { line })?;
+        let start = offset(&self.text, body);
+        Ok(start..start + body.len())
+    }
+
+    fn replace_lines(&mut self, old: Range<usize>, new: &str) {
+        let new = new.replace("\r\n", self.line_end());
+        self.replace(old, &new);
+    }
+
+    fn replace(&mut self, old: Range<usize>, new: &str) {
+        self.parts.replaced(old.end, new.len(), old.len());
+        self.text.replace_range(old, new);
+    }
+
+    fn line_end(&self) -> &'static str {
+        if self.text.contains("\r\n") { "\r\n" } else { "\n" }
+    }
+}
+
+/// `old` with what differs between `before`, which is the same by its value, and `after`. None where `old` is spelled with
+/// other words than `before`. Where it is `in_columns`, a number ends where it ended.
+fn merge(old: &str, before: &str, after: &str, in_columns: bool) -> Option<String> {
+    let places = words(old);
+    let (before, after) = (Spelled::new(before), Spelled::new(after));
+    if places.len() != before.words.len() {
+        return None;
+    }
+    let mut text = String::new();
+    let mut copied = 0;
+    if before.words.len() == after.words.len() {
+        for ((place, before), after) in places.iter().zip(before.iter()).zip(after.iter()) {
+            if before != after {
+                let blanks = old.get(copied..place.start)?;
+                let length = if in_columns { place.len() } else { after.len() };
+                text.push_str(&aligned(blanks, length, after.len()));
+                text.push_str(after);
+                copied = place.end;
+            }
+        }
+    } else {
+        let head = before.iter().zip(after.iter()).take_while(|(before, after)| before == after).count();
+        let most = before.words.len().min(after.words.len()) - head;
+        let tail = before.iter().rev().zip(after.iter().rev()).take(most);
+        let tail = tail.take_while(|(before, after)| before == after).count();
+        let end =
+            |places: &[Range<usize>], skip: usize| places.iter().rev().nth(skip).map_or(0, |place| place.end);
+        text.push_str(old.get(..end(&places, places.len() - head))?);
+        let new = end(&after.words, after.words.len() - head)..end(&after.words, tail);
+        text.push_str(after.text.get(new)?);
+        copied = end(&places, tail);
+    }
+    text.push_str(old.get(copied..)?);
+    Some(text)
+}
+
+/// A text and the places of its words.
+struct Spelled<'a> {
+    text: &'a str,
+    words: Vec<Range<usize>>,
+}
+
+impl<'a> Spelled<'a> {
+    fn new(text: &'a str) -> Self {
+        Self { text, words: words(text) }
+    }
+
+    fn iter(&self) -> impl DoubleEndedIterator<Item = &'a str> + ExactSizeIterator {
+        self.words.iter().map(|place| at(self.text, place))
+    }
+}
+
+/// The text before a word, with more or fewer blanks before a longer or shorter one: columns stay columns.
+fn aligned(before: &str, old: usize, new: usize) -> String {
+    let text = before.trim_end_matches(' ');
+    let blanks = before.len() - text.len();
+    let wanted = if blanks < 2 { blanks } else { (blanks + old).saturating_sub(new).max(1) };
+    format!("{text}{:wanted$}", "")
+}
+
+/// The places of the words of a text: numbers with their sign, letters, or a sign alone. Blanks, line ends and the `:` that
+/// continues a line are between them.
+fn words(text: &str) -> Vec<Range<usize>> {
+    let mut places: Vec<Range<usize>> = Vec::new();
+    let (mut rest, mut last) = (text, None);
+    loop {
+        rest = joint(rest).trim_start();
+        let Some(first) = rest.chars().next() else { return places };
+        let signed = matches!(last, Some('=' | ',')) && rest.starts_with(['-', '+']);
+        let number = rest.get(usize::from(signed)..).unwrap_or(rest);
+        let digits = run(number, |c| c.is_ascii_digit() || c == '.');
+        let length = match first {
+            _ if digits > 0 => digits + usize::from(signed),
+            '*' => run(rest, |c| c == '*'),
+            _ => run(rest, |c| c.is_alphabetic() || c == '_').max(first.len_utf8()),
+        };
+        let start = text.len() - rest.len();
+        places.push(start..start + length);
+        rest = rest.get(length..).unwrap_or("");
+        last = Some(first);
+    }
+}
+
+/// How many bytes of the beginning are such characters.
+fn run(text: &str, is: impl Fn(char) -> bool) -> usize {
+    text.find(|c| !is(c)).unwrap_or(text.len())
+}

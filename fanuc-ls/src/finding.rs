@@ -1,0 +1,253 @@
+use alloc::collections::{BTreeMap, BTreeSet};
+use alloc::vec::Vec;
+use core::fmt;
+
+use crate::attribute::AttributeValue;
+use crate::error::{Reason, Warning};
+use crate::instruction::Instruction;
+use crate::motion::{Motion, Speed, Target};
+use crate::parts::{Parts, at, offset};
+use crate::program::{COMMENT_LENGTH, Rules, check_name};
+use crate::statement::Statement;
+
+/// Something in a file that its author should look at, and where.
+///
+/// Lines and columns count from 1, columns in characters (a tab is one).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Finding {
+    /// What it is.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub problem: Problem,
+    /// The line of the text, from 1.
+    pub line: usize,
+    /// The column in that line, from 1, in characters.
+    pub column: usize,
+    /// The byte in the text, from 0.
+    pub offset: usize,
+}
+
+/// What a [`Finding`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]
+pub enum Problem {
+    /// It is not understood, and a controller would not take it. It stays as it is spelled.
+    #[error(transparent)]
+    Error(Reason),
+    /// A controller takes it.
+    #[error(transparent)]
+    Warning(Warning),
+}
+
+impl Problem {
+    /// Whether a controller would not take it.
+    pub fn is_error(self) -> bool {
+        matches!(self, Self::Error(_))
+    }
+
+    /// What to do about it.
+    pub fn advice(self) -> &'static str {
+        match self {
+            Self::Error(_) => "correct it: a controller would not take it",
+            Self::Warning(warning) => warning.advice(),
+        }
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "line {}, column {}: {}", self.line, self.column, self.problem)
+    }
+}
+
+/// Everything there is to find in a text, in its order.
+pub(crate) fn find(text: &str, parts: &Parts, rules: &Rules) -> Vec<Finding> {
+    let mut check = Check { text, parts, found: Vec::new() };
+    check.name(rules);
+    let line_count = check.attributes();
+    let mut used = Used::default();
+    check.statements(&mut used, line_count);
+    check.positions(&used);
+    check.found.sort_by_key(|(offset, _)| *offset);
+    placed(text, &check.found)
+}
+
+struct Check<'a> {
+    text: &'a str,
+    parts: &'a Parts,
+    found: Vec<(usize, Problem)>,
+}
+
+/// The positions that instructions name.
+#[derive(Default)]
+struct Used<'a> {
+    numbers: BTreeSet<u32>,
+    /// One is chosen when the program runs, `P[R[1]]`: it may be any.
+    any: bool,
+    /// The first motion to each.
+    motions: BTreeMap<u32, &'a str>,
+}
+
+impl<'a> Check<'a> {
+    fn error(&mut self, at: &str, reason: Reason) {
+        self.found.push((offset(self.text, at), Problem::Error(reason)));
+    }
+
+    fn warn(&mut self, offset: usize, warning: Warning) {
+        self.found.push((offset, Problem::Warning(warning)));
+    }
+
+    fn name(&mut self, rules: &Rules) {
+        let name = at(self.text, &self.parts.name);
+        let (found, limit) = (name.chars().count(), rules.name_limit);
+        if check_name(name, usize::MAX).is_err() {
+            self.warn(self.parts.name.start, Warning::Name);
+        } else if found > limit {
+            self.error(name, Reason::NameLength { found, limit });
+        }
+    }
+
+    /// Where LINE_COUNT is, and what it says.
+    fn attributes(&mut self) -> Option<(usize, usize)> {
+        let mut line_count = None;
+        for attribute in self.parts.attributes(self.text) {
+            match attribute {
+                Err(fault) => self.error(fault.at, fault.reason),
+                Ok((offset, attribute)) => {
+                    let found = attribute.comment().map_or(0, |comment| comment.chars().count());
+                    if found > COMMENT_LENGTH {
+                        self.warn(offset, Warning::CommentLength { found });
+                    }
+                    if let AttributeValue::Text(count) = attribute.value
+                        && matches!(attribute.name.as_str(), "LINE_COUNT" | "ZEILEN")
+                    {
+                        line_count = Some(offset).zip(count.parse().ok());
+                    }
+                }
+            }
+        }
+        line_count
+    }
+
+    fn statements(&mut self, used: &mut Used<'a>, line_count: Option<(usize, usize)>) {
+        let (mut last, mut count, mut numbered) = (0, 0, true);
+        let before = self.found.len();
+        for statement in self.parts.statements(self.text) {
+            used.note(statement.text());
+            if statement.is_nested() {
+                continue;
+            }
+            count += 1;
+            match statement.number() {
+                Some(found) => {
+                    let expected = last + 1;
+                    if found != expected && numbered {
+                        let place = statement.text().trim_start();
+                        self.warn(offset(self.text, place), Warning::LineNumber { expected, found });
+                    }
+                    last = found;
+                }
+                // A post-processor's file: the controller counts.
+                None => numbered = false,
+            }
+            match statement.decode() {
+                Err(fault) => self.error(fault.at, fault.reason),
+                Ok(Instruction::Motion(motion)) => self.motion(&motion, statement, used),
+                Ok(_) => {}
+            }
+        }
+        // A line that is missing has shown already.
+        if let Some((offset, expected)) = line_count.filter(|(_, expected)| ![0, count].contains(expected))
+            && self.found.len() == before
+        {
+            self.warn(offset, Warning::LineCount { expected, found: count });
+        }
+    }
+
+    fn motion(&mut self, motion: &Motion, statement: Statement<'a>, used: &mut Used<'a>) {
+        let place = statement.body();
+        if motion.speed.unit().is_some_and(|unit| !unit.fits(motion.kind)) {
+            self.warn(offset(self.text, place), Warning::SpeedUnit);
+        } else if matches!(motion.speed, Speed::Fixed { value, unit } if !unit.range().contains(&value)) {
+            self.error(place, Reason::SpeedRange);
+        }
+        for target in [motion.via.as_ref(), Some(&motion.target)].into_iter().flatten() {
+            if let Target::Position { number, .. } = target {
+                used.motions.entry(*number).or_insert(place);
+            }
+        }
+    }
+
+    fn positions(&mut self, used: &Used<'a>) {
+        let mut defined = BTreeMap::new();
+        for (position, block) in self.parts.positions(self.text).zip(&self.parts.blocks) {
+            let position = match position {
+                Ok(position) => position,
+                Err(fault) => {
+                    self.error(fault.at, fault.reason);
+                    // It is there, whatever is wrong with it.
+                    let words = at(self.text, block).get(2..).unwrap_or("");
+                    defined.extend(leading_number(words).map(|number| (number, 1)));
+                    continue;
+                }
+            };
+            let number = position.number;
+            let times = defined.entry(number).or_insert(0);
+            *times += 1;
+            match *times {
+                1 if !used.any && !used.numbers.contains(&number) => {
+                    self.warn(block.start, Warning::UnusedPosition { number });
+                }
+                2 => self.warn(block.start, Warning::RepeatedPosition { number }),
+                _ => {}
+            }
+            if position.groups.iter().flat_map(|group| &group.axes).any(|axis| axis.value.is_none()) {
+                self.warn(block.start, Warning::UntaughtPosition { number });
+            }
+        }
+        for (&number, place) in &used.motions {
+            if !defined.contains_key(&number) {
+                self.warn(offset(self.text, place), Warning::UndefinedPosition { number });
+            }
+        }
+    }
+}
+
+impl Used<'_> {
+    /// Notes every `P[n]` in an instruction's text: `PR[1]=P[3]` uses it as well.
+    fn note(&mut self, text: &str) {
+        for (at, _) in text.match_indices("P[") {
+            let before = text.get(..at).and_then(|head| head.chars().next_back());
+            // The motion letter may be right after a number and its colon.
+            if before.is_some_and(|c| c.is_alphanumeric() || c == '_') {
+                continue;
+            }
+            match leading_number(text.get(at + 2..).unwrap_or("")) {
+                Some(number) => _ = self.numbers.insert(number),
+                None => self.any = true,
+            }
+        }
+    }
+}
+
+fn leading_number(text: &str) -> Option<u32> {
+    let text = text.trim_start();
+    let digits = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
+    text.get(..digits)?.parse().ok()
+}
+
+/// The lines and columns of offsets that only grow, in one pass over the text.
+fn placed(text: &str, found: &[(usize, Problem)]) -> Vec<Finding> {
+    let (mut line, mut line_start, mut passed) = (1, 0, 0);
+    let place = |&(offset, problem): &(usize, Problem)| {
+        let skipped = text.get(passed..offset).unwrap_or("");
+        if let Some(last) = skipped.rfind('\n') {
+            line += skipped.matches('\n').count();
+            line_start = passed + last + 1;
+        }
+        passed = offset;
+        let column = text.get(line_start..offset).map_or(0, |head| head.chars().count()) + 1;
+        Finding { problem, line, column, offset }
+    };
+    found.iter().map(place).collect()
+}

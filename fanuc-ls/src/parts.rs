@@ -1,0 +1,268 @@
+//! Where the parts of a program's text are.
+
+use alloc::vec::Vec;
+use core::ops::Range;
+
+use crate::attribute::Attribute;
+use crate::error::{DecodeError, Reason};
+use crate::position::Position;
+use crate::statement::Statement;
+use crate::text::{Fault, is_nested};
+
+/// The places of what a text holds. It refers to the text by bytes and copies nothing of it.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(crate) struct Parts {
+    pub(crate) name: Range<usize>,
+    /// What follows the name on its line.
+    pub(crate) kind: Range<usize>,
+    /// Between the line `/ATTR` and the next section.
+    pub(crate) attributes: Option<Range<usize>>,
+    pub(crate) application: Option<Range<usize>>,
+    pub(crate) main: Range<usize>,
+    pub(crate) positions: Option<Range<usize>>,
+    /// The statements of `/MN` without the end of their last line, and whether they belong to the motion above.
+    pub(crate) statements: Vec<(Range<usize>, bool)>,
+    /// The positions of `/POS`: from the line that begins with `P[` to the next one.
+    pub(crate) blocks: Vec<Range<usize>>,
+}
+
+/// The sections in their order, and what their lines begin with.
+const SECTIONS: [&str; 6] = ["/PROG", "/ATTR", "/APPL", "/MN", "/POS", "/END"];
+
+impl Parts {
+    /// Finds the sections, the statements and the positions. What they hold is not looked at.
+    ///
+    /// # Errors
+    /// When the text has no name, no `/MN` or no `/END`, or something follows that.
+    pub(crate) fn find(text: &str) -> Result<Self, DecodeError> {
+        let error = |at, reason| Err(DecodeError::new(text, at, reason));
+        let mut parts = Self::default();
+        let start = text.find(|c: char| !c.is_whitespace() && c != '\u{feff}').unwrap_or(text.len());
+        let (mut last, mut begins) = (0, start);
+        let mut lines = Lines::new(text, start..text.len());
+        while let Some(line) = lines.next() {
+            let trimmed = at(text, &line).trim();
+            let found = trimmed.starts_with('/').then(|| section(trimmed)).flatten();
+            // A second `/PROG` is for its section to refuse; a second `/APPL` is one of the first one's lines.
+            let begins_one =
+                |section: usize| if section == 0 { line.start == start } else { (last, section) != (2, 2) };
+            let Some((section, rest)) = found.filter(|(section, _)| begins_one(*section)) else {
+                match last {
+                    0 if line.start == start => return error(start, Reason::Program),
+                    0 if !trimmed.is_empty() => return error(line.start, Reason::Main),
+                    _ => continue,
+                }
+            };
+            if section == 0 {
+                parts.head(text, line)?;
+                continue;
+            }
+            if section <= last || (section > 3 && last < 3) {
+                return error(line.start, missing(last));
+            }
+            if section == 3 && !rest.is_empty() {
+                return error(offset(text, rest), Reason::Main);
+            }
+            parts.close(last, begins..line.start);
+            (last, begins) = (section, lines.rest.start);
+            if section == 5 {
+                break;
+            }
+        }
+        if last != 5 {
+            return error(text.len(), if start == text.len() { Reason::Program } else { missing(last) });
+        }
+        // CP/M's end-of-file mark is still at the end of some exports.
+        let blank = |c: char| c.is_whitespace() || c == '\u{1a}';
+        let rest = text.get(begins..).unwrap_or("").trim_start_matches(blank);
+        if !rest.is_empty() {
+            return error(text.len() - rest.len(), Reason::Trailing);
+        }
+        parts.find_statements(text);
+        parts.find_blocks(text);
+        Ok(parts)
+    }
+
+    /// The attributes, each with its place, or what is wrong there.
+    pub(crate) fn attributes<'a>(
+        &self,
+        text: &'a str,
+    ) -> impl Iterator<Item = Result<(usize, Attribute), Fault<'a>>> + use<'a> {
+        let mut rest = self.attributes.clone().map_or("", |range| at(text, &range));
+        core::iter::from_fn(move || {
+            rest = rest.trim_start();
+            if rest.is_empty() {
+                return None;
+            }
+            let start = offset(text, rest);
+            match Attribute::decode(rest) {
+                Ok((after, attribute)) => {
+                    rest = after;
+                    Some(Ok((start, attribute)))
+                }
+                Err(error) => {
+                    // What is not closed ends where the next attribute begins, at the left edge; items of a list are indented.
+                    let blank = |c: char| c.is_whitespace();
+                    let next = rest.match_indices('\n').map(|(at, _)| rest.get(at + 1..).unwrap_or(""));
+                    rest = { next }.find(|line| !line.starts_with(blank)).unwrap_or("");
+                    Some(Err(Fault::of(error)))
+                }
+            }
+        })
+    }
+
+    /// The lines of `/APPL`.
+    pub(crate) fn application<'a>(&self, text: &'a str) -> Option<impl Iterator<Item = &'a str> + use<'a>> {
+        let range = self.application.clone()?;
+        Some(Lines::new(text, range).map(|line| at(text, &line).trim_end()))
+    }
+
+    pub(crate) fn statements<'a>(&'a self, text: &'a str) -> impl Iterator<Item = Statement<'a>> {
+        self.statements.iter().map(|(range, nested)| Statement::new(at(text, range), *nested))
+    }
+
+    pub(crate) fn positions<'a>(
+        &'a self,
+        text: &'a str,
+    ) -> impl Iterator<Item = Result<Position, Fault<'a>>> {
+        self.blocks.iter().map(|range| Position::decode_block(at(text, range)))
+    }
+
+    /// The text up to `end` got `new` bytes in the place of `old`: what follows has moved.
+    pub(crate) fn replaced(&mut self, end: usize, new: usize, old: usize) {
+        let sections = [&mut self.name, &mut self.kind, &mut self.main];
+        let optional = [&mut self.attributes, &mut self.application, &mut self.positions];
+        let statements = self.statements.iter_mut().map(|(range, _)| range);
+        let all = sections.into_iter().chain(optional.into_iter().flatten());
+        for range in all.chain(statements).chain(&mut self.blocks) {
+            for bound in [&mut range.start, &mut range.end] {
+                if *bound >= end {
+                    *bound = *bound + new - old;
+                }
+            }
+        }
+    }
+
+    fn head(&mut self, text: &str, line: Range<usize>) -> Result<(), DecodeError> {
+        let words = at(text, &line);
+        let tail = words.trim_start().get(5..).unwrap_or("");
+        let name = tail.split_whitespace().next();
+        let Some(name) = name else {
+            return Err(DecodeError::new(text, line.start + words.trim_end().len(), Reason::Program));
+        };
+        let start = offset(text, name);
+        self.name = start..start + name.len();
+        let kind = text.get(self.name.end..line.end).unwrap_or("");
+        let blanks = kind.len() - kind.trim_start().len();
+        let start = self.name.end + blanks;
+        self.kind = start..start + kind.trim().len();
+        Ok(())
+    }
+
+    fn close(&mut self, section: usize, range: Range<usize>) {
+        match section {
+            1 => self.attributes = Some(range),
+            2 => self.application = Some(range),
+            3 => self.main = range,
+            4 => self.positions = Some(range),
+            _ => {}
+        }
+    }
+
+    fn find_statements(&mut self, text: &str) {
+        let (mut last, mut in_block) = (0, false);
+        let mut lines = Lines::new(text, self.main.clone()).peekable();
+        while let Some(line) = lines.next() {
+            let words = at(text, &line);
+            if words.trim().is_empty() {
+                continue;
+            }
+            in_block = is_nested(words, last, in_block);
+            let mut end = line.end;
+            if !in_block {
+                let mut open = !is_closed(words);
+                while let Some(next) = lines.next_if(|next| open && continues(at(text, next))) {
+                    end = next.end;
+                    open = !is_closed(at(text, &next));
+                }
+                last = Statement::new(words, false).number().unwrap_or(last);
+            }
+            self.statements.push((line.start..end, in_block));
+        }
+    }
+
+    fn find_blocks(&mut self, text: &str) {
+        let Some(range) = self.positions.clone() else { return };
+        let end = range.end;
+        for line in Lines::new(text, range) {
+            let words = at(text, &line).trim_start();
+            // What is before the first position is a block as well, which cannot be read.
+            if words.starts_with("P[") || (self.blocks.is_empty() && !words.trim_end().is_empty()) {
+                if let Some(before) = self.blocks.last_mut() {
+                    before.end = line.start;
+                }
+                self.blocks.push(line.end - words.len()..end);
+            }
+        }
+    }
+}
+
+/// The text at a place.
+pub(crate) fn at<'a>(text: &'a str, range: &Range<usize>) -> &'a str {
+    text.get(range.clone()).unwrap_or("")
+}
+
+/// The lines of a part of a text, without their ends.
+#[derive(Debug, Clone)]
+struct Lines<'a> {
+    text: &'a str,
+    rest: Range<usize>,
+}
+
+impl<'a> Lines<'a> {
+    fn new(text: &'a str, rest: Range<usize>) -> Self {
+        Self { text, rest }
+    }
+}
+
+impl Iterator for Lines<'_> {
+    type Item = Range<usize>;
+
+    fn next(&mut self) -> Option<Range<usize>> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let rest = at(self.text, &self.rest);
+        let length = rest.find('\n').unwrap_or(rest.len());
+        let line = rest.get(..length).unwrap_or(rest).trim_end_matches('\r').len();
+        let start = self.rest.start;
+        self.rest.start = (start + length + 1).min(self.rest.end);
+        Some(start..start + line)
+    }
+}
+
+/// Where a part of a text begins in it.
+pub(crate) fn offset(text: &str, part: &str) -> usize {
+    (part.as_ptr() as usize).saturating_sub(text.as_ptr() as usize).min(text.len())
+}
+
+/// Which of the sections a line that begins with `/` begins, and what follows on it.
+fn section(line: &str) -> Option<(usize, &str)> {
+    (0..).zip(SECTIONS).find_map(|(index, section)| {
+        let rest = line.strip_prefix(section)?;
+        (!rest.starts_with(|c: char| c.is_alphanumeric())).then_some((index, rest))
+    })
+}
+
+/// What is missing after a section.
+fn missing(section: usize) -> Reason {
+    if section < 3 { Reason::Main } else { Reason::End }
+}
+
+fn is_closed(line: &str) -> bool {
+    line.trim_end().ends_with(';')
+}
+
+fn continues(line: &str) -> bool {
+    line.trim_start_matches([' ', '\t']).starts_with(':')
+}

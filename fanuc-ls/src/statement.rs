@@ -1,0 +1,99 @@
+use crate::error::Reason;
+use crate::instruction::Instruction;
+use crate::text::Fault;
+
+/// A statement of `/MN` as it is in the text: its number, its instruction and what closes it.
+///
+/// Most are a line. A long one goes on in lines that begin with `:`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Statement<'a> {
+    text: &'a str,
+    nested: bool,
+}
+
+impl<'a> Statement<'a> {
+    pub(crate) fn new(text: &'a str, nested: bool) -> Self {
+        Self { text, nested }
+    }
+
+    /// All of it, without the end of its last line.
+    pub fn text(&self) -> &'a str {
+        self.text
+    }
+
+    /// Whether it is a line of the block that belongs to the motion above it (`TB`, `TA`). It has a number of its own
+    /// count, or none.
+    pub fn is_nested(&self) -> bool {
+        self.nested
+    }
+
+    /// Its number. Post-processors leave it out.
+    pub fn number(&self) -> Option<usize> {
+        let (digits, _) = self.head().ok()?;
+        digits.parse().ok()
+    }
+
+    /// Its instruction, without the blanks around it: what is between the first `:` and the last `;`.
+    pub fn body(&self) -> &'a str {
+        let body = self.head().map_or(self.text, |(_, body)| body);
+        close(body).0.trim()
+    }
+
+    /// [`body`](Self::body), unless there is no `:` before it.
+    pub(crate) fn place(&self) -> Option<&'a str> {
+        self.head().ok().map(|_| self.body())
+    }
+
+    /// Its instruction as a value. What is not understood is [`Instruction::Other`].
+    pub fn instruction(&self) -> Instruction {
+        self.decode().unwrap_or_else(|_| Instruction::Other(crate::text::join_lines(self.body())))
+    }
+
+    /// Its instruction, or what is wrong with it.
+    pub(crate) fn decode(&self) -> Result<Instruction, Fault<'a>> {
+        if self.nested {
+            return Ok(Instruction::Nested(self.text.trim_end().into()));
+        }
+        let (digits, body) = self.head()?;
+        if !digits.is_empty() && digits.parse::<usize>().is_err() {
+            return Err(Fault { at: digits, reason: Reason::LineNumber });
+        }
+        let (body, rest) = close(body);
+        match rest {
+            Some("") => Instruction::decode(body),
+            Some(rest) => Err(Fault { at: rest, reason: Reason::AfterInstruction }),
+            None => {
+                let end = self.text.get(self.text.trim_end().len()..).unwrap_or("");
+                Err(Fault { at: end, reason: Reason::InstructionEnd })
+            }
+        }
+    }
+
+    /// The digits before the `:`, and what follows that.
+    fn head(&self) -> Result<(&'a str, &'a str), Fault<'a>> {
+        let start = self.text.trim_start();
+        let length = start.find(|c: char| !c.is_ascii_digit()).unwrap_or(start.len());
+        let (digits, rest) = start.split_at_checked(length).unwrap_or(("", start));
+        match rest.trim_start_matches([' ', '\t']).strip_prefix(':') {
+            Some(body) => Ok((digits, body)),
+            None => Err(Fault { at: start, reason: Reason::LineNumber }),
+        }
+    }
+}
+
+/// What is before the `;` that closes an instruction, and what follows it on its line.
+fn close(body: &str) -> (&str, Option<&str>) {
+    let trimmed = body.trim_end();
+    if let Some(closed) = trimmed.strip_suffix(';') {
+        return (closed, Some(""));
+    }
+    // A comment may hold semicolons.
+    let last_line = trimmed.rfind('\n').map_or(0, |at| at + 1);
+    match trimmed.rfind(';').filter(|&at| at >= last_line && !body.trim_start().starts_with('!')) {
+        Some(at) => {
+            let (closed, rest) = trimmed.split_at_checked(at).unwrap_or((trimmed, ""));
+            (closed, Some(rest.get(1..).unwrap_or("").trim_start()))
+        }
+        None => (trimmed, None),
+    }
+}

@@ -74,8 +74,9 @@ fn check_reports_an_error_with_its_line_and_column() {
     assert_eq!(output.status.code(), Some(1));
     assert_eq!(
         out(&output),
-        "BAD.LS:3:21: expected CNT with 0 to 100, or with a register\n \
-         3 |    1:J P[1] 100% CNT101    ;\n   |                     ^\n"
+        "BAD.LS: BAD, 1 instructions (no motions), 0 positions\n\
+         BAD.LS:3:21: error: expected CNT with 0 to 100, or with a register\n \
+         3 |    1:J P[1] 100% CNT101    ;\n   |                     ^\n  help: correct it: a controller would not take it\n"
     );
     let output = folder.run("ls check --json BAD.LS");
     let object: Value = serde_json::from_str(out(&output)).unwrap();
@@ -83,7 +84,7 @@ fn check_reports_an_error_with_its_line_and_column() {
     // A missing file does not hide the errors of the next one.
     let output = folder.run("ls check NONE.LS BAD.LS");
     assert_eq!(output.status.code(), Some(2));
-    assert!(out(&output).starts_with("BAD.LS:3:21: "), "{}", out(&output));
+    assert!(out(&output).contains("\nBAD.LS:3:21: "), "{}", out(&output));
     assert!(err(&output).ends_with("error: 1 of 2 files cannot be read\n"), "{}", err(&output));
 }
 
@@ -101,9 +102,12 @@ fn check_reports_warnings_and_succeeds() {
         [
             "FANUCTEST2_TDMAX05TDMIN005.LS: FanucTest2_tdMax05tdMin005 \"FanucTest2_tdMax05tdMin005\", \
              5 instructions (1 J, 2 S), 5 positions",
-            "  warning: COMMENT has 26 characters, the controller keeps 16",
-            "  warning: P[4] is not used",
-            "  warning: P[5] is not used",
+            "FANUCTEST2_TDMAX05TDMIN005.LS:3:1: warning: COMMENT has 26 characters, the controller keeps 16",
+            "  help: shorten it: the rest is lost on the controller",
+            "FANUCTEST2_TDMAX05TDMIN005.LS:32:1: warning: P[4] is not used",
+            "  help: delete the position, or check which motion should go there",
+            "FANUCTEST2_TDMAX05TDMIN005.LS:38:1: warning: P[5] is not used",
+            "  help: delete the position, or check which motion should go there",
             "GRUEN.LS: GRUEN, 1 instructions (no motions), 0 positions",
             "  note: not UTF-8; read as Latin-1",
         ]
@@ -115,7 +119,81 @@ fn check_reports_warnings_and_succeeds() {
     let output = folder.run("ls check --json B.LS");
     assert_eq!(output.status.code(), Some(1), "{}", out(&output));
     let object: Value = serde_json::from_str(out(&output)).unwrap();
-    assert_eq!((&object["error"]["kind"], &object["same_name"]), (&"speed".into(), &false.into()));
+    assert_eq!((&object["error"]["kind"], &object["same_name"]), (&"speed_range".into(), &false.into()));
+}
+
+#[test]
+fn a_folder_is_summarized_and_fails_when_a_file_has_errors() {
+    let folder = Folder::new("summary");
+    std::fs::create_dir_all(folder.0.join("backup/old")).unwrap();
+    folder.write("backup/A.LS", b"/PROG  A\n/MN\n   1:J P[1] 5% FINE ;\n   2:J P[1] 5% FINE ;\n/POS\nP[1]{GP1:UF:0,UT:1,J1=0 deg};\nP[2]{GP1:UF:0,UT:1,J1=0 deg};\n/END\n");
+    folder.write("backup/notes.txt", b"no program");
+    let output = folder.run("ls backup");
+    assert_eq!(
+        (output.status.code(), out(&output)),
+        (
+            Some(0),
+            "backup: 1 files, 1 programs: 2 lines, 2 motions, 2 positions\n  warning unused position: 1 in 1 files\n"
+        )
+    );
+    folder.write("backup/old/B.ls", b"/PROG  B\n/MN\n   1:J P[1] FINE ;\n");
+    let output = folder.run("ls backup");
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(
+        out(&output).lines().skip(1).collect::<Vec<_>>(),
+        [
+            "  error   end: 1 in 1 files",
+            "  warning unused position: 1 in 1 files",
+            "1 files have errors: `cellwire ls check backup` shows where"
+        ]
+    );
+    let output = folder.run("ls check backup");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(out(&output).contains("backup/old/B.ls:4:1: error: expected `/END`\n"), "{}", out(&output));
+    assert_eq!(folder.run("ls backup/notes.txt").status.code(), Some(1));
+}
+
+#[test]
+fn make_refuses_what_no_robot_or_this_one_cannot_do() {
+    let folder = Folder::new("limits");
+    let joint = |speed| format!("{{\"min\": -10, \"max\": 170, \"speed\": {speed}}}");
+    let robot = |speeds: [u32; 6]| format!("{{\"joints\": [{}]}}", speeds.map(joint).join(","));
+    folder.write("slow.json", robot([100, 100, 100, 100, 100, 20]).as_bytes());
+    folder.write("none.json", b"{\"joints\": []}");
+    folder.write("still.json", robot([100, 0, 100, 100, 100, 20]).as_bytes());
+    folder.write("far.csv", b"0,0,0,0,0,0,0\n1,0,0,0,0,0,5\n2,171,0,0,0,0,5\n");
+    folder.write("fast.csv", b"0,0,0,0,0,0,0\n0.1,0,0,0,0,0,5\n");
+    folder.write("nan.csv", b"0,0,0,0,0,0,0\n1,0,0,nan,0,0,5\n");
+    folder.write("back.csv", b"0,0,0,0,0,0,0\n1,0,0,0,0,0,5\n0.5,0,0,0,0,0,6\n");
+    folder.write("any.csv", b"0,0,0,0,0,0,0\n0.1,0,0,0,0,0,500\n");
+    for (arguments, message) in [
+        (
+            "far.csv --robot slow.json",
+            "far.csv: J1 is 171.000° at 2.000 s: the robot's range is -10° to 170°",
+        ),
+        (
+            "fast.csv --robot slow.json",
+            "fast.csv: J6 has to move at 50°/s up to 0.100 s: the robot's limit is 20°/s",
+        ),
+        ("any.csv", "any.csv: J6 has to move at 5000°/s up to 0.100 s: the robot's limit is 2000°/s"),
+        ("nan.csv", "nan.csv: line 2, column 7: expected a number such as `-108.435`"),
+        ("back.csv", "back.csv: line 3, column 1: expected a time that is later than the one before"),
+        ("fast.csv --robot still.json", "still.json: J2: min must be below max, and speed above 0"),
+    ] {
+        let output = folder.run(&format!("ls make {arguments} --mode time --step 0.5"));
+        assert_eq!(
+            (output.status.code(), err(&output).trim_end()),
+            (Some(2), format!("error: {message}").as_str()),
+            "{arguments}"
+        );
+    }
+    let output = folder.run("ls make fast.csv --mode time --step 0.5 --robot none.json");
+    assert!(
+        err(&output).starts_with("error: none.json: line 1, column 13: expected {\"joints\""),
+        "{}",
+        err(&output)
+    );
+    assert_eq!(folder.run("ls make fast.csv --mode time --step 0.5").status.code(), Some(0));
 }
 
 #[test]

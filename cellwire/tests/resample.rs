@@ -6,7 +6,7 @@ use cellwire::motion::{
     Acceleration, Arm, JointSample, Kinematics, Pose, Report, ResampleError, Resampling, Sampling, SpeedStep,
     Trajectory, TrajectoryError, TrajectoryReason,
 };
-use fanuc_ls::{EncodeError, Instruction, Motion, MotionKind, Program, Rules, Speed, Termination};
+use fanuc_ls::{Document, EncodeError, Instruction, Motion, MotionKind, Program, Rules, Speed, Termination};
 
 /// A robot whose J1 is X in mm and whose J6 turns the tool about Z: what a path does can be read off its joints.
 struct Plain;
@@ -181,7 +181,7 @@ fn the_program_goes_to_the_start_and_stops_at_the_end() {
         ]
     );
     assert!(lines[9].contains("UF : 3, UT : 4,"));
-    assert_eq!(program.warnings(), []);
+    assert_eq!(Document::decode(&text).unwrap().findings(&Rules::default()), []);
     assert_eq!(Program::decode(&text).unwrap(), program);
 }
 

@@ -3,6 +3,7 @@
 pub mod dpm;
 mod evaluate;
 mod kinematics;
+mod limits;
 mod orientation;
 mod resample;
 mod tracker;
@@ -10,6 +11,7 @@ mod trajectory;
 
 pub use evaluate::{Deviation, Figures, State, Summary, deviations, differentiate, fit_delay};
 pub use kinematics::{Arm, Kinematics, Pose};
+pub use limits::{JointLimits, LimitError, Limits, LimitsError};
 pub use orientation::Quaternion;
 pub use resample::{Acceleration, Report, ResampleError, Resampling, Sampling, SpeedStep};
 pub use tracker::{Counts, MotionSample, Observation, Tracker};

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::ValueEnum;
 use fanuc_ls::CommentRule;
 
-use crate::motion::{Acceleration, Report, Resampling, Sampling, SpeedStep, Trajectory};
+use crate::motion::{Acceleration, Limits, Report, Resampling, Sampling, SpeedStep, Trajectory};
 
 use super::{ArmArgs, rules, write};
 
@@ -16,6 +16,9 @@ use super::{ArmArgs, rules, write};
 /// goes to the first sample (J, 2 %), then through the points with S (the Spline Motion option) at the speed that the
 /// trajectory has between them. What the controller does between two points is not published: a published test measured
 /// 4 mm and 0.5 degrees at 100 mm/s. Try it slowly first.
+///
+/// A trajectory that the robot of --robot cannot follow is refused: an angle out of a joint's range, a speed above the joint's.
+/// Without --robot only what no arm can do is: more than 720 degrees, or 2000 degrees a second.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// The trajectory
@@ -64,6 +67,10 @@ pub(super) struct Args {
     approach: u8,
     #[command(flatten)]
     arm: ArmArgs,
+    /// The robot's description, JSON: {"joints": [{"min": -170, "max": 170, "speed": 450}, ...]}, six joints in degrees
+    /// and degrees a second, J3 from the horizontal
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
     /// The longest name that the controller takes; old ones take 8
     #[arg(long, value_name = "N", default_value_t = 36)]
     name_limit: usize,
@@ -102,6 +109,8 @@ pub(super) fn make(args: &Args) -> Result<()> {
     let sampling = args.sampling()?;
     let arm = args.arm.arm()?;
     let trajectory = args.arm.trajectory(&args.trajectory)?;
+    let limits = args.robot.as_deref().map_or(Ok(Limits::ANY), limits)?;
+    limits.check(&trajectory).with_context(|| args.trajectory.display().to_string())?;
     let name = match &args.name {
         Some(name) => name.clone(),
         None => name_of(&args.trajectory),
@@ -155,6 +164,12 @@ impl Args {
             },
         })
     }
+}
+
+/// A robot description from its file.
+fn limits(path: &Path) -> Result<Limits> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    Limits::from_json(&text).with_context(|| path.display().to_string())
 }
 
 /// What the program has of the trajectory, for people.

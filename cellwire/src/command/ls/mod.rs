@@ -19,14 +19,17 @@ use crate::motion::{Arm, Pose, Trajectory};
 /// A controller with the ASCII upload option loads them; others need them compiled to TP first (WinOLPC, RoboGuide). The
 /// file's name must be the program's.
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
 pub struct Args {
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
+    /// A folder: what its LS files have, in a few lines; the exit status is 1 if one has errors
+    folder: Option<PathBuf>,
 }
 
 const EXAMPLES: &str = "\
 Examples:
+  cellwire ls backup                                  what the LS files of a folder have
   cellwire ls check WELD.LS                           is it a program, and a sound one
   cellwire ls make path.csv --mode dynamic            points dense where the motion changes
   cellwire ls make path.csv --mode distance --mm 5    a point every 5 mm
@@ -35,7 +38,7 @@ Examples:
 #[derive(Debug, Subcommand)]
 enum Command {
     Check(check::Args),
-    Make(make::Args),
+    Make(Box<make::Args>),
     Background(background::Args),
 }
 
@@ -44,10 +47,12 @@ enum Command {
 /// # Errors
 /// When a file cannot be read or written, or arguments do not fit together.
 pub fn run(args: &Args) -> Result<bool> {
-    match &args.command {
-        Command::Check(args) => check::check(args),
-        Command::Make(args) => make::make(args).map(|()| true),
-        Command::Background(args) => background::background(args).map(|()| true),
+    match (&args.command, &args.folder) {
+        (Some(Command::Check(args)), _) => check::check(args),
+        (Some(Command::Make(args)), _) => make::make(args).map(|()| true),
+        (Some(Command::Background(args)), _) => background::background(args).map(|()| true),
+        (None, Some(folder)) => check::summarize(folder),
+        (None, None) => bail!("a folder or a command is needed"),
     }
 }
 
@@ -124,7 +129,7 @@ fn write(program: &Program, rules: &Rules, out: Option<&Path>) -> Result<String>
     }
     let path = out.map_or_else(|| PathBuf::from(format!("{}.LS", program.name)), Path::to_path_buf);
     files::write(&path, text.as_bytes())?;
-    if !same_name(&path, program) {
+    if !same_name(&path, &program.name) {
         eprintln!(
             "warning: the program is named {}: the file on the controller must have the same name",
             program.name
@@ -133,6 +138,6 @@ fn write(program: &Program, rules: &Rules, out: Option<&Path>) -> Result<String>
     Ok(path.display().to_string())
 }
 
-fn same_name(path: &Path, program: &Program) -> bool {
-    path.file_stem().is_none_or(|stem| stem.eq_ignore_ascii_case(&program.name))
+fn same_name(path: &Path, name: &str) -> bool {
+    path.file_stem().is_none_or(|stem| stem.eq_ignore_ascii_case(name))
 }

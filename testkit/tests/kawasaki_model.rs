@@ -2,12 +2,12 @@
 #![cfg(feature = "links")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use testkit::links::kawasaki_msg::{PAIR, refine, refined};
+use testkit::links::kawasaki_msg::{PAIRS, refine, refined};
 use testkit::model::{Depth, Options};
 
 #[test]
 fn every_property_holds_in_every_state() {
-    for setting in (PAIR.settings)(Depth::Quick) {
+    for setting in PAIRS.iter().flat_map(|pair| (pair.settings)(Depth::Quick)) {
         let explored = setting.explore(&Options::default());
         println!(
             "{}: {} states, {} steps, {:?}, {:?}",
@@ -19,7 +19,7 @@ fn every_property_holds_in_every_state() {
 
 #[test]
 fn every_rule_is_needed() {
-    for case in (PAIR.must_fail)() {
+    for case in PAIRS.iter().flat_map(|pair| (pair.must_fail)()) {
         let caught = case.caught(&Options::default());
         let caught = caught.unwrap_or_else(|| panic!("{}: {} holds without it", case.rule, case.property));
         println!("{}: {} after {} steps", case.rule, caught.property, caught.steps);

@@ -6,7 +6,7 @@ use kawasaki_msg::pc;
 use kawasaki_msg::robot::{Cycle, Link, Order, Stage};
 
 use super::machines::{Pc, Robot};
-use super::step::{below, executed};
+use super::step::executed;
 use super::world::{Act, Faults, Flags, InFlight, Reported, Setup, World};
 use crate::model::{Edges, System};
 
@@ -148,6 +148,7 @@ impl System for Setup {
     fn step(&self, state: &World, act: Act, mut edges: Edges<'_>) -> World {
         let mut w = state.clone();
         self.happens(&mut w, act, &mut edges);
+        w.forget();
         w
     }
 
@@ -166,20 +167,8 @@ impl System for Setup {
         let answers = matches!(w.pc.link, pc::Link::Connected { reply: pc::Reply::Due { at: NOW, .. }, .. });
         add(w.robot.deadline() == Some(NOW) && !ready && !self.robot_is_due(w), NO_SPIN);
         add(w.pc.deadline() == Some(NOW) && !answers && !self.pc_is_due(w), NO_SPIN);
-        for start in &w.starts {
-            match start.reported {
-                Reported::Over { executed } => {
-                    add(start.done & executed != executed, EXECUTED);
-                    add(start.begun & !executed != 0, NOT_EXECUTED);
-                }
-                Reported::Unknown { executed, sent } => {
-                    add(start.done & executed != executed, EXECUTED);
-                    add(start.begun & !below(sent.into()) != 0, NOT_EXECUTED);
-                }
-                Reported::GivenUp => add(start.begun != 0, NOT_EXECUTED),
-                Reported::Nothing | Reported::Abandoned => {}
-            }
-        }
+        add(w.starts.iter().any(|start| !start.executed_is_true()), EXECUTED);
+        add(w.starts.iter().any(|start| !start.not_executed_is_true()), NOT_EXECUTED);
         if let (pc::Order::Running { .. }, Some(start)) = (w.pc.order, w.starts.last()) {
             let executed = executed(&w.pc, self.pc.max_number);
             add(start.done & executed != executed, COUNTED);

@@ -60,7 +60,7 @@ impl Answer for Packet<'_> {
 }
 
 /// The first bits.
-pub(super) fn below(count: u32) -> u8 {
+fn below(count: u32) -> u8 {
     ((1u16 << count) - 1) as u8
 }
 
@@ -71,6 +71,28 @@ pub(super) fn executed(pc: &Pc, max: u16) -> u8 {
         .filter(|index| count.ahead.contains((index % u32::from(max)) as u16 + 1))
         .fold(0, |bits, index| bits | 1 << index);
     below(count.executed) | ahead
+}
+
+impl Start {
+    /// What the PC has reported executed was.
+    pub(super) fn executed_is_true(&self) -> bool {
+        match self.reported {
+            Reported::Over { executed } | Reported::Unknown { executed, .. } => {
+                self.done & executed == executed
+            }
+            Reported::Nothing | Reported::GivenUp | Reported::Abandoned => true,
+        }
+    }
+
+    /// What it has reported not executed was not.
+    pub(super) fn not_executed_is_true(&self) -> bool {
+        match self.reported {
+            Reported::Over { executed } => self.begun & !executed == 0,
+            Reported::Unknown { sent, .. } => self.begun & !below(sent.into()) == 0,
+            Reported::GivenUp => self.begun == 0,
+            Reported::Nothing | Reported::Abandoned => true,
+        }
+    }
 }
 
 impl World {
@@ -90,6 +112,23 @@ impl World {
     fn disturb(&mut self) {
         if let Some(start) = self.open_start() {
             start.disturbed = true;
+        }
+    }
+
+    /// Of an earlier start nothing more can go wrong once none of its jobs is left anywhere: states that differ only in what became
+    /// of it are one.
+    pub(super) fn forget(&mut self) {
+        let Some((_, earlier)) = self.starts.split_last_mut() else { return };
+        for (at, start) in earlier.iter_mut().enumerate() {
+            let is_of = |tag: &Tag| usize::from(tag.start) == at;
+            let is_left = self.queue.iter().chain(&self.executing).any(is_of)
+                || self.down.iter().flat_map(|packet| &packet.messages).any(|sent| is_of(&sent.tag));
+            if !is_left && start.executed_is_true() && start.not_executed_is_true() {
+                *start = Start { reported: Reported::Abandoned, ..Start::default() };
+            }
+        }
+        if self.robot.queued == 0 {
+            self.owner = 0;
         }
     }
 

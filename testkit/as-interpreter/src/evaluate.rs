@@ -4,8 +4,9 @@ use core::time::Duration;
 use std::borrow::Cow;
 
 use crate::error::Error;
-use crate::expression::{Expression, Function, Operator, Place, Variable};
+use crate::expression::{Expression, Function, Operator, Place};
 use crate::memory::{Cell, Memory, index};
+use crate::names::Variable;
 use crate::value::{LONGEST_TEXT, Value, decimal, leading_number, whole};
 
 /// What an expression is evaluated in.

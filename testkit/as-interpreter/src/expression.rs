@@ -1,7 +1,7 @@
 //! Expressions: what they are, and how they are read.
 
 use crate::lexer::Token;
-use crate::program::Names;
+use crate::names::{Names, Variable};
 
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Expression {
@@ -19,12 +19,6 @@ pub(crate) enum Expression {
 pub(crate) struct Place {
     pub(crate) variable: Variable,
     pub(crate) index: Option<Box<Expression>>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Variable {
-    Global(usize),
-    Local(usize),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

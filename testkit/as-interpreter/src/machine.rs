@@ -5,10 +5,12 @@ use core::time::Duration;
 
 use crate::error::{Error, Fault, ParseError};
 use crate::evaluate::Scope;
-use crate::expression::{Expression, Place, Variable};
+use crate::expression::{Expression, Place};
 use crate::host::{Host, Motion};
 use crate::memory::{Cell, Memory, index};
-use crate::program::{Program, Routine};
+use crate::names::Variable;
+use crate::program::Program;
+use crate::routine::Routine;
 use crate::statement::What;
 use crate::value::{Pose, Stored, whole};
 

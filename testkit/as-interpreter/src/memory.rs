@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use crate::error::Error;
-use crate::expression::Variable;
+use crate::names::Variable;
 use crate::value::{HIGHEST_INDEX, LONGEST_TEXT, Stored, Value, whole};
 
 /// A variable: its value, and those of the array of the same name.

@@ -1,9 +1,10 @@
 //! Lines as statements.
 
 use crate::error::ParseError;
-use crate::expression::{Expression, Place, Reader, Variable};
+use crate::expression::{Expression, Place, Reader};
 use crate::lexer::tokens;
-use crate::program::{Body, Names, Routine};
+use crate::names::{Names, Variable};
+use crate::routine::{Body, Routine};
 use crate::statement::{Statement, What};
 
 /// One program: its parameters and its statements, blocks resolved to places.

@@ -3,42 +3,15 @@
 use std::collections::HashMap;
 
 use crate::error::ParseError;
-use crate::expression::Variable;
+use crate::names::Names;
 use crate::parser::routine;
-use crate::statement::Statement;
+use crate::routine::{Body, Routine};
 
 /// All programs of a file.
 #[derive(Debug, Clone)]
 pub struct Program {
     pub(crate) routines: Vec<Routine>,
     pub(crate) globals: HashMap<String, usize>,
-}
-
-/// One `.PROGRAM`.
-#[derive(Debug, Clone)]
-pub(crate) struct Routine {
-    pub(crate) name: String,
-    pub(crate) parameters: Vec<usize>,
-    pub(crate) locals: usize,
-    pub(crate) statements: Vec<Statement>,
-}
-
-/// The names that are known while a file is read.
-#[derive(Debug, Default)]
-pub(crate) struct Names {
-    pub(crate) programs: HashMap<String, usize>,
-    pub(crate) globals: HashMap<String, usize>,
-    pub(crate) locals: HashMap<String, usize>,
-}
-
-impl Names {
-    pub(crate) fn variable(&mut self, name: &str) -> Variable {
-        let is_local = name.starts_with('.');
-        let names = if is_local { &mut self.locals } else { &mut self.globals };
-        let next = names.len();
-        let at = *names.entry(name.into()).or_insert(next);
-        if is_local { Variable::Local(at) } else { Variable::Global(at) }
-    }
 }
 
 impl Program {
@@ -75,14 +48,4 @@ impl Program {
     pub fn size(&self) -> (usize, usize) {
         (self.routines.len(), self.routines.iter().map(|routine| routine.statements.len()).sum())
     }
-}
-
-/// The lines of a program before they are read.
-#[derive(Debug)]
-pub(crate) struct Body<'a> {
-    /// What follows `.PROGRAM`.
-    pub(crate) head: &'a str,
-    pub(crate) line: usize,
-    pub(crate) lines: Vec<(usize, &'a str)>,
-    closed: bool,
 }

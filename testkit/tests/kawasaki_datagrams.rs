@@ -64,6 +64,25 @@ fn a_robot_that_was_just_started_hears_no_start_for_a_second() {
     assert_eq!(sent(&rig.from_robot, "TilausKuittaus")[0], "<TilausKuittaus$1#7#>");
 }
 
+/// A start of before its restart came in time, and was read when a process that had been asleep woke up.
+#[test]
+fn what_waited_to_be_read_is_as_late_as_what_comes_late() {
+    let mut rig = rig(RobotConfig::UDP, PcConfig::UDP);
+    rig.pc.start(3, picture(3, 4)).unwrap();
+    rig.run_until(LIMIT, Rig::is_over);
+    let starts = sent(&rig.from_pc, "TilausAlkaa");
+    let mut robot = Native::begin(RobotConfig::UDP, 64, 1);
+    robot.handle_connected(rig.now);
+    let woken = rig.now + Duration::from_secs(3);
+    for start in &starts {
+        robot.handle_input(woken, start.as_bytes());
+    }
+    assert_eq!(robot.order(), None, "{} old starts", starts.len());
+    // The PC repeats a new one with every answer.
+    robot.handle_input(woken + RobotConfig::UDP.exchange, starts[0].as_bytes());
+    assert_eq!(robot.order(), Some(3));
+}
+
 /// An empty number of jobs executed would read as none.
 #[test]
 fn a_robot_that_was_just_started_does_not_acknowledge_the_end_of_an_order_that_it_does_not_know() {
@@ -96,6 +115,8 @@ fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
         String::from_utf8(out[..length].to_vec()).unwrap()
     };
     now += Duration::from_secs(2);
+    // The first after the time in which a start may be late is not looked at.
+    say(&mut robot, now - MS * 50, b"<TilausAlkaa$3#3$1#>");
     say(&mut robot, now, b"<TilausAlkaa$3#3$1#>");
     say(&mut robot, now + MS * 50, b"<Tyo$13#3$1$1$0$0$1$1#><Tyo$13#3$2$1$1$1$2$2#>");
     for number in [1, 2] {

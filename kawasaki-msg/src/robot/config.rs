@@ -81,6 +81,8 @@ pub enum RobotRule {
     NewStarts,
     /// Over datagrams, a robot that was just started looks at no start.
     IgnoreStarts,
+    /// Over datagrams, a start that waited to be read while nobody called the robot is late, too.
+    DrainStarts,
 }
 
 impl RobotConfig {

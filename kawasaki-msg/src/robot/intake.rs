@@ -100,9 +100,11 @@ impl<const WORDS: usize> Machine<WORDS> {
         room: bool,
         config: &RobotConfig,
     ) -> Action {
+        if self.ignores_starts(now, config) {
+            return Action::Nothing;
+        }
         let is_old = match self.starts {
             Starts::Any => false,
-            Starts::New { ignored_until, .. } if now < ignored_until => return Action::Nothing,
             Starts::New { ended, .. } => ended.contains(&order) && config.keeps(RobotRule::NewStarts),
         };
         self.replies.status = true;
@@ -125,6 +127,19 @@ impl<const WORDS: usize> Machine<WORDS> {
         let refused = config.refuse_repeated_start && number == order && !again;
         self.replies.start = Some(if refused { 0 } else { number });
         if again { Action::Nothing } else { Action::Refused }
+    }
+
+    /// Whether a start may still be a late datagram. Where nobody has called for a while, one that came in time is read when the time
+    /// is over: from the first start on that is read then, it is one exchange longer.
+    pub(super) fn ignores_starts(&mut self, now: Duration, config: &RobotConfig) -> bool {
+        let Starts::New { ignored_until, drained, .. } = &mut self.starts else { return false };
+        if now >= *ignored_until && !*drained {
+            *drained = true;
+            if config.keeps(RobotRule::DrainStarts) {
+                *ignored_until = now.saturating_add(config.exchange);
+            }
+        }
+        now < *ignored_until && config.keeps(RobotRule::IgnoreStarts)
     }
 
     pub(super) fn on_end(&mut self, order: u16, config: &RobotConfig) -> Action {

@@ -17,7 +17,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     /// A robot that wants to connect at once.
     pub fn new(config: &RobotConfig) -> Self {
         let starts = if config.datagrams {
-            Starts::New { ignored_until: Duration::MAX, ended: [0; 16] }
+            Starts::New { ignored_until: Duration::MAX, drained: false, ended: [0; 16] }
         } else {
             Starts::Any
         };
@@ -179,8 +179,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         if let Starts::New { ignored_until, .. } = &mut self.starts
             && *ignored_until == Duration::MAX
         {
-            let wait = config.keeps(RobotRule::IgnoreStarts);
-            *ignored_until = now.saturating_add(if wait { timing::LATEST_DATAGRAM } else { Duration::ZERO });
+            *ignored_until = now.saturating_add(timing::LATEST_DATAGRAM);
         }
         // The status reports it all; a start whose answer was lost is repeated.
         (self.replies.status, self.replies.start) = (true, None);

@@ -216,6 +216,8 @@ pub enum Starts {
     New {
         /// No start is looked at before; [`Duration::MAX`] before the first connection.
         ignored_until: Duration,
+        /// A start was read after that time, which is one exchange longer since: it may have waited to be read.
+        drained: bool,
         /// The orders before, 0 for none.
         ended: [u16; 16],
     },

@@ -311,6 +311,7 @@ fn udp_must_fail() -> Vec<MustFail> {
         |rule, setup: Setup| Setup { robot: RobotConfig { without: Some(rule), ..setup.robot }, ..setup };
     let pc = |rule, setup: Setup| Setup { pc: PcConfig { without: Some(rule), ..setup.pc }, ..setup };
     let late = Faults { most: 2, repeat: true, delay: true, restart_robot: true, ..Faults::default() };
+    let unread = Faults { most: 4, late_poll: true, repeat: false, ..late };
     vec![
         MustFail::new(
             "NewStarts (robot)",
@@ -323,6 +324,12 @@ fn udp_must_fail() -> Vec<MustFail> {
             TWICE,
             "start 1 of 1 job, 2 datagrams repeated or late or a restart",
             robot(RobotRule::IgnoreStarts, Setup { starts: vec![1], ..udp(1, late) }),
+        ),
+        MustFail::new(
+            "DrainStarts (robot)",
+            TWICE,
+            "start 1 of 1 job, 4 datagrams late or polls late or a restart",
+            robot(RobotRule::DrainStarts, Setup { starts: vec![1], ..udp(1, unread) }),
         ),
         MustFail::new(
             "LateReports (PC)",

@@ -140,7 +140,8 @@ impl System for Setup {
         if !urgent && (!in_flight || faulty && faults.delay && !(datagrams && late)) {
             acts.push(Act::Tick);
         }
-        if urgent && faulty && faults.late_poll && !(datagrams && late) {
+        // What has arrived waits to be read.
+        if urgent && faulty && faults.late_poll {
             acts.push(Act::LateTick);
         }
     }

@@ -471,8 +471,8 @@ impl Setup {
                 age(&mut w.robot, TICK);
                 age(&mut w.pc, TICK);
                 if self.datagrams() {
-                    w.up.iter_mut().for_each(|packet| packet.left -= 1);
-                    w.down.iter_mut().for_each(|packet| packet.left -= 1);
+                    w.up.iter_mut().for_each(|packet| packet.left = packet.left.saturating_sub(1));
+                    w.down.iter_mut().for_each(|packet| packet.left = packet.left.saturating_sub(1));
                 }
             }
         }

@@ -183,7 +183,8 @@ fn over_tcp(depth: Depth) -> Vec<Setting> {
                 "starts 1, 1 of 3 jobs, 1 fault of any kind, a user",
                 tcp(&[1, 1], 3, users(ALL, 1, 1)),
             ),
-            Setting::new("starts 1, 1 of 2 jobs, 2 faults of any kind", tcp(&[1, 1], 2, users(ALL, 2, 0))),
+            Setting::new("starts 1, 1 of 2 jobs, 3 faults of any kind", tcp(&[1, 1], 2, users(ALL, 3, 0))),
+            Setting::new("starts 1, 2 of 3 jobs, 2 faults of any kind", tcp(&[1, 2], 3, users(ALL, 2, 0))),
             Setting::new(
                 "jobs overtake, starts 1, 1 of 3 jobs, 1 fault of any kind, a user",
                 overtaking(tcp(&[1, 1], 3, users(ALL, 1, 1))),
@@ -204,6 +205,10 @@ fn over_udp(depth: Depth) -> Vec<Setting> {
                 Setup { starts: vec![1], ..udp(1, DATAGRAMS) },
             ),
             Setting::new("starts 1, 2 of 2 jobs, 1 fault of any kind", udp(2, DATAGRAMS)),
+            Setting::new(
+                "start 1 of 1 job, 2 faults of any kind",
+                Setup { starts: vec![1], ..udp(1, users(DATAGRAMS, 2, 0)) },
+            ),
         ]);
     }
     settings
@@ -213,6 +218,7 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
     let free = any(Peer::Any, 0);
     let with = |robot| AnyPc { robot, ..free.clone() };
     vec![
+        // With three lost connections in a row the steps of recovery are used up, one of each here, and the alarm is right.
         Setting::new("one that keeps the rules, 3 jobs, 2 faults", any(Peer::Lossy { insists: false }, 2)),
         // Assumption: a PC that is asked for a job again sends it and those that follow before the end, as the source's does. Of one
         // that does not, a late job closes the gap, and the end that follows is obeyed. At 3 faults two ends that were sent before
@@ -238,7 +244,7 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
 fn with_any_robot(depth: Depth) -> Vec<Setting> {
     let mut settings = vec![Setting::new("one that does anything, 2 jobs", any_robot(2, 1))];
     if depth == Depth::Deep {
-        settings.push(Setting::new("one that does anything, 4 jobs", any_robot(4, 2)));
+        settings.push(Setting::new("one that does anything, 8 jobs", any_robot(8, 2)));
     }
     settings
 }

@@ -8,6 +8,7 @@ use fanuc_hmi_modbus::Assignment;
 
 use super::{rules, write};
 use crate::cell::fanuc_hmi_modbus::task::BackgroundTask;
+use crate::io::output::remark;
 
 /// Writes the background task that puts the tool's pose and speed into registers for `cellwire fanuc log`.
 ///
@@ -51,12 +52,12 @@ pub(super) fn background(args: &Args) -> Result<()> {
     let rules = rules(args.name_limit);
     let path = write(&task.program(&rules)?, &rules, args.out.as_deref())?;
     let Args { first, scratch, period, .. } = args;
-    eprintln!(
+    remark(&format!(
         "{path}: R[{first}] to R[{}] every {period} ms; R[{scratch}] to R[{}] are its own",
         first + 18,
         scratch + 12
-    );
-    eprint!("{}", slots(*first));
+    ));
+    remark(slots(*first).trim_end());
     Ok(())
 }
 

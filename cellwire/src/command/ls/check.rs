@@ -9,6 +9,7 @@ use fanuc_ls::{DecodeError, Document, Encoding, Finding, Instruction, MotionKind
 use serde_json::{Value, json};
 
 use super::{rules, same_name};
+use crate::io::output::remark;
 
 /// Reads LS files and reports what is wrong with them: each finding once, with its line and column and what to do.
 ///
@@ -43,7 +44,7 @@ pub(super) fn check(args: &Args) -> Result<bool> {
                 }
             }
             Err(error) => {
-                eprintln!("error: {error:#}");
+                remark(&format!("error: {error:#}"));
                 unread += 1;
             }
         }

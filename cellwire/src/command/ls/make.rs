@@ -6,6 +6,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::ValueEnum;
 use fanuc_ls::CommentRule;
 
+use crate::io::output::remark;
 use crate::motion::{Acceleration, Limits, Report, Resampling, Sampling, SpeedStep, Trajectory};
 
 use super::{ArmArgs, rules, write};
@@ -128,7 +129,7 @@ pub(super) fn make(args: &Args) -> Result<()> {
     }
     let (program, report) = resampling.program(&name, &args.comment, &trajectory, &arm, &rules)?;
     let path = write(&program, &rules, args.out.as_deref())?;
-    eprint!("{}", made(&trajectory, &report, &path));
+    remark(made(&trajectory, &report, &path).trim_end());
     Ok(())
 }
 

@@ -12,6 +12,7 @@ use clap::{Subcommand, ValueEnum};
 use fanuc_ls::{Program, Rules};
 
 use crate::io::files;
+use crate::io::output::remark;
 use crate::motion::{Arm, Pose, Trajectory};
 
 /// FANUC teach pendant programs as text: LS files.
@@ -130,10 +131,10 @@ fn write(program: &Program, rules: &Rules, out: Option<&Path>) -> Result<String>
     let path = out.map_or_else(|| PathBuf::from(format!("{}.LS", program.name)), Path::to_path_buf);
     files::write(&path, text.as_bytes())?;
     if !same_name(&path, &program.name) {
-        eprintln!(
+        remark(&format!(
             "warning: the program is named {}: the file on the controller must have the same name",
             program.name
-        );
+        ));
     }
     Ok(path.display().to_string())
 }

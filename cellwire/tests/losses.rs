@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::thread;
 
-const ENQ_AND_NOISE: &str = "00 ";
+const NOISE: &str = "00 ";
 
 fn cellwire(args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
@@ -36,7 +36,7 @@ fn a_reader_that_has_enough_ends_it_quietly() {
     let mut child = cellwire(&["decode", "isra-ball"]).stdin(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());
     let mut stdin = child.stdin.take().unwrap();
-    let writer = thread::spawn(move || drop(stdin.write_all(ENQ_AND_NOISE.repeat(200_000).as_bytes())));
+    let writer = thread::spawn(move || drop(stdin.write_all(NOISE.repeat(200_000).as_bytes())));
     let mut said = String::new();
     child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
     assert_eq!((child.wait().unwrap().code(), said.as_str()), (Some(4), ""));
@@ -47,7 +47,7 @@ fn a_reader_that_has_enough_ends_it_quietly() {
 fn an_output_without_room_is_an_error_and_no_panic() {
     let full = || fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let (status, _, said) =
-        with_input(cellwire(&["decode", "isra-ball"]).stdout(full()), ENQ_AND_NOISE.repeat(9).as_bytes());
+        with_input(cellwire(&["decode", "isra-ball"]).stdout(full()), NOISE.repeat(9).as_bytes());
     assert_eq!(status.code(), Some(2));
     assert!(said.starts_with("error: ") && said.contains("No space left"), "{said}");
     let (status, ..) = with_input(cellwire(&["decode", "isra-ball", "--from", "host"]).stderr(full()), b"");

@@ -2,7 +2,7 @@
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufRead, BufWriter, Read, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::codec::CodecArgs;
 use crate::io::capture::{self, Flow, Piece, Reassembly};
+use crate::io::input;
 use crate::links::codec::{Item, Kind, Stream};
 
 /// So much is read and written at once.
@@ -45,12 +46,7 @@ enum Format {
 
 /// Returns true when there were no corrupt bytes.
 pub fn run(args: &Args) -> Result<bool> {
-    let input: Box<dyn Read + Send> = match &args.file {
-        Some(path) => {
-            Box::new(std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?)
-        }
-        None => Box::new(io::stdin()),
-    };
+    let input = input::open(args.file.as_deref())?;
     let out = Arc::new(Mutex::new(BufWriter::with_capacity(CHUNK, io::stdout())));
     let input = Box::new(Tied { input, out: Arc::clone(&out) });
     let mut out = Lines { out, clean: true };
@@ -129,7 +125,7 @@ struct Direction {
 impl Direction {
     /// `None` when the direction is not that of the requested side.
     fn new(args: &Args, flow: Flow, clients: &BTreeSet<SocketAddr>) -> Result<Option<Self>> {
-        let (mut codec, mut label) = (None, String::new());
+        let (mut found, mut label) = (None, String::new());
         if let Flow::Tcp(from, to) | Flow::Udp(from, to) = flow {
             // If the capture lacks the beginning of the connection, the lower port counts as the server's.
             let is_client = match (clients.contains(&from), clients.contains(&to)) {
@@ -141,11 +137,13 @@ impl Direction {
             if args.codec.from.as_deref().is_some_and(|requested| requested != side) {
                 return Ok(None);
             }
-            codec = Some(args.codec.codec_of(side)?);
+            found = Some(side);
             label = format!("\"flow\":{},\"from\":{},", json!(format!("{from} > {to}")), json!(side));
         }
-        let codec = codec.map_or_else(|| args.codec.codec(), Ok)?;
-        let stream = Stream::new(codec);
+        let stream = Stream::new(match found {
+            Some(side) => args.codec.codec_of(side)?,
+            None => args.codec.codec()?,
+        });
         Ok(Some(Self { stream, tcp: Reassembly::default(), label }))
     }
 
@@ -154,7 +152,7 @@ impl Direction {
             match piece {
                 Piece::Bytes(bytes) => self.stream.push(&bytes, |item| out.write(&self.label, item))?,
                 Piece::Gap(bytes) => {
-                    let json = format!("{{\"kind\":\"gap\",\"missing\":{bytes}}}");
+                    let json = json!({"kind": "gap", "missing": bytes}).to_string();
                     let offset = self.stream.offset();
                     out.write(
                         &self.label,
@@ -188,7 +186,7 @@ impl Lines {
 
 /// The input. Before it may have to wait for bytes, the lines so far are written.
 struct Tied {
-    input: Box<dyn Read + Send>,
+    input: Box<dyn BufRead + Send>,
     out: Output,
 }
 

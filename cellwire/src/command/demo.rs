@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 
 use crate::cell::{self, DemoOptions};
+use crate::io::input::seconds;
 use crate::io::interrupt;
 use crate::io::trace::TraceArgs;
 use crate::links::link::Link;
@@ -25,7 +26,7 @@ pub struct Args {
     #[arg(value_parser = link_parser())]
     links: Vec<&'static dyn Link>,
     /// End each link after this time [default: each link's own short run]
-    #[arg(long, value_name = "N", value_parser = seconds)]
+    #[arg(long, value_name = "N", value_parser = seconds(0.1..=1e6))]
     seconds: Option<Duration>,
     /// Insert the faults that the link's transport can have
     #[arg(long)]
@@ -101,12 +102,4 @@ fn progress_line(name: &'static str, quiet: bool) -> ProgressBar {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }
-}
-
-fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is not a number of seconds"))?;
-    if !(0.1..=1e6).contains(&seconds) {
-        return Err("give between 0.1 and 1000000 seconds".into());
-    }
-    Ok(Duration::from_secs_f64(seconds))
 }

@@ -1,12 +1,13 @@
 //! `cellwire encode`: reads message objects, writes one frame of hex per line.
 
-use std::io::{self, BufRead, Write};
+use std::io::{self, BufRead as _, Write};
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use serde_json::Value;
 
 use super::codec::CodecArgs;
+use crate::io::input;
 use crate::io::output::remark;
 
 /// Reads message objects and writes one frame of hex per line.
@@ -24,14 +25,7 @@ pub struct Args {
 /// Returns true when every object was written.
 pub fn run(args: &Args) -> Result<bool> {
     let codec = args.codec.codec()?;
-    let input: Box<dyn BufRead> = match &args.file {
-        Some(path) => {
-            let file =
-                std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
-            Box::new(io::BufReader::new(file))
-        }
-        None => Box::new(io::stdin().lock()),
-    };
+    let input = input::open(args.file.as_deref())?;
     let mut out = io::stdout().lock();
     let mut all = true;
     for (index, line) in input.lines().enumerate() {

@@ -1,6 +1,6 @@
 //! `cellwire modbus`: requests as JSON lines to any Modbus server, replies as JSON lines back.
 
-use std::io::{self, BufRead};
+use std::io::{self, BufRead as _};
 use std::net::TcpStream;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ use crate::io::drive::Lost;
 use crate::io::output::log;
 use crate::io::output::remark;
 use crate::io::tcp::ConnectArgs;
-use crate::io::{serial, tcp};
+use crate::io::{input, serial, tcp};
 use crate::links::fanuc_hmi_modbus::options::json;
 
 /// Sends Modbus requests to a server and prints its replies.
@@ -53,14 +53,7 @@ enum FramingArg {
 
 /// Returns true when every request was answered.
 pub fn run(args: &Args) -> Result<bool> {
-    let input: Box<dyn BufRead> = match &args.file {
-        Some(path) => {
-            let file =
-                std::fs::File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
-            Box::new(io::BufReader::new(file))
-        }
-        None => Box::new(io::stdin().lock()),
-    };
+    let input = input::open(args.file.as_deref())?;
     let mut line = Connection::open(args)?;
     let mut all = true;
     for (number, text) in (1..).zip(input.lines()) {

@@ -4,6 +4,7 @@ pub mod capture;
 pub mod drawing;
 pub mod drive;
 pub mod files;
+pub mod input;
 pub mod interrupt;
 pub mod line;
 pub mod output;

@@ -9,13 +9,8 @@ use serde_json::{Value, json};
 
 /// Standard output, or what reads it, is gone: there is nobody to say anything to.
 pub fn is_closed(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| match cause.downcast_ref::<io::Error>() {
-        Some(error) => error.kind() == ErrorKind::BrokenPipe,
-        // An error of the medium has its text alone.
-        None => cause
-            .downcast_ref::<serde_json::Error>()
-            .is_some_and(|error| error.io_error_kind() == Some(ErrorKind::BrokenPipe)),
-    })
+    let is_broken = |error: &io::Error| error.kind() == ErrorKind::BrokenPipe;
+    error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
 }
 
 /// Appends a value as JSON in which every control character is escaped, those of a peer's text too: a terminal obeys none.

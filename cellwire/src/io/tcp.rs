@@ -9,6 +9,8 @@ use std::time::Duration;
 
 use anyhow::{Result, anyhow};
 
+use crate::io::input::seconds;
+
 /// Listens on an address.
 ///
 /// # Errors
@@ -34,7 +36,7 @@ pub fn listen(address: &str) -> Result<TcpListener> {
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct ConnectArgs {
     /// How long the connection may take to open, in seconds
-    #[arg(long, value_name = "N", default_value = "5", value_parser = seconds)]
+    #[arg(long, value_name = "N", default_value = "5", value_parser = seconds(0.01..=3600.0))]
     connect_timeout: Duration,
 }
 
@@ -43,14 +45,6 @@ impl ConnectArgs {
     pub fn timeout(self) -> Duration {
         self.connect_timeout
     }
-}
-
-fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is not a number of seconds"))?;
-    if !(0.01..=3600.0).contains(&seconds) {
-        return Err("give between 0.01 and 3600 seconds".into());
-    }
-    Ok(Duration::from_secs_f64(seconds))
 }
 
 /// Connects, without Nagle's delay, because each exchange is one packet in each direction.

@@ -43,21 +43,11 @@ impl Ball {
             if self.probe.try_recv().is_ok() {
                 self.probe();
             }
-            self.follow_port();
+            self.driver.transport().follow(&mut self.host, &mut self.is_connected);
             self.turn();
             self.driver.transport().trace();
         }
         self.context.end_trace("the host ends");
-    }
-
-    fn follow_port(&mut self) {
-        let port = self.driver.transport();
-        if port.is_open() == self.is_connected {
-            return;
-        }
-        self.is_connected = port.is_open();
-        let now = self.context.clock.now();
-        if self.is_connected { self.host.handle_connected(now) } else { self.host.handle_disconnected(now) }
     }
 
     fn turn(&mut self) {

@@ -5,7 +5,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Received, Sent, Transport};
+use robot_session::{Received, Sent, Session, Transport};
 use serialport::SerialPort;
 
 use super::{Context, Notification, PortConfig};
@@ -38,6 +38,16 @@ impl Port {
         let (read_at, written_at) = (Duration::ZERO, Duration::ZERO);
         let (config, context) = (config.clone(), context.clone());
         Ok(Self { name, config, context, open: Some(port), untraced: Vec::new(), read_at, written_at })
+    }
+
+    /// Reports to a session that the port was opened or is gone; `is_connected` is what it knows.
+    pub(super) fn follow(&self, session: &mut impl Session, is_connected: &mut bool) {
+        if self.is_open() == *is_connected {
+            return;
+        }
+        *is_connected = self.is_open();
+        let now = self.context.clock.now();
+        if *is_connected { session.handle_connected(now) } else { session.handle_disconnected(now) }
     }
 
     /// Waits for bytes, and takes all that there are; none when none came in that time. A port that is gone is opened again

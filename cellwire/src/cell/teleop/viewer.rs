@@ -43,7 +43,7 @@ impl Feed {
             if self.probe.try_recv().is_ok() {
                 self.probe();
             }
-            self.follow_port();
+            self.driver.transport().follow(&mut self.host, &mut self.is_connected);
             if let Some(pose) = self.poses.try_iter().last() {
                 self.host.set_pose(self.context.clock.now(), pose.0);
             }
@@ -51,16 +51,6 @@ impl Feed {
             self.driver.transport().trace();
         }
         self.context.end_trace("the host ends");
-    }
-
-    fn follow_port(&mut self) {
-        let port = self.driver.transport();
-        if port.is_open() == self.is_connected {
-            return;
-        }
-        self.is_connected = port.is_open();
-        let now = self.context.clock.now();
-        if self.is_connected { self.host.handle_connected(now) } else { self.host.handle_disconnected(now) }
     }
 
     fn turn(&mut self) {

@@ -1,0 +1,34 @@
+//! What comes from the command line: times, and the input of a command.
+
+use core::ops::RangeInclusive;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader};
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+
+/// The parser of a time in seconds, within a range.
+pub fn seconds(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<Duration, String> + Clone {
+    move |text| {
+        let seconds: f64 = text.parse().map_err(|_| format!("`{text}` is not a number of seconds"))?;
+        if !range.contains(&seconds) {
+            return Err(format!("give between {} and {} seconds", range.start(), range.end()));
+        }
+        Ok(Duration::from_secs_f64(seconds))
+    }
+}
+
+/// A file, or standard input where none is named.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead + Send>> {
+    Ok(match path {
+        Some(path) => {
+            let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
+            Box::new(BufReader::new(file))
+        }
+        None => Box::new(BufReader::new(io::stdin())),
+    })
+}

@@ -16,9 +16,9 @@ pub mod motion;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use self::command::{alter, decode, demo, encode, fanuc, ls, modbus, simulate, vectors};
+use self::command::{alter, decode, demo, encode, fanuc, ls, modbus, settings, simulate, vectors};
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
 
@@ -62,7 +62,7 @@ enum Command {
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run, 3 a connection was
 /// lost, 4 nobody reads standard output.
 pub fn main() -> ExitCode {
-    let outcome = match Cli::parse().command {
+    let outcome = match parse().command {
         Command::Demo(args) => demo::run(&args),
         Command::Decode(args) => decode::run(&args),
         Command::Encode(args) => encode::run(&args),
@@ -85,5 +85,18 @@ pub fn main() -> ExitCode {
             remark(&format!("error: {error:#}"));
             ExitCode::from(2)
         }
+    }
+}
+
+/// The command line; the help of a command lists the settings of the link or device that is named beside it.
+fn parse() -> Cli {
+    let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
+    let mut command = Cli::command();
+    for name in ["decode", "encode", "simulate", "demo"] {
+        command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
+    }
+    match Cli::from_arg_matches(&command.get_matches()) {
+        Ok(cli) => cli,
+        Err(error) => error.exit(),
     }
 }

@@ -26,6 +26,7 @@ use cellwire::links::isra_ball::ball;
 use cellwire::links::val2_alter::Pose;
 use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
 use indicatif::ProgressBar;
+use isra_ball::BallConfig;
 use val2_alter::{ErrorCode, HostConfig, Mode, Motion};
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -91,7 +92,8 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
     });
     let mut line = Line::over_port(ball_port, clock, 9600, off.start("ball")).unwrap();
     let stopped = Arc::clone(&stop);
-    let ball_thread = thread::spawn(move || ball::run(&mut line, &stopped, |_| Ok(())));
+    let ball_thread =
+        thread::spawn(move || ball::run(&mut line, BallConfig::default(), &stopped, |_| Ok(())));
 
     let host = || {
         let config = TeleopConfig {

@@ -14,6 +14,7 @@ use anyhow::{Result, bail};
 pub use options::DemoOptions;
 
 use self::report::Report;
+use crate::links::settings::{self, Setting};
 
 /// Runs the demo of the link of this name.
 ///
@@ -29,5 +30,17 @@ pub fn demo(link: &str, options: &DemoOptions) -> Result<Report> {
         "laser-eb90" => laser_eb90::demo(options),
         "mmacell-proto" => mmacell_proto::demo(options),
         _ => bail!("{link} has no demo"),
+    }
+}
+
+/// What can be set of the demo of the link of this name.
+pub fn settings(link: &str) -> Vec<Setting> {
+    match link {
+        "kawasaki-msg" => settings::list(kawasaki_msg::Settings::default()),
+        "val2-alter" => settings::list(teleop::demo::RobotSettings::default()),
+        "isra-ball" => settings::list(teleop::demo::BallSettings::default()),
+        "laser-eb90" => settings::list(laser_eb90::Settings::default()),
+        "mmacell-proto" => settings::list(mmacell_proto::Settings::default()),
+        _ => Vec::new(),
     }
 }

@@ -1,11 +1,11 @@
 //! The arguments of `decode` and `encode`.
 
 use anyhow::Result;
-use serde_json::{Map, Value};
 
+use super::settings::SetArgs;
 use crate::links::codec::Codec;
 use crate::links::link::Link;
-use crate::links::{link_parser, settings, side};
+use crate::links::{link_parser, side};
 
 /// Which bytes are read or written.
 #[derive(Debug, clap::Args)]
@@ -16,9 +16,8 @@ pub(super) struct CodecArgs {
     /// The side that sends the bytes [default: the first of the link's sides]
     #[arg(long, value_name = "SIDE")]
     pub(super) from: Option<String>,
-    /// A setting of the link other than its default, such as leading_dle=1 or framing=rtu; the link's page lists them
-    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
-    set: Vec<(String, Value)>,
+    #[command(flatten)]
+    set: SetArgs,
 }
 
 impl CodecArgs {
@@ -35,7 +34,6 @@ impl CodecArgs {
     /// # Errors
     /// When the link has no such setting.
     pub(super) fn codec_of(&self, side: &'static str) -> Result<Box<dyn Codec>> {
-        let settings: Map<String, Value> = self.set.iter().cloned().collect();
-        self.link.codec(side, &settings)
+        self.link.codec(side, &self.set.read()?)
     }
 }

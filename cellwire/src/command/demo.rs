@@ -6,14 +6,13 @@ use std::time::Duration;
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde_json::Value;
 
+use super::settings::SetArgs;
 use crate::cell::{self, DemoOptions};
 use crate::io::input::seconds;
 use crate::io::interrupt;
 use crate::io::trace::TraceArgs;
 use crate::links::link::Link;
-use crate::links::settings;
 use crate::links::{LINKS, link_parser};
 
 /// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
@@ -48,9 +47,8 @@ pub struct Args {
     drawing: Option<PathBuf>,
     #[command(flatten)]
     trace: TraceArgs,
-    /// A setting of the link's demo other than its default, such as baud=19200 (one LINK only)
-    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
-    set: Vec<(String, Value)>,
+    #[command(flatten)]
+    set: SetArgs,
 }
 
 /// Returns true when every link kept its promises.
@@ -58,7 +56,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let links = if args.links.is_empty() { LINKS.as_slice() } else { &args.links };
     if links.len() != 1 {
         anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes another kind of result");
-        anyhow::ensure!(args.set.is_empty(), "--set needs one LINK: each has other settings");
+        anyhow::ensure!(args.set.is_empty(), "--set and --settings need one LINK: each has other settings");
     }
     anyhow::ensure!(
         args.drawing.is_none() || links.iter().all(|link| link.name() == "kawasaki-msg"),
@@ -68,6 +66,7 @@ pub fn run(args: &Args) -> Result<bool> {
         // Checked before the run: afterwards its result would be lost.
         anyhow::ensure!(folder.is_dir(), "cannot write --out: there is no folder {}", folder.display());
     }
+    let settings = args.set.read()?;
     interrupt::handle()?;
     let (mut all, mut out) = (true, std::io::stdout());
     for link in links {
@@ -79,7 +78,7 @@ pub fn run(args: &Args) -> Result<bool> {
             out: args.out.clone(),
             drawing: args.drawing.clone(),
             trace: args.trace.clone(),
-            settings: args.set.iter().cloned().collect(),
+            settings: settings.clone(),
             progress: progress.clone(),
         };
         let report = cell::demo(link.name(), &options)?;

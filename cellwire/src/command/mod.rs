@@ -8,5 +8,6 @@ pub mod encode;
 pub mod fanuc;
 pub mod ls;
 pub mod modbus;
+pub mod settings;
 pub mod simulate;
 pub mod vectors;

@@ -3,14 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use serde_json::Value;
 
+use super::settings::SetArgs;
 use crate::io::interrupt;
 use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
 use crate::links::device::{Device, Endpoint, SimulateOptions};
 use crate::links::device_parser;
-use crate::links::settings;
 
 /// Simulates a device until interrupted.
 ///
@@ -26,9 +25,8 @@ pub struct Args {
     connect: ConnectArgs,
     #[command(flatten)]
     trace: TraceArgs,
-    /// A setting of the device other than its default, such as baud=19200; `simulate --help` lists them by device
-    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
-    set: Vec<(String, Value)>,
+    #[command(flatten)]
+    set: SetArgs,
 }
 
 #[derive(Debug, clap::Args)]
@@ -53,7 +51,7 @@ pub fn run(args: &Args) -> Result<bool> {
         EndpointArgs { pty: Some(path), .. } => Endpoint::Pty(path.clone()),
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };
-    let settings = args.set.iter().cloned().collect();
+    let settings = args.set.read()?;
     interrupt::handle()?;
     args.device.simulate(&SimulateOptions {
         endpoint,

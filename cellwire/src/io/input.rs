@@ -32,3 +32,11 @@ pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead + Send>> {
         None => Box::new(BufReader::new(io::stdin())),
     })
 }
+
+/// The text of a file.
+///
+/// # Errors
+/// When the file cannot be read, or is no UTF-8.
+pub fn text(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))
+}

@@ -12,14 +12,18 @@ use crate::io::output::ready;
 use crate::io::serial::PtyLink;
 use crate::io::tcp;
 use crate::io::trace::TraceArgs;
+use crate::links::settings::Setting;
 
 /// A simulated end of a link.
 pub trait Device: Debug + Sync {
     /// Its name on the command line.
     fn name(&self) -> &'static str;
 
-    /// What it is, and its settings, in one line.
+    /// What it is, in one line.
     fn about(&self) -> &'static str;
+
+    /// What can be set of it, and the defaults.
+    fn settings(&self) -> Vec<Setting>;
 
     /// Runs it until the process is interrupted.
     ///

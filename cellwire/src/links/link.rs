@@ -7,13 +7,14 @@ use serde_json::{Map, Value};
 
 use crate::links::codec::Codec;
 use crate::links::device::Device;
+use crate::links::settings::Setting;
 
 /// A link.
 pub trait Link: Debug + Sync {
     /// The crate's name.
     fn name(&self) -> &'static str;
 
-    /// What it is, and its settings, in one line.
+    /// What it is, in one line.
     fn about(&self) -> &'static str;
 
     /// The names of the sides that send, for `--from`; the first is the default.
@@ -21,6 +22,9 @@ pub trait Link: Debug + Sync {
 
     /// The side that sends, in a capture: the TCP client, or the server on this port.
     fn sender(&self, is_client: bool, server_port: u16) -> &'static str;
+
+    /// What can be set of its codec, and the defaults.
+    fn settings(&self) -> Vec<Setting>;
 
     /// The codec of what one of its sides sends, with settings other than the link's defaults, as in the vectors' `options`:
     /// `{"framing":"rtu"}`.

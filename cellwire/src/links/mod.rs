@@ -63,9 +63,13 @@ pub fn link_parser() -> impl TypedValueParser<Value = &'static dyn Link> {
     PossibleValuesParser::new(names).try_map(|name| by_name(&name))
 }
 
+/// Every end that can be simulated.
+pub fn devices() -> impl Iterator<Item = &'static dyn Device> {
+    LINKS.into_iter().flat_map(|link| link.devices().iter().copied())
+}
+
 /// The parser of DEVICE on the command line.
 pub fn device_parser() -> impl TypedValueParser<Value = &'static dyn Device> {
-    let devices = || LINKS.into_iter().flat_map(|link| link.devices().iter().copied());
     let names = devices().map(|device| PossibleValue::new(device.name()).help(device.about()));
     PossibleValuesParser::new(names).try_map(move |name| {
         devices().find(|device| device.name() == name).with_context(|| format!("no device is called {name}"))

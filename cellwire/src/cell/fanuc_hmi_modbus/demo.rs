@@ -25,7 +25,7 @@ use crate::io::tcp;
 use crate::links::fanuc_hmi_modbus::controller::{Controller, PERIOD, Pose};
 use crate::links::fanuc_hmi_modbus::options::json;
 use crate::links::fanuc_hmi_modbus::simulate::serve_tcp;
-use crate::links::settings::Settings;
+use crate::links::settings;
 use crate::motion::{
     Acceleration, Arm, JointSample, Kinematics, Quaternion, Resampling, Sampling, Trajectory,
 };
@@ -41,7 +41,7 @@ const SPEED: (f64, f64) = (100.0, 20.0);
 /// # Errors
 /// When no port is free, a file cannot be written, or a setting is given: the demo has none.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    Settings::new("fanuc-hmi-modbus", &options.settings, &[])?;
+    settings::read("fanuc-hmi-modbus", (), &options.settings)?;
     let seconds = options.seconds.map_or(8.0, |seconds| seconds.as_secs_f64());
     let trajectory = trajectory((seconds - 2.0 * REST).max(0.5))?;
     let sampling = Sampling::Dynamic { min: 0.05, max: 0.5, by: Acceleration::Either };

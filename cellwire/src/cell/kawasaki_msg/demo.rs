@@ -17,7 +17,7 @@ use crate::io::tcp::{self, FaultyProxy};
 use crate::links::kawasaki_msg::pc::{self, Packets, Program};
 use crate::links::kawasaki_msg::robot::{self, Setup, Stroke};
 use crate::links::kawasaki_msg::sheet::{SHEET, drawn, jobs};
-use crate::links::settings::Settings;
+use crate::links::settings::{self, Configure, Table};
 
 /// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
 const SPEED: u32 = 16_000;
@@ -38,16 +38,36 @@ const ORDER: u16 = 50;
 /// that of the longest line.
 const PATIENCE: Duration = Duration::from_secs(10);
 
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    port: u16,
+    queue: usize,
+    speed: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { port: 0, queue: QUEUE, speed: SPEED }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { port, queue, speed } = self;
+        table.whole("port", 0..=u16::MAX, "", "the PC's TCP port; 0: any free one", port);
+        table.whole("queue", 1..=9998, "jobs", "how many jobs the robot's queue holds", queue);
+        table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
+    }
+}
+
 /// Draws the picture once; with a time, again and again until it is over.
 ///
 /// # Errors
 /// When the picture cannot be read, or the drawn one cannot be written; when no port is free.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings = Settings::new("kawasaki-msg", &options.settings, &["port", "queue", "speed"])?;
-    let port: u16 = settings.number("port", 0)?;
-    let (queue, speed) = (settings.number("queue", QUEUE)?, settings.number("speed", SPEED)?);
-    ensure!(speed > 0, "speed={speed}: give at least 1 mm/s");
-    ensure!((1..=9998).contains(&queue), "queue={queue}: give 1 to 9998 jobs, less than there are numbers");
+    let Settings { port, queue, speed } =
+        settings::read("kawasaki-msg", Settings::default(), &options.settings)?;
     let picture = match &options.drawing {
         Some(file) => Picture::from_file(file, SHEET)?,
         None => Picture::built_in(SHEET)?,

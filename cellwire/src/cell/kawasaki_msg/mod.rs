@@ -3,4 +3,4 @@
 mod demo;
 pub mod tally;
 
-pub use demo::demo;
+pub use demo::{Settings, demo};

@@ -16,7 +16,7 @@ use crate::io::drawing::{self, Point};
 use crate::io::line::{Clock, Line, LineFaults};
 use crate::io::serial;
 use crate::links::laser_eb90::controller::{self, Job, Robot, RobotCounts, Switch};
-use crate::links::settings::Settings;
+use crate::links::settings::{self, Configure, Table};
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
 /// hundred instructions.
@@ -37,6 +37,24 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// The bytes of a frame of one instruction, of seven, and of an answer.
 const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
 
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    baud: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { baud: BAUD }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        table.baud(&mut self.baud);
+    }
+}
+
 /// A host sends a cutting path to the simulated robot over a pseudo-terminal whose bytes take their time: for the first third of
 /// the run one instruction in a frame, then seven. With faults the robot is killed in the middle of that and started again.
 ///
@@ -44,7 +62,7 @@ const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
 /// When there is no pseudo-terminal, or the picture cannot be written.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let seconds = options.seconds.unwrap_or(Duration::from_secs(6));
-    let baud = Settings::new("laser-eb90", &options.settings, &["baud"])?.baud(BAUD)?;
+    let baud = settings::read("laser-eb90", Settings::default(), &options.settings)?.baud;
     let path = path::path()?;
     let (device, port) = serial::pair()?;
     let clock = Clock::start();

@@ -5,4 +5,4 @@ pub mod host;
 pub mod path;
 pub mod tally;
 
-pub use demo::demo;
+pub use demo::{Settings, demo};

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 use mmacell_task::Step;
 
 use super::cell::{Cell, Which};
@@ -21,8 +21,9 @@ use crate::io::samples::Samples;
 use crate::io::tcp::{self, FaultyProxy};
 use crate::io::trace::{Trace, Way};
 use crate::links::mmacell_proto::connections::{Connections, Stop};
+use crate::links::mmacell_proto::options::speed_of_axes;
 use crate::links::mmacell_proto::station::MotionFaults;
-use crate::links::settings::Settings;
+use crate::links::settings::{self, Configure, Table};
 
 /// Parts of a run without a limit.
 const PARTS: u64 = 100;
@@ -33,20 +34,40 @@ const BREAKS: f64 = 0.001;
 /// Longer than this the task is in no step, even when every connection has to be opened again.
 const STANDSTILL: Duration = Duration::from_secs(20);
 
-/// Runs the demo. Settings: `parts`, `speed`; `stall_every`, after how many of the robot's motions one stops half-way without an
-/// error.
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    parts: u64,
+    speed: u32,
+    stall_every: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { parts: PARTS, speed: SPEED, stall_every: 0 }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { parts, speed, stall_every } = self;
+        table.whole("parts", 1..=u64::MAX, "parts", "how many are placed, unless --seconds is given", parts);
+        speed_of_axes(table, speed);
+        let about = "after how many of the robot's motions one stops half-way without an error; 0: never";
+        table.whole("stall_every", 0..=u64::MAX, "motions", about, stall_every);
+    }
+}
+
+/// Runs the demo.
 ///
 /// # Errors
 /// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stands still.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings = Settings::new("mmacell-proto", &options.settings, &["parts", "speed", "stall_every"])?;
-    let speed = settings.number("speed", SPEED)?;
-    ensure!((1..=10_000).contains(&speed), "speed={speed} is outside 1 to 10000");
-    let parts: u64 = settings.number("parts", PARTS)?;
-    ensure!(parts > 0, "parts=0 leaves nothing to do");
+    let Settings { parts, speed, stall_every } =
+        settings::read("mmacell-proto", Settings::default(), &options.settings)?;
     // A time limit counts, not a number of parts, unless both are given.
     let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
-    let stalls = MotionFaults { stall_every: settings.number("stall_every", 0)?, ..MotionFaults::default() };
+    let stalls = MotionFaults { stall_every, ..MotionFaults::default() };
     let run = Run::start(options, speed, stalls)?;
     let (log, cell) = run.place((!until_limit).then_some(parts), options)?;
     if let Some(path) = &options.out {
@@ -468,8 +489,8 @@ mod tests {
     #[test]
     fn a_setting_out_of_range_is_refused() {
         for (set, error) in [
-            ("parts=0", "parts=0 leaves nothing to do"),
-            ("speed=0", "speed=0 is outside 1 to 10000"),
+            ("parts=0", "parts=0: out of range, give from 1 parts"),
+            ("speed=0", "speed=0: out of range, give 1 to 10000 times"),
             ("cycles=5", "mmacell-proto has no setting `cycles`: it has parts, speed, stall_every"),
         ] {
             assert_eq!(demo(&options(false, &[set])).unwrap_err().to_string(), error);

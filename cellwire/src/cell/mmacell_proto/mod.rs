@@ -8,7 +8,7 @@ mod timeline;
 mod verdict;
 pub mod workpiece;
 
-pub use demo::demo;
+pub use demo::{Settings, demo};
 
 #[cfg(test)]
 mod virtual_clock;

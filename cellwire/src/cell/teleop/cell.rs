@@ -6,9 +6,10 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, anyhow};
 use indicatif::ProgressBar;
-use isra_ball::{BallStatistics, Status};
+use isra_ball::{BallConfig, BallStatistics, Status};
 use val2_alter::timing;
 use val2_alter::{AXES, Exception, HostConfig, HostState, Mode};
+use val2_viewer::WorkstationConfig;
 
 use super::{LIMITS, Mapping, Notification, Order, PortConfig, Teleop, TeleopConfig, Traces};
 use crate::cell::options::DemoOptions;
@@ -167,9 +168,15 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     thread::scope(|scope| {
         let robot =
             scope.spawn(|| (puma::run(&mut robot.line, puma, &stop, |_, _| Ok(())), robot.line.faults()));
-        let ball = scope.spawn(|| (ball::run(&mut ball.line, &stop, |_| Ok(())), ball.line.faults()));
-        let viewer =
-            scope.spawn(|| (workstation::run(&mut viewer.line, &stop, |_| Ok(())), viewer.line.faults()));
+        let ball = scope.spawn(|| {
+            (ball::run(&mut ball.line, BallConfig::default(), &stop, |_| Ok(())), ball.line.faults())
+        });
+        let viewer = scope.spawn(|| {
+            (
+                workstation::run(&mut viewer.line, WorkstationConfig::default(), &stop, |_| Ok(())),
+                viewer.line.faults(),
+            )
+        });
         let host = drive(config, teleop, clock, progress);
         stop.store(true, Ordering::Relaxed);
         let gone = |what| move |_| anyhow!("the simulated {what} panicked");

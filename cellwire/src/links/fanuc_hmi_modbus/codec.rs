@@ -1,27 +1,21 @@
-use anyhow::{Result, bail, ensure};
+use anyhow::{Result, ensure};
 use fanuc_hmi_modbus::{Decoder, Frame, Framing, PduBuf, Reply, Side, TelemetryBlock, WordOrder};
 use robot_session::Encode as _;
 use serde_json::{Map, Value};
 
-use super::options::{framing, json, word_order};
+use super::options::{ViewSettings, json};
 use crate::links::codec::{Codec, Kind, Messages, codec, error, message};
-use crate::links::settings::Settings;
+use crate::links::settings;
 
-/// The settings: `framing` is `tcp` or `rtu`; `view=telemetry` shows a reply of 37 registers as the telemetry block, whose
-/// `word_order` is `low_first` or `high_first`.
+/// What a side sends. The settings are those of [`ViewSettings`].
 ///
 /// # Errors
 /// When a setting is none of these.
 pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let settings = Settings::new("fanuc-hmi-modbus", settings, &["framing", "view", "word_order"])?;
-    let framing = framing(&settings)?;
+    let settings = settings::read("fanuc-hmi-modbus", ViewSettings::default(), settings)?;
+    let framing = settings.framing();
     let side = if side == "client" { Side::Client } else { Side::Server };
-    let order = word_order(&settings)?;
-    let view = match settings.text("view")? {
-        None => None,
-        Some("telemetry") => Some(order),
-        Some(other) => bail!("view={other} is not telemetry, the only one"),
-    };
+    let view = settings.telemetry.then_some(settings.word_order);
     Ok(codec(Decoder::new(framing, side), Modbus { framing, side, view }))
 }
 
@@ -132,8 +126,14 @@ mod tests {
     #[test]
     fn what_is_asked_wrongly_is_said() {
         let error = |settings: &Map<String, Value>| either("client", settings).err().unwrap().to_string();
-        assert_eq!(error(&options(&[("framing", "ascii")])), "framing=ascii is neither tcp nor rtu");
-        assert_eq!(error(&options(&[("view", "x")])), "view=x is not telemetry, the only one");
+        assert_eq!(
+            error(&options(&[("framing", "ascii")])),
+            "framing=ascii: not one of the choices, give tcp, rtu"
+        );
+        assert_eq!(
+            error(&options(&[("view", "x")])),
+            "view=x: not one of the choices, give registers, telemetry"
+        );
         let request = json!({"unit": 1, "function": 3, "address": 0, "quantity": 37});
         let tcp = either("client", &options(&[])).unwrap();
         let error = tcp.encode(request).unwrap_err().to_string();

@@ -8,6 +8,7 @@ pub mod simulate;
 use crate::links::codec::Codec;
 use crate::links::device::{Device, SimulateOptions};
 use crate::links::link::Link;
+use crate::links::settings::{self, Setting};
 
 use anyhow::Result;
 use serde_json::{Map, Value};
@@ -22,7 +23,7 @@ impl Link for FanucHmiModbus {
     }
 
     fn about(&self) -> &'static str {
-        "FANUC's HMI Device Communication, Modbus; settings: framing, view, word_order"
+        "FANUC's HMI Device Communication, Modbus"
     }
 
     fn sides(&self) -> &'static [&'static str] {
@@ -31,6 +32,10 @@ impl Link for FanucHmiModbus {
 
     fn sender(&self, is_client: bool, _server_port: u16) -> &'static str {
         if is_client { "client" } else { "server" }
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::ViewSettings::default())
     }
 
     fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
@@ -51,7 +56,11 @@ impl Device for FanucDevice {
     }
 
     fn about(&self) -> &'static str {
-        "A FANUC controller with a moving robot, over Modbus; settings: framing, unit, word_order, and on a serial line baud"
+        "A FANUC controller with a moving robot, over Modbus"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::FanucSettings::default())
     }
 
     fn simulate(&self, options: &SimulateOptions) -> Result<()> {

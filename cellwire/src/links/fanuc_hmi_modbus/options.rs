@@ -1,35 +1,156 @@
-//! The settings of the link.
+//! The settings of the link: its frames, the server and the client.
 
-use anyhow::{Result, bail};
-use fanuc_hmi_modbus::{Framing, WordOrder};
+use std::time::Duration;
+
+use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig, WordOrder};
 use serde_json::Value;
 
-use crate::links::settings::Settings;
+use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table};
 
-/// The setting `framing`: `tcp`, the default, or `rtu`.
-pub fn is_rtu(settings: &Settings<'_>) -> Result<bool> {
-    match settings.text("framing")? {
-        None | Some("tcp") => Ok(false),
-        Some("rtu") => Ok(true),
-        Some(other) => bail!("framing={other} is neither tcp nor rtu"),
+/// The frames of a connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Frames {
+    /// With MBAP headers.
+    #[default]
+    Tcp,
+    /// As on a serial line, through a TCP connection.
+    Rtu,
+}
+
+/// How the link's bytes are shown.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ViewSettings {
+    /// The frames.
+    pub frames: Frames,
+    /// Whether a reply of 37 registers is shown as the telemetry block.
+    pub telemetry: bool,
+    /// The order of the words of wide values.
+    pub word_order: WordOrder,
+}
+
+impl ViewSettings {
+    /// The framing of a stream without times.
+    pub fn framing(&self) -> Framing {
+        match self.frames {
+            Frames::Tcp => Framing::Tcp,
+            Frames::Rtu => Framing::RTU_OVER_TCP,
+        }
     }
 }
 
-/// The framing of the setting `framing`: RTU frames go through a TCP connection.
-///
-/// # Errors
-/// When it is another text.
-pub fn framing(settings: &Settings<'_>) -> Result<Framing> {
-    Ok(if is_rtu(settings)? { Framing::RTU_OVER_TCP } else { Framing::Tcp })
+impl Configure for ViewSettings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { frames, telemetry, word_order } = self;
+        self::frames(table, frames);
+        let about = "show a reply of 37 registers as the telemetry block";
+        table.choice("view", &[("registers", false), ("telemetry", true)], about, telemetry);
+        self::word_order(table, word_order);
+    }
 }
 
-/// The setting `word_order`: `low_first`, the default, or `high_first`.
-pub fn word_order(settings: &Settings<'_>) -> Result<WordOrder> {
-    match settings.text("word_order")? {
-        None | Some("low_first") => Ok(WordOrder::LowFirst),
-        Some("high_first") => Ok(WordOrder::HighFirst),
-        Some(other) => bail!("word_order={other} is neither low_first nor high_first"),
+/// The simulated controller.
+#[derive(Debug, Clone, Copy)]
+pub struct FanucSettings {
+    /// The frames, where it listens on TCP.
+    pub frames: Frames,
+    /// The unit that it is; `None`: every one on TCP, 1 in RTU frames.
+    pub unit: Option<u8>,
+    /// Whether unit 0 is a broadcast; `None`: in RTU frames.
+    pub broadcast: Option<bool>,
+    /// The line, in RTU on a serial line.
+    pub baud: u32,
+    /// The silence that ends a frame on a serial line; `None`: 3.5 characters.
+    pub silence: Option<Duration>,
+    /// The stall that ends a frame of RTU over TCP.
+    pub stall: Duration,
+    /// The order of the words of wide values.
+    pub word_order: WordOrder,
+}
+
+impl Default for FanucSettings {
+    fn default() -> Self {
+        let stall = Framing::RTU_OVER_TCP.silence().unwrap_or_default();
+        let (frames, word_order) = (Frames::Tcp, WordOrder::default());
+        Self { frames, unit: None, broadcast: None, baud: 19_200, silence: None, stall, word_order }
     }
+}
+
+impl FanucSettings {
+    /// The server behind a TCP address.
+    pub fn on_tcp(&self) -> ServerConfig {
+        match self.frames {
+            Frames::Tcp => self.with(ServerConfig { unit: self.unit, ..ServerConfig::tcp() }),
+            Frames::Rtu => self.with(ServerConfig {
+                framing: Framing::RtuOverTcp { stall: self.stall },
+                ..ServerConfig::rtu_over_tcp(self.unit.unwrap_or(1))
+            }),
+        }
+    }
+
+    /// The server on a serial line.
+    pub fn on_line(&self) -> ServerConfig {
+        let mut config = ServerConfig::rtu(self.unit.unwrap_or(1), self.baud);
+        if let Some(silence) = self.silence {
+            config.framing = Framing::Rtu { silence };
+        }
+        self.with(config)
+    }
+
+    fn with(&self, config: ServerConfig) -> ServerConfig {
+        ServerConfig { broadcast: self.broadcast.unwrap_or(config.broadcast), ..config }
+    }
+}
+
+impl Configure for FanucSettings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { frames, unit, broadcast, baud, silence, stall, word_order } = self;
+        self::frames(table, frames);
+        let about = "the unit that it is; auto: every one on TCP, 1 in RTU frames";
+        table.whole_or("unit", 0..=u8::MAX, "auto", about, unit);
+        let choices = [("auto", None), ("true", Some(true)), ("false", Some(false))];
+        let about = "unit 0 is a broadcast: carried out, never answered; auto: in RTU frames";
+        table.choice("broadcast", &choices, about, broadcast);
+        table.baud(baud);
+        let about = "the silence that ends a frame on a serial line; auto: 3.5 characters";
+        table.time_or("silence", SOME_TIME, "auto", about, silence);
+        table.time("stall", SOME_TIME, "without a byte for so long a frame of RTU over TCP is cut", stall);
+        self::word_order(table, word_order);
+    }
+}
+
+/// A client with the framing that it has.
+impl Configure for ClientConfig {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let about = "from a request to its reply";
+        table.time("timeout", SOME_TIME, about, &mut self.timeout);
+        let about = "requests that may be in flight at once; 1 in RTU frames";
+        table.whole("in_flight", 1..=32, "requests", about, &mut self.in_flight);
+        table.flag("any_unit", "take a reply from another unit than was asked", &mut self.any_unit);
+        table.flag("broadcast", "unit 0 is a broadcast that nobody answers", &mut self.broadcast);
+        let about = "how long the units of a serial line get to carry out a broadcast";
+        table.time("turnaround", ANY_TIME, about, &mut self.turnaround);
+        let about = "assumed: in RTU frames no reply comes later than this after its request has timed out";
+        table.time("settle", ANY_TIME, about, &mut self.settle);
+        match &mut self.framing {
+            Framing::Tcp => {}
+            Framing::Rtu { silence } => {
+                table.time("silence", SOME_TIME, "the silence between two frames", silence)
+            }
+            Framing::RtuOverTcp { stall } => {
+                table.time("stall", SOME_TIME, "without a byte for so long a frame is cut", stall)
+            }
+        }
+    }
+}
+
+fn frames(table: &mut Table<'_>, frames: &mut Frames) {
+    let about = "with MBAP headers, or as on a serial line";
+    table.choice("framing", &[("tcp", Frames::Tcp), ("rtu", Frames::Rtu)], about, frames);
+}
+
+fn word_order(table: &mut Table<'_>, order: &mut WordOrder) {
+    let choices = [("low_first", WordOrder::LowFirst), ("high_first", WordOrder::HighFirst)];
+    table.choice("word_order", &choices, "which register of a 32-bit value comes first", order);
 }
 
 /// A value that is only ever made of numbers and names.

@@ -13,7 +13,7 @@ use robot_session::Ended;
 use serde_json::{Value, json};
 
 use super::controller::{Controller, circle};
-use super::options::{is_rtu, word_order};
+use super::options::FanucSettings;
 use crate::io::drive::Traced;
 use crate::io::line::{Clock, Line};
 use crate::io::output::{log, ready};
@@ -21,34 +21,29 @@ use crate::io::tcp;
 use crate::io::trace::Trace;
 use crate::links::device;
 use crate::links::device::{Endpoint, SimulateOptions};
-use crate::links::settings::Settings;
+use crate::links::settings;
 
 /// Who a controller is shared between: every connection sees the same registers.
 pub type Shared = Arc<Mutex<Controller>>;
 
-/// Runs until interrupted. Settings: `framing`, `unit`, `baud`, `word_order`.
+/// Runs until interrupted. The settings are those of [`FanucSettings`].
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let settings = Settings::new("fanuc", &options.settings, &["framing", "unit", "baud", "word_order"])?;
-    let unit = settings.number("unit", 1u8)?;
-    let controller = Arc::new(Mutex::new(Controller::new(Box::new(circle), word_order(&settings)?)));
+    let settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
+    let controller = Arc::new(Mutex::new(Controller::new(Box::new(circle), settings.word_order)));
     match &options.endpoint {
         Endpoint::Listen(address) => {
-            let config =
-                if is_rtu(&settings)? { ServerConfig::rtu_over_tcp(unit) } else { ServerConfig::tcp() };
+            let config = settings.on_tcp();
             let listener = tcp::listen(address)?;
             ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
             let notify = |event: Value| drop(log(&event)); // a script that reads no more is none of our business
             serve_tcp(&listener, &controller, Clock::start(), config, &options.trace.start("fanuc"), notify)
         }
-        Endpoint::Pty(_) => {
-            let baud = settings.baud(19_200)?;
-            device::serve("fanuc", "fanuc", options, baud, |line, clock| {
-                serve_line(line, clock, &controller, ServerConfig::rtu(unit, baud))
-            })
-        }
+        Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
+            serve_line(line, clock, &controller, settings.on_line())
+        }),
         Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
     }
 }

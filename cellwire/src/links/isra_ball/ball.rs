@@ -4,18 +4,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
-use isra_ball::{Ball, BallConfig, BallEvent, BallStatistics, timing};
+use isra_ball::{Ball, BallConfig, BallEvent, BallStatistics};
 use robot_session::{Driver, Session as _, Transport as _};
 use serde_json::{Value, json};
 
 use super::hand::grip;
+use super::options::BallSettings;
 use crate::io::drive::turn;
 use crate::io::line::Line;
 use crate::io::output::log;
 use crate::io::priority::{self, Rank};
 use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::settings::Settings;
+use crate::links::settings;
 
 /// The ball's processor makes new values this often, which the source does not give. A poll before that gets old ones.
 const MEASURING: Duration = Duration::from_millis(10);
@@ -25,9 +26,9 @@ const MEASURING: Duration = Duration::from_millis(10);
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let baud = Settings::new("ball", &options.settings, &["baud"])?.baud(timing::BAUD)?;
-    serve("ball", "ball", options, baud, |line, _| {
-        run(line, &AtomicBool::new(false), |event| log(&event))?;
+    let settings = settings::read("ball", BallSettings::default(), &options.settings)?;
+    serve("ball", "ball", options, settings.baud, |line, _| {
+        run(line, settings.config, &AtomicBool::new(false), |event| log(&event))?;
         Ok(())
     })
 }
@@ -38,11 +39,12 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// When an event cannot be logged.
 pub fn run(
     line: &mut Line,
+    config: BallConfig,
     stop: &AtomicBool,
     mut report: impl FnMut(Value) -> Result<()>,
 ) -> Result<BallStatistics> {
     priority::raise(Rank::Hardware);
-    let mut ball = Ball::new(BallConfig::default())?;
+    let mut ball = Ball::new(config)?;
     let mut driver = Driver::new(line);
     let mut next_measure = Duration::ZERO;
     let mut connected = false;

@@ -3,14 +3,14 @@ use isra_ball::{Decoder, Frame, Packet};
 use serde_json::{Map, Value};
 
 use crate::links::codec::{Codec, Kind, Messages, codec, message};
-use crate::links::settings::Settings;
+use crate::links::settings;
 
 /// What the ball sends. The host's ENQ is one byte and no message.
 ///
 /// # Errors
 /// When a setting is given: the link has none.
 pub(super) fn ball(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    Settings::new("isra-ball", settings, &[])?;
+    settings::read("isra-ball", (), settings)?;
     Ok(codec(Decoder::new(), Ball))
 }
 

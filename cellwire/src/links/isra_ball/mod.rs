@@ -3,10 +3,12 @@
 pub mod ball;
 mod codec;
 pub mod hand;
+pub mod options;
 
 use crate::links::codec::Codec;
 use crate::links::device::{Device, SimulateOptions};
 use crate::links::link::Link;
+use crate::links::settings::{self, Setting};
 use anyhow::Result;
 use serde_json::{Map, Value};
 
@@ -20,7 +22,7 @@ impl Link for IsraBall {
     }
 
     fn about(&self) -> &'static str {
-        "The ISRA Robot Command Teach Ball; settings: of the demo baud"
+        "The ISRA Robot Command Teach Ball"
     }
 
     fn sides(&self) -> &'static [&'static str] {
@@ -29,6 +31,10 @@ impl Link for IsraBall {
 
     fn sender(&self, _is_client: bool, _server_port: u16) -> &'static str {
         "ball"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(())
     }
 
     fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
@@ -49,7 +55,11 @@ impl Device for BallDevice {
     }
 
     fn about(&self) -> &'static str {
-        "The ISRA Robot Command Teach Ball with a hand on it; settings: baud"
+        "The ISRA Robot Command Teach Ball with a hand on it"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::BallSettings::default())
     }
 
     fn simulate(&self, options: &SimulateOptions) -> Result<()> {

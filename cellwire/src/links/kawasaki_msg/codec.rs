@@ -3,24 +3,20 @@ use kawasaki_msg::{Charset, Decoder, Message, Value as Field, Values};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use crate::links::codec::{Codec, Kind, Messages, codec, message};
-use crate::links::settings::Settings;
+use super::options::Plant;
+use crate::links::codec::{self, Codec, Kind, codec, message};
+use crate::links::settings;
 
-/// Both sides send the same messages. Setting: `charset`, `ascii` (default) or `latin1`.
+/// Both sides send the same messages. The settings are those of [`Plant`].
 ///
 /// # Errors
 /// When a setting is another.
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let settings = Settings::new("kawasaki-msg", settings, &["charset"])?;
-    let charset = match settings.text("charset")? {
-        None | Some("ascii") => Charset::Ascii,
-        Some("latin1") => Charset::Latin1,
-        Some(other) => anyhow::bail!("charset={other} is neither ascii nor latin1"),
-    };
-    Ok(codec(Decoder::new(charset), Plant { charset }))
+    let Plant { charset } = settings::read("kawasaki-msg", Plant::default(), settings)?;
+    Ok(codec(Decoder::new(charset), Messages { charset }))
 }
 
-struct Plant {
+struct Messages {
     charset: Charset,
 }
 
@@ -34,7 +30,7 @@ struct Object {
     fields: Vec<String>,
 }
 
-impl Messages for Plant {
+impl codec::Messages for Messages {
     type Decoder = Decoder;
 
     fn show(&self, frame: Message<'_>, json: &mut Vec<u8>) -> Kind {

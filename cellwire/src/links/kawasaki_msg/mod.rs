@@ -1,6 +1,7 @@
 //! kawasaki-msg in the tool: its codec, both ends simulated, and a picture to draw.
 
 mod codec;
+pub mod options;
 pub mod pc;
 mod peer;
 pub mod robot;
@@ -10,6 +11,7 @@ pub mod simulate;
 use crate::links::codec::Codec;
 use crate::links::device::{Device, SimulateOptions};
 use crate::links::link::Link;
+use crate::links::settings::{self, Setting};
 use anyhow::Result;
 use serde_json::{Map, Value};
 
@@ -23,7 +25,7 @@ impl Link for KawasakiMsg {
     }
 
     fn about(&self) -> &'static str {
-        "A Kawasaki robot and a PC; settings: charset, of the demo port, queue, speed"
+        "A Kawasaki robot and a PC"
     }
 
     fn sides(&self) -> &'static [&'static str] {
@@ -33,6 +35,10 @@ impl Link for KawasakiMsg {
     fn sender(&self, is_client: bool, _server_port: u16) -> &'static str {
         // The robot opens the connection.
         if is_client { "robot" } else { "pc" }
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::Plant::default())
     }
 
     fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
@@ -53,7 +59,11 @@ impl Device for RobotDevice {
     }
 
     fn about(&self) -> &'static str {
-        "A Kawasaki robot that draws what a PC sends; settings: speed, queue, acks, out"
+        "A Kawasaki robot that draws what a PC sends"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::RobotSettings::default())
     }
 
     fn simulate(&self, options: &SimulateOptions) -> Result<()> {
@@ -70,7 +80,11 @@ impl Device for PcDevice {
     }
 
     fn about(&self) -> &'static str {
-        "A PC with a picture for a Kawasaki robot; settings: drawing, order, repeat"
+        "A PC with a picture for a Kawasaki robot"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::PcSettings::default())
     }
 
     fn simulate(&self, options: &SimulateOptions) -> Result<()> {

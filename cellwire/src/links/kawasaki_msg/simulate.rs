@@ -1,13 +1,14 @@
 //! `cellwire simulate kawasaki-pc` and `kawasaki-robot`: an end to test the other one against.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 
-use anyhow::{Result, bail, ensure};
-use kawasaki_msg::{Acks, Line, Pc, PcConfig, PcEvent, RobotConfig, RobotEvent};
+use anyhow::{Result, bail};
+use kawasaki_msg::{Line, Pc, PcEvent, RobotEvent};
 use serde_json::json;
 
+use super::options::{PcSettings, RobotSettings};
 use super::pc::{self, Program};
 use super::robot::{self, Setup, Stroke};
 use super::sheet::{SHEET, drawn, jobs};
@@ -15,20 +16,16 @@ use crate::io::drawing::{self, Picture};
 use crate::io::output::{log, ready};
 use crate::io::tcp;
 use crate::links::device::{Endpoint, SimulateOptions};
-use crate::links::settings::Settings;
+use crate::links::settings;
 
-/// The PC until interrupted: a robot that connects gets the picture as an order. Settings: `drawing`, an SVG file [default: a built-in
-/// picture]; `order`, the number of the first order; `repeat`, begin the next order when one is over.
+/// The PC until interrupted: a robot that connects gets the picture as an order.
 ///
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn pc(options: &SimulateOptions) -> Result<()> {
-    let settings = Settings::new("kawasaki-pc", &options.settings, &["drawing", "order", "repeat"])?;
-    let order: u16 = settings.number("order", 50)?;
-    ensure!(order > 0, "order=0: orders are numbered from 1");
-    let repeat = settings.flag("repeat", false)?;
-    let picture = match settings.text("drawing")? {
-        Some(file) => Picture::from_file(Path::new(file), SHEET)?,
+    let settings = settings::read("kawasaki-pc", PcSettings::default(), &options.settings)?;
+    let picture = match settings.drawing() {
+        Some(file) => Picture::from_file(&file, SHEET)?,
         None => Picture::built_in(SHEET)?,
     };
     let Endpoint::Listen(address) = &options.endpoint else {
@@ -37,27 +34,20 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     let listener = tcp::listen(address)?;
     let lines = jobs(&picture);
     ready("kawasaki-pc", "listen", &listener.local_addr()?.to_string())?;
-    let mut program = Orders { lines: &lines, next: order, wanted: false, repeat };
-    pc::run(&listener, PcConfig::TCP, &options.trace.start("kawasaki-pc"), &mut program)?;
+    let mut program = Orders { lines: &lines, next: settings.order, wanted: false, repeat: settings.repeat };
+    pc::run(&listener, settings.config, &options.trace.start("kawasaki-pc"), &mut program)?;
     Ok(())
 }
 
-/// The robot until interrupted. Settings: `speed` of the pen in mm/s, `queue`, how many jobs it holds, `acks`, every how many jobs it
-/// acknowledges, `out`, an SVG file that is written whenever an order is over.
+/// The robot until interrupted.
 ///
 /// # Errors
 /// When a setting is none of this device's.
 pub fn robot(options: &SimulateOptions) -> Result<()> {
-    let settings = Settings::new("kawasaki-robot", &options.settings, &["acks", "out", "queue", "speed"])?;
-    let speed: u32 = settings.number("speed", 250)?;
-    ensure!(speed > 0, "speed={speed}: give at least 1 mm/s");
-    let every = settings.number("acks", 1u16)?.try_into();
-    let Ok(every) = every else { bail!("acks=0: give 1 to acknowledge every job") };
-    let config = RobotConfig { acks: Acks::Cumulative { every }, ..RobotConfig::TCP };
-    let queue = settings.number("queue", 256)?;
-    ensure!((1..=9998).contains(&queue), "queue={queue}: give 1 to 9998 jobs, less than there are numbers");
+    let RobotSettings { config, queue, speed, out, .. } =
+        settings::read("kawasaki-robot", RobotSettings::default(), &options.settings)?;
     let setup = Setup { config, queue, speed: f64::from(speed), connect_timeout: options.connect_timeout };
-    let out = settings.text("out")?.map(PathBuf::from);
+    let out = out.map(PathBuf::from);
     let Endpoint::Connect(address) = &options.endpoint else {
         bail!("kawasaki-robot is a TCP client, it opens the connection: use --connect")
     };

@@ -5,13 +5,14 @@ use serde::de::DeserializeSeed;
 use serde_json::{Map, Value};
 
 use crate::links::codec::{Codec, Kind, Messages, codec, message};
+use crate::links::settings;
 
 /// Both directions have the same frames.
 ///
 /// # Errors
 /// When a setting is no field of `Profile`.
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let profile = super::profile::profile(settings)?;
+    let profile = settings::read("laser-eb90", Profile::default(), settings)?;
     Ok(codec(Decoder::new(&profile), Eb90 { profile }))
 }
 

@@ -7,13 +7,12 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use laser_eb90::{
-    Controller, ControllerConfig, ControllerEvent, Instruction, Item, Items, Profile, Refusal, timing,
-};
+use laser_eb90::{Controller, ControllerConfig, ControllerEvent, Instruction, Item, Items, Refusal};
 use robot_session::{Driver, Received, Sent, Session as _, Transport};
 use robot_work_queue::Reader;
 use serde_json::{Value, json};
 
+use super::options::LaserSettings;
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
 use crate::io::output::log;
@@ -22,7 +21,7 @@ use crate::io::samples::Samples;
 use crate::io::serial::READ_TIMEOUT;
 use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::settings::Settings;
+use crate::links::settings;
 
 /// Executes nothing until [`GO_ON`].
 pub const HALT: u16 = 0x0201;
@@ -39,8 +38,8 @@ pub const POSITION: u16 = 0x0302;
 /// How a simulated robot behaves.
 #[derive(Debug, Clone, Copy)]
 pub struct Robot {
-    /// How frames are written.
-    pub profile: Profile,
+    /// Its session.
+    pub config: ControllerConfig,
     /// How many instructions the queue holds.
     pub queue: usize,
     /// How long an instruction takes to execute.
@@ -51,7 +50,8 @@ pub struct Robot {
 
 impl Default for Robot {
     fn default() -> Self {
-        Self { profile: Profile::default(), queue: 64, execution: Duration::from_millis(1), boot: 1 }
+        let (config, execution) = (ControllerConfig::default(), Duration::from_millis(1));
+        Self { config, queue: 64, execution, boot: 1 }
     }
 }
 
@@ -90,11 +90,7 @@ impl RobotCounts {
     }
 }
 
-/// The settings of the simulator beside those of its profile.
-const OWN: [&str; 3] = ["baud", "queue", "execution_ms"];
-
-/// The longest queue, in instructions, and up to which number they are numbered: above it.
-const LONGEST: usize = 9999;
+/// Jobs are numbered up to this: above the longest queue.
 const NUMBERS: u16 = 10_000;
 
 /// `cellwire simulate laser`.
@@ -102,13 +98,10 @@ const NUMBERS: u16 = 10_000;
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let settings = Settings::new("laser", &options.settings, &[&OWN[..], &super::profile::PROFILE].concat())?;
-    let mut fields = options.settings.clone();
-    fields.retain(|name, _| !OWN.contains(&name.as_str()));
-    let queue = settings.number_in("queue", 64, 1..=LONGEST)?;
-    let execution = Duration::from_millis(settings.number("execution_ms", 20u32)?.into());
-    let robot = Robot { profile: super::profile::profile(&fields)?, queue, execution, boot: 1 };
-    serve("laser", "laser", options, settings.baud(timing::BAUD)?, |line, clock| {
+    let LaserSettings { config, baud, queue, execution } =
+        settings::read("laser", LaserSettings::default(), &options.settings)?;
+    let robot = Robot { config, queue, execution, boot: 1 };
+    serve("laser", "laser", options, baud, |line, clock| {
         run(robot, line, clock, &Switch::default(), |event| log(&event), &Mutex::default())?;
         Ok(())
     })
@@ -157,11 +150,10 @@ pub fn run(
     executed: &Mutex<Vec<Job>>,
 ) -> Result<RobotCounts> {
     let (writer, reader) = robot_work_queue::boxed::<Job>(robot.queue, NUMBERS)?;
-    let config = ControllerConfig { profile: robot.profile, ..ControllerConfig::default() };
     let (halted, done) = (AtomicBool::new(false), AtomicBool::new(false));
     let motion = Motion { robot, switch, halted: &halted, done: &done, executed };
     let mut task = Communication { motion, clock, notify, refused: 0 };
-    let controller = Controller::new(config, writer)?;
+    let controller = Controller::new(robot.config, writer)?;
     priority::raise(Rank::Hardware);
     thread::scope(|scope| {
         let motion = scope.spawn(move || motion.run(reader));
@@ -305,10 +297,11 @@ impl Motion<'_> {
     fn position(&self) -> Vec<f32> {
         let Ok(executed) = self.executed.lock() else { return Vec::new() };
         let parameters = executed.last().map(|job| job.parameters.as_slice()).unwrap_or_default();
-        let floats = Items::new(parameters, &self.robot.profile).flatten().filter_map(|item| match item {
-            Item::F32(values) => Some(values.iter()),
-            _ => None,
-        });
+        let floats =
+            Items::new(parameters, &self.robot.config.profile).flatten().filter_map(|item| match item {
+                Item::F32(values) => Some(values.iter()),
+                _ => None,
+            });
         floats.flatten().collect()
     }
 }

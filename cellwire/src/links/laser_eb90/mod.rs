@@ -2,11 +2,12 @@
 
 mod codec;
 pub mod controller;
-mod profile;
+pub mod options;
 
 use crate::links::codec::Codec;
 use crate::links::device::{Device, SimulateOptions};
 use crate::links::link::Link;
+use crate::links::settings::{self, Setting};
 
 use anyhow::Result;
 use serde_json::{Map, Value};
@@ -21,7 +22,7 @@ impl Link for LaserEb90 {
     }
 
     fn about(&self) -> &'static str {
-        "A laser machining robot, EB 90 frames; settings: the fields of its Profile, of the demo baud"
+        "A laser machining robot, EB 90 frames"
     }
 
     fn sides(&self) -> &'static [&'static str] {
@@ -31,6 +32,10 @@ impl Link for LaserEb90 {
     fn sender(&self, is_client: bool, _server_port: u16) -> &'static str {
         // Serial device servers listen: the robot is connected to one.
         if is_client { "host" } else { "controller" }
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(laser_eb90::Profile::default())
     }
 
     fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
@@ -51,7 +56,11 @@ impl Device for LaserDevice {
     }
 
     fn about(&self) -> &'static str {
-        "The controller of a laser robot; settings: baud, queue, execution_ms, and the fields of its Profile"
+        "The controller of a laser robot"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::LaserSettings::default())
     }
 
     fn simulate(&self, options: &SimulateOptions) -> Result<()> {

@@ -1,4 +1,4 @@
-use anyhow::{Context, Result};
+use anyhow::Result;
 use mmacell_proto::{
     AnyPose, Command, DecodeError, Decoder, Dialect, Line, PlatformPose, Pose, Reply, RobotPose,
 };
@@ -7,31 +7,20 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use crate::links::codec::{Codec, Kind, Messages, codec, error, message};
-use crate::links::settings::Settings;
-
-/// The names of the settings: the fields of the crate's `Dialect`, each true or false.
-pub(super) const DIALECT: [&str; 7] = ["itr", "ovrd", "clos", "off", "lone_lf", "blank", "wide_integers"];
+use crate::links::settings;
 
 /// What a side sends.
 ///
 /// # Errors
 /// When a setting is no field of `Dialect`.
 pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    Settings::new("mmacell-proto", settings, &DIALECT)?;
-    let dialect = dialect(settings)?;
+    let dialect = settings::read("mmacell-proto", Dialect::STRICT, settings)?;
     let side = match side {
         "central" => Side { dialect, parse: parse_command, write: write_command },
         "robot" => Side { dialect, parse: parse_reply::<RobotPose>, write: write_reply::<RobotPose> },
         _ => Side { dialect, parse: parse_reply::<PlatformPose>, write: write_reply::<PlatformPose> },
     };
     Ok(codec(Decoder::new(dialect), side))
-}
-
-/// The dialect among some settings.
-pub(super) fn dialect(settings: &serde_json::Map<String, Value>) -> Result<Dialect> {
-    let known = settings.iter().filter(|(name, _)| DIALECT.contains(&name.as_str()));
-    let known = known.map(|(name, value)| (name.clone(), value.clone())).collect();
-    serde_json::from_value(Value::Object(known)).context("each of these settings is true or false")
 }
 
 /// What one side sends: `parse` and `write` are of its messages.

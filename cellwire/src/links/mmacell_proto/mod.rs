@@ -3,12 +3,14 @@
 pub mod axes;
 mod codec;
 pub mod connections;
+pub mod options;
 pub mod simulate;
 pub mod station;
 
 use crate::links::codec::Codec;
 use crate::links::device::{Device, SimulateOptions};
 use crate::links::link::Link;
+use crate::links::settings::{self, Setting};
 use anyhow::Result;
 use serde_json::{Map, Value};
 
@@ -22,7 +24,7 @@ impl Link for MmacellProto {
     }
 
     fn about(&self) -> &'static str {
-        "The MM&A micro-manipulation cell; settings: the fields of its Dialect, of the demo parts, speed, stall_every"
+        "The MM&A micro-manipulation cell"
     }
 
     fn sides(&self) -> &'static [&'static str] {
@@ -35,6 +37,10 @@ impl Link for MmacellProto {
             ::mmacell_proto::port::PLATFORM => "platform",
             _ => "robot",
         }
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(mmacell_proto::Dialect::STRICT)
     }
 
     fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
@@ -55,7 +61,11 @@ impl Device for MmaRobotDevice {
     }
 
     fn about(&self) -> &'static str {
-        "The robot of the MM&A cell; settings: speed, fail_every, mute_every, drop_every, the fields of its Dialect"
+        "The robot of the MM&A cell"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::DeviceSettings::default())
     }
 
     fn simulate(&self, options: &SimulateOptions) -> Result<()> {
@@ -72,7 +82,11 @@ impl Device for MmaPlatformDevice {
     }
 
     fn about(&self) -> &'static str {
-        "The orientation platform of the MM&A cell; settings: those of mma-robot"
+        "The orientation platform of the MM&A cell"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::DeviceSettings::default())
     }
 
     fn simulate(&self, options: &SimulateOptions) -> Result<()> {

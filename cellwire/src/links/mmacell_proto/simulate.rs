@@ -4,31 +4,19 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail, ensure};
-use mmacell_proto::{DeviceConfig, Dialect, PlatformPose, RobotPose};
+use anyhow::{Result, bail};
+use mmacell_proto::{PlatformPose, RobotPose};
 use serde_json::json;
 
 use super::axes::{PLATFORM_HOME, ROBOT_HOME, Simulated};
-use super::codec::{DIALECT, dialect};
 use super::connections::Connections;
-use super::station::{MotionFaults, Station};
+use super::options::DeviceSettings;
+use super::station::Station;
 use crate::io::output::{log, ready};
 use crate::io::tcp;
 use crate::io::trace::{Trace, Way};
 use crate::links::device::{Endpoint, SimulateOptions};
-use crate::links::settings::Settings;
-
-/// What it can be set to beside its dialect.
-const SETTINGS: [&str; 8] = [
-    "speed",
-    "fail_every",
-    "stall_every",
-    "refuse_every",
-    "refuse_code",
-    "mute_every",
-    "drop_every",
-    "reply_in_dialect",
-];
+use crate::links::settings;
 
 /// The robot until interrupted.
 ///
@@ -46,27 +34,13 @@ pub fn platform(options: &SimulateOptions) -> Result<()> {
     simulate::<PlatformPose>("mma-platform", PLATFORM_HOME, options)
 }
 
-/// Settings: `speed`, how many times faster than life it moves; `fail_every`, `stall_every` and `refuse_every`, after how many
-/// motions one fails with an error of servo motor 1, stops half-way without an error, or is refused with `refuse_code`;
-/// `mute_every` and `drop_every`, after how many reads one is not answered or ends the connection; those of the dialect, in which
-/// it also replies with `reply_in_dialect`.
+/// The settings are those of [`DeviceSettings`].
 fn simulate<P: Simulated>(name: &'static str, home: P, options: &SimulateOptions) -> Result<()> {
-    let known = [&SETTINGS[..], &DIALECT].concat();
-    let settings = Settings::new(name, &options.settings, &known)?;
-    let speed = settings.number("speed", 1u32)?;
-    ensure!((1..=10_000).contains(&speed), "speed={speed} is outside 1 to 10000");
-    let mut faults =
-        Inject { mute: settings.number("mute_every", 0)?, drop: settings.number("drop_every", 0)?, reads: 0 };
+    let DeviceSettings { config, speed, faults: motions, mute_every, drop_every } =
+        settings::read(name, DeviceSettings::default(), &options.settings)?;
+    let mut faults = Inject { mute: mute_every, drop: drop_every, reads: 0 };
     let Endpoint::Listen(address) = &options.endpoint else { bail!("{name} is a TCP server: use --listen") };
-    let accepts = dialect(&options.settings)?;
-    let writes = if settings.flag("reply_in_dialect", false)? { accepts } else { Dialect::STRICT };
-    let motions = MotionFaults {
-        fail_every: settings.number("fail_every", 0)?,
-        stall_every: settings.number("stall_every", 0)?,
-        refuse_every: settings.number("refuse_every", 0)?,
-        refuse_code: settings.number("refuse_code", 1)?,
-    };
-    let mut station = Station::new(home, DeviceConfig { accepts, writes, ..DeviceConfig::DEFAULT }, motions)?;
+    let mut station = Station::new(home, config, motions)?;
     let listener = tcp::listen(address)?;
     ready(name, "listen", &listener.local_addr()?.to_string())?;
     let clock = Instant::now();
@@ -137,7 +111,10 @@ mod tests {
     use std::io::{BufRead, BufReader, ErrorKind};
     use std::thread;
 
+    use mmacell_proto::DeviceConfig;
+
     use super::*;
+    use crate::links::mmacell_proto::station::MotionFaults;
 
     /// What a robot with these faults answers to these lines, until it ends the connection.
     fn talk(mut faults: Inject, lines: &[&str]) -> (Vec<String>, &'static str) {

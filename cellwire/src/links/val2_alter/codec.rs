@@ -7,13 +7,14 @@ use serde_json::{Map, Value};
 use val2_alter::{Decoder, Frame, Framing, HostMessage, Message, Received, RobotMessage};
 
 use crate::links::codec::{Codec, Kind, Messages, codec, message};
+use crate::links::settings;
 
 /// What the `robot` or the `host` sends. The settings are the fields of [`Framing`].
 ///
 /// # Errors
 /// When a setting is unknown or has no such value.
 pub(super) fn either(from: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let framing = serde_json::from_value(Value::Object(settings.clone()))?;
+    let framing = settings::read("val2-alter", Framing::DEFAULT, settings)?;
     match from {
         "robot" => Ok(side::<RobotMessage>(framing)),
         "host" => Ok(side::<HostMessage>(framing)),

@@ -3,12 +3,14 @@
 mod arm;
 mod codec;
 mod layout;
+pub mod options;
 mod pose;
 pub mod puma;
 
 use crate::links::codec::Codec;
 use crate::links::device::{Device, SimulateOptions};
 use crate::links::link::Link;
+use crate::links::settings::{self, Setting};
 use anyhow::Result;
 use serde_json::{Map, Value};
 
@@ -26,7 +28,7 @@ impl Link for Val2Alter {
     }
 
     fn about(&self) -> &'static str {
-        "VAL II ALTER on a Unimation MARK III; settings: the fields of its Framing, of the demo baud, mode"
+        "VAL II ALTER on a Unimation MARK III"
     }
 
     fn sides(&self) -> &'static [&'static str] {
@@ -36,6 +38,10 @@ impl Link for Val2Alter {
     fn sender(&self, is_client: bool, _server_port: u16) -> &'static str {
         // Serial device servers listen: the robot is connected to one.
         if is_client { "host" } else { "robot" }
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(val2_alter::Framing::DEFAULT)
     }
 
     fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
@@ -56,7 +62,11 @@ impl Device for PumaDevice {
     }
 
     fn about(&self) -> &'static str {
-        "The PUMA 562 on its MARK III; settings: baud, mode, subroutine, attempts, restart_ms"
+        "The PUMA 562 on its MARK III"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(puma::PumaConfig::default())
     }
 
     fn simulate(&self, options: &SimulateOptions) -> Result<()> {

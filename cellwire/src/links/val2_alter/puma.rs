@@ -10,7 +10,7 @@ use robot_session::{Driver, Received, Sent, Session as _, Transport};
 use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{
-    AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Mode, Motion,
+    AXES, Controller, ControllerConfig, ControllerEvent, ControllerState, ErrorCode, Exception, Motion,
     SegmentStatus,
 };
 
@@ -22,7 +22,7 @@ use crate::io::priority::{self, Rank};
 use crate::io::samples::Samples;
 use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::settings::Settings;
+use crate::links::settings;
 
 /// The subroutine that closes or opens the gripper takes this long.
 const SUBROUTINE: Duration = Duration::from_millis(120);
@@ -128,19 +128,8 @@ pub struct PumaRecord {
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let known = ["baud", "mode", "subroutine", "attempts", "restart_ms"];
-    let settings = Settings::new("puma", &options.settings, &known)?;
-    let default = PumaConfig::default();
-    let controller = ControllerConfig {
-        baud: settings.baud(default.controller.baud)?,
-        mode: Mode(settings.number_in("mode", default.controller.mode.0, MODES)?),
-        subroutine: settings.flag("subroutine", default.controller.subroutine)?,
-        attempts: settings.number("attempts", default.controller.attempts)?,
-        ..default.controller
-    };
-    let restart = Duration::from_millis(settings.number("restart_ms", 1000u64)?);
-    let config = PumaConfig { controller, restart, ..default };
-    serve("puma", "robot", options, controller.baud, |line, _| {
+    let config = settings::read("puma", PumaConfig::default(), &options.settings)?;
+    serve("puma", "robot", options, config.controller.baud, |line, _| {
         run(line, config, &AtomicBool::new(false), |at, event| log(&to_json(at, event)))?;
         Ok(())
     })

@@ -4,14 +4,14 @@ use serde_json::{Map, Value};
 use val2_viewer::{Decoder, PosePacket};
 
 use crate::links::codec::{Codec, Kind, Messages, codec, message};
-use crate::links::settings::Settings;
+use crate::links::settings;
 
 /// What the host sends. The workstation's ENQ is one byte and no message.
 ///
 /// # Errors
 /// When a setting is given: the link has none.
 pub(super) fn host(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    Settings::new("val2-viewer", settings, &[])?;
+    settings::read("val2-viewer", (), settings)?;
     Ok(codec(Decoder::new(), Host))
 }
 

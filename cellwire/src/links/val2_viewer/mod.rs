@@ -1,11 +1,13 @@
 //! val2-viewer in the tool: its codec, and the simulated graphics workstation.
 
 mod codec;
+pub mod options;
 pub mod workstation;
 
 use crate::links::codec::Codec;
 use crate::links::device::{Device, SimulateOptions};
 use crate::links::link::Link;
+use crate::links::settings::{self, Setting};
 use anyhow::Result;
 use serde_json::{Map, Value};
 
@@ -30,6 +32,10 @@ impl Link for Val2Viewer {
         "host"
     }
 
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(())
+    }
+
     fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
         codec::host(settings)
     }
@@ -48,7 +54,11 @@ impl Device for ViewerDevice {
     }
 
     fn about(&self) -> &'static str {
-        "The graphics workstation that draws the PUMA; settings: baud"
+        "The graphics workstation that draws the PUMA"
+    }
+
+    fn settings(&self) -> Vec<Setting> {
+        settings::list(options::ViewerSettings::default())
     }
 
     fn simulate(&self, options: &SimulateOptions) -> Result<()> {

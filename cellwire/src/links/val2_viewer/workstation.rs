@@ -8,13 +8,14 @@ use robot_session::{Driver, Session as _, Transport as _};
 use serde_json::{Value, json};
 use val2_viewer::{PosePacket, Workstation, WorkstationConfig, WorkstationEvent, timing};
 
+use super::options::ViewerSettings;
 use crate::io::drive::turn;
 use crate::io::line::Line;
 use crate::io::output::log;
 use crate::io::priority::{self, Rank};
 use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::settings::Settings;
+use crate::links::settings;
 
 /// What a workstation has seen.
 #[derive(Debug, Clone, Copy, Default)]
@@ -40,9 +41,9 @@ pub struct Drawn {
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let baud = Settings::new("viewer", &options.settings, &["baud"])?.baud(timing::BAUD)?;
-    serve("viewer", "viewer", options, baud, |line, _| {
-        run(line, &AtomicBool::new(false), |event| log(&event))?;
+    let settings = settings::read("viewer", ViewerSettings::default(), &options.settings)?;
+    serve("viewer", "viewer", options, settings.baud, |line, _| {
+        run(line, settings.config, &AtomicBool::new(false), |event| log(&event))?;
         Ok(())
     })
 }
@@ -51,9 +52,13 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 ///
 /// # Errors
 /// When an event cannot be logged.
-pub fn run(line: &mut Line, stop: &AtomicBool, mut report: impl FnMut(Value) -> Result<()>) -> Result<Drawn> {
+pub fn run(
+    line: &mut Line,
+    config: WorkstationConfig,
+    stop: &AtomicBool,
+    mut report: impl FnMut(Value) -> Result<()>,
+) -> Result<Drawn> {
     priority::raise(Rank::Hardware);
-    let config = WorkstationConfig::default();
     let mut workstation = Workstation::new(config)?;
     let mut driver = Driver::new(line);
     let (mut drawn, mut last_count, mut at_once) = (Drawn::default(), None, 0);

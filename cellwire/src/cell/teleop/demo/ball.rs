@@ -6,15 +6,33 @@ use isra_ball::timing;
 use crate::cell::options::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
-use crate::links::settings::Settings;
+use crate::links::settings::{self, Configure, Table};
+
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    baud: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { baud: timing::BAUD }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        table.baud(&mut self.baud);
+    }
+}
 
 /// Runs the cell. Setting: `baud` (9600) of the ball's line.
 ///
 /// # Errors
 /// When there are no pseudo-terminals, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings = Settings::new("isra-ball", &options.settings, &["baud"])?;
-    let config = CellConfig { ball_baud: settings.baud(timing::BAUD)?, ..CellConfig::of(options) };
+    let settings = settings::read("isra-ball", Settings::default(), &options.settings)?;
+    let config = CellConfig { ball_baud: settings.baud, ..CellConfig::of(options) };
     let CellRecord { ball, host, line_faults: [_, line_faults, _], .. } =
         cell::run(&config, &options.progress)?;
     let title = format!(

@@ -5,6 +5,6 @@ mod plot;
 mod robot;
 mod viewer;
 
-pub use ball::demo as ball;
-pub use robot::demo as robot;
+pub use ball::{Settings as BallSettings, demo as ball};
+pub use robot::{Settings as RobotSettings, demo as robot};
 pub use viewer::demo as viewer;

@@ -12,23 +12,40 @@ use crate::cell::report::{Budget, Report};
 use crate::cell::teleop::LIMITS;
 use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::teleop::verdict::{Extremes, speeds};
-use crate::links::settings::Settings;
-use crate::links::val2_alter::puma::{self, error_text};
+use crate::links::settings::{self, Configure, Table};
+use crate::links::val2_alter::options;
+use crate::links::val2_alter::puma::error_text;
 
 /// What happens so shortly before the end of a run may stay unanswered.
 const SETTLING: Duration = Duration::from_secs(1);
 
-/// Runs the cell. Settings: `baud` (38400) and `mode` (23) of the robot's line.
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    baud: u32,
+    mode: Mode,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { baud: timing::BAUD, mode: Mode::CUMULATIVE_23 }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        table.baud(&mut self.baud);
+        options::mode(table, &mut self.mode);
+    }
+}
+
+/// Runs the cell.
 ///
 /// # Errors
 /// When there are no pseudo-terminals, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings = Settings::new("val2-alter", &options.settings, &["baud", "mode"])?;
-    let config = CellConfig {
-        baud: settings.baud(timing::BAUD)?,
-        mode: Mode(settings.number_in("mode", Mode::CUMULATIVE_23.0, puma::MODES)?),
-        ..CellConfig::of(options)
-    };
+    let Settings { baud, mode } = settings::read("val2-alter", Settings::default(), &options.settings)?;
+    let config = CellConfig { baud, mode, ..CellConfig::of(options) };
     let record = cell::run(&config, &options.progress)?;
     if let Some(path) = &options.out {
         plot::draw(path, &speeds(&record.host.cycles, config.mode.accumulation()), &LIMITS)?;

@@ -5,14 +5,14 @@ use anyhow::Result;
 use crate::cell::options::DemoOptions;
 use crate::cell::report::Report;
 use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
-use crate::links::settings::Settings;
+use crate::links::settings;
 
 /// Runs the cell.
 ///
 /// # Errors
 /// When there are no pseudo-terminals, or a setting is given: the demo has none.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    Settings::new("val2-viewer", &options.settings, &[])?;
+    settings::read("val2-viewer", (), &options.settings)?;
     let config = CellConfig::of(options);
     let CellRecord { drawn, host, line_faults: [_, _, line_faults], .. } =
         cell::run(&config, &options.progress)?;

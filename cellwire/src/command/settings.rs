@@ -1,0 +1,79 @@
+//! `--set` and `--settings`, and how the help of a command lists what they take.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use serde_json::{Map, Value};
+
+use crate::cell;
+use crate::io::input;
+use crate::links::settings::{self, Setting};
+use crate::links::{LINKS, devices};
+
+/// Settings other than the defaults.
+#[derive(Debug, clap::Args)]
+pub(super) struct SetArgs {
+    /// A setting other than its default, such as baud=19200; before what --settings says
+    #[arg(long, value_name = "NAME=VALUE", value_parser = settings::parse)]
+    set: Vec<(String, Value)>,
+    /// A TOML file of settings, one `name = value` a line; a name with a dot is in a [table]
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
+}
+
+impl SetArgs {
+    /// Whether nothing is set.
+    pub(super) fn is_empty(&self) -> bool {
+        self.set.is_empty() && self.settings.is_none()
+    }
+
+    /// What was set.
+    ///
+    /// # Errors
+    /// When the file cannot be read or is not TOML, with line and column; when a name is a table and a value at once.
+    pub(super) fn read(&self) -> Result<Map<String, Value>> {
+        let mut given = match &self.settings {
+            None => Map::new(),
+            Some(file) => {
+                let text = input::text(file)?;
+                toml::from_str(&text).with_context(|| format!("{} is no TOML", file.display()))?
+            }
+        };
+        for (name, value) in &self.set {
+            settings::insert(&mut given, name, value.clone())?;
+        }
+        Ok(given)
+    }
+}
+
+/// The settings of what the command line names, for the end of its `--help`: those of a device after `simulate`, of a link after
+/// `decode`, `encode` and `demo`.
+pub fn help(command: &str, arguments: &[String]) -> String {
+    let named = |name: &str| arguments.iter().any(|argument| argument == name);
+    let link = LINKS.into_iter().find(|link| named(link.name()));
+    let found = match command {
+        "simulate" => devices().find(|device| named(device.name())).map(|it| (it.name(), it.settings())),
+        "demo" => link.map(|link| (link.name(), cell::settings(link.name()))),
+        _ => link.map(|link| (link.name(), link.settings())),
+    };
+    match found {
+        None => {
+            let what = if command == "simulate" { "DEVICE" } else { "LINK" };
+            format!("`cellwire {command} {what} --help` lists the settings.")
+        }
+        Some((name, settings)) if settings.is_empty() => format!("{name} has no settings."),
+        Some((name, settings)) => {
+            format!("Settings of {name}, for --set and --settings:\n\n{}", lines(&settings))
+        }
+    }
+}
+
+/// Two lines for each setting: its name, values and default, and what it is for.
+pub fn lines(settings: &[Setting]) -> String {
+    let line = |setting: &Setting| {
+        let Setting { name, values, default, about } = setting;
+        let equals = if default.is_empty() { "" } else { " = " };
+        format!("  {name}{equals}{default}    ({values})\n        {about}\n")
+    };
+    settings.iter().map(line).collect()
+}

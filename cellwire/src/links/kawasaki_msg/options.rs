@@ -1,0 +1,222 @@
+//! The settings of the link: of both ends, and of what is simulated around them.
+
+use core::num::NonZeroU16;
+use std::path::PathBuf;
+
+use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table};
+use kawasaki_msg::{Acks, Bounds, Charset, Dialect, Limits, Message, PcConfig, RobotConfig, Takeover};
+
+/// The plant's messages.
+#[derive(Debug, Clone, Default)]
+pub struct Plant {
+    /// The character set of names and fields.
+    pub charset: Charset,
+}
+
+impl Configure for Plant {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let choices = [("ascii", Charset::Ascii), ("latin1", Charset::Latin1)];
+        table.choice("charset", &choices, "the characters of names and fields", &mut self.charset);
+    }
+}
+
+impl Plant {
+    /// The table of messages.
+    pub fn dialect(&self) -> Dialect {
+        Dialect::DEFAULT.with_charset(self.charset)
+    }
+}
+
+/// The simulated robot.
+#[derive(Debug, Clone)]
+pub struct RobotSettings {
+    /// Its messages.
+    pub plant: Plant,
+    /// Its session.
+    pub config: RobotConfig,
+    /// How many jobs its queue holds.
+    pub queue: usize,
+    /// How fast the pen goes, in mm/s.
+    pub speed: u32,
+    /// Where the drawn picture is written.
+    pub out: Option<String>,
+}
+
+impl Default for RobotSettings {
+    fn default() -> Self {
+        Self { plant: Plant::default(), config: RobotConfig::TCP, queue: 256, speed: 250, out: None }
+    }
+}
+
+impl Configure for RobotSettings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { plant, config, queue, speed, out } = self;
+        table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
+        table.whole("queue", 1..=9998, "jobs", "how many jobs the queue holds: less than max_number", queue);
+        let about = "an SVG file that is written whenever an order is over";
+        table.text("out", "a file", "none is written", about, out);
+        plant.configure(table);
+        config.configure(table);
+        config.dialect = plant.dialect();
+    }
+}
+
+/// The simulated PC.
+#[derive(Debug, Clone)]
+pub struct PcSettings {
+    /// Its messages.
+    pub plant: Plant,
+    /// Its session.
+    pub config: PcConfig,
+    /// The picture, an SVG file.
+    pub drawing: Option<String>,
+    /// The number of the first order.
+    pub order: u16,
+    /// Whether the next order begins when one is over.
+    pub repeat: bool,
+}
+
+impl Default for PcSettings {
+    fn default() -> Self {
+        let plant = Plant::default();
+        Self { plant, config: PcConfig::TCP, drawing: None, order: 50, repeat: false }
+    }
+}
+
+impl PcSettings {
+    /// The file of the picture.
+    pub fn drawing(&self) -> Option<PathBuf> {
+        self.drawing.as_ref().map(PathBuf::from)
+    }
+}
+
+impl Configure for PcSettings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { plant, config, drawing, order, repeat } = self;
+        let about = "the SVG file whose outlines are drawn on an A3 sheet";
+        table.text("drawing", "a file", "a built-in picture", about, drawing);
+        table.whole("order", 1..=u16::MAX, "", "the number of the first order", order);
+        table.flag("repeat", "begin the next order when one is over", repeat);
+        plant.configure(table);
+        config.configure(table);
+        config.dialect = plant.dialect();
+    }
+}
+
+impl Configure for Limits {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let longest = Message::MAX_LEN;
+        table.whole(
+            "element",
+            1..=longest,
+            "bytes",
+            "the most of a string of the AS program",
+            &mut self.element,
+        );
+        table.whole(
+            "packet",
+            1..=longest,
+            "bytes",
+            "the most of a packet: all its strings",
+            &mut self.packet,
+        );
+    }
+}
+
+impl Configure for Bounds {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let widest = Bounds::WIDEST;
+        let (x, y) = (widest.min.x..=widest.max.x, widest.min.y..=widest.max.y);
+        for (name, point) in [("min", &mut self.min), ("max", &mut self.max)] {
+            table.group(name, |table| {
+                let about = "the end of what the robot reaches";
+                table.whole("x", x.clone(), "in 1/100 mm", about, &mut point.x);
+                table.whole("y", y.clone(), "in 1/100 mm", about, &mut point.y);
+            });
+        }
+    }
+}
+
+impl Configure for RobotConfig {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        table.group("limits", |table| self.limits.configure(table));
+        let about = "the highest job number, which both ends have agreed on";
+        table.whole("max_number", 2..=9999, "", about, &mut self.max_number);
+        table.group("bounds", |table| self.bounds.configure(table));
+        let mut every = match self.acks {
+            Acks::Cumulative { every } => Some(every.get()),
+            Acks::Individual => None,
+        };
+        let about = "acknowledge every so many-th job, which covers those before it, or each job by itself";
+        table.whole_or("acks", 1..=u16::MAX, "individual", about, &mut every);
+        self.acks = match every.and_then(NonZeroU16::new) {
+            Some(every) => Acks::Cumulative { every },
+            None => Acks::Individual,
+        };
+        let about = "after a full queue, jobs are asked for when at most so many are left";
+        table.whole_or("low_water", 0..=9998, "half", about, &mut self.low_water);
+        table.group("recovery", |table| {
+            let recovery = &mut self.recovery;
+            table.whole(
+                "resends",
+                0..=u16::MAX,
+                "times",
+                "how often jobs are asked for again",
+                &mut recovery.resends,
+            );
+            table.whole(
+                "pauses",
+                0..=u16::MAX,
+                "times",
+                "how often the PC is asked to pause",
+                &mut recovery.pauses,
+            );
+            table.whole(
+                "clears",
+                0..=u16::MAX,
+                "times",
+                "how often the queue is cleared",
+                &mut recovery.clears,
+            );
+        });
+        let about = "how long the next job may be missing before a step of the recovery";
+        table.time("patience", ANY_TIME, about, &mut self.patience);
+        table.time("pause", ANY_TIME, "how long the recovery pauses", &mut self.pause);
+        let about = "how long a cycle waits for an answer before it starts again";
+        table.time("reply_timeout", ANY_TIME, about, &mut self.reply_timeout);
+        table.time("exchange", ANY_TIME, "the least time from packet to packet", &mut self.exchange);
+        let about = "the connection is given up after so many cycles without an answer; 0: never";
+        table.whole("silent_cycles", 0..=u16::MAX, "cycles", about, &mut self.silent_cycles);
+        let about = "the wait before a lost connection is opened again";
+        table.time("reconnect_delay", ANY_TIME, about, &mut self.reconnect_delay);
+        let about = "how often at least the status is sent";
+        table.time("status_period", ANY_TIME, about, &mut self.status_period);
+        let about = "answer 0 to the start of the order that is active already and has jobs";
+        table.flag("refuse_repeated_start", about, &mut self.refuse_repeated_start);
+        let about = "end the active order when the PC's status names another one or none";
+        table.flag("end_foreign_order", about, &mut self.end_foreign_order);
+    }
+}
+
+impl Configure for PcConfig {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        table.group("limits", |table| self.limits.configure(table));
+        let about = "the highest job number, which both ends have agreed on; above the robot's queue";
+        table.whole("max_number", 2..=9999, "", about, &mut self.max_number);
+        let about = "an acknowledgement covers all jobs before it";
+        table.flag("cumulative_acks", about, &mut self.cumulative_acks);
+        let about = "the wait between the robot's last byte and the answer";
+        table.time("reply_delay", ANY_TIME, about, &mut self.reply_delay);
+        let about = "without a message for so long the connection is given up";
+        table.time("silence", SOME_TIME, about, &mut self.silence);
+        let choices =
+            [("never", Takeover::Never), ("end", Takeover::End), ("interrupt", Takeover::Interrupt)];
+        let about =
+            "what happens to another order that is active: its queue is executed, or it is interrupted";
+        table.choice("takeover", &choices, about, &mut self.takeover);
+        let about = "how often a start that is refused without an active order is tried again";
+        table.whole("start_retries", 0..=u16::MAX, "times", about, &mut self.start_retries);
+        let about = "end the order when all its jobs are executed";
+        table.flag("end_when_done", about, &mut self.end_when_done);
+    }
+}

@@ -1,0 +1,152 @@
+use serde_json::json;
+
+use super::*;
+use std::time::Duration;
+
+#[derive(Debug, Clone, PartialEq)]
+struct Config {
+    baud: u32,
+    mode: u8,
+    clamp: bool,
+    pause: Duration,
+    gap: Option<Duration>,
+    tail: char,
+    limits: [u16; 2],
+    low_water: Option<usize>,
+}
+
+const CONFIG: Config = Config {
+    baud: 9600,
+    mode: 23,
+    clamp: false,
+    pause: Duration::from_millis(1500),
+    gap: None,
+    tail: 'a',
+    limits: [1, 2],
+    low_water: None,
+};
+
+impl Configure for Config {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        table.baud(&mut self.baud);
+        table.whole("mode", 0..=31, "", "five bits", &mut self.mode);
+        table.group("arm", |table| {
+            table.flag("clamp", "it has one", &mut self.clamp);
+            table.wholes("limits", 0..=9, "mm", "of each axis", &mut self.limits);
+        });
+        table.time("pause", Duration::from_millis(1)..=Duration::MAX, "a pause", &mut self.pause);
+        table.time_or("gap", SOME_TIME, "off", "a gap", &mut self.gap);
+        table.choice("tail", &[("a", 'a'), ("b", 'b')], "the end", &mut self.tail);
+        table.whole_or("low_water", 0..=9, "half", "asks again", &mut self.low_water);
+    }
+}
+
+fn given(settings: &[&str]) -> Map<String, Value> {
+    let mut map = Map::new();
+    for setting in settings {
+        let (name, value) = parse(setting).unwrap();
+        insert(&mut map, &name, value).unwrap();
+    }
+    map
+}
+
+fn error(setting: &str) -> String {
+    read("puma", CONFIG, &given(&[setting])).unwrap_err().to_string()
+}
+
+#[test]
+fn every_kind_is_read() {
+    let settings = [
+        "baud=19200",
+        "mode=7",
+        "arm.clamp=true",
+        "arm.limits=[3,4]",
+        "pause=2s",
+        "gap=4ms",
+        "tail=b",
+        "low_water=5",
+    ];
+    let expected = Config {
+        baud: 19_200,
+        mode: 7,
+        clamp: true,
+        pause: Duration::from_secs(2),
+        gap: Some(Duration::from_millis(4)),
+        tail: 'b',
+        limits: [3, 4],
+        low_water: Some(5),
+    };
+    assert_eq!(read("puma", CONFIG, &given(&settings)).unwrap(), expected);
+    assert_eq!(read("puma", CONFIG, &Map::new()).unwrap(), CONFIG);
+    let back = given(&["gap=off", "low_water=half"]);
+    let back = read("puma", expected, &back).unwrap();
+    assert_eq!((back.gap, back.low_water), (None, None));
+}
+
+#[test]
+fn times_have_a_unit() {
+    for (text, time) in [
+        ("0", Duration::ZERO + Duration::from_millis(1)),
+        ("1.5s", Duration::from_millis(1500)),
+        ("250 ms", Duration::from_millis(250)),
+        ("1h 30m", Duration::from_secs(5400)),
+        ("2h30m", Duration::from_secs(9000)),
+        ("never", Duration::MAX),
+    ] {
+        match read("puma", CONFIG, &given(&[&format!("pause={text}")])) {
+            Ok(config) => assert_eq!(config.pause, time, "{text}"),
+            Err(error) => {
+                assert_eq!(
+                    error.to_string(),
+                    "pause=0: not a time with its unit, such as 250ms or 1.5s, give a time from 1ms, or never"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_wrong_names_the_values() {
+    assert_eq!(error("baud=7"), "baud=7: out of range, give 50 to 4000000 baud");
+    assert_eq!(error("mode=32"), "mode=32: out of range, give 0 to 31");
+    assert_eq!(error("mode=1.5"), "mode=1.5: not a whole number, give 0 to 31");
+    assert_eq!(error("mode=1e30"), "mode=1e+30: not a whole number, give 0 to 31");
+    assert_eq!(error("arm.clamp=on"), "arm.clamp=on: neither true nor false, give true or false");
+    assert_eq!(
+        error("arm.limits=[1]"),
+        "arm.limits=[1]: not as many numbers, give [2 numbers], each 0 to 9 mm"
+    );
+    assert_eq!(error("pause=0s"), "pause=0s: out of range, give a time from 1ms, or never");
+    assert_eq!(error("tail=c"), "tail=c: not one of the choices, give a, b");
+    let names = "baud, mode, arm.clamp, arm.limits, pause, gap, tail, low_water";
+    assert_eq!(error("speed=1"), format!("puma has no setting `speed`: it has {names}"));
+    assert_eq!(error("arm.speed=1"), format!("puma has no setting `arm.speed`: it has {names}"));
+    assert_eq!(error("arm=1"), format!("puma has no setting `arm`: it has {names}"));
+    let error = read("viewer", (), &given(&["speed=1"])).unwrap_err().to_string();
+    assert_eq!(error, "viewer has no setting `speed`: it has no settings");
+}
+
+#[test]
+fn a_setting_given_twice_is_the_last_one() {
+    let mut file = Map::from_iter([("arm".into(), json!({"clamp": true, "limits": [1, 1]}))]);
+    insert(&mut file, "arm.clamp", json!(false)).unwrap();
+    assert_eq!(Value::from(file.clone()), json!({"arm": {"clamp": false, "limits": [1, 1]}}));
+    insert(&mut file, "baud", json!(300)).unwrap();
+    let error = insert(&mut file, "baud.rate", json!(1)).unwrap_err().to_string();
+    assert_eq!(error, "baud.rate: `baud` is 300, which has no settings in it");
+    for text in ["", "baud", "=1", "arm.=1"] {
+        assert!(parse(text).is_err(), "{text}");
+    }
+}
+
+#[test]
+fn the_list_is_what_a_help_shows() {
+    let list = list(CONFIG);
+    let line = |at: usize| (list[at].name.as_str(), list[at].values.as_str(), list[at].default.as_str());
+    assert_eq!(line(0), ("baud", "50 to 4000000 baud", "9600"));
+    assert_eq!(line(3), ("arm.limits", "[2 numbers], each 0 to 9 mm", "[1,2]"));
+    assert_eq!(line(4), ("pause", "a time from 1ms, or never", "1s500ms"));
+    assert_eq!(line(5), ("gap", "a time above 0, or never, or off", "off"));
+    assert_eq!(line(6), ("tail", "a, b", "a"));
+    assert_eq!(line(7), ("low_water", "0 to 9, or half", "half"));
+}

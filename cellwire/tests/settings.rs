@@ -1,0 +1,195 @@
+//! Settings, by `--set` and `--settings`: complete, listed, and refused with what to do.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
+use core::fmt::Debug;
+use std::fs;
+use std::io::Write;
+use std::process::{Command, Output, Stdio};
+
+use cellwire::links::settings::{Configure, list};
+use cellwire::links::{LINKS, devices};
+
+/// What the tool prints and its exit status, for this input.
+fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
+    command.args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    // A command that refuses its settings reads no input.
+    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+    let Output { status, stdout, stderr } = child.wait_with_output().unwrap();
+    (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
+}
+
+/// The fields of a struct, as its `Debug` form names them; of the model alone is `without`, and how many transactions there are.
+fn fields(config: &impl Debug) -> Vec<String> {
+    let text = format!("{config:#?}");
+    let lines = text.lines().filter(|line| line.starts_with("    ") && !line.starts_with("     "));
+    let names = lines.filter_map(|line| line.trim().split_once(':')).map(|(name, _)| name.to_owned());
+    names.filter(|name| !["without", "transactions"].contains(&name.as_str())).collect()
+}
+
+/// Every field has a setting of its name, or settings in a group of its name, but those that are `exempt`: each has a reason there.
+fn complete(config: impl Configure + Debug, exempt: &[(&str, &str)]) {
+    let fields = fields(&config);
+    assert!(!fields.is_empty());
+    let debug = format!("{config:?}");
+    let names: Vec<String> = list(config).into_iter().map(|setting| setting.name).collect();
+    for field in &fields {
+        let covered = names
+            .iter()
+            .any(|name| name == field || name.strip_prefix(field).is_some_and(|rest| rest.starts_with('.')));
+        let excused = exempt.iter().any(|(name, _)| name == field);
+        assert!(covered != excused, "{field} of {debug}: has a setting {covered}, is exempt {excused}");
+    }
+    for (name, reason) in exempt {
+        assert!(fields.iter().any(|field| field == name), "{name} is no field: {reason}");
+    }
+}
+
+#[test]
+fn every_field_of_every_configuration_can_be_set() {
+    const FRAMES: (&str, &str) = ("framing", "its fields are settings themselves");
+    const PROFILE: (&str, &str) = ("profile", "its fields are settings themselves");
+    const DATAGRAMS: (&str, &str) = ("datagrams", "the tool's connections are TCP");
+    const DIALECT: (&str, &str) = ("dialect", "the setting charset, and the plant's table");
+    complete(kawasaki_msg::RobotConfig::TCP, &[DIALECT, DATAGRAMS]);
+    complete(kawasaki_msg::PcConfig::TCP, &[DIALECT, DATAGRAMS]);
+    complete(kawasaki_msg::Limits::TCP, &[]);
+    complete(kawasaki_msg::Bounds::WIDEST, &[]);
+    complete(val2_alter::Framing::DEFAULT, &[]);
+    complete(val2_alter::HostConfig::default(), &[FRAMES]);
+    complete(val2_alter::ControllerConfig::default(), &[FRAMES]);
+    complete(val2_alter::Limits::GENTLE, &[]);
+    complete(val2_viewer::HostConfig::default(), &[("format", "code, not a value")]);
+    complete(val2_viewer::WorkstationConfig::default(), &[]);
+    complete(isra_ball::HostConfig::default(), &[]);
+    complete(isra_ball::BallConfig::default(), &[]);
+    complete(fanuc_hmi_modbus::ClientConfig::tcp(), &[("framing", "how the connection is made decides it")]);
+    complete(laser_eb90::Profile::default(), &[]);
+    complete(laser_eb90::HostConfig::default(), &[PROFILE]);
+    complete(laser_eb90::ControllerConfig::default(), &[PROFILE]);
+    complete(mmacell_proto::Dialect::STRICT, &[]);
+    complete(mmacell_proto::CentralConfig::DEFAULT, &[]);
+    complete(mmacell_proto::DeviceConfig::DEFAULT, &[]);
+    // The server's fields are among the settings of the simulated controller.
+    let fanuc: Vec<_> = devices().find(|device| device.name() == "fanuc").unwrap().settings();
+    for field in fields(&fanuc_hmi_modbus::ServerConfig::tcp()) {
+        assert!(fanuc.iter().any(|setting| setting.name == field), "{field}");
+    }
+}
+
+#[test]
+fn settings_inside_others_are_listed() {
+    let has = |settings: Vec<cellwire::links::settings::Setting>, names: &[&str]| {
+        for name in names {
+            assert!(settings.iter().any(|setting| setting.name == *name), "{name}");
+        }
+    };
+    let device = |name: &str| devices().find(|device| device.name() == name).unwrap().settings();
+    has(device("puma"), &["leading_dle", "baud", "gap", "scale.per_mm", "layout.order", "home.x", "restart"]);
+    has(device("laser"), &["tail", "tags", "words", "queue", "execution", "silence"]);
+    has(device("kawasaki-robot"), &["charset", "limits.packet", "bounds.max.x", "recovery.pauses", "acks"]);
+    has(device("mma-robot"), &["accepts.itr", "writes.clos", "refusal", "speed", "drop_every"]);
+}
+
+#[test]
+fn the_default_that_is_listed_is_the_default() {
+    // Given again, it changes nothing.
+    for link in LINKS {
+        for setting in link.settings() {
+            let given = format!("{}={}", setting.name, setting.default);
+            assert_ne!(setting.default, "", "{given}");
+            let (code, _, said) = cellwire(&["encode", link.name(), "--set", &given], "");
+            assert_eq!((code, said.as_str()), (Some(0), ""), "{} {given}", link.name());
+        }
+    }
+}
+
+#[test]
+fn help_lists_the_settings_with_values_and_defaults() {
+    let (code, help, _) = cellwire(&["simulate", "laser", "--help"], "");
+    assert_eq!(code, Some(0));
+    for line in [
+        "Settings of laser, for --set and --settings:",
+        "  baud = 9600    (50 to 4000000 baud)",
+        "  queue = 64    (1 to 9999 instructions)",
+        "  tail = printed    (printed, etx, either)",
+    ] {
+        assert!(help.lines().any(|found| found == line), "{line}\n{help}");
+    }
+    let help = |args: &[&str]| cellwire(args, "").1;
+    assert!(help(&["decode", "val2-alter", "--help"]).contains("  leading_dle = 2    (1, 2)"));
+    assert!(help(&["encode", "mmacell-proto", "--help"]).contains("  itr = false    (true or false)"));
+    assert!(help(&["demo", "kawasaki-msg", "--help"]).contains("  speed = 16000    (from 1 mm/s)"));
+    assert!(help(&["demo", "val2-viewer", "--help"]).contains("val2-viewer has no settings."));
+    assert!(help(&["simulate", "--help"]).contains("`cellwire simulate DEVICE --help` lists the settings."));
+}
+
+#[test]
+fn a_file_of_settings_is_read_and_set_counts_before_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plant.toml");
+    let path = file.to_str().unwrap();
+    let message = r#"{"items":[{"f32":[100.0,-50.5]}]}"#;
+    let encode = |args: &[&str]| cellwire(&[&["encode", "laser-eb90"], args].concat(), message);
+    let plain = encode(&[]);
+    assert_eq!(plain.0, Some(0), "{plain:?}");
+    fs::write(&file, "# the cell in hall 3\ntail = \"etx\"\nchecksum = \"u16_be\"\n[tags]\nf32 = 1\ni16 = 2\nu8 = 3\nchar = 4\n").unwrap();
+    let from_file = encode(&["--settings", path]);
+    assert!(from_file.1.contains("90 83"), "{from_file:?}");
+    assert_ne!(from_file.1, plain.1);
+    let set = encode(&["--settings", path, "--set", "tail=printed"]);
+    assert!(!set.1.contains("90 83"), "{set:?}");
+    let all = ["tail=etx", "checksum=u16_be", r#"tags={"f32":1,"i16":2,"u8":3,"char":4}"#];
+    let by_set: Vec<&str> = all.iter().flat_map(|set| ["--set", set]).collect();
+    assert_eq!(encode(&by_set), from_file);
+}
+
+#[test]
+fn a_file_that_is_wrong_says_where() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("plant.toml");
+    let path = file.to_str().unwrap();
+    let said = |text: &str| {
+        fs::write(&file, text).unwrap();
+        let (code, _, said) = cellwire(&["decode", "laser-eb90", "--settings", path], "");
+        assert_eq!(code, Some(2), "{said}");
+        said
+    };
+    let error = said("tail = \"etx\"\nflag = = 1\n");
+    assert!(error.contains("plant.toml is no TOML") && error.contains("line 2, column 8"), "{error}");
+    let error = said("tial = \"etx\"\n");
+    assert!(error.contains("laser-eb90 has no setting `tial`: it has tail, flag, tags"), "{error}");
+    let error = said("tail = \"end\"\n");
+    assert!(error.contains("tail=end: not one of the choices, give printed, etx, either"), "{error}");
+    let error = said("[tags]\nf32 = 1\ni16 = 1\nu8 = 3\nchar = 4\n");
+    assert!(error.contains("two types of values have the same tag"), "{error}");
+    let error = said("[tail]\nbyte = 1\n");
+    assert!(error.contains("tail={\"byte\":1}: not one of the choices"), "{error}");
+    let (code, _, error) = cellwire(&["decode", "laser-eb90", "--settings", "/no/such.toml"], "");
+    assert_eq!(code, Some(2));
+    assert!(error.contains("cannot read /no/such.toml"), "{error}");
+}
+
+#[test]
+fn a_device_refuses_what_is_out_of_range_before_it_starts() {
+    let simulate = |device: &str, set: &str| {
+        let (code, _, said) = cellwire(&["simulate", device, "--listen", "127.0.0.1:0", "--set", set], "");
+        assert_eq!(code, Some(2), "{said}");
+        said
+    };
+    let error = simulate("laser", "queue=0");
+    assert!(error.contains("queue=0: out of range, give 1 to 9999 instructions"), "{error}");
+    let error = simulate("puma", "attempts=300");
+    assert!(error.contains("attempts=300: out of range, give 1 to 255"), "{error}");
+    let error = simulate("mma-robot", "speed=1e9");
+    assert!(error.contains("speed=1000000000.0: not a whole number, give 1 to 10000 times"), "{error}");
+    let error = simulate("kawasaki-pc", "silence=10");
+    let expected =
+        "silence=10: not a time with its unit, such as 250ms or 1.5s, give a time above 0, or never";
+    assert!(error.contains(expected), "{error}");
+    let error = simulate("viewer", "stale_after=1ms");
+    assert!(error.contains("stale_after=1ms: out of range, give a time from"), "{error}");
+    let error = simulate("fanuc", "unit=every");
+    assert!(error.contains("unit=every: not a whole number, give 0 to 255, or auto"), "{error}");
+}

@@ -1,6 +1,5 @@
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
-use core::fmt;
 
 use crate::error::{EncodeError, Reason};
 use crate::text::{Read, expect, fail, space};
@@ -37,11 +36,11 @@ impl Attribute {
             let (rest, list) = decode_list(rest)?;
             (rest, AttributeValue::List(list))
         } else {
-            let (rest, _) = expect(rest, "=", Reason::AttributeValue)?;
+            let rest = expect(rest, "=", Reason::AttributeValue)?;
             let (rest, text) = decode_value(rest, &[';'])?;
             (rest, AttributeValue::Text(text))
         };
-        let (rest, _) = expect(rest, ";", Reason::AttributeEnd)?;
+        let rest = expect(rest, ";", Reason::AttributeEnd)?;
         Ok((rest, Self { name: name.to_string(), value }))
     }
 
@@ -76,30 +75,34 @@ impl Attribute {
         }
     }
 
-    /// Refuses what would be read again as something else. `index` is its place, from 1.
-    pub(crate) fn check(&self, index: usize) -> Result<(), EncodeError> {
-        let mut text = String::new();
-        self.encode(&mut text)?;
-        let same = Self::decode(&text).is_ok_and(|(rest, again)| rest.is_empty() && again == *self);
+    /// Refuses what would be read again as something else. `index` is its place, from 1; `written` is what
+    /// [`encode`](Self::encode) has written.
+    pub(crate) fn check(&self, index: usize, written: &str) -> Result<(), EncodeError> {
+        let same = Self::decode(written).is_ok_and(|(rest, again)| rest.is_empty() && again == *self);
         if same { Ok(()) } else { Err(EncodeError::Attribute { index }) }
     }
 
     /// Writes one entry, its value in the column where controllers put it.
-    pub(crate) fn encode(&self, out: &mut impl fmt::Write) -> fmt::Result {
-        let name = &self.name;
+    pub(crate) fn encode(&self, out: &mut String) {
+        out.push_str(&self.name);
         match &self.value {
             AttributeValue::Text(text) => {
-                let tabs = if name.len() < 8 { "\t\t" } else { "\t" };
-                let gap = if text.is_empty() { "" } else { " " };
-                write!(out, "{name}{tabs}={gap}{text}{}", if text.is_empty() { " ;" } else { ";" })
+                out.push_str(if self.name.len() < 8 { "\t\t" } else { "\t" });
+                out.push_str("= ");
+                out.push_str(text);
+                out.push(';');
             }
             AttributeValue::List(list) => {
-                write!(out, "{name}:  ")?;
+                out.push_str(":  ");
                 for (index, (item, text)) in list.iter().enumerate() {
-                    let before = if index > 0 { ",\r\n      " } else { "" };
-                    write!(out, "{before}{item}\t= {text}")?;
+                    if index > 0 {
+                        out.push_str(",\r\n      ");
+                    }
+                    out.push_str(item);
+                    out.push_str("\t= ");
+                    out.push_str(text);
                 }
-                write!(out, ";")
+                out.push(';');
             }
         }
     }
@@ -120,7 +123,7 @@ fn decode_list(input: &str) -> Read<'_, Vec<(String, String)>> {
     let mut rest = input;
     loop {
         let (after, name) = decode_name(space(rest), Reason::AttributeValue)?;
-        let (after, _) = expect(after, "=", Reason::AttributeValue)?;
+        let after = expect(after, "=", Reason::AttributeValue)?;
         let (after, text) = decode_value(after, &[';', ','])?;
         items.push((name.to_string(), text));
         match after.strip_prefix(',') {

@@ -36,13 +36,13 @@ impl Document {
         let found =
             self.parts.attributes(&self.text).flatten().zip(1..).find(|((_, old), _)| old.name == name);
         let index = found.as_ref().map_or(0, |(_, index)| *index);
-        new.check(index)?;
+        let mut line = String::new();
+        new.encode(&mut line);
+        new.check(index, &line)?;
         let Some(section) = self.parts.attributes.clone() else {
             return Err(EncodeError::Attribute { index });
         };
         let Some(((start, _), _)) = found else {
-            let mut line = String::new();
-            new.encode(&mut line)?;
             let end = section.start + at(&self.text, &section).trim_end().len();
             self.replace(end..end, &format!("{}{line}", self.line_end()));
             return Ok(());
@@ -59,18 +59,18 @@ impl Document {
     /// # Errors
     /// When there is no such statement, it is nested or has no number, or the motion cannot be written.
     pub fn set_motion(&mut self, index: usize, motion: &Motion) -> Result<(), EncodeError> {
-        motion.check(index.saturating_add(1))?;
-        let text = |motion: &Motion| -> Result<String, EncodeError> {
+        let text = |motion: &Motion| {
             let mut text = String::new();
-            motion.encode(&mut text)?;
+            motion.encode(&mut text);
             text.truncate(text.trim_end().len());
-            Ok(text)
+            text
         };
-        let new = text(motion)?;
+        let new = text(motion);
+        motion.check(index.saturating_add(1), &new)?;
         let old = self.body(index)?;
         let merged = match Instruction::decode(at(&self.text, &old)) {
             Ok(Instruction::Motion(before)) if before == *motion => return Ok(()),
-            Ok(Instruction::Motion(before)) => merge(at(&self.text, &old), &text(&before)?, &new, false),
+            Ok(Instruction::Motion(before)) => merge(at(&self.text, &old), &text(&before), &new, false),
             _ => None,
         };
         let reads = |text: &String| Instruction::from_text(text) == Some(Instruction::Motion(motion.clone()));
@@ -85,10 +85,10 @@ impl Document {
     pub fn set_instruction(&mut self, index: usize, text: &str) -> Result<(), EncodeError> {
         let line = index.saturating_add(1);
         let new = Instruction::from_text(text).ok_or(EncodeError::Instruction { line })?;
-        new.check(line, false)?;
-        let old = self.body(index)?;
         let mut written = String::new();
-        new.encode(&mut written)?;
+        new.encode(&mut written);
+        new.check(line, false, &written)?;
+        let old = self.body(index)?;
         // A motion's letter is right after the colon, anything else after two blanks; what is there stays.
         let blanks = self.text.get(..old.start).is_some_and(|before| before.ends_with([' ', '\t']));
         let written = if blanks { written.trim() } else { written.trim_end() };
@@ -107,17 +107,17 @@ impl Document {
         let found =
             blocks.filter_map(|(old, block)| Some((old.ok()?, block))).find(|(old, _)| old.number == number);
         let Some((old, block)) = found else { return Err(EncodeError::Position { number }) };
-        let text = |position: &Position| -> Result<String, EncodeError> {
+        let text = |position: &Position| {
             let mut text = String::new();
-            position.encode(&mut text)?;
+            position.encode(&mut text);
             text.truncate(text.trim_end().len());
-            Ok(text)
+            text
         };
         if old == *position {
             return Ok(());
         }
         let block = block.start..block.start + at(&self.text, block).trim_end().len();
-        let (before, new) = (text(&old)?, text(position)?);
+        let (before, new) = (text(&old), text(position));
         let merged = merge(at(&self.text, &block), &before, &new, true);
         let reads = |text: &String| Position::decode_block(text).as_ref() == Ok(position);
         self.replace_lines(block, &merged.filter(reads).unwrap_or(new));

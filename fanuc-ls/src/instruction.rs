@@ -1,9 +1,8 @@
 use alloc::string::String;
-use core::fmt;
 
 use crate::error::EncodeError;
 use crate::motion::{Motion, MotionKind};
-use crate::text::{Fault, is_nested, is_plain, join_lines};
+use crate::text::{Fault, is_nested, is_plain, join_lines, push_number};
 
 /// One instruction of `/MN`. The writer numbers them; a TP program jumps to labels, never to numbers.
 ///
@@ -58,32 +57,29 @@ impl Instruction {
     }
 
     /// Writes what stands from behind the line's `:` to before its ` ;`.
-    pub(crate) fn encode(&self, out: &mut impl fmt::Write) -> fmt::Result {
+    pub(crate) fn encode(&self, out: &mut String) {
         match self {
-            Self::Empty => write!(out, "  "),
+            Self::Empty => out.push_str("  "),
             Self::Comment(text) => encode_lines(out, "  !", text),
-            Self::UserFrame(number) => write!(out, "  UFRAME_NUM={number}"),
-            Self::UserTool(number) => write!(out, "  UTOOL_NUM={number}"),
+            Self::UserFrame(number) => encode_number(out, "  UFRAME_NUM=", *number),
+            Self::UserTool(number) => encode_number(out, "  UTOOL_NUM=", *number),
             Self::Motion(motion) => motion.encode(out),
             // An alternative of the SELECT above it.
             Self::Other(text) if text.starts_with('=') => encode_lines(out, "         ", text),
             Self::Other(text) => encode_lines(out, "  ", text),
-            Self::Nested(text) => out.write_str(text),
+            Self::Nested(text) => out.push_str(text),
         }
     }
 
     /// Refuses what would be read again as something else. `line` is the number that it gets, or for a nested line the
-    /// number of the line above it.
-    pub(crate) fn check(&self, line: usize, in_block: bool) -> Result<(), EncodeError> {
+    /// number of the line above it; `written` is what [`encode`](Self::encode) has written.
+    pub(crate) fn check(&self, line: usize, in_block: bool, written: &str) -> Result<(), EncodeError> {
         let readable = match self {
-            Self::Motion(motion) => return motion.check(line),
+            Self::Motion(motion) => return motion.check(line, written),
             Self::Empty | Self::UserFrame(_) | Self::UserTool(_) => true,
             Self::Comment(text) | Self::Other(text) => {
-                is_plain(text) && {
-                    let mut written = String::new();
-                    self.encode(&mut written)?;
-                    Self::decode(&written).is_ok_and(|again| again == *self || self.is_padded(&again))
-                }
+                is_plain(text)
+                    && Self::decode(written).is_ok_and(|again| again == *self || self.is_padded(&again))
             }
             Self::Nested(text) => {
                 text.trim_end() == text && !text.contains(char::is_control) && is_nested(text, line, in_block)
@@ -113,13 +109,17 @@ fn plain_number(text: &str) -> Option<u16> {
     text.chars().all(|c| c.is_ascii_digit()).then(|| text.parse().ok()).flatten()
 }
 
-fn encode_lines(out: &mut impl fmt::Write, before: &str, text: &str) -> fmt::Result {
-    out.write_str(before)?;
+fn encode_number(out: &mut String, before: &str, number: u16) {
+    out.push_str(before);
+    push_number(out, number.into(), 0);
+}
+
+fn encode_lines(out: &mut String, before: &str, text: &str) {
+    out.push_str(before);
     for (index, line) in text.trim_end().split('\n').enumerate() {
         if index > 0 {
-            out.write_str("\r\n    :  ")?;
+            out.push_str("\r\n    :  ");
         }
-        out.write_str(line)?;
+        out.push_str(line);
     }
-    Ok(())
 }

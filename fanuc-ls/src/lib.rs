@@ -6,6 +6,7 @@ extern crate alloc;
 
 mod attribute;
 mod builder;
+mod cursor;
 mod document;
 mod edit;
 mod error;

@@ -4,7 +4,8 @@ use core::fmt;
 
 use crate::error::{EncodeError, Reason};
 use crate::text::{
-    Read, Reference, decimal, fail, is_plain, join_lines, joint, or_fail, reference, shortest, unsigned,
+    Read, Reference, decimal, fail, is_plain, join_lines, joint, or_fail, push_number, push_shortest,
+    reference, unsigned,
 };
 
 /// A motion instruction, such as `S P[2] 10mm/sec CNT100`.
@@ -59,27 +60,35 @@ impl Motion {
     }
 
     /// Writes what [`decode`](Self::decode) reads, with the controller's spaces before the `;`.
-    pub(crate) fn encode(&self, out: &mut impl fmt::Write) -> fmt::Result {
-        write!(out, "{}", self.kind.letter())?;
+    pub(crate) fn encode(&self, out: &mut String) {
+        out.push(self.kind.letter());
         if let Some(via) = &self.via {
-            write!(out, " {via}")?;
+            out.push(' ');
+            via.encode(out);
             if !self.via_options.is_empty() {
-                write!(out, " {}", self.via_options)?;
+                out.push(' ');
+                out.push_str(&self.via_options);
             }
-            write!(out, "    \r\n    : ")?;
+            out.push_str("    \r\n    : ");
         }
-        write!(out, " {} {}", self.target, self.speed)?;
+        out.push(' ');
+        self.target.encode(out);
+        out.push(' ');
+        self.speed.encode(out);
         if let Some(termination) = &self.termination {
-            write!(out, " {termination}")?;
+            out.push(' ');
+            termination.encode(out);
         }
         if !self.options.is_empty() {
-            write!(out, " {}", self.options.replace('\n', "\r\n    :  "))?;
+            out.push(' ');
+            out.push_str(&self.options.replace('\n', "\r\n    :  "));
         }
-        write!(out, "   ")
+        out.push_str("   ");
     }
 
     /// Refuses what a controller would not take, or what would be read again as something else.
-    pub(crate) fn check(&self, line: usize) -> Result<(), EncodeError> {
+    /// `written` is what [`encode`](Self::encode) has written.
+    pub(crate) fn check(&self, line: usize, written: &str) -> Result<(), EncodeError> {
         if self.via.is_some() != (self.kind == MotionKind::Circular)
             || (self.via.is_none() && !self.via_options.is_empty())
         {
@@ -99,14 +108,12 @@ impl Motion {
             return Err(EncodeError::Speed { line });
         }
         // The texts inside may hold anything: what is read back must be what was meant.
-        let mut text = String::new();
-        self.encode(&mut text)?;
-        let same = Self::decode(text.trim_end()).is_ok_and(|(_, again)| again == *self);
-        if same && is_plain(&text.replace("\r\n", "\n")) {
-            Ok(())
-        } else {
-            Err(EncodeError::Instruction { line })
-        }
+        let same = Self::decode(written.trim_end()).is_ok_and(|(_, again)| again == *self);
+        let plain = match written.contains('\r') {
+            true => is_plain(&written.replace("\r\n", "\n")),
+            false => is_plain(written),
+        };
+        if same && plain { Ok(()) } else { Err(EncodeError::Instruction { line }) }
     }
 }
 
@@ -196,19 +203,28 @@ impl Target {
         };
         Ok((rest, target))
     }
+
+    fn encode(&self, out: &mut String) {
+        let (letters, number, name) = match self {
+            Self::Position { number, name } => ("P[", number, name),
+            Self::Register { number, name } => ("PR[", number, name),
+            Self::Other(text) => return out.push_str(text),
+        };
+        out.push_str(letters);
+        push_number(out, *number, 0);
+        if let Some(name) = name {
+            out.push(':');
+            out.push_str(name);
+        }
+        out.push(']');
+    }
 }
 
 impl fmt::Display for Target {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (letters, number, name) = match self {
-            Self::Position { number, name } => ("P", number, name),
-            Self::Register { number, name } => ("PR", number, name),
-            Self::Other(text) => return f.write_str(text),
-        };
-        match name {
-            Some(name) => write!(f, "{letters}[{number}:{name}]"),
-            None => write!(f, "{letters}[{number}]"),
-        }
+        let mut text = String::new();
+        self.encode(&mut text);
+        f.write_str(&text)
     }
 }
 
@@ -270,15 +286,22 @@ impl Speed {
         let (rest, unit) = SpeedUnit::decode(joint(rest))?;
         Ok((rest, Self::Fixed { value, unit }))
     }
+
+    fn encode(&self, out: &mut String) {
+        match self {
+            Self::Fixed { value, .. } => push_shortest(out, *value),
+            Self::Register { register, .. } => out.push_str(register),
+            Self::Named(name) => out.push_str(name),
+        }
+        out.push_str(self.unit().map_or("", SpeedUnit::text));
+    }
 }
 
 impl fmt::Display for Speed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fixed { value, unit } => write!(f, "{}{unit}", shortest(*value)),
-            Self::Register { register, unit } => write!(f, "{register}{unit}"),
-            Self::Named(name) => f.write_str(name),
-        }
+        let mut text = String::new();
+        self.encode(&mut text);
+        f.write_str(&text)
     }
 }
 
@@ -340,12 +363,15 @@ impl SpeedUnit {
         }
         fail(input, Reason::SpeedUnit)
     }
+
+    fn text(self) -> &'static str {
+        Self::ALL.iter().find(|(unit, _)| *unit == self).map_or("", |(_, text)| text)
+    }
 }
 
 impl fmt::Display for SpeedUnit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let text = Self::ALL.iter().find(|(unit, _)| unit == self).map_or("", |(_, text)| text);
-        f.write_str(text)
+        f.write_str(self.text())
     }
 }
 
@@ -381,14 +407,26 @@ impl Termination {
         }
         Ok((after, Some(Self::Continuous(value))))
     }
+
+    fn encode(&self, out: &mut String) {
+        match self {
+            Self::Fine => out.push_str("FINE"),
+            Self::Continuous(value) => {
+                out.push_str("CNT");
+                push_number(out, (*value).into(), 0);
+            }
+            Self::ContinuousRegister(register) => {
+                out.push_str("CNT ");
+                out.push_str(register);
+            }
+        }
+    }
 }
 
 impl fmt::Display for Termination {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fine => f.write_str("FINE"),
-            Self::Continuous(value) => write!(f, "CNT{value}"),
-            Self::ContinuousRegister(register) => write!(f, "CNT {register}"),
-        }
+        let mut text = String::new();
+        self.encode(&mut text);
+        f.write_str(&text)
     }
 }

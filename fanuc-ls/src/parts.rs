@@ -3,11 +3,13 @@
 use alloc::vec::Vec;
 use core::ops::Range;
 
+use memchr::memchr;
+
 use crate::attribute::Attribute;
 use crate::error::{DecodeError, Reason};
 use crate::position::Position;
 use crate::statement::Statement;
-use crate::text::{Fault, is_nested};
+use crate::text::{Fault, after_blanks, indent, is_nested};
 
 /// The places of what a text holds. It refers to the text by bytes and copies nothing of it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -41,17 +43,19 @@ impl Parts {
         let (mut last, mut begins) = (0, start);
         let mut lines = Lines::new(text, start..text.len());
         while let Some(line) = lines.next() {
-            let trimmed = at(text, &line).trim();
-            let found = trimmed.starts_with('/').then(|| section(trimmed)).flatten();
+            let words = after_blanks(line.text);
+            let found = words.starts_with('/').then(|| section(words.trim_end())).flatten();
             // A second `/PROG` is for its section to refuse; a second `/APPL` is one of the first one's lines.
             let begins_one =
                 |section: usize| if section == 0 { line.start == start } else { (last, section) != (2, 2) };
             let Some((section, rest)) = found.filter(|(section, _)| begins_one(*section)) else {
                 match last {
                     0 if line.start == start => return error(start, Reason::Program),
-                    0 if !trimmed.is_empty() => return error(line.start, Reason::Main),
-                    _ => continue,
+                    0 if !words.is_empty() => return error(line.start, Reason::Main),
+                    4 => parts.begin_block(line, words),
+                    _ => {}
                 }
+                continue;
             };
             if section == 0 {
                 parts.head(text, line)?;
@@ -64,7 +68,10 @@ impl Parts {
                 return error(offset(text, rest), Reason::Main);
             }
             parts.close(last, begins..line.start);
-            (last, begins) = (section, lines.rest.start);
+            (last, begins) = (section, lines.start);
+            if section == 4 {
+                parts.blocks.reserve((text.len() - begins) / 128);
+            }
             if section == 5 {
                 break;
             }
@@ -79,7 +86,6 @@ impl Parts {
             return error(text.len() - rest.len(), Reason::Trailing);
         }
         parts.find_statements(text);
-        parts.find_blocks(text);
         Ok(parts)
     }
 
@@ -114,7 +120,7 @@ impl Parts {
     /// The lines of `/APPL`.
     pub(crate) fn application<'a>(&self, text: &'a str) -> Option<impl Iterator<Item = &'a str> + use<'a>> {
         let range = self.application.clone()?;
-        Some(Lines::new(text, range).map(|line| at(text, &line).trim_end()))
+        Some(Lines::new(text, range).map(|line| line.text.trim_end()))
     }
 
     pub(crate) fn statements<'a>(&'a self, text: &'a str) -> impl Iterator<Item = Statement<'a>> {
@@ -143,8 +149,8 @@ impl Parts {
         }
     }
 
-    fn head(&mut self, text: &str, line: Range<usize>) -> Result<(), DecodeError> {
-        let words = at(text, &line);
+    fn head(&mut self, text: &str, line: Line<'_>) -> Result<(), DecodeError> {
+        let words = line.text;
         let tail = words.trim_start().get(5..).unwrap_or("");
         let name = tail.split_whitespace().next();
         let Some(name) = name else {
@@ -152,7 +158,7 @@ impl Parts {
         };
         let start = offset(text, name);
         self.name = start..start + name.len();
-        let kind = text.get(self.name.end..line.end).unwrap_or("");
+        let kind = text.get(self.name.end..line.end()).unwrap_or("");
         let blanks = kind.len() - kind.trim_start().len();
         let start = self.name.end + blanks;
         self.kind = start..start + kind.trim().len();
@@ -164,26 +170,30 @@ impl Parts {
             1 => self.attributes = Some(range),
             2 => self.application = Some(range),
             3 => self.main = range,
-            4 => self.positions = Some(range),
+            4 => {
+                self.end_block(range.end);
+                self.positions = Some(range);
+            }
             _ => {}
         }
     }
 
     fn find_statements(&mut self, text: &str) {
         let (mut last, mut in_block) = (0, false);
+        self.statements.reserve(self.main.len() / 24);
         let mut lines = Lines::new(text, self.main.clone()).peekable();
         while let Some(line) = lines.next() {
-            let words = at(text, &line);
-            if words.trim().is_empty() {
+            let words = line.text;
+            if after_blanks(words).is_empty() {
                 continue;
             }
             in_block = is_nested(words, last, in_block);
-            let mut end = line.end;
+            let mut end = line.end();
             if !in_block {
                 let mut open = !is_closed(words);
-                while let Some(next) = lines.next_if(|next| open && continues(at(text, next))) {
-                    end = next.end;
-                    open = !is_closed(at(text, &next));
+                while let Some(next) = lines.next_if(|next| open && continues(next.text)) {
+                    end = next.end();
+                    open = !is_closed(next.text);
                 }
                 last = Statement::new(words, false).number().unwrap_or(last);
             }
@@ -191,18 +201,18 @@ impl Parts {
         }
     }
 
-    fn find_blocks(&mut self, text: &str) {
-        let Some(range) = self.positions.clone() else { return };
-        let end = range.end;
-        for line in Lines::new(text, range) {
-            let words = at(text, &line).trim_start();
-            // What is before the first position is a block as well, which cannot be read.
-            if words.starts_with("P[") || (self.blocks.is_empty() && !words.trim_end().is_empty()) {
-                if let Some(before) = self.blocks.last_mut() {
-                    before.end = line.start;
-                }
-                self.blocks.push(line.end - words.len()..end);
-            }
+    /// A line of `/POS`, and what is on it after blanks.
+    fn begin_block(&mut self, line: Line<'_>, words: &str) {
+        // What is before the first position is a block as well, which cannot be read.
+        if words.starts_with("P[") || (self.blocks.is_empty() && !words.is_empty()) {
+            self.end_block(line.start);
+            self.blocks.push(line.end() - words.len()..line.end());
+        }
+    }
+
+    fn end_block(&mut self, end: usize) {
+        if let Some(block) = self.blocks.last_mut() {
+            block.end = end;
         }
     }
 }
@@ -212,32 +222,47 @@ pub(crate) fn at<'a>(text: &'a str, range: &Range<usize>) -> &'a str {
     text.get(range.clone()).unwrap_or("")
 }
 
-/// The lines of a part of a text, without their ends.
+/// The lines of a part of a text.
 #[derive(Debug, Clone)]
 struct Lines<'a> {
+    rest: &'a str,
+    start: usize,
+}
+
+/// A line without its end, and where it begins in the text.
+#[derive(Debug, Clone, Copy)]
+struct Line<'a> {
     text: &'a str,
-    rest: Range<usize>,
+    start: usize,
 }
 
 impl<'a> Lines<'a> {
-    fn new(text: &'a str, rest: Range<usize>) -> Self {
-        Self { text, rest }
+    fn new(text: &'a str, part: Range<usize>) -> Self {
+        Self { rest: at(text, &part), start: part.start }
     }
 }
 
-impl Iterator for Lines<'_> {
-    type Item = Range<usize>;
+impl<'a> Iterator for Lines<'a> {
+    type Item = Line<'a>;
 
-    fn next(&mut self) -> Option<Range<usize>> {
+    #[inline]
+    fn next(&mut self) -> Option<Line<'a>> {
         if self.rest.is_empty() {
             return None;
         }
-        let rest = at(self.text, &self.rest);
-        let length = rest.find('\n').unwrap_or(rest.len());
-        let line = rest.get(..length).unwrap_or(rest).trim_end_matches('\r').len();
-        let start = self.rest.start;
-        self.rest.start = (start + length + 1).min(self.rest.end);
-        Some(start..start + line)
+        let length = memchr(b'\n', self.rest.as_bytes()).unwrap_or(self.rest.len());
+        let (line, rest) = self.rest.split_at_checked(length).unwrap_or((self.rest, ""));
+        let text = if line.ends_with('\r') { line.trim_end_matches('\r') } else { line };
+        let line = Line { text, start: self.start };
+        self.rest = rest.get(1..).unwrap_or("");
+        self.start += length + usize::from(!rest.is_empty());
+        Some(line)
+    }
+}
+
+impl Line<'_> {
+    fn end(self) -> usize {
+        self.start + self.text.len()
     }
 }
 
@@ -260,9 +285,9 @@ fn missing(section: usize) -> Reason {
 }
 
 fn is_closed(line: &str) -> bool {
-    line.trim_end().ends_with(';')
+    line.ends_with(';') || line.trim_end().ends_with(';')
 }
 
 fn continues(line: &str) -> bool {
-    line.trim_start_matches([' ', '\t']).starts_with(':')
+    indent(line).starts_with(':')
 }

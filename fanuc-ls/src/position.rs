@@ -1,12 +1,10 @@
 use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
-use core::fmt;
 
-use nom::bytes::complete::take_while1;
-
+use crate::cursor::Cursor;
 use crate::error::{EncodeError, Reason};
-use crate::text::{Fault, Read, decimal, expect, fail, fixed, or_fail, rounded, space, unsigned, word};
+use crate::text::{Fault, push_fixed, push_number, rounded, word};
 
 /// A position of `/POS`: `P[1:"name"]{ … };`
 #[derive(Debug, Clone, PartialEq)]
@@ -41,46 +39,50 @@ impl Position {
 
     /// Reads a block of `/POS`: one position and nothing else.
     pub(crate) fn decode_block(block: &str) -> Result<Self, Fault<'_>> {
-        match Self::decode(block) {
-            Ok((rest, position)) if rest.trim().is_empty() => Ok(position),
-            Ok((rest, _)) => Err(Fault { at: space(rest), reason: Reason::Position }),
-            Err(error) => Err(Fault::of(error)),
-        }
+        let mut cursor = Cursor::new(block);
+        let position = Self::decode(&mut cursor)?;
+        cursor.space();
+        if cursor.rest().trim().is_empty() { Ok(position) } else { Err(cursor.fault(Reason::Position)) }
     }
 
-    fn decode(input: &str) -> Read<'_, Self> {
-        let (rest, _) = expect(input, "P[", Reason::Position)?;
-        let (rest, number) = or_fail(space(rest), Reason::Position, unsigned)?;
-        let mut rest = space(rest);
+    fn decode<'a>(cursor: &mut Cursor<'a>) -> Result<Self, Fault<'a>> {
+        if !cursor.take("P[") {
+            return Err(cursor.fault(Reason::Position));
+        }
+        cursor.space();
+        let number = cursor.number(Reason::Position)?;
+        cursor.space();
         let mut name = None;
-        if let Some(after) = rest.strip_prefix(':') {
-            let (after, text) = decode_name(space(after))?;
-            name = Some(text.to_string());
-            rest = space(after);
+        if cursor.take(":") {
+            cursor.space();
+            name = Some(decode_name(cursor)?.to_string());
         }
-        let (rest, _) = expect(rest, "]", Reason::Position)?;
-        let (rest, _) = expect(space(rest), "{", Reason::Position)?;
-        let mut rest = space(rest);
-        let mut groups = Vec::new();
-        while rest.starts_with("GP") {
-            let (after, group) = Group::decode(rest)?;
-            groups.push(group);
-            rest = space(after);
+        cursor.expect("]", Reason::Position)?;
+        cursor.expect("{", Reason::Position)?;
+        cursor.space();
+        let mut groups = Vec::with_capacity(1);
+        while cursor.take("GP") {
+            groups.push(Group::decode(cursor)?);
+            cursor.space();
         }
-        let (after, _) = expect(rest, "}", Reason::Group)?;
-        let (after, _) = expect(space(after), ";", Reason::Group)?;
-        Ok((after, Self { number, name, groups }))
+        cursor.expect("}", Reason::Group)?;
+        cursor.expect(";", Reason::Group)?;
+        Ok(Self { number, name, groups })
     }
 
-    pub(crate) fn encode(&self, out: &mut impl fmt::Write) -> fmt::Result {
-        match &self.name {
-            Some(name) => write!(out, "P[{}:\"{name}\"]{{\r\n", self.number)?,
-            None => write!(out, "P[{}]{{\r\n", self.number)?,
+    pub(crate) fn encode(&self, out: &mut String) {
+        out.push_str("P[");
+        push_number(out, self.number, 0);
+        if let Some(name) = &self.name {
+            out.push_str(":\"");
+            out.push_str(name);
+            out.push('"');
         }
+        out.push_str("]{\r\n");
         for group in &self.groups {
-            group.encode(out)?;
+            group.encode(out);
         }
-        write!(out, "}};\r\n")
+        out.push_str("};\r\n");
     }
 
     pub(crate) fn check(&self) -> Result<(), EncodeError> {
@@ -148,58 +150,61 @@ impl Group {
         }
     }
 
-    fn decode(input: &str) -> Read<'_, Self> {
-        let (rest, _) = expect(input, "GP", Reason::Group)?;
-        let (rest, number) = or_fail(rest, Reason::Group, unsigned)?;
-        let (rest, _) = expect(space(rest), ":", Reason::Group)?;
-        let (rest, user_frame) = decode_frame(space(rest), "UF")?;
-        let (rest, _) = expect(space(rest), ",", Reason::Frames)?;
-        let (rest, user_tool) = decode_frame(space(rest), "UT")?;
-        let (rest, _) = expect(space(rest), ",", Reason::Frames)?;
-        let mut rest = space(rest);
+    /// What follows `GP`.
+    fn decode<'a>(cursor: &mut Cursor<'a>) -> Result<Self, Fault<'a>> {
+        let number = cursor.number(Reason::Group)?;
+        cursor.expect(":", Reason::Group)?;
+        let user_frame = decode_frame(cursor, "UF")?;
+        cursor.expect(",", Reason::Frames)?;
+        let user_tool = decode_frame(cursor, "UT")?;
+        cursor.expect(",", Reason::Frames)?;
+        cursor.space();
         let mut configuration = None;
-        if let Ok((after, keyword)) = word(rest)
+        if let Ok((_, keyword)) = word(cursor.rest())
             && keyword.len() > 2
         {
-            let (after, _) = expect(space(after), ":", Reason::Configuration)?;
-            let (after, text) = decode_quoted(space(after))?;
-            let (after, _) = expect(space(after), ",", Reason::Configuration)?;
+            cursor.advance(keyword.len());
+            cursor.expect(":", Reason::Configuration)?;
+            let text = decode_quoted(cursor)?;
+            cursor.expect(",", Reason::Configuration)?;
+            cursor.space();
             configuration = Some(Configuration { keyword: keyword.to_string(), text: text.to_string() });
-            rest = space(after);
         }
-        let mut axes = Vec::new();
+        let mut axes = Vec::with_capacity(6);
         loop {
-            let (after, axis) = Axis::decode(rest)?;
-            axes.push(axis);
-            let next = space(after);
-            match next.strip_prefix(',') {
-                Some(next) => rest = space(next),
-                // Old controllers leave it out between what was never taught.
-                None if AxisName::decode(next).is_ok() => rest = next,
-                None => return Ok((after, Self { number, user_frame, user_tool, configuration, axes })),
+            axes.push(Axis::decode(cursor)?);
+            cursor.space();
+            // Old controllers leave the comma out between what was never taught.
+            if !cursor.take(",") && AxisName::decode(&mut { *cursor }).is_err() {
+                return Ok(Self { number, user_frame, user_tool, configuration, axes });
             }
+            cursor.space();
         }
     }
 
-    fn encode(&self, out: &mut impl fmt::Write) -> fmt::Result {
-        write!(out, "   GP{}:\r\n\tUF : ", self.number)?;
-        encode_frame(out, self.user_frame)?;
-        out.write_str(", UT : ")?;
-        encode_frame(out, self.user_tool)?;
-        match &self.configuration {
-            Some(Configuration { keyword, text }) => write!(out, ",\t\t{keyword} : '{text}',\r\n")?,
-            None => out.write_str(",\t\r\n")?,
+    fn encode(&self, out: &mut String) {
+        out.push_str("   GP");
+        push_number(out, self.number.into(), 0);
+        out.push_str(":\r\n\tUF : ");
+        encode_frame(out, self.user_frame);
+        out.push_str(", UT : ");
+        encode_frame(out, self.user_tool);
+        out.push_str(",\t");
+        if let Some(Configuration { keyword, text }) = &self.configuration {
+            for part in ["\t", keyword, " : '", text, "',"] {
+                out.push_str(part);
+            }
         }
+        out.push_str("\r\n");
         for (index, axis) in self.axes.iter().enumerate() {
-            let before = match index {
+            out.push_str(match index {
                 0 => "\t",
                 _ if index % 3 == 0 => ",\r\n\t",
                 _ => ",\t",
-            };
-            out.write_str(before)?;
-            axis.encode(out)?;
+            });
+            axis.encode(out);
         }
-        out.write_str("\r\n")
+        out.push_str("\r\n");
     }
 
     fn is_writable(&self) -> bool {
@@ -243,35 +248,35 @@ pub struct Axis {
 }
 
 impl Axis {
-    fn decode(input: &str) -> Read<'_, Self> {
-        let (rest, name) = AxisName::decode(input)?;
-        let (rest, _) = expect(space(rest), "=", Reason::Axis)?;
-        let rest = space(rest);
-        let stars: Read<'_, &str> = nom::Parser::parse(&mut take_while1(|c| c == '*'), rest);
-        let (rest, value) = match stars {
-            Ok((rest, _)) => (rest, None),
-            Err(_) => {
-                let (rest, value) = or_fail(rest, Reason::Number, decimal)?;
-                (rest, Some(value))
-            }
-        };
-        let rest = space(rest);
+    fn decode<'a>(cursor: &mut Cursor<'a>) -> Result<Self, Fault<'a>> {
+        let name = AxisName::decode(cursor)?;
+        cursor.expect("=", Reason::Axis)?;
+        cursor.space();
+        let mut value = None;
+        if cursor.take("*") {
+            while cursor.take("*") {}
+        } else {
+            value = Some(cursor.decimal(Reason::Number)?);
+        }
+        cursor.space();
         for (unit, text) in [(AxisUnit::Deg, "deg"), (AxisUnit::Mm, "mm")] {
-            if let Some(after) = rest.strip_prefix(text) {
-                return Ok((after, Self { name, value, unit }));
+            if cursor.take(text) {
+                return Ok(Self { name, value, unit });
             }
         }
-        fail(rest, Reason::AxisUnit)
+        Err(cursor.fault(Reason::AxisUnit))
     }
 
-    fn encode(&self, out: &mut impl fmt::Write) -> fmt::Result {
-        let value = self.value.map_or("********".to_string(), fixed);
-        let unit = match self.unit {
-            AxisUnit::Deg => "deg",
-            AxisUnit::Mm => "mm",
-        };
-        self.name.encode(out)?;
-        write!(out, "={value:>10} {unit:>3}")
+    fn encode(&self, out: &mut String) {
+        out.push_str(self.name.text());
+        match self.value {
+            Some(value) => push_fixed(out, value),
+            None => out.push_str("  ********"),
+        }
+        out.push_str(match self.unit {
+            AxisUnit::Deg => " deg",
+            AxisUnit::Mm => "  mm",
+        });
     }
 
     fn is_writable(&self) -> bool {
@@ -307,57 +312,52 @@ pub enum AxisName {
 }
 
 impl AxisName {
-    fn decode(input: &str) -> Read<'_, Self> {
-        let mut chars = input.chars();
-        let letter = chars.next();
-        let plain = |name| Ok((chars.as_str(), name));
-        match letter {
-            Some('X') => plain(Self::X),
-            Some('Y') => plain(Self::Y),
-            Some('Z') => plain(Self::Z),
-            Some('W') => plain(Self::W),
-            Some('P') => plain(Self::P),
-            Some('R') => {
-                let name = match chars.clone().next() {
-                    Some('X') => Self::RX,
-                    Some('Y') => Self::RY,
-                    Some('Z') => Self::RZ,
-                    Some('W') => Self::RW,
-                    Some('P') => Self::RP,
-                    Some('R') => Self::RR,
-                    _ => return plain(Self::R),
-                };
-                Ok((input.get(2..).unwrap_or(""), name))
-            }
-            Some(letter @ ('J' | 'E')) => {
-                let digit = chars.next().and_then(|c| c.to_digit(10)).and_then(|d| u8::try_from(d).ok());
-                match digit {
-                    Some(number @ 1..) if letter == 'J' => Ok((chars.as_str(), Self::J(number))),
-                    Some(number @ 1..) => Ok((chars.as_str(), Self::E(number))),
-                    _ => fail(input, Reason::Axis),
-                }
-            }
-            _ => fail(input, Reason::Axis),
-        }
+    #[inline(always)]
+    fn decode<'a>(cursor: &mut Cursor<'a>) -> Result<Self, Fault<'a>> {
+        let (name, length) = match cursor.bytes() {
+            [b'J', digit @ b'1'..=b'9', ..] => (Self::J(digit - b'0'), 2),
+            [b'E', digit @ b'1'..=b'9', ..] => (Self::E(digit - b'0'), 2),
+            [b'R', b'X', ..] => (Self::RX, 2),
+            [b'R', b'Y', ..] => (Self::RY, 2),
+            [b'R', b'Z', ..] => (Self::RZ, 2),
+            [b'R', b'W', ..] => (Self::RW, 2),
+            [b'R', b'P', ..] => (Self::RP, 2),
+            [b'R', b'R', ..] => (Self::RR, 2),
+            [b'X', ..] => (Self::X, 1),
+            [b'Y', ..] => (Self::Y, 1),
+            [b'Z', ..] => (Self::Z, 1),
+            [b'W', ..] => (Self::W, 1),
+            [b'P', ..] => (Self::P, 1),
+            [b'R', ..] => (Self::R, 1),
+            _ => return Err(cursor.fault(Reason::Axis)),
+        };
+        cursor.advance(length);
+        Ok(name)
     }
 
-    fn encode(self, out: &mut impl fmt::Write) -> fmt::Result {
-        out.write_str(match self {
-            Self::X => "X ",
-            Self::Y => "Y ",
-            Self::Z => "Z ",
-            Self::W => "W ",
-            Self::P => "P ",
-            Self::R => "R ",
-            Self::RX => "RX ",
-            Self::RY => "RY ",
-            Self::RZ => "RZ ",
-            Self::RW => "RW ",
-            Self::RP => "RP ",
-            Self::RR => "RR ",
-            Self::J(number) => return write!(out, "J{number}"),
-            Self::E(number) => return write!(out, "E{number}"),
-        })
+    /// As it is before a value.
+    fn text(self) -> &'static str {
+        const J: [&str; 9] = ["J1=", "J2=", "J3=", "J4=", "J5=", "J6=", "J7=", "J8=", "J9="];
+        const E: [&str; 9] = ["E1=", "E2=", "E3=", "E4=", "E5=", "E6=", "E7=", "E8=", "E9="];
+        let of = |names: &[&'static str], number: u8| {
+            names.get(usize::from(number).wrapping_sub(1)).copied().unwrap_or("")
+        };
+        match self {
+            Self::X => "X =",
+            Self::Y => "Y =",
+            Self::Z => "Z =",
+            Self::W => "W =",
+            Self::P => "P =",
+            Self::R => "R =",
+            Self::RX => "RX =",
+            Self::RY => "RY =",
+            Self::RZ => "RZ =",
+            Self::RW => "RW =",
+            Self::RP => "RP =",
+            Self::RR => "RR =",
+            Self::J(number) => of(&J, number),
+            Self::E(number) => of(&E, number),
+        }
     }
 }
 
@@ -370,45 +370,48 @@ pub enum AxisUnit {
     Mm,
 }
 
-fn decode_frame<'a>(input: &'a str, name: &'static str) -> Read<'a, Option<u16>> {
-    let (rest, _) = expect(input, name, Reason::Frames)?;
-    let (rest, _) = expect(space(rest), ":", Reason::Frames)?;
-    let rest = space(rest);
-    match rest.strip_prefix('F') {
-        Some(rest) => Ok((rest, None)),
-        None => {
-            let (rest, number) = or_fail(rest, Reason::Frames, unsigned)?;
-            Ok((rest, Some(number)))
-        }
-    }
+#[inline(always)]
+fn decode_frame<'a>(cursor: &mut Cursor<'a>, name: &'static str) -> Result<Option<u16>, Fault<'a>> {
+    cursor.expect(name, Reason::Frames)?;
+    cursor.expect(":", Reason::Frames)?;
+    cursor.space();
+    if cursor.take("F") { Ok(None) } else { cursor.number(Reason::Frames).map(Some) }
 }
 
-fn encode_frame(out: &mut impl fmt::Write, frame: Option<u16>) -> fmt::Result {
+fn encode_frame(out: &mut String, frame: Option<u16>) {
     match frame {
-        Some(number) => write!(out, "{number}"),
-        None => out.write_str("F"),
+        Some(number) => push_number(out, number.into(), 0),
+        None => out.push('F'),
     }
 }
 
 /// A name in quotes; a few programs that write LS leave them out.
-fn decode_name(input: &str) -> Read<'_, &str> {
-    let (text, end) = match input.strip_prefix('"') {
-        Some(text) => (text, '"'),
-        None => (input, ']'),
-    };
-    let length = text.find([end, '\r', '\n']).unwrap_or(text.len());
-    let (name, rest) = text.split_at_checked(length).unwrap_or((text, ""));
-    if !rest.starts_with(end) {
-        return fail(input, Reason::Position);
+fn decode_name<'a>(cursor: &mut Cursor<'a>) -> Result<&'a str, Fault<'a>> {
+    let start = *cursor;
+    let end = if cursor.take("\"") { '"' } else { ']' };
+    let rest = cursor.rest();
+    let name = rest.find([end, '\r', '\n']).and_then(|length| rest.split_at_checked(length));
+    match name.filter(|(_, after)| after.starts_with(end)) {
+        Some((name, _)) => {
+            cursor.advance(name.len());
+            cursor.take("\"");
+            Ok(name.trim())
+        }
+        None => Err(start.fault(Reason::Position)),
     }
-    Ok((rest.strip_prefix('"').unwrap_or(rest), name.trim()))
 }
 
-fn decode_quoted(input: &str) -> Read<'_, &str> {
-    let (text, _) = expect(input, "'", Reason::Configuration)?;
-    let length = text.find(['\'', '\r', '\n']).unwrap_or(text.len());
-    let (inside, rest) = text.split_at_checked(length).unwrap_or((text, ""));
-    let (rest, _) =
-        expect(rest, "'", Reason::Configuration).or_else(|_| fail(input, Reason::Configuration))?;
-    Ok((rest, inside))
+fn decode_quoted<'a>(cursor: &mut Cursor<'a>) -> Result<&'a str, Fault<'a>> {
+    cursor.space();
+    let start = *cursor;
+    cursor.expect("'", Reason::Configuration)?;
+    let rest = cursor.rest();
+    let text = rest.find(['\'', '\r', '\n']).and_then(|length| rest.split_at_checked(length));
+    match text.filter(|(_, after)| after.starts_with('\'')) {
+        Some((text, _)) => {
+            cursor.advance(text.len() + 1);
+            Ok(text)
+        }
+        None => Err(start.fault(Reason::Configuration)),
+    }
 }

@@ -1,4 +1,4 @@
-use alloc::borrow::ToOwned;
+use alloc::borrow::{Cow, ToOwned};
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -10,7 +10,7 @@ use crate::instruction::Instruction;
 use crate::motion::MotionKind;
 use crate::parts::{Parts, at, offset};
 use crate::position::Position;
-use crate::text::{Fault, word};
+use crate::text::{Fault, push_number, word};
 
 /// A TP program as values: what an LS file says, without how it is spelled.
 ///
@@ -80,12 +80,8 @@ impl Program {
             kind: Some(at(text, &parts.kind)).filter(|kind| !kind.is_empty()).map(ToOwned::to_owned),
             attributes: parts.attributes.is_some().then_some(attributes),
             application: parts.application(text).map(|lines| lines.map(ToOwned::to_owned).collect()),
-            instructions: parts
-                .statements(text)
-                .map(|statement| statement.decode())
-                .collect::<Result<_, _>>()
-                .map_err(fault)?,
-            positions: parts.positions(text).collect::<Result<_, _>>().map_err(fault)?,
+            instructions: all(parts.statements(text).map(|statement| statement.decode())).map_err(fault)?,
+            positions: all(parts.positions(text)).map_err(fault)?,
         })
     }
 
@@ -94,53 +90,7 @@ impl Program {
     /// # Errors
     /// As [`check`](Self::check), or when `out` fails.
     pub fn encode(&self, rules: &Rules, out: &mut impl fmt::Write) -> Result<(), EncodeError> {
-        self.check(rules)?;
-        write!(out, "/PROG  {}", self.name)?;
-        if let Some(kind) = &self.kind {
-            write!(out, "\t  {kind}")?;
-        }
-        out.write_str("\r\n")?;
-        if let Some(attributes) = &self.attributes {
-            out.write_str("/ATTR\r\n")?;
-            for attribute in attributes {
-                self.fitting(attribute).encode(out)?;
-                out.write_str("\r\n")?;
-            }
-        }
-        if let Some(application) = &self.application {
-            out.write_str("/APPL\r\n")?;
-            for line in application {
-                write!(out, "{}\r\n", line.trim_end())?;
-            }
-        }
-        out.write_str("/MN\r\n")?;
-        let mut number = 0;
-        for instruction in &self.instructions {
-            if let Instruction::Nested(_) = instruction {
-                instruction.encode(out)?;
-                out.write_str("\r\n")?;
-            } else {
-                number += 1;
-                write!(out, "{number:4}:")?;
-                instruction.encode(out)?;
-                out.write_str(" ;\r\n")?;
-            }
-        }
-        out.write_str("/POS\r\n")?;
-        for position in &self.positions {
-            position.encode(out)?;
-        }
-        Ok(out.write_str("/END\r\n")?)
-    }
-
-    /// [`encode`](Self::encode) into a new string.
-    ///
-    /// # Errors
-    /// As [`check`](Self::check).
-    pub fn to_text(&self, rules: &Rules) -> Result<String, EncodeError> {
-        let mut text = String::new();
-        self.encode(rules, &mut text)?;
-        Ok(text)
+        Ok(out.write_str(&self.to_text(rules)?)?)
     }
 
     /// Whether the program can be written by these rules; [`encode`](Self::encode) asks the same.
@@ -148,6 +98,42 @@ impl Program {
     /// # Errors
     /// The first thing that a controller would refuse, or that would be read again as something else.
     pub fn check(&self, rules: &Rules) -> Result<(), EncodeError> {
+        self.to_text(rules).map(drop)
+    }
+
+    /// [`encode`](Self::encode) into a new string.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn to_text(&self, rules: &Rules) -> Result<String, EncodeError> {
+        let mut out = String::with_capacity(self.length());
+        self.encode_head(rules, &mut out)?;
+        out.push_str("/MN\r\n");
+        let (mut number, mut in_block) = (0u32, false);
+        for instruction in &self.instructions {
+            let nested = matches!(instruction, Instruction::Nested(_));
+            if !nested {
+                number += 1;
+                push_number(&mut out, number, 4);
+                out.push(':');
+            }
+            let start = out.len();
+            instruction.encode(&mut out);
+            instruction.check(number as usize, in_block, out.get(start..).unwrap_or(""))?;
+            out.push_str(if nested { "\r\n" } else { " ;\r\n" });
+            in_block = nested;
+        }
+        out.push_str("/POS\r\n");
+        for position in &self.positions {
+            position.check()?;
+            position.encode(&mut out);
+        }
+        out.push_str("/END\r\n");
+        Ok(out)
+    }
+
+    /// What is before `/MN`.
+    fn encode_head(&self, rules: &Rules, out: &mut String) -> Result<(), EncodeError> {
         check_name(&self.name, rules.name_limit)?;
         if self.kind.as_deref().is_some_and(|kind| kind.trim() != kind || kind.is_empty() || !is_line(kind)) {
             return Err(EncodeError::Name);
@@ -156,23 +142,40 @@ impl Program {
         if found > COMMENT_LENGTH && rules.comment == CommentRule::Refuse {
             return Err(EncodeError::CommentLength { found });
         }
-        for (index, attribute) in (1..).zip(self.attributes.iter().flatten()) {
-            // A comment that was cut may have lost one of its quotes.
-            self.fitting(attribute).check(index)?;
+        out.push_str("/PROG  ");
+        out.push_str(&self.name);
+        if let Some(kind) = &self.kind {
+            out.push_str("\t  ");
+            out.push_str(kind);
         }
-        for (index, line) in (1..).zip(self.application.iter().flatten()) {
-            if !is_line(line) || line.starts_with("/MN") {
-                return Err(EncodeError::Application { index });
+        out.push_str("\r\n");
+        if let Some(attributes) = &self.attributes {
+            out.push_str("/ATTR\r\n");
+            for (index, attribute) in (1..).zip(attributes) {
+                // A comment that was cut may have lost one of its quotes.
+                let attribute = self.fitting(attribute);
+                let start = out.len();
+                attribute.encode(out);
+                attribute.check(index, out.get(start..).unwrap_or(""))?;
+                out.push_str("\r\n");
             }
         }
-        let (mut number, mut in_block) = (0, false);
-        for instruction in &self.instructions {
-            let nested = matches!(instruction, Instruction::Nested(_));
-            number += usize::from(!nested);
-            instruction.check(number, in_block)?;
-            in_block = nested;
+        if let Some(application) = &self.application {
+            out.push_str("/APPL\r\n");
+            for (index, line) in (1..).zip(application) {
+                if !is_line(line) || line.starts_with("/MN") {
+                    return Err(EncodeError::Application { index });
+                }
+                out.push_str(line.trim_end());
+                out.push_str("\r\n");
+            }
         }
-        self.positions.iter().try_for_each(Position::check)
+        Ok(())
+    }
+
+    /// About how long its text is: a position of six axes has 200 bytes.
+    fn length(&self) -> usize {
+        256 + 40 * self.instructions.len() + 200 * self.positions.len()
     }
 
     /// The text of an attribute, as it stands. None when it is missing, or a list.
@@ -220,13 +223,15 @@ impl Program {
     }
 
     /// The comment cut to its length; `check` has refused it where it must not be cut.
-    fn fitting(&self, attribute: &Attribute) -> Attribute {
-        let comment = self.comment().unwrap_or_default();
-        if attribute.name == "COMMENT" && comment.chars().count() > COMMENT_LENGTH {
-            let cut: String = comment.chars().take(COMMENT_LENGTH).collect();
-            return Attribute::text("COMMENT", &format!("\"{}\"", cut.trim_end()));
+    fn fitting<'a>(&self, attribute: &'a Attribute) -> Cow<'a, Attribute> {
+        if attribute.name == "COMMENT" {
+            let comment = self.comment().unwrap_or_default();
+            if let Some((end, _)) = comment.char_indices().nth(COMMENT_LENGTH) {
+                let cut = comment.get(..end).unwrap_or(comment).trim_end();
+                return Cow::Owned(Attribute::text("COMMENT", &format!("\"{cut}\"")));
+            }
         }
-        attribute.clone()
+        Cow::Borrowed(attribute)
     }
 }
 
@@ -236,6 +241,15 @@ impl core::str::FromStr for Program {
     fn from_str(text: &str) -> Result<Self, DecodeError> {
         Self::decode(text)
     }
+}
+
+/// As `collect`, which would not know how many there are.
+fn all<T, E>(results: impl Iterator<Item = Result<T, E>>) -> Result<Vec<T>, E> {
+    let mut values = Vec::with_capacity(results.size_hint().0);
+    for result in results {
+        values.push(result?);
+    }
+    Ok(values)
 }
 
 pub(crate) fn check_name(name: &str, limit: usize) -> Result<(), EncodeError> {

@@ -1,6 +1,6 @@
 use crate::error::Reason;
 use crate::instruction::Instruction;
-use crate::text::Fault;
+use crate::text::{Fault, after_blanks, digits, indent};
 
 /// A statement of `/MN` as it is in the text: its number, its instruction and what closes it.
 ///
@@ -71,10 +71,9 @@ impl<'a> Statement<'a> {
 
     /// The digits before the `:`, and what follows that.
     fn head(&self) -> Result<(&'a str, &'a str), Fault<'a>> {
-        let start = self.text.trim_start();
-        let length = start.find(|c: char| !c.is_ascii_digit()).unwrap_or(start.len());
-        let (digits, rest) = start.split_at_checked(length).unwrap_or(("", start));
-        match rest.trim_start_matches([' ', '\t']).strip_prefix(':') {
+        let start = after_blanks(self.text);
+        let (digits, rest) = start.split_at_checked(digits(start)).unwrap_or(("", start));
+        match indent(rest).strip_prefix(':') {
             Some(body) => Ok((digits, body)),
             None => Err(Fault { at: start, reason: Reason::LineNumber }),
         }

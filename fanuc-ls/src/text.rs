@@ -3,7 +3,7 @@
 use alloc::format;
 use alloc::string::String;
 
-use nom::bytes::complete::{tag, take_while, take_while1};
+use nom::bytes::complete::take_while1;
 use nom::error::{ErrorKind, ParseError};
 use nom::{IResult, Parser};
 
@@ -57,24 +57,44 @@ pub(crate) fn or_fail<'a, T>(
     }
 }
 
-/// Spaces, tabs and line ends.
+/// What follows spaces, tabs and line ends.
+#[inline]
 pub(crate) fn space(input: &str) -> &str {
-    input.trim_start_matches([' ', '\t', '\r', '\n'])
+    input.trim_ascii_start()
+}
+
+/// What follows spaces and tabs.
+#[inline]
+pub(crate) fn indent(input: &str) -> &str {
+    let blanks = input.bytes().position(|byte| !matches!(byte, b' ' | b'\t')).unwrap_or(input.len());
+    input.get(blanks..).unwrap_or("")
+}
+
+/// What follows white space, which is seldom more than spaces and tabs.
+pub(crate) fn after_blanks(line: &str) -> &str {
+    let rest = indent(line);
+    if rest.starts_with(|c: char| c.is_ascii_graphic()) { rest } else { rest.trim_start() }
 }
 
 /// Spaces, tabs, and the line end with `:` that continues an instruction.
+#[inline]
 pub(crate) fn joint(input: &str) -> &str {
-    let mut rest = input.trim_start_matches([' ', '\t']);
+    let mut rest = indent(input);
     while let Some(next) = rest.trim_start_matches('\r').strip_prefix('\n') {
-        let Some(next) = next.trim_start_matches([' ', '\t']).strip_prefix(':') else { break };
-        rest = next.trim_start_matches([' ', '\t']);
+        let Some(next) = indent(next).strip_prefix(':') else { break };
+        rest = indent(next);
     }
     rest
 }
 
-/// `word`, or the failure.
-pub(crate) fn expect<'a>(input: &'a str, word: &'static str, reason: Reason) -> Read<'a, &'a str> {
-    or_fail(input, reason, tag(word))
+/// What follows `word`, or the failure.
+#[inline]
+pub(crate) fn expect<'a>(
+    input: &'a str,
+    word: &'static str,
+    reason: Reason,
+) -> Result<&'a str, nom::Err<Fault<'a>>> {
+    input.strip_prefix(word).ok_or(nom::Err::Failure(Fault { at: input, reason }))
 }
 
 /// A word of letters, digits and `_`.
@@ -82,27 +102,70 @@ pub(crate) fn word(input: &str) -> Read<'_, &str> {
     take_while1(|c: char| c.is_alphanumeric() || c == '_').parse(input)
 }
 
+/// How many bytes of the beginning are digits.
+#[inline]
+pub(crate) fn digits(input: &str) -> usize {
+    input.bytes().position(|byte| !byte.is_ascii_digit()).unwrap_or(input.len())
+}
+
 /// A whole number without a sign.
+#[inline]
 pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
-    nom::combinator::map_opt(nom::character::complete::digit1, |digits: &str| digits.parse().ok())
-        .parse(input)
+    let number = input.split_at_checked(digits(input));
+    match number.and_then(|(digits, rest)| Some((rest, digits.parse().ok()?))) {
+        Some(read) => Ok(read),
+        None => Err(nom::Err::Error(Fault::from_error_kind(input, ErrorKind::Digit))),
+    }
 }
 
 /// A decimal number; the zero before the point may be missing, the point as well.
 pub(crate) fn decimal(input: &str) -> Read<'_, f64> {
-    let unsigned = input.strip_prefix(['-', '+']).unwrap_or(input);
-    let digits = |input| -> Read<'_, &str> { take_while(|c: char| c.is_ascii_digit()).parse(input) };
-    let (mut rest, _) = digits(unsigned)?;
-    if let Some(fraction) = rest.strip_prefix('.') {
-        (rest, _) = digits(fraction)?;
-    }
-    let length = input.len().saturating_sub(rest.len());
-    // A sign or a point without digits does not parse.
-    match input.get(..length).and_then(|text| text.parse::<f64>().ok()).filter(|value| value.is_finite()) {
-        Some(value) => Ok((rest, value)),
+    let number = decimal_prefix(input.as_bytes());
+    match number.and_then(|(value, length)| Some((input.get(length..)?, value))) {
+        Some(read) => Ok(read),
         None => Err(nom::Err::Error(Fault::from_error_kind(input, ErrorKind::Float))),
     }
 }
+
+/// The decimal number that a text begins with, and how long it is.
+pub(crate) fn decimal_prefix(input: &[u8]) -> Option<(f64, usize)> {
+    let (negative, sign) = match input.first() {
+        Some(b'-') => (true, 1),
+        Some(b'+') => (false, 1),
+        _ => (false, 0),
+    };
+    let mut mantissa = 0u64;
+    let mut run = |mut at: usize| {
+        while let Some(digit @ b'0'..=b'9') = input.get(at) {
+            mantissa = mantissa.wrapping_mul(10).wrapping_add((digit - b'0').into());
+            at += 1;
+        }
+        at
+    };
+    let mut length = run(sign);
+    let (mut digits, mut decimals) = (length - sign, 0);
+    if input.get(length) == Some(&b'.') {
+        let start = length + 1;
+        length = run(start);
+        decimals = length - start;
+        digits += decimals;
+    }
+    // Up to fifteen digits and the power of ten are exact, and so is their quotient but for its one rounding.
+    let value = match POWERS.get(decimals) {
+        Some(power) if (1..16).contains(&digits) => {
+            #[expect(clippy::cast_precision_loss, reason = "it has fifteen digits at most")]
+            let value = mantissa as f64 / power;
+            if negative { -value } else { value }
+        }
+        // A sign or a point without digits does not parse.
+        _ => core::str::from_utf8(input.get(..length)?).ok()?.parse().ok()?,
+    };
+    value.is_finite().then_some((value, length))
+}
+
+/// The powers of ten that [`decimal`] divides by.
+const POWERS: [f64; 16] =
+    [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
 /// What stands for a register or a position: letters and brackets, `R[1]`, `PR[GP1:3]`, `P[R[1]]`.
 #[derive(Debug, Clone, Copy)]
@@ -115,7 +178,7 @@ pub(crate) struct Reference<'a> {
 /// A reference, or the failure for this reason.
 pub(crate) fn reference(input: &str, reason: Reason) -> Read<'_, Reference<'_>> {
     let (behind, letters) = or_fail(input, reason, take_while1(|c: char| c.is_ascii_alphabetic()))?;
-    let (inner, _) = or_fail(behind, reason, tag("["))?;
+    let inner = expect(behind, "[", reason)?;
     let mut depth = 0usize;
     for (at, c) in inner.char_indices() {
         match c {
@@ -150,20 +213,99 @@ pub(crate) fn join_lines(input: &str) -> String {
     text
 }
 
-/// `value` with three decimals as controllers print it, or with as many as it has: without the zero before the point, but
-/// zero is `0.000`.
-pub(crate) fn fixed(value: f64) -> String {
+/// Writes `value` right-aligned in ten columns: with three decimals as controllers print it, or with as many as it has; without
+/// the zero before the point, but zero is `0.000`.
+pub(crate) fn push_fixed(out: &mut String, value: f64) {
+    let thousandths = value.abs() * 1000.0;
+    if value != 0.0 && thousandths < 1e15 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it is below 1e15")]
+        let thousandths = (thousandths + 0.5) as u64;
+        #[expect(clippy::cast_precision_loss, reason = "it is below 1e15")]
+        let same = thousandths as f64 / 1000.0 == value.abs();
+        if same {
+            return push_thousandths(out, value < 0.0, thousandths);
+        }
+    }
     let mut text = format!("{value:.3}");
     if text.parse() != Ok(value) {
         text = format!("{value}");
     }
-    if text == "0.000" { text } else { without_leading_zero(text) }
+    if text != "0.000" {
+        text = without_leading_zero(text);
+    }
+    out.extend(core::iter::repeat_n(' ', 10usize.saturating_sub(text.len())));
+    out.push_str(&text);
 }
 
-/// `value` with as many decimals as it has: `10`, `10.5`, `.5`.
-pub(crate) fn shortest(value: f64) -> String {
-    without_leading_zero(format!("{value}"))
+/// `-1234` is `    -1.234`.
+fn push_thousandths(out: &mut String, negative: bool, thousandths: u64) {
+    let (whole, fraction) = (thousandths / 1000, thousandths % 1000);
+    let digits = whole.checked_ilog10().map_or(0, |digits| digits as usize + 1);
+    let before = if negative { "     -" } else { "      " };
+    out.push_str(before.get(digits.min(5 + usize::from(!negative))..).unwrap_or(""));
+    if whole > 0 {
+        push_digits(out, whole);
+    }
+    out.push_str(group(fraction, 0));
 }
+
+/// Writes `value` with as many decimals as it has: `10`, `10.5`, `.5`.
+pub(crate) fn push_shortest(out: &mut String, value: f64) {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+    let whole = value as u32;
+    if f64::from(whole) == value && value.is_sign_positive() {
+        push_number(out, whole, 0);
+    } else {
+        out.push_str(&without_leading_zero(format!("{value}")));
+    }
+}
+
+/// Writes a number right-aligned in so many of ten columns, or in as many as it needs.
+pub(crate) fn push_number(out: &mut String, number: u32, columns: usize) {
+    let digits = number.checked_ilog10().map_or(1, |digits| digits as usize + 1);
+    out.push_str("          ".get(digits..columns).unwrap_or(""));
+    push_digits(out, number.into());
+}
+
+fn push_digits(out: &mut String, number: u64) {
+    if number < 1000 {
+        let zeros = usize::from(number < 100) + usize::from(number < 10);
+        return out.push_str(group(number, 1 + zeros));
+    }
+    push_digits(out, number / 1000);
+    out.push_str(group(number % 1000, 1));
+}
+
+/// A number below 1000 in three digits after a point, without so many of its characters.
+fn group(number: u64, without: usize) -> &'static str {
+    #[expect(clippy::cast_possible_truncation, reason = "it is below 1000")]
+    let at = number as usize * 4;
+    GROUPS.get(at + without..at + 4).unwrap_or("")
+}
+
+/// `.000.001.002`, to `.999`: digits are copied, and not made.
+const GROUPS: &str = {
+    const DIGITS: [u8; 4000] = {
+        let mut digits = [b'0'; 4000];
+        let mut rest: &mut [u8] = &mut digits;
+        let mut number = *b"000";
+        while let [point, hundreds, tens, ones, others @ ..] = rest {
+            *point = b'.';
+            [*hundreds, *tens, *ones] = number;
+            rest = others;
+            number = match number {
+                [hundreds, b'9', b'9'] => [hundreds + 1, b'0', b'0'],
+                [hundreds, tens, b'9'] => [hundreds, tens + 1, b'0'],
+                [hundreds, tens, ones] => [hundreds, tens, ones + 1],
+            };
+        }
+        digits
+    };
+    match core::str::from_utf8(&DIGITS) {
+        Ok(digits) => digits,
+        Err(_) => "",
+    }
+};
 
 /// `value` with three decimals, which is what controllers print.
 pub(crate) fn rounded(value: f64) -> f64 {
@@ -182,7 +324,10 @@ fn without_leading_zero(mut text: String) -> String {
 /// Nothing that ends a line but `\n`, and no line before the last that would close the instruction.
 pub(crate) fn is_plain(text: &str) -> bool {
     let mut lines = text.split('\n').rev();
-    let control = |line: &str| line.contains(|c: char| c.is_control() && c != '\t');
+    let control = |line: &str| {
+        let ascii = line.bytes().all(|byte| matches!(byte, b' '..=b'~' | b'\t'));
+        !ascii && line.contains(|c: char| c.is_control() && c != '\t')
+    };
     lines.next().is_some_and(|last| !control(last))
         && lines.all(|line| !control(line) && !line.trim_end().ends_with(';'))
 }
@@ -190,11 +335,12 @@ pub(crate) fn is_plain(text: &str) -> bool {
 /// A line of a block: deeper than the four columns of a line number, and not simply the next line of a program whose
 /// numbers are all that deep. `number` is that of the last line that is not in a block.
 pub(crate) fn is_nested(line: &str, number: usize, in_block: bool) -> bool {
-    let body = line.trim_start_matches(' ');
-    if line.len() - body.len() < 5 {
+    let spaces = line.bytes().take_while(|byte| *byte == b' ').count();
+    if spaces < 5 {
         return false;
     }
-    let digits = body.len() - body.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    let body = line.get(spaces..).unwrap_or("");
+    let digits = digits(body);
     let own = body.get(..digits).and_then(|digits| digits.parse::<usize>().ok());
     number > 0 && (in_block || own != Some(number + 1)) && !body.starts_with(':')
 }

@@ -1,0 +1,95 @@
+//! A text and how far it was read, byte by byte: what marks the parts of a position is ASCII.
+
+use crate::error::Reason;
+use crate::text::{Fault, decimal_prefix};
+
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cursor<'a> {
+    text: &'a str,
+    rest: &'a [u8],
+}
+
+impl<'a> Cursor<'a> {
+    pub(crate) fn new(text: &'a str) -> Self {
+        Self { text, rest: text.as_bytes() }
+    }
+
+    /// What is still to be read.
+    pub(crate) fn rest(self) -> &'a str {
+        self.text.get(self.text.len() - self.rest.len()..).unwrap_or("")
+    }
+
+    #[inline(always)]
+    pub(crate) fn bytes(self) -> &'a [u8] {
+        self.rest
+    }
+
+    /// Moves on by so many bytes, to where a character begins.
+    #[inline(always)]
+    pub(crate) fn advance(&mut self, bytes: usize) {
+        self.rest = self.rest.get(bytes..).unwrap_or(&[]);
+    }
+
+    /// What is wrong here.
+    #[cold]
+    pub(crate) fn fault(self, reason: Reason) -> Fault<'a> {
+        Fault { at: self.rest(), reason }
+    }
+
+    /// Moves over spaces, tabs and line ends.
+    #[inline(always)]
+    pub(crate) fn space(&mut self) {
+        while let [b' ' | b'\t' | b'\r' | b'\n', after @ ..] = self.rest {
+            self.rest = after;
+        }
+    }
+
+    /// Moves over a word, if it is here.
+    #[inline(always)]
+    pub(crate) fn take(&mut self, word: &str) -> bool {
+        let after = self.rest.strip_prefix(word.as_bytes());
+        self.rest = after.unwrap_or(self.rest);
+        after.is_some()
+    }
+
+    /// Moves over blanks and a word.
+    ///
+    /// # Errors
+    /// When it is not here, for this reason.
+    #[inline(always)]
+    pub(crate) fn expect(&mut self, word: &str, reason: Reason) -> Result<(), Fault<'a>> {
+        self.space();
+        if self.take(word) { Ok(()) } else { Err(self.fault(reason)) }
+    }
+
+    /// A whole number without a sign.
+    ///
+    /// # Errors
+    /// When there is none, or not one of `N`.
+    #[inline(always)]
+    pub(crate) fn number<N: TryFrom<u32>>(&mut self, reason: Reason) -> Result<N, Fault<'a>> {
+        let (mut rest, mut number) = (self.rest, 0u64);
+        while let [digit @ b'0'..=b'9', after @ ..] = rest {
+            number = number.saturating_mul(10).saturating_add((digit - b'0').into());
+            rest = after;
+        }
+        match u32::try_from(number).ok().and_then(|number| N::try_from(number).ok()) {
+            Some(number) if rest.len() < self.rest.len() => {
+                self.rest = rest;
+                Ok(number)
+            }
+            _ => Err(self.fault(reason)),
+        }
+    }
+
+    /// A decimal number.
+    ///
+    /// # Errors
+    /// When there is none.
+    #[inline(always)]
+    pub(crate) fn decimal(&mut self, reason: Reason) -> Result<f64, Fault<'a>> {
+        let Some((value, length)) = decimal_prefix(self.rest) else { return Err(self.fault(reason)) };
+        self.advance(length);
+        Ok(value)
+    }
+}

@@ -8,6 +8,8 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 
 use cellwire::io::line::Clock;
+use cellwire::io::listener::Listener;
+use cellwire::io::serve::Service;
 use cellwire::io::trace::TraceArgs;
 use cellwire::links::fanuc_hmi_modbus::controller::{Controller, circle};
 use cellwire::links::fanuc_hmi_modbus::simulate::serve_tcp;
@@ -279,14 +281,10 @@ fn controller(order: WordOrder) -> String {
     let address = listener.local_addr().unwrap().to_string();
     let shared = Arc::new(Mutex::new(Controller::new(Box::new(circle), order)));
     thread::spawn(move || {
-        serve_tcp(
-            &listener,
-            &shared,
-            Clock::start(),
-            ServerConfig::tcp(),
-            &TraceArgs::off().start("fanuc"),
-            |_| {},
-        )
+        let trace = TraceArgs::off().start("fanuc");
+        let service = Service { clock: Clock::start(), trace: &trace, idle_timeout: None };
+        let listener = Listener::new(listener).unwrap();
+        serve_tcp(listener, &shared, ServerConfig::tcp(), &service, |_| {})
     });
     address
 }

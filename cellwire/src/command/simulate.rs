@@ -1,10 +1,12 @@
 //! `cellwire simulate`: simulates one end of a link until interrupted.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use anyhow::Result;
 
 use super::settings::SetArgs;
+use crate::io::input::seconds;
 use crate::io::interrupt;
 use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
@@ -23,6 +25,9 @@ pub struct Args {
     endpoint: EndpointArgs,
     #[command(flatten)]
     connect: ConnectArgs,
+    /// Disconnect a client that neither sends nor takes a byte for so many seconds; 0: never
+    #[arg(long, value_name = "N", default_value = "600", value_parser = seconds(0.0..=1e6))]
+    idle_timeout: Duration,
     #[command(flatten)]
     trace: TraceArgs,
     #[command(flatten)]
@@ -56,6 +61,7 @@ pub fn run(args: &Args) -> Result<bool> {
     args.device.simulate(&SimulateOptions {
         endpoint,
         connect_timeout: args.connect.timeout(),
+        idle_timeout: (!args.idle_timeout.is_zero()).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,
     })?;

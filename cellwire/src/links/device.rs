@@ -8,6 +8,7 @@ use anyhow::Result;
 use serde_json::{Map, Value};
 
 use crate::io::line::{Clock, Line};
+use crate::io::listener::Listener;
 use crate::io::output::ready;
 use crate::io::serial::PtyLink;
 use crate::io::tcp;
@@ -39,6 +40,8 @@ pub struct SimulateOptions {
     pub endpoint: Endpoint,
     /// How long a connection may take to open, for a device that is a TCP client.
     pub connect_timeout: Duration,
+    /// A client that neither sends nor takes a byte for so long is disconnected.
+    pub idle_timeout: Option<Duration>,
     /// What to do with the bytes of a session that ended.
     pub trace: TraceArgs,
     /// Settings other than the device's defaults.
@@ -80,7 +83,8 @@ pub fn serve(
         Endpoint::Listen(address) => {
             let listener = tcp::listen(address)?;
             ready(name, "listen", &listener.local_addr()?.to_string())?;
-            device(&mut Line::over_tcp(listener, clock, baud, trace), clock)
+            let listener = Listener::new(listener)?;
+            device(&mut Line::over_tcp(listener, options.idle_timeout, clock, baud, trace)?, clock)
         }
         Endpoint::Connect(_) => anyhow::bail!("{name} is on a serial line: use --pty or --listen"),
     }

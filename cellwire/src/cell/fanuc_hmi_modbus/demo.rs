@@ -20,7 +20,9 @@ use crate::cell::options::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::files;
 use crate::io::line::Clock;
+use crate::io::listener::Listener;
 use crate::io::samples::Samples;
+use crate::io::serve::Service;
 use crate::io::tcp;
 use crate::links::fanuc_hmi_modbus::controller::{Controller, PERIOD, Pose};
 use crate::links::fanuc_hmi_modbus::options::json;
@@ -113,10 +115,14 @@ fn record(
 ) -> Result<(Recording, Samples, u64)> {
     let listener = tcp::listen("127.0.0.1:0")?;
     let address = listener.local_addr()?;
+    let listener = Listener::new(listener)?;
     let trace = options.trace.start("fanuc");
     let shared = Arc::new(Mutex::new(controller));
     // It ends with the process, as the listener does.
-    thread::spawn(move || serve_tcp(&listener, &shared, clock, ServerConfig::tcp(), &trace, |_| {}));
+    thread::spawn(move || {
+        let service = Service { clock, trace: &trace, idle_timeout: None };
+        serve_tcp(listener, &shared, ServerConfig::tcp(), &service, |_| {})
+    });
     let proxy = options.faults.then(|| tcp::FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
     let address = proxy.as_ref().map_or(address, tcp::FaultyProxy::address);
     let mut logger =

@@ -118,7 +118,7 @@ impl Run {
             let mut address = listener.local_addr()?;
             let cell = Arc::clone(&cell);
             let trace = options.trace.start(&format!("mma-{}", format!("{which:?}").to_lowercase()));
-            let connections = Connections::accept(listener);
+            let connections = Connections::accept(listener, None)?;
             let stop = connections.stop();
             devices.push((stop, thread::spawn(move || serve(connections, which, &cell, clock, &trace))));
             if options.faults {

@@ -1,22 +1,26 @@
 //! The device's end of a simulated serial line, on which bytes take as long as on a real one.
 
 mod faults;
+mod port;
+mod server;
 
 use std::collections::VecDeque;
-use std::io::{self, ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::io::{self, Write};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use robot_session::{Received, Sent, Transport};
 use serialport::SerialPort;
 
+use crate::io::listener::Listener;
+use crate::io::output::remark;
 use crate::io::priority::{self, Rank};
 use crate::io::serial::READ_TIMEOUT;
+use crate::io::tcp::is_silence;
 use crate::io::trace::{Trace, Way};
 
 pub use faults::LineFaults;
@@ -24,6 +28,14 @@ pub use faults::LineFaults;
 /// Consecutive bytes are handed over in runs of this many, as a serial chip with a FIFO does: one by one they would keep two
 /// processors busy waking threads. The last byte of a transmission is not late because of that.
 const FIFO: usize = 8;
+
+/// So many bytes wait at most in each direction, as in a modem. A client that sends more waits until the line has carried them; a
+/// device that sends more takes no input meanwhile.
+const MODEM: usize = 4096;
+
+/// What the reader hands over at once, and how many of these may wait.
+const CHUNK: usize = 256;
+const CHUNKS: usize = 16;
 
 /// The time since the start of a run, the same for all its parts.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +61,7 @@ pub struct Line {
     /// Until when its session has been driven.
     driven: Duration,
     byte_time: Duration,
-    incoming: Receiver<(Duration, Vec<u8>)>,
+    incoming: Receiver<Chunk>,
     writer: Box<dyn Write + Send>,
     connected: Arc<AtomicBool>,
     sending: Direction,
@@ -58,6 +70,25 @@ pub struct Line {
     faults: LineFaults,
     trace: Trace,
     had_client: bool,
+    /// The client does not read, and bytes were lost.
+    is_overrun: bool,
+}
+
+/// Bytes that were read, and when.
+type Chunk = (Duration, Vec<u8>);
+
+/// What the thread that reads from the client shares with the line.
+struct Feed {
+    clock: Clock,
+    sender: SyncSender<Chunk>,
+    connected: Arc<AtomicBool>,
+}
+
+impl Feed {
+    /// Whether the line is still there: then it has a reference to `connected`.
+    fn is_wanted(&self) -> bool {
+        Arc::strong_count(&self.connected) > 1
+    }
 }
 
 /// The bytes on the line in one direction, each with the time at which it has arrived completely.
@@ -72,34 +103,45 @@ impl Line {
     ///
     /// # Errors
     /// When the port cannot be shared between reader and writer.
-    pub fn over_port(port: Box<dyn SerialPort>, clock: Clock, baud: u32, trace: Trace) -> Result<Self> {
+    pub fn over_port(mut port: Box<dyn SerialPort>, clock: Clock, baud: u32, trace: Trace) -> Result<Self> {
         let reader = port.try_clone()?;
-        Ok(Self::new(Box::new(reader), Box::new(port), clock, baud, trace))
+        // A client that does not read loses bytes, as on a line without flow control: nobody waits for it.
+        port.set_timeout(Duration::ZERO)?;
+        Self::new(Box::new(port), clock, baud, trace, |feed| port::read(reader, &feed))
     }
 
-    /// Over TCP, like a serial device server: one client at a time, and the device continues when the client disconnects.
-    pub fn over_tcp(listener: TcpListener, clock: Clock, baud: u32, trace: Trace) -> Self {
-        let client = Arc::new(Mutex::new(None));
-        let server = Server { listener, client: Arc::clone(&client) };
-        Self::new(Box::new(server), Box::new(Client(client)), clock, baud, trace)
+    /// Over TCP, like a serial device server: one client at a time, others are refused, and the device continues when the client
+    /// disconnects, or has neither sent nor taken a byte for `idle_timeout`.
+    ///
+    /// # Errors
+    /// When the system has no room for it.
+    pub fn over_tcp(
+        listener: Listener,
+        idle_timeout: Option<Duration>,
+        clock: Clock,
+        baud: u32,
+        trace: Trace,
+    ) -> Result<Self> {
+        let (server, client) = server::Server::new(listener, idle_timeout)?;
+        Self::new(Box::new(client), clock, baud, trace, |feed| server.run(&feed))
     }
 
     fn new(
-        reader: Box<dyn Read + Send>,
         writer: Box<dyn Write + Send>,
         clock: Clock,
         baud: u32,
         trace: Trace,
-    ) -> Self {
-        let (sender, incoming) = channel();
+        read: impl FnOnce(Feed) + Send + 'static,
+    ) -> Result<Self> {
+        let (sender, incoming) = sync_channel(CHUNKS);
         let connected = Arc::new(AtomicBool::new(false));
-        let shared = Arc::clone(&connected);
-        // The thread ends after the line is dropped: then it has the only reference to `connected`.
-        thread::spawn(move || {
+        let feed = Feed { clock, sender, connected: Arc::clone(&connected) };
+        let thread = thread::Builder::new().name("line".into()).spawn(move || {
             priority::raise(Rank::Hardware);
-            read(reader, clock, &sender, &shared);
+            read(feed);
         });
-        Self {
+        thread.context("cannot start a thread that reads from the line")?;
+        Ok(Self {
             clock,
             driven: clock.now(),
             byte_time: Duration::from_secs_f64(10.0 / f64::from(baud)),
@@ -112,7 +154,8 @@ impl Line {
             faults: LineFaults::none(),
             trace,
             had_client: false,
-        }
+            is_overrun: false,
+        })
     }
 
     /// Sets the faults, for both directions.
@@ -135,6 +178,9 @@ impl Line {
 
     /// The next byte that has arrived by now, and when it arrived: the time does not depend on when this is called.
     pub fn receive(&mut self) -> Option<(Duration, u8)> {
+        if self.is_full() {
+            return None;
+        }
         let (at, byte) = self.receiving.take(self.clock.now())?;
         self.trace.add(at, Way::Received, &[byte]);
         Some((at, byte))
@@ -149,13 +195,19 @@ impl Line {
                 self.had_client = true;
             } else if self.receiving.bytes.is_empty() && core::mem::take(&mut self.had_client) {
                 self.end_session("the client disconnected");
+                self.is_overrun = false;
             }
-            if deadline <= now || self.receiving.next().is_some_and(|at| at <= now) {
+            if deadline <= now || self.next_byte().is_some_and(|at| at <= now) {
                 return true;
             }
-            let next = [self.sending.next_run(), self.receiving.next_run()];
-            let next = next.into_iter().flatten().fold(deadline, Ord::min);
-            match self.incoming.recv_timeout(next.saturating_sub(now)) {
+            let arrival = if self.is_full() { None } else { self.receiving.next_run() };
+            let next = [self.sending.next_run(), arrival].into_iter().flatten().fold(deadline, Ord::min);
+            let wait = next.saturating_sub(now);
+            if self.receiving.bytes.len() >= MODEM {
+                thread::sleep(wait);
+                continue;
+            }
+            match self.incoming.recv_timeout(wait) {
                 Ok((at, bytes)) => {
                     // The client may have disconnected already.
                     self.had_client = true;
@@ -190,6 +242,16 @@ impl Line {
         self.trace.end_session(why);
     }
 
+    /// Whether the device has sent so much that it waits for the line.
+    fn is_full(&self) -> bool {
+        self.sending.bytes.len() >= MODEM
+    }
+
+    /// When the next byte is there for the device to take.
+    fn next_byte(&self) -> Option<Duration> {
+        self.receiving.next().filter(|_| !self.is_full())
+    }
+
     /// Writes every byte that has arrived completely by now.
     fn carry(&mut self) {
         let now = self.clock.now();
@@ -203,8 +265,13 @@ impl Line {
             self.late += now - last;
         }
         if !due.is_empty() && self.is_connected() {
-            // An error means that the client has just disconnected: the bytes are lost.
-            let _ = self.writer.write_all(&due);
+            // Another error means that the client has just disconnected: the bytes are lost.
+            if let Err(error) = self.writer.write_all(&due)
+                && is_silence(&error)
+                && !core::mem::replace(&mut self.is_overrun, true)
+            {
+                remark("warning: the client does not read, and bytes to it are lost");
+            }
         }
     }
 }
@@ -222,7 +289,7 @@ impl Transport for Line {
         if !self.wait(until) {
             return Ok(Received::Closed);
         }
-        let Some(first) = buffer.first_mut().filter(|_| self.receiving.next().is_some_and(|at| at <= until))
+        let Some(first) = buffer.first_mut().filter(|_| self.next_byte().is_some_and(|at| at <= until))
         else {
             self.driven = until;
             return Ok(Received::Nothing);
@@ -269,82 +336,12 @@ impl Direction {
     }
 }
 
-/// Reads from the connected client, or waits for one.
-struct Server {
-    listener: TcpListener,
-    client: Arc<Mutex<Option<TcpStream>>>,
-}
-
-impl Read for Server {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let client = lock(&self.client).as_ref().map(TcpStream::try_clone).transpose()?;
-        let Some(mut client) = client else {
-            let (stream, _) = self.listener.accept()?;
-            stream.set_nodelay(true)?;
-            stream.set_read_timeout(Some(READ_TIMEOUT))?;
-            *lock(&self.client) = Some(stream);
-            return Err(ErrorKind::TimedOut.into());
-        };
-        match client.read(buffer) {
-            Ok(0) => {
-                *lock(&self.client) = None;
-                Err(ErrorKind::BrokenPipe.into())
-            }
-            outcome => outcome,
-        }
-    }
-}
-
-/// Writes to the connected client.
-struct Client(Arc<Mutex<Option<TcpStream>>>);
-
-impl Write for Client {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        lock(&self.0).as_mut().map_or(Ok(bytes.len()), |stream| stream.write(bytes))
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Forwards what clients write, with the time at which it was read, until the line is dropped.
-fn read(
-    mut reader: Box<dyn Read + Send>,
-    clock: Clock,
-    sender: &Sender<(Duration, Vec<u8>)>,
-    connected: &Arc<AtomicBool>,
-) {
-    let mut buffer = [0; 256];
-    while Arc::strong_count(connected) > 1 {
-        match reader.read(&mut buffer) {
-            Ok(n) => {
-                connected.store(true, Ordering::Relaxed);
-                let bytes = buffer.get(..n).unwrap_or_default().to_vec();
-                if sender.send((clock.now(), bytes)).is_err() {
-                    return;
-                }
-            }
-            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => {
-                connected.store(true, Ordering::Relaxed);
-            }
-            Err(e) if e.kind() == ErrorKind::Interrupted => {}
-            // No client has the other end open.
-            Err(_) => {
-                connected.store(false, Ordering::Relaxed);
-                thread::sleep(Duration::from_millis(5));
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 #[cfg(unix)]
 mod tests {
+    use std::io::Read;
+    use std::net::{TcpListener, TcpStream};
+
     use super::*;
     use crate::io::serial;
     use crate::io::trace::TraceArgs;
@@ -451,7 +448,8 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
         let clock = Clock::start();
-        let mut line = Line::over_tcp(listener, clock, 115_200, TraceArgs::off().start("x"));
+        let (listener, trace) = (Listener::new(listener).unwrap(), TraceArgs::off().start("x"));
+        let mut line = Line::over_tcp(listener, None, clock, 115_200, trace).unwrap();
         for round in 1..4u8 {
             let mut client = TcpStream::connect(address).unwrap();
             client.write_all(&[round]).unwrap();

@@ -1,24 +1,21 @@
 //! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
 
-use std::net::{TcpListener, TcpStream};
 use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread;
 
 use anyhow::{Result, bail};
 use fanuc_hmi_modbus::{
     Bits, BitsMut, DecodeError, Exception, Registers, Server, ServerConfig, ServerEvent, Words, WordsMut,
 };
-use robot_session::Ended;
 use serde_json::{Value, json};
 
 use super::controller::{Controller, circle};
 use super::options::FanucSettings;
-use crate::io::drive::Traced;
 use crate::io::line::{Clock, Line};
+use crate::io::listener::Listener;
 use crate::io::output::{log, ready};
+use crate::io::serve::{Notice, Service};
 use crate::io::tcp;
-use crate::io::trace::Trace;
 use crate::links::device;
 use crate::links::device::{Endpoint, SimulateOptions};
 use crate::links::settings;
@@ -38,8 +35,11 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             let config = settings.on_tcp();
             let listener = tcp::listen(address)?;
             ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
-            let notify = |event: Value| drop(log(&event)); // a script that reads no more is none of our business
-            serve_tcp(&listener, &controller, Clock::start(), config, &options.trace.start("fanuc"), notify)
+            let trace = options.trace.start("fanuc");
+            let service =
+                Service { clock: Clock::start(), trace: &trace, idle_timeout: options.idle_timeout };
+            // A script that reads no more is none of our business.
+            serve_tcp(Listener::new(listener)?, &controller, config, &service, |event| drop(log(&event)))
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             serve_line(line, clock, &controller, settings.on_line())
@@ -53,53 +53,31 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
 /// # Errors
 /// When it does.
 pub fn serve_tcp(
-    listener: &TcpListener,
+    listener: Listener,
     controller: &Shared,
-    clock: Clock,
     config: ServerConfig,
-    trace: &Trace,
-    notify: impl Fn(Value) + Clone + Send + 'static,
+    service: &Service<'_>,
+    mut notify: impl FnMut(Value),
 ) -> Result<()> {
-    for stream in listener.incoming() {
-        let (stream, controller, trace, notify) =
-            (stream?, Arc::clone(controller), trace.clone(), notify.clone());
-        thread::spawn(move || {
-            let peer = stream.peer_addr().map_or_else(|_| "gone".into(), |peer| peer.to_string());
-            notify(json!({"event": "connected", "peer": peer}));
-            let why = match serve_stream(stream, &controller, clock, config, &trace, &notify) {
-                Ok(None) => "the client closed the connection".into(),
-                Ok(Some(error)) => format!("the client is out of step: {error}"),
-                Err(error) => format!("{error:#}"),
-            };
-            notify(json!({"event": "disconnected", "peer": peer, "why": why}));
-            if let Some(path) = trace.finish(&why) {
-                notify(json!({"event": "trace", "path": path}));
+    let open = || {
+        let registers = Connection { controller: Arc::clone(controller), clock: service.clock };
+        Ok(Server::<_, PLACES>::new(config, registers)?)
+    };
+    service.run(listener, open, |notice| {
+        match notice {
+            Notice::Connected(peer) => notify(json!({"event": "connected", "peer": peer})),
+            Notice::Refused(peer, why) => notify(json!({"event": "refused_client", "peer": peer, "why": why})),
+            Notice::Event(event) => {
+                if let Some(error) = report(event, &mut notify) {
+                    return ControlFlow::Break(format!("the client is out of step: {error}"));
+                }
             }
-        });
-    }
-    Ok(())
-}
-
-/// One connection until it ends; what the client did wrong if that ended it.
-fn serve_stream(
-    stream: TcpStream,
-    controller: &Shared,
-    clock: Clock,
-    config: ServerConfig,
-    trace: &Trace,
-    notify: &impl Fn(Value),
-) -> Result<Option<DecodeError>> {
-    stream.set_nodelay(true)?;
-    let registers = Connection { controller: Arc::clone(controller), clock };
-    let mut server = Server::<_, PLACES>::new(config, registers)?;
-    let transport = Traced::new(stream, trace, clock);
-    let ended = robot_session::drive(&mut server, transport, |_, event| match report(event, notify) {
-        Some(error) => ControlFlow::Break(error),
-        None => ControlFlow::Continue(()),
-    })?;
-    Ok(match ended {
-        Ended::ByHandler(error) => Some(error),
-        Ended::ByPeer => None,
+            Notice::Disconnected(peer, why) => {
+                notify(json!({"event": "disconnected", "peer": peer, "why": why}));
+            }
+            Notice::Traced(path) => notify(json!({"event": "trace", "path": path})),
+        }
+        ControlFlow::Continue(())
     })
 }
 
@@ -109,14 +87,15 @@ fn serve_line(line: &mut Line, clock: Clock, controller: &Shared, config: Server
     let mut server = Server::<_, PLACES>::new(config, registers)?;
     robot_session::drive(&mut server, line, |_, event| {
         // A line has no connection that could be closed.
-        report(event, &|event| drop(log(&event)));
+        report(event, &mut |event| drop(log(&event)));
         ControlFlow::<()>::Continue(())
     })?;
     Ok(())
 }
 
-/// The replies that a connection holds: a client may send so many requests at once.
-const PLACES: usize = 32;
+/// The replies that a connection holds: to the requests of 8 bytes and more that one read of 260 bytes can hold or complete, so that
+/// none is refused however many a client sends at once.
+const PLACES: usize = 34;
 
 /// The controller as one connection reaches it.
 struct Connection {
@@ -160,7 +139,7 @@ impl Registers for Connection {
 }
 
 /// Reports what was refused, and what was corrupt; why the connection is to be closed.
-fn report(event: ServerEvent, notify: &impl Fn(Value)) -> Option<DecodeError> {
+fn report(event: ServerEvent, notify: &mut impl FnMut(Value)) -> Option<DecodeError> {
     match event {
         ServerEvent::Served { unit, function, exception: Some(exception), .. } => {
             let exception = u8::from(exception);

@@ -1,7 +1,6 @@
 //! The PC: listens, and answers the robot.
 
-use std::io::ErrorKind;
-use std::net::TcpListener;
+use std::net::{TcpListener, TcpStream};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
@@ -11,6 +10,8 @@ use robot_session::{Driver, Session as _, Transport as _};
 
 pub use super::peer::Packets;
 use super::peer::{Peer, outcome};
+use crate::io::listener::{Arrival, Listener};
+use crate::io::output::remark;
 use crate::io::trace::Trace;
 
 /// The program of a PC: what it does between two looks at the connection.
@@ -51,11 +52,11 @@ pub fn run<'a>(
     trace: &Trace,
     program: &mut impl Program<'a>,
 ) -> Result<Packets> {
-    listener.set_nonblocking(true)?;
+    let mut listener = Listener::new(listener.try_clone().context("cannot listen")?)?;
     let mut server =
         Server { session: Pc::new(config)?, driver: Driver::new(Peer::new(trace)), trace, program };
     loop {
-        server.accept(listener)?;
+        server.accept(&mut listener)?;
         match server.turn()? {
             Err(why) => server.disconnected(&why)?,
             Ok(()) if server.program.step(&mut server.session)? => {}
@@ -74,17 +75,17 @@ struct Server<'r, 'a, P> {
 }
 
 impl<'a, P: Program<'a>> Server<'_, 'a, P> {
-    fn accept(&mut self, listener: &TcpListener) -> Result<()> {
+    fn accept(&mut self, listener: &mut Listener) -> Result<()> {
         let (stream, peer) = match listener.accept() {
-            Ok(accepted) => accepted,
-            // A robot that has gone again before it was accepted is no failure of the listener.
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::ConnectionAborted) => {
+            Ok(Arrival::Client(stream, peer)) => (TcpStream::from(stream), peer),
+            Ok(Arrival::Refused(peer)) => {
+                remark(&format!("refused the robot {peer}: no descriptor is free, see ulimit -n"));
                 return Ok(());
             }
-            Err(error) => return Err(error).context("cannot accept a connection"),
+            // Who waits may be accepted at the next turn.
+            Ok(Arrival::Nobody) | Err(_) => return Ok(()),
         };
         stream.set_nonblocking(false)?;
-        stream.set_nodelay(true)?;
         self.disconnected("another robot has connected")?;
         self.driver.transport().connect(stream);
         self.session.handle_connected(self.driver.transport().now());

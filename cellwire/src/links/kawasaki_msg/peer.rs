@@ -11,6 +11,7 @@ use robot_session::{Ended, Received, Sent, Transport};
 
 use crate::io::drive::Traced;
 use crate::io::line::Clock;
+use crate::io::stream::Stream;
 use crate::io::trace::Trace;
 
 /// What an end has sent.
@@ -41,7 +42,7 @@ impl Packets {
 pub(super) struct Peer<'a> {
     clock: Clock,
     trace: &'a Trace,
-    stream: Option<Traced<'a, TcpStream>>,
+    stream: Option<Traced<'a, Stream>>,
     pub(super) packets: Packets,
 }
 
@@ -51,7 +52,7 @@ impl<'a> Peer<'a> {
     }
 
     pub(super) fn connect(&mut self, stream: TcpStream) {
-        self.stream = Some(Traced::new(stream, self.trace, self.clock));
+        self.stream = Some(Traced::new(Stream::new(stream), self.trace, self.clock));
     }
 
     /// Whether there was a connection.

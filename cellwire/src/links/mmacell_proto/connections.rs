@@ -5,14 +5,27 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use mio::{Events, Interest, Poll, Token, Waker};
+
+use crate::io::listener::{Arrival, Listener};
+use crate::io::output::remark;
+
+const ARRIVALS: Token = Token(0);
+const WAKE: Token = Token(1);
+
+/// When the system has no room for a client, the next try is so much later.
+const RETRY: Duration = Duration::from_millis(100);
 
 /// Accepts connections until it is dropped. A new one takes the place of the one before, which is closed: it may be half open, and
 /// then nobody else ever would.
 #[derive(Debug)]
 pub struct Connections {
-    listener: Arc<TcpListener>,
     newest: Newest,
     stopped: Arc<AtomicBool>,
+    waker: Arc<Waker>,
     accepted: Receiver<TcpStream>,
 }
 
@@ -21,37 +34,60 @@ type Newest = Arc<Mutex<Option<TcpStream>>>;
 /// Ends the connections of a device from another thread.
 #[derive(Debug, Clone)]
 pub struct Stop {
-    listener: Arc<TcpListener>,
+    waker: Arc<Waker>,
     stopped: Arc<AtomicBool>,
     newest: Newest,
 }
 
 impl Connections {
-    /// Accepts in a thread of its own until it is stopped.
-    pub fn accept(listener: TcpListener) -> Self {
+    /// Accepts in a thread of its own until it is stopped. A connection on which nothing is received, or on which the peer takes
+    /// nothing, for `idle_timeout` ends with an error.
+    ///
+    /// # Errors
+    /// When the system has no room for it.
+    pub fn accept(listener: TcpListener, idle_timeout: Option<Duration>) -> Result<Self> {
         let (sender, accepted) = channel();
-        let (listener, newest) = (Arc::new(listener), Newest::default());
+        let newest = Newest::default();
         let stopped = Arc::new(AtomicBool::new(false));
-        let (incoming, current, ended) = (Arc::clone(&listener), Arc::clone(&newest), Arc::clone(&stopped));
-        thread::spawn(move || {
-            for stream in incoming.incoming().flatten() {
-                if ended.load(Ordering::Relaxed) {
-                    return;
-                }
-                let _ = stream.set_nodelay(true);
-                close(&current, stream.try_clone().ok());
-                if sender.send(stream).is_err() {
-                    return;
+        let mut poll = Poll::new().context("cannot wait for clients")?;
+        let waker = Arc::new(Waker::new(poll.registry(), WAKE)?);
+        let mut listener = Listener::new(listener)?;
+        poll.registry().register(&mut listener, ARRIVALS, Interest::READABLE)?;
+        let (current, ended) = (Arc::clone(&newest), Arc::clone(&stopped));
+        let thread = thread::Builder::new().name("accept".into()).spawn(move || {
+            let mut events = Events::with_capacity(8);
+            while !ended.load(Ordering::Relaxed) {
+                match listener.accept() {
+                    Ok(Arrival::Client(stream, _)) => {
+                        let stream = TcpStream::from(stream);
+                        let is_ready = stream
+                            .set_nonblocking(false)
+                            .and_then(|()| stream.set_read_timeout(idle_timeout))
+                            .and_then(|()| stream.set_write_timeout(idle_timeout));
+                        // Without a second handle it could not be ended: it is refused.
+                        let (Ok(()), Ok(handle)) = (is_ready, stream.try_clone()) else { continue };
+                        close(&current, Some(handle));
+                        if sender.send(stream).is_err() {
+                            return;
+                        }
+                    }
+                    Ok(Arrival::Refused(peer)) => {
+                        remark(&format!("refused the client {peer}: no descriptor is free, see ulimit -n"));
+                    }
+                    Ok(Arrival::Nobody) => _ = poll.poll(&mut events, None),
+                    // Who waits may be accepted later.
+                    Err(_) => _ = poll.poll(&mut events, Some(RETRY)),
                 }
             }
         });
-        Self { listener, newest, stopped, accepted }
+        thread.context("cannot start a thread that accepts connections")?;
+        Ok(Self { newest, stopped, waker, accepted })
     }
 
     /// What ends them.
     pub fn stop(&self) -> Stop {
         Stop {
-            listener: Arc::clone(&self.listener),
+            waker: Arc::clone(&self.waker),
             stopped: Arc::clone(&self.stopped),
             newest: Arc::clone(&self.newest),
         }
@@ -72,8 +108,8 @@ impl Stop {
     pub fn stop(&self) {
         self.stopped.store(true, Ordering::Relaxed);
         close(&self.newest, None);
-        // Wakes the listener.
-        let _ = self.listener.local_addr().and_then(TcpStream::connect);
+        // Should it fail, it is woken by the next client.
+        let _ = self.waker.wake();
     }
 }
 

@@ -13,7 +13,7 @@ use super::connections::Connections;
 use super::options::DeviceSettings;
 use super::station::Station;
 use crate::io::output::{log, ready};
-use crate::io::tcp;
+use crate::io::tcp::{self, is_silence};
 use crate::io::trace::{Trace, Way};
 use crate::links::device::{Endpoint, SimulateOptions};
 use crate::links::settings;
@@ -45,7 +45,7 @@ fn simulate<P: Simulated>(name: &'static str, home: P, options: &SimulateOptions
     ready(name, "listen", &listener.local_addr()?.to_string())?;
     let clock = Instant::now();
     let trace = options.trace.start(name);
-    for stream in Connections::accept(listener) {
+    for stream in Connections::accept(listener, options.idle_timeout)? {
         let peer = stream.peer_addr().map_or_else(|_| "gone".into(), |peer| peer.to_string());
         log(&json!({"event": "connected", "peer": peer}))?;
         station.connect(clock.elapsed() * speed);
@@ -53,7 +53,12 @@ fn simulate<P: Simulated>(name: &'static str, home: P, options: &SimulateOptions
             (clock.elapsed(), clock.elapsed() * speed)
         }) {
             Ok(why) => why.to_owned(),
-            Err(error) => format!("{error:#}"),
+            Err(error) => match (error.downcast_ref().is_some_and(is_silence), options.idle_timeout) {
+                (true, Some(timeout)) => {
+                    format!("silent for {} s, see --idle-timeout", timeout.as_secs_f64())
+                }
+                _ => format!("{error:#}"),
+            },
         };
         log(&json!({"event": "disconnected", "peer": peer, "why": why}))?;
         if let Some(path) = trace.finish(&why) {
@@ -174,7 +179,7 @@ mod tests {
         thread::spawn(move || {
             let mut station =
                 Station::new(RobotPose::ORIGIN, DeviceConfig::DEFAULT, MotionFaults::default()).unwrap();
-            for stream in Connections::accept(listener) {
+            for stream in Connections::accept(listener, None).unwrap() {
                 station.connect(Duration::ZERO);
                 let now = || (Duration::ZERO, Duration::ZERO);
                 let _ = serve(stream, &mut station, &mut { NONE }, &Trace::new("x", 0, None), now);

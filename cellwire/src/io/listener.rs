@@ -11,7 +11,6 @@ use mio::net::{TcpListener, TcpStream};
 use mio::{Interest, Registry, Token};
 use socket2::{SockRef, TcpKeepalive};
 
-
 /// A client that has vanished without a word is noticed when it acknowledges no probe: the first is sent after so long, the others
 /// after each [`PROBE_INTERVAL`].
 const FIRST_PROBE: Duration = Duration::from_secs(30);
@@ -111,4 +110,3 @@ impl Source for Listener {
 fn reserve() -> Option<File> {
     File::open(if cfg!(unix) { "/dev/null" } else { "NUL" }).ok()
 }
-

@@ -121,16 +121,18 @@ where
 {
     fn run(&mut self) -> Result<()> {
         let mut events = Events::with_capacity(256);
+        let mut now = self.service.clock.now();
         loop {
             let wait = match self.due {
                 _ if !self.busy.is_empty() => Some(Duration::ZERO),
-                due => due.map(|due| due.saturating_sub(self.service.clock.now())),
+                // A wait that is longer by the last turn is no harm, and saves a look at the clock.
+                due => due.map(|due| due.saturating_sub(now)),
             };
             match self.poll.poll(&mut events, wait) {
                 Err(error) if error.kind() == ErrorKind::Interrupted => continue,
                 outcome => outcome.context("cannot wait for clients")?,
             }
-            let now = self.service.clock.now();
+            now = self.service.clock.now();
             for key in core::mem::take(&mut self.busy) {
                 self.serve(key, now);
             }
@@ -263,12 +265,7 @@ struct Steps<'a, H> {
 
 impl<S: Session> Client<S> {
     /// True when there is more to read; why the connection is to be closed.
-    fn serve<H>(
-        &mut self,
-        input: &mut [u8],
-        out: &mut [u8],
-        steps: &mut Steps<'_, H>,
-    ) -> Result<bool, String>
+    fn serve<H>(&mut self, input: &mut [u8], out: &mut [u8], steps: &mut Steps<'_, H>) -> Result<bool, String>
     where
         H: FnMut(Notice<'_, S::Event>) -> ControlFlow<String>,
     {

@@ -66,7 +66,9 @@ pub fn serve_tcp(
     service.run(listener, open, |notice| {
         match notice {
             Notice::Connected(peer) => notify(json!({"event": "connected", "peer": peer})),
-            Notice::Refused(peer, why) => notify(json!({"event": "refused_client", "peer": peer, "why": why})),
+            Notice::Refused(peer, why) => {
+                notify(json!({"event": "refused_client", "peer": peer, "why": why}))
+            }
             Notice::Event(event) => {
                 if let Some(error) = report(event, &mut notify) {
                     return ControlFlow::Break(format!("the client is out of step: {error}"));

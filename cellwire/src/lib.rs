@@ -18,6 +18,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
+use self::cell::fanuc_hmi_modbus::plausibility::Implausible;
 use self::command::{alter, decode, demo, encode, fanuc, ls, modbus, settings, simulate, vectors};
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -44,7 +45,7 @@ Examples:
 
 Exit status:
   0 success   1 corrupt input, or a broken promise   2 the command could not be run
-  3 a connection was lost   4 nobody reads standard output";
+  3 a connection was lost   4 nobody reads standard output   5 telemetry that cannot be was recorded";
 
 #[derive(Subcommand)]
 enum Command {
@@ -60,7 +61,7 @@ enum Command {
 }
 
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run, 3 a connection was
-/// lost, 4 nobody reads standard output.
+/// lost, 4 nobody reads standard output, 5 telemetry that cannot be was recorded.
 pub fn main() -> ExitCode {
     let outcome = match parse().command {
         Command::Demo(args) => demo::run(&args),
@@ -77,6 +78,10 @@ pub fn main() -> ExitCode {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(error) if output::is_closed(&error) => ExitCode::from(4), // `cellwire decode … | head`
+        Err(error) if error.is::<Implausible>() => {
+            remark(&format!("error: {error:#}"));
+            ExitCode::from(5)
+        }
         Err(error) if error.is::<Lost>() => {
             remark(&format!("error: {error:#}"));
             ExitCode::from(3)

@@ -298,8 +298,11 @@ fn log_finds_the_word_order_and_writes_the_telemetry() {
         let object: Value = serde_json::from_str(out(&output)).unwrap();
         assert_eq!(object["word_order"], name);
         let table = folder.read("run.csv");
-        let rows: Vec<Vec<f64>> =
-            table.lines().skip(1).map(|row| row.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+        let rows: Vec<Vec<f64>> = table
+            .lines()
+            .skip(1)
+            .map(|row| row.split(',').take(31).map(|v| v.parse().unwrap()).collect())
+            .collect();
         assert_eq!(object["samples"], rows.len());
         assert!(rows.len() > 20, "{} rows", rows.len());
         for row in &rows {
@@ -322,7 +325,9 @@ fn log_warns_of_a_word_order_that_the_life_counter_contradicts() {
     };
     let warning =
         "warning: the life counter steps as if the word order were \"low_first\": these values are wrong\n";
-    assert!(err(&log("high-first")).ends_with(warning));
+    let wrong = log("high-first");
+    assert!(err(&wrong).contains(warning), "{}", err(&wrong));
+    assert_eq!(wrong.status.code(), Some(5), "what is read in the wrong order cannot be");
     assert!(!err(&log("low-first")).contains("warning"));
 }
 
@@ -350,6 +355,34 @@ fn a_log_is_compared_with_its_trajectory() {
         assert!(folder.0.join("made").join(file).exists());
     }
     assert_eq!(folder.run("ls check made/DEMO_SPLINE.LS made/BG_TELEMETRY.LS").status.code(), Some(0));
+    // Rows that are no samples do not count.
+    let recording = folder.read("made/recording.csv");
+    let marked = recording.replacen(
+        '\n',
+        &format!("\n,7,,100{}nan POS_X\n{}disconnected\n", ",NaN".repeat(27) + ",", ",".repeat(31)),
+        1,
+    );
+    folder.write("marked.csv", marked.as_bytes());
+    let marked = folder.run("fanuc evaluate made/trajectory.csv marked.csv --json");
+    let mut other: Value = serde_json::from_str(out(&marked)).unwrap();
+    other["link"] = object["link"].clone();
+    assert_eq!(other, object);
+    assert!(object["bounds"]["delay"]["low"].as_f64().unwrap() < 0.0, "{object}");
+    // A delay beyond the search is not found, and that is said instead of errors that mean nothing.
+    let late: String = recording
+        .lines()
+        .enumerate()
+        .map(|(index, row)| match row.split_once(',') {
+            Some((time, rest)) if index > 0 => format!("{},{rest}\n", time.parse::<f64>().unwrap() + 30.0),
+            _ => format!("{row}\n"),
+        })
+        .collect();
+    folder.write("late.csv", late.as_bytes());
+    let output = folder.run("fanuc evaluate made/trajectory.csv late.csv");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(err(&output).starts_with("error: no delay found: within 10 s either way"), "{}", err(&output));
+    assert!(!out(&output).contains("error of the position"), "{}", out(&output));
+    assert_eq!(folder.run("fanuc evaluate made/trajectory.csv late.csv --within 40").status.code(), Some(0));
     let swapped = folder.run("fanuc evaluate made/trajectory.csv made/trajectory.csv");
     assert!(err(&swapped).contains("the first line has no column time_s"), "{}", err(&swapped));
 }

@@ -7,8 +7,8 @@ use core::time::Duration;
 
 use cellwire::motion::dpm::{self, Axis, Config, Modifier};
 use cellwire::motion::{
-    Counts, Deviation, MotionSample, Observation, Quaternion, State, Summary, Tracker, deviations,
-    differentiate, fit_delay,
+    Confidence, Counts, Delay, Deviation, MotionSample, Observation, Quaternion, State, Summary, Tracker,
+    compare, deviations, differentiate, fit_delay,
 };
 use fanuc_hmi_modbus::TelemetryBlock;
 use proptest::prelude::*;
@@ -210,7 +210,9 @@ mod evaluate {
     fn the_delay_is_found_and_what_is_left_is_the_error() {
         for delay in [0.0, 0.04, 0.0363, 0.31] {
             let (reference, recording) = (motion(4.0, 0.008, 0.0, 0.0), motion(4.8, 0.008, delay, 1.5));
-            let found = fit_delay(&reference, &recording, -0.5..=0.5, 0.01).unwrap();
+            let Some(Delay::Found(found)) = fit_delay(&reference, &recording, -0.5..=0.5, 0.01) else {
+                panic!("not found, delayed by {delay}")
+            };
             assert!((found - delay).abs() < 1e-4, "found {found}, delayed by {delay}");
             let summary: Summary = deviations(&reference, &recording, found).collect();
             close([summary.position.max, summary.position.rms], [1.5, 1.5], 0.01);
@@ -219,6 +221,72 @@ mod evaluate {
             assert!(summary.velocity.max < 0.5, "{summary:?}");
             assert_eq!(summary.count, 601);
         }
+    }
+
+    #[test]
+    fn a_delay_beyond_the_search_is_not_found() {
+        for delay in [0.7, -0.7] {
+            let reference = motion(4.0, 0.008, 1.0, 0.0);
+            let recording = motion(6.0, 0.008, 1.0 + delay, 0.0);
+            let found = fit_delay(&reference, &recording, -0.5..=0.5, 0.01).unwrap();
+            let Delay::AtBorder(at) = found else { panic!("{found:?}") };
+            assert!((at - delay.signum() * 0.5).abs() < 1e-4, "{at}");
+        }
+        let still: Vec<State> =
+            (0..500).map(|k| State { time: f64::from(k) * 0.008, ..motion(1.0, 0.5, 9.0, 0.0)[0] }).collect();
+        assert_eq!(fit_delay(&motion(4.0, 0.008, 0.0, 0.0), &still, -0.5..=0.5, 0.01), None, "nothing moves");
+    }
+
+    #[test]
+    fn idle_time_counts_for_nothing() {
+        // The motion lasts from 2 s to 6 s, the recording from 0 to 20 s, and it is off by 1.5 mm while it moves.
+        let moved = |seconds: f64, shift: f64| {
+            let mut states = motion(seconds, 0.008, 2.0, 0.0);
+            let shifted = |state: &mut State| {
+                if (2.0..=6.0).contains(&state.time) {
+                    state.position[1] +=
+                        shift * ((state.time - 2.0) / 4.0 * core::f64::consts::PI).sin().sqrt();
+                }
+            };
+            states.iter_mut().for_each(shifted);
+            states
+        };
+        let (compared, idle) = compare(&moved(8.0, 0.0), &moved(20.0, 1.5));
+        let summary: Summary = compared.iter().map(|(deviation, _)| *deviation).collect();
+        assert!((480..=501).contains(&summary.count), "{summary:?}");
+        assert_eq!(summary.count + idle, 2501);
+        // The mean of a sine's half wave is 2/π; over all 20 s it would be less than half as much.
+        assert!(
+            (summary.position.rms - 1.5 * (2.0 / core::f64::consts::PI).sqrt()).abs() < 0.02,
+            "{summary:?}"
+        );
+    }
+
+    #[test]
+    fn the_bounds_hold_what_other_stretches_give() {
+        // A robot that is off by a random walk of its own: 60 of them, each with bounds from itself alone.
+        let reference = motion(4.0, 0.008, 0.0, 0.0);
+        let mut rng = fastrand::Rng::with_seed(7);
+        let mut noise = || (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
+        let mut held = 0;
+        for _ in 0..60 {
+            let mut off = 0.0;
+            let mut recording = reference.clone();
+            for state in &mut recording {
+                off = 0.7 * off + 0.1 * noise();
+                state.position[0] += off;
+            }
+            let Some(Delay::Found(delay)) = fit_delay(&reference, &recording, -0.2..=0.2, 0.01) else {
+                panic!()
+            };
+            recording.iter_mut().for_each(|state| state.time -= delay);
+            let bounds = Confidence::of(&compare(&reference, &recording).0).unwrap().delay;
+            assert!(bounds.high - bounds.low < 0.002, "{bounds:?}");
+            held += u32::from(delay + bounds.low <= 0.0 && 0.0 <= delay + bounds.high);
+        }
+        // 95 % are meant; of 16 blocks a bootstrap holds a little less.
+        assert!((50..60).contains(&held), "{held} of 60");
+        assert_eq!(Confidence::of(&compare(&reference[..100], &reference).0), None, "too short to say");
     }
 
     /// The source's figures: 100 mm/s and 40 ms make the 4 mm that it measured.

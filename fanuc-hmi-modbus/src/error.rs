@@ -284,3 +284,24 @@ pub enum AssignmentError {
         address: u16,
     },
 }
+
+/// A string that its registers cannot hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum TextError {
+    /// It is too long.
+    #[error("a string of {found} bytes does not fit into registers for {most}")]
+    Length {
+        /// Its bytes.
+        found: usize,
+        /// Two a register.
+        most: usize,
+    },
+    /// It would end there.
+    #[error("a string cannot hold a NUL (at byte {offset})")]
+    Nul {
+        /// Where it is, from 0.
+        offset: usize,
+    },
+}

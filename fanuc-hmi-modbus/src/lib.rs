@@ -13,11 +13,13 @@ mod framing;
 mod line;
 pub mod message;
 mod model;
+pub mod position;
 mod registers;
 mod server;
 #[cfg(feature = "serde")]
 mod shape;
 mod signals;
+pub mod text;
 pub mod timing;
 pub mod typed;
 
@@ -40,6 +42,7 @@ pub use message::{Bits, BitsMut, Exception, Pdu, PduBuf, Reply, Request, Words, 
 #[cfg(feature = "model")]
 #[doc(hidden)]
 pub use model::Rule;
+pub use position::PositionRegister;
 pub use registers::{Registers, serve};
 pub use server::{
     Server, ServerAction, ServerConfig, ServerEvent, ServerInput, ServerLink, ServerMachine, ServerStatistics,

@@ -60,7 +60,7 @@ pub enum Multiply {
     Real,
     /// 0.0001 to 10000: the variable times this, rounded to an integer of 16 or 32 bits.
     Scale(f32),
-    /// −1: strings, alarms and program names, the first character in the high byte.
+    /// −1: strings, alarms and program names, the first character in the high byte: see [`text`](crate::text).
     Text,
 }
 

@@ -47,6 +47,11 @@ impl Report {
         self.object.insert(key.into(), value);
     }
 
+    /// A field of the object alone.
+    pub fn field(&mut self, key: &str, value: Value) {
+        self.object.insert(key.into(), value);
+    }
+
     /// Adds the jobs of the run. Lost and repeated jobs are failures; jobs that the link reported as unknown are not.
     pub fn jobs(&mut self, jobs: Jobs) {
         self.fact("sent", "jobs sent", jobs.sent);

@@ -1,6 +1,7 @@
 //! What is done when the user interrupts a device or a demo: a running session writes its trace, and the link of a
 //! pseudo-terminal is removed.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, Result};
@@ -26,6 +27,26 @@ pub fn handle() -> Result<()> {
     })
     .context("cannot handle interrupts")
 }
+
+/// From now on the first interrupt is noted: [`requested`] is true then, and the command ends by itself. Another one ends the program.
+///
+/// # Errors
+/// When another handler is installed already.
+pub fn note() -> Result<()> {
+    ctrlc::set_handler(|| {
+        if REQUESTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(INTERRUPTED);
+        }
+    })
+    .context("cannot handle interrupts")
+}
+
+/// Whether an interrupt was [noted](note).
+pub fn requested() -> bool {
+    REQUESTED.load(Ordering::Relaxed)
+}
+
+static REQUESTED: AtomicBool = AtomicBool::new(false);
 
 /// Adds an action that an interrupt runs. Does nothing if interrupts are not handled.
 pub fn before_exit(action: impl FnOnce() + Send + 'static) {

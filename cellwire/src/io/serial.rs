@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, ensure};
 use clap::builder::TypedValueParser;
 use robot_session::{Received, Sent, Transport};
-use serialport::{FlowControl, SerialPort};
+use serialport::{FlowControl, Parity, SerialPort, StopBits};
 
 use crate::io::interrupt;
 
@@ -28,7 +28,16 @@ pub fn baud_rate() -> impl TypedValueParser<Value = u32> {
 /// # Errors
 /// When there is no such port, or another program uses it.
 pub fn open(path: &str, baud: u32) -> Result<Box<dyn SerialPort>> {
-    let port = serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT).open();
+    open_with(path, baud, Parity::None, StopBits::One)
+}
+
+/// Opens a port with 8 data bits, raw, without flow control.
+///
+/// # Errors
+/// When there is no such port, or another program uses it.
+pub fn open_with(path: &str, baud: u32, parity: Parity, stop_bits: StopBits) -> Result<Box<dyn SerialPort>> {
+    let builder = serialport::new(path, baud).flow_control(FlowControl::None).timeout(READ_TIMEOUT);
+    let port = builder.parity(parity).stop_bits(stop_bits).open();
     port.map_err(|error| {
         let advice = match error.kind() {
             serialport::ErrorKind::NoDevice => ": no such port, or another program uses it",

@@ -86,36 +86,69 @@ pub fn deviations<'a>(
     recording: &'a [State],
     delay: f64,
 ) -> impl Iterator<Item = Deviation> + 'a {
-    recording.iter().filter_map(move |state| {
-        let asked = interpolate(reference, state.time - delay)?;
-        Some(Deviation {
-            time: state.time,
-            position: difference(state.position, asked.position),
-            rotation: asked.orientation.rotation_to(state.orientation),
-            velocity: difference(state.velocity, asked.velocity),
-            angular_velocity: difference(state.angular_velocity, asked.angular_velocity),
-        })
-    })
+    recording
+        .iter()
+        .filter_map(move |state| Some(deviation(state, &interpolate(reference, state.time - delay)?)))
+}
+
+/// The deviations, at a delay of zero, of the states that are recorded while the reference lasts and that one of the two moves at,
+/// each with its state; and how many states are left out because both are idle.
+pub fn compare(reference: &[State], recording: &[State]) -> (Vec<(Deviation, State)>, u64) {
+    let (Some(first), Some(last)) = (reference.first(), reference.last()) else { return (Vec::new(), 0) };
+    let mut idle = 0;
+    let compared = recording.iter().filter_map(|state| {
+        let asked =
+            interpolate(reference, state.time).filter(|_| (first.time..=last.time).contains(&state.time));
+        match asked {
+            Some(asked) if moving(state) || moving(&asked) => Some((deviation(state, &asked), *state)),
+            _ => {
+                idle += 1;
+                None
+            }
+        }
+    });
+    (compared.collect(), idle)
+}
+
+fn deviation(state: &State, asked: &State) -> Deviation {
+    Deviation {
+        time: state.time,
+        position: difference(state.position, asked.position),
+        rotation: asked.orientation.rotation_to(state.orientation),
+        velocity: difference(state.velocity, asked.velocity),
+        angular_velocity: difference(state.angular_velocity, asked.angular_velocity),
+    }
+}
+
+/// What [`fit_delay`] has found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Delay {
+    /// It leaves the least squares, in seconds.
+    Found(f64),
+    /// The least squares are at the border of the range, here: the delay is not within it, or the motions have nothing in common.
+    AtBorder(f64),
 }
 
 /// The delay, within `range` in seconds, that leaves the least squares of position (mm) and orientation (degrees). It
-/// also takes up the offset between the two clocks.
+/// also takes up the offset between the two clocks. Recorded states that are [`moving`] count, the others say nothing of when.
 ///
 /// Searches the range in steps of `step` seconds, then closer around the best: a step of a tenth of the time in which the
-/// motion turns back finds the right valley. None when a motion is empty, or the range is none or of more than a million steps.
+/// motion turns back finds the right valley. None when a motion is empty or at rest, or the range is none or of more than a million
+/// steps.
 pub fn fit_delay(
     reference: &[State],
     recording: &[State],
     range: RangeInclusive<f64>,
     step: f64,
-) -> Option<f64> {
+) -> Option<Delay> {
     let (first, last) = range.into_inner();
     let valid = first.is_finite() && first <= last && step > 0.0 && (last - first) / step <= MAX_STEPS;
-    if reference.is_empty() || recording.is_empty() || !valid {
+    let moved: Vec<State> = recording.iter().filter(|state| moving(state)).copied().collect();
+    if reference.is_empty() || moved.is_empty() || !valid {
         return None;
     }
     let cost = |delay: f64| -> f64 {
-        deviations(reference, recording, delay).map(|d| square(d.position) + square(d.rotation)).sum()
+        deviations(reference, &moved, delay).map(|d| square(d.position) + square(d.rotation)).sum()
     };
     let (mut best, mut least) = (first, cost(first));
     let mut count = 1.0;
@@ -128,10 +161,18 @@ pub fn fit_delay(
         count += 1.0;
     }
     let (low, high) = ((best - step).max(first), (best + step).min(last));
-    Some(golden_section(low, high, cost))
+    let found = golden_section(low, high, cost);
+    // The search ends within a microsecond or so.
+    let is_border = found - first < 1e-5 || last - found < 1e-5;
+    Some(if is_border { Delay::AtBorder(found) } else { Delay::Found(found) })
 }
 
 const MAX_STEPS: f64 = 1e6;
+
+/// Whether a state is not at rest: above 1 mm/s or 0.2°/s, which the noise of a robot at rest does not reach.
+pub fn moving(state: &State) -> bool {
+    square(state.velocity) > 1.0 || square(state.angular_velocity) > 0.2 * 0.2
+}
 
 /// The greatest and the root mean square of the deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]

@@ -2,6 +2,8 @@
 
 use libm::{atan2, cos, sin, sqrt};
 
+use super::orientation::Quaternion;
+
 /// Where the tool stands, from the six joints. Implement it for your robot; [`Arm`] covers the usual FANUC arm.
 pub trait Kinematics {
     /// The pose of the tool in the robot's world frame, by the joints in degrees as the controller shows them: J3 from
@@ -49,6 +51,26 @@ impl Pose {
         let [x, y, z] = rotate(self.orientation, next.position);
         let [x0, y0, z0] = self.position;
         Self { position: [x0 + x, y0 + y, z0 + z], orientation: multiply(self.orientation, next.orientation) }
+    }
+
+    /// From there, where this frame's origin is.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        let [w, x, y, z] = self.orientation;
+        let orientation = [w, -x, -y, -z];
+        let [x, y, z] = rotate(orientation, self.position);
+        Self { position: [-x, -y, -z], orientation }
+    }
+
+    /// A step in this frame, along the axes of the frame that this one is seen from.
+    pub fn direction(&self, step: Self) -> [f64; 3] {
+        rotate(self.orientation, step.position)
+    }
+
+    /// X, Y, Z in mm and W, P, R in degrees.
+    pub fn to_xyzwpr(self) -> [f64; 6] {
+        let ([x, y, z], [w, p, r]) = (self.position, Quaternion::normalised(self.orientation).to_wpr());
+        [x, y, z, w, p, r]
     }
 
     /// How far the positions are apart, in mm.
@@ -109,6 +131,11 @@ impl Arm {
         flange: 80.0,
         tool: Pose::IDENTITY,
     };
+
+    /// With every joint at zero the flange looks along X, its own x up: W 180, P -90, R 0.
+    pub(super) fn flange_turn(&self) -> Pose {
+        Pose::turn(1, -90.0).then(Pose::turn(0, 180.0))
+    }
 }
 
 impl Kinematics for Arm {
@@ -121,9 +148,7 @@ impl Kinematics for Arm {
             .then(Pose::turn(Y, -(j2 + j3)))
             .then(Pose::shift(self.forearm, 0.0, self.elbow));
         let wrist = forearm.then(Pose::turn(0, -j4)).then(Pose::turn(Y, -j5)).then(Pose::turn(0, -j6));
-        // With every joint at zero the flange looks along X, its own x up: W 180, P -90, R 0.
-        let flange = Pose::shift(self.flange, 0.0, 0.0).then(Pose::turn(Y, -90.0)).then(Pose::turn(0, 180.0));
-        wrist.then(flange).then(self.tool)
+        wrist.then(Pose::shift(self.flange, 0.0, 0.0)).then(self.flange_turn()).then(self.tool)
     }
 }
 

@@ -1,15 +1,45 @@
 //! What a robot's joints can do.
 
+use super::kinematics::{Arm, Pose};
 use super::trajectory::Trajectory;
 
-/// The limits of six joints. J3 counts as in the trajectory: from the horizontal, as FANUC shows it.
+/// A robot's description: the limits of six joints, and the arm. J3 counts as in the trajectory: from the horizontal, as FANUC
+/// shows it.
 ///
-/// Its file is JSON, a joint a line: `{"joints": [{"min": -170, "max": 170, "speed": 450}, …]}`.
+/// Its file is JSON, a joint a line: `{"joints": [{"min": -170, "max": 170, "speed": 450}, …], "arm": {"shoulder": 50,
+/// "upper_arm": 330, "elbow": 35, "forearm": 335, "flange": 80}}`. The arm may be left out.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
     /// J1 to J6.
     pub joints: [JointLimits; 6],
+    /// The lengths of its arm.
+    #[serde(default)]
+    pub arm: Option<Dimensions>,
+}
+
+/// The lengths of an [`Arm`], in mm.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Dimensions {
+    /// From the axis of J1 to the axis of J2, horizontally.
+    pub shoulder: f64,
+    /// From J2 to J3; above 0.
+    pub upper_arm: f64,
+    /// From J3 up to the axis of J4, with the forearm level.
+    pub elbow: f64,
+    /// From J3 to the wrist's centre along the forearm; above 0.
+    pub forearm: f64,
+    /// From the wrist's centre to the flange.
+    pub flange: f64,
+}
+
+impl Dimensions {
+    /// The arm with a tool frame.
+    pub fn arm(self, tool: Pose) -> Arm {
+        let Self { shoulder, upper_arm, elbow, forearm, flange } = self;
+        Arm { shoulder, upper_arm, elbow, forearm, flange, tool }
+    }
 }
 
 /// The limits of a joint.
@@ -26,12 +56,27 @@ pub struct JointLimits {
 
 impl Limits {
     /// What no arm can do, whichever it is: no joint turns more than twice around, none faster than 2000°/s.
-    pub const ANY: Self = Self { joints: [JointLimits { min: -720.0, max: 720.0, speed: 2000.0 }; 6] };
+    pub const ANY: Self =
+        Self { joints: [JointLimits { min: -720.0, max: 720.0, speed: 2000.0 }; 6], arm: None };
+
+    /// The LR Mate 200iD's, of FANUC's data sheet, J3 as it counts here with J2 upright.
+    pub const LR_MATE_200ID: Self = {
+        const fn joint(most: f64, speed: f64) -> JointLimits {
+            JointLimits { min: -most, max: most, speed }
+        }
+        let j2 = JointLimits { min: -100.0, max: 145.0, speed: 380.0 };
+        let j3 = JointLimits { min: -70.0, max: 205.0, speed: 520.0 };
+        let j1 = joint(170.0, 450.0);
+        Self {
+            joints: [j1, j2, j3, joint(190.0, 550.0), joint(125.0, 545.0), joint(360.0, 1000.0)],
+            arm: None,
+        }
+    };
 
     /// Reads a robot description.
     ///
     /// # Errors
-    /// When it is none, a least angle is not below the greatest, or a speed is not above zero.
+    /// When it is none, a least angle is not below the greatest, a speed is not above zero, or a part of the arm has no length.
     pub fn from_json(text: &str) -> Result<Self, LimitsError> {
         let limits: Self = serde_json::from_str(text)
             .map_err(|error| LimitsError::Json { line: error.line(), column: error.column() })?;
@@ -39,6 +84,9 @@ impl Limits {
             if limit.min >= limit.max || limit.speed <= 0.0 {
                 return Err(LimitsError::Joint { joint });
             }
+        }
+        if limits.arm.is_some_and(|arm| arm.upper_arm <= 0.0 || arm.forearm <= 0.0) {
+            return Err(LimitsError::Arm);
         }
         Ok(limits)
     }
@@ -88,6 +136,9 @@ pub enum LimitsError {
         /// The joint, from 1.
         joint: u8,
     },
+    /// An arm without length.
+    #[error("arm: upper_arm and forearm must be above 0")]
+    Arm,
 }
 
 /// What a robot cannot do.

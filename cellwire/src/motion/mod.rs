@@ -1,7 +1,9 @@
 //! Motion: where an arm is, what a recording shows of it, and how far it was from the plan.
 
+mod bounds;
 pub mod dpm;
 mod evaluate;
+mod inverse;
 mod kinematics;
 mod limits;
 mod orientation;
@@ -9,9 +11,13 @@ mod resample;
 mod tracker;
 mod trajectory;
 
-pub use evaluate::{Deviation, Figures, State, Summary, deviations, differentiate, fit_delay};
+pub use bounds::{Bounds, Confidence};
+pub use evaluate::{
+    Delay, Deviation, Figures, State, Summary, compare, deviations, differentiate, fit_delay, moving,
+};
+pub use inverse::{Posture, Solution};
 pub use kinematics::{Arm, Kinematics, Pose};
-pub use limits::{JointLimits, LimitError, Limits, LimitsError};
+pub use limits::{Dimensions, JointLimits, LimitError, Limits, LimitsError};
 pub use orientation::Quaternion;
 pub use resample::{Acceleration, Report, ResampleError, Resampling, Sampling, SpeedStep};
 pub use tracker::{Counts, MotionSample, Observation, Tracker};

@@ -127,6 +127,12 @@ impl<const N: usize> Client<N> {
         self.machine.in_flight()
     }
 
+    /// The bytes of a reply that is not whole. Where there are some after its request has timed out, on TCP, the server has cut it
+    /// off, or will go on with it at any time: best connect again.
+    pub const fn pending(&self) -> usize {
+        self.decoder.pending()
+    }
+
     /// The state of the machine.
     pub const fn machine(&self) -> &ClientMachine<N> {
         &self.machine

@@ -11,7 +11,7 @@ use fanuc_hmi_modbus::{ServerConfig, TelemetryBlock, WordOrder};
 use fanuc_ls::{Program, Rules};
 use serde_json::json;
 
-use super::logger::{Logger, Reading};
+use super::logger::{Logger, Reading, Source};
 use super::plot;
 use super::recording::{self, Comparison, Recording};
 use super::robot::Run;
@@ -95,7 +95,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
                 });
             }
         }
-        Err(error) => report.require(false, || format!("{error:#}")),
+        Err(error) => report.require(false, || error.to_string()),
     }
     let budget = Budget { time: PERIOD, source: "Background Task: the period of the logging task" };
     report.timing("turn_around", "request to block", &turn_around, (!options.faults).then_some(budget));
@@ -125,8 +125,14 @@ fn record(
     });
     let proxy = options.faults.then(|| tcp::FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
     let address = proxy.as_ref().map_or(address, tcp::FaultyProxy::address);
-    let mut logger =
-        Logger::new(tcp::connect(&address.to_string(), tcp::CONNECT_TIMEOUT)?, 1, PERIOD, clock)?;
+    let source = Source {
+        server: address.to_string(),
+        unit: 1,
+        address: TelemetryBlock::ADDRESS,
+        poll: PERIOD,
+        connect_timeout: tcp::CONNECT_TIMEOUT,
+    };
+    let mut logger = Logger::connect(source, clock)?;
     let (mut recording, mut turn_around, mut failed) = (Recording::new(PERIOD), Samples::default(), 0);
     options.progress.set_length(millis(ends));
     logger.run(Some(Duration::from_secs_f64(ends)), |reading| {
@@ -139,7 +145,8 @@ fn record(
                 let [x, y, z] = block.position;
                 options.progress.set_message(format!("X {x:.1}  Y {y:.1}  Z {z:.1} mm"));
             }
-            Reading::Failed(_) => failed += 1,
+            Reading::Failed(_) | Reading::Disconnected(_) => failed += 1,
+            Reading::Retried(_) | Reading::Reconnected(_) => {}
         }
         Ok(true)
     })?;

@@ -1,102 +1,213 @@
-//! Reads the telemetry block of a controller once in every period of its background task.
+//! Reads the telemetry block of a controller in regular periods, over as many connections as it takes.
 
 use std::net::TcpStream;
 use std::ops::ControlFlow;
+use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Reply, TelemetryBlock};
+use fanuc_hmi_modbus::{Client, ClientConfig, ClientEvent, Failure, Reply, Request, TelemetryBlock};
 use robot_session::{Driver, Ended, Session as _};
 
 use crate::io::drive::Lost;
 use crate::io::line::Clock;
+use crate::io::{interrupt, tcp};
+
+/// Where the telemetry is, and how often it is read.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// HOST:PORT.
+    pub server: String,
+    /// The Modbus unit.
+    pub unit: u8,
+    /// The PDU address of the block's first register.
+    pub address: u16,
+    /// The time from one request to the next.
+    pub poll: Duration,
+    /// How long a connection may take to open.
+    pub connect_timeout: Duration,
+}
 
 /// A client of a controller's telemetry.
 #[derive(Debug)]
 pub struct Logger {
+    source: Source,
     driver: Driver<TcpStream>,
     client: Client<1>,
     clock: Clock,
-    unit: u8,
-    period: Duration,
 }
 
-/// What a request for the block came to.
+/// What a request for the block came to, or what became of the connection.
 #[derive(Debug, Clone, Copy)]
 pub enum Reading<'a> {
     /// The 37 registers, as they stand, and the time from the request to them.
     Registers(&'a [u16; 37], Duration),
     /// Nothing: a timeout or an exception, in words.
     Failed(&'a str),
+    /// The connection is lost, in words; the next ones try to open another.
+    Disconnected(&'a str),
+    /// An attempt has failed, in words.
+    Retried(&'a str),
+    /// There is a connection again, after so long.
+    Reconnected(Duration),
 }
 
+/// The time before the first attempt to connect again; each one after it waits twice as long, up to the longest.
+const FIRST_WAIT: Duration = Duration::from_millis(100);
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
+/// So many requests in a row without a reply, and the controller counts as gone: a connection to one that was switched off stays
+/// open for a quarter of an hour.
+const MOST_SILENT: u32 = 3;
+/// An interrupt is seen after this time at the latest.
+const TURN: Duration = Duration::from_millis(100);
+
 impl Logger {
-    /// A client on a connection to a controller's Modbus TCP port.
+    /// A client with a connection.
     ///
     /// # Errors
-    /// None.
-    pub fn new(stream: TcpStream, unit: u8, period: Duration, clock: Clock) -> Result<Self> {
-        let driver = Driver::new(stream);
+    /// When there is none.
+    pub fn connect(source: Source, clock: Clock) -> Result<Self> {
+        let driver = Driver::new(tcp::connect(&source.server, source.connect_timeout)?);
         let mut client = Client::new(ClientConfig::tcp())?;
         client.handle_connected(robot_session::now());
-        Ok(Self { driver, client, clock, unit, period })
+        Ok(Self { source, driver, client, clock })
     }
 
-    /// Reads blocks until `end`, or until `each` returns false.
+    /// Reads blocks until `end`, or until `each` returns false. Where the connection is lost it is opened again.
     ///
     /// # Errors
-    /// When the connection breaks, or `each` fails.
+    /// [`Lost`] when there is no connection at the end; whatever `each` fails with.
     pub fn run(
         &mut self,
         end: Option<Duration>,
         mut each: impl FnMut(Reading<'_>) -> Result<bool>,
     ) -> Result<()> {
-        let (mut next, mut asked) = (self.clock.now(), None);
+        loop {
+            let Err(lost) = self.read(end, &mut each) else { return Ok(()) };
+            let Some(Lost(why)) = lost.downcast_ref() else { return Err(lost) };
+            if !each(Reading::Disconnected(why))? || !self.reconnect(end, &mut each)? {
+                return Err(lost);
+            }
+        }
+    }
+
+    /// Reads blocks on this connection.
+    fn read(
+        &mut self,
+        end: Option<Duration>,
+        each: &mut impl FnMut(Reading<'_>) -> Result<bool>,
+    ) -> Result<()> {
+        let request = Request::ReadHoldingRegisters {
+            address: self.source.address,
+            quantity: TelemetryBlock::QUANTITY,
+        };
+        let (mut next, mut asked, mut silent) = (self.clock.now(), None, 0);
         loop {
             let now = self.clock.now();
-            if end.is_some_and(|end| now >= end) {
+            if end.is_some_and(|end| now >= end) || interrupt::requested() {
                 return Ok(());
             }
             if asked.is_none() && now >= next {
-                self.client.request(self.unit, &TelemetryBlock::request())?;
+                self.client.request(self.source.unit, &request)?;
                 asked = Some(now);
-                next = (next + self.period).max(now.saturating_sub(self.period)); // a late run skips what it missed
+                let poll = self.source.poll;
+                next = (next + poll).max(now.saturating_sub(poll)); // a late run skips what it missed
             }
             let due = if asked.is_some() { None } else { Some(next) };
             let wait = due.into_iter().chain(end).min().map(|due| due.saturating_sub(now));
-            let turn =
-                self.driver.turn(&mut self.client, wait, |client, event| match reading(client, event) {
+            let wait = wait.map_or(TURN, |wait| wait.min(TURN));
+            let turn = self.driver.turn(&mut self.client, Some(wait), |client, event| {
+                match reading(client, event) {
                     Some(reading) => ControlFlow::Break(reading),
                     None => ControlFlow::Continue(()),
-                });
+                }
+            });
             let reading = match turn.map_err(|error| Lost(format!("the connection broke: {error}")))? {
-                ControlFlow::Continue(()) => continue,
+                ControlFlow::Continue(()) => None,
                 ControlFlow::Break(Ended::ByPeer) => {
                     return Err(Lost("the controller closed the connection".into()).into());
                 }
-                ControlFlow::Break(Ended::ByHandler(reading)) => reading,
+                ControlFlow::Break(Ended::ByHandler(reading)) => Some(reading),
             };
+            let Some(reading) = reading else { continue };
             let took = asked.take().map_or(Duration::ZERO, |asked| self.clock.now().saturating_sub(asked));
+            silent = if matches!(reading, Answer::Silence(_)) { silent + 1 } else { 0 };
             let goes_on = match reading {
-                Ok(registers) => each(Reading::Registers(&registers, took))?,
-                Err(why) => each(Reading::Failed(&why))?,
+                Answer::Block(registers) => each(Reading::Registers(&registers, took))?,
+                Answer::Silence(why) | Answer::Refusal(why) => each(Reading::Failed(&why))?,
             };
+            if silent >= MOST_SILENT {
+                return Err(Lost(format!("no reply to {silent} requests in a row")).into());
+            }
             if !goes_on {
                 return Ok(());
             }
         }
     }
+
+    /// Opens another connection, however often it takes. False when the end has come, or `each` returns false.
+    fn reconnect(
+        &mut self,
+        end: Option<Duration>,
+        each: &mut impl FnMut(Reading<'_>) -> Result<bool>,
+    ) -> Result<bool> {
+        let lost = self.clock.now();
+        self.client.handle_disconnected(robot_session::now());
+        while self.client.poll_event().is_some() {} // the request that was in flight: there is no block
+        let mut wait = FIRST_WAIT;
+        loop {
+            let until = self.clock.now() + wait;
+            let until = end.map_or(until, |end| until.min(end));
+            while self.clock.now() < until {
+                if interrupt::requested() {
+                    return Ok(false);
+                }
+                thread::sleep(TURN.min(until.saturating_sub(self.clock.now())));
+            }
+            if end.is_some_and(|end| self.clock.now() >= end) {
+                return Ok(false);
+            }
+            match tcp::connect(&self.source.server, self.source.connect_timeout) {
+                Ok(stream) => {
+                    self.driver = Driver::new(stream);
+                    self.client.handle_connected(robot_session::now());
+                    return each(Reading::Reconnected(self.clock.now().saturating_sub(lost)));
+                }
+                Err(error) => {
+                    if !each(Reading::Retried(&format!("{error:#}")))? {
+                        return Ok(false);
+                    }
+                }
+            }
+            wait = (wait * 2).min(LONGEST_WAIT);
+        }
+    }
 }
 
-/// What ends a request. A late reply, or one that nobody asked for, does not: the request is still in flight.
-fn reading(client: &Client<1>, event: ClientEvent) -> Option<Result<[u16; 37], String>> {
+/// What ends a request.
+enum Answer {
+    Block([u16; 37]),
+    /// There is a controller, and no block.
+    Refusal(String),
+    /// No reply.
+    Silence(String),
+}
+
+/// A late reply, or one that nobody asked for, ends nothing: the request is still in flight.
+fn reading(client: &Client<1>, event: ClientEvent) -> Option<Answer> {
     Some(match event {
         ClientEvent::Replied { ticket, .. } => match client.reply(ticket)? {
-            Reply::HoldingRegisters(words) => words.first_chunk().ok_or("fewer than 37 registers".into()),
-            Reply::Exception { exception, .. } => Err(exception.to_string()),
+            Reply::HoldingRegisters(words) => match words.first_chunk() {
+                Some(registers) => Answer::Block(registers),
+                None => Answer::Refusal("fewer than 37 registers".into()),
+            },
+            Reply::Exception { exception, .. } => Answer::Refusal(exception.to_string()),
             _ => return None,
         },
-        ClientEvent::Failed { failure, .. } => Err(failure.to_string()),
+        ClientEvent::Failed { failure: failure @ Failure::TimedOut, .. } => {
+            Answer::Silence(failure.to_string())
+        }
+        ClientEvent::Failed { failure, .. } => Answer::Refusal(failure.to_string()),
         _ => return None,
     })
 }

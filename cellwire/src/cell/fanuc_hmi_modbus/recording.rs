@@ -7,15 +7,17 @@ use anyhow::{Context, Result};
 use fanuc_hmi_modbus::TelemetryBlock;
 
 use crate::cell::report::Report;
+use crate::links::fanuc_hmi_modbus::options::json;
 use crate::motion::{
-    self, Counts, Deviation, Figures, JointSample, Kinematics, MotionSample, Observation, Pose, Quaternion,
-    State, Summary, Tracker, Trajectory,
+    self, Bounds, Confidence, Counts, Delay, Deviation, Figures, JointSample, Kinematics, MotionSample,
+    Observation, Pose, Quaternion, State, Summary, Tracker, Trajectory,
 };
 
-/// The columns of the table: time by the life counter; what the controller reports; what was made of it here.
+/// The columns of the table: time by the life counter; what the controller reports; what was made of it here; in a row that is no
+/// sample of the motion, what it is instead.
 pub const HEADER: &str = "time_s,life_counter,missed,override_percent,x_mm,y_mm,z_mm,w_deg,p_deg,r_deg,q1,q2,q3,q4,\
 controller_vx,controller_vy,controller_vz,controller_dq1,controller_dq2,controller_dq3,controller_dq4,\
-vx_mm_s,vy_mm_s,vz_mm_s,dq1_s,dq2_s,dq3_s,dq4_s,wx_deg_s,wy_deg_s,wz_deg_s";
+vx_mm_s,vy_mm_s,vz_mm_s,dq1_s,dq2_s,dq3_s,dq4_s,wx_deg_s,wy_deg_s,wz_deg_s,note";
 
 /// Blocks, as they were read.
 #[derive(Debug)]
@@ -97,8 +99,33 @@ pub fn write_row(out: &mut impl Write, block: &TelemetryBlock, sample: &MotionSa
     for value in sample.velocity.iter().chain(rates) {
         write!(out, ",{value:.5}")?;
     }
-    writeln!(out)
+    writeln!(out, ",")
 }
+
+/// A line of a block that cannot be: what the controller reports, and why it is no sample.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write_marked(out: &mut impl Write, block: &TelemetryBlock, note: &str) -> io::Result<()> {
+    write!(out, ",{},,{}", block.life_counter, block.override_percent)?;
+    let shown = block.position.iter().chain(&block.wpr).chain(&block.quaternion);
+    for value in shown.chain(&block.velocity).chain(&block.quaternion_rate) {
+        write!(out, ",{value:e}")?;
+    }
+    writeln!(out, "{},{note}", ",".repeat(COMPUTED))
+}
+
+/// A line of something that happened between two blocks.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write_event(out: &mut impl Write, note: &str) -> io::Result<()> {
+    writeln!(out, "{}{note}", ",".repeat(COLUMNS - 1))
+}
+
+/// The columns of the table, and those of what is computed here.
+const COLUMNS: usize = 32;
+const COMPUTED: usize = 10;
 
 /// Reads a table back: the columns that a comparison needs, by their names.
 ///
@@ -108,6 +135,7 @@ pub fn read_states(text: &str) -> Result<Vec<State>> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
     let names = ["time_s", "x_mm", "y_mm", "z_mm", "q1", "q2", "q3", "q4"];
+    let note = header.iter().position(|column| *column == "note");
     let mut columns = [0; 8];
     for (column, name) in columns.iter_mut().zip(names) {
         let found = header.iter().position(|column| column == &name);
@@ -118,6 +146,9 @@ pub fn read_states(text: &str) -> Result<Vec<State>> {
     let mut states: Vec<State> = Vec::new();
     for (number, line) in (2..).zip(lines).filter(|(_, line)| !line.trim().is_empty()) {
         let fields: Vec<&str> = line.split(',').collect();
+        if note.and_then(|note| fields.get(note)).is_some_and(|note| !note.trim().is_empty()) {
+            continue; // no sample of the motion
+        }
         let mut values = [0.0; 8];
         for ((value, column), name) in values.iter_mut().zip(columns).zip(names) {
             let field = fields.get(column).and_then(|field| field.trim().parse::<f64>().ok());
@@ -157,33 +188,76 @@ pub struct Comparison {
     pub recording: Vec<State>,
     /// The delay, in seconds.
     pub delay: f64,
-    /// The errors, on the reference's clock.
+    /// The errors while either of the two moves, on the reference's clock.
     pub deviations: Vec<Deviation>,
     /// The greatest and the mean of them.
     pub summary: Summary,
+    /// How many states were recorded while both were idle.
+    pub idle: u64,
+    /// How certain the delay and the means are; None where the motion is too short to say.
+    pub confidence: Option<Confidence>,
+}
+
+/// Why two motions cannot be compared.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ComparisonError {
+    /// One has no states, or the recorded robot is at rest all the time.
+    #[error("there is nothing to compare: the recorded robot does not move")]
+    Nothing,
+    /// The search for the delay ended at its border.
+    #[error(
+        "no delay found: within {latest} s either way the two differ least at the border, {at:+.3} s; the recording is of another \
+         motion, or begins more than {latest} s before or after it"
+    )]
+    DelayNotFound {
+        /// Where it ended, in s.
+        at: f64,
+        /// The border, in s.
+        latest: f64,
+    },
 }
 
 impl Comparison {
     /// Fits the delay within `latest` seconds either way and compares.
     ///
     /// # Errors
-    /// When there is nothing to compare.
-    pub fn new(reference: Vec<State>, mut recording: Vec<State>, latest: f64) -> Result<Self> {
-        let delay = motion::fit_delay(&reference, &recording, -latest..=latest, 0.02);
-        let delay = delay.context("there is nothing to compare: no samples")?;
+    /// When there is nothing to compare, or no delay is found.
+    pub fn new(
+        reference: Vec<State>,
+        mut recording: Vec<State>,
+        latest: f64,
+    ) -> Result<Self, ComparisonError> {
+        let delay = match motion::fit_delay(&reference, &recording, -latest..=latest, 0.02) {
+            Some(Delay::Found(delay)) => delay,
+            Some(Delay::AtBorder(at)) => return Err(ComparisonError::DelayNotFound { at, latest }),
+            None => return Err(ComparisonError::Nothing),
+        };
         recording.iter_mut().for_each(|state| state.time -= delay);
-        let deviations: Vec<Deviation> = motion::deviations(&reference, &recording, 0.0).collect();
+        let (compared, idle) = motion::compare(&reference, &recording);
+        let confidence = Confidence::of(&compared);
+        let deviations: Vec<Deviation> = compared.into_iter().map(|(deviation, _)| deviation).collect();
         let summary = deviations.iter().copied().collect();
-        Ok(Self { reference, recording, delay, deviations, summary })
+        Ok(Self { reference, recording, delay, deviations, summary, idle, confidence })
     }
 
     /// The delay and the errors as rows of a report, beside the source's.
     pub fn report(&self, report: &mut Report, delay: f64) {
-        report.fact("delay_ms", "delay that fits best", format!("{:.1} ms", delay * 1e3));
+        let confidence = self.confidence;
+        let millis = |Bounds { low, high }| Bounds { low: (delay + low) * 1e3, high: (delay + high) * 1e3 };
+        let certain = within(confidence.map(|it| millis(it.delay)), 1);
+        report.fact("delay_ms", "delay that fits best", format!("{:.1} ms{certain}", delay * 1e3));
         report.fact("compared", "samples compared", self.summary.count);
-        for (key, label, figures, (measured, unit)) in self.figures() {
+        report.fact("idle", "samples left out: nothing moves, or before or after the motion", self.idle);
+        let bounds = confidence.map(|it| [it.position, it.rotation, it.velocity, it.angular_velocity]);
+        for (index, (key, label, figures, (measured, unit))) in self.figures().into_iter().enumerate() {
+            let certain = within(bounds.and_then(|bounds| bounds.get(index).copied()), 3);
             let label = format!("error of the {label}, rms and greatest (source: {measured} {unit})");
-            report.fact(key, &label, format!("{:.3} {unit}   {:.3} {unit}", figures.rms, figures.max));
+            let text = format!("{:.3} {unit}{certain}   {:.3} {unit}", figures.rms, figures.max);
+            report.fact(key, &label, text);
+        }
+        if let Some(confidence) = confidence {
+            report.fact("confidence", "the brackets", "95 % of other stretches of this motion");
+            report.field("bounds", json(confidence));
         }
     }
 
@@ -197,4 +271,9 @@ impl Comparison {
             ("angular_velocity_error", "angular velocity", angular_velocity, (1.5, "°/s")),
         ]
     }
+}
+
+/// Bounds, in brackets.
+fn within(bounds: Option<Bounds>, digits: usize) -> String {
+    bounds.map_or_else(String::new, |Bounds { low, high }| format!(" [{low:.digits$} .. {high:.digits$}]"))
 }

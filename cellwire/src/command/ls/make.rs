@@ -9,7 +9,7 @@ use fanuc_ls::CommentRule;
 use crate::io::output::remark;
 use crate::motion::{Acceleration, Limits, Report, Resampling, Sampling, SpeedStep, Trajectory};
 
-use super::{ArmArgs, rules, write};
+use super::{ArmArgs, limits, rules, write};
 
 /// Makes an LS program of spline moves from a trajectory of the joints.
 ///
@@ -69,7 +69,8 @@ pub(super) struct Args {
     #[command(flatten)]
     arm: ArmArgs,
     /// The robot's description, JSON: {"joints": [{"min": -170, "max": 170, "speed": 450}, ...]}, six joints in degrees
-    /// and degrees a second, J3 from the horizontal
+    /// and degrees a second, J3 from the horizontal; with "arm": {"shoulder": 50, "upper_arm": 330, "elbow": 35, "forearm": 335,
+    /// "flange": 80} in mm it has the dimensions of --arm too
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
     /// The longest name that the controller takes; old ones take 8
@@ -108,9 +109,9 @@ enum SpeedArg {
 
 pub(super) fn make(args: &Args) -> Result<()> {
     let sampling = args.sampling()?;
-    let arm = args.arm.arm()?;
-    let trajectory = args.arm.trajectory(&args.trajectory)?;
     let limits = args.robot.as_deref().map_or(Ok(Limits::ANY), limits)?;
+    let arm = args.arm.arm(limits.arm)?;
+    let trajectory = args.arm.trajectory(&args.trajectory)?;
     limits.check(&trajectory).with_context(|| args.trajectory.display().to_string())?;
     let name = match &args.name {
         Some(name) => name.clone(),
@@ -165,12 +166,6 @@ impl Args {
             },
         })
     }
-}
-
-/// A robot description from its file.
-fn limits(path: &Path) -> Result<Limits> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    Limits::from_json(&text).with_context(|| path.display().to_string())
 }
 
 /// What the program has of the trajectory, for people.

@@ -13,7 +13,7 @@ use fanuc_ls::{Program, Rules};
 
 use crate::io::files;
 use crate::io::output::remark;
-use crate::motion::{Arm, Pose, Trajectory};
+use crate::motion::{Arm, Dimensions, Limits, Pose, Trajectory};
 
 /// FANUC teach pendant programs as text: LS files.
 ///
@@ -57,9 +57,19 @@ pub fn run(args: &Args) -> Result<bool> {
     }
 }
 
-/// The robot's arm.
+/// The robot's arm, and what a trajectory counts from.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ArmArgs {
+    #[command(flatten)]
+    geometry: GeometryArgs,
+    /// What J3 of the trajectory counts from: the horizontal, as FANUC shows it, or the upper arm
+    #[arg(long, value_enum, default_value_t = J3::Horizontal)]
+    j3: J3,
+}
+
+/// The robot's arm.
+#[derive(Debug, Clone, clap::Args)]
+pub struct GeometryArgs {
     /// The arm's dimensions in mm: J1 to J2 out, J2 to J3, J3 up to the forearm's axis, J3 to the wrist's centre, wrist to flange
     /// [default: the LR Mate 200iD's, 50,330,35,335,80]
     #[arg(long, value_name = "A,B,C,D,E", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
@@ -67,18 +77,15 @@ pub struct ArmArgs {
     /// The tool frame, X,Y,Z in mm and W,P,R in degrees, seen from the flange [default: the flange]
     #[arg(long, value_name = "X,Y,Z,W,P,R", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     tool: Option<Vec<f64>>,
-    /// What J3 of the trajectory counts from: the horizontal, as FANUC shows it, or the upper arm
-    #[arg(long, value_enum, default_value_t = J3::Horizontal)]
-    j3: J3,
 }
 
-impl ArmArgs {
-    /// The arm with its tool.
+impl GeometryArgs {
+    /// The arm with its tool; without --arm that of the robot's description, if there is one.
     ///
     /// # Errors
     /// When a number is missing.
-    pub fn arm(&self) -> Result<Arm> {
-        let mut arm = Arm::LR_MATE_200ID;
+    pub fn arm(&self, described: Option<Dimensions>) -> Result<Arm> {
+        let mut arm = described.map_or(Arm::LR_MATE_200ID, |arm| arm.arm(Pose::IDENTITY));
         if let Some(dimensions) = &self.arm {
             let &[shoulder, upper_arm, elbow, forearm, flange] = dimensions.as_slice() else {
                 bail!("--arm needs five numbers, with commas between them");
@@ -91,6 +98,16 @@ impl ArmArgs {
                 Pose::from_xyzwpr(tool.ok().context("--tool needs six numbers, with commas between them")?);
         }
         Ok(arm)
+    }
+}
+
+impl ArmArgs {
+    /// The arm with its tool.
+    ///
+    /// # Errors
+    /// When a number is missing.
+    pub fn arm(&self, described: Option<Dimensions>) -> Result<Arm> {
+        self.geometry.arm(described)
     }
 
     /// A trajectory from its file.
@@ -112,6 +129,15 @@ impl ArmArgs {
 enum J3 {
     Horizontal,
     UpperArm,
+}
+
+/// A robot description from its file.
+///
+/// # Errors
+/// When it cannot be read, or is none.
+pub fn limits(path: &Path) -> Result<Limits> {
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    Limits::from_json(&text).with_context(|| path.display().to_string())
 }
 
 /// The default rules with this limit to a program's name.

@@ -6,6 +6,8 @@ use fanuc_hmi_modbus::{
     Bits, BitsMut, Exception, Registers, Signal, Table, TelemetryBlock, WordOrder, Words, WordsMut,
 };
 
+use super::faults::{Fault, Faults};
+
 /// The period of the background task (Fig. 8).
 pub const PERIOD: Duration = Duration::from_millis(8);
 
@@ -35,7 +37,10 @@ pub fn circle(at: Duration) -> Pose {
 #[allow(missing_debug_implementations, reason = "a motion is a function")]
 pub struct Controller {
     motion: Motion,
-    counter: Option<u32>,
+    faults: Faults,
+    now: Duration,
+    /// The run that the background task has done last.
+    run: Option<u32>,
     discrete_inputs: Vec<bool>,
     coils: Vec<bool>,
     input_registers: Vec<u16>,
@@ -49,7 +54,9 @@ impl Controller {
         let numbers = |table| (1..=used(table)).map(|n| u16::try_from(n).unwrap_or_default());
         Self {
             motion,
-            counter: None,
+            faults: Faults::default(),
+            now: Duration::ZERO,
+            run: None,
             discrete_inputs: numbers(Table::DiscreteInputs).map(|n| n % 3 == 0).collect(),
             coils: vec![false; used(Table::Coils)],
             input_registers: numbers(Table::InputRegisters).collect(),
@@ -63,24 +70,54 @@ impl Controller {
         }
     }
 
+    /// The same with faults.
+    #[must_use]
+    pub fn with_faults(mut self, faults: Faults) -> Self {
+        self.faults = faults;
+        self
+    }
+
+    /// Whether clients cannot reach it now.
+    pub fn is_away(&self, now: Duration) -> bool {
+        self.faults.has(Fault::Disconnect, now)
+    }
+
     /// Lets the background task run as often as it is due. What a client wrote to its registers is gone then.
     pub fn tick(&mut self, now: Duration) {
-        let counter = u32::try_from(now.as_millis() / PERIOD.as_millis()).unwrap_or(u32::MAX);
-        if self.counter.replace(counter) == Some(counter) {
+        self.now = now;
+        if self.faults.has(Fault::Standstill, now) && self.run.is_some() {
             return;
         }
-        let block = self.block(counter);
+        let run = runs(now);
+        if self.run.replace(run) == Some(run) {
+            return;
+        }
+        let block = self.block(run);
         let registers = block.to_registers(self.order);
         if let Some(area) = self.holding_registers.first_chunk_mut() {
             *area = registers;
         }
     }
 
-    /// What the background task writes at its run `counter`.
-    pub fn block(&self, counter: u32) -> TelemetryBlock {
-        let pose = |counter: u32| (self.motion)(PERIOD * counter);
-        background_task(counter, &pose(counter), &pose(counter.saturating_sub(1)))
+    /// What the background task writes at the period `run` since the start.
+    pub fn block(&self, run: u32) -> TelemetryBlock {
+        let at = PERIOD * run;
+        let pose = |run: u32| (self.motion)(PERIOD * run);
+        let counter = runs(self.faults.task_time(at));
+        let mut block = background_task(counter, &pose(run), &pose(run.saturating_sub(1)));
+        self.faults.spoil(&mut block, at);
+        block
     }
+
+    /// The exception of a controller that is busy.
+    fn ready(&self) -> Result<(), Exception> {
+        if self.faults.has(Fault::Busy, self.now) { Err(Exception::ServerDeviceBusy) } else { Ok(()) }
+    }
+}
+
+/// The periods in this time.
+fn runs(time: Duration) -> u32 {
+    u32::try_from(time.as_millis() / PERIOD.as_millis()).unwrap_or(u32::MAX)
 }
 
 /// One run of the task, line by line as Fig. 8 has it: single precision, Q1 made positive, differences over 0.008 s.
@@ -151,31 +188,37 @@ fn show(bits: &[bool], out: &mut BitsMut<'_>) {
 
 impl Registers for Controller {
     fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.ready()?;
         show(run(&self.coils, address, out.len())?, out);
         Ok(())
     }
 
     fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.ready()?;
         show(run(&self.discrete_inputs, address, out.len())?, out);
         Ok(())
     }
 
     fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.ready()?;
         out.copy_from(run(&self.holding_registers, address, out.len())?);
         Ok(())
     }
 
     fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.ready()?;
         out.copy_from(run(&self.input_registers, address, out.len())?);
         Ok(())
     }
 
     fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
+        self.ready()?;
         values.copy_to(run_mut(&mut self.coils, address, values.len())?);
         Ok(())
     }
 
     fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+        self.ready()?;
         values.copy_to(run_mut(&mut self.holding_registers, address, values.len())?);
         Ok(())
     }

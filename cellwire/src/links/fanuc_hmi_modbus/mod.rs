@@ -1,7 +1,9 @@
 //! fanuc-hmi-modbus in the tool: its codec, the simulated controller, and a client for scripts.
 
+pub mod client;
 mod codec;
 pub mod controller;
+pub mod faults;
 pub mod options;
 pub mod simulate;
 

@@ -49,7 +49,7 @@ impl Configure for ViewSettings {
 }
 
 /// The simulated controller.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct FanucSettings {
     /// The frames, where it listens on TCP.
     pub frames: Frames,
@@ -65,13 +65,24 @@ pub struct FanucSettings {
     pub stall: Duration,
     /// The order of the words of wide values.
     pub word_order: WordOrder,
+    /// Telemetry that cannot be, and when: see [`Faults`](super::faults::Faults).
+    pub faults: Option<String>,
 }
 
 impl Default for FanucSettings {
     fn default() -> Self {
         let stall = Framing::RTU_OVER_TCP.silence().unwrap_or_default();
         let (frames, word_order) = (Frames::Tcp, WordOrder::default());
-        Self { frames, unit: None, broadcast: None, baud: 19_200, silence: None, stall, word_order }
+        Self {
+            frames,
+            unit: None,
+            broadcast: None,
+            baud: 19_200,
+            silence: None,
+            stall,
+            word_order,
+            faults: None,
+        }
     }
 }
 
@@ -103,7 +114,7 @@ impl FanucSettings {
 
 impl Configure for FanucSettings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { frames, unit, broadcast, baud, silence, stall, word_order } = self;
+        let Self { frames, unit, broadcast, baud, silence, stall, word_order, faults } = self;
         self::frames(table, frames);
         let about = "the unit that it is; auto: every one on TCP, 1 in RTU frames";
         table.whole_or("unit", 0..=u8::MAX, "auto", about, unit);
@@ -115,6 +126,9 @@ impl Configure for FanucSettings {
         table.time_or("silence", SOME_TIME, "auto", about, silence);
         table.time("stall", SOME_TIME, "without a byte for so long a frame of RTU over TCP is cut", stall);
         self::word_order(table, word_order);
+        let shape = "FAULT:FROM-TO in seconds since the start, with commas between them: nan, infinite, denormal, quaternion, \
+                     unreachable, standstill, restart, disconnect, busy";
+        table.text("faults", shape, "there are none", "telemetry that cannot be, and when", faults);
     }
 }
 

@@ -10,6 +10,7 @@ use fanuc_hmi_modbus::{
 use serde_json::{Value, json};
 
 use super::controller::{Controller, circle};
+use super::faults::Faults;
 use super::options::FanucSettings;
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
@@ -29,7 +30,9 @@ pub type Shared = Arc<Mutex<Controller>>;
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
-    let controller = Arc::new(Mutex::new(Controller::new(Box::new(circle), settings.word_order)));
+    let faults = Faults::parse(settings.faults.as_deref().unwrap_or_default())?;
+    let controller = Controller::new(Box::new(circle), settings.word_order).with_faults(faults);
+    let controller = Arc::new(Mutex::new(controller));
     match &options.endpoint {
         Endpoint::Listen(address) => {
             let config = settings.on_tcp();
@@ -65,7 +68,10 @@ pub fn serve_tcp(
     };
     service.run(listener, open, |notice| {
         match notice {
-            Notice::Connected(peer) => notify(json!({"event": "connected", "peer": peer})),
+            Notice::Connected(peer) => {
+                notify(json!({"event": "connected", "peer": peer}));
+                return stay(controller, service.clock);
+            }
             Notice::Refused(peer, why) => {
                 notify(json!({"event": "refused_client", "peer": peer, "why": why}))
             }
@@ -73,6 +79,7 @@ pub fn serve_tcp(
                 if let Some(error) = report(event, &mut notify) {
                     return ControlFlow::Break(format!("the client is out of step: {error}"));
                 }
+                return stay(controller, service.clock);
             }
             Notice::Disconnected(peer, why) => {
                 notify(json!({"event": "disconnected", "peer": peer, "why": why}));
@@ -81,6 +88,15 @@ pub fn serve_tcp(
         }
         ControlFlow::Continue(())
     })
+}
+
+/// Whether a client may stay: the fault `disconnect` sends all of them away.
+fn stay(controller: &Shared, clock: Clock) -> ControlFlow<String> {
+    let controller = controller.lock().unwrap_or_else(PoisonError::into_inner);
+    if controller.is_away(clock.now()) {
+        return ControlFlow::Break("the fault `disconnect`".into());
+    }
+    ControlFlow::Continue(())
 }
 
 /// An RTU line until it is gone for good.

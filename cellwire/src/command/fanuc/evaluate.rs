@@ -1,0 +1,68 @@
+//! `cellwire fanuc evaluate`.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+
+use super::print;
+use crate::cell::fanuc_hmi_modbus::plot;
+use crate::cell::fanuc_hmi_modbus::recording::{self, Comparison, ComparisonError};
+use crate::cell::report::Report;
+use crate::command::ls::ArmArgs;
+use crate::io::output::remark;
+
+/// Compares a log with the trajectory that the robot was to run.
+///
+/// Fits the delay between the two first (within --within seconds either way, so the log may begin before the motion does), then
+/// gives the errors of position, orientation and their speeds, and draws them with --out. What is recorded while nothing moves,
+/// or before or after the motion, is left out. In brackets are the bounds that 95 % of other stretches of the same motion would
+/// keep. The frame of the trajectory's arm must be the one in which the controller shows its position: the world frame, with the
+/// tool's frame given by --tool. The exit status is 1 when no delay is found.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// The trajectory: time in seconds, J1 to J6 in degrees
+    trajectory: PathBuf,
+    /// The table that `fanuc log` wrote
+    recording: PathBuf,
+    /// The longest delay that is looked for, in seconds
+    #[arg(long, value_name = "N", default_value = "10", value_parser = crate::io::input::seconds(0.1..=3600.0))]
+    within: std::time::Duration,
+    /// Draw position, orientation and their errors into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print one JSON object instead of a table
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    arm: ArmArgs,
+}
+
+pub(super) fn evaluate(args: &Args) -> Result<bool> {
+    let arm = args.arm.arm(None)?;
+    let trajectory = args.arm.trajectory(&args.trajectory)?;
+    let path = &args.recording;
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let recorded = recording::read_states(&text).with_context(|| path.display().to_string())?;
+    let mut report =
+        Report::new("fanuc-hmi-modbus", format!("{} against {}", path.display(), args.trajectory.display()));
+    let reference = recording::reference(&trajectory, &arm);
+    let comparison = match Comparison::new(reference, recorded, args.within.as_secs_f64()) {
+        Ok(comparison) => comparison,
+        Err(error @ ComparisonError::DelayNotFound { .. }) => {
+            report.fact("delay_ms", "delay that fits best", "not found");
+            report.require(false, || error.to_string());
+            print(&report, args.json)?;
+            remark(&format!("error: {error}"));
+            return Ok(false);
+        }
+        Err(error) => return Err(error.into()),
+    };
+    comparison.report(&mut report, comparison.delay);
+    if let Some(folder) = &args.out {
+        for path in plot::draw(folder, &comparison)? {
+            remark(&path.display().to_string());
+        }
+    }
+    print(&report, args.json)?;
+    Ok(true)
+}

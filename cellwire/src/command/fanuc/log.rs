@@ -1,0 +1,310 @@
+//! `cellwire fanuc log`.
+
+use std::collections::BTreeMap;
+use std::io::{LineWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+use clap::ValueEnum;
+use fanuc_hmi_modbus::typed::OrderProbe;
+use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use serde_json::{Value, json};
+
+use super::print;
+use crate::cell::fanuc_hmi_modbus::logger::{Logger, Reading, Source};
+use crate::cell::fanuc_hmi_modbus::plausibility::{Fault, Implausible, Plausibility};
+use crate::cell::fanuc_hmi_modbus::recording::{self, Recording};
+use crate::cell::report::Report;
+use crate::command::ls::{GeometryArgs, limits};
+use crate::io::line::Clock;
+use crate::io::output::remark;
+use crate::io::samples::Samples;
+use crate::io::tcp::ConnectArgs;
+use crate::io::{files, interrupt};
+
+/// Logs the telemetry block of a controller, as a table.
+///
+/// Each line has the time by the robot's own life counter, what the controller reports, and the speeds without the controller's
+/// jumps. The word order is found by watching the life counter. Runs until --seconds have passed, or until interrupted: what
+/// was read is in the file by then.
+///
+/// A line with a `note` is no sample of the motion. A block that cannot be has one of nan, infinite, denormal, quaternion (not of unit
+/// length), unreachable (by the robot of --robot, or by any) and standstill (of the life counter), and the value that shows it. A
+/// connection that is lost is opened again, after 0.1 to 5 s; `disconnected` and `reconnected` are notes too, and so is
+/// `restarted`, after which the time begins anew.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// The controller: HOST:PORT, where the port is usually 502
+    server: String,
+    /// The file to write; where there is one, a number is put behind its name
+    #[arg(long, value_name = "FILE")]
+    csv: PathBuf,
+    /// How long to log [default: until interrupted]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seconds: Option<f64>,
+    /// The period of the background task, in milliseconds
+    #[arg(long, value_name = "MS", default_value_t = 8, value_parser = clap::value_parser!(u64).range(1..=60_000))]
+    period: u64,
+    /// The time from one request to the next, in milliseconds [default: the period]
+    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=60_000))]
+    poll: Option<u64>,
+    /// The PDU address of the block's first register: one less than the $ADDRESS of its first assignment
+    #[arg(long, value_name = "N", default_value_t = TelemetryBlock::ADDRESS)]
+    address: u16,
+    /// The Modbus unit
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    unit: u8,
+    /// Which word of a value comes first
+    #[arg(long, value_enum, default_value_t = OrderArg::Auto)]
+    word_order: OrderArg,
+    /// The robot's description, as `ls make` takes it: poses that it cannot reach are marked
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    #[command(flatten)]
+    geometry: GeometryArgs,
+    #[command(flatten)]
+    connect: ConnectArgs,
+    /// Print one JSON object at the end instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum OrderArg {
+    /// Found by watching the life counter
+    Auto,
+    LowFirst,
+    HighFirst,
+}
+
+pub(super) fn log(args: &Args) -> Result<bool> {
+    let end = match args.seconds {
+        Some(seconds) => {
+            ensure!(seconds > 0.0 && seconds < 1e9, "--seconds must be above 0");
+            Some(Duration::from_secs_f64(seconds))
+        }
+        None => None,
+    };
+    let period = Duration::from_millis(args.period);
+    let poll = Duration::from_millis(args.poll.unwrap_or(args.period));
+    let robot = match &args.robot {
+        Some(path) => {
+            let limits = limits(path)?;
+            Some((args.geometry.arm(limits.arm)?, limits))
+        }
+        None => None,
+    };
+    interrupt::note()?;
+    let clock = Clock::start();
+    let source = Source {
+        server: args.server.clone(),
+        unit: args.unit,
+        address: args.address,
+        poll,
+        connect_timeout: args.connect.timeout(),
+    };
+    let mut logger = Logger::connect(source, clock)?;
+    let (file, csv) = files::create_new(&args.csv)?;
+    let target =
+        if args.json { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
+    let known = match args.word_order {
+        OrderArg::Auto => None,
+        OrderArg::LowFirst => Some(WordOrder::LowFirst),
+        OrderArg::HighFirst => Some(WordOrder::HighFirst),
+    };
+    let mut log = Log {
+        out: LineWriter::new(file), // whole lines, however it ends
+        order: Order { known, probe: OrderProbe::default(), contradicted: None, waiting: Vec::new() },
+        plausibility: Plausibility::new(robot, period, poll),
+        recording: Recording::new(period),
+        turn_around: Samples::default(),
+        tally: Tally::default(),
+        progress: ProgressBar::with_draw_target(None, target),
+        clock,
+    };
+    writeln!(log.out, "{}", recording::HEADER)?;
+    let outcome = logger.run(end, |reading| log.take(reading).map(|()| true));
+    log.end()?;
+    print(&log.report(&args.server, &csv), args.json)?;
+    if let Some(order) = log.order.contradicted {
+        let order = json!(order);
+        remark(&format!(
+            "warning: the life counter steps as if the word order were {order}: these values are wrong"
+        ));
+    }
+    let samples = log.recording.counts().samples;
+    if let Some(why) = log.tally.why.filter(|_| samples == 0) {
+        remark(&format!("error: not one sample: {why}"));
+    }
+    let wrong: u64 = log.tally.faults.values().sum();
+    if wrong > 0 && outcome.as_ref().err().is_none_or(|error| !error.is::<Implausible>()) {
+        let blocks = log.tally.blocks;
+        return Err(Implausible(format!(
+            "{wrong} of {blocks} blocks cannot be: see the column `note` of {}",
+            csv.display()
+        ))
+        .into());
+    }
+    outcome?;
+    Ok(samples > 0)
+}
+
+/// A log that is being written.
+struct Log {
+    out: LineWriter<std::fs::File>,
+    order: Order,
+    plausibility: Plausibility,
+    recording: Recording,
+    turn_around: Samples,
+    tally: Tally,
+    progress: ProgressBar,
+    clock: Clock,
+}
+
+/// What the recording itself does not count.
+#[derive(Default)]
+struct Tally {
+    blocks: u64,
+    faults: BTreeMap<Fault, u64>,
+    failed: u64,
+    /// Why there was no block, the last time.
+    why: Option<String>,
+    disconnected: u64,
+    /// Without a connection.
+    away: Duration,
+}
+
+impl Log {
+    fn take(&mut self, reading: Reading<'_>) -> Result<()> {
+        match reading {
+            Reading::Failed(failure) => {
+                self.tally.failed += 1;
+                self.progress.set_message(format!("no block: {failure}"));
+                self.tally.why = Some(failure.to_owned());
+            }
+            Reading::Registers(registers, took) => {
+                self.turn_around.add(took);
+                self.tally.blocks += 1;
+                for block in self.order.push(registers)? {
+                    self.block(&block)?;
+                }
+            }
+            Reading::Disconnected(why) => {
+                self.tally.disconnected += 1;
+                self.progress.println(format!("{why}; connecting again"));
+                recording::write_event(&mut self.out, "disconnected")?;
+            }
+            Reading::Retried(why) => self.progress.set_message(why.to_owned()),
+            Reading::Reconnected(after) => {
+                self.tally.away += after;
+                self.plausibility.reconnected();
+                self.progress.println(format!("connected again after {:.1} s", after.as_secs_f64()));
+                recording::write_event(
+                    &mut self.out,
+                    &format!("reconnected after {:.3} s", after.as_secs_f64()),
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    fn block(&mut self, block: &TelemetryBlock) -> Result<()> {
+        if let Some((fault, value)) = self.plausibility.check(block, self.clock.now()) {
+            *self.tally.faults.entry(fault).or_default() += 1;
+            self.progress.set_message(format!("this block cannot be: {} ({value})", fault.name()));
+            return Ok(recording::write_marked(&mut self.out, block, &format!("{} {value}", fault.name()))?);
+        }
+        let restarts = self.recording.counts().restarts;
+        if let Some(sample) = self.recording.push(block) {
+            recording::write_row(&mut self.out, block, &sample)?;
+            let [x, y, z] = block.position;
+            let seconds = sample.time.as_secs_f64();
+            self.progress.set_message(format!("{seconds:7.2} s  X {x:.1}  Y {y:.1}  Z {z:.1} mm"));
+            self.recording.forget(); // the file has it
+        } else if self.recording.counts().restarts > restarts {
+            recording::write_event(&mut self.out, "restarted")?;
+        }
+        Ok(())
+    }
+
+    /// What still waits for its word order is written as it is, if it is in the usual one.
+    fn end(&mut self) -> Result<()> {
+        self.progress.finish_and_clear();
+        for registers in std::mem::take(&mut self.order.waiting) {
+            let block = TelemetryBlock::from_registers(&registers, WordOrder::LowFirst);
+            recording::write_marked(&mut self.out, &block, "word order unknown")?;
+        }
+        Ok(())
+    }
+
+    fn report(&self, server: &str, csv: &Path) -> Report {
+        let counts = self.recording.counts();
+        let title = format!("telemetry of {server} in {}", csv.display());
+        let mut report = Report::new("fanuc-hmi-modbus", title);
+        report.fact("samples", "samples written", counts.samples);
+        report.fact("repeated", "runs of the task read twice", counts.repeated);
+        report.fact("gaps", "times that runs were missed", counts.gaps);
+        report.fact("missed", "runs of the task not read", counts.missed);
+        report.fact("restarts", "restarts of the life counter", counts.restarts);
+        report.fact("failed", "requests without a block", self.tally.failed);
+        report.fact("disconnected", "connections lost", self.tally.disconnected);
+        if self.tally.disconnected > 0 {
+            let away = self.tally.away.as_secs_f64();
+            report.fact("away_s", "seconds without a connection", json!((away * 1e3).round() / 1e3));
+        }
+        let count = |fault| self.tally.faults.get(&fault).copied().unwrap_or(0);
+        let wrong: u64 = self.tally.faults.values().sum();
+        report.fact("implausible", "blocks that cannot be", wrong);
+        for (fault, key, label) in Fault::ALL {
+            match count(fault) {
+                0 => report.field(key, Value::from(0)),
+                count => report.fact(key, label, count),
+            }
+        }
+        if let Some(found) = self.order.known {
+            report.fact("word_order", "word order", json!(found));
+        }
+        report.timing("turn_around", "request to block", &self.turn_around, None);
+        report
+    }
+}
+
+/// Blocks wait here until their word order is known.
+struct Order {
+    known: Option<WordOrder>,
+    probe: OrderProbe,
+    /// What the life counter shows, where that is not the order in which the blocks are read.
+    contradicted: Option<WordOrder>,
+    waiting: Vec<[u16; 37]>,
+}
+
+impl Order {
+    /// The life counter has not shown it after so many blocks: it stands still, or is something else.
+    const PATIENCE: usize = 500;
+
+    /// The blocks that can be read now.
+    fn push(&mut self, registers: &[u16; 37]) -> Result<Vec<TelemetryBlock>> {
+        let [first, second, ..] = *registers;
+        let found = self.probe.watch([first, second]);
+        self.known = self.known.or(found);
+        self.contradicted = found.filter(|_| found != self.known);
+        self.waiting.push(*registers);
+        let Some(order) = self.known else {
+            ensure!(
+                self.waiting.len() < Self::PATIENCE,
+                Implausible(format!(
+                    "the life counter does not count (it reads {first:#06X} {second:#06X}): is the background task running, \
+                     and does $SNPX_ASG show R[1] at address 1? --word-order logs it all the same"
+                ))
+            );
+            return Ok(Vec::new());
+        };
+        Ok(self
+            .waiting
+            .drain(..)
+            .map(|registers| TelemetryBlock::from_registers(&registers, order))
+            .collect())
+    }
+}

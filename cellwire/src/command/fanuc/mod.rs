@@ -1,0 +1,84 @@
+//! `cellwire fanuc`: the telemetry of a real robot, logged and compared with the plan; its registers, typed.
+
+mod evaluate;
+mod log;
+mod variable;
+
+use std::io::Write;
+
+use anyhow::Result;
+use clap::{Subcommand, ValueEnum};
+use fanuc_hmi_modbus::WordOrder;
+
+use crate::cell::report::Report;
+
+/// The telemetry and the registers of a FANUC controller over Modbus TCP (HMI Device Communication).
+///
+/// For the telemetry the controller runs a background task (`cellwire ls background` writes it) and has the `$SNPX_ASG` lines that
+/// show its registers `R[1]` to `R[19]` as 37 Modbus registers from 0. Without a robot: `cellwire simulate fanuc --listen
+/// 127.0.0.1:5020`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire fanuc log 192.168.0.10:502 --csv run.csv              log a run of the robot
+  cellwire fanuc log 192.168.0.10:502 --csv a.csv --robot r.json and mark poses that the robot cannot reach
+  cellwire fanuc evaluate path.csv run.csv --out plots           how far was it from the plan
+  cellwire fanuc read 192.168.0.10:502 position --address 100    a position register
+  cellwire fanuc write 192.168.0.10:502 string --address 400 '\"PART 7\"'
+
+Exit status of log:
+  0 a sound log   1 not one sample   2 it could not begin   3 no connection at the end
+  5 something was recorded that cannot be: its rows have a note, and the table at the end counts them";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Log(log::Args),
+    Evaluate(evaluate::Args),
+    Read(variable::ReadArgs),
+    Write(variable::WriteArgs),
+}
+
+/// Does what the arguments ask for; false when nothing usable was read.
+///
+/// # Errors
+/// When the controller cannot be reached, or a file cannot be read or written.
+pub fn run(args: &Args) -> Result<bool> {
+    match &args.command {
+        Command::Log(args) => log::log(args),
+        Command::Evaluate(args) => evaluate::evaluate(args),
+        Command::Read(args) => variable::read(args),
+        Command::Write(args) => variable::write(args),
+    }
+}
+
+/// Which word of a value comes first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum OrderArg {
+    LowFirst,
+    HighFirst,
+}
+
+impl From<OrderArg> for WordOrder {
+    fn from(order: OrderArg) -> Self {
+        match order {
+            OrderArg::LowFirst => Self::LowFirst,
+            OrderArg::HighFirst => Self::HighFirst,
+        }
+    }
+}
+
+fn print(report: &Report, as_json: bool) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    if as_json {
+        writeln!(out, "{}", report.to_json())?
+    } else {
+        write!(out, "{}", report.figures())?
+    }
+    Ok(())
+}

@@ -1,0 +1,219 @@
+//! `cellwire fanuc read` and `write`: variables in holding registers, by their types.
+
+use core::str::FromStr;
+
+use anyhow::{Context, Result, ensure};
+use clap::ValueEnum;
+use fanuc_hmi_modbus::typed::{Kind, Multiply, Number};
+use fanuc_hmi_modbus::{PositionRegister, Reply, Request, WordOrder, Words, text};
+use serde_json::{Value, json};
+
+use super::OrderArg;
+use crate::io::output::{log, remark};
+use crate::io::tcp::ConnectArgs;
+use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
+
+/// Reads variables from holding registers, one JSON line each.
+///
+/// TYPE is what `$SNPX_ASG` makes of the variable: `int16` (`R[n]@1.1`), `int32` (`R[n]`), `real` (`$MULTIPLY` 0), `string`
+/// (`$MULTIPLY` -1) or `position` (`PR[n]`, `$MULTIPLY` 0, 50 registers). --address is $ADDRESS - 1.
+#[derive(Debug, clap::Args)]
+pub(super) struct ReadArgs {
+    #[command(flatten)]
+    place: PlaceArgs,
+    /// How many variables, one after the other
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=16_384))]
+    count: u16,
+}
+
+/// Writes a variable into holding registers, and reads it back.
+///
+/// The value is JSON: a number, a "string", or a position such as {"cartesian": {"xyzwpr": [500,0,300,180,0,0]}, "user_frame": 1}
+/// or {"joints": [0,0,0,0,-90,0,0,0,0]}. It is written in one request, so that the controller never has half of it. The exit
+/// status is 1 when the controller refuses it, or holds another value afterwards.
+#[derive(Debug, clap::Args)]
+pub(super) struct WriteArgs {
+    #[command(flatten)]
+    place: PlaceArgs,
+    /// The value
+    #[arg(allow_hyphen_values = true)]
+    value: String,
+}
+
+#[derive(Debug, clap::Args)]
+struct PlaceArgs {
+    /// The controller: HOST:PORT, where the port is usually 502
+    server: String,
+    /// The variable's type
+    #[arg(value_enum, value_name = "TYPE")]
+    kind: KindArg,
+    /// The PDU address of its first register, from 0
+    #[arg(long, value_name = "N")]
+    address: u16,
+    /// The registers of a string, two characters each: $SIZE
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u16).range(1..=120))]
+    size: u16,
+    /// $MULTIPLY of an integer
+    #[arg(long, value_name = "X", default_value = "1", value_parser = scale)]
+    multiply: Multiply,
+    /// The Modbus unit
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    unit: u8,
+    /// Which word of a value comes first
+    #[arg(long, value_enum, default_value_t = OrderArg::LowFirst)]
+    word_order: OrderArg,
+    #[command(flatten)]
+    connect: ConnectArgs,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum KindArg {
+    Int16,
+    Int32,
+    Real,
+    String,
+    Position,
+}
+
+pub(super) fn read(args: &ReadArgs) -> Result<bool> {
+    let place = &args.place;
+    let (mut client, each) = (place.connect()?, place.registers());
+    for index in 0..args.count {
+        let address = u32::from(place.address) + u32::from(index) * u32::from(each);
+        let address = u16::try_from(address).ok().context("the registers end at 65535")?;
+        let Some(registers) = place.read(&mut client, address)? else { return Ok(false) };
+        log(&json!({"address": address, "value": place.value(&registers)}))?;
+    }
+    Ok(true)
+}
+
+pub(super) fn write(args: &WriteArgs) -> Result<bool> {
+    let place = &args.place;
+    let value = Value::from_str(&args.value)
+        .with_context(|| format!("{} is no JSON: a string needs its quotes, '\"text\"'", args.value))?;
+    let registers = place.registers_of(&value)?;
+    let mut client = place.connect()?;
+    let request =
+        Request::WriteRegisters { address: place.address, values: Words::from(registers.as_slice()) };
+    if place.ask(&mut client, &request)?.is_none() {
+        return Ok(false);
+    }
+    let Some(held) = place.read(&mut client, place.address)? else { return Ok(false) };
+    let (meant, found) = (place.value(&registers), place.value(&held));
+    let is_same = meant == found;
+    log(&json!({"address": place.address, "value": found, "written": is_same}))?;
+    if !is_same {
+        remark(&format!("error: {meant} was written, the controller holds {found}"));
+    }
+    Ok(is_same)
+}
+
+impl PlaceArgs {
+    fn connect(&self) -> Result<Client> {
+        Client::open(&Port::tcp(&self.server, self.connect.timeout()))
+    }
+
+    /// The registers of a variable.
+    fn registers(&self) -> u16 {
+        match self.kind {
+            KindArg::Int16 => 1,
+            KindArg::Int32 | KindArg::Real => 2,
+            KindArg::String => self.size,
+            KindArg::Position => PositionRegister::QUANTITY,
+        }
+    }
+
+    fn order(&self) -> WordOrder {
+        self.word_order.into()
+    }
+
+    fn number(&self) -> Number {
+        let kind = match self.kind {
+            KindArg::Int16 => Kind::Int16,
+            KindArg::Int32 => Kind::Int32,
+            _ => Kind::Float32,
+        };
+        let multiply = if kind == Kind::Float32 { Multiply::Real } else { self.multiply };
+        Number { kind, multiply, order: self.order() }
+    }
+
+    /// None when the controller refuses, which has been said.
+    fn read(&self, client: &mut Client, address: u16) -> Result<Option<Vec<u16>>> {
+        let quantity = self.registers();
+        self.ask(client, &Request::ReadHoldingRegisters { address, quantity })
+    }
+
+    /// The registers in the reply. None when the controller refuses, which has been said.
+    fn ask(&self, client: &mut Client, request: &Request<'_>) -> Result<Option<Vec<u16>>> {
+        let answer = client.ask(self.unit, request, |reply| match reply.pdu {
+            Reply::Exception { exception, .. } => Err(exception),
+            Reply::HoldingRegisters(words) => Ok(words.iter().collect()),
+            _ => Ok(Vec::new()),
+        })?;
+        match answer {
+            Answer::Replied(Ok(registers)) => return Ok(Some(registers)),
+            Answer::Replied(Err(exception)) => remark(&format!("error: the controller refuses: {exception}")),
+            Answer::Failed(failure) => remark(&format!("error: {failure}")),
+            Answer::Announced => remark("error: nobody replies to unit 0"),
+        }
+        Ok(None)
+    }
+
+    /// What registers hold.
+    fn value(&self, registers: &[u16]) -> Value {
+        match self.kind {
+            KindArg::String => {
+                let mut bytes = vec![0; 2 * registers.len()];
+                let length = text::read(registers, &mut bytes);
+                bytes.truncate(length);
+                // A byte a character, as a controller has it.
+                String::from_utf8(bytes)
+                    .unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect())
+                    .into()
+            }
+            KindArg::Position => registers.first_chunk().map_or(Value::Null, |registers| {
+                json!(PositionRegister::from_registers(registers, self.order()))
+            }),
+            KindArg::Int16 | KindArg::Int32 | KindArg::Real => {
+                let word = |index| registers.get(index).copied().unwrap_or(0);
+                let value = self.number().read([word(0), word(1)]);
+                // JSON has neither NaN nor infinities.
+                if value.is_finite() { json!(value) } else { json!(value.to_string()) }
+            }
+        }
+    }
+
+    fn registers_of(&self, value: &Value) -> Result<Vec<u16>> {
+        let mut registers = vec![0; self.registers().into()];
+        match self.kind {
+            KindArg::String => {
+                let string = value.as_str().context("a string is JSON in quotes: '\"text\"'")?;
+                text::write(string.as_bytes(), &mut registers)?;
+            }
+            KindArg::Position => {
+                let position: PositionRegister = serde_json::from_value(value.clone())
+                    .with_context(|| format!("{value} is no position: see --help"))?;
+                ensure!(
+                    position.cartesian.is_some() != position.joints.is_some(),
+                    "a position has either cartesian or joints"
+                );
+                registers = position.to_registers(self.order()).to_vec();
+            }
+            KindArg::Int16 | KindArg::Int32 | KindArg::Real => {
+                let number = value.as_f64().context("a number is needed")?;
+                let words = self.number().write(number)?;
+                registers.iter_mut().zip(words).for_each(|(register, word)| *register = word);
+            }
+        }
+        Ok(registers)
+    }
+}
+
+fn scale(text: &str) -> Result<Multiply, String> {
+    let value: f32 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    match Multiply::new(value) {
+        Ok(multiply @ Multiply::Scale(_)) => Ok(multiply),
+        Ok(_) => Err("give 0.0001 to 10000: reals and strings are types of their own".into()),
+        Err(error) => Err(error.to_string()),
+    }
+}

@@ -1,0 +1,209 @@
+//! A Modbus client that asks one thing at a time, over TCP or a serial line.
+
+use std::io;
+use std::net::TcpStream;
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use anyhow::Result;
+use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Reply, Request};
+use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport};
+use serialport::{Parity, StopBits};
+
+use crate::io::drive::Lost;
+use crate::io::output::remark;
+use crate::io::{serial, tcp};
+
+/// Where the servers are.
+#[derive(Debug, Clone)]
+pub struct Port {
+    /// The connection or the line.
+    pub kind: PortKind,
+    /// How long a reply may take.
+    pub timeout: Duration,
+}
+
+/// A connection or a line.
+#[derive(Debug, Clone)]
+pub enum PortKind {
+    /// A TCP port.
+    Tcp {
+        /// HOST:PORT.
+        server: String,
+        /// Whether RTU frames go through it.
+        rtu: bool,
+        /// How long it may take to open.
+        connect_timeout: Duration,
+    },
+    /// A serial port, with RTU.
+    Serial {
+        /// Its path.
+        path: String,
+        /// Its rate.
+        baud: u32,
+        /// Its parity.
+        parity: Parity,
+        /// Its stop bits.
+        stop_bits: StopBits,
+    },
+}
+
+impl Port {
+    /// Modbus TCP with a timeout of a second.
+    pub fn tcp(server: &str, connect_timeout: Duration) -> Self {
+        let kind = PortKind::Tcp { server: server.to_owned(), rtu: false, connect_timeout };
+        Self { kind, timeout: Duration::from_secs(1) }
+    }
+
+    fn config(&self) -> ClientConfig {
+        let config = match self.kind {
+            PortKind::Tcp { rtu: false, .. } => ClientConfig::tcp(),
+            PortKind::Tcp { rtu: true, .. } => ClientConfig::rtu_over_tcp(),
+            PortKind::Serial { baud, .. } => ClientConfig::rtu(baud),
+        };
+        ClientConfig { timeout: self.timeout, ..config }
+    }
+
+    fn open(&self) -> Result<AnyTransport> {
+        Ok(match &self.kind {
+            PortKind::Tcp { server, connect_timeout, .. } => {
+                AnyTransport::Tcp(tcp::connect(server, *connect_timeout)?)
+            }
+            PortKind::Serial { path, baud, parity, stop_bits } => {
+                AnyTransport::Serial(serial::Port(serial::open_with(path, *baud, *parity, *stop_bits)?))
+            }
+        })
+    }
+}
+
+/// A session and what carries its bytes.
+#[allow(missing_debug_implementations, reason = "it holds a port")]
+pub struct Client {
+    port: Port,
+    driver: Driver<AnyTransport>,
+    session: modbus::Client<1>,
+}
+
+/// What a request came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer<T> {
+    /// What was read from the reply, or from the exception.
+    Replied(T),
+    /// It was sent to every unit: nobody replies.
+    Announced,
+    /// There is no usable reply.
+    Failed(Failure),
+}
+
+impl Client {
+    /// A client with a connection.
+    ///
+    /// # Errors
+    /// When there is none, or no such port.
+    pub fn open(port: &Port) -> Result<Self> {
+        let mut session = modbus::Client::new(port.config())?;
+        let driver = Driver::new(port.open()?);
+        session.handle_connected(robot_session::now());
+        Ok(Self { port: port.clone(), driver, session })
+    }
+
+    /// Makes one request, and gives what `read` makes of the reply.
+    ///
+    /// # Errors
+    /// [`Lost`] when the connection is; the request is one that the specification does not allow.
+    pub fn ask<T>(
+        &mut self,
+        unit: u8,
+        request: &Request<'_>,
+        mut read: impl FnMut(Frame<Reply<'_>>) -> T,
+    ) -> Result<Answer<T>> {
+        self.session.request(unit, request)?;
+        let answer = loop {
+            let turn = self.driver.turn(&mut self.session, None, |session, event| {
+                match answer(session, event, &mut read) {
+                    Some(answer) => ControlFlow::Break(answer),
+                    None => ControlFlow::Continue(()),
+                }
+            });
+            match turn.map_err(|error| Lost(format!("the connection broke: {error}")))? {
+                ControlFlow::Continue(()) => {}
+                ControlFlow::Break(Ended::ByHandler(answer)) => break answer,
+                ControlFlow::Break(Ended::ByPeer) => {
+                    return Err(Lost("the server closed the connection".into()).into());
+                }
+            }
+        };
+        // The rest of a reply that was cut would be taken from the next one.
+        let is_tcp = matches!(self.port.kind, PortKind::Tcp { .. });
+        if matches!(answer, Answer::Failed(_)) && self.session.pending() > 0 && is_tcp {
+            remark("a reply is cut off: connecting again");
+            self.reconnect()?;
+        }
+        Ok(answer)
+    }
+
+    fn reconnect(&mut self) -> Result<()> {
+        self.session.handle_disconnected(robot_session::now());
+        while self.session.poll_event().is_some() {}
+        // The old one first: some servers have room for one.
+        self.driver.transport().close();
+        self.driver = Driver::new(self.port.open().map_err(|error| Lost(format!("{error:#}")))?);
+        self.session.handle_connected(robot_session::now());
+        Ok(())
+    }
+}
+
+/// The answer in an event; what is none goes to standard error.
+fn answer<T>(
+    session: &modbus::Client<1>,
+    event: ClientEvent,
+    read: &mut impl FnMut(Frame<Reply<'_>>) -> T,
+) -> Option<Answer<T>> {
+    match event {
+        ClientEvent::Replied { ticket, unit } => {
+            session.reply(ticket).map(|pdu| Answer::Replied(read(Frame { transaction: None, unit, pdu })))
+        }
+        ClientEvent::Announced { .. } => Some(Answer::Announced),
+        ClientEvent::Failed { failure, .. } => Some(Answer::Failed(failure)),
+        ClientEvent::Stray { unit, function, late, .. } => {
+            let what = if late.is_some() { "late" } else { "unasked" };
+            remark(&format!("a reply nobody waits for ({what}): unit {unit}, function {function}"));
+            None
+        }
+        ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {
+            remark(&format!("corrupt: {error}"));
+            None
+        }
+        _ => None,
+    }
+}
+
+/// A socket or a serial port.
+enum AnyTransport {
+    Tcp(TcpStream),
+    Serial(serial::Port),
+}
+
+impl AnyTransport {
+    fn close(&mut self) {
+        if let Self::Tcp(stream) = self {
+            let _ = stream.shutdown(std::net::Shutdown::Both);
+        }
+    }
+}
+
+impl Transport for AnyTransport {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        match self {
+            Self::Tcp(stream) => stream.receive(buffer, wait),
+            Self::Serial(port) => port.receive(buffer, wait),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        match self {
+            Self::Tcp(stream) => stream.send(bytes),
+            Self::Serial(port) => port.send(bytes),
+        }
+    }
+}

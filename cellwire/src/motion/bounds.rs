@@ -1,0 +1,118 @@
+//! How certain the figures of a comparison are.
+
+use super::evaluate::{Deviation, State};
+
+/// A share of 95 % of what other stretches of the same motion would give lies between these two.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Bounds {
+    /// The least.
+    pub low: f64,
+    /// The greatest.
+    pub high: f64,
+}
+
+/// The bounds of a comparison's delay and of the root mean squares of its deviations.
+///
+/// A bootstrap: the comparison is cut into blocks, long enough that one says little of the next, and computed again of blocks drawn
+/// at random. What is wrong in all of them alike, such as a wrong tool frame, is not in the bounds.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Confidence {
+    /// Of the delay, in s: how far the true one may be from the one that was found.
+    pub delay: Bounds,
+    /// Of the position's error, in mm.
+    pub position: Bounds,
+    /// Of the orientation's error, in degrees.
+    pub rotation: Bounds,
+    /// Of the velocity's error, in mm/s.
+    pub velocity: Bounds,
+    /// Of the angular velocity's error, in degrees a second.
+    pub angular_velocity: Bounds,
+}
+
+impl Confidence {
+    /// How long a block is, in s.
+    pub const BLOCK: f64 = 0.25;
+    /// Fewer blocks say nothing.
+    pub const LEAST_BLOCKS: usize = 8;
+    const DRAWS: usize = 1000;
+
+    /// The bounds of deviations and of the recorded states that they belong to, in the order of their times. None when there are
+    /// too few.
+    pub fn of(compared: &[(Deviation, State)]) -> Option<Self> {
+        let mut blocks: Vec<Sums> = Vec::new();
+        let mut end = f64::NEG_INFINITY;
+        for (deviation, state) in compared {
+            if deviation.time >= end {
+                end = deviation.time + Self::BLOCK;
+                blocks.push(Sums::default());
+            }
+            if let Some(block) = blocks.last_mut() {
+                block.add(deviation, state);
+            }
+        }
+        if blocks.len() < Self::LEAST_BLOCKS {
+            return None;
+        }
+        let mut rng = fastrand::Rng::with_seed(1);
+        let mut draws: [Vec<f64>; 5] = Default::default();
+        for _ in 0..Self::DRAWS {
+            let mut drawn = Sums::default();
+            for _ in 0..blocks.len() {
+                if let Some(block) = blocks.get(rng.usize(..blocks.len())) {
+                    drawn.merge(block);
+                }
+            }
+            for (values, value) in draws.iter_mut().zip(drawn.figures()) {
+                values.push(value);
+            }
+        }
+        let [delay, position, rotation, velocity, angular_velocity] = draws.map(|mut values| {
+            values.sort_by(f64::total_cmp);
+            let at = |index: usize| values.get(index).copied().unwrap_or(f64::NAN);
+            Bounds { low: at(Self::DRAWS / 40), high: at(Self::DRAWS - 1 - Self::DRAWS / 40) }
+        });
+        Some(Self { delay, position, rotation, velocity, angular_velocity })
+    }
+}
+
+/// What a block adds to the figures.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    count: f64,
+    squares: [f64; 4],
+    /// Of the deviation times the speed, and of the speed squared: a delay that is off by so much moves a state by its speed.
+    moved: f64,
+    speed: f64,
+}
+
+impl Sums {
+    fn add(&mut self, deviation: &Deviation, state: &State) {
+        let parts = [deviation.position, deviation.rotation, deviation.velocity, deviation.angular_velocity];
+        self.count += 1.0;
+        for (square, part) in self.squares.iter_mut().zip(parts) {
+            *square += dot(part, part);
+        }
+        self.moved +=
+            dot(deviation.position, state.velocity) + dot(deviation.rotation, state.angular_velocity);
+        self.speed +=
+            dot(state.velocity, state.velocity) + dot(state.angular_velocity, state.angular_velocity);
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.squares.iter_mut().zip(other.squares).for_each(|(mine, theirs)| *mine += theirs);
+        self.moved += other.moved;
+        self.speed += other.speed;
+    }
+
+    /// By how much the delay that fits these blocks best is off, then the root mean squares.
+    fn figures(&self) -> [f64; 5] {
+        let delay = if self.speed > 0.0 { -self.moved / self.speed } else { 0.0 };
+        let [position, rotation, velocity, angular] = self.squares.map(|square| (square / self.count).sqrt());
+        [delay, position, rotation, velocity, angular]
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

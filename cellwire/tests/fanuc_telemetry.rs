@@ -99,7 +99,7 @@ fn a_robot_that_restarts_is_connected_to_again_and_the_recording_says_so() {
     // An interrupt ends the log as its end does, with the report.
     let pid = log.id().to_string();
     assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
-    assert_eq!(log.wait().unwrap().code(), Some(0));
+    assert_eq!(ended(&mut log), Some(0));
     let report: Value = serde_json::from_reader(log.stdout.take().unwrap()).unwrap();
     assert_eq!((&report["disconnected"], &report["restarts"]), (&json!(1), &json!(1)));
     assert_eq!(notes(&folder.read("run.csv")), ["disconnected", "reconnected", "restarted"]);
@@ -114,7 +114,7 @@ fn a_log_that_ends_without_a_connection_ends_with_3() {
     let mut log = folder.command(&log).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     wait_for(|| rows(&folder) > 20);
     drop(simulator);
-    assert_eq!(log.wait().unwrap().code(), Some(3));
+    assert_eq!(ended(&mut log), Some(3));
     assert_eq!(notes(&folder.read("run.csv")), ["disconnected"]);
 }
 
@@ -246,6 +246,21 @@ fn registers_are_read_and_written_by_their_types() {
 
 fn rows(folder: &Folder) -> usize {
     std::fs::read_to_string(folder.0.join("run.csv")).map_or(0, |table| table.lines().count())
+}
+
+/// The exit status of a process that ends.
+fn ended(process: &mut std::process::Child) -> Option<i32> {
+    let begin = Instant::now();
+    loop {
+        if let Some(status) = process.try_wait().unwrap() {
+            return status.code();
+        }
+        if begin.elapsed() > Duration::from_secs(30) {
+            process.kill().unwrap();
+            panic!("it does not end");
+        }
+        thread::sleep(Duration::from_millis(20));
+    }
 }
 
 fn wait_for(condition: impl Fn() -> bool) {

@@ -34,15 +34,21 @@ fn every_fault_of_a_robot_is_marked_counted_and_ends_the_log_with_5() {
     let folder = Folder::new("faults");
     folder.write("robot.json", ROBOT);
     let faults = "faults=nan:1-1.3,infinite:1.6-1.9,denormal:2.2-2.5,quaternion:2.8-3.1,unreachable:3.4-3.7,\
-                  standstill:4-5,restart:5.3-5.4";
+                  standstill:4-5,restart:5.3-5.4,busy:5.6-5.8,disconnect:6-6.4";
     let simulator = Simulator::start("127.0.0.1:0", &["--set", faults]);
     let address = &simulator.address;
     let output =
-        folder.run(&format!("fanuc log {address} --csv run.csv --seconds 6.5 --robot robot.json --json"));
+        folder.run(&format!("fanuc log {address} --csv run.csv --seconds 8.5 --robot robot.json --json"));
     assert_eq!(output.status.code(), Some(5), "{}", err(&output));
     let (report, table) = (object(&output), folder.read("run.csv"));
     let expected = ["nan", "infinite", "denormal", "quaternion", "unreachable", "standstill", "restarted"];
-    assert_eq!(notes(&table), expected);
+    let (faults, connections) = (notes(&table), notes(&table).split_off(7));
+    assert_eq!(faults[..7], expected);
+    assert!(connections.starts_with(&["disconnected", "reconnected"]), "{connections:?}");
+    assert_eq!(connections.last(), Some(&"reconnected"));
+    let tries = report["disconnected"].as_u64().unwrap();
+    assert!((1..=3).contains(&tries), "after 0.1, 0.2, 0.4 s: {report}");
+    assert!(report["failed"].as_u64().unwrap() > 5, "refused while the controller was busy: {report}");
     for fault in &expected[..6] {
         let noted = table.lines().filter(|row| row.rsplit(',').next().unwrap().starts_with(fault)).count();
         assert!(noted > 0 && report[fault] == noted, "{fault}: {noted} {report}");

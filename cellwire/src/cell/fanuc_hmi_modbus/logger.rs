@@ -35,6 +35,8 @@ pub struct Logger {
     driver: Driver<TcpStream>,
     client: Client<1>,
     clock: Clock,
+    /// The time before the next attempt to connect again.
+    wait: Duration,
 }
 
 /// What a request for the block came to, or what became of the connection.
@@ -52,7 +54,8 @@ pub enum Reading<'a> {
     Reconnected(Duration),
 }
 
-/// The time before the first attempt to connect again; each one after it waits twice as long, up to the longest.
+/// The time before the first attempt to connect again; each one after it waits twice as long, up to the longest, until there is a
+/// block.
 const FIRST_WAIT: Duration = Duration::from_millis(100);
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 /// So many requests in a row without a reply, and the controller counts as gone: a connection to one that was switched off stays
@@ -70,7 +73,7 @@ impl Logger {
         let driver = Driver::new(tcp::connect(&source.server, source.connect_timeout)?);
         let mut client = Client::new(ClientConfig::tcp())?;
         client.handle_connected(robot_session::now());
-        Ok(Self { source, driver, client, clock })
+        Ok(Self { source, driver, client, clock, wait: FIRST_WAIT })
     }
 
     /// Reads blocks until `end`, or until `each` returns false. Where the connection is lost it is opened again.
@@ -133,7 +136,10 @@ impl Logger {
             let took = asked.take().map_or(Duration::ZERO, |asked| self.clock.now().saturating_sub(asked));
             silent = if matches!(reading, Answer::Silence(_)) { silent + 1 } else { 0 };
             let goes_on = match reading {
-                Answer::Block(registers) => each(Reading::Registers(&registers, took))?,
+                Answer::Block(registers) => {
+                    self.wait = FIRST_WAIT;
+                    each(Reading::Registers(&registers, took))?
+                }
                 Answer::Silence(why) | Answer::Refusal(why) => each(Reading::Failed(&why))?,
             };
             if silent >= MOST_SILENT {
@@ -154,9 +160,9 @@ impl Logger {
         let lost = self.clock.now();
         self.client.handle_disconnected(robot_session::now());
         while self.client.poll_event().is_some() {} // the request that was in flight: there is no block
-        let mut wait = FIRST_WAIT;
         loop {
-            let until = self.clock.now() + wait;
+            let until = self.clock.now() + self.wait;
+            self.wait = (self.wait * 2).min(LONGEST_WAIT);
             let until = end.map_or(until, |end| until.min(end));
             while self.clock.now() < until {
                 if interrupt::requested() {
@@ -179,7 +185,6 @@ impl Logger {
                     }
                 }
             }
-            wait = (wait * 2).min(LONGEST_WAIT);
         }
     }
 }

@@ -26,7 +26,15 @@ impl CodecArgs {
     /// # Errors
     /// When the link has no such side or setting.
     pub(super) fn codec(&self) -> Result<Box<dyn Codec>> {
-        self.codec_of(side(self.link, self.from.as_deref())?)
+        self.codec_of(self.side()?)
+    }
+
+    /// The side that sends.
+    ///
+    /// # Errors
+    /// When the link has no such side.
+    pub(super) fn side(&self) -> Result<&'static str> {
+        side(self.link, self.from.as_deref())
     }
 
     /// The codec of another side.

@@ -195,6 +195,25 @@ fn write_lines(
     Ok(())
 }
 
+/// The name in the first line of a trace's file.
+pub fn parse_name(line: &str) -> Option<&str> {
+    line.strip_prefix("# ")?.split_once(": ").map(|(name, _)| name)
+}
+
+/// A line of a trace: when its first byte was, its direction, and its bytes.
+pub fn parse_line(line: &str) -> Option<(f64, Way, Vec<u8>)> {
+    let (hex, comment) = line.split_once('#')?;
+    let (at, way) = comment.trim().split_once(" s ")?;
+    let way = match way {
+        "sent" => Way::Sent,
+        "received" => Way::Received,
+        _ => return None,
+    };
+    let byte = |digits: &str| u8::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 2);
+    let bytes = hex.split_ascii_whitespace().map(byte).collect::<Option<Vec<u8>>>()?;
+    Some((at.parse().ok()?, way, bytes))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

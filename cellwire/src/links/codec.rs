@@ -153,6 +153,8 @@ impl Item<'_> {
 #[allow(missing_debug_implementations, reason = "not every codec implements it")]
 pub struct Stream {
     codec: Box<dyn Codec>,
+    /// The offset at which it begins.
+    begin: u64,
     taken: u64,
     json: Vec<u8>,
 }
@@ -160,12 +162,17 @@ pub struct Stream {
 impl Stream {
     /// A stream at offset 0.
     pub fn new(codec: Box<dyn Codec>) -> Self {
-        Self { codec, taken: 0, json: Vec::new() }
+        Self::starting_at(codec, 0)
     }
 
-    /// The number of bytes taken so far.
+    /// A stream that goes on at another's offset, with a decoder that knows nothing of what was before.
+    pub fn starting_at(codec: Box<dyn Codec>, begin: u64) -> Self {
+        Self { codec, begin, taken: 0, json: Vec::new() }
+    }
+
+    /// The offset of the next byte.
     pub fn offset(&self) -> u64 {
-        self.taken
+        self.begin + self.taken
     }
 
     /// Takes all of `bytes`, and calls `emit` for each complete item.
@@ -200,7 +207,7 @@ impl Stream {
             return Ok(());
         }
         let kind = error(&json!({"kind": "incomplete"}), &mut self.json);
-        emit(Item { offset, length, kind, json: &self.json })
+        emit(Item { offset: self.begin + offset, length, kind, json: &self.json })
     }
 
     fn drain(&mut self, emit: &mut impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
@@ -208,7 +215,8 @@ impl Stream {
             let offset = self.codec.position();
             self.json.clear();
             let Some(kind) = self.codec.next(&mut self.json) else { return Ok(()) };
-            emit(Item { offset, length: self.codec.position() - offset, kind, json: &self.json })?;
+            let length = self.codec.position() - offset;
+            emit(Item { offset: self.begin + offset, length, kind, json: &self.json })?;
         }
     }
 }

@@ -33,6 +33,10 @@ pub trait Link: Debug + Sync {
     /// When a setting is not one of this link.
     fn codec(&self, side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>>;
 
+    /// Which sides sent what the trace of this name has sent and received; `None` when the name is none of the link's. A side that
+    /// sends no messages is none.
+    fn trace_sides(&self, name: &str) -> Option<[Option<&'static str>; 2]>;
+
     /// Its ends that can be simulated.
     fn devices(&self) -> &'static [&'static dyn Device];
 }

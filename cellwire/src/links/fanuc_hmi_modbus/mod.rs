@@ -36,6 +36,13 @@ impl Link for FanucHmiModbus {
         if is_client { "client" } else { "server" }
     }
 
+    fn trace_sides(&self, name: &str) -> Option<[Option<&'static str>; 2]> {
+        match name {
+            "fanuc" => Some([Some("server"), Some("client")]),
+            _ => None,
+        }
+    }
+
     fn settings(&self) -> Vec<Setting> {
         settings::list(options::ViewSettings::default())
     }

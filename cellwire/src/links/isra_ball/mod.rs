@@ -33,6 +33,14 @@ impl Link for IsraBall {
         "ball"
     }
 
+    fn trace_sides(&self, name: &str) -> Option<[Option<&'static str>; 2]> {
+        match name {
+            "ball" => Some([Some("ball"), None]),
+            "host-ball" => Some([None, Some("ball")]),
+            _ => None,
+        }
+    }
+
     fn settings(&self) -> Vec<Setting> {
         settings::list(())
     }

@@ -37,6 +37,14 @@ impl Link for KawasakiMsg {
         if is_client { "robot" } else { "pc" }
     }
 
+    fn trace_sides(&self, name: &str) -> Option<[Option<&'static str>; 2]> {
+        match name {
+            "kawasaki-robot" => Some([Some("robot"), Some("pc")]),
+            "kawasaki-pc" => Some([Some("pc"), Some("robot")]),
+            _ => None,
+        }
+    }
+
     fn settings(&self) -> Vec<Setting> {
         settings::list(options::Plant::default())
     }

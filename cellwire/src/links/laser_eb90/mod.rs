@@ -34,6 +34,14 @@ impl Link for LaserEb90 {
         if is_client { "host" } else { "controller" }
     }
 
+    fn trace_sides(&self, name: &str) -> Option<[Option<&'static str>; 2]> {
+        match name {
+            "laser" => Some([Some("controller"), Some("host")]),
+            "laser-host" => Some([Some("host"), Some("controller")]),
+            _ => None,
+        }
+    }
+
     fn settings(&self) -> Vec<Setting> {
         settings::list(laser_eb90::Profile::default())
     }

@@ -39,6 +39,14 @@ impl Link for MmacellProto {
         }
     }
 
+    fn trace_sides(&self, name: &str) -> Option<[Option<&'static str>; 2]> {
+        match name {
+            "mma-robot" => Some([Some("robot"), Some("central")]),
+            "mma-platform" => Some([Some("platform"), Some("central")]),
+            _ => None,
+        }
+    }
+
     fn settings(&self) -> Vec<Setting> {
         settings::list(mmacell_proto::Dialect::STRICT)
     }

@@ -40,6 +40,14 @@ impl Link for Val2Alter {
         if is_client { "host" } else { "robot" }
     }
 
+    fn trace_sides(&self, name: &str) -> Option<[Option<&'static str>; 2]> {
+        match name {
+            "robot" => Some([Some("robot"), Some("host")]),
+            "host-robot" => Some([Some("host"), Some("robot")]),
+            _ => None,
+        }
+    }
+
     fn settings(&self) -> Vec<Setting> {
         settings::list(val2_alter::Framing::DEFAULT)
     }

@@ -32,6 +32,14 @@ impl Link for Val2Viewer {
         "host"
     }
 
+    fn trace_sides(&self, name: &str) -> Option<[Option<&'static str>; 2]> {
+        match name {
+            "viewer" => Some([None, Some("host")]),
+            "host-viewer" => Some([Some("host"), None]),
+            _ => None,
+        }
+    }
+
     fn settings(&self) -> Vec<Setting> {
         settings::list(())
     }

@@ -1,0 +1,113 @@
+//! The tool's own traces: the bytes of both directions, with their times.
+
+use std::io::{BufRead, BufReader, Read};
+
+use anyhow::{Context, Result, bail};
+use serde_json::json;
+
+use super::{Args, Lines};
+use crate::io::output::remark;
+use crate::io::trace::{Way, parse_line, parse_name};
+use crate::links::codec::Stream;
+
+/// No line of a trace is longer.
+const MAX_LINE: u64 = 4096;
+
+/// Decodes what both ends sent.
+///
+/// # Errors
+/// When the input is no trace, with the number of the line.
+pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) -> Result<()> {
+    let mut lines = TraceLines { input: BufReader::new(input), text: String::new(), number: 0 };
+    let why = "line 1: not a trace, which begins with `# NAME: why the session ended`";
+    let [sent, received] = sides(args, lines.next()?.and_then(parse_name).context(why)?)?;
+    let (mut sent, mut received) = (Direction::new(args, sent)?, Direction::new(args, received)?);
+    while let Some(text) = lines.next()? {
+        if text.trim().is_empty() {
+            continue;
+        }
+        let Some((at, way, bytes)) = parse_line(text) else {
+            let text = text.trim().escape_debug().to_string();
+            bail!("line {}: not a line of a trace: {text}", lines.number);
+        };
+        match way {
+            Way::Sent => sent.push(at, &bytes, out)?,
+            Way::Received => received.push(at, &bytes, out)?,
+        }
+    }
+    sent.finish(out)?;
+    received.finish(out)
+}
+
+/// Which sides sent what the trace has as sent and as received: by `--from`, the end that kept it, or by the trace's name.
+fn sides(args: &Args, name: &str) -> Result<[Option<&'static str>; 2]> {
+    let link = args.codec.link;
+    if args.codec.from.is_none() {
+        return link.trace_sides(name).with_context(|| {
+            let sides = link.sides().join(" or ");
+            format!(
+                "the name `{name}` is none of a trace of {}: give the end that kept it, --from {sides}",
+                link.name()
+            )
+        });
+    }
+    let keeper = args.codec.side()?;
+    Ok([Some(keeper), link.sides().iter().find(|side| **side != keeper).copied()])
+}
+
+struct TraceLines {
+    input: BufReader<Box<dyn Read + Send>>,
+    text: String,
+    number: u64,
+}
+
+impl TraceLines {
+    fn next(&mut self) -> Result<Option<&str>> {
+        self.text.clear();
+        self.number += 1;
+        let read = self.input.by_ref().take(MAX_LINE).read_line(&mut self.text);
+        let read = read.with_context(|| format!("line {}: cannot read the trace", self.number))?;
+        Ok((read > 0).then_some(&self.text))
+    }
+}
+
+/// What one end sent.
+struct Direction {
+    /// `None` where that end sends no messages.
+    stream: Option<(&'static str, Stream)>,
+    label: String,
+    skipped: u64,
+}
+
+impl Direction {
+    fn new(args: &Args, side: Option<&'static str>) -> Result<Self> {
+        let stream = match side {
+            Some(side) => Some((side, Stream::new(args.codec.codec_of(side)?))),
+            None => None,
+        };
+        Ok(Self { stream, label: String::new(), skipped: 0 })
+    }
+
+    fn push(&mut self, at: f64, bytes: &[u8], out: &mut Lines) -> Result<()> {
+        match &mut self.stream {
+            None => {
+                self.skipped += bytes.len() as u64;
+                Ok(())
+            }
+            Some((side, stream)) => {
+                self.label = format!("\"from\":{},\"at\":{},", json!(side), json!(at));
+                stream.push(bytes, |item| out.write(&self.label, item))
+            }
+        }
+    }
+
+    fn finish(self, out: &mut Lines) -> Result<()> {
+        if self.skipped > 0 {
+            remark(&format!("{} bytes are of the end that sends no messages", self.skipped));
+        }
+        match self.stream {
+            Some((_, stream)) => stream.finish(|item| out.write(&self.label, item)),
+            None => Ok(()),
+        }
+    }
+}

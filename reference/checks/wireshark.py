@@ -1,0 +1,202 @@
+"""Reads captures of the vectors with the dissectors of wireshark/, through tshark.
+
+Usage: python3 reference/checks/wireshark.py [LINK…]
+
+Every valid vector is a capture of TCP connections: the frame whole, every byte in a segment of its own, two frames in a segment,
+and one and a half before the other half. Each must show the values of `message` in the fields of the same names. An invalid
+vector is followed by a valid one: the dissector must name the error and show the valid one. PAIRS are requests and their
+answers: the answer must name the request and the time between them.
+
+Prints `link: passed of all`; exit status 1 on a failure.
+"""
+
+import json
+import struct
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+REFERENCE = Path(__file__).resolve().parent.parent
+SERVER_PORT = 9100
+# The sides that are the client of the TCP connection; all others are the server.
+CLIENTS = {"val2-alter": ["host"]}
+# Requests of a client of the connection and the server's answers, or the other way round: the first begins.
+PAIRS = {
+    "isra-ball": [("client", "05"), ("server", "08F85D0001FE03FC05FA817A")],
+}
+GAP = 0.010
+AGGREGATOR = "\x1f"
+
+
+class Capture:
+    """A pcap file of TCP connections to SERVER_PORT."""
+
+    def __init__(self):
+        self.packets = []
+        self.seqs = {}
+
+    def send(self, client_port, side, data):
+        """A segment of `data`, GAP after the one before."""
+        ports = (client_port, SERVER_PORT) if side == "client" else (SERVER_PORT, client_port)
+        addresses = b"\x0a\0\0\x01\x0a\0\0\x02" if side == "client" else b"\x0a\0\0\x02\x0a\0\0\x01"
+        seq = self.seqs.get(ports, 1)
+        self.seqs[ports] = seq + len(data)
+        ack = self.seqs.get(ports[::-1], 1)
+        tcp = struct.pack(">HHIIBBHHH", *ports, seq, ack, 0x50, 0x18, 0xFFFF, 0, 0) + data
+        ip = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(tcp), 0, 0, 64, 6, 0) + addresses
+        self.packets.append(ip + tcp)
+
+    def to_bytes(self):
+        raw_ip = 101
+        blocks = [struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, raw_ip)]
+        for number, packet in enumerate(self.packets):
+            micros = round(number * GAP * 1e6)
+            length = len(packet)
+            blocks.append(struct.pack("<IIII", micros // 10**6, micros % 10**6, length, length) + packet)
+        return b"".join(blocks)
+
+
+def leaves(value, name=None):
+    """The name and text of every number, string and truth value in an object, in order."""
+    if isinstance(value, dict):
+        return [leaf for key, inner in value.items() for leaf in leaves(inner, key)]
+    if isinstance(value, list):
+        return [leaf for inner in value for leaf in leaves(inner, name)]
+    if value is None:
+        return []
+    return [(name, str(int(value)) if isinstance(value, bool) else str(value))]
+
+
+def same(found, expected):
+    """Whether a field shows a value: truth values and fractions are printed in more than one way."""
+    found = {"True": "1", "False": "0"}.get(found, found)
+    if found == expected:
+        return True
+    try:
+        return "." in found + expected and abs(float(found) - float(expected)) <= 1e-6 * abs(float(expected))
+    except ValueError:
+        return False
+
+
+def cases(vector, good):
+    """The segments of each connection that shows a vector, and the messages that they hold."""
+    data = bytes.fromhex(vector["hex"])
+    if vector["result"] == "invalid":
+        return [([data, bytes.fromhex(good["hex"])], [good["message"]])]
+    half = len(data) // 2
+    once, twice = [vector["message"]], [vector["message"]] * 2
+    return [
+        ([data], once),
+        ([data[at : at + 1] for at in range(len(data))], once),
+        ([data + data], twice),
+        ([data + data[:half], data[half:]], twice),
+    ]
+
+
+def tshark(link, options, capture, names):
+    """The fields that tshark shows, for each client port: name to values in order."""
+    proto = link.replace("-", "_")
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "capture.pcap"
+        path.write_bytes(capture.to_bytes())
+        command = ["tshark", "-r", path, "-X", f"lua_script:{REFERENCE}/wireshark/{link}.lua"]
+        command += ["-d", f"tcp.port=={SERVER_PORT},{proto}", "-T", "fields", "-E", f"aggregator={AGGREGATOR}"]
+        for name, value in options.items():
+            command += ["-o", f"{proto}.{name}:{str(value).upper() if isinstance(value, bool) else value}"]
+        columns = ["tcp.srcport", "tcp.dstport", "frame.number"] + [f"{proto}.{name}" for name in names]
+        for column in columns:
+            command += ["-e", column]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0 or "Lua: " in done.stderr or "Lua Error" in done.stdout:
+        sys.exit(f"{link}: tshark: {done.stderr}{done.stdout[:1000]}")
+    shown = {}
+    for line in done.stdout.splitlines():
+        source, destination, frame, *values = line.split("\t")
+        port = int(destination if source == str(SERVER_PORT) else source)
+        fields = shown.setdefault(port, {name: [] for name in names})
+        for name, value in zip(names, values):
+            fields[name] += value.split(AGGREGATOR) if value else []
+    return shown
+
+
+def check(vector, fields, messages):
+    """What is wrong with what was shown, or None."""
+    expected = {}
+    for message in messages:
+        for name, value in leaves(message):
+            expected.setdefault(name, []).append(value)
+    for name, found in fields.items():
+        if name in ("error", "request_in", "response_time"):
+            continue
+        values = expected.get(name, [])
+        if len(found) != len(values) or not all(map(same, found, values)):
+            return f"{name} is {found}, not {values}"
+    if vector["result"] != "invalid":
+        return f"error {fields['error']}" if fields["error"] else None
+    kind = vector["error"]["kind"]
+    # What comes after the rest of a frame decides what is wrong with it.
+    if not fields["error"] or kind not in (fields["error"][0], "incomplete"):
+        return f"error is {fields['error']}, not {kind}"
+    return None
+
+
+def run(link):
+    vectors = json.loads((REFERENCE / f"vectors/{link}.json").read_text())["vectors"]
+    names = sorted({name for vector in vectors for name, _ in leaves(vector.get("message"))})
+    names += ["error", "request_in", "response_time"]
+    groups = {}
+    for vector in vectors:
+        groups.setdefault(json.dumps(vector.get("options", {})), []).append(vector)
+    failures = {}
+    for options, group in groups.items():
+        capture, expected = Capture(), {}
+        for vector in group:
+            side = "client" if vector.get("from") in CLIENTS.get(link, []) else "server"
+            alike = [v for v in vectors if v.get("from") == vector.get("from") and v["result"] == "valid"]
+            good = next((v for v in alike if json.dumps(v.get("options", {})) == options), alike[0])
+            for segments, messages in cases(vector, good):
+                port = 10_000 + len(expected)
+                expected[port] = (vector, messages)
+                for segment in segments:
+                    capture.send(port, side, segment)
+        shown = tshark(link, json.loads(options), capture, names)
+        for port, (vector, messages) in expected.items():
+            wrong = check(vector, shown[port], messages)
+            if wrong:
+                failures.setdefault(vector["id"], f"{link} {vector['id']}: {wrong}")
+    print(*failures.values(), sep="\n", end="\n" if failures else "")
+    pairs = PAIRS.get(link, [])
+    if pairs:
+        wrong = check_pairs(link, pairs, names)
+        if wrong:
+            print(f"{link} pair: {wrong}")
+            failures["pair"] = wrong
+    total = len(vectors) + bool(pairs)
+    print(f"{link}: {total - len(failures)} of {total}")
+    return not failures
+
+
+def check_pairs(link, pairs, names):
+    capture = Capture()
+    for side, data in pairs:
+        capture.send(10_000, side, bytes.fromhex(data))
+    fields = tshark(link, {}, capture, names)[10_000]
+    # Requests are the first, third, … frame of the capture.
+    requests = [str(number) for number in range(1, len(pairs), 2)]
+    if fields["request_in"] != requests:
+        return f"request_in is {fields['request_in']}, not {requests}"
+    times = [float(value) for value in fields["response_time"]]
+    if len(times) != len(requests) or any(abs(time - GAP) > 1e-6 for time in times):
+        return f"response_time is {times}, not {GAP} each"
+    return None
+
+
+def main():
+    links = sys.argv[1:] or sorted(path.stem for path in (REFERENCE / "wireshark").glob("*.lua"))
+    results = [run(link) for link in links]
+    sys.exit(not all(results))
+
+
+if __name__ == "__main__":
+    main()

@@ -15,9 +15,10 @@ use std::thread;
 use std::time::Duration;
 
 use cellwire::cell::teleop::cell::{self, CellConfig};
+use cellwire::cell::teleop::latch::LatchConfig;
 use cellwire::cell::teleop::verdict::Extremes;
 use cellwire::cell::teleop::{
-    LIMITS, Mapping, Notification, PortConfig, Teleop, TeleopConfig, Traces, host_config,
+    LIMITS, Notification, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config, polls,
 };
 use cellwire::io::line::{Clock, Line};
 use cellwire::io::serial;
@@ -101,8 +102,9 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
             ball: PortConfig { path: ball.clone(), baud: 9600 },
             viewer: None,
             alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-            polls: isra_ball::HostConfig::default(),
-            mapping: Mapping::for_limits(&LIMITS, 150),
+            polls: polls(9600),
+            profile: Profile::for_limits(LIMITS, 150),
+            latch: LatchConfig::default(),
         };
         let traces = Traces { robot: off.start("r"), ball: off.start("b"), viewer: off.start("v") };
         Teleop::start(config, clock, &traces).unwrap()

@@ -3,20 +3,24 @@
 use std::io::IsTerminal;
 
 use anyhow::{Result, ensure};
-use val2_alter::Mode;
+use val2_alter::{Accumulation, Mode};
 
 use crate::cell::operator;
-use crate::cell::teleop::{LIMITS, Mapping, PortConfig, TeleopConfig, Traces, host_config};
-use crate::io::serial;
+use crate::cell::teleop::latch::LatchConfig;
+use crate::cell::teleop::{LIMITS, PortConfig, Profile, TeleopConfig, Traces, host_config, polls};
 use crate::io::trace::TraceArgs;
+use crate::io::{interrupt, serial};
 
 /// Steers a robot with a control ball over ALTER: the operator's screen.
 ///
-/// Keys: A answers the robot's ALTER and Esc comes to rest and ends it, V refuses it; K tests the ball, W the workstation, T the
-/// ports at several baud rates; O has the options (ports, ball type, the last bytes of each line, display, gripper); Q quits.
+/// Space and Esc stop the arm, whatever is shown: its values go to zero, and ALTER ends. A answers the robot's ALTER, V refuses it;
+/// K tests the ball, W the workstation, T the ports at several baud rates; O has the options (ports, ball type, the last bytes of
+/// each line, display, gripper); Q quits. Ctrl-C and signals come to rest first; a second one ends at once.
 ///
-/// The screen is drawn by a thread of its own and never delays a reply. Try it against `cellwire simulate puma`, `simulate
-/// ball` and `simulate viewer`.
+/// The hand moves the arm only when it is armed: after a start, an interruption, a stop, old values or a lost input it must
+/// rest for 0.3 s first.
+///
+/// Neither the screen nor the disk delays a reply. Try it against `cellwire simulate puma`, `simulate ball` and `simulate viewer`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The robot controller's port
@@ -46,6 +50,15 @@ pub struct Args {
     /// The robot's program names a subroutine for the gripper: keys 1 and 2 of the ball close and open it
     #[arg(long)]
     clamp: bool,
+    /// Enter has to confirm that the hand may move the arm, each time that it has rested; always so in non-cumulative modes
+    #[arg(long)]
+    confirm: bool,
+    /// The arm moves only while a key of the input is held
+    #[arg(long)]
+    hold_to_run: bool,
+    /// The key for --hold-to-run
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=32))]
+    hold_key: u8,
     #[command(flatten)]
     trace: TraceArgs,
 }
@@ -68,12 +81,20 @@ pub fn run(args: &Args) -> Result<bool> {
             policy: val2_alter::Policy::Ignore,
             ..host_config()
         },
-        polls: isra_ball::HostConfig { baud: args.ball_baud, ..isra_ball::HostConfig::default() },
-        mapping: Mapping::for_limits(&LIMITS, args.speed),
+        polls: polls(args.ball_baud),
+        profile: Profile { hold_key: args.hold_key, ..Profile::for_limits(LIMITS, args.speed) },
+        latch: LatchConfig {
+            // Armed, the arm leaves the offset that it holds.
+            confirm: args.confirm || Mode(args.mode).accumulation() == Accumulation::NonCumulative,
+            hold_to_run: args.hold_to_run,
+            ..LatchConfig::default()
+        },
     };
     let start = |name| args.trace.start_kept(name);
     let traces =
         Traces { robot: start("host-robot"), ball: start("host-ball"), viewer: start("host-viewer") };
-    operator::run(config, traces)?;
+    if !operator::run(config, traces)? {
+        std::process::exit(interrupt::INTERRUPTED);
+    }
     Ok(true)
 }

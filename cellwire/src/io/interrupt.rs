@@ -1,7 +1,7 @@
 //! What is done when the user interrupts a device or a demo: a running session writes its trace, and the link of a
 //! pseudo-terminal is removed.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, Result};
@@ -12,7 +12,7 @@ type Action = Box<dyn FnOnce() + Send>;
 static ACTIONS: Mutex<Option<Vec<Action>>> = Mutex::new(None);
 
 /// The exit status that shells use for a program that was interrupted.
-const INTERRUPTED: i32 = 130;
+pub const INTERRUPTED: i32 = 130;
 
 /// From now on an interrupt (Ctrl-C, or a termination signal) runs every action given to [`before_exit`] and ends the program.
 ///
@@ -28,25 +28,34 @@ pub fn handle() -> Result<()> {
     .context("cannot handle interrupts")
 }
 
+/// From now on an interrupt, a termination signal and the end of the terminal are counted, and do nothing but call `handler` with
+/// their count, from 1, on a thread of its own: for a program that needs time to end.
+///
+/// # Errors
+/// When another handler is installed already.
+pub fn watch(mut handler: impl FnMut(u32) + Send + 'static) -> Result<()> {
+    ctrlc::set_handler(move || handler(COUNT.fetch_add(1, Ordering::Relaxed) + 1))
+        .context("cannot handle interrupts")
+}
+
 /// From now on the first interrupt is noted: [`requested`] is true then, and the command ends by itself. Another one ends the program.
 ///
 /// # Errors
 /// When another handler is installed already.
 pub fn note() -> Result<()> {
-    ctrlc::set_handler(|| {
-        if REQUESTED.swap(true, Ordering::Relaxed) {
+    watch(|count| {
+        if count > 1 {
             std::process::exit(INTERRUPTED);
         }
     })
-    .context("cannot handle interrupts")
 }
 
-/// Whether an interrupt was [noted](note).
+/// Whether an interrupt was [noted](note), or [handled](watch).
 pub fn requested() -> bool {
-    REQUESTED.load(Ordering::Relaxed)
+    COUNT.load(Ordering::Relaxed) > 0
 }
 
-static REQUESTED: AtomicBool = AtomicBool::new(false);
+static COUNT: AtomicU32 = AtomicU32::new(0);
 
 /// Adds an action that an interrupt runs. Does nothing if interrupts are not handled.
 pub fn before_exit(action: impl FnOnce() + Send + 'static) {

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, TryLockError};
 use std::time::Duration;
 
 use anyhow::{Context, Result};
@@ -91,6 +91,18 @@ struct Kept {
     received: VecDeque<(Duration, u8)>,
 }
 
+impl Kept {
+    fn add(&mut self, now: Duration, way: Way, bytes: &[u8], most: usize) {
+        let ring = match way {
+            Way::Sent => &mut self.sent,
+            Way::Received => &mut self.received,
+        };
+        ring.extend(bytes.iter().map(|byte| (now, *byte)));
+        let surplus = ring.len().saturating_sub(most);
+        ring.drain(..surplus);
+    }
+}
+
 impl Trace {
     /// A trace of `bytes` bytes of each direction. With 0 it keeps nothing, without a folder it writes nothing.
     pub fn new(name: &str, bytes: usize, dir: Option<&Path>) -> Self {
@@ -99,17 +111,23 @@ impl Trace {
 
     /// Adds bytes of one direction.
     pub fn add(&self, now: Duration, way: Way, bytes: &[u8]) {
-        if self.bytes == 0 {
-            return;
+        if self.bytes > 0 {
+            self.kept.lock().unwrap_or_else(PoisonError::into_inner).add(now, way, bytes, self.bytes);
         }
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let ring = match way {
-            Way::Sent => &mut kept.sent,
-            Way::Received => &mut kept.received,
+    }
+
+    /// The same for a caller who cannot wait: false, and nothing added, while somebody reads the trace.
+    pub fn try_add(&self, now: Duration, way: Way, bytes: &[u8]) -> bool {
+        if self.bytes == 0 {
+            return true;
+        }
+        let mut kept = match self.kept.try_lock() {
+            Ok(kept) => kept,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => return false,
         };
-        ring.extend(bytes.iter().map(|byte| (now, *byte)));
-        let surplus = ring.len().saturating_sub(self.bytes);
-        ring.drain(..surplus);
+        kept.add(now, way, bytes, self.bytes);
+        true
     }
 
     /// Writes the kept bytes to a new file, whose name no earlier trace has, clears the trace, and returns the path. `None` when there is nothing to write.

@@ -1,65 +1,114 @@
 //! The operator's screen of the teleoperation.
+//!
+//! Three threads besides the host's: one reads the keys, and gives the stop itself to the robot's thread; one writes what was
+//! drawn; this one draws, and does what the other keys ask for. None of them waits for another.
 
+mod keys;
 mod model;
 mod screen;
+mod terminal;
 
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-use anyhow::Result;
-use ratatui::crossterm::event::{self, Event, KeyEventKind};
+use anyhow::{Result, ensure};
+use ratatui::crossterm::event::KeyEvent;
 
 use self::model::{Command, Model, Ports};
-use crate::cell::teleop::{Order, Teleop, TeleopConfig, Traces};
+use self::terminal::Screen;
+use crate::cell::teleop::{Notification, Order, Teleop, TeleopConfig, Traces};
+use crate::io::interrupt;
 use crate::io::line::Clock;
+use crate::io::output::remark;
 
 /// A picture is drawn this often.
 const PICTURE: Duration = Duration::from_millis(50);
 
-/// Runs the teleoperation until the operator quits.
+/// Runs the teleoperation until the operator quits, or a signal ends it: false then. The arm comes to rest first.
 ///
 /// # Errors
-/// When there is no terminal, or a port cannot be opened.
-pub fn run(config: TeleopConfig, traces: Traces) -> Result<()> {
+/// When there is no terminal, a port cannot be opened, or a thread of the host has failed.
+pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
     let clock = Clock::start();
     let gripper = config.alter.subroutine;
     let ports =
         Ports { robot: config.robot.clone(), ball: config.ball.clone(), viewer: config.viewer.clone() };
+    let mut model = Model::new(ports, traces.clone(), gripper, config.alter.mode);
     let teleop = Teleop::start(config, clock, &traces)?;
     teleop.order(Order::GripperKeys(gripper));
-    let mut model = Model::new(ports, traces, gripper);
-    let mut terminal = ratatui::try_init()?;
-    let outcome = show(&mut terminal, &mut model, &teleop, clock);
-    ratatui::restore();
-    outcome
+    let orders = teleop.orders();
+    interrupt::watch(move |signals| {
+        if signals > 1 {
+            end_at_once();
+        }
+        orders.order(Order::End);
+    })?;
+    let mut screen = Screen::enter()?;
+    let keys = keys::read(teleop.orders(), end_at_once);
+    let shown = show(&mut screen, &mut model, &teleop, clock, &keys);
+    let has_ended = model.has_ended();
+    drop(screen);
+    terminal::leave();
+    let traces = end(teleop);
+    traces.iter().for_each(|line| remark(line));
+    shown?;
+    ensure!(has_ended, "a thread of the host has failed: the robot ends ALTER by itself");
+    Ok(!interrupt::requested())
+}
+
+fn end_at_once() {
+    terminal::leave();
+    std::process::exit(interrupt::INTERRUPTED);
 }
 
 fn show(
-    terminal: &mut ratatui::DefaultTerminal,
+    screen: &mut Screen,
     model: &mut Model,
     teleop: &Teleop,
     clock: Clock,
+    keys: &Receiver<KeyEvent>,
 ) -> Result<()> {
     loop {
+        // Before the reports: what has ended has reported it.
+        let has_ended = teleop.has_ended();
         for (at, notification) in teleop.notifications() {
             model.take(at, notification);
         }
-        model.pass_time(clock.now());
-        terminal.draw(|frame| screen::draw(frame, model))?;
-        model.drawn += 1;
-        if model.may_quit() {
+        if has_ended || model.has_ended() {
             return Ok(());
         }
-        if !event::poll(PICTURE)? {
-            continue;
+        model.pass_time(clock.now());
+        if screen.is_gone() {
+            teleop.order(Order::End);
+        } else if screen.draw(|frame| screen::draw(frame, model))? {
+            model.drawn += 1;
         }
-        let Event::Key(key) = event::read()? else { continue };
-        if key.kind != KeyEventKind::Press {
-            continue;
-        }
-        match model.key(key, clock.now()) {
-            Some(Command::Order(order)) => teleop.order(order),
-            Some(Command::Probe) => teleop.probe(),
-            None => {}
+        let mut key = match keys.recv_timeout(PICTURE) {
+            Ok(key) => Some(key),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                std::thread::sleep(PICTURE);
+                None
+            }
+        };
+        while let Some(pressed) = key {
+            match model.key(pressed, clock.now()) {
+                Some(Command::Order(order)) => teleop.order(order),
+                Some(Command::Probe) => teleop.probe(),
+                None => {}
+            }
+            key = keys.try_recv().ok();
         }
     }
+}
+
+/// Ends the host's threads, and waits for their traces; where they are.
+fn end(mut teleop: Teleop) -> Vec<String> {
+    teleop.end();
+    let traces = teleop.notifications().filter_map(|(_, notification)| match notification {
+        Notification::Trace(path) => Some(format!("trace: {}", path.display())),
+        Notification::PortLost("trace", why) => Some(format!("warning: {why}")),
+        _ => None,
+    });
+    traces.collect()
 }

@@ -4,9 +4,11 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use isra_ball::Packet;
-use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
-use val2_alter::{AXES, ExceptionOutcome, HostState, Motion, Policy, Start};
+use ratatui::crossterm::event::{KeyCode, KeyEvent};
+use val2_alter::{AXES, ExceptionOutcome, HostState, Mode, Motion, Policy, Start, timing};
 
+use super::keys::{Stop, stop};
+use crate::cell::teleop::latch::{Cause, Latch};
 use crate::cell::teleop::{Notification, Order, PortConfig, Traces, lost_text};
 use crate::io::samples::Samples;
 use crate::io::trace::Trace;
@@ -26,7 +28,7 @@ pub(super) struct Ports {
 }
 
 /// What a key asks for.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Command {
     Order(Order),
     Probe,
@@ -45,7 +47,10 @@ pub(super) enum View {
 pub(super) struct Counts {
     pub(super) cycles: u64,
     pub(super) missed: u64,
-    pub(super) rejected: u64,
+    /// Replies that the robot could not read, by error code.
+    pub(super) rejected: [u64; 8],
+    /// Replies in which an axis had to wait.
+    pub(super) held: u64,
     pub(super) corrupt: u64,
     pub(super) packets: u64,
     pub(super) ball_missed: u64,
@@ -59,10 +64,18 @@ pub(super) struct Model {
     pub(super) traces: Traces,
     pub(super) view: View,
     pub(super) state: HostState,
+    pub(super) latch: Latch,
+    /// The mode that is accepted.
+    pub(super) mode: Mode,
+    /// The mode of a start that was refused last, unless ALTER has begun since.
+    pub(super) refused: Option<Mode>,
+    /// Why the robot is lost.
+    pub(super) lost: Option<&'static str>,
     pub(super) policy: Policy,
     pub(super) clamp: bool,
     pub(super) start: Option<Start>,
     pub(super) motion: Option<Motion>,
+    motion_at: Duration,
     /// The control byte that came last, in words.
     pub(super) control: (&'static str, u8, &'static str),
     pub(super) ball: Option<Packet>,
@@ -76,7 +89,7 @@ pub(super) struct Model {
     pub(super) drawn: u64,
     tests: Vec<Test>,
     damage_said: Duration,
-    quitting: Option<Duration>,
+    has_ended: bool,
     now: Duration,
 }
 
@@ -110,16 +123,21 @@ impl Test {
 }
 
 impl Model {
-    pub(super) fn new(ports: Ports, traces: Traces, clamp: bool) -> Self {
+    pub(super) fn new(ports: Ports, traces: Traces, clamp: bool, mode: Mode) -> Self {
         Self {
             ports,
             traces,
             view: View::Main,
-            state: HostState::Disconnected,
+            state: HostState::Idle,
+            latch: Latch::NEW,
+            mode,
+            refused: None,
+            lost: None,
             policy: Policy::Ignore,
             clamp,
             start: None,
             motion: None,
+            motion_at: Duration::ZERO,
             control: ("–", 0, "–"),
             ball: None,
             exchange: Duration::ZERO,
@@ -132,7 +150,7 @@ impl Model {
             drawn: 0,
             tests: Vec::new(),
             damage_said: Duration::ZERO,
-            quitting: None,
+            has_ended: false,
             now: Duration::ZERO,
         }
     }
@@ -142,16 +160,17 @@ impl Model {
         self.now = self.now.max(at);
         match notification {
             Notification::PortOpen(name, path) => self.show(format!("{name}: {path} opened")),
-            Notification::PortLost(name, why) => self.show(format!("{name}: {why}")),
+            Notification::PortLost(name, why) => {
+                if name == "robot" {
+                    self.lost = Some("its port is gone");
+                }
+                self.show(format!("{name}: {why}"));
+            }
             Notification::Priority(true) => self.show("replies at real-time priority".into()),
             Notification::Priority(false) => self.show("replies at normal priority: no right to more".into()),
             Notification::Start(start) => {
                 self.control = ("starting", start.control(), error_text(start.error));
-                self.start = Some(start);
-                if self.policy != Policy::Ignore {
-                    let answer = if self.policy == Policy::Accept { "accepted" } else { "refused" };
-                    self.show(format!("start, mode {}: {answer}", start.mode.0));
-                }
+                self.take_start(start);
             }
             Notification::Motion(motion) => {
                 let phase = match motion.phase {
@@ -159,12 +178,15 @@ impl Model {
                     val2_alter::MotionPhase::Interrupted => "interrupted",
                 };
                 self.control = (phase, motion.control(), error_text(motion.error));
-                self.motion = Some(motion);
+                (self.motion, self.motion_at, self.lost) = (Some(motion), at, None);
             }
-            Notification::Reply { demand, values, thinking } => {
+            Notification::Reply { demand, values, thinking, held } => {
                 (self.demand, self.values) = (demand, values);
                 self.thinking.add(thinking);
                 self.counts.cycles += 1;
+                if held {
+                    self.take_held();
+                }
             }
             Notification::End(end) => {
                 self.control = ("ended", end.control(), error_text(end.error));
@@ -172,18 +194,28 @@ impl Model {
                 self.show(format!("the robot ended ALTER: {}", error_text(end.error)));
             }
             Notification::Missed => {
+                self.values = [0; AXES];
                 self.counts.missed += 1;
                 self.show("a reply was too late".into());
             }
             Notification::Rejected(code) => {
-                self.counts.rejected += 1;
+                self.values = [0; AXES];
+                if let Some(count) = self.counts.rejected.get_mut(usize::from(u8::from(code) & 7)) {
+                    *count += 1;
+                }
                 self.show(format!("reply not read: {}", error_text(code)));
             }
             Notification::Corrupt(error) => {
                 self.counts.corrupt += 1;
                 self.say_damage(format!("robot: {error}"));
             }
-            Notification::Lost(reason) => self.show(lost_text(reason).into()),
+            Notification::Lost(reason) => {
+                self.values = [0; AXES];
+                self.lost = Some(lost_text(reason));
+                self.show(lost_text(reason).into());
+            }
+            Notification::Latch(latch) => self.take_latch(latch),
+            Notification::Ended => self.has_ended = true,
             Notification::Stopped => self.show("at rest; no reply any more".into()),
             Notification::State(state) => self.state = state,
             Notification::Gripper(exception, Ok(())) => {
@@ -199,9 +231,7 @@ impl Model {
                 self.show(format!("gripper: exception {}: {outcome}", u8::from(exception)));
             }
             Notification::Ball(packet, took) => {
-                if core::mem::take(&mut self.ball_is_stale) {
-                    self.show("the ball is back".into());
-                }
+                self.ball_is_stale = false;
                 self.show_ball(packet, took);
             }
             Notification::BallOld(packet, took) => self.show_ball(packet, took),
@@ -214,7 +244,6 @@ impl Model {
             }
             Notification::BallStale => {
                 self.ball_is_stale = true;
-                self.show("no new values from the ball: to rest".into());
             }
             Notification::PoseAsked => self.counts.asked += 1,
             Notification::Pose => self.counts.poses += 1,
@@ -237,9 +266,12 @@ impl Model {
     /// What a key does.
     pub(super) fn key(&mut self, key: KeyEvent, now: Duration) -> Option<Command> {
         self.now = now;
-        let interrupt = key.modifiers.contains(KeyModifiers::CONTROL) && key.code == KeyCode::Char('c');
-        let code = if interrupt { KeyCode::Char('q') } else { key.code };
-        match (self.view, code) {
+        if let Some(stop) = stop(key) {
+            // The arm has been told already, by the thread that reads the keys.
+            self.stopped(stop);
+            return None;
+        }
+        match (self.view, key.code) {
             (View::Options, KeyCode::Char(digit @ '1'..='5')) => self.option(digit),
             (View::Options, _) => {
                 self.view = View::Main;
@@ -249,22 +281,26 @@ impl Model {
                 self.view = View::Debug((line + 1) % 3);
                 None
             }
-            (View::Debug(_), KeyCode::Esc) => {
+            (View::Debug(_), KeyCode::Char('m' | 'M')) => {
                 self.view = View::Main;
                 None
             }
+            (View::Main | View::Debug(_), KeyCode::Enter) => Some(Command::Order(Order::Confirm)),
             (View::Main | View::Debug(_), KeyCode::Char(letter)) => self.letter(letter.to_ascii_lowercase()),
-            (View::Main, KeyCode::Esc) => self.end_alter(),
             _ => None,
         }
     }
 
-    /// Whether the operator has asked to quit, and the robot is at rest or does not come to rest.
-    pub(super) fn may_quit(&self) -> bool {
-        self.quitting.is_some_and(|until| {
-            matches!(self.state, HostState::Disconnected | HostState::Idle | HostState::Silent)
-                || until <= self.now
-        })
+    /// Whether the host has ended.
+    pub(super) fn has_ended(&self) -> bool {
+        self.has_ended
+    }
+
+    /// How old the position is that is shown, if it is older than a cycle and a half: the next message is missing.
+    pub(super) fn position_age(&self) -> Option<Duration> {
+        self.motion?;
+        let age = self.now.saturating_sub(self.motion_at);
+        (age > timing::CYCLE * 3 / 2).then_some(age)
     }
 
     /// The line that a debug view shows.
@@ -294,7 +330,8 @@ impl Model {
             }
             'a' => {
                 self.policy = Policy::Accept;
-                self.show("waiting for the robot; Esc ends ALTER".into());
+                (self.refused, self.lost) = (None, None);
+                self.show("waiting for the robot; space or Esc stops".into());
                 Some(Command::Order(Order::Policy(Policy::Accept)))
             }
             'v' => {
@@ -307,8 +344,8 @@ impl Model {
                 None
             }
             'q' => {
-                self.quitting = Some(self.now + Duration::from_secs(2));
-                self.end_alter()
+                self.stopped(Stop::End);
+                Some(Command::Order(Order::End))
             }
             _ => None,
         }
@@ -348,10 +385,50 @@ impl Model {
         None
     }
 
-    fn end_alter(&mut self) -> Option<Command> {
-        self.policy = Policy::Ignore;
-        self.show("ALTER: coming to rest".into());
-        Some(Command::Order(Order::Stop))
+    fn stopped(&mut self, stop: Stop) {
+        (self.view, self.policy) = (View::Main, Policy::Ignore);
+        self.show(match stop {
+            Stop::Stop => "STOP: coming to rest; A answers the robot again".into(),
+            Stop::End => "coming to rest, then the end".into(),
+        });
+    }
+
+    fn take_start(&mut self, start: Start) {
+        self.start = Some(start);
+        let (found, expected) = (start.mode.0, self.mode.0);
+        self.refused = None;
+        match self.policy {
+            Policy::Ignore => {}
+            Policy::Accept if start.mode == self.mode => self.show(format!("start, mode {found}: accepted")),
+            Policy::Accept => {
+                self.refused = Some(start.mode);
+                self.show(format!("start refused: the robot has mode {found}, expected {expected}: --mode"));
+            }
+            Policy::Refuse => self.show(format!("start, mode {found}: refused, as asked for")),
+        }
+    }
+
+    fn take_latch(&mut self, latch: Latch) {
+        let before = core::mem::replace(&mut self.latch, latch);
+        match latch {
+            Latch::Disarmed(cause) if before.cause() != Some(cause) => {
+                self.show(format!("disarmed: {}; let go of the input for 0.3 s", cause_text(cause)));
+            }
+            Latch::Ready { .. } => self.show("the input is at rest: Enter arms".into()),
+            Latch::Armed { .. } => self.show("armed: the input moves the arm".into()),
+            _ => {}
+        }
+    }
+
+    /// The first time, and then counted.
+    fn take_held(&mut self) {
+        if self.counts.held == 0 {
+            self.show(format!(
+                "at {} baud not all axes fit the window: one waits; 38400 baud or mode 19 has room",
+                self.ports.robot.baud
+            ));
+        }
+        self.counts.held += 1;
     }
 
     fn begin_test(&mut self, what: &'static str) -> Option<Command> {
@@ -390,111 +467,20 @@ impl Model {
     }
 }
 
-#[cfg(test)]
-pub(super) mod tests {
-    use val2_alter::{End, ErrorCode};
-
-    use super::*;
-    use crate::io::trace::TraceArgs;
-
-    const MS: Duration = Duration::from_millis(1);
-
-    pub(crate) fn model() -> Model {
-        let port = |path: &str, baud| PortConfig { path: path.into(), baud };
-        let trace = |name| TraceArgs::off().start_kept(name);
-        let ports = Ports { robot: port("/dev/r", 38_400), ball: port("/dev/b", 9600), viewer: None };
-        let traces = Traces { robot: trace("r"), ball: trace("b"), viewer: trace("v") };
-        Model::new(ports, traces, false)
-    }
-
-    fn press(model: &mut Model, code: KeyCode) -> Option<Command> {
-        model.key(KeyEvent::new(code, KeyModifiers::NONE), MS)
-    }
-
-    fn last(model: &Model) -> &str {
-        model.messages.back().map_or("", |(_, text)| text)
-    }
-
-    #[test]
-    fn a_answers_esc_comes_to_rest_and_v_refuses() {
-        let mut model = model();
-        let order = |order| Some(Command::Order(order));
-        assert_eq!(press(&mut model, KeyCode::Char('a')), order(Order::Policy(Policy::Accept)));
-        assert_eq!(press(&mut model, KeyCode::Esc), order(Order::Stop));
-        assert_eq!(press(&mut model, KeyCode::Char('V')), order(Order::Policy(Policy::Refuse)));
-        assert_eq!(model.policy, Policy::Refuse);
-    }
-
-    #[test]
-    fn quitting_waits_until_the_robot_is_at_rest() {
-        let mut model = model();
-        model.take(MS, Notification::State(HostState::Running));
-        assert_eq!(press(&mut model, KeyCode::Char('q')), Some(Command::Order(Order::Stop)));
-        assert!(!model.may_quit());
-        model.take(2 * MS, Notification::State(HostState::Silent));
-        assert!(model.may_quit());
-    }
-
-    #[test]
-    fn a_robot_that_does_not_come_to_rest_keeps_nobody_here_for_ever() {
-        let mut model = model();
-        model.take(MS, Notification::State(HostState::Running));
-        let interrupt = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
-        assert_eq!(model.key(interrupt, MS), Some(Command::Order(Order::Stop)));
-        model.pass_time(2000 * MS);
-        assert!(!model.may_quit());
-        model.pass_time(2001 * MS);
-        assert!(model.may_quit());
-    }
-
-    #[test]
-    fn ports_are_tested_only_without_alter() {
-        let mut model = model();
-        assert_eq!(press(&mut model, KeyCode::Char('t')), Some(Command::Probe));
-        model.take(MS, Notification::State(HostState::Running));
-        assert_eq!(press(&mut model, KeyCode::Char('t')), None);
-        assert_eq!(last(&model), "port test: not while ALTER runs");
-    }
-
-    #[test]
-    fn the_ball_test_counts_for_three_seconds() {
-        let mut model = model();
-        model.take(MS, Notification::BallMissed);
-        press(&mut model, KeyCode::Char('k'));
-        model.take(MS, Notification::BallMissed);
-        model.pass_time(3000 * MS);
-        assert_eq!(last(&model), "ball test: 3 s");
-        model.pass_time(3001 * MS);
-        assert_eq!(last(&model), "ball: 0 packets, 1 missed, 0 corrupt");
-        press(&mut model, KeyCode::Char('w'));
-        assert_eq!(last(&model), "workstation test: there is none; use --viewer PORT");
-    }
-
-    #[test]
-    fn the_options_do_what_the_source_lists() {
-        let mut model = model();
-        let mut option = |digit| {
-            press(&mut model, KeyCode::Char('o'));
-            let command = press(&mut model, KeyCode::Char(digit));
-            (command, model.view, last(&model).to_owned())
-        };
-        assert_eq!(option('1'), (None, View::Main, "ball: /dev/b at 9600 baud".into()));
-        assert!(option('2').2.starts_with("ball type ISRA"));
-        assert_eq!(option('4').2, "0 pictures, own thread; replies p99 0.00 ms");
-        let on = "clamp on: the program must name a subroutine";
-        assert_eq!(option('5'), (Some(Command::Order(Order::GripperKeys(true))), View::Main, on.into()));
-        assert_eq!(option('5').0, Some(Command::Order(Order::GripperKeys(false))));
-        assert_eq!(option('3').1, View::Debug(0));
-        press(&mut model, KeyCode::Tab);
-        assert_eq!(model.view, View::Debug(1));
-        assert_eq!((press(&mut model, KeyCode::Esc), model.view), (None, View::Main));
-    }
-
-    #[test]
-    fn the_end_of_alter_is_reported() {
-        let mut model = model();
-        model.take(MS, Notification::End(End { error: ErrorCode::Timeout }));
-        assert_eq!(last(&model), "the robot ended ALTER: timeout");
-        assert_eq!(model.control, ("ended", 0xE6, "timeout"));
+/// Why the arm does not follow the hand, in words.
+pub(super) fn cause_text(cause: Cause) -> &'static str {
+    match cause {
+        Cause::NoAlter => "no ALTER runs",
+        Cause::Start => "ALTER has begun",
+        Cause::Interruption => "ALTER was interrupted",
+        Cause::OldValues => "the input sends no new values",
+        Cause::InputLost => "the input is gone",
+        Cause::KeyReleased => "the key was let go",
+        Cause::Profile => "the profile has changed",
+        Cause::Stop => "stopped",
     }
 }
+
+#[cfg(test)]
+#[path = "model_tests.rs"]
+pub(super) mod tests;

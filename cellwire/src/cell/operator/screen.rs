@@ -5,16 +5,20 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph};
-use val2_alter::{Accumulation, CoordinateFrame, HostState, Mode, Polarity, Policy, SegmentStatus};
+use val2_alter::{
+    Accumulation, CoordinateFrame, ErrorCode, HostState, Mode, Polarity, Policy, SegmentStatus,
+};
 
-use super::model::{Model, View};
+use super::model::{Model, View, cause_text};
+use crate::cell::teleop::latch::{Cause, Latch};
 use crate::links::val2_alter::Layout as Words;
+use crate::links::val2_alter::puma::error_text;
 
 const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];
 
 pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     let rows = Layout::vertical([
-        Constraint::Length(1),
+        Constraint::Length(2),
         Constraint::Length(7),
         Constraint::Length(6),
         Constraint::Min(6),
@@ -37,41 +41,88 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     window(frame, alter, "Alter byte", alter_lines(model));
     window(frame, control, "Control byte", control_lines(model));
     window(frame, segment, "Segment", segment_lines(model));
-    window(frame, transform, "Transformation", transform_lines(model));
+    let title = match model.position_age() {
+        Some(age) => format!("Transformation, OLD: {:.1} s", age.as_secs_f64()),
+        None => "Transformation".into(),
+    };
+    window(frame, transform, &title, transform_lines(model));
     match model.view {
         View::Debug(line) => draw_debug(frame, lower, model, line),
         View::Main | View::Options => window(frame, lower, "Ball: force, asked → sent", ball_lines(model)),
     }
     let text = match model.view {
-        View::Options => "(1)Ports (2)Ball type (3)IO debug (4)Display (5)Clamp on/off  Esc",
-        View::Debug(_) => "(Tab)next line  Esc  (A)lter (V)refuse (Q)uit",
-        View::Main => "(W)orkstation (K)ball test (T)est ports (A)lter (V)refuse (O)ptions (Q)uit",
+        View::Options => "Space/Esc STOP (1)Ports (2)Ball type (3)IO debug (4)Display (5)Clamp  (M)ain",
+        View::Debug(_) => "Space/Esc STOP (Tab)next line (A)lter (V)refuse (M)ain (Q)uit",
+        View::Main => "Space/Esc STOP (A)lter (V)refuse (K)Ball (W)orkst. (T)Ports (O)ptions (Q)uit",
     };
     window(frame, command, "Command", vec![Line::from(text)]);
 }
 
+/// What the arm does, in the first line, and what was counted.
 fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
-    let (text, color) = match (model.state, model.policy) {
-        (HostState::Running, _) => ("ALTER runs", Color::Green),
-        (HostState::Starting, _) => ("ALTER starts", Color::Yellow),
-        (HostState::Interrupted, _) => ("ALTER interrupted", Color::Yellow),
-        (HostState::Stopping, _) => ("coming to rest", Color::Yellow),
-        (HostState::Silent, _) => ("at rest, silent", Color::Yellow),
-        (HostState::Disconnected, _) => ("no port", Color::Red),
-        (HostState::Idle, Policy::Accept) => ("waiting for the robot", Color::Yellow),
-        (HostState::Idle, Policy::Refuse) => ("ALTER refused", Color::Red),
-        (HostState::Idle, Policy::Ignore) => ("no ALTER", Color::Reset),
-    };
+    let (word, why, color) = state(model);
     let counts = &model.counts;
-    let p99 = model.thinking.at(0.99).as_secs_f64() * 1e3;
-    let text = Line::from(vec![
-        Span::styled(text, Style::new().fg(color).add_modifier(Modifier::BOLD)),
-        Span::raw(format!(
-            "  cycles {}  missed {}  rejected {}  reply p99 {p99:.2} ms",
-            counts.cycles, counts.missed, counts.rejected
+    let reasons: String = (1u8..)
+        .zip(counts.rejected.iter().skip(1))
+        .filter(|(_, count)| **count > 0)
+        .map(|(code, count)| format!(", {} {count}", error_text(ErrorCode::from(code))))
+        .collect();
+    let lines = vec![
+        Line::from(vec![
+            Span::styled(
+                format!(" {word} "),
+                Style::new().fg(Color::Black).bg(color).add_modifier(Modifier::BOLD),
+            ),
+            Span::raw(format!(" {why}")),
+        ]),
+        Line::from(format!(
+            "cycles {}  missed {}  rejected {}{reasons}  held {}  p99 {:.2} ms",
+            counts.cycles,
+            counts.missed,
+            counts.rejected.iter().sum::<u64>(),
+            counts.held,
+            model.thinking.at(0.99).as_secs_f64() * 1e3
         )),
-    ]);
-    frame.render_widget(Paragraph::new(text), area);
+    ];
+    frame.render_widget(Paragraph::new(lines), area);
+}
+
+/// The state in a word, why, and what the operator can do.
+fn state(model: &Model) -> (&'static str, String, Color) {
+    if let (Some(mode), true) = (model.refused, model.state == HostState::Idle) {
+        let why = format!("the robot has mode {}, expected {}", mode.0, model.mode.0);
+        return ("START REFUSED", why, Color::Red);
+    }
+    if let Some(why) = model.lost.filter(|_| matches!(model.latch, Latch::Off(_))) {
+        return ("ROBOT LOST", why.into(), Color::Red);
+    }
+    let rest = |cause| format!("{}: let go for 0.3 s", cause_text(cause));
+    match model.latch {
+        Latch::Off(_) => match (model.state, model.policy) {
+            (HostState::Starting, _) => ("STARTING", "the robot begins ALTER".into(), Color::Yellow),
+            (HostState::Silent, _) => ("STOPPED", "at rest, ALTER ends".into(), Color::Yellow),
+            (HostState::Disconnected, _) => ("ROBOT LOST", "its port is not open".into(), Color::Red),
+            (_, Policy::Accept) => ("WAITING", "for the robot to begin ALTER".into(), Color::Yellow),
+            (_, Policy::Refuse) => ("REFUSING", "every ALTER, as asked for".into(), Color::Yellow),
+            (_, Policy::Ignore) if model.latch == Latch::Off(Cause::Stop) => {
+                ("STOPPED", "A answers the robot again".into(), Color::Yellow)
+            }
+            (_, Policy::Ignore) => ("OFF", "A answers the robot".into(), Color::Gray),
+        },
+        Latch::Interrupted => ("INTERRUPTED", "the robot's subroutine runs".into(), Color::Yellow),
+        Latch::Disarmed(Cause::InputLost) => {
+            ("INPUT LOST", "it is tried again; then let go for 0.3 s".into(), Color::Red)
+        }
+        Latch::Disarmed(cause) | Latch::Resting { cause, .. } => ("DISARMED", rest(cause), Color::Yellow),
+        Latch::Ready { .. } => ("READY", "Enter arms".into(), Color::Yellow),
+        Latch::Armed { .. } if model.values == [0; val2_alter::AXES] => {
+            ("ARMED", "the input moves the arm".into(), Color::Green)
+        }
+        Latch::Armed { .. } => ("MOVING", "Space or Esc stops".into(), Color::LightGreen),
+        Latch::Stopping | Latch::Ending { .. } | Latch::Ended => {
+            ("STOPPING", "coming to rest".into(), Color::Yellow)
+        }
+    }
 }
 
 fn window(frame: &mut Frame<'_>, area: Rect, title: &str, lines: Vec<Line<'_>>) {
@@ -276,6 +327,7 @@ mod tests {
         let ms = Duration::from_millis;
         model.take(ms(1), Notification::Start(Start::new(Mode(23), List::new(&[5, -1]).unwrap())));
         model.take(ms(2), Notification::State(HostState::Running));
+        model.take(ms(2), Notification::Latch(Latch::Armed { fresh_until: ms(100) }));
         model.take(
             ms(30),
             Notification::Motion(Motion {
@@ -297,12 +349,17 @@ mod tests {
         };
         model.take(ms(31), Notification::Ball(packet, ms(14)));
         model.take(ms(31), Notification::PortLost("viewer", "the port is gone, and is tried again".into()));
+        model.messages.retain(|(_, text)| text.starts_with("viewer"));
         let demand = [90, -90, 0, 0, -75, 10];
-        model.take(ms(32), Notification::Reply { demand, values: [8, -8, 0, 0, -13, 10], thinking: ms(1) });
+        model.take(
+            ms(32),
+            Notification::Reply { demand, values: [8, -8, 0, 0, -13, 10], thinking: ms(1), held: false },
+        );
         assert_eq!(
             picture(&model),
             [
-                "ALTER runs  cycles 1  missed 0  rejected 0  reply p99 1.00 ms                   ",
+                " MOVING  Space or Esc stops                                                     ",
+                "cycles 1  missed 0  rejected 0  held 0  p99 1.00 ms                             ",
                 "┌ALTER mode────────────┐┌Initial data┐┌Messages────────────────────────────────┐",
                 "│23 = 10111b           ││5           ││   0.03 viewer: the port is gone, and is│",
                 "│cumulative            ││-1          ││        tried again                     │",
@@ -321,10 +378,9 @@ mod tests {
                 "│X   127 ·······│███████    90 →    8   RX    1 ·······│·······     0 →    0   │",
                 "│Y  -128 ███████│·······   -90 →   -8   RY  -64 ···████│·······   -75 →  -13   │",
                 "│Z     0 ·······│·······     0 →    0   RZ    9 ·······│·······    10 →   10   │",
-                "│                                                                              │",
                 "└──────────────────────────────────────────────────────────────────────────────┘",
                 "┌Command───────────────────────────────────────────────────────────────────────┐",
-                "│(W)orkstation (K)ball test (T)est ports (A)lter (V)refuse (O)ptions (Q)uit    │",
+                "│Space/Esc STOP (A)lter (V)refuse (K)Ball (W)orkst. (T)Ports (O)ptions (Q)uit  │",
                 "└──────────────────────────────────────────────────────────────────────────────┘",
             ]
         );

@@ -5,9 +5,10 @@ use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
 use anyhow::Result;
-use isra_ball::{Decoder, ENQ, Host, HostConfig, HostEvent, timing};
+use isra_ball::{Decoder, ENQ, Host, HostConfig, HostEvent, Packet, timing};
 use robot_session::{Decoder as _, Driver, Session as _};
 
+use super::input::{FULL, Sample};
 use super::port::Port;
 use super::{Context, Notification, Order, TeleopConfig};
 use crate::io::priority::{self, Rank};
@@ -43,7 +44,11 @@ impl Ball {
             if self.probe.try_recv().is_ok() {
                 self.probe();
             }
+            let was_connected = self.is_connected;
             self.driver.transport().follow(&mut self.host, &mut self.is_connected);
+            if was_connected && !self.is_connected {
+                self.order(Order::HandLost);
+            }
             self.turn();
             self.driver.transport().trace();
         }
@@ -66,12 +71,13 @@ impl Ball {
             let now = self.context.clock.now();
             match event {
                 HostEvent::Packet(packet) => {
-                    self.order(Order::Ball(packet, self.host.live_until().unwrap_or(now)));
+                    let fresh_until = self.host.live_until().unwrap_or(now);
+                    self.order(Order::Hand(sample(&packet, fresh_until)));
                     self.context.notify(Notification::Ball(packet, now - asked));
                 }
                 HostEvent::Old(packet) => self.context.notify(Notification::BallOld(packet, now - asked)),
                 HostEvent::Stale => {
-                    self.order(Order::BallStale);
+                    self.order(Order::HandOld);
                     self.context.notify(Notification::BallStale);
                 }
                 HostEvent::Missed => self.context.notify(Notification::BallMissed),
@@ -85,6 +91,7 @@ impl Ball {
     /// Polls ten times at each rate. The robot thread comes to rest meanwhile: the connection is as good as lost.
     fn probe(&mut self) {
         self.is_connected = false;
+        self.order(Order::HandLost);
         self.host.handle_disconnected(self.context.clock.now());
         let events = core::iter::from_fn(|| self.host.poll_event()).collect();
         self.collect(events);
@@ -116,4 +123,14 @@ impl Ball {
         // A robot thread that is gone has reported why.
         let _ = self.orders.send(order);
     }
+}
+
+/// 127 is the full deflection; -128 is a little more.
+fn sample(packet: &Packet, fresh_until: Duration) -> Sample {
+    let full = i16::from(i8::MAX);
+    let axes = packet.axes().map(|force| {
+        // At most 128 · 1000 / 127.
+        i16::try_from(i32::from(force) * i32::from(FULL) / i32::from(full)).unwrap_or_default()
+    });
+    Sample { axes, buttons: packet.keys.0.into(), fresh_until }
 }

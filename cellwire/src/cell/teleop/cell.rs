@@ -8,10 +8,11 @@ use anyhow::{Context as _, Result, anyhow};
 use indicatif::ProgressBar;
 use isra_ball::{BallConfig, BallStatistics, Status};
 use val2_alter::timing;
-use val2_alter::{AXES, Exception, HostConfig, HostState, Mode};
+use val2_alter::{AXES, Accumulation, Exception, HostConfig, HostState, Mode};
 use val2_viewer::WorkstationConfig;
 
-use super::{LIMITS, Mapping, Notification, Order, PortConfig, Teleop, TeleopConfig, Traces};
+use super::latch::{Latch, LatchConfig};
+use super::{LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, polls};
 use crate::cell::options::DemoOptions;
 use crate::io::line::{Clock, Line, LineFaults};
 use crate::io::samples::Samples;
@@ -22,7 +23,7 @@ use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
 use crate::links::val2_viewer::workstation::{self, Drawn};
 
 /// The hand's whole round, and a little more.
-const OWN_RUN: Duration = Duration::from_millis(6500);
+const OWN_RUN: Duration = Duration::from_millis(7500);
 /// With faults: how often each kind of fault is inserted, for each byte.
 const FAULT_RATE: f64 = 0.0001;
 /// With faults: the host has too much to do for `STALL`, once in this time.
@@ -150,7 +151,7 @@ pub struct Cycle {
 /// When there are no pseudo-terminals.
 pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     let clock = Clock::start();
-    let polls = isra_ball::HostConfig { baud: config.ball_baud, ..isra_ball::HostConfig::default() };
+    let polls = polls(config.ball_baud);
     let mut robot = Wire::new("robot", clock, config.baud, 1, config)?;
     let mut ball = Wire::new("ball", clock, polls.baud, 2, config)?;
     let mut viewer = Wire::new("viewer", clock, val2_viewer::timing::BAUD, 3, config)?;
@@ -162,7 +163,11 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
         viewer: Some(viewer.port(val2_viewer::timing::BAUD)),
         alter: host_config(config),
         polls,
-        mapping: Mapping::for_limits(&LIMITS, 150),
+        profile: Profile::for_limits(LIMITS, 150),
+        latch: LatchConfig {
+            confirm: config.mode.accumulation() == Accumulation::NonCumulative,
+            ..LatchConfig::default()
+        },
     };
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
@@ -248,6 +253,9 @@ fn drive(
         }
         if let Some((at, notification)) = host.wait(Duration::from_millis(20)) {
             record.take(at, &notification, progress);
+            if let Notification::Latch(Latch::Ready { .. }) = notification {
+                host.order(Order::Confirm);
+            }
         }
     }
     let stopped_at = clock.now();
@@ -272,7 +280,7 @@ impl HostRecord {
                 self.runs = false;
             }
             Notification::Motion(_) => self.runs = true,
-            Notification::Reply { demand, values, thinking } => {
+            Notification::Reply { demand, values, thinking, held: _ } => {
                 let (session, stood) = (self.starts, self.stood);
                 self.cycles.push(Cycle { at, session, stood, demand: *demand, values: *values });
                 self.thinking.add(*thinking);

@@ -32,6 +32,9 @@ pub enum Axes {
 }
 
 impl Filter {
+    /// Everything passes.
+    pub const NONE: Self = Self { axes: Axes::All, dominant: false };
+
     /// The filter of the three keys.
     pub const fn from_keys(tra: bool, rot: bool, dom: bool) -> Self {
         let axes = match (tra, rot) {
@@ -43,7 +46,7 @@ impl Filter {
     }
 
     /// X, Y, Z, MX, MY, MZ with 0 for every axis that does not pass.
-    pub fn apply(self, [x, y, z, mx, my, mz]: [i8; 6]) -> [i8; 6] {
+    pub fn apply(self, [x, y, z, mx, my, mz]: [i16; 6]) -> [i16; 6] {
         let passed = match self.axes {
             Axes::All => [x, y, z, mx, my, mz],
             Axes::Translation => [x, y, z, 0, 0, 0],

@@ -16,21 +16,21 @@ use val2_alter::Exception;
 /// (The source prints mode 22, non-cumulative, for it, and mode 23 without a subroutine elsewhere.)
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct GripperKeys {
-    close: u8,
-    open: u8,
-    held: u8,
+    close: u32,
+    open: u32,
+    held: u32,
     enabled: bool,
 }
 
 impl GripperKeys {
-    /// `close` and `open` are masks of the key byte: bit *k* is key *k* + 1. The source does not name its keys. A
+    /// `close` and `open` are masks of keys: bit *k* is key *k* + 1. The source does not name its keys. A
     /// key that is held from the beginning must be released first.
-    pub(super) const fn new(close: u8, open: u8) -> Self {
-        Self { close, open, held: u8::MAX, enabled: true }
+    pub(super) const fn new(close: u32, open: u32) -> Self {
+        Self { close, open, held: u32::MAX, enabled: true }
     }
 
-    /// Takes the key byte of a ball packet. Pressing both in the same packet has no effect.
-    pub(super) fn keys(&mut self, keys: u8) -> Option<Exception> {
+    /// Takes the keys of a sample. Pressing both at once has no effect.
+    pub(super) fn keys(&mut self, keys: u32) -> Option<Exception> {
         let pressed = keys & !self.held;
         self.held = keys;
         match (pressed & self.close != 0, pressed & self.open != 0) {

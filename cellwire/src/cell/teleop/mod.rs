@@ -10,29 +10,32 @@
 //!                                  └──────▶ screen, demo, records: one way
 //! ```
 //!
-//! The robot thread alone answers the controller. Before a reply it takes no lock and waits for nobody: orders come to it through
-//! a channel that it empties then, and what it has to report and to trace leaves after the reply.
+//! The robot thread alone answers the controller, and has the safety [latch](latch). It waits for nobody: not for the screen and
+//! its keys, not for the disk, not for a port that is opened again. Orders come to it through a channel that it empties before a
+//! reply; what it has to report and to trace leaves after the reply, and is dropped or kept where nobody takes it.
 
 mod ball;
 pub mod cell;
 pub mod demo;
 mod filter;
 mod gripper;
-mod mapping;
+pub mod input;
+pub mod latch;
 mod port;
+mod profile;
 mod robot;
 pub mod verdict;
 mod viewer;
 
 pub use filter::{Axes, Filter};
-pub use mapping::Mapping;
+pub use profile::{Profile, Source};
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use isra_ball::Packet;
@@ -41,6 +44,8 @@ use val2_alter::{
     Policy, SessionError, Start,
 };
 
+use self::input::Sample;
+use self::latch::{Latch, LatchConfig};
 use crate::io::line::Clock;
 use crate::io::trace::Trace;
 
@@ -66,21 +71,31 @@ pub struct TeleopConfig {
     pub alter: HostConfig,
     /// The polls of the ball.
     pub polls: isra_ball::HostConfig,
-    /// What the ball's forces mean.
-    pub mapping: Mapping,
+    /// What the hand's values mean.
+    pub profile: Profile,
+    /// When the hand may move the arm.
+    pub latch: LatchConfig,
 }
 
 /// What the robot thread is to do.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Order {
-    /// A packet of the ball with new values, and until when they may be used.
-    Ball(Packet, Duration),
-    /// The ball's values are too old: come to rest.
-    BallStale,
+    /// New values of the hand.
+    Hand(Sample),
+    /// The hand's values are too old: come to rest.
+    HandOld,
+    /// The input is gone: come to rest.
+    HandLost,
+    /// The operator confirms that the hand may move the arm.
+    Confirm,
+    /// What the hand's values mean from now on: come to rest first.
+    Profile(Box<Profile>),
     /// How start messages are answered.
     Policy(Policy),
     /// Come to rest, then fall silent.
     Stop,
+    /// The same, and then the host ends.
+    End,
     /// The gripper on the ball's keys, on or off.
     GripperKeys(bool),
     /// Listen at several baud rates, unless ALTER runs.
@@ -110,6 +125,8 @@ pub enum Notification {
         values: [i16; AXES],
         /// From the last byte read to the reply written.
         thinking: Duration,
+        /// An axis had to wait, because its word did not fit the window.
+        held: bool,
     },
     /// ALTER is over.
     End(End),
@@ -125,6 +142,10 @@ pub enum Notification {
     Stopped,
     /// The session's state after something happened.
     State(HostState),
+    /// What the safety latch is.
+    Latch(Latch),
+    /// The host has ended: nothing is answered any more.
+    Ended,
     /// A key of the gripper was pressed, and what became of it.
     Gripper(Exception, Result<(), SessionError>),
     /// What became of it at the robot.
@@ -162,7 +183,12 @@ pub enum Notification {
     Trace(PathBuf),
 }
 
-/// The running host. It ends when it is dropped.
+/// So many reports wait for whoever shows them; what comes then is dropped: the control loop waits for nobody.
+const NOTIFICATIONS: usize = 4096;
+/// A thread that does not end is left alone after this time: it may hang in a driver.
+const PATIENCE: Duration = Duration::from_millis(400);
+
+/// The running host. It ends when it is dropped, without coming to rest: [`Order::End`] does that.
 #[derive(Debug)]
 pub struct Teleop {
     orders: Sender<Order>,
@@ -170,6 +196,18 @@ pub struct Teleop {
     notification: Receiver<(Duration, Notification)>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
+}
+
+/// Gives the host orders, from any thread.
+#[derive(Debug, Clone)]
+pub struct Orders(Sender<Order>);
+
+impl Orders {
+    /// As [`Teleop::order`].
+    pub fn order(&self, order: Order) {
+        // A robot thread that is gone has reported why.
+        let _ = self.0.send(order);
+    }
 }
 
 /// The traces of the host's own ends of the lines.
@@ -190,7 +228,8 @@ impl Teleop {
     /// When a port cannot be opened, or the ball cannot be polled that fast.
     pub fn start(config: TeleopConfig, clock: Clock, traces: &Traces) -> Result<Self> {
         let (orders, orders_in) = channel();
-        let (notify, notification) = channel();
+        let (notify, notification) = sync_channel(NOTIFICATIONS);
+        let (ended_traces, traces_in) = channel::<(Trace, String)>();
         let (poses, poses_in) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let context = |trace: &Trace| Context {
@@ -198,6 +237,7 @@ impl Teleop {
             notify: notify.clone(),
             stop: Arc::clone(&stop),
             trace: trace.clone(),
+            ended_traces: ended_traces.clone(),
         };
         let (ball_probe, ball_probe_in) = channel();
         let (viewer_probe, viewer_probe_in) = channel();
@@ -208,8 +248,16 @@ impl Teleop {
             None => None,
         };
         let mut threads = vec![thread::spawn(|| robot.run()), thread::spawn(|| ball.run())];
+        // Not from the robot's thread, whose priority it would have.
+        let shown = notify.clone();
+        thread::spawn(move || write_traces(&traces_in, clock, &shown));
         threads.extend(viewer.map(|viewer| thread::spawn(|| viewer.run())));
         Ok(Self { orders, probes: vec![ball_probe, viewer_probe], notification, stop, threads })
+    }
+
+    /// For threads that give orders of their own: the operator's stop key waits for no screen.
+    pub fn orders(&self) -> Orders {
+        Orders(self.orders.clone())
     }
 
     /// Gives the robot thread an order. It is done within 20 ms, or before the next reply.
@@ -235,14 +283,27 @@ impl Teleop {
     pub fn wait(&self, timeout: Duration) -> Option<(Duration, Notification)> {
         self.notification.recv_timeout(timeout).ok()
     }
+
+    /// Whether a thread of the host has ended: after [`Order::End`], or because it has failed.
+    pub fn has_ended(&self) -> bool {
+        self.threads.iter().any(JoinHandle::is_finished)
+    }
+}
+
+impl Teleop {
+    /// Ends the threads, each with its trace.
+    pub fn end(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let end = Instant::now() + PATIENCE;
+        while self.threads.iter().any(|thread| !thread.is_finished()) && Instant::now() < end {
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
 }
 
 impl Drop for Teleop {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        for thread in self.threads.drain(..) {
-            let _ = thread.join();
-        }
+        self.end();
     }
 }
 
@@ -250,14 +311,15 @@ impl Drop for Teleop {
 #[derive(Clone)]
 struct Context {
     clock: Clock,
-    notify: Sender<(Duration, Notification)>,
+    notify: SyncSender<(Duration, Notification)>,
     stop: Arc<AtomicBool>,
     trace: Trace,
+    ended_traces: Sender<(Trace, String)>,
 }
 
 impl Context {
     fn notify(&self, notification: Notification) {
-        let _ = self.notify.send((self.clock.now(), notification));
+        let _ = self.notify.try_send((self.clock.now(), notification));
     }
 
     fn is_stopped(&self) -> bool {
@@ -270,23 +332,38 @@ impl Context {
     }
 
     /// The same, while the next session may begin already: a file system keeps nobody waiting.
-    fn end_trace_aside(&self, why: String) {
-        let (trace, notify, clock) = (self.trace.clone(), self.notify.clone(), self.clock);
-        thread::spawn(move || report_trace(&trace, &why, &notify, clock));
+    fn end_trace_aside(&self, why: &str) {
+        let _ = self.ended_traces.send((self.trace.clone(), why.into()));
     }
 }
 
-fn report_trace(trace: &Trace, why: &str, notify: &Sender<(Duration, Notification)>, clock: Clock) {
-    match trace.session_ended(why) {
-        Ok(Some(path)) => drop(notify.send((clock.now(), Notification::Trace(path)))),
-        Ok(None) => {}
-        Err(error) => drop(notify.send((clock.now(), Notification::PortLost("trace", format!("{error:#}"))))),
+fn write_traces(
+    ended: &Receiver<(Trace, String)>,
+    clock: Clock,
+    notify: &SyncSender<(Duration, Notification)>,
+) {
+    while let Ok((trace, why)) = ended.recv() {
+        report_trace(&trace, &why, notify, clock);
     }
+}
+
+fn report_trace(trace: &Trace, why: &str, notify: &SyncSender<(Duration, Notification)>, clock: Clock) {
+    let notification = match trace.session_ended(why) {
+        Ok(Some(path)) => Notification::Trace(path),
+        Ok(None) => return,
+        Err(error) => Notification::PortLost("trace", format!("{error:#}")),
+    };
+    let _ = notify.try_send((clock.now(), notification));
 }
 
 /// The session's defaults for a computer with an operating system: bytes that came together may be read far apart.
 pub fn host_config() -> HostConfig {
     HostConfig { gap: None, ..HostConfig::default() }
+}
+
+/// The polls of a ball that steers an arm: values are too old after 100 ms, one lost packet later.
+pub fn polls(baud: u32) -> isra_ball::HostConfig {
+    isra_ball::HostConfig { baud, max_age: Duration::from_millis(100), ..isra_ball::HostConfig::default() }
 }
 
 /// Why ALTER is over without an end message, in words.

@@ -1,6 +1,8 @@
-//! A serial port that may go away and come back.
+//! A serial port that may go away and come back. Nobody waits for it: a thread of its own closes and opens it.
 
+use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
@@ -16,14 +18,21 @@ use crate::io::trace::Way;
 const REOPEN: Duration = Duration::from_millis(200);
 /// A wait that has run out still takes what is there.
 const LEAST_WAIT: Duration = Duration::from_micros(50);
+/// What waits for the trace: more is not kept there either.
+const UNTRACED: usize = 256;
+
+type Opened = Box<dyn SerialPort>;
 
 pub(super) struct Port {
     name: &'static str,
     config: PortConfig,
     context: Context,
-    open: Option<Box<dyn SerialPort>>,
-    /// What goes to the trace when there is time for its lock.
-    untraced: Vec<(Duration, Way, Vec<u8>)>,
+    open: Option<Opened>,
+    /// Takes a port that is gone, to close it and to open it again: a driver may take its time for both.
+    lost: Sender<Opened>,
+    opened: Receiver<Opened>,
+    /// What goes to the trace when its lock is free.
+    untraced: VecDeque<(Duration, Way, Vec<u8>)>,
     /// When bytes were read last.
     pub(super) read_at: Duration,
     /// When bytes were written last.
@@ -35,9 +44,21 @@ impl Port {
     pub(super) fn open(name: &'static str, config: &PortConfig, context: &Context) -> Result<Self> {
         let port = serial::open(&config.path, config.baud)?;
         context.notify(Notification::PortOpen(name, config.path.clone()));
-        let (read_at, written_at) = (Duration::ZERO, Duration::ZERO);
-        let (config, context) = (config.clone(), context.clone());
-        Ok(Self { name, config, context, open: Some(port), untraced: Vec::new(), read_at, written_at })
+        let (lost, to_open) = channel();
+        let (ready, opened) = channel();
+        let (again, stop) = (config.clone(), context.clone());
+        thread::spawn(move || reopen(&again, &stop, &to_open, &ready));
+        Ok(Self {
+            name,
+            config: config.clone(),
+            context: context.clone(),
+            open: Some(port),
+            lost,
+            opened,
+            untraced: VecDeque::new(),
+            read_at: Duration::ZERO,
+            written_at: Duration::ZERO,
+        })
     }
 
     /// Reports to a session that the port was opened or is gone; `is_connected` is what it knows.
@@ -50,11 +71,13 @@ impl Port {
         if *is_connected { session.handle_connected(now) } else { session.handle_disconnected(now) }
     }
 
-    /// Waits for bytes, and takes all that there are; none when none came in that time. A port that is gone is opened again
-    /// meanwhile.
+    /// Waits for bytes, and takes all that there are; none when none came in that time, or when the port has gone meanwhile.
     pub(super) fn read(&mut self, wait: Duration, buffer: &mut [u8]) -> usize {
         let Some(port) = &mut self.open else {
-            self.reopen();
+            if let Ok(port) = self.opened.recv_timeout(wait) {
+                self.open = Some(port);
+                self.context.notify(Notification::PortOpen(self.name, self.config.path.clone()));
+            }
             return 0;
         };
         let (mut length, mut wait) = (0, wait.max(LEAST_WAIT));
@@ -75,8 +98,7 @@ impl Port {
         }
         if length > 0 {
             self.read_at = self.context.clock.now();
-            let bytes = buffer.get(..length).unwrap_or_default();
-            self.untraced.push((self.read_at, Way::Received, bytes.to_vec()));
+            self.keep(self.read_at, Way::Received, buffer.get(..length).unwrap_or_default());
         }
         length
     }
@@ -94,12 +116,22 @@ impl Port {
             return false;
         }
         self.written_at = self.context.clock.now();
-        self.untraced.push((self.written_at, Way::Sent, bytes.to_vec()));
+        self.keep(self.written_at, Way::Sent, bytes);
         true
     }
 
-    /// Passes on to the trace what was read and written. The screen may hold its lock: not before a reply.
+    /// Passes on to the trace what was read and written, unless the screen or the disk has it: then next time.
     pub(super) fn trace(&mut self) {
+        while let Some((at, way, bytes)) = self.untraced.front() {
+            if !self.context.trace.try_add(*at, *way, bytes) {
+                return;
+            }
+            self.untraced.pop_front();
+        }
+    }
+
+    /// Passes on the rest, when there is nothing else to do.
+    pub(super) fn trace_all(&mut self) {
         for (at, way, bytes) in self.untraced.drain(..) {
             self.context.trace.add(at, way, &bytes);
         }
@@ -121,16 +153,36 @@ impl Port {
         }
     }
 
-    fn lose(&mut self, error: &io::Error) {
-        self.open = None;
-        self.context.notify(Notification::PortLost(self.name, error.to_string()));
+    fn keep(&mut self, at: Duration, way: Way, bytes: &[u8]) {
+        if self.untraced.len() == UNTRACED {
+            self.untraced.pop_front();
+        }
+        self.untraced.push_back((at, way, bytes.to_vec()));
     }
 
-    fn reopen(&mut self) {
-        thread::sleep(REOPEN);
-        if let Ok(port) = serial::open(&self.config.path, self.config.baud) {
-            self.open = Some(port);
-            self.context.notify(Notification::PortOpen(self.name, self.config.path.clone()));
+    fn lose(&mut self, error: &io::Error) {
+        if let Some(port) = self.open.take() {
+            // The thread ends only with this.
+            let _ = self.lost.send(port);
+        }
+        self.context.notify(Notification::PortLost(self.name, error.to_string()));
+    }
+}
+
+/// Closes each port that is gone, and opens it again as soon as that is possible.
+fn reopen(config: &PortConfig, context: &Context, lost: &Receiver<Opened>, opened: &Sender<Opened>) {
+    while let Ok(port) = lost.recv() {
+        drop(port);
+        loop {
+            thread::sleep(REOPEN);
+            if context.is_stopped() {
+                return;
+            }
+            let Ok(port) = serial::open(&config.path, config.baud) else { continue };
+            if opened.send(port).is_err() {
+                return;
+            }
+            break;
         }
     }
 }

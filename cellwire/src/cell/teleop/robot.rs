@@ -6,13 +6,15 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use isra_ball::Packet;
 use robot_session::{Decoder as _, Driver, Session as _};
-use val2_alter::{AXES, Decoder, Framing, Host, HostEvent, HostState, RobotMessage, Transform};
+use val2_alter::{AXES, Decoder, Host, HostEvent, HostState, MotionPhase, RobotMessage, Transform};
 
 use super::gripper::GripperKeys;
+use super::input::Sample;
+use super::latch::{Latch, LatchConfig, LatchInput};
 use super::port::Port;
-use super::{Context, Mapping, Notification, Order, TeleopConfig};
+use super::profile::Profile;
+use super::{Context, Notification, Order, TeleopConfig};
 use crate::io::priority::{self, Rank};
 
 /// Orders are looked at this often while the robot is silent.
@@ -24,11 +26,12 @@ pub(super) struct Robot {
     context: Context,
     driver: Driver<Port>,
     host: Host,
-    mapping: Mapping,
+    profile: Profile,
     gripper: GripperKeys,
-    packet: Option<Packet>,
-    /// Until when the packet's values may be used: the ball's thread may be late itself.
-    packet_until: Duration,
+    latch: Latch,
+    latch_config: LatchConfig,
+    /// What the hand asked for last: used while the latch is armed.
+    hand: Option<Sample>,
     orders: Receiver<Order>,
     poses: Sender<Transform>,
     /// To be reported after the reply has left.
@@ -47,26 +50,29 @@ impl Robot {
             driver: Driver::new(Port::open("robot", &config.robot, &context)?),
             context,
             host: Host::new(config.alter)?,
-            mapping: config.mapping,
+            profile: config.profile,
             gripper: GripperKeys::default(),
-            packet: None,
-            packet_until: Duration::ZERO,
+            latch: Latch::NEW,
+            latch_config: config.latch,
+            hand: None,
             orders,
             poses,
             later: Vec::with_capacity(32),
-            state: HostState::Idle,
+            state: HostState::Disconnected,
         })
     }
 
     pub(super) fn run(mut self) {
         self.context.notify(Notification::Priority(priority::raise(Rank::Reply)));
-        while !self.context.is_stopped() {
+        while !self.context.is_stopped() && self.latch != Latch::Ended {
             self.obey();
             self.follow_port();
             self.reply();
             self.driver.transport().trace();
             self.notify_later();
         }
+        self.context.notify(Notification::Ended);
+        self.driver.transport().trace_all();
         self.context.end_trace("the host ends");
     }
 
@@ -77,24 +83,34 @@ impl Robot {
             (true, HostState::Disconnected) => self.host.handle_connected(now),
             (false, HostState::Disconnected) => {}
             (true, _) => {}
-            (false, _) => self.host.handle_disconnected(now),
+            (false, _) => {
+                self.host.handle_disconnected(now);
+                self.latch_on(LatchInput::Over);
+            }
         }
     }
 
     fn obey(&mut self) {
-        let now = self.context.clock.now();
         while let Ok(order) = self.orders.try_recv() {
+            let now = self.context.clock.now();
             match order {
-                Order::Ball(packet, until) => {
-                    if let Some(exception) = self.gripper.keys(packet.keys.0) {
-                        let outcome = self.host.exception(now, exception);
-                        self.later.push(Notification::Gripper(exception, outcome));
-                    }
-                    (self.packet, self.packet_until) = (Some(packet), until);
+                Order::Hand(sample) => self.take(now, sample),
+                Order::HandOld => self.latch_on(LatchInput::OldValues),
+                Order::HandLost => self.latch_on(LatchInput::InputLost),
+                Order::Confirm => self.latch_on(LatchInput::Confirm),
+                Order::Profile(profile) => {
+                    self.profile = *profile;
+                    self.latch_on(LatchInput::Profile);
                 }
-                Order::BallStale => self.packet = None,
                 Order::Policy(policy) => self.host.set_policy(now, policy),
-                Order::Stop => self.host.stop(now),
+                Order::Stop => {
+                    self.host.stop(now);
+                    self.latch_on(LatchInput::Stop);
+                }
+                Order::End => {
+                    self.host.stop(now);
+                    self.latch_on(LatchInput::End);
+                }
                 Order::GripperKeys(on) => {
                     self.gripper.set_enabled(on);
                     self.host.set_subroutine(now, on);
@@ -103,51 +119,98 @@ impl Robot {
                 Order::Stall(time) => thread::sleep(time),
             }
         }
-        self.packet = self.packet.filter(|_| self.context.clock.now() < self.packet_until);
+        self.latch_on(LatchInput::Timer);
+    }
+
+    fn take(&mut self, now: Duration, sample: Sample) {
+        if let Some(exception) = self.gripper.keys(sample.buttons) {
+            let outcome = self.host.exception(now, exception);
+            self.later.push(Notification::Gripper(exception, outcome));
+        }
+        self.hand = Some(sample);
+        self.latch_on(LatchInput::Hand {
+            rests: self.profile.rests(&sample),
+            holds: self.profile.holds(&sample),
+            fresh_until: sample.fresh_until,
+        });
+    }
+
+    fn latch_on(&mut self, input: LatchInput) {
+        let (now, before) = (self.context.clock.now(), self.latch);
+        self.latch.on(now, input, &self.latch_config);
+        if before.name() != self.latch.name() || before.cause() != self.latch.cause() {
+            self.later.push(Notification::Latch(self.latch));
+        }
     }
 
     /// Replies if the session is to, and then waits for the next message.
     fn reply(&mut self) {
         let mode = self.host.config().mode;
         let now = self.context.clock.now();
-        // Without new values from the ball the arm comes to rest.
-        let demand = self.packet.map(|packet| self.mapping.target(&packet, mode));
+        let demand =
+            self.hand.filter(|_| self.latch.is_armed(now)).map(|hand| self.profile.target(&hand, mode));
+        // Without a hand the arm comes to rest.
         match demand {
             Some(demand) => self.host.set_target(now, demand),
             None => self.host.clear_target(now),
         }
-        let (read_at, replies) = (self.driver.transport().read_at, self.host.statistics().replies);
+        let (read_at, before) = (self.driver.transport().read_at, self.host.statistics());
         self.turn(Duration::ZERO);
-        if self.host.statistics().replies > replies {
+        let after = self.host.statistics();
+        if after.replies > before.replies {
             let thinking = self.driver.transport().written_at.saturating_sub(read_at);
             let (demand, values) = (demand.unwrap_or([0; AXES]), self.host.values());
-            self.later.push(Notification::Reply { demand, values, thinking });
+            let held = after.held > before.held;
+            self.later.push(Notification::Reply { demand, values, thinking, held });
             self.notify_later();
         }
         if self.driver.transport().read_at == read_at {
-            self.turn(IDLE);
+            let deadline = self.latch.deadline().map_or(IDLE, |at| at.saturating_sub(now));
+            self.turn(IDLE.min(deadline));
         }
     }
 
     /// One turn; its events are reported when the reply has left.
     fn turn(&mut self, wait: Duration) {
         let Self { driver, host, later, .. } = self;
-        let turn = driver.turn(host, Some(wait), |_, event| {
+        // Four inputs at most: what comes in one turn is a message, and what it has ended.
+        let mut inputs = Vec::with_capacity(4);
+        let turn = driver.turn(host, Some(wait), |host, event| {
             later.push(match event {
-                HostEvent::Start(start) => Notification::Start(start),
-                HostEvent::Motion(motion) => Notification::Motion(motion),
-                HostEvent::End(end) => Notification::End(end),
+                HostEvent::Start(start) => {
+                    inputs.push(LatchInput::Over);
+                    Notification::Start(start)
+                }
+                HostEvent::Motion(motion) => {
+                    inputs.extend(match (host.state(), motion.phase) {
+                        (HostState::Running, MotionPhase::Running) => Some(LatchInput::Running),
+                        (HostState::Interrupted, _) => Some(LatchInput::Interrupted),
+                        _ => None,
+                    });
+                    Notification::Motion(motion)
+                }
+                HostEvent::End(end) => {
+                    inputs.push(LatchInput::Over);
+                    Notification::End(end)
+                }
                 HostEvent::Corrupt(error) => Notification::Corrupt(error),
                 HostEvent::Missed => Notification::Missed,
                 HostEvent::Rejected(code) => Notification::Rejected(code),
-                HostEvent::Stopped => Notification::Stopped,
+                HostEvent::Stopped => {
+                    inputs.push(LatchInput::Silent);
+                    Notification::Stopped
+                }
                 HostEvent::Exception(exception, outcome) => Notification::GripperOutcome(exception, outcome),
-                HostEvent::Lost(reason) => Notification::Lost(reason),
+                HostEvent::Lost(reason) => {
+                    inputs.push(LatchInput::Over);
+                    Notification::Lost(reason)
+                }
                 _ => return ControlFlow::<()>::Continue(()),
             });
             ControlFlow::Continue(())
         });
         debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
+        inputs.into_iter().for_each(|input| self.latch_on(input));
     }
 
     fn notify_later(&mut self) {
@@ -172,7 +235,7 @@ impl Robot {
             self.context.notify(Notification::State(self.state));
         }
         if let Some(why) = ended {
-            self.context.end_trace_aside(why);
+            self.context.end_trace_aside(&why);
         }
     }
 
@@ -183,7 +246,7 @@ impl Robot {
         }
         for baud in [9600, 19_200, 38_400] {
             let Some(received) = self.driver.transport().listen(baud, &[], LISTEN) else { continue };
-            let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
+            let mut decoder = Decoder::<RobotMessage>::new(self.host.config().framing);
             let (mut good, mut corrupt) = (0, 0);
             let mut rest = received.as_slice();
             while !rest.is_empty() {

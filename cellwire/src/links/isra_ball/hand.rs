@@ -17,7 +17,7 @@ pub struct Grip {
 }
 
 /// After this time the hand begins again.
-pub const PERIOD: Duration = Duration::from_secs(6);
+pub const PERIOD: Duration = Duration::from_secs(7);
 
 /// The hand leans on the ball and lets go suddenly, presses the keys of the gripper, twists and turns back at once, and rests.
 pub fn grip(now: Duration) -> Grip {
@@ -26,24 +26,24 @@ pub fn grip(now: Duration) -> Grip {
     let mut keys = Keys::NONE;
     match t {
         // Leans on the ball along X, swaying in Y, and lets go all at once.
-        0.2..1.2 => {
-            axes[0] = 110.0 * swell((t - 0.2) / 0.6);
-            axes[1] = 40.0 * (4.0 * PI * (t - 0.2)).sin();
+        0.8..1.8 => {
+            axes[0] = 110.0 * swell((t - 0.8) / 0.6);
+            axes[1] = 40.0 * (4.0 * PI * (t - 0.8)).sin();
         }
         // Closes the gripper.
-        1.4..1.55 => keys = keys.with(1),
+        2.2..2.35 => keys = keys.with(1),
         // Twists about Z and lifts a little, turns back at once, lets go.
-        1.8..2.3 => {
-            axes[2] = 30.0 * swell((t - 1.8) / 0.3);
-            axes[5] = -90.0 * swell((t - 1.8) / 0.2);
+        2.9..3.4 => {
+            axes[2] = 30.0 * swell((t - 2.9) / 0.3);
+            axes[5] = -90.0 * swell((t - 2.9) / 0.2);
         }
-        2.3..2.7 => axes[5] = 90.0,
+        3.4..3.8 => axes[5] = 90.0,
         // Knocks the ball against its stops in every axis, and lets go all at once.
-        3.2..4.0 => axes = [127.0, -128.0, 90.0, -100.0, 60.0, 127.0],
-        // Opens the gripper while it pushes.
-        4.4..5.4 => {
-            axes[1] = -80.0 * swell((t - 4.4) / 0.4);
-            if (4.8..4.95).contains(&t) {
+        4.2..5.0 => axes = [127.0, -128.0, 90.0, -100.0, 60.0, 127.0],
+        // Opens the gripper while it pushes: the interruption disarms, and the rest of the push moves nothing.
+        5.4..6.4 => {
+            axes[1] = -80.0 * swell((t - 5.4) / 0.4);
+            if (5.8..5.95).contains(&t) {
                 keys = keys.with(2);
             }
         }

@@ -1,0 +1,135 @@
+use val2_alter::{End, ErrorCode, List};
+
+use ratatui::crossterm::event::KeyModifiers;
+
+use super::*;
+use crate::io::trace::TraceArgs;
+
+const MS: Duration = Duration::from_millis(1);
+
+pub(crate) fn model() -> Model {
+    let port = |path: &str, baud| PortConfig { path: path.into(), baud };
+    let trace = |name| TraceArgs::off().start_kept(name);
+    let ports = Ports { robot: port("/dev/r", 38_400), ball: port("/dev/b", 9600), viewer: None };
+    let traces = Traces { robot: trace("r"), ball: trace("b"), viewer: trace("v") };
+    Model::new(ports, traces, false, Mode::CUMULATIVE_23)
+}
+
+fn press(model: &mut Model, code: KeyCode) -> Option<Command> {
+    model.key(KeyEvent::new(code, KeyModifiers::NONE), MS)
+}
+
+fn last(model: &Model) -> &str {
+    model.messages.back().map_or("", |(_, text)| text)
+}
+
+#[test]
+fn a_answers_v_refuses_and_q_ends() {
+    let mut model = model();
+    let order = |order| Some(Command::Order(order));
+    assert_eq!(press(&mut model, KeyCode::Char('a')), order(Order::Policy(Policy::Accept)));
+    assert_eq!(press(&mut model, KeyCode::Char('V')), order(Order::Policy(Policy::Refuse)));
+    assert_eq!(model.policy, Policy::Refuse);
+    assert_eq!(press(&mut model, KeyCode::Enter), order(Order::Confirm));
+    assert_eq!(press(&mut model, KeyCode::Char('q')), order(Order::End));
+    assert!(!model.has_ended());
+    model.take(2 * MS, Notification::Ended);
+    assert!(model.has_ended());
+}
+
+/// The order itself is given by the thread that reads the keys.
+#[test]
+fn a_stop_leaves_every_view_and_answers_no_start_any_more() {
+    for view in [View::Main, View::Options, View::Debug(1)] {
+        for key in [KeyCode::Esc, KeyCode::Char(' ')] {
+            let mut model = model();
+            press(&mut model, KeyCode::Char('a'));
+            model.view = view;
+            assert_eq!(press(&mut model, key), None);
+            assert_eq!((model.view, model.policy), (View::Main, Policy::Ignore));
+            assert_eq!(last(&model), "STOP: coming to rest; A answers the robot again");
+        }
+    }
+}
+
+#[test]
+fn a_start_in_another_mode_names_both() {
+    let mut model = model();
+    press(&mut model, KeyCode::Char('a'));
+    model.take(MS, Notification::Start(Start::new(Mode(22), List::EMPTY)));
+    assert_eq!(last(&model), "start refused: the robot has mode 22, expected 23: --mode");
+    assert_eq!(model.refused, Some(Mode(22)));
+    model.take(MS, Notification::Start(Start::new(Mode(23), List::EMPTY)));
+    assert_eq!((last(&model), model.refused), ("start, mode 23: accepted", None));
+}
+
+#[test]
+fn a_position_is_old_when_the_next_message_is_missing() {
+    let mut model = model();
+    model.pass_time(9000 * MS);
+    assert_eq!(model.position_age(), None, "there is none");
+    let motion = Motion {
+        phase: val2_alter::MotionPhase::Running,
+        error: ErrorCode::None,
+        segment_status: val2_alter::SegmentStatus::Normal,
+        segment: 1,
+        percent: 0,
+        transform: None,
+    };
+    model.take(9000 * MS, Notification::Motion(motion));
+    model.pass_time(9042 * MS);
+    assert_eq!(model.position_age(), None);
+    model.pass_time(9043 * MS);
+    assert_eq!(model.position_age(), Some(43 * MS));
+}
+
+#[test]
+fn ports_are_tested_only_without_alter() {
+    let mut model = model();
+    assert_eq!(press(&mut model, KeyCode::Char('t')), Some(Command::Probe));
+    model.take(MS, Notification::State(HostState::Running));
+    assert_eq!(press(&mut model, KeyCode::Char('t')), None);
+    assert_eq!(last(&model), "port test: not while ALTER runs");
+}
+
+#[test]
+fn the_ball_test_counts_for_three_seconds() {
+    let mut model = model();
+    model.take(MS, Notification::BallMissed);
+    press(&mut model, KeyCode::Char('k'));
+    model.take(MS, Notification::BallMissed);
+    model.pass_time(3000 * MS);
+    assert_eq!(last(&model), "ball test: 3 s");
+    model.pass_time(3001 * MS);
+    assert_eq!(last(&model), "ball: 0 packets, 1 missed, 0 corrupt");
+    press(&mut model, KeyCode::Char('w'));
+    assert_eq!(last(&model), "workstation test: there is none; use --viewer PORT");
+}
+
+#[test]
+fn the_options_do_what_the_source_lists() {
+    let mut model = model();
+    let mut option = |digit| {
+        press(&mut model, KeyCode::Char('o'));
+        let command = press(&mut model, KeyCode::Char(digit));
+        (command, model.view, last(&model).to_owned())
+    };
+    assert_eq!(option('1'), (None, View::Main, "ball: /dev/b at 9600 baud".into()));
+    assert!(option('2').2.starts_with("ball type ISRA"));
+    assert_eq!(option('4').2, "0 pictures, own thread; replies p99 0.00 ms");
+    let on = "clamp on: the program must name a subroutine";
+    assert_eq!(option('5'), (Some(Command::Order(Order::GripperKeys(true))), View::Main, on.into()));
+    assert_eq!(option('5').0, Some(Command::Order(Order::GripperKeys(false))));
+    assert_eq!(option('3').1, View::Debug(0));
+    press(&mut model, KeyCode::Tab);
+    assert_eq!(model.view, View::Debug(1));
+    assert_eq!((press(&mut model, KeyCode::Char('m')), model.view), (None, View::Main));
+}
+
+#[test]
+fn the_end_of_alter_is_reported() {
+    let mut model = model();
+    model.take(MS, Notification::End(End { error: ErrorCode::Timeout }));
+    assert_eq!(last(&model), "the robot ended ALTER: timeout");
+    assert_eq!(model.control, ("ended", 0xE6, "timeout"));
+}

@@ -1,0 +1,170 @@
+//! What the hand's values mean for the robot.
+
+use val2_alter::{AXES, Accumulation, Limits, Mode, Scale};
+
+use super::filter::Filter;
+use super::input::{FULL, Sample};
+
+/// What the hand's values ask of the robot. Signs and units of both ends are open in the source, so try it slowly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Profile {
+    /// The ball's TRA, ROT and DOM keys, in software.
+    pub filter: Filter,
+    /// Values up to this count as none, in percent of the full deflection: 0 to 50. The springs never stand quite still.
+    pub dead_zone: u8,
+    /// The speed that full deflection asks for, in percent of the limits. Above 100 the limits cut it.
+    pub speed: u16,
+    /// The same for each axis of the robot, in percent of `speed`: -200 to 200. A negative one turns the axis round.
+    pub gain: [i16; AXES],
+    /// Which axis of the input each axis of the robot follows.
+    pub axes: [Source; AXES],
+    /// Non-cumulative ALTER: how far off the path full deflection asks for, in mm.
+    pub reach_mm: u16,
+    /// The same in degrees.
+    pub reach_degrees: u16,
+    /// The button to be held, where the arm moves only while it is: 1 to 32.
+    pub hold_key: u8,
+    /// What each axis may do in a cycle.
+    pub limits: Limits,
+}
+
+/// An axis of the input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Source {
+    /// X, Y, Z, RX, RY, RZ as 0 to 5; `None`: the robot's axis stays where it is.
+    pub axis: Option<u8>,
+    /// The other way round.
+    pub is_inverted: bool,
+}
+
+impl Source {
+    /// The names of the axes.
+    pub const NAMES: [&'static str; AXES] = ["x", "y", "z", "rx", "ry", "rz"];
+
+    const fn same(axis: u8) -> Self {
+        Self { axis: Some(axis), is_inverted: false }
+    }
+}
+
+impl Profile {
+    /// Full deflection asks for `speed` percent of the highest velocity; or for 50 mm and 10° off the path.
+    pub const fn for_limits(limits: Limits, speed: u16) -> Self {
+        Self {
+            filter: Filter::NONE,
+            dead_zone: 4,
+            speed,
+            gain: [100; AXES],
+            axes: [
+                Source::same(0),
+                Source::same(1),
+                Source::same(2),
+                Source::same(3),
+                Source::same(4),
+                Source::same(5),
+            ],
+            reach_mm: 50,
+            reach_degrees: 10,
+            hold_key: 8,
+            limits,
+        }
+    }
+
+    /// Whether no axis is beyond the dead zone, passed by the filter or not.
+    pub fn rests(&self, sample: &Sample) -> bool {
+        sample.axes.iter().all(|value| self.without_play(*value) == 0)
+    }
+
+    /// Whether the button to be held is down.
+    pub fn holds(&self, sample: &Sample) -> bool {
+        let bit = self.hold_key.saturating_sub(1).into();
+        sample.buttons.checked_shr(bit).is_some_and(|buttons| buttons & 1 != 0)
+    }
+
+    /// What a sample asks for, in units of ALTER's words.
+    pub fn target(&self, sample: &Sample, mode: Mode) -> [i16; AXES] {
+        let passed = self.filter.apply(sample.axes.map(|value| self.without_play(value)));
+        let full = self.full(mode.accumulation());
+        let mut target = [0; AXES];
+        for (((target, source), gain), full) in target.iter_mut().zip(self.axes).zip(self.gain).zip(full) {
+            let value = source.axis.and_then(|axis| passed.get(usize::from(axis))).copied().unwrap_or(0);
+            let value = i64::from(value) * if source.is_inverted { -1 } else { 1 };
+            let words = value * full * i64::from(gain) / (i64::from(FULL) * 100);
+            *target = i16::try_from(words).unwrap_or(if words < 0 { i16::MIN } else { i16::MAX });
+        }
+        target
+    }
+
+    /// What full deflection asks for.
+    fn full(&self, accumulation: Accumulation) -> [i64; AXES] {
+        match accumulation {
+            Accumulation::Cumulative => {
+                self.limits.velocity.map(|most| i64::from(most) * i64::from(self.speed) / 100)
+            }
+            Accumulation::NonCumulative => {
+                let mm = Scale::PUMA_562.translation_saturating(self.reach_mm.into()).into();
+                let degrees = Scale::PUMA_562.rotation_saturating(self.reach_degrees.into()).into();
+                [mm, mm, mm, degrees, degrees, degrees]
+            }
+        }
+    }
+
+    fn without_play(&self, value: i16) -> i16 {
+        let play = u16::from(self.dead_zone) * FULL.unsigned_abs() / 100;
+        if value.unsigned_abs() <= play { 0 } else { value }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::cell::teleop::filter::Axes;
+
+    const MODE: Mode = Mode::CUMULATIVE_23;
+
+    fn sample(axes: [i16; 6]) -> Sample {
+        Sample { axes, buttons: 0, fresh_until: Duration::MAX }
+    }
+
+    #[test]
+    fn full_deflection_asks_for_the_full_amount_and_trembling_for_nothing() {
+        let profile = Profile { dead_zone: 3, ..Profile::for_limits(Limits::GENTLE, 150) };
+        let pushed = sample([1000, -1000, 30, -30, 500, -1000]);
+        assert_eq!(profile.target(&pushed, MODE), [135, -135, 0, 0, 112, -225]);
+        let off_path = profile.target(&pushed, Mode::NON_CUMULATIVE_22);
+        assert_eq!(off_path, [1600, -1600, 0, 0, 910, -1820]);
+        assert!(profile.rests(&sample([30, -30, 0, 0, 0, 30])));
+        assert!(!profile.rests(&sample([31, 0, 0, 0, 0, 0])));
+    }
+
+    #[test]
+    fn axes_are_exchanged_turned_round_weighed_and_left_out() {
+        let mut profile = Profile::for_limits(Limits::GENTLE, 100);
+        profile.axes = [
+            Source { axis: Some(1), is_inverted: false },
+            Source { axis: Some(0), is_inverted: true },
+            Source { axis: None, is_inverted: false },
+            Source::same(3),
+            Source::same(3),
+            Source::same(5),
+        ];
+        profile.gain = [100, 100, 100, 50, -200, 100];
+        let pushed = sample([1000, 500, 1000, 1000, 1000, 0]);
+        assert_eq!(profile.target(&pushed, MODE), [45, -90, 0, 75, -300, 0]);
+        // A filter lets fewer axes pass; that the others are pushed is no rest all the same.
+        profile.filter = Filter { axes: Axes::Rotation, dominant: false };
+        assert_eq!(profile.target(&pushed, MODE), [0, 0, 0, 75, -300, 0]);
+        assert!(!profile.rests(&sample([1000, 0, 0, 0, 0, 0])));
+    }
+
+    #[test]
+    fn the_button_to_be_held_is_one_of_32() {
+        let held = |hold_key, buttons| {
+            let profile = Profile { hold_key, ..Profile::for_limits(Limits::GENTLE, 100) };
+            profile.holds(&Sample { buttons, ..sample([0; 6]) })
+        };
+        assert_eq!([held(1, 1), held(8, 0x80), held(32, 1 << 31)], [true; 3]);
+        assert_eq!([held(1, 2), held(8, 0x7F), held(33, u32::MAX)], [false; 3]);
+    }
+}

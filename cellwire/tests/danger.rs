@@ -1,0 +1,269 @@
+//! The dangers of the operator's cell, each against the real program over real pseudo-terminals, measured in the cycles of a
+//! controller that shares no code with it. The exact bounds are those of the latch, by its own clock (`teleop/latch_tests.rs`);
+//! here a busy machine may add a cycle or two.
+#![cfg(target_os = "linux")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::std_instead_of_core
+)]
+
+#[path = "danger/ball.rs"]
+mod ball;
+#[path = "danger/controller.rs"]
+mod controller;
+#[path = "danger/pty.rs"]
+mod pty;
+#[path = "danger/rig.rs"]
+mod rig;
+
+use std::time::Duration;
+
+use controller::Cycle;
+use rig::{Rig, Stopped, greatest_step, x};
+
+/// Moving so fast, of 90 units a cycle, an arm is stopped.
+const FAST: i16 = 72;
+/// From full speed to rest within the limits: 90 units by 8 a cycle.
+const RAMP: usize = 12;
+const LIMIT: u16 = 8;
+
+fn assert_stopped(stopped: Stopped, first: usize) {
+    assert!(stopped.first <= first, "{stopped:?}: the first smaller value within {first} cycles");
+    assert!(stopped.zero <= first + RAMP + 2, "{stopped:?}: at rest within {} cycles", first + RAMP + 2);
+    assert!(stopped.step <= LIMIT, "{stopped:?}: no step above {LIMIT}");
+}
+
+/// Nothing moved since `since`, in so many cycles; the hand that lets go and rests moves it again.
+fn assert_still_until_rest(rig: &Rig, since: usize, cycles: usize) {
+    rig.controller.pass(cycles);
+    let log = rig.controller.log();
+    assert!(log[since..].iter().all(|cycle| x(cycle).unwrap_or(0) == 0), "{:?}", &log[since..]);
+    let replies = log[since..].iter().filter(|cycle| x(cycle).is_some()).count();
+    assert!(replies > cycles / 2, "ALTER runs: {:?}", &log[since..]);
+    rig.ball.push(0);
+    rig.controller.pass(25);
+    rig.push_until(8);
+}
+
+fn old_data() -> Stopped {
+    let rig = Rig::moving(23, &[], FAST);
+    rig.ball.stick();
+    let stopped = rig.stopped(rig.controller.now());
+    rig.terminal.wait_for("the input sends no new values");
+    stopped
+}
+
+#[test]
+fn a_ball_that_repeats_old_data_with_a_push_stops_the_arm() {
+    // 100 ms.
+    assert_stopped(old_data(), 5);
+}
+
+fn ball_gone() -> (Rig, Stopped) {
+    let rig = Rig::moving(23, &[], FAST);
+    rig.ball.pull();
+    let stopped = rig.stopped(rig.controller.now());
+    (rig, stopped)
+}
+
+#[test]
+fn a_ball_that_is_gone_stops_the_arm_and_one_that_comes_back_pushed_moves_nothing() {
+    let (rig, stopped) = ball_gone();
+    // 150 ms.
+    assert_stopped(stopped, 5);
+    rig.terminal.wait_for("INPUT LOST");
+    let since = rig.controller.now();
+    rig.ball.plug();
+    assert_still_until_rest(&rig, since, 40);
+}
+
+/// Comes to rest, ends ALTER with silence, writes its trace and gives the terminal back.
+fn assert_ends(mut rig: Rig, cause: usize, code: Option<i32>, has_terminal: bool) -> Stopped {
+    let stopped = rig.stopped(cause);
+    let (status, _) = rig.wait_for_exit();
+    let ended = rig.controller.wait("the end of ALTER", cause, |cycle| *cycle == Cycle::Ended);
+    assert_eq!(status.code(), code, "{}", rig.terminal.text());
+    // "Exit within 2 s", by the controller's clock.
+    assert!(ended - cause <= 71, "ALTER ended {} cycles later", ended - cause);
+    assert_eq!(rig.traces().len(), 2, "{:?}", rig.traces());
+    if has_terminal {
+        rig.terminal.assert_restored();
+    }
+    stopped
+}
+
+fn signal(name: &str) -> Stopped {
+    let rig = Rig::moving(23, &[], FAST);
+    let cause = rig.controller.now();
+    rig.signal(name);
+    assert_ends(rig, cause, Some(130), true)
+}
+
+#[test]
+fn signals_come_to_rest_first() {
+    for name in ["-TERM", "-INT", "-HUP"] {
+        assert_stopped(signal(name), 3);
+    }
+}
+
+#[test]
+fn a_second_signal_ends_at_once() {
+    let mut rig = Rig::moving(23, &[], FAST);
+    rig.signal("-TERM");
+    // Two that come together are one to the system.
+    std::thread::sleep(Duration::from_millis(50));
+    rig.signal("-TERM");
+    let (status, took) = rig.wait_for_exit();
+    assert_eq!(status.code(), Some(130));
+    assert!(took < Duration::from_secs(1), "{took:?}");
+    rig.terminal.assert_restored();
+}
+
+fn terminal_closed() -> Stopped {
+    let rig = Rig::moving(23, &[], FAST);
+    let cause = rig.controller.now();
+    rig.terminal.close();
+    assert_ends(rig, cause, Some(130), false)
+}
+
+#[test]
+fn a_terminal_that_is_closed_ends_it_properly() {
+    assert_stopped(terminal_closed(), 4);
+}
+
+/// The keys before, the key that stops, and whether the program ends by it.
+const STOPS: [(&[u8], &[u8], bool); 6] = [
+    (b"o", b"\x1b", false),
+    (b"o3", b"\x1b", false),
+    (b"o", b" ", false),
+    (b"o3\t", b" ", false),
+    (b"o3", b"\x03", true),
+    (b"", b"q", true),
+];
+
+fn stop_key(view: &[u8], key: &[u8], ends: bool) -> Stopped {
+    let rig = Rig::moving(23, &[], FAST);
+    if !view.is_empty() {
+        rig.terminal.press(view);
+        rig.terminal.wait_for("(M)ain");
+    }
+    let cause = rig.controller.now();
+    rig.terminal.press(key);
+    if ends {
+        return assert_ends(rig, cause, Some(0), true);
+    }
+    let stopped = rig.stopped(cause);
+    rig.terminal.wait_for("STOPPED");
+    rig.controller.wait("the end of ALTER", cause, |cycle| *cycle == Cycle::Ended);
+    stopped
+}
+
+#[test]
+fn the_stop_key_works_in_every_view() {
+    for (view, key, ends) in STOPS {
+        assert_stopped(stop_key(view, key, ends), 3);
+    }
+}
+
+fn terminal_blocked() -> Stopped {
+    let rig = Rig::moving(23, &[], FAST);
+    rig.terminal.block();
+    // Pictures for a second: the first of them blocks.
+    rig.controller.pass(36);
+    let cause = rig.controller.now();
+    rig.terminal.press(b" ");
+    rig.stopped(cause)
+}
+
+#[test]
+fn a_terminal_whose_output_blocks_delays_no_key() {
+    assert_stopped(terminal_blocked(), 3);
+}
+
+/// The greatest value after each of the dangers: a start, another one, an interruption.
+fn comes_back_pushed() -> Rig {
+    let rig = Rig::new(23, &[]);
+    rig.ball.push(127);
+    rig.controller.start(23);
+    let since = rig.controller.wait("the start", 0, |cycle| *cycle == Cycle::Start(0));
+    assert_still_until_rest(&rig, since, 40);
+
+    rig.push_until(FAST);
+    rig.controller.interrupt(5);
+    let since = rig.stopped(rig.controller.now()).seen;
+    assert_still_until_rest(&rig, since, 40);
+
+    rig.push_until(FAST);
+    let before = rig.controller.now();
+    rig.controller.start(23);
+    let since = rig.controller.wait("the start", before, |cycle| *cycle == Cycle::Start(0));
+    assert_still_until_rest(&rig, since, 40);
+    rig
+}
+
+#[test]
+fn what_comes_back_pushed_moves_nothing() {
+    comes_back_pushed();
+}
+
+#[test]
+fn another_mode_is_refused_and_both_are_named() {
+    for mode in [21, 22] {
+        let rig = Rig::new(mode, &[]);
+        rig.controller.start(mode);
+        rig.controller.wait("the refusal", 0, |cycle| *cycle == Cycle::Start(0xFF));
+        rig.terminal.wait_for(&format!("the robot has mode {mode}, expected 23"));
+    }
+    let rig = Rig::new(22, &["--mode", "22"]);
+    rig.controller.start(rig.mode());
+    rig.controller.wait("the start", 0, |cycle| *cycle == Cycle::Start(0));
+}
+
+/// At 19200 baud a message with transformation leaves room for a few words: those that are zero and were zero are left out.
+#[test]
+fn mode_23_is_answered_at_19200_baud() {
+    let rig = Rig::moving(23, &["--robot-baud", "19200"], FAST);
+    let log = rig.controller.log();
+    let lengths = log.iter().filter_map(|cycle| match cycle {
+        Cycle::Values(_, length) => Some(*length),
+        _ => None,
+    });
+    // 36 bytes and more take 18.75 ms of 28: what is left holds 17 bytes at most.
+    assert!(lengths.max().unwrap() <= 17, "{log:?}");
+    assert!(greatest_step(&log) <= LIMIT, "{log:?}");
+}
+
+/// The offset of the last cycle.
+fn offset_held() -> (Rig, i16) {
+    let rig = Rig::new(22, &["--mode", "22"]);
+    rig.controller.start(22);
+    rig.controller.wait("the start", 0, |cycle| *cycle == Cycle::Start(0));
+    rig.terminal.wait_for("READY");
+    rig.terminal.press(b"\r");
+    rig.terminal.wait_for(" ARMED ");
+    rig.push_until(1000);
+    rig.ball.pull();
+    rig.terminal.wait_for("INPUT LOST");
+    rig.controller.pass(20);
+    let held = rig.controller.log().iter().rev().find_map(x).unwrap();
+    (rig, held)
+}
+
+#[test]
+fn an_offset_is_held_without_the_input_and_after_it_has_come_back() {
+    let (rig, held) = offset_held();
+    assert!(held >= 1000, "{held}");
+    let since = rig.controller.now();
+    rig.controller.pass(20);
+    // At rest it is no demand to go back to the path: somebody has to confirm that.
+    rig.ball.push(0);
+    rig.ball.plug();
+    rig.controller.pass(60);
+    let log = rig.controller.log();
+    assert!(log[since..].iter().filter_map(x).all(|x| x == held), "{:?}", &log[since..]);
+    rig.terminal.press(b"\r");
+    rig.controller.wait("the path", since, |cycle| x(cycle) == Some(0));
+}

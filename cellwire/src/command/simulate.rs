@@ -16,6 +16,11 @@ use crate::links::device_parser;
 /// Simulates a device until interrupted.
 ///
 /// Prints one line of JSON when the device is ready, with the address or the path to connect to, then one line for each event.
+///
+/// These protocols have no authentication: whoever reaches the address can connect, and is obeyed. Listen on 127.0.0.1 unless the
+/// peer is another machine. A device on a serial line serves one client at a time and refuses others; a new client of a Kawasaki PC
+/// or of an MM&A device takes the place of the one before; a FANUC controller serves a thousand at once. No client makes another
+/// wait, and what a client sends faster than the device reads, waits in the client's own socket.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The device
@@ -37,7 +42,7 @@ pub struct Args {
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct EndpointArgs {
-    /// Listen on this TCP address; port 0 selects any free port
+    /// Listen on this TCP address; a port alone is one of this machine's loopback address, and port 0 any free one
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
     /// Connect to this TCP address, for a device that is a TCP client

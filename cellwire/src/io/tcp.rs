@@ -1,7 +1,7 @@
 //! TCP: errors that contain advice, and a proxy that simulates the faults of a network.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
@@ -10,13 +10,20 @@ use std::time::Duration;
 use anyhow::{Result, anyhow};
 
 use crate::io::input::seconds;
+use crate::io::output::remark;
 
-/// Listens on an address.
+/// Listens on an address; a port alone is one of this machine's loopback address. Whoever else can connect is remarked on standard
+/// error: none of the protocols has authentication.
 ///
 /// # Errors
 /// When the address is invalid, in use, or not this machine's. The error contains advice.
 pub fn listen(address: &str) -> Result<TcpListener> {
-    TcpListener::bind(address).map_err(|error| {
+    let port: Option<u16> = address.parse().ok();
+    let bound = match port {
+        Some(port) => TcpListener::bind((Ipv4Addr::LOCALHOST, port)),
+        None => TcpListener::bind(address),
+    };
+    let listener = bound.map_err(|error| {
         let advice = match error.kind() {
             ErrorKind::AddrInUse => "the port is in use; choose another, or port 0 for any free one",
             ErrorKind::PermissionDenied => "ports below 1024 need more rights; choose a higher one",
@@ -29,7 +36,14 @@ pub fn listen(address: &str) -> Result<TcpListener> {
             "" => anyhow::Error::new(error).context(context),
             advice => anyhow::anyhow!("{context}: {advice}"),
         }
-    })
+    })?;
+    let place = listener.local_addr()?;
+    if !place.ip().is_loopback() {
+        remark(&format!(
+            "warning: whoever reaches {place} can connect: the protocol has no authentication; 127.0.0.1 is for this machine alone"
+        ));
+    }
+    Ok(listener)
 }
 
 /// How long a connection may take to open.

@@ -64,6 +64,8 @@ pub struct Line {
     incoming: Receiver<Chunk>,
     writer: Box<dyn Write + Send>,
     connected: Arc<AtomicBool>,
+    /// Whether the device has seen that a client is connected: it does before the client's first byte.
+    announced: bool,
     sending: Direction,
     late: Duration,
     receiving: Direction,
@@ -148,6 +150,7 @@ impl Line {
             incoming,
             writer,
             connected,
+            announced: false,
             sending: Direction::default(),
             late: Duration::ZERO,
             receiving: Direction::default(),
@@ -288,6 +291,10 @@ impl Transport for Line {
         let until = until.min(self.clock.now().max(self.driven) + READ_TIMEOUT);
         if !self.wait(until) {
             return Ok(Received::Closed);
+        }
+        let connected = self.is_connected();
+        if core::mem::replace(&mut self.announced, connected) != connected {
+            return Ok(Received::Nothing);
         }
         let Some(first) = buffer.first_mut().filter(|_| self.next_byte().is_some_and(|at| at <= until))
         else {

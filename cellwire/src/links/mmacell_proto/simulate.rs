@@ -1,7 +1,7 @@
 //! `cellwire simulate mma-robot` and `mma-platform`: a device to test a central controller against.
 
 use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
@@ -78,7 +78,20 @@ struct Inject {
 
 /// One connection until it ends, and why it ended. `now` gives the time of the trace, and that of the axes.
 fn serve<P: Simulated>(
-    mut stream: TcpStream,
+    stream: TcpStream,
+    station: &mut Station<P>,
+    faults: &mut Inject,
+    trace: &Trace,
+    now: impl Fn() -> (Duration, Duration),
+) -> Result<&'static str> {
+    let outcome = converse(&stream, station, faults, trace, now);
+    // What would end it from another thread has a second handle to it.
+    let _ = stream.shutdown(Shutdown::Both);
+    outcome
+}
+
+fn converse<P: Simulated>(
+    mut stream: &TcpStream,
     station: &mut Station<P>,
     faults: &mut Inject,
     trace: &Trace,

@@ -20,6 +20,16 @@ const read = (path) => readFileSync(new URL(path, reference), "utf8");
 
 /** What is around the described bytes: [vector] → bytes. A link without an entry has none. */
 const ENVELOPES = {
+  "laser-eb90": (bytes, { flag = "separate" }) => {
+    let at = flag === "separate" ? 4 : 3;
+    const plain = bytes.slice(0, at);
+    for (; bytes[at] !== 0x90 || bytes[at + 1] === 0x90; at += 1) {
+      if (at >= bytes.length) throw new Error("the frame breaks off");
+      plain.push(bytes[at]);
+      if (bytes[at] === 0x90) at += 1;
+    }
+    return [...plain, ...bytes.slice(at)];
+  },
   "val2-alter": (bytes, { leading_dle = 2, stuffed_checksum = false }) => {
     let at = bytes.findIndex((byte) => byte !== 0x10);
     if (at < leading_dle || bytes[at] !== 0x02) throw new Error("no start mark");
@@ -59,6 +69,11 @@ function compare(found, expected, path) {
 
 function check(vector, link, params, Parser) {
   const options = { ...vector.options, ...(vector.from && { sender: vector.from }) };
+  // The parts of an option that is an object are parameters of their own.
+  for (const [name, inner] of Object.entries(options)) {
+    if (typeof inner !== "object") continue;
+    for (const [part, value] of Object.entries(inner)) options[`${name}_${part}`] = value;
+  }
   let bytes = [...Buffer.from(vector.hex.replaceAll(" ", ""), "hex")];
   let parsed;
   try {

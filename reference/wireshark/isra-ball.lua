@@ -19,7 +19,7 @@ f.moment = ProtoField.int8("isra_ball.moment", "Moment", base.DEC)
 f.keys = ProtoField.uint8("isra_ball.keys", "Keys", base.DEC)
 f.data = ProtoField.uint8("isra_ball.data", "Data of unknown layout", base.DEC)
 f.checksum = ProtoField.uint8("isra_ball.checksum", "Checksum", base.HEX)
-f.error = ProtoField.string("isra_ball.error", "Error")
+f.decode_error = ProtoField.string("isra_ball.decode_error", "Error")
 f.request_in = ProtoField.framenum("isra_ball.request_in", "Poll in", base.NONE, frametype.REQUEST)
 f.response_time = ProtoField.double("isra_ball.response_time", "Response time in seconds")
 
@@ -83,7 +83,7 @@ local function show_packet(tvb, tree, info)
 end
 
 local function show_error(tvb, tree, kind, info)
-    tree:add(f.error, tvb(), kind)
+    tree:add(f.decode_error, tvb(), kind)
     tree:add_proto_expert_info(e[kind])
     table.insert(info, "Error " .. kind)
 end

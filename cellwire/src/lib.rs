@@ -45,7 +45,8 @@ Examples:
 
 Exit status:
   0 success   1 corrupt input, or a broken promise   2 the command could not be run
-  3 a connection was lost   4 nobody reads standard output   5 telemetry that cannot be was recorded";
+  3 a connection was lost   4 nobody reads standard output
+  5 telemetry that cannot be was recorded   6 a Modbus server has refused a request";
 
 #[derive(Subcommand)]
 enum Command {
@@ -61,7 +62,7 @@ enum Command {
 }
 
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run, 3 a connection was
-/// lost, 4 nobody reads standard output, 5 telemetry that cannot be was recorded.
+/// lost, 4 nobody reads standard output, 5 telemetry that cannot be was recorded, 6 a Modbus server has refused a request.
 pub fn main() -> ExitCode {
     let outcome = match parse().command {
         Command::Demo(args) => demo::run(&args),
@@ -78,17 +79,14 @@ pub fn main() -> ExitCode {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(error) if output::is_closed(&error) => ExitCode::from(4), // `cellwire decode … | head`
-        Err(error) if error.is::<Implausible>() => {
-            remark(&format!("error: {error:#}"));
-            ExitCode::from(5)
-        }
-        Err(error) if error.is::<Lost>() => {
-            remark(&format!("error: {error:#}"));
-            ExitCode::from(3)
-        }
         Err(error) => {
             remark(&format!("error: {error:#}"));
-            ExitCode::from(2)
+            ExitCode::from(match () {
+                () if error.is::<Lost>() => 3,
+                () if error.is::<Implausible>() => 5,
+                () if error.is::<modbus::Refused>() => 6,
+                () => 2,
+            })
         }
     }
 }

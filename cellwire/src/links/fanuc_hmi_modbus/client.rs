@@ -101,7 +101,17 @@ impl Client {
     /// # Errors
     /// When there is none, or no such port.
     pub fn open(port: &Port) -> Result<Self> {
-        let mut session = modbus::Client::new(port.config())?;
+        Self::open_with(port, |_| {})
+    }
+
+    /// The same with another configuration.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_with(port: &Port, configure: impl FnOnce(&mut ClientConfig)) -> Result<Self> {
+        let mut config = port.config();
+        configure(&mut config);
+        let mut session = modbus::Client::new(config)?;
         let driver = Driver::new(port.open()?);
         session.handle_connected(robot_session::now());
         Ok(Self { port: port.clone(), driver, session })
@@ -133,16 +143,27 @@ impl Client {
                 }
             }
         };
-        // The rest of a reply that was cut would be taken from the next one.
-        let is_tcp = matches!(self.port.kind, PortKind::Tcp { .. });
-        if matches!(answer, Answer::Failed(_)) && self.session.pending() > 0 && is_tcp {
-            remark("a reply is cut off: connecting again");
+        if matches!(answer, Answer::Failed(_)) && self.is_best_connected_again() {
             self.reconnect()?;
         }
         Ok(answer)
     }
 
-    fn reconnect(&mut self) -> Result<()> {
+    /// After a failure. Without that, the rest of a reply that was cut would be taken from the next one; and where RTU frames go over
+    /// TCP, a late reply is waited for much longer than a connection takes.
+    fn is_best_connected_again(&self) -> bool {
+        let config = self.session.config();
+        match self.port.kind {
+            PortKind::Tcp { rtu, .. } => self.session.pending() > 0 || rtu && config.settle > config.timeout,
+            PortKind::Serial { .. } => false,
+        }
+    }
+
+    /// Opens another connection in place of this one.
+    ///
+    /// # Errors
+    /// [`Lost`] when there is none.
+    pub fn reconnect(&mut self) -> Result<()> {
         self.session.handle_disconnected(robot_session::now());
         while self.session.poll_event().is_some() {}
         // The old one first: some servers have room for one.

@@ -1,0 +1,144 @@
+//! `cellwire modbus`: a Modbus client for the bench and for scripts.
+
+mod poll;
+mod range;
+mod requests;
+mod scan;
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use clap::{Subcommand, ValueEnum};
+use serialport::{Parity, StopBits};
+
+use crate::io::input::seconds;
+use crate::io::serial;
+use crate::io::tcp::ConnectArgs;
+use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
+
+/// Sends Modbus requests to a server and prints its replies; looks for servers and what they have; watches values.
+///
+/// Reads message objects, one a line, as `cellwire encode fanuc-hmi-modbus --from client` does (a "transaction" is not needed),
+/// sends one after the other, and prints one line for each: the reply's message object, or {"failed":"…"}.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// The server: HOST:PORT, or the path of a serial port
+    #[arg(required = true)]
+    server: Option<String>,
+    /// The requests [default: standard input]
+    file: Option<PathBuf>,
+    /// Read back what was written, and add "confirmed" to the reply
+    #[arg(long)]
+    confirm: bool,
+    #[command(flatten)]
+    port: PortArgs,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  echo '{\"unit\":1,\"function\":3,\"address\":0,\"quantity\":37}' | cellwire modbus 192.168.0.10:502
+  cellwire modbus --confirm 192.168.0.10:502 writes.jsonl        each write is read back
+  cellwire modbus scan /dev/ttyUSB0 --parity even                which units are there
+  cellwire modbus scan 192.168.0.10:502 --ranges --unit 1        which addresses of its tables can be read
+  cellwire modbus poll 192.168.0.10:502 holding:0-36 coils:0-15  what changes, one line a value
+
+Exit status:
+  0 every request was carried out   1 no usable reply, or a write that is not confirmed, or nothing found
+  2 it could not be run   3 the connection was lost   6 a server has refused a request (an exception)";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Scan(scan::Args),
+    Poll(poll::Args),
+}
+
+/// How the servers are reached.
+#[derive(Debug, clap::Args)]
+struct PortArgs {
+    /// How frames are written to a TCP port; a serial port has RTU
+    #[arg(long, value_enum, default_value_t = FramingArg::Tcp)]
+    framing: FramingArg,
+    /// The baud rate of a serial port
+    #[arg(long, value_name = "N", default_value_t = 19_200, value_parser = serial::baud_rate())]
+    baud: u32,
+    /// The parity of a serial port; most devices leave the factory with even
+    #[arg(long, value_enum, default_value_t = ParityArg::None)]
+    parity: ParityArg,
+    /// The stop bits of a serial port; the specification wants 2 where there is no parity
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    stop_bits: u8,
+    /// How long a reply may take, in milliseconds [default: 1000; scan of units: 200]
+    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..=3_600_000))]
+    timeout: Option<u64>,
+    #[command(flatten)]
+    connect: ConnectArgs,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum FramingArg {
+    /// Modbus TCP
+    Tcp,
+    /// RTU frames through the connection
+    Rtu,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ParityArg {
+    None,
+    Even,
+    Odd,
+}
+
+/// A server has refused a request.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Refused(String);
+
+/// Returns true when there was a usable reply to every request.
+///
+/// # Errors
+/// When the server cannot be reached or is lost, the requests cannot be read, or the server has [refused](Refused) one.
+pub fn run(args: &Args) -> Result<bool> {
+    match &args.command {
+        Some(Command::Scan(args)) => scan::scan(args),
+        Some(Command::Poll(args)) => poll::poll(args),
+        None => {
+            let server = args.server.as_deref().context("a server is needed")?;
+            requests::run(&args.port.port(server, 1000), args.file.as_deref(), args.confirm)
+        }
+    }
+}
+
+impl PortArgs {
+    fn port(&self, server: &str, timeout: u64) -> Port {
+        let is_path = server.contains('/') || !server.contains(':');
+        let kind = if is_path {
+            PortKind::Serial {
+                path: server.to_owned(),
+                baud: self.baud,
+                parity: match self.parity {
+                    ParityArg::None => Parity::None,
+                    ParityArg::Even => Parity::Even,
+                    ParityArg::Odd => Parity::Odd,
+                },
+                stop_bits: if self.stop_bits == 2 { StopBits::Two } else { StopBits::One },
+            }
+        } else {
+            PortKind::Tcp {
+                server: server.to_owned(),
+                rtu: self.framing == FramingArg::Rtu,
+                connect_timeout: self.connect.timeout(),
+            }
+        };
+        Port { kind, timeout: Duration::from_millis(self.timeout.unwrap_or(timeout)) }
+    }
+}
+
+/// The parser of `--seconds`.
+fn run_time() -> impl Fn(&str) -> Result<Duration, String> + Clone {
+    seconds(0.001..=1e9)
+}

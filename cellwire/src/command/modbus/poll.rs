@@ -1,0 +1,154 @@
+//! `cellwire modbus poll`.
+
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Result;
+use serde_json::{Map, Value, json};
+
+use super::PortArgs;
+use super::range::{Range, values};
+use crate::io::drive::Lost;
+use crate::io::interrupt;
+use crate::io::line::Clock;
+use crate::io::output::log;
+use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
+
+/// Reads the same addresses again and again, and prints what changes.
+///
+/// The first line of each range has all of its values; each line after it has one value that has changed, with the time in seconds
+/// since the start, what it was and what it is. A range that cannot be read is a line, and one when it can be read again; so is
+/// a connection that is lost, which is opened again. Runs until --seconds have passed, or until interrupted.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// The server: HOST:PORT, or the path of a serial port
+    server: String,
+    /// What to read, by PDU addresses: TABLE:FIRST-LAST, with coils, discrete, input or holding
+    #[arg(required = true, value_name = "RANGE")]
+    ranges: Vec<Range>,
+    /// The unit
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    unit: u8,
+    /// The time from one reading of all ranges to the next, in milliseconds
+    #[arg(long, value_name = "MS", default_value_t = 500, value_parser = clap::value_parser!(u64).range(1..=86_400_000))]
+    every: u64,
+    /// How long to read [default: until interrupted]
+    #[arg(long, value_name = "N", value_parser = super::run_time())]
+    seconds: Option<Duration>,
+    #[command(flatten)]
+    port: PortArgs,
+}
+
+/// The longest time between two attempts to connect again.
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
+
+pub(super) fn poll(args: &Args) -> Result<bool> {
+    interrupt::note()?;
+    let mut client = Client::open(&args.port.port(&args.server, 1000))?;
+    let parts = args.ranges.iter().flat_map(|range| range.parts(range.most()));
+    let mut watched: Vec<Watched> = parts.map(|range| Watched { range, shown: None }).collect();
+    let (clock, every) = (Clock::start(), Duration::from_millis(args.every));
+    let mut all = true;
+    let mut next = clock.now();
+    let goes_on = || args.seconds.is_none_or(|end| clock.now() < end) && !interrupt::requested();
+    while goes_on() {
+        for watched in &mut watched {
+            let answer = match watched.read(args.unit, &mut client) {
+                Ok(answer) => answer,
+                Err(error) if error.is::<Lost>() => {
+                    all = false;
+                    log(&event(&clock, json!({"event": "disconnected", "why": error.to_string()})))?;
+                    if !reconnect(&mut client, goes_on) {
+                        return Err(error);
+                    }
+                    log(&event(&clock, json!({"event": "reconnected"})))?;
+                    break;
+                }
+                Err(error) => return Err(error),
+            };
+            all &= answer.is_ok();
+            for line in watched.changes(answer) {
+                log(&event(&clock, line))?;
+            }
+        }
+        next = (next + every).max(clock.now().saturating_sub(every));
+        while goes_on() && clock.now() < next {
+            thread::sleep(next.saturating_sub(clock.now()).min(Duration::from_millis(100)));
+        }
+    }
+    Ok(all)
+}
+
+/// False when the end has come.
+fn reconnect(client: &mut Client, goes_on: impl Fn() -> bool) -> bool {
+    let mut wait = Duration::from_millis(100);
+    loop {
+        let mut left = wait;
+        while left > Duration::ZERO && goes_on() {
+            let step = left.min(Duration::from_millis(100));
+            thread::sleep(step);
+            left -= step;
+        }
+        if !goes_on() {
+            return false;
+        }
+        if client.reconnect().is_ok() {
+            return true;
+        }
+        wait = (wait * 2).min(LONGEST_WAIT);
+    }
+}
+
+/// A line with its time.
+fn event(clock: &Clock, line: Value) -> Value {
+    let seconds = (clock.now().as_secs_f64() * 1e3).round() / 1e3;
+    let mut object = Map::from_iter([("time".into(), json!(seconds))]);
+    if let Value::Object(line) = line {
+        object.extend(line);
+    }
+    Value::Object(object)
+}
+
+/// What one request reads, and what was shown of it last.
+struct Watched {
+    range: Range,
+    shown: Option<Result<Vec<Value>, String>>,
+}
+
+impl Watched {
+    fn read(&self, unit: u8, client: &mut Client) -> Result<Result<Vec<Value>, String>> {
+        let Some(request) = self.range.request() else { return Ok(Err("too many".into())) };
+        Ok(match client.ask(unit, &request, values)? {
+            Answer::Replied(values) => values,
+            Answer::Failed(failure) => Err(failure.to_string()),
+            Answer::Announced => Err("nobody replies to unit 0".into()),
+        })
+    }
+
+    /// The lines that show what is new.
+    fn changes(&mut self, answer: Result<Vec<Value>, String>) -> Vec<Value> {
+        let name = self.range.name();
+        let place = |more: Value| {
+            let mut line = Map::from_iter([("table".into(), json!(name))]);
+            if let Value::Object(more) = more {
+                line.extend(more);
+            }
+            Value::Object(line)
+        };
+        let first = self.range.first;
+        let lines = match (&self.shown, &answer) {
+            (Some(Ok(before)), Ok(values)) => (u32::from(first)..)
+                .zip(before.iter().zip(values))
+                .filter(|(_, (before, value))| before != value)
+                .map(|(address, (before, value))| {
+                    place(json!({"address": address, "was": before, "is": value}))
+                })
+                .collect(),
+            (_, Ok(values)) => vec![place(json!({"address": first, "values": values}))],
+            (Some(Err(before)), Err(why)) if before == why => Vec::new(),
+            (_, Err(why)) => vec![place(json!({"address": first, "failed": why}))],
+        };
+        self.shown = Some(answer);
+        lines
+    }
+}

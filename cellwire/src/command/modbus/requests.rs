@@ -1,0 +1,122 @@
+//! Requests as JSON lines, replies as JSON lines back.
+
+use std::io::BufRead as _;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use fanuc_hmi_modbus::{Frame, PduBuf, Reply, Request};
+use serde_json::{Value, json};
+
+use super::Refused;
+use crate::io::input;
+use crate::io::output::log;
+use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
+use crate::links::fanuc_hmi_modbus::options::json as object;
+
+pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<bool> {
+    let input = input::open(file)?;
+    let mut client = Client::open(port)?;
+    let (mut all, mut refused) = (true, 0u64);
+    for (number, text) in (1..).zip(input.lines()) {
+        let text = text.context("cannot read the requests")?;
+        if text.trim().is_empty() {
+            continue;
+        }
+        let frame: Frame<PduBuf> =
+            serde_json::from_str(&text).with_context(|| format!("line {number} is no message object"))?;
+        let mut answer = ask(&mut client, &frame).with_context(|| format!("line {number}"))?;
+        refused += u64::from(answer.get("exception").is_some());
+        if confirm && answer.get("exception").is_none() && answer.get("failed").is_none() {
+            all &=
+                self::confirm(&mut client, &frame, &mut answer).with_context(|| format!("line {number}"))?;
+        }
+        all &= answer.get("failed").is_none();
+        log(&answer)?;
+    }
+    if refused > 0 && all {
+        let requests = if refused == 1 { "request" } else { "requests" };
+        return Err(Refused(format!("{refused} {requests} refused: see \"exception\"")).into());
+    }
+    Ok(all)
+}
+
+/// The answer to one request, as the object to print.
+fn ask(client: &mut Client, frame: &Frame<PduBuf>) -> Result<Value> {
+    Ok(match client.ask(frame.unit, &frame.pdu.request()?, |reply| object(reply))? {
+        Answer::Replied(reply) => reply,
+        Answer::Announced => json!({"broadcast": true}),
+        Answer::Failed(failure) => json!({"failed": failure.to_string()}),
+    })
+}
+
+/// Reads back what a write has written, and adds to its reply whether it is there. True for what is no write, and for a broadcast,
+/// which nobody confirms.
+fn confirm(client: &mut Client, frame: &Frame<PduBuf>, answer: &mut Value) -> Result<bool> {
+    let request = frame.pdu.request()?;
+    let Some(read) = read_back(&request) else { return Ok(true) };
+    if answer.get("broadcast").is_some() {
+        return Ok(true);
+    }
+    let found = match client.ask(frame.unit, &read, |reply| differs(&request, &reply.pdu))? {
+        Answer::Replied(None) => json!(true),
+        Answer::Replied(Some(found)) => found,
+        Answer::Announced => json!(false),
+        Answer::Failed(failure) => json!(failure.to_string()),
+    };
+    let confirmed = found == json!(true);
+    if let Some(answer) = answer.as_object_mut() {
+        answer.insert("confirmed".into(), json!(confirmed));
+        if !confirmed {
+            answer.insert("holds".into(), found);
+        }
+    }
+    Ok(confirmed)
+}
+
+/// The read of what a request writes.
+fn read_back(request: &Request<'_>) -> Option<Request<'static>> {
+    let count = |len: usize| u16::try_from(len).ok();
+    Some(match *request {
+        Request::WriteCoil { address, .. } => Request::ReadCoils { address, quantity: 1 },
+        Request::WriteCoils { address, values } => {
+            Request::ReadCoils { address, quantity: count(values.len())? }
+        }
+        Request::WriteRegister { address, .. } => Request::ReadHoldingRegisters { address, quantity: 1 },
+        Request::WriteRegisters { address, values } => {
+            Request::ReadHoldingRegisters { address, quantity: count(values.len())? }
+        }
+        Request::ReadWriteRegisters { write_address, values, .. } => {
+            Request::ReadHoldingRegisters { address: write_address, quantity: count(values.len())? }
+        }
+        Request::MaskWriteRegister { address, .. } => Request::ReadHoldingRegisters { address, quantity: 1 },
+        _ => return None,
+    })
+}
+
+/// What the server holds, where that is not what was written. Of a mask only the bits that it sets or clears are known.
+fn differs(written: &Request<'_>, reply: &Reply<'_>) -> Option<Value> {
+    let bits: Vec<bool>;
+    let words: Vec<u16>;
+    (bits, words) = match reply {
+        Reply::Coils(bits) => (bits.iter().collect(), Vec::new()),
+        Reply::HoldingRegisters(words) => (Vec::new(), words.iter().collect()),
+        Reply::Exception { exception, .. } => return Some(json!(exception.to_string())),
+        _ => return Some(Value::Null),
+    };
+    let is_same = match *written {
+        Request::WriteCoil { value, .. } => bits == [value],
+        Request::WriteCoils { values, .. } => values.iter().eq(bits.iter().copied()),
+        Request::WriteRegister { value, .. } => words == [value],
+        Request::WriteRegisters { values, .. } | Request::ReadWriteRegisters { values, .. } => {
+            values.iter().eq(words.iter().copied())
+        }
+        Request::MaskWriteRegister { and, or, .. } => {
+            words.first().is_some_and(|word| word & !and == or & !and)
+        }
+        _ => true,
+    };
+    if is_same {
+        return None;
+    }
+    Some(if bits.is_empty() { json!(words) } else { json!(bits) })
+}

@@ -1,0 +1,168 @@
+//! `cellwire modbus scan`.
+
+use core::ops::RangeInclusive;
+
+use anyhow::Result;
+use fanuc_hmi_modbus::{Exception, Reply, Request};
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use serde_json::json;
+
+use super::PortArgs;
+use super::range::{Range, TABLES};
+use crate::io::interrupt;
+use crate::io::output::{log, remark};
+use crate::links::fanuc_hmi_modbus::client::{Answer, Client};
+
+/// Looks for units, or with --ranges for the addresses of one unit that can be read. It only reads.
+///
+/// Units: each is asked for its holding register 0. Whoever replies is there, also who refuses; a gateway that reports that a unit
+/// does not answer (exceptions 10 and 11) does not count. A silent unit costs the timeout, on a serial line twice.
+///
+/// Ranges: what a server refuses is asked for in halves, down to single addresses. Prints each run of addresses that can be read.
+/// A table with few addresses takes many requests: narrow it with --from and --to.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// The server: HOST:PORT, or the path of a serial port
+    server: String,
+    /// The units to look for
+    #[arg(long, value_name = "A-B", default_value = "1-247", value_parser = units)]
+    units: RangeInclusive<u8>,
+    /// Look for the addresses of --unit instead
+    #[arg(long)]
+    ranges: bool,
+    /// The unit whose addresses are looked for
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    unit: u8,
+    /// The first address that is tried
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    from: u16,
+    /// The last address that is tried
+    #[arg(long, value_name = "N", default_value_t = u16::MAX)]
+    to: u16,
+    #[command(flatten)]
+    port: PortArgs,
+}
+
+pub(super) fn scan(args: &Args) -> Result<bool> {
+    interrupt::note()?;
+    let port = args.port.port(&args.server, if args.ranges { 1000 } else { 200 });
+    // A late reply names its unit: the wait for it need not be longer than the one for the reply.
+    let mut client = Client::open_with(&port, |config| config.settle = config.settle.min(config.timeout))?;
+    let found = if args.ranges { ranges(args, &mut client)? } else { units_of(args, &mut client)? };
+    if found == 0 {
+        remark(if args.ranges { "nothing that can be read" } else { "no unit replies" });
+    }
+    Ok(found > 0)
+}
+
+fn units_of(args: &Args, client: &mut Client) -> Result<u64> {
+    let progress = progress(args.units.clone().count() as u64);
+    let mut found = 0;
+    for unit in args.units.clone() {
+        if interrupt::requested() {
+            break;
+        }
+        progress.inc(1);
+        progress.set_message(format!("unit {unit}, {found} found"));
+        let request = Request::ReadHoldingRegisters { address: 0, quantity: 1 };
+        let answer = client.ask(unit, &request, |reply| match reply.pdu {
+            Reply::Exception { exception, .. } => Err(exception),
+            _ => Ok(()),
+        })?;
+        let reply = match answer {
+            Answer::Replied(Ok(())) => "has holding register 0".into(),
+            Answer::Replied(Err(
+                Exception::GatewayPathUnavailable | Exception::GatewayTargetFailedToRespond,
+            )) => continue,
+            Answer::Replied(Err(exception)) => exception.to_string(),
+            Answer::Failed(_) | Answer::Announced => continue,
+        };
+        found += 1;
+        progress.suspend(|| log(&json!({"unit": unit, "reply": reply})))?;
+    }
+    progress.finish_and_clear();
+    Ok(found)
+}
+
+/// What a request for a run of addresses came to.
+enum Tried {
+    Read,
+    /// Smaller runs may be read.
+    Refused,
+    /// None can.
+    Nothing(String),
+}
+
+fn ranges(args: &Args, client: &mut Client) -> Result<u64> {
+    anyhow::ensure!(args.from <= args.to, "--from is after --to");
+    let mut found = 0;
+    for (table, name) in TABLES {
+        let whole = Range { table, first: args.from, last: args.to };
+        let progress = progress(whole.count().into());
+        let (mut open, mut runs): (Option<Range>, Vec<Range>) = (None, Vec::new());
+        let mut why = None;
+        // The parts that are still to try, the next one last.
+        let mut parts: Vec<Range> = whole.parts(whole.most()).collect();
+        parts.reverse();
+        while let Some(part) = parts.pop() {
+            if interrupt::requested() {
+                break;
+            }
+            match try_read(args.unit, client, part)? {
+                Tried::Read => {
+                    open = Some(open.map_or(part, |open: Range| Range { last: part.last, ..open }));
+                }
+                Tried::Refused if part.count() > 1 => {
+                    let half = u16::try_from(part.count().div_ceil(2)).unwrap_or(u16::MAX);
+                    let halves: Vec<Range> = part.parts(half).collect();
+                    parts.extend(halves.into_iter().rev());
+                    continue;
+                }
+                Tried::Refused => runs.extend(open.take()),
+                Tried::Nothing(reason) => {
+                    why = Some(reason);
+                    break;
+                }
+            }
+            progress.set_position(u64::from(part.last) - u64::from(args.from));
+            progress.set_message(format!("{name} {}", part.last));
+        }
+        progress.finish_and_clear();
+        runs.extend(open);
+        for run in &runs {
+            log(&json!({"table": name, "from": run.first, "to": run.last, "count": run.count()}))?;
+        }
+        if let Some(why) = why {
+            log(&json!({"table": name, "stopped": why}))?;
+        }
+        found += runs.len() as u64;
+    }
+    Ok(found)
+}
+
+fn try_read(unit: u8, client: &mut Client, part: Range) -> Result<Tried> {
+    let Some(request) = part.request() else { return Ok(Tried::Refused) };
+    let answer = client.ask(unit, &request, |reply| match reply.pdu {
+        Reply::Exception { exception, .. } => Err(exception),
+        _ => Ok(()),
+    })?;
+    Ok(match answer {
+        Answer::Replied(Ok(())) => Tried::Read,
+        Answer::Replied(Err(exception @ Exception::IllegalFunction)) => Tried::Nothing(exception.to_string()),
+        Answer::Replied(Err(_)) => Tried::Refused,
+        Answer::Failed(failure) => Tried::Nothing(failure.to_string()),
+        Answer::Announced => Tried::Nothing("nobody replies to unit 0".into()),
+    })
+}
+
+fn progress(length: u64) -> ProgressBar {
+    ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr_with_hz(10))
+}
+
+fn units(text: &str) -> Result<RangeInclusive<u8>, String> {
+    let wrong = || format!("`{text}` is not FIRST-LAST, such as 1-32");
+    let (first, last) = text.split_once('-').unwrap_or((text, text));
+    let number = |text: &str| text.trim().parse::<u8>().map_err(|_| wrong());
+    let (first, last) = (number(first)?, number(last)?);
+    if first > last { Err(wrong()) } else { Ok(first..=last) }
+}

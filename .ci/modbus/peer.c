@@ -101,7 +101,8 @@ int main(int argc, char **argv) {
     raw((const uint8_t[]) {1, 0x03, 0, 0, 0, 126}, 6, 3);     /* too many */
     raw((const uint8_t[]) {1, 0x01, 0, 0, 0x07, 0xD1}, 6, 3); /* 2001 coils */
     raw((const uint8_t[]) {1, 0x05, 0, 0, 0, 1}, 6, 3);       /* neither on nor off */
-    raw((const uint8_t[]) {1, 0x11}, 2, 1);                   /* a function that it does not have */
+    raw((const uint8_t[]) {1, 0x07}, 2, 1);                   /* functions that it does not have */
+    EXCEPTION(modbus_report_slave_id(ctx, sizeof bits, bits), 1);
 
     CHECK(modbus_read_registers(ctx, 0, 37, words) == 37 && words[2] == 100, "telemetry");
     modbus_close(ctx);

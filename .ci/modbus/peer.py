@@ -5,6 +5,7 @@ import sys
 import time
 
 from pymodbus import FramerType
+from pymodbus.pdu.file_message import FileRecord
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 kind, address = sys.argv[1:]
@@ -93,7 +94,17 @@ exception(client.write_register(16448, 1, **ONE), 2, "register after the table")
 exception(client.write_registers(16447, [1, 2], **ONE), 2, "registers across the end")
 same(words(client.read_holding_registers(16447, **ONE)), [0xABCD], "a refused write changes nothing")
 exception(client.mask_write_register(address=16448, **ONE), 2, "mask after the table")
-exception(client.report_device_id(**ONE), 1, "a function that it does not have")
+for number, request in [  # functions that it does not have
+    (7, client.read_exception_status),
+    (8, lambda **one: client.diag_query_data(b"\x12\x34", **one)),
+    (11, client.diag_get_comm_event_counter),
+    (12, client.diag_get_comm_event_log),
+    (17, client.report_device_id),
+    (20, lambda **one: client.read_file_record([FileRecord(file_number=1, record_data=b"\0\0")], **one)),
+    (24, client.read_fifo_queue),
+    (43, client.read_device_information),
+]:
+    exception(request(**ONE), 1, f"function {number}")
 
 
 def telemetry():

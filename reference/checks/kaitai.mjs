@@ -62,7 +62,8 @@ function compare(found, expected, path) {
     for (const [name, value] of Object.entries(expected)) {
       compare(found?.[camel(name)], value, `${path}.${name}`);
     }
-  } else if (!isDeepStrictEqual(found ?? null, expected)) {
+  } else if (!isDeepStrictEqual(found?.value ?? found ?? null, expected)) {
+    // An object stands for its value.
     throw new Error(`${path} is ${found}, not ${expected}`);
   }
 }

@@ -61,7 +61,7 @@ def compare(found, expected, path):
         compare(len(found), len(expected), f"{path}.length")
         for index, value in enumerate(expected):
             compare(found[index], value, f"{path}[{index}]")
-    elif found != expected:
+    elif getattr(found, "value", found) != expected:  # an object stands for its value
         raise ValueError(f"{path} is {found}, not {expected}")
 
 

@@ -25,8 +25,11 @@ CLIENTS = {"laser-eb90": ["host"], "mmacell-proto": ["central"], "fanuc-hmi-modb
 PAIRS = {
     "val2-alter": [("server", "101002A0171003B7"), ("client", "10100200100300")],
     "isra-ball": [("client", "05"), ("server", "08F85D0001FE03FC05FA817A")],
+    "mmacell-proto": [("client", "5354410D0A"), ("server", "45522B30303030310D0A")] * 2,
     "laser-eb90": [("client", "EB9082F0F10101019082F4"), ("server", "EB9082F0F10101019082F4")] * 2,
 }
+# Preferences that follow from the side that sends.
+PREFERENCES = {"mmacell-proto": {"robot": {"device": "robot"}, "platform": {"device": "platform"}}}
 GAP = 0.010
 AGGREGATOR = "\x1f"
 
@@ -67,6 +70,8 @@ def leaves(value, name=None):
         return [leaf for inner in value for leaf in leaves(inner, name)]
     if value is None:
         return []
+    # `error` is what is wrong with the bytes.
+    name = "error_code" if name == "error" else name
     return [(name, str(int(value)) if isinstance(value, bool) else str(value))]
 
 
@@ -86,7 +91,9 @@ def cases(vector, good):
     """The segments of each connection that shows a vector, and the messages that they hold."""
     data = bytes.fromhex(vector["hex"])
     if vector["result"] == "invalid":
-        return [([data, bytes.fromhex(good["hex"])], [good["message"]])]
+        # What is incomplete takes the message after it.
+        after = [bytes.fromhex(good["hex"])] * (2 if vector["error"]["kind"] == "incomplete" else 1)
+        return [([data, *after], [good["message"]])]
     half = len(data) // 2
     once, twice = [vector["message"]], [vector["message"]] * 2
     return [
@@ -158,7 +165,8 @@ def run(link):
     names += ["decode_error", "request_in", "response_time"]
     groups = {}
     for vector in vectors:
-        groups.setdefault(json.dumps(vector.get("options", {})), []).append(vector)
+        options = vector.get("options", {}) | PREFERENCES.get(link, {}).get(vector.get("from"), {})
+        groups.setdefault(json.dumps(options), []).append(vector)
     failures = {}
     for options, group in groups.items():
         capture, expected = Capture(), {}

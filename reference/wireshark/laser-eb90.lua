@@ -40,7 +40,7 @@ f.i16 = ProtoField.int16("laser_eb90.i16", "Short", base.DEC)
 f.u8 = ProtoField.uint8("laser_eb90.u8", "Byte", base.DEC)
 f.char = ProtoField.string("laser_eb90.char", "Characters")
 f.check = ProtoField.uint16("laser_eb90.check", "Check", base.HEX)
-f.error = ProtoField.string("laser_eb90.error", "Error")
+f.decode_error = ProtoField.string("laser_eb90.decode_error", "Error")
 f.request_in = ProtoField.framenum("laser_eb90.request_in", "Request in", base.NONE, frametype.REQUEST)
 f.response_time = ProtoField.double("laser_eb90.response_time", "Response time in seconds")
 
@@ -262,7 +262,7 @@ function laser.dissector(tvb, pinfo, tree)
         local range = tvb(at, length)
         local frame = tree:add(laser, range)
         if kind then
-            frame:add(f.error, range, kind)
+            frame:add(f.decode_error, range, kind)
             frame:add_proto_expert_info(e[kind])
             table.insert(info, "Error " .. kind)
         else

@@ -71,8 +71,6 @@ def leaves(value, name=None):
         return [leaf for inner in value for leaf in leaves(inner, name)]
     if value is None:
         return []
-    # `error` is what is wrong with the bytes.
-    name = "error_code" if name == "error" else name
     return [(name, str(int(value)) if isinstance(value, bool) else str(value))]
 
 

@@ -31,9 +31,9 @@ f.reply = ProtoField.string("mmacell_proto.reply", "Reply")
 f.moving = ProtoField.bool("mmacell_proto.moving", "Moving")
 f.servo = ProtoField.bool("mmacell_proto.servo", "Servo motors on")
 f.override = ProtoField.int32("mmacell_proto.override", "Override, %", base.DEC)
-f.error_code = ProtoField.int32("mmacell_proto.error_code", "Error number", base.DEC,
+f.error = ProtoField.int32("mmacell_proto.error", "Error number", base.DEC,
     { [0] = "none", [1] = "generic", [2] = "servo motor 1", [3] = "servo motor 2" })
-f.error = ProtoField.string("mmacell_proto.error", "Error")
+f.decode_error = ProtoField.string("mmacell_proto.decode_error", "Error")
 f.request_in = ProtoField.framenum("mmacell_proto.request_in", "Command in", base.NONE, frametype.REQUEST)
 f.response_time = ProtoField.double("mmacell_proto.response_time", "Response time in seconds")
 
@@ -162,7 +162,7 @@ local function read_reply(reader, is_robot)
     local word = reader:take(2)
     if word == "ER" then
         reader.tree:add(f.reply, reader.tvb(0, 2), "error")
-        if reader:integer(f.error_code) == 0 then error({ kind = "error_zero" }) end
+        if reader:integer(f.error) == 0 then error({ kind = "error_zero" }) end
         return "error"
     end
     if word ~= "OK" then error({ kind = "unknown_reply" }) end
@@ -174,7 +174,7 @@ local function read_reply(reader, is_robot)
         reader:axes(is_robot)
         reader:flag(f.servo)
         reader:integer(f.override, 100)
-        reader:integer(f.error_code)
+        reader:integer(f.error)
     end
     return kind
 end
@@ -224,7 +224,7 @@ local function show_line(tvb, content, pinfo, tree, at, from_device)
     if #content + 2 > MAX_LEN then good, found = false, { kind = "too_long" } end
     if not good then
         if type(found) ~= "table" then error(found) end
-        line:add(f.error, tvb(), found.kind)
+        line:add(f.decode_error, tvb(), found.kind)
         line:add_proto_expert_info(e.malformed)
         return "Error " .. found.kind
     end

@@ -19,7 +19,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::fanuc_hmi_modbus::plausibility::Implausible;
-use self::command::{alter, decode, demo, encode, fanuc, ls, modbus, settings, simulate, vectors};
+use self::command::{alter, decode, demo, encode, fanuc, laser, ls, modbus, settings, simulate, vectors};
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
 
@@ -56,6 +56,7 @@ enum Command {
     Simulate(simulate::Args),
     Modbus(modbus::Args),
     Fanuc(fanuc::Args),
+    Laser(laser::Args),
     Ls(ls::Args),
     Vectors(vectors::Args),
     Alter(alter::Args),
@@ -71,6 +72,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => simulate::run(&args),
         Command::Modbus(args) => modbus::run(&args),
         Command::Fanuc(args) => fanuc::run(&args),
+        Command::Laser(args) => laser::run(&args),
         Command::Ls(args) => ls::run(&args),
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
@@ -98,6 +100,9 @@ fn parse() -> Cli {
     for name in ["decode", "encode", "simulate", "demo"] {
         command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
     }
+    let listed = |settings| format!("Settings, for --set and --settings:\n\n{}", settings::lines(settings));
+    let laser = listed(&laser::settings());
+    command = command.mut_subcommand("laser", |it| it.mut_subcommand("run", |it| it.after_long_help(laser)));
     match Cli::from_arg_matches(&command.get_matches()) {
         Ok(cli) => cli,
         Err(error) => error.exit(),

@@ -3,6 +3,7 @@
 pub mod fanuc_hmi_modbus;
 pub mod kawasaki_msg;
 pub mod laser_eb90;
+pub mod laser_run;
 pub mod mmacell_proto;
 pub mod operator;
 mod options;

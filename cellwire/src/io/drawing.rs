@@ -146,29 +146,50 @@ impl Picture {
 /// # Errors
 /// When the file cannot be written.
 pub fn write_svg(path: &Path, sheet: Point, lines: &[Line]) -> Result<()> {
-    let mm = |v: i32| f64::from(v) / 100.0;
+    let document = document(sheet).add(strokes(lines, true, "black", 0.25));
+    files::write(path, document.to_string().as_bytes())
+}
+
+/// As [`write_svg`], with thin lines for the ways between.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_plan(path: &Path, sheet: Point, lines: &[Line]) -> Result<()> {
+    // On a small sheet thin lines, on a large one lines that can be seen.
+    let width = mm(sheet.x.max(sheet.y)) / 400.0;
+    let between = strokes(lines, false, "#d04000", width / 3.0).set("stroke-dasharray", width);
+    let document = document(sheet).add(between).add(strokes(lines, true, "black", width));
+    files::write(path, document.to_string().as_bytes())
+}
+
+fn document(sheet: Point) -> svg::Document {
+    svg::Document::new()
+        .set("width", format!("{}mm", mm(sheet.x)))
+        .set("height", format!("{}mm", mm(sheet.y)))
+        .set("viewBox", (0, 0, mm(sheet.x), mm(sheet.y)))
+}
+
+fn strokes(lines: &[Line], draws: bool, color: &str, width: f64) -> svg::node::element::Path {
     let mut data = svg::node::element::path::Data::new();
     let mut at = None;
-    for line in lines.iter().filter(|line| line.draws) {
+    for line in lines.iter().filter(|line| line.draws == draws) {
         if at != Some(line.from) {
             data = data.move_to((mm(line.from.x), mm(line.from.y)));
         }
         data = data.line_to((mm(line.to.x), mm(line.to.y)));
         at = Some(line.to);
     }
-    let strokes = svg::node::element::Path::new()
+    svg::node::element::Path::new()
         .set("fill", "none")
-        .set("stroke", "black")
-        .set("stroke-width", 0.25)
+        .set("stroke", color)
+        .set("stroke-width", width)
         .set("stroke-linecap", "round")
         .set("stroke-linejoin", "round")
-        .set("d", data);
-    let document = svg::Document::new()
-        .set("width", format!("{}mm", mm(sheet.x)))
-        .set("height", format!("{}mm", mm(sheet.y)))
-        .set("viewBox", (0, 0, mm(sheet.x), mm(sheet.y)))
-        .add(strokes);
-    files::write(path, document.to_string().as_bytes())
+        .set("d", data)
+}
+
+fn mm(hundredths: i32) -> f64 {
+    f64::from(hundredths) / 100.0
 }
 
 struct Pen {

@@ -9,6 +9,7 @@ pub mod interrupt;
 pub mod line;
 pub mod listener;
 pub mod output;
+pub mod port;
 pub mod priority;
 pub mod samples;
 pub mod serial;

@@ -226,10 +226,10 @@ fn within(least: &impl Display, most: &impl Display, unit: &str) -> String {
 
 fn time(value: &Value, range: &RangeInclusive<Duration>) -> Result<Duration, &'static str> {
     const NO_TIME: &str = "not a time with its unit, such as 250ms or 1.5s";
-    let text = value.as_str().ok_or(NO_TIME)?.trim();
+    // Nothing is nothing in every unit.
+    let text = if *value == 0 { "0s" } else { value.as_str().ok_or(NO_TIME)?.trim() };
     let time = match text {
         "never" => Duration::MAX,
-        "0" => Duration::ZERO,
         _ => fraction(text).or_else(|| humantime::parse_duration(text).ok()).ok_or(NO_TIME)?,
     };
     if range.contains(&time) { Ok(time) } else { Err("out of range") }

@@ -1,0 +1,50 @@
+//! Instructions as a table: the word, then its floats.
+
+use anyhow::{Context, Result};
+
+use super::program::Instruction;
+use super::settings::Mapping;
+
+/// Reads `WORD,FLOAT,FLOAT,…` a line; a word is `cut`, `move`, or a number such as 258 or 0x0102. Lines that begin with `#`, and a
+/// first line that begins with `word`, are passed over.
+///
+/// # Errors
+/// When a cell is none of these, with the line.
+pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Vec<Instruction>> {
+    let mut reader = csv::ReaderBuilder::new();
+    let reader = reader.has_headers(false).flexible(true).comment(Some(b'#')).trim(csv::Trim::All);
+    let mut instructions = Vec::new();
+    for record in reader.from_reader(text.as_bytes()).records() {
+        let record = record.context("no table")?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let mut cells = record.iter();
+        let first = cells.next().unwrap_or_default();
+        if instructions.is_empty() && first.eq_ignore_ascii_case("word") {
+            continue;
+        }
+        let word = word(first, mapping).with_context(|| {
+            format!(
+                "line {line}: `{}` is no command word: give cut, move, 258 or 0x0102",
+                first.escape_debug()
+            )
+        })?;
+        let number = |cell: &str| {
+            cell.parse::<f32>()
+                .with_context(|| format!("line {line}: `{}` is no number", cell.escape_debug()))
+        };
+        let values = cells.filter(|cell| !cell.is_empty()).map(number).collect::<Result<_>>()?;
+        instructions.push(Instruction { line, word, values });
+    }
+    Ok(instructions)
+}
+
+fn word(text: &str, mapping: &Mapping) -> Option<u16> {
+    match text {
+        "cut" => Some(mapping.cut),
+        "move" => Some(mapping.rapid),
+        _ => match text.strip_prefix("0x") {
+            Some(digits) => u16::from_str_radix(digits, 16).ok(),
+            None => text.parse().ok(),
+        },
+    }
+}

@@ -1,0 +1,14 @@
+//! Runs a program on a laser robot: every instruction once, and what became of each is kept in a journal.
+
+mod csv;
+mod dxf;
+mod gcode;
+mod journal;
+mod program;
+mod run;
+mod settings;
+
+pub use journal::{Journal, Outcome};
+pub use program::{Instruction, Program};
+pub use run::{Ended, Operator, Runner};
+pub use settings::{Coordinate, Mapping, Settings};

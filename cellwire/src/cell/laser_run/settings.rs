@@ -1,0 +1,86 @@
+//! What can be set of a run: the host's session, and the command words of paths.
+
+use laser_eb90::HostConfig;
+use serde::{Deserialize, Serialize};
+
+use crate::links::settings::{Configure, Table, json};
+
+/// A host, and how paths become instructions.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The session.
+    pub host: HostConfig,
+    /// The command words.
+    pub mapping: Mapping,
+}
+
+impl Settings {
+    /// The defaults on a line of this rate.
+    pub fn at_baud(baud: u32) -> Self {
+        Self { host: HostConfig::at_baud(baud), mapping: Mapping::default() }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { host, mapping } = self;
+        table.group("program", |table| mapping.configure(table));
+        host.configure(table);
+    }
+}
+
+/// How the lines of a path become instructions: the profile of a plant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mapping {
+    /// To a point with the laser on.
+    pub cut: u16,
+    /// To a point with the laser off.
+    pub rapid: u16,
+    /// The floats of both, in order.
+    pub values: Vec<Coordinate>,
+    /// How far a chord may be from its arc, in mm.
+    pub tolerance: f64,
+}
+
+/// A float of an instruction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Coordinate {
+    /// mm
+    X,
+    /// mm
+    Y,
+    /// mm
+    Z,
+    /// Degrees about X.
+    A,
+    /// Degrees about Y.
+    B,
+    /// Degrees about Z.
+    C,
+    /// The feed, in mm/min.
+    F,
+    /// The power, as the program has it.
+    S,
+    /// The length of the path so far, in mm.
+    Length,
+}
+
+impl Default for Mapping {
+    fn default() -> Self {
+        use Coordinate::{A, B, Length, X, Y, Z};
+        Self { cut: 0x0101, rapid: 0x0102, values: vec![X, Y, Z, A, B, Length], tolerance: 0.05 }
+    }
+}
+
+impl Configure for Mapping {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { cut, rapid, values, tolerance } = self;
+        table.whole("cut", 0..=u16::MAX, "", "the command word of a line with the laser on", cut);
+        table.whole("move", 0..=u16::MAX, "", "the command word of a line with the laser off", rapid);
+        let (shape, default) =
+            ("[some of \"x\", \"y\", \"z\", \"a\", \"b\", \"c\", \"f\", \"s\", \"length\"]", json(values));
+        table.parsed("values", shape, default, "the floats of both, in order: mm, degrees, mm/min", values);
+        table.real("tolerance", 0.001..=10.0, "mm", "how far a chord may be from its arc", tolerance);
+    }
+}

@@ -1,0 +1,165 @@
+//! `cellwire laser`: the PC's end of a laser robot.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, ensure};
+use clap::Subcommand;
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use serde_json::json;
+
+use super::settings::SetArgs;
+use crate::cell::laser_run::{Ended, Journal, Operator, Outcome, Program, Runner, Settings};
+use crate::io::output::log;
+use crate::io::port::AnyPort;
+use crate::io::tcp::ConnectArgs;
+use crate::io::{files, input};
+use crate::links::settings;
+
+/// Runs programs on a laser robot over its serial line (EB 90 frames).
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire laser run part.nc --dry-run --draw part.svg        what would be cut
+  cellwire laser run part.nc --port /dev/ttyS0 --settings hall3.toml
+  cellwire simulate laser --pty /tmp/laser                    a robot to try it on";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(RunArgs),
+}
+
+/// Runs a program, every instruction once: G-code, DXF (lines and arcs), or CSV with a command word and its floats a line.
+///
+/// Prints one line of JSON for each frame: which instructions the controller has queued. A journal beside the program says what
+/// became of every instruction: after an end of any kind the same command goes on where it was. Where nobody knows whether
+/// instructions were taken, it stops and asks; look at the machine and type `done`, `repeat` or `stop`. `pause`, `continue` and
+/// `stop` may be typed at any time, and take effect after the frame in flight.
+///
+/// "Done" is queued: a controller that loses its queue (a power cut) has not executed all of it.
+///
+/// Exit status: 0 every instruction is done; 1 stopped, or refused; 2 not begun; 3 the connection was lost.
+#[derive(Debug, clap::Args)]
+struct RunArgs {
+    /// The program: .csv, .dxf, or G-code
+    file: PathBuf,
+    /// The controller: the path of a serial port, or HOST:PORT of a serial device server
+    #[arg(long, value_name = "PORT", required_unless_present = "dry_run")]
+    port: Option<String>,
+    /// Send nothing: print what the program has, and how long it takes on the line at least
+    #[arg(long)]
+    dry_run: bool,
+    /// Draw what the robot would do into this SVG file
+    #[arg(long, value_name = "FILE")]
+    draw: Option<PathBuf>,
+    /// The journal [default: the program's name with .journal]
+    #[arg(long, value_name = "FILE")]
+    journal: Option<PathBuf>,
+    /// Begin at the first instruction whatever the journal says: what was done is done again
+    #[arg(long)]
+    again: bool,
+    /// Write the outcome of every instruction into this CSV file at the end
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    connect: ConnectArgs,
+    #[command(flatten)]
+    set: SetArgs,
+}
+
+/// Returns true when every instruction is done.
+pub fn run(args: &Args) -> Result<bool> {
+    let Command::Run(args) = &args.command;
+    let given = args.set.read()?;
+    // Some defaults follow from the rate.
+    let baud = settings::read("laser", Settings::at_baud(laser_eb90::timing::BAUD), &given)?.host.baud;
+    let Settings { host, mapping } = settings::read("laser", Settings::at_baud(baud), &given)?;
+    let program = Program::read(&args.file, &mapping, &host)?;
+    if let Some(file) = &args.draw {
+        program.draw(file, &mapping)?;
+    }
+    if args.dry_run {
+        let (frames, time) = program.estimate(&host);
+        let bounds = program.bounds(&mapping).map(|(least, most)| json!({"least": least, "most": most}));
+        log(&json!({
+            "program": args.file, "instructions": program.instructions.len(), "frames": frames,
+            "seconds_on_the_line": (time.as_secs_f64() * 10.0).round() / 10.0, "mm": bounds,
+        }))?;
+        return Ok(true);
+    }
+    let path = args.journal.clone().unwrap_or_else(|| Journal::beside(&args.file));
+    let mut journal = Journal::open(&path, &program, args.again)?;
+    let ended = execute(args, &program, &mut journal, host);
+    if let Some(file) = &args.out {
+        files::write(file, outcomes(&program, &journal).as_bytes())?;
+    }
+    let ended = ended?;
+    let count = |outcome| journal.count(outcome);
+    log(&json!({
+        "event": "ended", "why": match ended {
+            Ended::Complete => "complete",
+            Ended::Stopped => "stopped",
+            Ended::Refused => "refused",
+        },
+        "done": count(Outcome::Done), "unknown": count(Outcome::Unknown), "refused": count(Outcome::Refused),
+        "not_sent": count(Outcome::NotSent), "journal": journal.path(),
+    }))?;
+    Ok(ended == Ended::Complete)
+}
+
+fn execute(
+    args: &RunArgs,
+    program: &Program,
+    journal: &mut Journal,
+    host: laser_eb90::HostConfig,
+) -> Result<Ended> {
+    let (all, before) = (program.instructions.len(), journal.count(Outcome::Done));
+    ensure!(
+        before < all,
+        "this program was run to its end, as {} says; --again runs it again",
+        journal.path().display()
+    );
+    if before > 0 {
+        log(&json!({"event": "goes_on", "after": before, "of": all}))?;
+    }
+    let progress = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+    progress.set_position(before as u64);
+    let operator = Operator {
+        words: input::lines(),
+        notify: &mut |event| log(&event),
+        progress: &mut |done| progress.set_position(done as u64),
+    };
+    let mut runner = Runner::new(program, journal, host, operator);
+    if !runner.settle_unknown()? {
+        return Ok(Ended::Stopped);
+    }
+    let port = args.port.as_deref().unwrap_or_default();
+    let ended = runner.run(AnyPort::open(port, host.baud, args.connect.timeout())?);
+    progress.finish_and_clear();
+    ended
+}
+
+/// `number,line,word,outcome` of every instruction.
+fn outcomes(program: &Program, journal: &Journal) -> String {
+    let mut text = String::from("number,line,word,outcome\n");
+    for (number, (instruction, outcome)) in (1..).zip(program.instructions.iter().zip(journal.outcomes())) {
+        let outcome = match outcome {
+            Outcome::NotSent => "not_sent",
+            Outcome::Done => "done",
+            Outcome::Unknown => "unknown",
+            Outcome::Refused => "refused",
+        };
+        text.push_str(&format!("{number},{},{:#06x},{outcome}\n", instruction.line, instruction.word));
+    }
+    text
+}
+
+/// What can be set.
+pub fn settings() -> Vec<settings::Setting> {
+    settings::list(Settings::at_baud(laser_eb90::timing::BAUD))
+}

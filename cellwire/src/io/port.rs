@@ -1,0 +1,49 @@
+//! A serial port, or the TCP connection of a serial device server.
+
+use std::io;
+use std::net::TcpStream;
+use std::time::Duration;
+
+use anyhow::Result;
+use robot_session::{Received, Sent, Transport};
+
+use crate::io::{serial, tcp};
+
+/// Where a device on a serial line is reached.
+#[allow(missing_debug_implementations, reason = "it holds a port")]
+pub enum AnyPort {
+    /// A port of this machine.
+    Serial(serial::Port),
+    /// A serial device server.
+    Tcp(TcpStream),
+}
+
+impl AnyPort {
+    /// Opens `HOST:PORT`, or the path of a serial port.
+    ///
+    /// # Errors
+    /// When it cannot be opened, or the connection takes longer than `timeout`.
+    pub fn open(name: &str, baud: u32, timeout: Duration) -> Result<Self> {
+        let is_path = name.contains('/') || !name.contains(':');
+        Ok(match is_path {
+            true => Self::Serial(serial::Port(serial::open(name, baud)?)),
+            false => Self::Tcp(tcp::connect(name, timeout)?),
+        })
+    }
+}
+
+impl Transport for AnyPort {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        match self {
+            Self::Serial(port) => port.receive(buffer, wait),
+            Self::Tcp(stream) => stream.receive(buffer, wait),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        match self {
+            Self::Serial(port) => port.send(bytes),
+            Self::Tcp(stream) => stream.send(bytes),
+        }
+    }
+}

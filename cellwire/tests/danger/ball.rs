@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use cellwire::io::priority::{self, Rank};
+
 use super::pty::Pty;
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -41,6 +43,8 @@ impl Ball {
 
     /// The port disappears.
     pub(crate) fn pull(&self) {
+        // First the link: the number of the pseudo-terminal may soon be that of another.
+        std::fs::remove_file(&self.path).unwrap();
         self.hand.lock().unwrap().gone = true;
     }
 
@@ -53,6 +57,7 @@ impl Ball {
         self.hand.lock().unwrap().gone = false;
         let hand = Arc::clone(&self.hand);
         thread::spawn(move || {
+            priority::raise(Rank::Hardware);
             let mut byte = [0];
             while Arc::strong_count(&hand) > 1 {
                 if hand.lock().unwrap().gone {

@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use cellwire::io::priority::{self, Rank};
+
 use super::pty::Pty;
 
 pub(crate) const CYCLE: Duration = Duration::from_millis(28);
@@ -56,6 +58,11 @@ impl Controller {
         self.log.lock().unwrap().clone()
     }
 
+    /// Whether ALTER has ended.
+    pub(crate) fn has_ended(&self) -> bool {
+        self.log.lock().unwrap().last() == Some(&Cycle::Ended)
+    }
+
     /// How many cycles there were.
     pub(crate) fn now(&self) -> usize {
         self.log.lock().unwrap().len()
@@ -90,7 +97,12 @@ impl Controller {
     }
 }
 
+/// A missing reply ends the source's ALTER; this controller forgives a busy machine a few.
+const FORGIVEN: u32 = 20;
+
 fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
+    // Real hardware does not wait for a processor.
+    priority::raise(Rank::Hardware);
     let see = |cycle| log.lock().unwrap().push(cycle);
     'off: loop {
         let Ok(order) = orders.recv() else { return };
@@ -138,8 +150,7 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
                 }
             }
             interrupted = interrupted.saturating_sub(1);
-            // The source's controller ends with the first missing reply; this one forgives a busy machine two.
-            if missed == 3 {
+            if missed > FORGIVEN {
                 send(&mut port, &[0xE6]);
                 see(Cycle::Ended);
                 continue 'off;
@@ -159,7 +170,7 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
 /// Cycles of an ALTER that was started again, until nobody answers.
 fn again(port: &mut Pty, mode: u8, log: &Mutex<Vec<Cycle>>) {
     let mut missed = 0;
-    while missed < 3 {
+    while missed <= FORGIVEN {
         let mut message = vec![0x80, 2, 1, 0, 0, 0x20];
         message.resize(if mode & 4 != 0 { 30 } else { 6 }, 0);
         let cycle = match exchange(port, &message).as_deref().and_then(values) {

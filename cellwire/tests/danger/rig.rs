@@ -55,35 +55,61 @@ impl Rig {
     pub(crate) fn moving(mode: u8, args: &[&str], least: i16) -> Self {
         let rig = Self::new(mode, args);
         rig.controller.start(mode);
-        rig.armed_after(0);
         rig.push_until(least);
         rig
     }
 
-    /// Waits until the hand may move the arm.
-    pub(crate) fn armed_after(&self, since: usize) {
-        self.controller.wait("the start", since, |cycle| *cycle == Cycle::Start(0));
-        self.terminal.wait_for(" ARMED ");
+    /// Lets go until the hand may move the arm. Where the machine is so busy that ALTER ends, it is started again.
+    pub(crate) fn arm(&self) {
+        self.ball.push(0);
+        let end = Instant::now() + PATIENCE;
+        while !self.terminal.text().contains(" ARMED ") {
+            assert!(Instant::now() < end, "it is not armed: {}", self.terminal.text());
+            if self.controller.has_ended() {
+                self.controller.start(self.mode);
+                self.controller.pass(1);
+            }
+            if self.mode & 1 == 0 && self.terminal.text().contains(" READY ") {
+                self.terminal.press(b"\r");
+            }
+            thread::sleep(Duration::from_millis(20));
+        }
     }
 
-    /// Pushes until the arm moves so.
+    /// Arms, and pushes until the arm moves so. Where the machine is so busy that values become old, it begins again.
     pub(crate) fn push_until(&self, least: i16) {
-        let since = self.controller.now();
-        self.ball.push(127);
-        self.controller.wait("motion", since, |cycle| x(cycle).is_some_and(|x| x >= least));
+        let end = Instant::now() + PATIENCE;
+        loop {
+            self.arm();
+            let since = self.controller.now();
+            self.ball.push(127);
+            loop {
+                assert!(Instant::now() < end, "it does not move: {}", self.terminal.text());
+                if self.controller.log()[since..].iter().any(|cycle| x(cycle).is_some_and(|x| x >= least)) {
+                    return;
+                }
+                let text = self.terminal.text();
+                if self.controller.has_ended() || text.contains(" DISARMED ") {
+                    break;
+                }
+                thread::sleep(Duration::from_millis(5));
+            }
+        }
     }
 
-    /// What the controller saw from `cause` on: in cycles, to the first smaller value, and to zero; and the greatest step.
-    pub(crate) fn stopped(&self, cause: usize) -> Stopped {
+    /// What the controller saw from `cause` on: in cycles, to the first smaller value, and to zero; and the greatest step. `None`:
+    /// a busy machine had stopped the arm before.
+    pub(crate) fn stopped(&self, cause: usize) -> Option<Stopped> {
         let zero = self.controller.wait("rest", cause, |cycle| match x(cycle) {
             Some(x) => x == 0,
             None => *cycle == Cycle::Ended,
         });
         let log = self.controller.log();
-        let before = log[..cause].iter().rev().find_map(x).unwrap_or(0);
+        let before = x(log[..cause].last()?)?;
         let smaller = |cycle: &Cycle| x(cycle).map_or(*cycle == Cycle::Ended, |x| x < before);
-        let first = cause + log[cause..].iter().position(smaller).unwrap();
-        Stopped { first: first - cause, zero: zero - cause, step: greatest_step(&log), seen: log.len() }
+        let first = log[cause..].iter().position(smaller)?;
+        let is_fast = before >= super::FAST && log[cause..=zero].iter().any(|cycle| x(cycle).is_some());
+        is_fast.then_some(Stopped { first, zero: zero - cause, step: greatest_step(&log), seen: log.len() })
     }
 
     pub(crate) fn signal(&self, signal: &str) {
@@ -110,10 +136,6 @@ impl Rig {
             .map(|entry| entry.unwrap().path())
             .filter(|path| path.extension() == Some("trace".as_ref()))
             .collect()
-    }
-
-    pub(crate) fn mode(&self) -> u8 {
-        self.mode
     }
 }
 

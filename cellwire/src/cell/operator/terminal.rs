@@ -17,7 +17,7 @@ use ratatui::crossterm::terminal::{
 use ratatui::prelude::CrosstermBackend;
 
 /// A terminal that does not take the end of the alternate screen in this time keeps nobody here.
-const PATIENCE: Duration = Duration::from_millis(200);
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// The terminal while it shows the operator's screen.
 pub(super) struct Screen {

@@ -186,7 +186,7 @@ pub enum Notification {
 /// So many reports wait for whoever shows them; what comes then is dropped: the control loop waits for nobody.
 const NOTIFICATIONS: usize = 4096;
 /// A thread that does not end is left alone after this time: it may hang in a driver.
-const PATIENCE: Duration = Duration::from_millis(400);
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// The running host. It ends when it is dropped, without coming to rest: [`Order::End`] does that.
 #[derive(Debug)]

@@ -97,7 +97,7 @@ pub fn main() -> ExitCode {
 fn parse() -> Cli {
     let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
     let mut command = Cli::command();
-    for name in ["decode", "encode", "simulate", "demo"] {
+    for name in ["decode", "encode", "simulate", "demo", "alter"] {
         command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
     }
     let listed = |settings| format!("Settings, for --set and --settings:\n\n{}", settings::lines(settings));

@@ -28,7 +28,7 @@ use cellwire::links::val2_alter::Pose;
 use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
 use indicatif::ProgressBar;
 use isra_ball::BallConfig;
-use val2_alter::{ErrorCode, HostConfig, Mode, Motion};
+use val2_alter::{ErrorCode, HostConfig, Motion};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -130,9 +130,9 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
 fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
     let config = CellConfig {
         time: Duration::from_millis(4500),
-        baud: 38_400,
+        alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
+        controller: PumaConfig::default().controller,
         ball_baud: 9600,
-        mode: Mode::CUMULATIVE_23,
         faults: true,
         seed: 5,
         trace: TraceArgs::off(),

@@ -1,15 +1,18 @@
 //! `cellwire alter`: the operator's screen of the teleoperation host.
 
 use std::io::IsTerminal;
+use std::path::PathBuf;
 
-use anyhow::{Result, ensure};
-use val2_alter::{Accumulation, Mode};
+use anyhow::{Context as _, Result, ensure};
+use val2_alter::{Accumulation, HostConfig, Mode, Policy};
 
+use super::settings::SetArgs;
 use crate::cell::operator;
 use crate::cell::teleop::latch::LatchConfig;
 use crate::cell::teleop::{LIMITS, PortConfig, Profile, TeleopConfig, Traces, host_config, polls};
 use crate::io::trace::TraceArgs;
-use crate::io::{interrupt, serial};
+use crate::io::{input, interrupt, serial};
+use crate::links::settings::{self, Configure, Table};
 
 /// Steers a robot with a control ball over ALTER: the operator's screen.
 ///
@@ -59,36 +62,81 @@ pub struct Args {
     /// The key for --hold-to-run
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=32))]
     hold_key: u8,
+    /// A TOML file that says what the hand's values mean: dead zone, gain, filter, axes; its settings are those of profile, below
+    #[arg(long, value_name = "FILE")]
+    profile: Option<PathBuf>,
+    #[command(flatten)]
+    set: SetArgs,
     #[command(flatten)]
     trace: TraceArgs,
+}
+
+/// What can be set of the cell.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    alter: HostConfig,
+    polls: isra_ball::HostConfig,
+    profile: Profile,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            alter: HostConfig { limits: LIMITS, policy: Policy::Ignore, ..host_config() },
+            polls: polls(isra_ball::timing::BAUD),
+            profile: Profile::for_limits(LIMITS, 100),
+        }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { alter, polls, profile } = self;
+        alter.configure(table);
+        table.group("ball", |table| polls.configure(table));
+        table.group("profile", |table| profile.configure(table));
+    }
+}
+
+impl Args {
+    /// The options, then the profile, then the settings.
+    fn settings(&self) -> Result<Settings> {
+        let mut settings = Settings::default();
+        (settings.alter.baud, settings.alter.mode) = (self.robot_baud, Mode(self.mode));
+        settings.alter.subroutine = self.clamp;
+        settings.polls.baud = self.ball_baud;
+        (settings.profile.speed, settings.profile.hold_key) = (self.speed, self.hold_key);
+        if let Some(file) = &self.profile {
+            let given = toml::from_str(&input::text(file)?)
+                .with_context(|| format!("{} is no TOML", file.display()))?;
+            settings.profile = settings::read("a profile", settings.profile, &given)?;
+        }
+        settings = settings::read("alter", settings, &self.set.read()?)?;
+        settings.profile.limits = settings.alter.limits;
+        Ok(settings)
+    }
 }
 
 /// Runs until the operator quits.
 ///
 /// # Errors
-/// When there is no terminal, or a port cannot be opened.
+/// When there is no terminal, a port cannot be opened, or a setting has no such value.
 pub fn run(args: &Args) -> Result<bool> {
     ensure!(std::io::stdout().is_terminal(), "the operator's screen needs a terminal");
+    let Settings { alter, polls, profile } = args.settings()?;
     let config = TeleopConfig {
-        robot: PortConfig { path: args.robot.clone(), baud: args.robot_baud },
-        ball: PortConfig { path: args.ball.clone(), baud: args.ball_baud },
+        robot: PortConfig { path: args.robot.clone(), baud: alter.baud },
+        ball: PortConfig { path: args.ball.clone(), baud: polls.baud },
         viewer: args.viewer.clone().map(|path| PortConfig { path, baud: args.viewer_baud }),
-        alter: val2_alter::HostConfig {
-            baud: args.robot_baud,
-            mode: Mode(args.mode),
-            limits: LIMITS,
-            subroutine: args.clamp,
-            policy: val2_alter::Policy::Ignore,
-            ..host_config()
-        },
-        polls: polls(args.ball_baud),
-        profile: Profile { hold_key: args.hold_key, ..Profile::for_limits(LIMITS, args.speed) },
         latch: LatchConfig {
             // Armed, the arm leaves the offset that it holds.
-            confirm: args.confirm || Mode(args.mode).accumulation() == Accumulation::NonCumulative,
+            confirm: args.confirm || alter.mode.accumulation() == Accumulation::NonCumulative,
             hold_to_run: args.hold_to_run,
             ..LatchConfig::default()
         },
+        alter,
+        polls,
+        profile,
     };
     let start = |name| args.trace.start_kept(name);
     let traces =

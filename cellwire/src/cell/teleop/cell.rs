@@ -8,7 +8,7 @@ use anyhow::{Context as _, Result, anyhow};
 use indicatif::ProgressBar;
 use isra_ball::{BallConfig, BallStatistics, Status};
 use val2_alter::timing;
-use val2_alter::{AXES, Accumulation, Exception, HostConfig, HostState, Mode};
+use val2_alter::{AXES, Accumulation, ControllerConfig, Exception, HostConfig, HostState};
 use val2_viewer::WorkstationConfig;
 
 use super::latch::{Latch, LatchConfig};
@@ -37,12 +37,12 @@ const TAKE_UP: Duration = Duration::from_secs(10);
 pub struct CellConfig {
     /// For how long.
     pub time: Duration,
-    /// The robot's line.
-    pub baud: u32,
+    /// The host's end of the robot's line.
+    pub alter: HostConfig,
+    /// The robot's end of it.
+    pub controller: ControllerConfig,
     /// The ball's line.
     pub ball_baud: u32,
-    /// The mode of its ALTER instruction.
-    pub mode: Mode,
     /// Whether lines corrupt bytes, and the host stalls.
     pub faults: bool,
     /// The seed of the faults.
@@ -56,9 +56,9 @@ impl CellConfig {
     pub fn of(options: &DemoOptions) -> Self {
         Self {
             time: options.seconds.unwrap_or(OWN_RUN),
-            baud: timing::BAUD,
+            alter: HostConfig { limits: LIMITS, subroutine: true, ..super::host_config() },
+            controller: PumaConfig::default().controller,
             ball_baud: isra_ball::timing::BAUD,
-            mode: Mode::CUMULATIVE_23,
             faults: options.faults,
             seed: options.seed,
             trace: options.trace.clone(),
@@ -152,20 +152,20 @@ pub struct Cycle {
 pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     let clock = Clock::start();
     let polls = polls(config.ball_baud);
-    let mut robot = Wire::new("robot", clock, config.baud, 1, config)?;
+    let mut robot = Wire::new("robot", clock, config.controller.baud, 1, config)?;
     let mut ball = Wire::new("ball", clock, polls.baud, 2, config)?;
     let mut viewer = Wire::new("viewer", clock, val2_viewer::timing::BAUD, 3, config)?;
-    let mut puma = PumaConfig { restart: Duration::from_millis(300), ..PumaConfig::default() };
-    (puma.controller.baud, puma.controller.mode) = (config.baud, config.mode);
+    let restart = Duration::from_millis(300);
+    let puma = PumaConfig { controller: config.controller, restart, ..PumaConfig::default() };
     let teleop = TeleopConfig {
-        robot: robot.port(config.baud),
+        robot: robot.port(config.alter.baud),
         ball: ball.port(polls.baud),
         viewer: Some(viewer.port(val2_viewer::timing::BAUD)),
-        alter: host_config(config),
+        alter: config.alter,
         polls,
-        profile: Profile::for_limits(LIMITS, 150),
+        profile: Profile::for_limits(config.alter.limits, 150),
         latch: LatchConfig {
-            confirm: config.mode.accumulation() == Accumulation::NonCumulative,
+            confirm: config.alter.mode.accumulation() == Accumulation::NonCumulative,
             ..LatchConfig::default()
         },
     };
@@ -201,11 +201,6 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
             ends_before_stop,
         })
     })
-}
-
-fn host_config(config: &CellConfig) -> HostConfig {
-    let (baud, mode) = (config.baud, config.mode);
-    HostConfig { baud, mode, limits: LIMITS, subroutine: true, ..super::host_config() }
 }
 
 /// A simulated device's line on a pseudo-terminal, and the path of its other end.

@@ -1,9 +1,11 @@
 //! What the hand's values mean for the robot.
 
+use serde::de::{Deserialize, Deserializer, Error as _};
 use val2_alter::{AXES, Accumulation, Limits, Mode, Scale};
 
-use super::filter::Filter;
+use super::filter::{Axes, Filter};
 use super::input::{FULL, Sample};
+use crate::links::settings::{Configure, Table, json};
 
 /// What the hand's values ask of the robot. Signs and units of both ends are open in the source, so try it slowly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,12 +116,63 @@ impl Profile {
     }
 }
 
+impl Configure for Profile {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let choices = [("all", Axes::All), ("tra", Axes::Translation), ("rot", Axes::Rotation)];
+        table.choice("filter", &choices, "the axes that pass", &mut self.filter.axes);
+        let about = "only the strongest of them passes";
+        table.flag("dominant", about, &mut self.filter.dominant);
+        let about = "values up to this count as none; all of them below it is rest";
+        table.whole("dead_zone", 0..=50, "% of full deflection", about, &mut self.dead_zone);
+        let about = "the speed that full deflection asks for";
+        table.whole("speed", 1..=100, "% of the limits", about, &mut self.speed);
+        let about = "the same for each axis of the robot; below 0 the other way round";
+        table.wholes("gain", -200..=200, "% of speed", about, &mut self.gain);
+        let shape =
+            "[6 of \"x\" \"y\" \"z\" \"rx\" \"ry\" \"rz\", with a minus the other way round, or \"none\"]";
+        let default = json(&self.axes.map(|source| source.name()));
+        let about = "the axis of the input that X, Y, Z, RX, RY, RZ of the robot follow";
+        table.parsed("axes", shape, default, about, &mut self.axes);
+        let about = "non-cumulative ALTER: how far off the path full deflection asks for";
+        table.whole("reach_mm", 0..=1000, "mm", about, &mut self.reach_mm);
+        table.whole("reach_degrees", 0..=170, "°", about, &mut self.reach_degrees);
+        let about = "the button for --hold-to-run";
+        table.whole("hold_key", 1..=32, "", about, &mut self.hold_key);
+    }
+}
+
+impl Source {
+    fn name(self) -> String {
+        let name = self.axis.and_then(|axis| Self::NAMES.get(usize::from(axis)));
+        match name {
+            None => "none".into(),
+            Some(name) => format!("{}{name}", if self.is_inverted { "-" } else { "" }),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Source {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let (is_inverted, name) = match text.strip_prefix('-') {
+            Some(name) => (true, name),
+            None => (false, text.as_str()),
+        };
+        let axis = Self::NAMES.iter().position(|known| *known == name);
+        match axis.and_then(|axis| u8::try_from(axis).ok()) {
+            Some(axis) => Ok(Self { axis: Some(axis), is_inverted }),
+            None if text == "none" => Ok(Self { axis: None, is_inverted: false }),
+            None => Err(D::Error::custom(format!("there is no axis `{text}`"))),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::cell::teleop::filter::Axes;
+    use crate::links::settings;
 
     const MODE: Mode = Mode::CUMULATIVE_23;
 
@@ -156,6 +209,30 @@ mod tests {
         profile.filter = Filter { axes: Axes::Rotation, dominant: false };
         assert_eq!(profile.target(&pushed, MODE), [0, 0, 0, 75, -300, 0]);
         assert!(!profile.rests(&sample([1000, 0, 0, 0, 0, 0])));
+    }
+
+    #[test]
+    fn a_profile_is_read_from_a_file_of_settings() {
+        let read = |text: &str| {
+            let given = toml::from_str(text).unwrap();
+            settings::read("profile", Profile::for_limits(Limits::GENTLE, 100), &given)
+        };
+        let text = r#"
+            filter = "tra"
+            dominant = true
+            dead_zone = 10
+            gain = [50, 100, -100, 0, 0, 0]
+            axes = ["y", "-x", "z", "none", "rx", "rz"]
+        "#;
+        let profile = read(text).unwrap();
+        assert_eq!(profile.filter, Filter { axes: Axes::Translation, dominant: true });
+        assert_eq!((profile.dead_zone, profile.gain), (10, [50, 100, -100, 0, 0, 0]));
+        let names = profile.axes.map(Source::name);
+        assert_eq!(names, ["y", "-x", "z", "none", "rx", "rz"]);
+        let error = |text| read(text).unwrap_err().to_string();
+        assert!(error("axes = ['x', 'y', 'z', 'rx', 'ry', 'up']").contains("there is no axis `up`"));
+        assert!(error("dead_zone = 51").contains("out of range"));
+        assert!(error("deadzone = 5").starts_with("profile has no setting `deadzone`: it has filter,"));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 -- ISRA Robot Command Teach Ball, as isra-ball.md describes it.
 --
--- Copy this file into Wireshark's folder of personal Lua plugins. Then "Decode As" of a TCP port, or of a user link type.
+-- README.md says how to install it.
 
 local ball = Proto("isra_ball", "ISRA Robot Command Teach Ball")
 local ENQ = 0x05

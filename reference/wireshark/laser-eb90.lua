@@ -1,7 +1,6 @@
 -- Laser machining robot, as laser-eb90.md describes it.
 --
--- Copy this file into Wireshark's folder of personal Lua plugins. Then "Decode As" of a TCP port, or of a user link type. The
--- preferences are the options of section 11.
+-- README.md says how to install it. The preferences are the options of section 11.
 
 local laser = Proto("laser_eb90", "Laser machining robot")
 local HEAD, FLAG, MARK, MAX_PAYLOAD = { 0xEB, 0x90, 0x82 }, 0xF0, 0x90, 512

@@ -1,6 +1,6 @@
 -- VAL II ALTER between a Unimation controller and its host, as val2-alter.md describes it.
 --
--- Copy this file into Wireshark's folder of personal Lua plugins. Then "Decode As" of a TCP port, or of a user link type.
+-- README.md says how to install it.
 
 local alter = Proto("val2_alter", "VAL II ALTER")
 local DLE, STX, ETX = 0x10, 0x02, 0x03
@@ -144,13 +144,23 @@ local function read_frame(bytes, at, to, from_robot, again)
     return { data = data, places = places, finish = at }
 end
 
+--- A word in the units of its axis, with the scaling of the PUMA 562.
+local function in_units(name, word)
+    if #name == 1 or name:sub(1, 1) == "p" then return string.format(" (%g mm)", word / 32) end
+    if name:sub(1, 1) == "R" then return string.format(" (%.2f degrees)", word * 360 / 65536) end
+    return string.format(" (%.4f)", word / 16384)
+end
+
 local function show_words(tree, tvb, frame, field, first, names)
     for index = first, #frame.data, 2 do
         local word = frame.data[index] + 256 * frame.data[index + 1]
         if word > 32767 then word = word - 65536 end
         local range = tvb(frame.places[index], frame.places[index + 1] - frame.places[index] + 1)
         local item = tree:add(field, range, word)
-        if names then item:set_text(names[(index - first) / 2 + 1] .. ": " .. word) end
+        if names then
+            local name = names[(index - first) / 2 + 1]
+            item:set_text(name .. ": " .. word .. in_units(name, word))
+        end
     end
 end
 

@@ -1,6 +1,6 @@
 -- The link between a host and the workstation that draws its robot, as val2-viewer.md describes it.
 --
--- Copy this file into Wireshark's folder of personal Lua plugins. Then "Decode As" of a TCP port, or of a user link type.
+-- README.md says how to install it.
 
 local viewer = Proto("val2_viewer", "VAL II viewer")
 local ENQ, LF, DOLLAR = 0x05, 0x0A, 0x24

@@ -13,7 +13,7 @@ from pathlib import Path
 REFERENCE = Path(__file__).resolve().parent.parent
 # A clause ends before the next one, or at a blank line.
 CLAUSE = re.compile(r"^(?:- )?\*\*([A-Z]{2})-(\d+)\*\* (.*?)(?=\n\n|\n(?:- )?\*\*|\Z)", re.MULTILINE | re.DOTALL)
-SOURCE = re.compile(r"\[[^\]]*(§|ours)[^\]]*\]")
+SOURCE = re.compile(r"\[[§A-Za-z][^\]]*\](?!\()")
 
 
 def check(text):

@@ -37,7 +37,9 @@ pub fn kawasaki_msg_decoder(data: &[u8]) {
                 }
                 false => assert_eq!(written, bytes, "an accepted message encodes to its bytes"),
             }
-            if let Ok((role, params)) = Dialect::DEFAULT.read(&message) {
+            if let Ok((role, params)) = Dialect::DEFAULT.read(&message)
+                && role != Role::Job
+            {
                 let mut out = [0; 256];
                 let n =
                     Dialect::DEFAULT.write(role, &params, |m| m.encode(Charset::Ascii, &mut out)).unwrap();
@@ -169,33 +171,38 @@ impl<'a> Script<'a> {
     }
 }
 
-/// A table in which a job has a name too long to be read in one pass.
-fn wordy() -> Dialect {
-    static TABLE: std::sync::OnceLock<Dialect> = std::sync::OnceLock::new();
+/// Too long to be compared at once.
+pub(crate) const WORDY: &str = "TyoJokaLuetaanYleisestiEikaNopeasti";
+
+/// A table in which a job has that name.
+pub(crate) fn wordy() -> Dialect<'static> {
+    static TABLE: std::sync::OnceLock<Dialect<'static>> = std::sync::OnceLock::new();
     *TABLE.get_or_init(|| {
         let mut table = Dialect::DEFAULT.entries().to_vec();
-        table
-            .iter_mut()
-            .filter(|entry| entry.role == Role::Job)
-            .for_each(|entry| entry.name = "TyoYleisesti");
+        table.iter_mut().filter(|entry| entry.role == Role::Job).for_each(|entry| entry.name = WORDY);
         Dialect::new(table.leak()).unwrap()
     })
 }
 
 /// A robot and its motion task, which may execute no job twice and leave none out.
 struct Motion {
-    robot: Robot<'static>,
-    reader: Reader<'static, Job>,
+    robot: Robot<'static, Line>,
+    reader: Reader<'static, Job<Line>>,
     /// The jobs of the active order that were executed.
     executed: u32,
     max_number: u16,
 }
 
 impl Motion {
-    fn new(config: RobotConfig, capacity: usize, max_number: u16) -> Self {
+    fn new(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, max_number: u16) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
         let config = RobotConfig { max_number, ..config };
-        Self { robot: Robot::new(config, writer).unwrap(), reader, executed: 0, max_number }
+        Self {
+            robot: Robot::new(config, writer).unwrap().with_ranges(bounds).unwrap(),
+            reader,
+            executed: 0,
+            max_number,
+        }
     }
 
     fn execute(&mut self, now: Duration) {
@@ -254,9 +261,9 @@ pub fn kawasaki_msg_robot(data: &[u8]) {
     let (capacity, max_number) = [(1, 2), (3, 5), (7, 40), (64, 9999)][usize::from(first % 4)];
     let acks = if first & 4 == 0 { Acks::Individual } else { RobotConfig::TCP.acks };
     let (refuse_repeated_start, end_foreign_order) = (first & 8 != 0, first & 16 != 0);
-    let config = RobotConfig { bounds, acks, refuse_repeated_start, end_foreign_order, ..RobotConfig::TCP };
-    let mut quick = Motion::new(config, capacity, max_number);
-    let mut slow = Motion::new(RobotConfig { dialect: wordy(), ..config }, capacity, max_number);
+    let config = RobotConfig { acks, refuse_repeated_start, end_foreign_order, ..RobotConfig::TCP };
+    let mut quick = Motion::new(bounds, config, capacity, max_number);
+    let mut slow = Motion::new(bounds, RobotConfig { dialect: wordy(), ..config }, capacity, max_number);
     let mut now = Duration::ZERO;
     while let Some(action) = script.byte() {
         let answer = match action {
@@ -296,7 +303,7 @@ pub fn kawasaki_msg_robot(data: &[u8]) {
 }
 
 /// A packet of jobs from about the next one on; the fuzzer's bytes say where it goes wrong.
-fn jobs(script: &mut Script<'_>, robot: &Robot<'_>, action: u8) -> Vec<u8> {
+fn jobs(script: &mut Script<'_>, robot: &Robot<'_, Line>, action: u8) -> Vec<u8> {
     let mut number = robot.queued() + 1;
     let mut packet = Vec::new();
     for wrong in script.bytes() {
@@ -324,7 +331,8 @@ fn has_long(answer: &[u8]) -> bool {
 
 /// An answer that does not end inside a name: what is renamed has to be whole.
 fn unbroken(mut answer: Vec<u8>) -> Vec<u8> {
-    let name = b"<TyoYleisesti$";
+    let name = format!("<{WORDY}$");
+    let name = name.as_bytes();
     if (1..name.len()).any(|length| answer.ends_with(&name[..length])) {
         answer.push(b'.');
     }
@@ -335,11 +343,13 @@ fn unbroken(mut answer: Vec<u8>) -> Vec<u8> {
 fn renamed(answer: &[u8]) -> Vec<u8> {
     let mut renamed = Vec::new();
     let mut rest = answer;
+    let wordy = format!("<{WORDY}$");
+    let wordy = wordy.as_bytes();
     while let Some((first, tail)) = rest.split_first() {
         if let Some(tail) = rest.strip_prefix(b"<Tyo$") {
-            renamed.extend(b"<TyoYleisesti$");
+            renamed.extend(wordy);
             rest = tail;
-        } else if let Some(tail) = rest.strip_prefix(b"<TyoYleisesti$") {
+        } else if let Some(tail) = rest.strip_prefix(wordy) {
             renamed.extend(b"<Tyo$");
             rest = tail;
         } else {
@@ -362,7 +372,7 @@ pub fn kawasaki_msg_pc(data: &[u8]) {
         ..if first & 8 == 0 { PcConfig::TCP } else { PcConfig::UDP }
     };
     let mut pc = Pc::new(config).unwrap();
-    let source = move |index: u32| if index < total { Supply::Line(line(index)) } else { Supply::End };
+    let source = move |index: u32| if index < total { Supply::Job(line(index)) } else { Supply::End };
     let (mut now, mut out, mut heard, mut executed) = (Duration::ZERO, [0; 4096], false, 0);
     pc.handle_connected(now);
     while let Some(action) = script.byte() {
@@ -435,14 +445,17 @@ fn line(index: u32) -> Line {
 }
 
 /// The jobs in an answer follow one another, each under the number of its place.
-fn check_jobs<S: kawasaki_msg::JobSource>(packet: &[u8], pc: &Pc<S>, config: PcConfig) {
+fn check_jobs<S: kawasaki_msg::JobSource>(packet: &[u8], pc: &Pc<'_, S>, config: PcConfig<'_>) {
     assert!(!packet.is_empty() && packet.len() <= config.limits.packet);
     let mut last = None;
-    for (role, params) in check_packet(packet) {
-        if role == Role::Job {
-            let job = params.job(&Dialect::DEFAULT, &Bounds::WIDEST).unwrap();
-            let index = u32::try_from(job.line.start.x).unwrap();
-            assert_eq!(job.line, line(index));
+    check_packet(packet);
+    let mut decoder = Decoder::new(Charset::Ascii);
+    assert_eq!(decoder.push(packet), packet.len());
+    while let Some(Ok(message)) = decoder.next_frame() {
+        if message.name == "Tyo" {
+            let job: Job<Line> = Dialect::DEFAULT.read_job(&message, &Bounds::WIDEST).unwrap();
+            let index = u32::try_from(job.work.start.x).unwrap();
+            assert_eq!(job.work, line(index));
             assert_eq!(u32::from(job.number), index % u32::from(config.max_number) + 1);
             assert!(last.is_none_or(|last| index == last + 1), "{index} after {last:?}");
             assert!(index >= pc.executed() && index < pc.sent(), "{index}");

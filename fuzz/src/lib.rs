@@ -8,6 +8,7 @@ pub mod fanuc_hmi_modbus;
 pub mod fanuc_ls;
 pub mod isra_ball;
 pub mod kawasaki_msg;
+pub mod kawasaki_work;
 pub mod laser_eb90;
 pub mod mmacell_proto;
 pub mod val2_alter;
@@ -34,6 +35,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("kawasaki_msg_message", kawasaki_msg::kawasaki_msg_message),
     ("kawasaki_msg_pc", kawasaki_msg::kawasaki_msg_pc),
     ("kawasaki_msg_robot", kawasaki_msg::kawasaki_msg_robot),
+    ("kawasaki_msg_work", kawasaki_work::kawasaki_msg_work),
     ("laser_eb90_controller", laser_eb90::laser_eb90_controller),
     ("laser_eb90_decoder", laser_eb90::laser_eb90_decoder),
     ("laser_eb90_host", laser_eb90::laser_eb90_host),

@@ -1,4 +1,4 @@
-//! What messages mean to the machines: facts, no bytes and no lines of a picture.
+//! What messages mean to the machines: facts, no bytes and no work of a job.
 
 use crate::dialect::{Dialect, Params};
 use crate::phase::Phase;
@@ -79,7 +79,7 @@ fn order(params: &Params) -> u16 {
 }
 
 impl FromPc {
-    /// What values mean; a job's are looked at here but for its line.
+    /// What values mean; a job's are looked at here but for its own fields.
     pub fn read(role: Role, params: &Params) -> Self {
         let order = order(params);
         match role {
@@ -165,6 +165,6 @@ pub(crate) fn phase(params: &Params) -> Phase {
 }
 
 /// Whether a table defines an answer to a message.
-pub(crate) fn is_answered(dialect: &Dialect, role: Role) -> bool {
-    dialect.entry(role).reply.is_some()
+pub(crate) fn is_answered(dialect: &Dialect<'_>, role: Role) -> bool {
+    dialect.entry(role).is_some_and(|entry| entry.reply.is_some())
 }

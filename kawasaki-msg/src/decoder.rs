@@ -1,9 +1,8 @@
 //! A stream of bytes in, messages out, whatever the reads and the string elements cut.
 
 use crate::error::DecodeError;
-use crate::job::Job;
+use crate::job::{BUFFER, Expected, Job, Work};
 use crate::message::Message;
-use crate::plain::{Next, PlainJobs, WINDOW};
 use crate::value::{Charset, DATA, START};
 
 /// Finds the messages in a stream of bytes.
@@ -25,7 +24,7 @@ use crate::value::{Charset, DATA, START};
 #[derive(Debug, Clone)]
 pub struct Decoder {
     /// The bytes after the longest message are only looked at, eight at a time, never filled.
-    buffer: [u8; Message::MAX_LEN + WINDOW],
+    buffer: [u8; BUFFER],
     charset: Charset,
     cursor: Cursor,
 }
@@ -33,7 +32,7 @@ pub struct Decoder {
 impl Decoder {
     /// An empty decoder at the beginning of a stream.
     pub const fn new(charset: Charset) -> Self {
-        Self { buffer: [0; Message::MAX_LEN + WINDOW], charset, cursor: Cursor::START }
+        Self { buffer: [0; BUFFER], charset, cursor: Cursor::START }
     }
 
     /// Takes of an input what fits, and gives back the rest. No message goes on after the end of a datagram.
@@ -46,26 +45,26 @@ impl Decoder {
         rest
     }
 
-    /// Gives the plain jobs that come next to `take`, until it refuses one or one is not plain.
+    /// Gives the jobs that come next to `take`, as long as each is the expected one, until it refuses one.
     #[inline(always)]
-    pub(crate) fn plain_jobs(
+    pub(crate) fn expected_jobs<W: Work>(
         &mut self,
-        plain: &PlainJobs,
-        next: &mut Next,
-        mut take: impl FnMut(Job) -> bool,
+        expected: &mut Expected,
+        ranges: &W::Ranges,
+        mut take: impl FnMut(Job<W>) -> bool,
     ) {
         let Self { buffer, cursor, .. } = self;
         if cursor.position != cursor.offset {
             return;
         }
         let mut at = cursor.start;
-        while let Some(window) = buffer.get(at..).and_then(|rest| rest.first_chunk()) {
-            let Some((job, used)) = plain.read(window, next) else { break };
-            if at + used > cursor.end || !take(job) {
+        while at < cursor.end {
+            let Some((job, after)) = expected.read(buffer, at, cursor.end, ranges) else { break };
+            if !take(job) {
                 break;
             }
-            at += used;
-            next.advance();
+            at = after;
+            expected.advance();
         }
         cursor.advance(at - cursor.start);
         cursor.position = cursor.offset;
@@ -206,15 +205,18 @@ mod tests {
 
     use super::*;
     use crate::dialect::Dialect;
-    use crate::job::Bounds;
+    use crate::job::{Bounds, Line};
 
     const JOBS: &[u8] = b"<Tyo$14#50$1$1$0$0$3$4#><Tyo$14#50$2$2$3$4$5$6#><Tyo$14#50$3$1$5$6$7$8#>";
 
+    fn from_first() -> Expected {
+        Expected::new(&Dialect::DEFAULT, 50, 1, 9999).unwrap()
+    }
+
     /// The numbers that a decoder gives one after the other, up to the first that is refused.
-    fn numbers(decoder: &mut Decoder, next: &mut Next, refused: u16) -> Vec<u16> {
-        let plain = PlainJobs::new(&Dialect::DEFAULT, &Bounds::WIDEST, 50).unwrap();
+    fn numbers(decoder: &mut Decoder, expected: &mut Expected, refused: u16) -> Vec<u16> {
         let mut numbers = Vec::new();
-        decoder.plain_jobs(&plain, next, |job| {
+        decoder.expected_jobs::<Line>(expected, &Bounds::WIDEST, |job| {
             numbers.push(job.number);
             job.number != refused
         });
@@ -222,15 +224,15 @@ mod tests {
     }
 
     #[test]
-    fn plain_jobs_are_given_up_to_the_last_whole_one() {
+    fn expected_jobs_are_given_up_to_the_last_whole_one() {
         for (length, given) in [(JOBS.len(), 3), (JOBS.len() - 1, 2), (25, 1), (24, 1), (23, 0)] {
             let mut decoder = Decoder::new(Charset::Ascii);
             assert_eq!(decoder.push(&JOBS[..length]), length);
-            let next = &mut Next::new(1, 9999);
-            assert_eq!(numbers(&mut decoder, next, 9), [1, 2, 3][..given], "of {length} bytes");
-            assert_eq!((decoder.position(), usize::from(next.number())), (24 * given as u64, given + 1));
+            let expected = &mut from_first();
+            assert_eq!(numbers(&mut decoder, expected, 9), [1, 2, 3][..given], "of {length} bytes");
+            assert_eq!((decoder.position(), usize::from(expected.number())), (24 * given as u64, given + 1));
             let _ = decoder.push(&JOBS[length..]);
-            assert_eq!(numbers(&mut decoder, next, 9), [1, 2, 3][given..]);
+            assert_eq!(numbers(&mut decoder, expected, 9), [1, 2, 3][given..]);
             assert_eq!((decoder.position(), decoder.is_inside_message()), (72, false));
         }
     }
@@ -239,9 +241,9 @@ mod tests {
     fn a_job_that_is_refused_is_the_next_message() {
         let mut decoder = Decoder::new(Charset::Ascii);
         let _ = decoder.push(JOBS);
-        let next = &mut Next::new(1, 9999);
-        assert_eq!(numbers(&mut decoder, next, 2), [1, 2]);
-        assert_eq!((decoder.position(), next.number()), (24, 2));
+        let expected = &mut from_first();
+        assert_eq!(numbers(&mut decoder, expected, 2), [1, 2]);
+        assert_eq!((decoder.position(), expected.number()), (24, 2));
         let message = decoder.next_frame().unwrap().unwrap();
         assert_eq!(message.fields.get(1).unwrap(), "2");
     }

@@ -3,61 +3,64 @@
 //! The source gives two names, `TilausAlkaa` and `TilausKuittaus`, and says of the others only that they exist. All other
 //! names and the order of their fields are ours; a plant that has its own replaces the table.
 
-use crate::error::{ConfigError, MessageError, Name};
-use crate::job::{Bounds, Job, JobKind, Line, Point};
+use crate::error::{ConfigError, EncodeError, MessageError, Name};
+use crate::job::{self, Job, Work};
+use crate::lacks::{self, Lack};
 use crate::message::Message;
 use crate::role::{Field, Role};
 use crate::value::{Charset, Value, Values};
 
-/// The table of messages of one plant.
+/// The table of messages of one plant, borrowed: it may have been read from a file.
 ///
 /// ```
-/// use kawasaki_msg::{Dialect, Entry, Role};
+/// use kawasaki_msg::{Dialect, Role};
 ///
 /// // The short name that section 10.2 of the thesis considers: 9 bytes less on the wire.
+/// let name = String::from("TA");
 /// let mut table = Dialect::DEFAULT.entries().to_vec();
 /// for entry in table.iter_mut().filter(|entry| entry.role == Role::OrderStart) {
-///     entry.name = "TA";
+///     entry.name = &name;
 /// }
-/// let dialect = Dialect::new(table.leak())?;
-/// assert_eq!(dialect.entry(Role::OrderStart).name, "TA");
+/// let dialect = Dialect::new(&table)?;
+/// assert_eq!(dialect.entry(Role::OrderStart).unwrap().name, "TA");
 /// # Ok::<(), kawasaki_msg::ConfigError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Dialect {
-    entries: &'static [Entry],
+pub struct Dialect<'a> {
+    entries: &'a [Entry<'a>],
     charset: Charset,
 }
 
 /// One message of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Entry {
+pub struct Entry<'a> {
     /// What it means to the sessions.
     pub role: Role,
     /// What it is called on the wire.
-    pub name: &'static str,
+    pub name: &'a str,
+    /// What is between the name and the length, in order. Empty: nothing is written, and what is read there is not looked at.
+    pub header: &'a [Field<'a>],
     /// What its fields are, in order.
-    pub fields: &'static [Field],
+    pub fields: &'a [Field<'a>],
     /// What the other end answers, where an answer is defined (thesis, sections 10.4 and 11.3).
     pub reply: Option<Role>,
     /// Whether it takes effect after the job that is being executed, past the jobs in the queue (thesis, section 11.1).
     pub past_queue: bool,
 }
 
-const DEFAULT_TABLE: &[Entry] = {
-    use Field::{EndX, EndY, Ended, Executed, Kind, Number, Order, Phase, Queued, StartX, StartY};
+const DEFAULT_TABLE: &[Entry<'static>] = {
+    use Field::{Ended, Executed, Number, Order, Phase, Queued, Work};
     const fn entry(
         role: Role,
         name: &'static str,
-        fields: &'static [Field],
+        fields: &'static [Field<'static>],
         reply: Option<Role>,
         past_queue: bool,
-    ) -> Entry {
-        Entry { role, name, fields, reply, past_queue }
+    ) -> Entry<'static> {
+        Entry { role, name, header: &[], fields, reply, past_queue }
     }
-    const JOB: &[Field] = &[Order, Number, Kind, StartX, StartY, EndX, EndY];
     &[
-        entry(Role::Job, "Tyo", JOB, None, false),
+        entry(Role::Job, "Tyo", &[Order, Number, Work], None, false),
         entry(Role::JobAck, "TyoKuittaus", &[Order, Number], None, false),
         entry(Role::JobRequest, "TyoPyynto", &[Order, Number], Some(Role::Job), false),
         entry(Role::Pause, "TyoTauko", &[Order, Queued], None, false),
@@ -71,33 +74,38 @@ const DEFAULT_TABLE: &[Entry] = {
     ]
 };
 
-impl Dialect {
+impl<'a> Dialect<'a> {
     /// The greatest job number that any table allows: AS has no index of five digits (thesis, section 11.1.1).
     pub const MAX_NUMBER: u16 = 9999;
+
+    /// The most fields that a message of a table can have, all of a job's own counted as one.
+    pub const MAX_FIELDS: usize = 16;
 
     /// The source's two names, and ours for the rest. See the table in the crate's README.
     pub const DEFAULT: Self = Self { entries: DEFAULT_TABLE, charset: Charset::Ascii };
 
-    /// A table of the caller's, in ASCII.
+    /// A table of the caller's, in ASCII. It may lack some roles and fields: see [`lacks`](Self::lacks).
     ///
     /// # Errors
-    /// When a role of the default table is missing or occurs twice, a name occurs twice, or a message lacks a field that the
-    /// default table gives it.
-    pub fn new(entries: &'static [Entry]) -> Result<Self, ConfigError> {
+    /// When a role that no session can do without is missing or any occurs twice, a name is empty or occurs twice, a message lacks a
+    /// field that no session can do without, has one twice, has one that is nothing in it, or has more than 16.
+    pub fn new(entries: &'a [Entry<'a>]) -> Result<Self, ConfigError> {
+        let count = |role| entries.iter().filter(|entry| entry.role == role).count();
         for needed in DEFAULT_TABLE {
-            let mut found = entries.iter().filter(|entry| entry.role == needed.role);
-            let (Some(entry), None) = (found.next(), found.next()) else {
+            let is_missing = count(needed.role) == 0 && !lacks::can_lack(needed.role, None);
+            if is_missing {
                 return Err(ConfigError::Role { role: needed.role });
-            };
-            let complete = needed.fields.iter().all(|field| entry.fields.contains(field));
-            if !complete || entry.fields.len() > Params::MAX_FIELDS {
-                return Err(ConfigError::Fields { role: needed.role });
             }
         }
         for (i, entry) in entries.iter().enumerate() {
+            let role = entry.role;
+            if count(role) > 1 {
+                return Err(ConfigError::Role { role });
+            }
+            entry.check()?;
             let again = entries.iter().skip(i + 1).any(|other| other.name == entry.name);
             if again || entry.name.is_empty() {
-                return Err(ConfigError::Name { role: entry.role });
+                return Err(ConfigError::Name { role });
             }
         }
         Ok(Self { entries, charset: Charset::Ascii })
@@ -116,28 +124,49 @@ impl Dialect {
         if is_valid { Ok(()) } else { Err(ConfigError::MaxNumber { found }) }
     }
 
+    pub(crate) fn check_has(&self, role: Role) -> Result<(), ConfigError> {
+        self.entry(role).map(drop).ok_or(ConfigError::Lacks { role })
+    }
+
+    /// Over datagrams whatever names no order may be late.
+    pub(crate) fn check_orders(&self, datagrams: bool) -> Result<(), ConfigError> {
+        let lacking = self.lacks().find(|lack| lack.field == Some(Field::Order) && lack.role != Role::EndAck);
+        let late = lacking.filter(|_| datagrams);
+        late.map_or(Ok(()), |lack| Err(ConfigError::LateMessages { role: lack.role }))
+    }
+
     /// The character set of names and fields.
     pub const fn charset(&self) -> Charset {
         self.charset
     }
 
     /// All messages of the table.
-    pub const fn entries(&self) -> &'static [Entry] {
+    pub const fn entries(&self) -> &'a [Entry<'a>] {
         self.entries
     }
 
-    /// The message with this role. For a [`Role::Command`] that the table does not have, the filler.
-    pub fn entry(&self, role: Role) -> &'static Entry {
-        let entry = self.entries.iter().find(|entry| entry.role == role);
-        entry.or_else(|| self.entries.iter().find(|e| e.role == Role::Filler)).unwrap_or(&FILLER)
+    /// The message with this role.
+    pub fn entry(&self, role: Role) -> Option<&'a Entry<'a>> {
+        self.entries.iter().find(|entry| entry.role == role)
     }
 
     /// The message with this name.
-    pub fn find(&self, name: Value<'_>) -> Option<&'static Entry> {
+    pub fn find(&self, name: Value<'_>) -> Option<&'a Entry<'a>> {
         self.entries.iter().find(|entry| name == *entry.name)
     }
 
-    /// What a message means, with its values; the number of fields and each value are checked.
+    /// What the sessions can do without, and this table does not have: each with what they cannot promise then.
+    pub fn lacks(&self) -> impl Iterator<Item = Lack> + use<'a> {
+        let table = *self;
+        lacks::LACKS.iter().copied().filter(move |lack| match (table.entry(lack.role), lack.field) {
+            (None, None) => true,
+            (Some(entry), Some(field)) => !entry.fields.contains(&field) && !entry.header.contains(&field),
+            (None, Some(_)) | (Some(_), None) => false,
+        })
+    }
+
+    /// What a message means, with its values; the number of fields and each value are checked, a job's own fields not: see
+    /// [`read_job`](Self::read_job).
     ///
     /// # Errors
     /// See [`MessageError`].
@@ -145,78 +174,186 @@ impl Dialect {
         let unknown = || MessageError::UnknownName { name: Name::new(message.name.chars()) };
         let entry = self.find(message.name).ok_or_else(unknown)?;
         let mut params = Params::default();
+        if !entry.header.is_empty() {
+            entry.read_header(message, &mut params)?;
+        }
+        let (fields, found) = (entry.fields, message.fields.count());
+        let of_work = entry.count_of_work(message)?;
         let mut values = message.fields.iter();
-        for (index, field) in entry.fields.iter().enumerate() {
-            let Some(value) = values.next() else {
-                // A single empty value is no value on the wire.
-                if field.may_be_empty() && entry.fields.len() == 1 {
-                    break;
-                }
-                return Err(MessageError::FieldCount { expected: entry.fields.len(), found: index });
-            };
-            if *field == Field::Unused || field.may_be_empty() && value.is_empty() {
+        let mut place = 0;
+        for field in fields {
+            if *field == Field::Work {
+                // Skipped even where there are none.
+                values.by_ref().take(of_work).for_each(drop);
+                place += of_work;
                 continue;
             }
-            let found = value.number().ok_or(MessageError::NotANumber { field: index })?;
-            let (min, max) = field.range();
-            if !(min..=max).contains(&found) {
-                return Err(MessageError::OutOfRange { field: index, found, min, max });
-            }
-            params.set(*field, found);
+            let Some(value) = values.next() else {
+                // A single empty value is no value on the wire.
+                if fields.len() == 1 && field.may_be_absent() {
+                    break;
+                }
+                return Err(MessageError::FieldCount { expected: fields.len(), found });
+            };
+            params.read(*field, value, place)?;
+            place += 1;
         }
         if values.next().is_some() {
-            let (expected, found) = (entry.fields.len(), message.fields.count());
-            return Err(MessageError::FieldCount { expected, found });
+            return Err(MessageError::FieldCount { expected: fields.len(), found });
         }
         Ok((entry.role, params))
     }
 
-    /// Gives the message with this role and these values to `f`. A value that is not there is written empty.
+    /// The job in a message; its order is 0 where the table's jobs do not name it.
+    ///
+    /// # Errors
+    /// When the message is no job, or the first value of it that does not fit.
+    pub fn read_job<W: Work>(
+        &self,
+        message: &Message<'_>,
+        ranges: &W::Ranges,
+    ) -> Result<Job<W>, MessageError> {
+        let (role, params) = self.read(message)?;
+        let (order, number) = (params.number(Field::Order), params.number(Field::Number));
+        let (Role::Job, Some(number)) = (role, number) else {
+            return Err(MessageError::NotExpected { role });
+        };
+        Ok(Job { order: order.unwrap_or(0), number, work: self.read_work::<W>(message, ranges)? })
+    }
+
+    /// A job's own fields in a message that is a job.
+    pub(crate) fn read_work<W: Work>(
+        &self,
+        message: &Message<'_>,
+        ranges: &W::Ranges,
+    ) -> Result<W, MessageError> {
+        let not_expected = MessageError::NotExpected { role: Role::Job };
+        let entry = self.entry(Role::Job).ok_or(not_expected)?;
+        let place = entry.fields.iter().position(|field| *field == Field::Work).ok_or(not_expected)?;
+        let values = message.fields.iter().skip(place).take(entry.count_of_work(message)?);
+        job::read_values::<W>(values, ranges, self.charset).map_err(|error| match error {
+            MessageError::FieldCount { expected, found } => {
+                let others = entry.fields.len() - 1;
+                MessageError::FieldCount { expected: expected + others, found: found + others }
+            }
+            error => error,
+        })
+    }
+
+    /// Gives the message with this role and these values to `f`. A value that is not there is written empty; a role that the table
+    /// does not have is written as filler.
     pub fn write<T>(&self, role: Role, params: &Params, f: impl FnOnce(&Message<'_>) -> T) -> T {
-        let entry = self.entry(role);
-        let mut values = [Value::Text(""); Params::MAX_FIELDS];
-        for (value, field) in values.iter_mut().zip(entry.fields) {
-            *value = params.get(*field).map_or(Value::Text(""), Value::Number);
+        let entry = self.entry(role).or_else(|| self.entry(Role::Filler)).unwrap_or(&FILLER);
+        let (mut header, mut fields) =
+            ([Value::Text(""); Self::MAX_FIELDS], [Value::Text(""); Self::MAX_FIELDS]);
+        let header = params.write(entry.header, &mut header);
+        let fields = params.write(entry.fields, &mut fields);
+        let header = if header.is_empty() { Values::NONE } else { Values::List(header) };
+        f(&Message { name: Value::Text(entry.name), header, fields: Values::List(fields) })
+    }
+
+    /// Writes a job, and gives the length of its message.
+    ///
+    /// # Errors
+    /// The first field that does not fit; nothing of use is in `out` then.
+    pub fn write_job<W: Work>(
+        &self,
+        job: &Job<W>,
+        ranges: &W::Ranges,
+        out: &mut [u8],
+    ) -> Result<usize, EncodeError> {
+        job::encode(self, job, ranges, out)
+    }
+
+    /// The values of a message with those added that this table does not send: of the active order, and the first job.
+    pub(crate) fn complete(&self, role: Role, params: Params, active: u16) -> Params {
+        use Role::{Job, JobAck, JobRequest, OrderEnd, OrderInterrupt, OrderStart, Pause};
+        match role {
+            OrderStart => params.or(Field::Number, 1),
+            Job | JobAck | JobRequest | Pause | OrderEnd | OrderInterrupt => params.or(Field::Order, active),
+            _ => params,
         }
-        let fields = values.get(..entry.fields.len()).unwrap_or_default();
-        f(&Message { name: Value::Text(entry.name), header: Values::NONE, fields: Values::List(fields) })
     }
 }
 
-impl Default for Dialect {
+impl Default for Dialect<'_> {
     fn default() -> Self {
         Self::DEFAULT
     }
 }
 
-const FILLER: Entry =
-    Entry { role: Role::Filler, name: "Huuhaa", fields: &[], reply: None, past_queue: false };
+impl Entry<'_> {
+    fn check(&self) -> Result<(), ConfigError> {
+        let (role, all) = (self.role, || self.header.iter().chain(self.fields));
+        let found = self.header.len().max(self.fields.len());
+        if found > Dialect::MAX_FIELDS {
+            return Err(ConfigError::TooManyFields { role, found });
+        }
+        let default = DEFAULT_TABLE.iter().find(|entry| entry.role == role);
+        let known = default.map_or(&[Field::Order, Field::Number, Field::Value][..], |entry| entry.fields);
+        let used = || all().filter(|field| !matches!(field, Field::Constant(_) | Field::Unused));
+        let twice = used().any(|field| used().filter(|other| *other == field).count() > 1);
+        let foreign = used().any(|field| default.is_some() && !known.contains(field));
+        if twice || foreign || self.header.contains(&Field::Work) {
+            return Err(ConfigError::Fields { role });
+        }
+        for field in default.map_or(&[][..], |entry| entry.fields) {
+            if !all().any(|other| other == field) && !lacks::can_lack(role, Some(*field)) {
+                return Err(ConfigError::MissingField { role, field: *field });
+            }
+        }
+        Ok(())
+    }
+
+    fn read_header(&self, message: &Message<'_>, params: &mut Params) -> Result<(), MessageError> {
+        let (mut values, count) = (message.header.iter(), message.header.count());
+        let found = if matches!(message.header, Values::Wire(_)) || count > 0 { count } else { 0 };
+        for (place, field) in self.header.iter().enumerate() {
+            let wrong = MessageError::Header { value: place };
+            let value = values.next().ok_or(wrong)?;
+            params.read(*field, value, place).map_err(|_| wrong)?;
+        }
+        if found > self.header.len() {
+            return Err(MessageError::Header { value: self.header.len() });
+        }
+        Ok(())
+    }
+
+    /// How many of a message's fields are a job's own.
+    fn count_of_work(&self, message: &Message<'_>) -> Result<usize, MessageError> {
+        if !self.fields.contains(&Field::Work) {
+            return Ok(0);
+        }
+        let (found, others) = (message.fields.count(), self.fields.len() - 1);
+        found.checked_sub(others).ok_or(MessageError::FieldCount { expected: others + 1, found })
+    }
+}
+
+const FILLER: Entry<'static> =
+    Entry { role: Role::Filler, name: "Huuhaa", header: &[], fields: &[], reply: None, past_queue: false };
 
 /// The values of a message by what they are, in whatever order the table puts them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Params {
-    values: [Option<i32>; Field::COUNT],
+    values: [Option<i32>; Field::VALUES],
 }
 
 impl Params {
-    /// The most fields that a message of a table can have.
-    pub const MAX_FIELDS: usize = 16;
-
     /// The value of a field; `None` when the message has none or has it empty.
-    pub fn get(&self, field: Field) -> Option<i32> {
-        self.values.get(field as usize).copied().flatten()
+    pub fn get(&self, field: Field<'_>) -> Option<i32> {
+        self.values.get(field.index()?).copied().flatten()
     }
 
-    /// Sets the value of a field.
-    pub fn set(&mut self, field: Field, value: i32) {
-        if let Some(place) = self.values.get_mut(field as usize) {
+    /// Sets the value of a field; a field that the sessions do not use has none.
+    pub fn set(&mut self, field: Field<'_>, value: i32) {
+        if let Some(place) = field.index().and_then(|index| self.values.get_mut(index)) {
             *place = Some(value);
         }
     }
 
     /// These values and one more.
     #[must_use]
-    pub fn with(mut self, field: Field, value: impl Into<Option<u16>>) -> Self {
+    pub fn with(mut self, field: Field<'_>, value: impl Into<Option<u16>>) -> Self {
         if let Some(value) = value.into() {
             self.set(field, i32::from(value));
         }
@@ -224,40 +361,41 @@ impl Params {
     }
 
     /// The value of a field that counts something; `None` also when it is no `u16`.
-    pub fn number(&self, field: Field) -> Option<u16> {
+    pub fn number(&self, field: Field<'_>) -> Option<u16> {
         self.get(field).and_then(|value| u16::try_from(value).ok())
     }
 
-    /// The values of a job of an order.
-    pub fn from_job(order: u16, Job { number, line }: Job) -> Self {
-        let mut params = Self::default().with(Field::Order, order).with(Field::Number, number);
-        params.set(Field::Kind, line.kind.code());
-        params.set(Field::StartX, line.start.x);
-        params.set(Field::StartY, line.start.y);
-        params.set(Field::EndX, line.end.x);
-        params.set(Field::EndY, line.end.y);
-        params
+    /// These values, and this one where there is none.
+    fn or(self, field: Field<'_>, value: u16) -> Self {
+        if self.get(field).is_none() { self.with(field, value) } else { self }
     }
 
-    /// The job in these values, its coordinates checked (thesis, section 7.3).
-    ///
-    /// # Errors
-    /// The first value that is missing or out of range, with its place in the dialect's message.
-    pub fn job(&self, dialect: &Dialect, bounds: &Bounds) -> Result<Job, MessageError> {
-        let at = |field| dialect.entry(Role::Job).fields.iter().position(|f| *f == field).unwrap_or(0);
-        let missing = |field| MessageError::NotANumber { field: at(field) };
-        let coordinate = |field: Field, min: i32, max: i32| match self.get(field) {
-            Some(found) if (min..=max).contains(&found) => Ok(found),
-            Some(found) => Err(MessageError::OutOfRange { field: at(field), found, min, max }),
-            None => Err(missing(field)),
-        };
-        let point = |x, y| {
-            let x = coordinate(x, bounds.min.x, bounds.max.x)?;
-            Ok(Point { x, y: coordinate(y, bounds.min.y, bounds.max.y)? })
-        };
-        let number = self.number(Field::Number).ok_or(missing(Field::Number))?;
-        let kind = self.get(Field::Kind).and_then(JobKind::from_code).ok_or(missing(Field::Kind))?;
-        let (start, end) = (point(Field::StartX, Field::StartY)?, point(Field::EndX, Field::EndY)?);
-        Ok(Job { number, line: Line { kind, start, end } })
+    /// Keeps the value of a field at a place of its message.
+    fn read(&mut self, field: Field<'_>, value: Value<'_>, place: usize) -> Result<(), MessageError> {
+        match field {
+            Field::Unused | Field::Work => return Ok(()),
+            Field::Constant(text) if value == *text => return Ok(()),
+            Field::Constant(_) => return Err(MessageError::NotTheConstant { field: place }),
+            _ if field.may_be_empty() && value.is_empty() => return Ok(()),
+            _ => {}
+        }
+        let found = value.number().ok_or(MessageError::NotANumber { field: place })?;
+        let (min, max) = field.range();
+        if !(min..=max).contains(&found) {
+            return Err(MessageError::OutOfRange { field: place, found, min, max });
+        }
+        self.set(field, found);
+        Ok(())
+    }
+
+    /// The values of these fields, one after the other.
+    fn write<'v>(&self, fields: &[Field<'v>], values: &'v mut [Value<'v>]) -> &'v [Value<'v>] {
+        for (value, field) in values.iter_mut().zip(fields) {
+            *value = match field {
+                Field::Constant(text) => Value::Text(text),
+                field => self.get(*field).map_or(Value::Text(""), Value::Number),
+            };
+        }
+        values.get(..fields.len()).unwrap_or_default()
     }
 }

@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use crate::role::Role;
+use crate::job::Decimal;
+use crate::role::{Field, Role};
 
 /// Corruption in the bytes from the peer. The decoder goes on at the next `<`.
 ///
@@ -88,6 +89,21 @@ pub enum MessageError {
     #[error("field {field} is {found}, not from {min} to {max}")]
     #[allow(missing_docs, reason = "the sentence says it")]
     OutOfRange { field: usize, found: i32, min: i32, max: i32 },
+    /// A field that is not the constant which the dialect has in its place, counted from 0.
+    #[error("field {field} is not the constant of the table")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    NotTheConstant { field: usize },
+    /// The header, which is not looked at where the dialect has none, is not the dialect's.
+    #[error("the header is not that of the table: value {value}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Header { value: usize },
+    /// A job's own fields are longer than those of any job.
+    #[error("the job's own fields have {found} bytes, at most {limit} can be")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    JobTooLong { found: usize, limit: usize },
+    /// A field of a job's own is missing or does not fit.
+    #[error("{0}")]
+    Field(FieldError),
     /// The message is about an order that is not active; 0 is none.
     #[error("order {found} is not active, order {active} is")]
     #[allow(missing_docs, reason = "the sentence says it")]
@@ -114,6 +130,49 @@ pub enum MessageError {
     NotExpected { role: Role },
 }
 
+/// A field of a job that is missing or does not fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[error("field '{field}' {fault}")]
+pub struct FieldError {
+    /// What the job's type calls it.
+    pub field: Name,
+    /// What is wrong.
+    pub fault: FieldFault,
+}
+
+/// What is wrong with a field of a job. The ranges include both ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+#[allow(missing_docs, reason = "the sentences say it")]
+pub enum FieldFault {
+    /// The message ends before it.
+    #[error("is missing")]
+    Missing,
+    /// It is no number, or has more digits than any.
+    #[error("is not a number from {min} to {max}")]
+    NotANumber { min: Decimal, max: Decimal },
+    /// It is out of range.
+    #[error("is {found}, not from {min} to {max}")]
+    OutOfRange { found: Decimal, min: Decimal, max: Decimal },
+    /// It would have to be rounded.
+    #[error("has more than {places} decimals")]
+    TooPrecise { places: u8 },
+    /// It is in range, and none of the values that there are.
+    #[error("is {found}, which means nothing")]
+    Value { found: i32 },
+    /// The text is too long or too short.
+    #[error("has {found} characters, not from {min} to {max}")]
+    Length { found: usize, min: usize, max: usize },
+    /// One of `<`, `>`, `$`, `#` in a text.
+    #[error("holds '{}', which is a mark", *found as char)]
+    Reserved { found: u8 },
+    /// A character that the character set does not have.
+    #[error("holds {found:?}, which is not in the character set")]
+    Character { found: char },
+}
+
 /// The beginning of a name, as long as a name can be in AS: 15 characters (thesis, section 5.1).
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Name {
@@ -122,6 +181,11 @@ pub struct Name {
 }
 
 impl Name {
+    /// The beginning of a name.
+    pub fn of(name: &str) -> Self {
+        Self::new(name.chars())
+    }
+
     pub(crate) fn new(name: impl Iterator<Item = char>) -> Self {
         let mut text = [0; 15];
         let mut length = 0;
@@ -172,6 +236,9 @@ pub enum EncodeError {
     #[error("character {found:?} is not in the character set")]
     #[allow(missing_docs, reason = "the sentence says it")]
     Character { found: char },
+    /// A field of the job's own does not fit.
+    #[error("{0}")]
+    Field(FieldError),
     /// The message is longer than the longest packet: no later cycle will take it.
     #[error("the message has {length} bytes, a packet at most {limit}")]
     #[allow(missing_docs, reason = "the sentence says it")]
@@ -186,14 +253,26 @@ pub enum EncodeError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// The dialect's table has this role not once.
+    /// A role that no session can do without is missing in the dialect's table, or a role is there twice.
     #[error("the table must have the role {role:?} once")]
     #[allow(missing_docs, reason = "the sentence says it")]
     Role { role: Role },
-    /// A message of the dialect's table lacks a field, or has too many.
-    #[error("the message of the role {role:?} lacks a field that the session needs, or has more than 16")]
+    /// A message of the dialect's table lacks a field that no session can do without.
+    #[error("the message of the role {role:?} lacks the field {field:?}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    MissingField { role: Role, field: Field<'static> },
+    /// A message of the dialect's table has a field twice, or one that is nothing in such a message.
+    #[error("the message of the role {role:?} has a field twice, or one that it cannot have")]
     #[allow(missing_docs, reason = "the sentence says it")]
     Fields { role: Role },
+    /// A message of the dialect's table has too many fields.
+    #[error("the message of the role {role:?} has {found} fields, at most 16 can be")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    TooManyFields { role: Role, found: usize },
+    /// A constant of the dialect's table cannot be written.
+    #[error("a constant in the message of the role {role:?} cannot be written: it holds {found:?}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Constant { role: Role, found: char },
     /// A name of the dialect's table is empty, occurs twice, or holds a mark or a letter that its character set does not have.
     #[error("the name of the role {role:?} is empty, stands twice or cannot be written")]
     #[allow(missing_docs, reason = "the sentence says it")]
@@ -210,9 +289,22 @@ pub enum ConfigError {
     #[error("the highest job number cannot be {found}: it is from 2 to 9999")]
     #[allow(missing_docs, reason = "the sentence says it")]
     MaxNumber { found: u16 },
-    /// The least coordinate of an axis is above the greatest.
-    #[error("the bounds leave no point")]
-    Bounds,
+    /// No value is in the range of a job's field: the least is above the greatest.
+    #[error("the range of the job's field '{field}' is empty")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    EmptyRange { field: Name },
+    /// A job with the longest values is longer than any can be.
+    #[error("the job's own fields can have {found} bytes, at most {limit} can be")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    JobTooLong { found: usize, limit: usize },
+    /// The dialect lacks this role, and the configuration needs it.
+    #[error("the table lacks the role {role:?}, which the configuration needs")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Lacks { role: Role },
+    /// Over datagrams a message may come late: without this field nobody knows which order it is of.
+    #[error("over datagrams the message of the role {role:?} needs the number of the order")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    LateMessages { role: Role },
 }
 
 /// A call of ours that makes no sense now.
@@ -237,6 +329,10 @@ pub enum SessionError {
     #[error("the table has no command {id}")]
     #[allow(missing_docs, reason = "the sentence says it")]
     UnknownCommand { id: u8 },
+    /// The dialect has no message to ask it with.
+    #[error("the table lacks the role {role:?}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    Lacks { role: Role },
     /// Events wait, and there is no room for the outcome of what is to begin: poll them.
     #[error("too many events wait")]
     TooManyEvents,

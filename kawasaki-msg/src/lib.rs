@@ -10,13 +10,13 @@ mod decoder;
 mod dialect;
 mod error;
 mod job;
+mod lacks;
 mod message;
 mod number;
 mod numbering;
 mod packet;
 pub mod pc;
 mod phase;
-mod plain;
 pub mod robot;
 mod role;
 mod statistics;
@@ -26,8 +26,13 @@ mod value;
 pub use content::{FromPc, FromRobot, Status};
 pub use decoder::Decoder;
 pub use dialect::{Dialect, Entry, Params};
-pub use error::{ConfigError, DecodeError, EncodeError, MessageError, Name, SessionError};
-pub use job::{Bounds, Job, JobKind, Line, Point};
+pub use error::{
+    ConfigError, DecodeError, EncodeError, FieldError, FieldFault, MessageError, Name, SessionError,
+};
+pub use job::{
+    Bounds, Decimal, FieldLayout, FieldType, Fields, Job, JobKind, Line, Point, Text, Unfit, Work, each_field,
+};
+pub use lacks::Lack;
 pub use message::{InCharset, Message};
 pub use numbering::{ALL_NUMBERS, NumberSet, Numbering};
 pub use packet::{Limits, Packet, Room};

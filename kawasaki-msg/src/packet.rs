@@ -2,8 +2,9 @@
 
 use crate::dialect::{Dialect, Params};
 use crate::error::{ConfigError, EncodeError};
+use crate::job::{Job, Work};
 use crate::message::Message;
-use crate::role::Role;
+use crate::role::{Field, Role};
 use crate::value::Charset;
 
 /// The two limits of a packet. They are separate: a packet is an array of strings.
@@ -24,19 +25,32 @@ impl Limits {
 }
 
 impl Limits {
-    /// Whether every message of a table can be written and fits, however great its numbers are.
-    pub(crate) fn check(&self, dialect: &Dialect) -> Result<(), ConfigError> {
+    /// Whether every message of a table can be written and fits, however great its numbers are; the fields of a job's own have so
+    /// many bytes at most, a separator for each counted.
+    pub(crate) fn check(&self, dialect: &Dialect<'_>, work: usize) -> Result<(), ConfigError> {
         let charset = dialect.charset();
+        let mut longest = 0;
         for entry in dialect.entries() {
+            let role = entry.role;
             if entry.name.chars().any(|c| charset.byte(c).is_err()) {
-                return Err(ConfigError::Name { role: entry.role });
+                return Err(ConfigError::Name { role });
             }
+            let mut length = entry.name.chars().count() + "<$####>".len();
+            for field in entry.header.iter().chain(entry.fields) {
+                length += match field {
+                    Field::Work => work,
+                    Field::Constant(text) => {
+                        if let Some(found) = text.chars().find(|c| charset.byte(*c).is_err()) {
+                            return Err(ConfigError::Constant { role, found });
+                        }
+                        text.chars().count() + 1
+                    }
+                    _ => "-2147483648$".len(),
+                };
+            }
+            longest = longest.max(length);
         }
-        let longest = dialect.entries().iter().map(|entry| {
-            let digits = entry.fields.len() * "-2147483648$".len();
-            entry.name.len() + digits + "<$####>".len()
-        });
-        if self.element == 0 || self.packet > Message::MAX_LEN || longest.max() > Some(self.packet) {
+        if self.element == 0 || self.packet > Message::MAX_LEN || longest > self.packet {
             return Err(ConfigError::Limits { element: self.element, packet: self.packet });
         }
         Ok(())
@@ -96,9 +110,29 @@ impl<'b> Packet<'b> {
     /// # Errors
     /// When no packet could ever hold the message, or it cannot be written at all; the packet is as it was.
     pub fn push(&mut self, message: &Message<'_>) -> Result<Room, EncodeError> {
+        let charset = self.charset;
+        self.append(|free| message.encode(charset, free))
+    }
+
+    /// Appends a job if there is room for all of it.
+    ///
+    /// # Errors
+    /// As [`push`](Self::push), and when a field of the job does not fit.
+    pub fn push_job<W: Work>(
+        &mut self,
+        dialect: &Dialect<'_>,
+        job: &Job<W>,
+        ranges: &W::Ranges,
+    ) -> Result<Room, EncodeError> {
+        self.append(|free| dialect.write_job(job, ranges, free))
+    }
+
+    fn append(
+        &mut self,
+        encode: impl FnOnce(&mut [u8]) -> Result<usize, EncodeError>,
+    ) -> Result<Room, EncodeError> {
         let limit = self.limits.packet.min(self.buffer.len());
-        let free = self.buffer.get_mut(self.length..limit).unwrap_or_default();
-        match message.encode(self.charset, free) {
+        match encode(self.buffer.get_mut(self.length..limit).unwrap_or_default()) {
             Ok(length) => {
                 self.length += length;
                 Ok(Room::Added)
@@ -112,9 +146,10 @@ impl<'b> Packet<'b> {
     }
 
     /// Appends a message of a table, with these values: whether it is in the packet. One that no packet could hold is refused when
-    /// a session is made.
-    pub(crate) fn write(&mut self, dialect: &Dialect, role: Role, params: &Params) -> bool {
-        matches!(dialect.write(role, params, |message| self.push(message)), Ok(Room::Added))
+    /// a session is made; nothing is written for a role that the table lacks.
+    pub(crate) fn write(&mut self, dialect: &Dialect<'_>, role: Role, params: &Params) -> bool {
+        dialect.entry(role).is_none()
+            || matches!(dialect.write(role, params, |message| self.push(message)), Ok(Room::Added))
     }
 
     /// The bytes of the packet so far.

@@ -1,13 +1,11 @@
 //! What messages and their fields mean to the sessions.
 
-use crate::job::JobKind;
-
 /// What a message means to the sessions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Role {
-    /// PC: one line to draw or to move along.
+    /// PC: a job to execute.
     Job,
     /// Robot: a job has been executed.
     JobAck,
@@ -33,11 +31,11 @@ pub enum Role {
     Command(u8),
 }
 
-/// What a field holds. Everything is a whole number.
+/// What a field holds. What the sessions use are whole numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
-pub enum Field {
+pub enum Field<'a> {
     /// An order's number, from 1; 0 for none.
     Order,
     /// The order that ended last; empty since the robot's start.
@@ -50,24 +48,32 @@ pub enum Field {
     Queued,
     /// The job up to which all are executed; empty for none.
     Executed,
-    /// A [`JobKind`]'s code.
-    Kind,
-    /// Where a line begins, in hundredths of a millimetre.
-    StartX,
-    /// See [`Field::StartX`].
-    StartY,
-    /// Where a line ends, in hundredths of a millimetre.
-    EndX,
-    /// See [`Field::EndX`].
-    EndY,
     /// A value of a [`Role::Command`].
     Value,
+    /// All fields of a job's own, one after the other: see [`Work`](crate::Work).
+    Work,
+    /// What a plant adds, always the same: a message without it is not for us.
+    Constant(&'a str),
     /// A field that the sessions do not need: written empty, not looked at when read.
     Unused,
 }
 
-impl Field {
-    pub(crate) const COUNT: usize = 13;
+impl Field<'_> {
+    pub(crate) const VALUES: usize = 7;
+
+    /// Its place among those that the sessions use.
+    pub(crate) const fn index(self) -> Option<usize> {
+        match self {
+            Field::Order => Some(0),
+            Field::Ended => Some(1),
+            Field::Phase => Some(2),
+            Field::Number => Some(3),
+            Field::Queued => Some(4),
+            Field::Executed => Some(5),
+            Field::Value => Some(6),
+            Field::Work | Field::Constant(_) | Field::Unused => None,
+        }
+    }
 
     /// The least and the greatest value.
     pub(crate) const fn range(self) -> (i32, i32) {
@@ -75,14 +81,16 @@ impl Field {
             Field::Order | Field::Ended => (0, u16::MAX as i32),
             Field::Phase => (0, u8::MAX as i32),
             Field::Number | Field::Queued | Field::Executed => (1, 9999),
-            Field::Kind => (JobKind::Draw.code(), JobKind::Move.code()),
-            Field::StartX | Field::StartY | Field::EndX | Field::EndY | Field::Value | Field::Unused => {
-                (i32::MIN, i32::MAX)
-            }
+            Field::Value | Field::Work | Field::Constant(_) | Field::Unused => (i32::MIN, i32::MAX),
         }
     }
 
+    /// Whether a message may hold nothing where this is its only field.
+    pub(crate) const fn may_be_absent(self) -> bool {
+        self.may_be_empty() || matches!(self, Field::Unused)
+    }
+
     pub(crate) const fn may_be_empty(self) -> bool {
-        matches!(self, Field::Ended | Field::Queued | Field::Executed | Field::Unused)
+        matches!(self, Field::Ended | Field::Queued | Field::Executed)
     }
 }

@@ -7,8 +7,10 @@ use core::time::Duration;
 use std::alloc::System;
 
 use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{Charset, Dialect, Job, JobKind, Limits, Line, Packet, Params, Pc, PcConfig, Point};
-use kawasaki_msg::{Robot, RobotConfig, Role, Room, Supply};
+use kawasaki_msg::{
+    Bounds, Charset, Dialect, Job, JobKind, Limits, Line, Packet, Pc, PcConfig, Point, Robot, RobotConfig,
+    Room, Supply,
+};
 
 struct Counting;
 
@@ -52,7 +54,7 @@ fn the_count_counts() {
 #[test]
 fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
     let (writer, _reader) = robot_work_queue::boxed(128, 9999).unwrap();
-    let mut robot = Robot::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig::TCP, writer).unwrap();
     let (mut buffer, mut queued) = ([0; 4096], 0);
     let count = allocations(|| {
         robot.handle_timeout(Duration::ZERO);
@@ -61,9 +63,8 @@ fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
         robot.poll_transmit(Duration::ZERO, &mut buffer).unwrap();
         let mut packet = Packet::new(&mut buffer, Limits::TCP, Charset::Ascii);
         for number in 1.. {
-            let job = Job { number, line: line(u32::from(number)) };
-            let params = Params::from_job(50, job);
-            match Dialect::DEFAULT.write(Role::Job, &params, |message| packet.push(message)) {
+            let job = Job { order: 50, number, work: line(u32::from(number)) };
+            match packet.push_job(&Dialect::DEFAULT, &job, &Bounds::WIDEST) {
                 Ok(Room::Added) => queued += 1,
                 _ => break,
             }
@@ -80,8 +81,8 @@ fn a_packet_of_jobs_is_parsed_checked_and_queued_without_an_allocation() {
 #[test]
 fn a_whole_order_between_both_ends_allocates_nothing() {
     let (writer, mut reader) = robot_work_queue::boxed(16, 9999).unwrap();
-    let mut robot = Robot::new(RobotConfig::TCP, writer).unwrap();
-    let source = |index| if index < 500 { Supply::Line(line(index)) } else { Supply::End };
+    let mut robot = Robot::<Line>::new(RobotConfig::TCP, writer).unwrap();
+    let source = |index| if index < 500 { Supply::Job(line(index)) } else { Supply::End };
     let mut pc = Pc::new(PcConfig::TCP).unwrap();
     let mut executed = 0;
     let count = allocations(|| {

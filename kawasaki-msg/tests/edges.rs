@@ -5,44 +5,52 @@ use bytes::BytesMut;
 use kawasaki_msg::robot_session::Decoder as _;
 use kawasaki_msg::robot_session::tokio::Codec;
 use kawasaki_msg::{
-    Bounds, Charset, ConfigError, DecodeError, Decoder, Dialect, EncodeError, Entry, Field, Job, JobKind,
-    JobSource, Limits, Line, Message, MessageError, Params, Pc, PcConfig, Point, RecoveryLimits, Robot,
-    RobotConfig, Role, Supply, Value, Values,
+    Acks, Bounds, Charset, ConfigError, DecodeError, Decoder, Dialect, EncodeError, Entry, Field, Job,
+    JobKind, JobSource, Limits, Line, Message, MessageError, Name, Pc, PcConfig, Point, RecoveryLimits,
+    Robot, RobotConfig, Role, Supply, Takeover, Value, Values,
 };
 
-/// The default table, changed.
-fn table(change: impl FnOnce(&mut Vec<Entry>)) -> Result<Dialect, ConfigError> {
+/// What is wrong with the default table, changed.
+fn table(change: impl FnOnce(&mut Vec<Entry<'static>>)) -> Option<ConfigError> {
     let mut entries = Dialect::DEFAULT.entries().to_vec();
     change(&mut entries);
-    Dialect::new(entries.leak())
+    Dialect::new(&entries).err()
 }
 
-fn entry(entries: &mut [Entry], role: Role) -> &mut Entry {
+fn entry<'e>(entries: &'e mut [Entry<'static>], role: Role) -> &'e mut Entry<'static> {
     entries.iter_mut().find(|entry| entry.role == role).unwrap()
 }
 
 #[test]
 fn a_table_has_every_role_once_with_its_fields_and_a_name_of_its_own() {
-    let role = |role| Err(ConfigError::Role { role });
-    assert_eq!(table(|entries| entries.retain(|entry| entry.role != Role::Pause)), role(Role::Pause));
+    let role = |role| Some(ConfigError::Role { role });
+    assert_eq!(table(|entries| entries.retain(|entry| entry.role != Role::Status)), role(Role::Status));
     assert_eq!(table(|entries| entries.push(entries[0])), role(Role::Job));
-    let fields = |role| Err(ConfigError::Fields { role });
-    assert_eq!(table(|entries| entry(entries, Role::EndAck).fields = &[Field::Ended]), fields(Role::EndAck));
-    const MANY: [Field; 17] = {
+    let fields = |role| Some(ConfigError::Fields { role });
+    let missing = ConfigError::MissingField { role: Role::EndAck, field: Field::Executed };
+    assert_eq!(table(|entries| entry(entries, Role::EndAck).fields = &[Field::Ended]), Some(missing));
+    let twice: &[Field] = &[Field::Order, Field::Order];
+    assert_eq!(table(|entries| entry(entries, Role::OrderAck).fields = twice), fields(Role::OrderAck));
+    let foreign: &[Field] = &[Field::Order, Field::Phase];
+    assert_eq!(table(|entries| entry(entries, Role::OrderAck).fields = foreign), fields(Role::OrderAck));
+    let in_header: &[Field] = &[Field::Work];
+    assert_eq!(table(|entries| entry(entries, Role::Job).header = in_header), fields(Role::Job));
+    const MANY: [Field<'_>; 17] = {
         let mut fields = [Field::Unused; 17];
         fields[0] = Field::Order;
         fields[1] = Field::Queued;
         fields
     };
-    assert_eq!(table(|entries| entry(entries, Role::Pause).fields = &MANY), fields(Role::Pause));
-    assert!(table(|entries| entry(entries, Role::Pause).fields = MANY.first_chunk::<16>().unwrap()).is_ok());
-    let name = |role| Err(ConfigError::Name { role });
+    let too_many = ConfigError::TooManyFields { role: Role::Pause, found: 17 };
+    assert_eq!(table(|entries| entry(entries, Role::Pause).fields = &MANY), Some(too_many));
+    assert_eq!(table(|entries| entry(entries, Role::Pause).fields = MANY.first_chunk::<16>().unwrap()), None);
+    let name = |role| Some(ConfigError::Name { role });
     assert_eq!(table(|entries| entry(entries, Role::Filler).name = ""), name(Role::Filler));
     assert_eq!(table(|entries| entry(entries, Role::Filler).name = "Tyo"), name(Role::Job));
     assert_eq!(Dialect::default(), Dialect::DEFAULT);
     let latin1 = Dialect::DEFAULT.with_charset(Charset::Latin1);
     assert_eq!((latin1.charset(), Dialect::DEFAULT.charset()), (Charset::Latin1, Charset::Ascii));
-    assert_eq!(Dialect::DEFAULT.entry(Role::Command(7)).role, Role::Filler, "a command that the table lacks");
+    assert_eq!(Dialect::DEFAULT.entry(Role::Command(7)), None, "a command that the table lacks");
     assert_eq!(Dialect::DEFAULT.find(Value::Text("Tila")).unwrap().role, Role::Status);
     assert_eq!(Dialect::DEFAULT.find(Value::Wire(b"Tila")).unwrap().role, Role::Status);
     assert!(Dialect::DEFAULT.find(Value::Number(3)).is_none());
@@ -51,25 +59,31 @@ fn a_table_has_every_role_once_with_its_fields_and_a_name_of_its_own() {
 #[test]
 fn a_configuration_that_cannot_work_is_refused() {
     let robot = |config: RobotConfig, max_number| {
-        let (writer, _reader) = robot_work_queue::boxed::<Job>(4, max_number).unwrap();
+        let (writer, _reader) = robot_work_queue::boxed::<Job<Line>>(4, max_number).unwrap();
         Robot::new(RobotConfig { max_number, ..config }, writer).err()
     };
-    let (writer, _reader) = robot_work_queue::boxed::<Job>(4, 99).unwrap();
+    let (writer, _reader) = robot_work_queue::boxed::<Job<Line>>(4, 99).unwrap();
     let other = Robot::new(RobotConfig::TCP, writer).err();
     assert_eq!(other, Some(ConfigError::QueueNumbers { queue: 99, config: 9999 }));
     assert_eq!(robot(RobotConfig::default(), 9999), None);
     assert_eq!(robot(RobotConfig::TCP, 10_000), Some(ConfigError::MaxNumber { found: 10_000 }));
     let origin = Point::new(0, 0);
-    let bounds = |min, max| RobotConfig { bounds: Bounds { min, max }, ..RobotConfig::TCP };
-    assert_eq!(robot(bounds(origin, origin), 9), None, "a single point");
-    assert_eq!(robot(bounds(Point::new(1, 0), origin), 9), Some(ConfigError::Bounds));
-    assert_eq!(robot(bounds(Point::new(0, 1), origin), 9), Some(ConfigError::Bounds));
+    let bounds = |min, max| {
+        let (writer, _reader) = robot_work_queue::boxed::<Job<Line>>(4, 9999).unwrap();
+        Robot::new(RobotConfig::TCP, writer).unwrap().with_ranges(Bounds { min, max }).err()
+    };
+    let empty = |field| Some(ConfigError::EmptyRange { field: Name::of(field) });
+    assert_eq!(bounds(origin, origin), None, "a single point");
+    assert_eq!(bounds(Point::new(1, 0), origin), empty("x1"));
+    assert_eq!(bounds(Point::new(0, 1), origin), empty("y1"));
+    let pc = Pc::<&[Line]>::new(PcConfig::TCP).unwrap();
+    assert_eq!(pc.with_ranges(Bounds { min: Point::new(1, 0), max: origin }).err(), empty("x1"));
     let limits = |element, packet| PcConfig { limits: Limits { element, packet }, ..PcConfig::default() };
-    type Nothing = fn(u32) -> Supply;
+    type Nothing = fn(u32) -> Supply<Line>;
     let pc = |config| Pc::<Nothing>::new(config).err();
     assert_eq!(pc(PcConfig::TCP), None);
-    // A job has seven values of up to 12 characters with their `$`.
-    let longest = "Tyo<$####>".len() + 7 * "-2147483648$".len();
+    // A job has two numbers of up to 12 characters with their `$`, and its own fields.
+    let longest = "Tyo<$####>-2147483648$-2147483648$2$".len() + 4 * "-9999999$".len();
     assert_eq!(pc(limits(1, longest)), None);
     assert_eq!(pc(limits(1, longest - 1)), Some(ConfigError::Limits { element: 1, packet: longest - 1 }));
     assert_eq!(pc(limits(0, 4096)), Some(ConfigError::Limits { element: 0, packet: 4096 }));
@@ -206,24 +220,51 @@ fn bounds_hold_both_of_their_ends() {
     );
 }
 
+/// What a plant leaves out makes some configurations impossible.
 #[test]
-fn a_job_without_one_of_its_values_names_the_place() {
-    let line = Line { kind: JobKind::Move, start: Point::new(1, 2), end: Point::new(3, 4) };
-    let whole = Params::from_job(50, Job { number: 7, line });
-    let read = |params: Params| params.job(&Dialect::DEFAULT, &Bounds::WIDEST);
-    assert_eq!(read(whole), Ok(Job { number: 7, line }));
-    let fields =
-        [Field::Order, Field::Number, Field::Kind, Field::StartX, Field::StartY, Field::EndX, Field::EndY];
-    for (place, missing) in fields.iter().enumerate().skip(1) {
-        let mut params = Params::default();
-        for field in fields.iter().filter(|field| *field != missing) {
-            params.set(*field, whole.get(*field).unwrap());
-        }
-        assert_eq!(read(params), Err(MessageError::NotANumber { field: place }), "{missing:?}");
-    }
-    let mut odd = whole;
-    odd.set(Field::Number, -1);
-    assert_eq!(read(odd), Err(MessageError::NotANumber { field: 1 }));
+fn a_configuration_needs_what_the_table_lacks() {
+    let without = |role| {
+        let entries = Dialect::DEFAULT.entries().iter().filter(|entry| entry.role != role);
+        entries.copied().collect::<Vec<_>>()
+    };
+    let robot = |config: RobotConfig| {
+        let (writer, _reader) = robot_work_queue::boxed::<Job<Line>>(4, 9999).unwrap();
+        Robot::new(config, writer).err()
+    };
+    let pc = |config| Pc::<&[Line]>::new(config).err();
+    let lacks = |role| Some(ConfigError::Lacks { role });
+
+    let table = without(Role::JobAck);
+    let dialect = Dialect::new(&table).unwrap();
+    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::TCP }), None);
+    let acks = Acks::Individual;
+    assert_eq!(robot(RobotConfig { dialect, acks, ..RobotConfig::TCP }), lacks(Role::JobAck));
+    assert_eq!(pc(PcConfig { dialect, ..PcConfig::TCP }), None);
+    let config = PcConfig { dialect, cumulative_acks: false, ..PcConfig::TCP };
+    assert_eq!(pc(config), lacks(Role::JobAck));
+
+    let table = without(Role::OrderInterrupt);
+    let dialect = Dialect::new(&table).unwrap();
+    assert_eq!(pc(PcConfig { dialect, ..PcConfig::TCP }), lacks(Role::OrderInterrupt));
+    assert_eq!(pc(PcConfig { dialect, takeover: Takeover::End, ..PcConfig::TCP }), None);
+
+    let mut table = Dialect::DEFAULT.entries().to_vec();
+    entry(&mut table, Role::Job).fields = &[Field::Number, Field::Work];
+    let dialect = Dialect::new(&table).unwrap();
+    let late = Some(ConfigError::LateMessages { role: Role::Job });
+    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::UDP }), late);
+    assert_eq!(pc(PcConfig { dialect, ..PcConfig::UDP }), late);
+    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::TCP }), None);
+    let lacks: Vec<_> = dialect.lacks().map(|lack| (lack.role, lack.field, lack.to_string())).collect();
+    let lost = "a job of another order would be executed in the active one: no datagrams, and one PC alone";
+    assert_eq!(lacks, [(Role::Job, Some(Field::Order), lost.to_string())]);
+    assert_eq!(Dialect::DEFAULT.lacks().count(), 0);
+
+    let mut table = Dialect::DEFAULT.entries().to_vec();
+    entry(&mut table, Role::Pause).fields = &[Field::Order, Field::Queued, Field::Constant("a$")];
+    let dialect = Dialect::new(&table).unwrap();
+    let constant = Some(ConfigError::Constant { role: Role::Pause, found: '$' });
+    assert_eq!(robot(RobotConfig { dialect, ..RobotConfig::TCP }), constant);
 }
 
 #[test]
@@ -242,7 +283,7 @@ fn a_slice_is_a_source_of_jobs_until_it_ends() {
     let line = Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(9, 9) };
     let lines = [line];
     let mut source = &lines[..];
-    assert_eq!((source.line(0), source.line(1)), (Supply::Line(line), Supply::End));
+    assert_eq!((source.job(0), source.job(1)), (Supply::Job(line), Supply::End));
 }
 
 #[test]

@@ -13,8 +13,8 @@ use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    Acks, Bounds, DecodeError, Job, MessageError, Phase, Point, RecoveryLimits, RecoveryStep, Robot,
-    RobotConfig, RobotEvent, SessionError,
+    Acks, Bounds, Decimal, DecodeError, FieldError, FieldFault, Job, Line, MessageError, Name, Phase, Point,
+    RecoveryLimits, RecoveryStep, Robot, RobotConfig, RobotEvent, SessionError,
 };
 use robot_work_queue::Reader;
 
@@ -25,15 +25,20 @@ const PATIENT: RobotConfig = RobotConfig { patience: Duration::MAX, ..RobotConfi
 /// A robot in order 50 whose PC is the test.
 struct Bench {
     now: Duration,
-    robot: Robot<'static>,
-    reader: Reader<'static, Job>,
+    robot: Robot<'static, Line>,
+    reader: Reader<'static, Job<Line>>,
 }
 
 impl Bench {
-    fn new(config: RobotConfig, capacity: usize, max_number: u16) -> Self {
+    fn new(config: RobotConfig<'static>, capacity: usize, max_number: u16) -> Self {
+        Self::within(Bounds::WIDEST, config, capacity, max_number)
+    }
+
+    fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, max_number: u16) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
         let config = RobotConfig { max_number, ..config };
-        let mut bench = Self { now: Duration::ZERO, robot: Robot::new(config, writer).unwrap(), reader };
+        let robot = Robot::new(config, writer).unwrap().with_ranges(bounds).unwrap();
+        let mut bench = Self { now: Duration::ZERO, robot, reader };
         bench.robot.handle_timeout(bench.now);
         assert_eq!(bench.events(), [RobotEvent::Connect]);
         bench.robot.handle_connected(bench.now);
@@ -86,6 +91,14 @@ fn job_to(number: u16, x: i32) -> String {
 
 fn jobs(numbers: impl IntoIterator<Item = u16>) -> Vec<u8> {
     numbers.into_iter().map(job).collect::<String>().into_bytes()
+}
+
+fn whole(units: i32) -> Decimal {
+    Decimal { units, places: 0 }
+}
+
+fn field(name: &str, fault: FieldFault) -> MessageError {
+    MessageError::Field(FieldError { field: Name::of(name), fault })
 }
 
 fn rejected(events: &[RobotEvent]) -> Vec<MessageError> {
@@ -160,18 +173,19 @@ fn a_job_out_of_order_is_asked_for_again() {
 #[test]
 fn a_coordinate_out_of_range_is_refused() {
     let bounds = Bounds { min: Point::new(0, 0), max: Point::new(1000, 1000) };
-    let mut bench = Bench::new(RobotConfig { bounds, ..PATIENT }, 8, 9999);
+    let mut bench = Bench::within(bounds, PATIENT, 8, 9999);
     let packet = [job(1), job_to(2, 1000), job_to(3, 1001), job(4)].concat();
     bench.cycle(packet.as_bytes());
     assert_eq!(bench.queued_numbers(), [1, 2]);
-    let error = MessageError::OutOfRange { field: 5, found: 1001, min: 0, max: 1000 };
+    let out_of_range = |found| {
+        let [found, min, max] = [found, 0, 1000].map(whole);
+        field("x2", FieldFault::OutOfRange { found, min, max })
+    };
+    let error = out_of_range(1001);
     assert_eq!(rejected(&bench.events()), [error]);
-    assert_eq!(error.to_string(), "field 5 is 1001, not from 0 to 1000");
+    assert_eq!(error.to_string(), "field 'x2' is 1001, not from 0 to 1000");
     bench.cycle(job_to(3, -1).as_bytes());
-    assert_eq!(
-        rejected(&bench.events()),
-        [MessageError::OutOfRange { field: 5, found: -1, min: 0, max: 1000 }]
-    );
+    assert_eq!(rejected(&bench.events()), [out_of_range(-1)]);
     bench.cycle(&jobs([3, 4]));
     assert_eq!(bench.queued_numbers(), [1, 2, 3, 4], "the session goes on");
 }
@@ -179,12 +193,16 @@ fn a_coordinate_out_of_range_is_refused() {
 #[test]
 fn a_job_whose_parameters_are_incomplete_is_refused() {
     let mut bench = Bench::new(PATIENT, 8, 9999);
+    let not_a_number = FieldFault::NotANumber { min: whole(-9_999_999), max: whole(9_999_999) };
+    let kind = FieldFault::OutOfRange { found: whole(3), min: whole(1), max: whole(2) };
     for (message, error) in [
-        ("<Tyo$10#50$1$1$0$0#>", MessageError::FieldCount { expected: 7, found: 5 }),
+        ("<Tyo$10#50$1$1$0$0#>", field("x2", FieldFault::Missing)),
+        ("<Tyo$4#50$1#>", field("kind", FieldFault::Missing)),
+        ("<Tyo$2#50#>", MessageError::FieldCount { expected: 3, found: 1 }),
         ("<Tyo$16#50$1$1$0$0$0$0$0#>", MessageError::FieldCount { expected: 7, found: 8 }),
-        ("<Tyo$13#50$1$1$0$$0$0#>", MessageError::NotANumber { field: 4 }),
-        ("<Tyo$16#50$1$1$0$0.5$0$0#>", MessageError::NotANumber { field: 4 }),
-        ("<Tyo$14#50$1$3$0$0$0$0#>", MessageError::OutOfRange { field: 2, found: 3, min: 1, max: 2 }),
+        ("<Tyo$13#50$1$1$0$$0$0#>", field("y1", not_a_number)),
+        ("<Tyo$16#50$1$1$0$0.5$0$0#>", field("y1", not_a_number)),
+        ("<Tyo$14#50$1$3$0$0$0$0#>", field("kind", kind)),
         ("<Tyo$14#50$0$1$0$0$0$0#>", MessageError::OutOfRange { field: 1, found: 0, min: 1, max: 9999 }),
         ("<Tyo$14#51$1$1$0$0$0$0#>", MessageError::WrongOrder { active: 50, found: 51 }),
     ] {
@@ -201,7 +219,7 @@ fn blanks_around_numbers_are_no_error() {
     let mut bench = Bench::new(PATIENT, 8, 9999);
     bench.cycle(b"<Tyo$ 19 # 50$ 1$1$ 0$-5 $0$0#>");
     assert_eq!(bench.events(), []);
-    assert_eq!(bench.reader.take().unwrap().line.start, Point::new(0, -5));
+    assert_eq!(bench.reader.take().unwrap().work.start, Point::new(0, -5));
 }
 
 /// §7.2, §12: what follows a failed message in a packet is destroyed, the order's end too.

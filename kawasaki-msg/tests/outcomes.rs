@@ -14,7 +14,7 @@ const SECOND: Duration = Duration::from_secs(1);
 /// A PC with a command 7 whose robot is the test.
 struct Bench {
     now: Duration,
-    pc: Pc<&'static [Line]>,
+    pc: Pc<'static, &'static [Line]>,
 }
 
 impl Bench {
@@ -23,6 +23,7 @@ impl Bench {
         table.push(Entry {
             role: Role::Command(7),
             name: "Nopeus",
+            header: &[],
             fields: &[Field::Order, Field::Value],
             reply: None,
             past_queue: true,
@@ -95,7 +96,7 @@ fn a_command_in_flight_when_the_connection_ends_is_unknown_and_one_that_waits_is
 #[test]
 fn the_pause_between_orders_is_no_work_cycle() {
     let (writer, mut reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = Robot::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<Line>::new(RobotConfig::TCP, writer).unwrap();
     let mut now = Duration::ZERO;
     robot.handle_timeout(now);
     assert_eq!(robot.poll_event(), Some(RobotEvent::Connect));

@@ -27,11 +27,14 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(change: Option<Change>, config: RobotConfig, capacity: usize, max_number: u16) -> Self {
-        let config = RobotConfig { max_number, ..config };
+    fn new(change: Option<Change>, config: RobotConfig<'static>, capacity: usize, max_number: u16) -> Self {
+        Self::within(Bounds::WIDEST, change, RobotConfig { max_number, ..config }, capacity)
+    }
+
+    fn within(bounds: Bounds, change: Option<Change>, config: RobotConfig<'static>, capacity: usize) -> Self {
         let robot = match change {
-            None => AsRobot::begin(config, capacity, 1),
-            Some((from, to)) => AsRobot::altered(config, capacity, 1, from, to),
+            None => AsRobot::within(bounds, config, capacity, 1),
+            Some(change) => AsRobot::altered(bounds, config, capacity, 1, change),
         };
         let mut bench = Self { now: Duration::ZERO, robot };
         bench.begin();
@@ -299,12 +302,12 @@ fn blanks_zeros_and_more_fields_in_the_header(change: Option<Change>) {
     let mut bench = Bench::new(change, PATIENT, 8, 9999);
     bench.cycle(b"<Tyo$ 19 # 50$ 1$1$ 0$-5 $0$0#><Tyo$x$y$014#50$2$1$0$0$1$1#>");
     let drawn = bench.robot.execute(bench.now, false).unwrap();
-    assert_eq!((drawn.line.start, bench.queued()), (Point::new(0, -5), vec![2]));
+    assert_eq!((drawn.work.start, bench.queued()), (Point::new(0, -5), vec![2]));
 }
 
 fn coordinates_have_limits(change: Option<Change>) {
     let bounds = Bounds { min: Point::new(0, 0), max: Point::new(1000, 1000) };
-    let mut bench = Bench::new(change, RobotConfig { bounds, ..PATIENT }, 8, 9999);
+    let mut bench = Bench::within(bounds, change, PATIENT, 8);
     for (number, x, taken) in [(1, 1000, true), (2, 1001, false), (2, -1, false), (2, 0, true)] {
         bench.cycle(job_to(number, x).as_bytes());
         assert_eq!(bench.robot.real("x.last") == f32::from(number), taken, "{x}");
@@ -431,7 +434,7 @@ fn each_rule_is_needed() {
     ];
     for (_, (from, to), story) in &cases {
         // The program can be loaded as before, and the story is true with all rules.
-        let _ = AsRobot::altered(PATIENT, 8, 1, from, to);
+        let _ = AsRobot::altered(Bounds::WIDEST, PATIENT, 8, 1, (from, to));
         story(None);
     }
     std::panic::set_hook(Box::new(|_| {}));
@@ -453,7 +456,7 @@ fn the_list_is_looked_at_before_what_is_executed_is_collected() {
             let config = RobotConfig { max_number: 99, ..PATIENT };
             let robot = match change {
                 None => AsRobot::begin(config, 8, seed),
-                Some((from, to)) => AsRobot::altered(config, 8, seed, from, to),
+                Some(change) => AsRobot::altered(Bounds::WIDEST, config, 8, seed, change),
             };
             let mut bench = Bench { now: Duration::ZERO, robot };
             bench.begin();

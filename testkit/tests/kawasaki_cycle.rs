@@ -22,13 +22,13 @@ use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
 
-fn pc(config: PcConfig) -> Pc<Source> {
+fn pc(config: PcConfig<'static>) -> Pc<'static, Source> {
     let mut pc = Pc::new(config).unwrap();
     pc.handle_connected(Duration::ZERO);
     pc
 }
 
-fn answer(pc: &mut Pc<Source>, now: Duration) -> Option<String> {
+fn answer(pc: &mut Pc<'static, Source>, now: Duration) -> Option<String> {
     let mut out = [0; 4096];
     pc.poll_transmit(now, &mut out).map(|length| String::from_utf8(out[..length].to_vec()).unwrap())
 }
@@ -80,7 +80,7 @@ fn the_whole_packet_is_read_before_it_is_answered() {
     let mut pc = pc(PcConfig::TCP);
     pc.start(1, picture(1, 4)).unwrap();
     let mut now = Duration::ZERO;
-    let mut say = |pc: &mut Pc<Source>, pieces: &[&[u8]]| {
+    let mut say = |pc: &mut Pc<'static, Source>, pieces: &[&[u8]]| {
         now += 32 * MS;
         for piece in pieces {
             now += 3 * MS;
@@ -107,7 +107,7 @@ fn the_whole_packet_is_read_before_it_is_answered() {
 #[test]
 fn an_answer_is_waited_for_but_not_for_ever() {
     let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = Robot::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<kawasaki_msg::Line>::new(RobotConfig::TCP, writer).unwrap();
     let mut out = [0; 4096];
     assert_eq!(robot.poll_timeout(), Some(Duration::ZERO));
     assert_eq!(robot.poll_event(), None);
@@ -142,7 +142,7 @@ fn an_answer_is_waited_for_but_not_for_ever() {
 #[test]
 fn an_answer_within_the_time_begins_the_next_cycle_after_32_ms() {
     let (writer, _reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = Robot::new(RobotConfig::TCP, writer).unwrap();
+    let mut robot = Robot::<kawasaki_msg::Line>::new(RobotConfig::TCP, writer).unwrap();
     let mut out = [0; 4096];
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
@@ -201,7 +201,7 @@ fn jobs_that_are_not_worked_out_yet_are_waited_for() {
     let source: Source = Box::new(move |index| match index {
         100.. => Supply::End,
         _ if index >= known.get() => Supply::Later,
-        _ => Supply::Line(kawasaki_rig::line(9, index)),
+        _ => Supply::Job(kawasaki_rig::line(9, index)),
     });
     rig.pc.start(9, source).unwrap();
     rig.run_for(Duration::from_secs(2));
@@ -218,6 +218,7 @@ fn a_command_goes_past_the_queue() {
     table.push(Entry {
         role: Role::Command(7),
         name: "Nopeus",
+        header: &[],
         fields: &[Field::Order, Field::Value],
         reply: None,
         past_queue: true,
@@ -244,19 +245,7 @@ fn other_names_in_another_order_of_fields_work_as_well() {
     let mut table = Dialect::DEFAULT.entries().to_vec();
     for entry in &mut table {
         let (name, fields): (&str, &[Field]) = match entry.role {
-            Role::Job => (
-                "Piirto",
-                &[
-                    Field::Kind,
-                    Field::EndX,
-                    Field::EndY,
-                    Field::Unused,
-                    Field::StartX,
-                    Field::StartY,
-                    Field::Number,
-                    Field::Order,
-                ],
-            ),
+            Role::Job => ("Piirto", &[Field::Work, Field::Unused, Field::Number, Field::Order]),
             Role::Status => {
                 ("S", &[Field::Ended, Field::Executed, Field::Queued, Field::Phase, Field::Order])
             }

@@ -14,7 +14,7 @@ use testkit::link::Faults;
 
 const LIMIT: Duration = Duration::from_secs(100);
 
-fn rig(robot: RobotConfig, pc: PcConfig) -> Rig {
+fn rig(robot: RobotConfig<'static>, pc: PcConfig<'static>) -> Rig {
     Rig::with(1, Faults { datagrams: true, ..Faults::NONE }, 64, pc.max_number, robot, pc)
 }
 
@@ -108,7 +108,7 @@ fn the_end_of_an_order_is_told_with_its_own_jobs_when_another_has_begun() {
     let (mut now, mut out) = (MS, [0; 1472]);
     robot.handle_timeout(now);
     robot.handle_connected(now);
-    let mut say = |robot: &mut Robot<'_>, now, received: &[u8]| {
+    let mut say = |robot: &mut Robot<'_, kawasaki_msg::Line>, now, received: &[u8]| {
         robot.handle_timeout(now);
         let length = robot.poll_transmit(now, &mut out).unwrap();
         robot.handle_input(now + MS, received);

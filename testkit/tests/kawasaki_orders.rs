@@ -63,7 +63,7 @@ fn rig<C: Controller>(capacity: usize) -> Rig<C> {
 }
 
 /// A rig whose robot is in the middle of an order of 1000 jobs.
-fn in_the_middle<C: Controller>(pc: PcConfig, robot: RobotConfig) -> Rig<C> {
+fn in_the_middle<C: Controller>(pc: PcConfig<'static>, robot: RobotConfig<'static>) -> Rig<C> {
     let mut rig = Rig::of(1, Faults::NONE, 64, pc.max_number, robot, pc);
     rig.pc.start(50, picture(50, 1000)).unwrap();
     rig.run_until(LIMIT, |rig| rig.executed.len() == 100);
@@ -89,7 +89,7 @@ fn over_a_stream_a_start_is_sent_once() {
         let mut pc = Pc::new(config).unwrap();
         let (mut now, mut out) = (Duration::ZERO, [0; 4096]);
         pc.start(50, picture(50, 3)).unwrap();
-        let mut starts = |pc: &mut Pc<Source>, seconds: u32, robot: &[u8]| {
+        let mut starts = |pc: &mut Pc<'static, Source>, seconds: u32, robot: &[u8]| {
             now += seconds * Duration::from_secs(1);
             pc.handle_input(now, robot);
             let length = pc.poll_transmit(now + MS * 2, &mut out).unwrap();
@@ -158,7 +158,7 @@ fn an_order_ended_early_executes_what_is_queued<C: Controller>() {
 }
 
 /// The PC program is started again: it knows nothing of the order that the robot is in.
-fn restart_pc<C>(rig: &mut Rig<C>, pc: PcConfig) {
+fn restart_pc<C>(rig: &mut Rig<C>, pc: PcConfig<'static>) {
     rig.link.disconnect(rig.now);
     rig.pc = kawasaki_msg::Pc::new(pc).unwrap();
     rig.pc_events.clear();

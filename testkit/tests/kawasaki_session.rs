@@ -267,7 +267,7 @@ fn a_late_source_and_a_slow_robot<C: Controller>() {
             match index {
                 30.. => Supply::End,
                 _ if asked % 3 == 0 => Supply::Later,
-                _ => Supply::Line(line(2, index)),
+                _ => Supply::Job(line(2, index)),
             }
         });
         rig.motion = Some(50 * MS);

@@ -5,8 +5,10 @@ use core::time::Duration;
 
 use benches::{Budget, Count, Link};
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
-use kawasaki_msg::{Charset, Decoder, Job, JobKind, Limits, Line, Message, Packet, Params, Point, Room};
-use kawasaki_msg::{Dialect, Robot, RobotConfig, Role, Value, timing};
+use kawasaki_msg::{
+    Charset, Decoder, Dialect, Fields, Job, JobKind, Limits, Line, Message, Packet, Point, Robot,
+    RobotConfig, Room, Text, Unfit, Value, Work, timing,
+};
 use robot_work_queue::Reader;
 
 pub const LINK: Link = Link { name: "kawasaki-msg", counts: COUNTS, budgets };
@@ -14,21 +16,30 @@ pub const LINK: Link = Link { name: "kawasaki-msg", counts: COUNTS, budgets };
 /// The jobs that fit a packet of 4096 bytes, and its bytes: see `the_packet`.
 const JOBS: u16 = 98;
 const BYTES: f64 = 4071.0;
+const PALLET_BYTES: f64 = 4052.0;
+const SHORT_BYTES: f64 = 4091.0;
 
 const COUNTS: &[Count] = &[
     Count {
-        what: "a packet of jobs: parsed, checked, queued",
-        goal: Some(6.0),
+        what: "a packet of lines: parsed, checked, queued",
+        goal: Some(7.0),
         units: BYTES,
         unit: "byte",
-        run: queue_packets,
+        run: queue_lines,
     },
     Count {
-        what: "as many lines that do not begin where the last one ended",
-        goal: None,
-        units: BYTES,
+        what: "a packet of pallet moves: six decimals, a text, a number",
+        goal: Some(7.0),
+        units: PALLET_BYTES,
         unit: "byte",
-        run: queue_scattered,
+        run: queue_pallets,
+    },
+    Count {
+        what: "a packet of the shortest jobs: one digit",
+        goal: None,
+        units: SHORT_BYTES,
+        unit: "byte",
+        run: queue_short,
     },
     Count {
         what: "the same packet: messages found and checked only",
@@ -44,7 +55,20 @@ const COUNTS: &[Count] = &[
         unit: "byte",
         run: grow_a_message,
     },
-    Count { what: "the same packet, built", goal: None, units: BYTES, unit: "byte", run: build_packets },
+    Count {
+        what: "a packet of lines, built",
+        goal: Some(14.0),
+        units: BYTES,
+        unit: "byte",
+        run: build_lines,
+    },
+    Count {
+        what: "a packet of pallet moves, built",
+        goal: Some(20.0),
+        units: PALLET_BYTES,
+        unit: "byte",
+        run: build_pallets,
+    },
 ];
 
 fn budgets() -> Vec<Budget> {
@@ -65,31 +89,38 @@ fn budgets() -> Vec<Budget> {
     ]
 }
 
+fn queue_lines(rounds: u64) {
+    queue(rounds, line, BYTES);
+}
+
+fn queue_pallets(rounds: u64) {
+    queue(rounds, pallet_move, PALLET_BYTES);
+}
+
+fn queue_short(rounds: u64) {
+    queue(rounds, |number| Short((number % 10) as u8), SHORT_BYTES);
+}
+
 /// Robots in an order, each with an empty queue: a packet is the same for all, whatever its numbers.
-fn queue_packets(rounds: u64) {
-    queue(rounds, &the_packet(1));
-}
-
-fn queue_scattered(rounds: u64) {
-    queue(rounds, &the_packet(2));
-}
-
-fn queue(rounds: u64, packet: &[u8]) {
+fn queue<W: Work + Send + 'static>(rounds: u64, work: impl Fn(u16) -> W, bytes: f64) {
     const MOST: usize = 1000;
-    let mut robots: Vec<_> = (0..MOST).map(|_| robot()).collect();
+    let (packet, jobs) = packet(work);
+    assert_eq!(packet.len() as f64, bytes);
+    let mut robots: Vec<_> = (0..MOST).map(|_| robot::<W>()).collect();
     assert!(rounds <= MOST as u64);
     for (robot, _) in robots.iter_mut().take(rounds as usize) {
-        robot.handle_input(Duration::from_millis(32), black_box(packet));
+        robot.handle_input(Duration::from_millis(32), black_box(&packet));
         black_box(&robot);
     }
     for (robot, _) in robots.iter().take(rounds as usize) {
-        assert!(robot.queued() >= u32::from(JOBS) - 1);
+        assert_eq!(robot.queued(), u32::from(jobs));
     }
     core::mem::forget(robots); // dropping what is queued is no part of it
 }
 
 fn find_messages(rounds: u64) {
-    let packet = the_packet(1);
+    let (packet, jobs) = packet(line);
+    assert_eq!((jobs, packet.len() as f64), (JOBS, BYTES));
     let mut decoder = Decoder::new(Charset::Ascii);
     for _ in 0..rounds {
         assert_eq!(decoder.push(black_box(&packet)), packet.len());
@@ -119,42 +150,94 @@ fn grow_a_message(rounds: u64) {
     }
 }
 
-fn build_packets(rounds: u64) {
+fn build_lines(rounds: u64) {
+    build_packets(rounds, line);
+}
+
+fn build_pallets(rounds: u64) {
+    build_packets(rounds, pallet_move);
+}
+
+fn build_packets<W: Work>(rounds: u64, work: impl Fn(u16) -> W) {
     let mut buffer = [0; 4096];
     for _ in 0..rounds {
         let mut packet = Packet::new(black_box(&mut buffer), Limits::TCP, Charset::Ascii);
-        black_box(build(&mut packet, 1));
+        black_box(build(&mut packet, &work));
     }
 }
 
-fn the_packet(step: i32) -> Vec<u8> {
+/// A packet full of jobs, and how many they are.
+fn packet<W: Work>(work: impl Fn(u16) -> W) -> (Vec<u8>, u16) {
     let mut buffer = [0; 4096];
     let mut packet = Packet::new(&mut buffer, Limits::TCP, Charset::Ascii);
-    let jobs = build(&mut packet, step);
-    let bytes = packet.as_bytes().to_vec();
-    assert!(step != 1 || (jobs, bytes.len() as f64) == (JOBS, BYTES));
-    bytes
+    let jobs = build(&mut packet, work);
+    (packet.as_bytes().to_vec(), jobs)
 }
 
-/// Lines on a board of 800 mm by 600 mm in front of the robot, as many as fit, each from one point to the next if `step` is 1.
-fn build(packet: &mut Packet<'_>, step: i32) -> u16 {
-    let dialect = Dialect::DEFAULT;
-    let at = |n: i32| Point::new(40_000 + n * 7919 % 80_000, n * 6007 % 60_000 - 30_000);
+fn build<W: Work>(packet: &mut Packet<'_>, work: impl Fn(u16) -> W) -> u16 {
+    let (dialect, ranges) = (Dialect::DEFAULT, W::Ranges::default());
     let mut number = 1;
     loop {
-        let n = i32::from(number);
-        let kind = if n % 5 == 0 { JobKind::Move } else { JobKind::Draw };
-        let job = Job { number, line: Line { kind, start: at(n * step), end: at(n * step + 1) } };
-        let params = Params::from_job(50, black_box(job));
-        match dialect.write(Role::Job, &params, |message| packet.push(message)) {
+        let job = Job { order: 50, number, work: work(number) };
+        match packet.push_job(&dialect, &black_box(job), &ranges) {
             Ok(Room::Added) => number += 1,
             _ => return number - 1,
         }
     }
 }
 
-fn robot() -> (Robot<'static>, Reader<'static, Job>) {
-    let (writer, reader) = robot_work_queue::boxed(128, 9999).expect("a queue");
+/// Lines on a board of 800 mm by 600 mm in front of the robot, each from one point to the next.
+fn line(number: u16) -> Line {
+    let n = i32::from(number);
+    let at = |n: i32| Point::new(40_000 + n * 7919 % 80_000, n * 6007 % 60_000 - 30_000);
+    let kind = if n % 5 == 0 { JobKind::Move } else { JobKind::Draw };
+    Line { kind, start: at(n), end: at(n + 1) }
+}
+
+/// Six joints in thousandths of a degree, a tool, a speed in per cent.
+#[derive(Debug, Clone, Copy, Default)]
+struct PalletMove {
+    joints: [i32; 6],
+    tool: Text<8>,
+    speed: u8,
+}
+
+impl Work for PalletMove {
+    type Ranges = ();
+
+    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+        for (joint, name) in self.joints.iter_mut().zip(["j1", "j2", "j3", "j4", "j5", "j6"]) {
+            fields.decimal(name, joint, 3, -360_000..=360_000)?;
+        }
+        fields.text("tool", &mut self.tool, 1..=8)?;
+        fields.whole("speed", &mut self.speed, 1..=100)
+    }
+}
+
+fn pallet_move(number: u16) -> PalletMove {
+    let joint = |n: i32| (i32::from(number) * 7919 + n * 60_007) % 360_000 - 180_000;
+    let tool = if number.is_multiple_of(3) { "gripper" } else { "vacuum" };
+    PalletMove {
+        joints: [1, 2, 3, 4, 5, 6].map(joint),
+        tool: Text::new(tool).expect("short"),
+        speed: (number % 100) as u8 + 1,
+    }
+}
+
+/// The layout that has least to do for each of its messages' bytes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Short(u8);
+
+impl Work for Short {
+    type Ranges = ();
+
+    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+        fields.whole("digit", &mut self.0, 0..=9)
+    }
+}
+
+fn robot<W: Work + Send + 'static>() -> (Robot<'static, W>, Reader<'static, Job<W>>) {
+    let (writer, reader) = robot_work_queue::boxed(256, 9999).expect("a queue");
     let mut robot = Robot::new(RobotConfig::TCP, writer).expect("a robot");
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);

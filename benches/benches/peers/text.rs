@@ -5,7 +5,7 @@
 
 use std::hint::black_box;
 
-use kawasaki_msg::{Charset, Dialect, Message};
+use kawasaki_msg::{Bounds, Charset, Dialect, Line as Drawn, Message};
 use mmacell_proto::{Line, Reply, RobotPose};
 use nmea0183_parser::{ChecksumMode, LineEndingMode, Nmea0183ParserBuilder};
 use nom::bytes::complete::{tag, take};
@@ -61,7 +61,7 @@ fn job_ours(rounds: u64) {
     let dialect = Dialect::DEFAULT;
     for _ in 0..rounds {
         let (message, _) = Message::decode(black_box(JOB), Charset::Ascii).expect("good").expect("whole");
-        black_box(&dialect.read(&message).expect("a job"));
+        black_box(&dialect.read_job::<Drawn>(&message, &Bounds::WIDEST).expect("a job"));
     }
 }
 

@@ -4,15 +4,16 @@ use crate::dialect::Dialect;
 use crate::error::ConfigError;
 use crate::numbering::Numbering;
 use crate::packet::Limits;
+use crate::role::Role;
 use crate::timing;
 
 /// How a PC session works. The source gives the limits and the reply delay; the rest is ours.
 ///
 /// Every duration may be [`Duration::MAX`]: never.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct PcConfig {
+pub struct PcConfig<'a> {
     /// The table of messages; by default [`Dialect::DEFAULT`].
-    pub dialect: Dialect,
+    pub dialect: Dialect<'a>,
     /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
     /// Every input is a datagram: no message goes on in the next one, and it may come late. False by default.
@@ -59,7 +60,7 @@ pub enum PcRule {
     LateReports,
 }
 
-impl PcConfig {
+impl PcConfig<'_> {
     /// Over TCP, as the source's application.
     pub const TCP: Self = Self {
         dialect: Dialect::DEFAULT,
@@ -79,9 +80,17 @@ impl PcConfig {
     /// Over UDP.
     pub const UDP: Self = Self { limits: Limits::UDP, datagrams: true, ..Self::TCP };
 
-    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+    /// A job's own fields have so many bytes at most.
+    pub(crate) fn check(&self, work: usize) -> Result<(), ConfigError> {
         Dialect::check_max_number(self.max_number)?;
-        self.limits.check(&self.dialect)
+        if !self.cumulative_acks {
+            self.dialect.check_has(Role::JobAck)?;
+        }
+        if self.takeover == Takeover::Interrupt {
+            self.dialect.check_has(Role::OrderInterrupt)?;
+        }
+        self.dialect.check_orders(self.datagrams)?;
+        self.limits.check(&self.dialect, work)
     }
 
     /// The numbers of the jobs.
@@ -114,7 +123,7 @@ impl PcConfig {
     }
 }
 
-impl Default for PcConfig {
+impl Default for PcConfig<'_> {
     fn default() -> Self {
         Self::TCP
     }

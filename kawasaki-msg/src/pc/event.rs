@@ -1,10 +1,10 @@
-use crate::error::{DecodeError, MessageError};
+use crate::error::{DecodeError, FieldError, MessageError};
 use crate::pc::state::CommandOutcome;
 use crate::phase::Phase;
 
 /// What a PC session reports. Jobs are counted from the beginning of the order, not by their numbers, which wrap.
 ///
-/// Outcomes, which are never dropped: `OrderRefused` that is given up, `OrderOver`, `OutcomeUnknown`, `Command` and `Disconnect`. Of
+/// Outcomes, which are never dropped: `OrderRefused` that is given up, `JobUnfit`, `OrderOver`, `OutcomeUnknown`, `Command` and `Disconnect`. Of
 /// `Progress` the last state is reported. The others are notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
@@ -22,6 +22,9 @@ pub enum PcEvent {
     /// This job, counted from 0, was executed ahead of others. `Progress` covers it when they are executed too;
     /// [`Pc::is_executed`](crate::Pc::is_executed) has all of them.
     ExecutedAhead { index: u32 },
+    /// This job, counted from 0, cannot be sent: a field of it does not fit. The order ends after the jobs that the robot has
+    /// queued.
+    JobUnfit { order: u16, index: u32, error: FieldError },
     /// The order is over. Of the jobs sent, those from `executed` on will not be executed, apart from any that were executed ahead.
     OrderOver { order: u16, executed: u32, complete: bool },
     /// The robot no longer knows the order: it was restarted, or somebody else has begun another. Or it has broken the order off,

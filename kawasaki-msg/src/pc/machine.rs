@@ -46,7 +46,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     ///
     /// # Errors
     /// When the input is none that the state allows; nothing has changed then.
-    pub fn on(&mut self, now: Duration, input: Input, config: &PcConfig) -> Result<Action, Unexpected> {
+    pub fn on(&mut self, now: Duration, input: Input, config: &PcConfig<'_>) -> Result<Action, Unexpected> {
         let unexpected = Unexpected { state: self.name(), input: input.name() };
         let action = match input {
             Input::Connected => Some(self.on_connected(now, config)),
@@ -68,7 +68,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// The answer, if it is due.
-    pub fn transmit(&mut self, now: Duration, config: &PcConfig, answer: &mut impl Answer) -> bool {
+    pub fn transmit(&mut self, now: Duration, config: &PcConfig<'_>, answer: &mut impl Answer) -> bool {
         let Link::Connected { reply, robot, .. } = &mut self.link else { return false };
         let Reply::Due { at, contents } = *reply else { return false };
         if now < at {
@@ -170,7 +170,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         matches!(self.link, Link::Connected { .. })
     }
 
-    fn on_connected(&mut self, now: Duration, config: &PcConfig) -> Action {
+    fn on_connected(&mut self, now: Duration, config: &PcConfig<'_>) -> Action {
         let action = self.on_disconnected();
         let silent_at = now.saturating_add(config.silence);
         self.link = Link::Connected { silent_at, reply: Reply::Nothing, robot: Known::Nothing, close: false };
@@ -192,7 +192,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_timeout(&mut self, now: Duration, config: &PcConfig) {
+    fn on_timeout(&mut self, now: Duration, config: &PcConfig<'_>) {
         let Link::Connected { silent_at, close, .. } = &mut self.link else { return };
         if let Order::Starting { start: start @ Start::Sent { .. }, .. } = &mut self.order
             && let Start::Sent { answer_by } = start
@@ -211,7 +211,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_received(&mut self, now: Duration, config: &PcConfig) -> Option<Action> {
+    fn on_received(&mut self, now: Duration, config: &PcConfig<'_>) -> Option<Action> {
         let Link::Connected { silent_at, reply, .. } = &mut self.link else { return None };
         *silent_at = now.saturating_add(config.silence);
         *reply = match *reply {
@@ -222,7 +222,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// An acknowledgement may be lost in them.
-    fn on_corrupt(&mut self, config: &PcConfig) -> Option<Action> {
+    fn on_corrupt(&mut self, config: &PcConfig<'_>) -> Option<Action> {
         if !self.is_connected() {
             return None;
         }
@@ -230,14 +230,14 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    pub(super) fn doubt(&mut self, config: &PcConfig) {
+    pub(super) fn doubt(&mut self, config: &PcConfig<'_>) {
         if matches!(self.order, Order::Running { .. }) && config.keeps(PcRule::DoubtCorrupt) {
             self.count.is_unsure |= !config.cumulative_acks;
         }
     }
 
     /// The whole of what has come is read before it is answered (thesis, section 11.3).
-    fn on_read_end(&mut self, now: Duration, whole: bool, config: &PcConfig) -> Option<Action> {
+    fn on_read_end(&mut self, now: Duration, whole: bool, config: &PcConfig<'_>) -> Option<Action> {
         let Link::Connected { reply, .. } = &mut self.link else { return None };
         *reply = match *reply {
             Reply::Nothing => Reply::Nothing,
@@ -249,7 +249,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    fn on_start(&mut self, order: u16, config: &PcConfig) -> Option<Action> {
+    fn on_start(&mut self, order: u16, config: &PcConfig<'_>) -> Option<Action> {
         if self.order != Order::Idle || order == 0 {
             return None;
         }
@@ -273,7 +273,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    fn on_interrupt(&mut self, config: &PcConfig) -> Option<Action> {
+    fn on_interrupt(&mut self, config: &PcConfig<'_>) -> Option<Action> {
         match &mut self.order {
             Order::Starting { number, .. } if !config.keeps(PcRule::CancelWaits) => {
                 let (number, left_at) = (*number, Duration::MAX);
@@ -306,7 +306,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    fn end_when_done(&mut self, config: &PcConfig, answer: &mut impl Answer) {
+    fn end_when_done(&mut self, config: &PcConfig<'_>, answer: &mut impl Answer) {
         if let Order::Running { stage: stage @ Stage::Active, .. } = &mut self.order
             && config.end_when_done
             && self.count.executed == self.count.sent
@@ -325,7 +325,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         &mut self,
         now: Duration,
         robot: Known,
-        config: &PcConfig,
+        config: &PcConfig<'_>,
         answer: &mut impl Answer,
     ) -> bool {
         match &mut self.order {
@@ -374,7 +374,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// As many jobs as fit, and no more than the numbers can tell apart.
-    fn send_jobs(&mut self, from: u32, config: &PcConfig, answer: &mut impl Answer) -> bool {
+    fn send_jobs(&mut self, from: u32, config: &PcConfig<'_>, answer: &mut impl Answer) -> bool {
         let Order::Running { number: order, stage: Stage::Active, .. } = self.order else { return false };
         let (numbering, window) = (config.numbering(), config.window());
         // What was executed since it was requested is never sent again.

@@ -5,21 +5,25 @@ use super::source::{JobSource, Supply};
 use super::state::JobSent;
 use crate::content::FromPc;
 use crate::dialect::{Dialect, Params};
-use crate::job::Job;
-use crate::packet::Packet;
+use crate::error::{EncodeError, FieldError};
+use crate::job::{Job, Work};
+use crate::packet::{Packet, Room};
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 
 /// An answer that is being written.
-pub(super) struct PacketAnswer<'a, 'b, S> {
+pub(super) struct PacketAnswer<'a, 'b, S: JobSource> {
     pub(super) packet: &'a mut Packet<'b>,
-    pub(super) dialect: &'a Dialect,
+    pub(super) dialect: &'a Dialect<'a>,
     pub(super) source: &'a mut Option<S>,
+    pub(super) ranges: &'a <S::Work as Work>::Ranges,
+    /// The job, counted from 0, that cannot be sent, and why.
+    pub(super) unfit: Option<(u32, FieldError)>,
     /// Commands that wait, the first one first.
     pub(super) commands: &'a [(u8, i32)],
 }
 
-impl<S> PacketAnswer<'_, '_, S> {
+impl<S: JobSource> PacketAnswer<'_, '_, S> {
     fn write(&mut self, role: Role, params: &Params) -> bool {
         self.packet.write(self.dialect, role, params)
     }
@@ -53,17 +57,22 @@ impl<S: JobSource> Answer for PacketAnswer<'_, '_, S> {
 
     fn job(&mut self, order: u16, number: u16, index: u32) -> JobSent {
         let Some(source) = &mut self.source else { return JobSent::Later };
-        match source.line(index) {
-            Supply::Line(line) if self.write(Role::Job, &Params::from_job(order, Job { number, line })) => {
-                JobSent::Sent
+        let work = match source.job(index) {
+            Supply::Job(work) => work,
+            Supply::Later => return JobSent::Later,
+            Supply::End => return JobSent::End,
+        };
+        match self.packet.push_job(self.dialect, &Job { order, number, work }, self.ranges) {
+            Ok(Room::Added) => JobSent::Sent,
+            Err(EncodeError::Field(error)) => {
+                self.unfit = Some((index, error));
+                JobSent::Later
             }
-            Supply::Line(_) => JobSent::NoRoom,
-            Supply::Later => JobSent::Later,
-            Supply::End => JobSent::End,
+            Ok(Room::Full) | Err(_) => JobSent::NoRoom,
         }
     }
 
     fn is_end(&mut self, index: u32) -> bool {
-        self.source.as_mut().is_some_and(|source| source.line(index) == Supply::End)
+        self.source.as_mut().is_some_and(|source| matches!(source.job(index), Supply::End))
     }
 }

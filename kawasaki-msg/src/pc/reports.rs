@@ -11,7 +11,7 @@ use crate::role::Role;
 use crate::timing::LATEST_DATAGRAM;
 
 impl<const WORDS: usize> Machine<WORDS> {
-    pub(super) fn on_report(&mut self, now: Duration, report: FromRobot, config: &PcConfig) -> Action {
+    pub(super) fn on_report(&mut self, now: Duration, report: FromRobot, config: &PcConfig<'_>) -> Action {
         match report {
             FromRobot::Filler => Action::Nothing,
             FromRobot::WrongSide => Action::Rejected(Rejection::NotExpected),
@@ -45,7 +45,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_job_ack(&mut self, order: u16, number: u16, config: &PcConfig) -> Action {
+    fn on_job_ack(&mut self, order: u16, number: u16, config: &PcConfig<'_>) -> Action {
         let numbering = config.numbering();
         if !self.is_running(order) {
             return Action::Rejected(Rejection::WrongOrder);
@@ -64,7 +64,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Nothing
     }
 
-    fn on_request(&mut self, order: u16, number: u16, config: &PcConfig) -> Action {
+    fn on_request(&mut self, order: u16, number: u16, config: &PcConfig<'_>) -> Action {
         let numbering = config.numbering();
         let max = u32::from(numbering.max());
         if !self.is_running(order) {
@@ -96,7 +96,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// Our own number is acceptance only of a start that was sent on this connection.
-    fn on_order_ack(&mut self, active: u16, config: &PcConfig) -> Action {
+    fn on_order_ack(&mut self, active: u16, config: &PcConfig<'_>) -> Action {
         let Order::Starting { number, start, .. } = self.order else { return Action::Nothing };
         let sent = match start {
             Start::Sent { .. } => true,
@@ -117,7 +117,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// The robot is in another order, or cannot take any: 0.
-    fn refused(&mut self, active: u16, config: &PcConfig) -> Action {
+    fn refused(&mut self, active: u16, config: &PcConfig<'_>) -> Action {
         let Order::Starting { start, refusals, cancelled, .. } = &mut self.order else {
             return Action::Nothing;
         };
@@ -139,7 +139,13 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Refused { active }
     }
 
-    fn on_end_ack(&mut self, ended: u16, active: u16, executed: Option<u16>, config: &PcConfig) -> Action {
+    fn on_end_ack(
+        &mut self,
+        ended: u16,
+        active: u16,
+        executed: Option<u16>,
+        config: &PcConfig<'_>,
+    ) -> Action {
         self.learn(active);
         match &mut self.order {
             Order::Starting { start, .. } => {
@@ -165,7 +171,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// How far the robot came; `None` if it cannot be.
-    fn executed_at_end(&mut self, executed: Option<u16>, config: &PcConfig) -> Option<()> {
+    fn executed_at_end(&mut self, executed: Option<u16>, config: &PcConfig<'_>) -> Option<()> {
         let numbering = config.numbering();
         if let Some(number) = executed {
             let count = self.count.of(numbering, number)?;
@@ -175,7 +181,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// The robot has reported that our order is over, and how far it came.
-    fn over(&mut self, config: &PcConfig) -> Action {
+    fn over(&mut self, config: &PcConfig<'_>) -> Action {
         self.order = Order::Idle;
         let Count { executed, sent, total, is_unsure, .. } = self.count;
         // That a job was executed ahead of others only its own acknowledgement reports, and that may be lost.
@@ -186,7 +192,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Outcome(Outcome::Over { executed, complete: total == Some(executed) })
     }
 
-    fn on_status(&mut self, now: Duration, status: Status, config: &PcConfig) -> Action {
+    fn on_status(&mut self, now: Duration, status: Status, config: &PcConfig<'_>) -> Action {
         let Status { order: active, queued, executed, ended, .. } = status;
         let has_jobs = queued.is_some() || executed.is_some() || !is_active(status);
         self.learn(active);

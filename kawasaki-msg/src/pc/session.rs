@@ -11,6 +11,7 @@ use crate::content::{FromRobot, phase};
 use crate::decoder::Decoder;
 use crate::dialect::Params;
 use crate::error::{ConfigError, MessageError, SessionError};
+use crate::job::{self, Work};
 use crate::message::Message;
 use crate::packet::Packet;
 use crate::phase::Phase;
@@ -32,8 +33,9 @@ use crate::statistics::PcStatistics;
 /// **Orders** may have a number that was used before, also at once (over UDP not: give every order a new number there). An order
 /// that the robot is in when it connects is not ours unless we have sent its start, whatever its number is.
 #[derive(Debug)]
-pub struct Pc<S> {
-    config: PcConfig,
+pub struct Pc<'a, S: JobSource> {
+    config: PcConfig<'a>,
+    ranges: Ranges<S>,
     machine: Machine,
     decoder: Decoder,
     source: Option<S>,
@@ -45,18 +47,22 @@ pub struct Pc<S> {
 
 type Events = EventQueue<PcEvent, 32>;
 
-/// The outcomes of an order and of all commands.
-const OUTCOMES: usize = 1 + Commands::MAX as usize;
+type Ranges<S> = <<S as JobSource>::Work as Work>::Ranges;
 
-impl<S: JobSource> Pc<S> {
-    /// A session without an order that listens.
+/// The outcomes of an order, one of them a job that does not fit, and of all commands.
+const OUTCOMES: usize = 2 + Commands::MAX as usize;
+
+impl<'a, S: JobSource> Pc<'a, S> {
+    /// A session without an order that listens. The ranges of a job's fields are the default ones.
     ///
     /// # Errors
     /// When the configuration cannot work.
-    pub fn new(config: PcConfig) -> Result<Self, ConfigError> {
-        config.check()?;
+    pub fn new(config: PcConfig<'a>) -> Result<Self, ConfigError> {
+        let ranges = Ranges::<S>::default();
+        config.check(job::check::<S::Work>(&ranges)?)?;
         Ok(Self {
             config,
+            ranges,
             machine: Machine::new(),
             decoder: Decoder::new(config.dialect.charset()),
             source: None,
@@ -64,6 +70,15 @@ impl<S: JobSource> Pc<S> {
             events: EventQueue::new(),
             statistics: PcStatistics::default(),
         })
+    }
+
+    /// The same session with other ranges of a job's fields: those of the robot.
+    ///
+    /// # Errors
+    /// When a range is empty, or a job with the longest values does not fit a packet.
+    pub fn with_ranges(self, ranges: Ranges<S>) -> Result<Self, ConfigError> {
+        self.config.check(job::check::<S::Work>(&ranges)?)?;
+        Ok(Self { ranges, ..self })
     }
 
     /// Begins an order. The robot receives it in its next cycle, also when it is not connected yet.
@@ -94,8 +109,12 @@ impl<S: JobSource> Pc<S> {
     /// Ends the order when the job that is being executed is done. It cannot go on after that (thesis, section 11.1).
     ///
     /// # Errors
-    /// When there is no order.
+    /// When there is no order, or the dialect has no such message.
     pub fn interrupt(&mut self) -> Result<(), SessionError> {
+        let role = Role::OrderInterrupt;
+        if self.config.dialect.entry(role).is_none() {
+            return Err(SessionError::Lacks { role });
+        }
         self.request(Input::Interrupt).map_err(|_| SessionError::NoOrder)
     }
 
@@ -105,7 +124,7 @@ impl<S: JobSource> Pc<S> {
     /// # Errors
     /// When the dialect has no such command, or too many wait.
     pub fn command(&mut self, id: u8, value: i32) -> Result<(), SessionError> {
-        if self.config.dialect.entry(Role::Command(id)).role != Role::Command(id) {
+        if self.config.dialect.entry(Role::Command(id)).is_none() {
             return Err(SessionError::UnknownCommand { id });
         }
         let Commands { in_flight, waiting } = self.machine.commands;
@@ -241,10 +260,10 @@ impl<S: JobSource> Pc<S> {
     }
 }
 
-impl<S> Pc<S> {
+impl<S: JobSource> Pc<'_, S> {
     /// What the machine is to do with a message; why it is not used is for the event.
     fn on_message(
-        config: &PcConfig,
+        config: &PcConfig<'_>,
         machine: &mut Machine,
         events: &mut Events,
         commands: &mut [(u8, i32)],
@@ -255,7 +274,7 @@ impl<S> Pc<S> {
             commands_end(commands, events, count, outcome);
         }
         let (role, params) = match config.dialect.read(message) {
-            Ok(read) => read,
+            Ok((role, params)) => (role, config.dialect.complete(role, params, machine.order.number())),
             Err(error) => {
                 events.push_notice(PcEvent::Rejected(error));
                 return machine.on(now, Input::Message(FromRobot::Unusable), config);
@@ -291,7 +310,7 @@ fn commands_end(commands: &mut [(u8, i32)], events: &mut Events, count: u8, outc
 
 #[cold]
 fn rejected(
-    config: &PcConfig,
+    config: &PcConfig<'_>,
     machine: &Machine,
     why: Rejection,
     role: Role,
@@ -316,7 +335,7 @@ fn rejected(
     }
 }
 
-impl<S: JobSource> Session for Pc<S> {
+impl<S: JobSource> Session for Pc<'_, S> {
     type Event = PcEvent;
     type Statistics = PcStatistics;
 
@@ -369,11 +388,27 @@ impl<S: JobSource> Session for Pc<S> {
             packet: &mut packet,
             dialect: &self.config.dialect,
             source: &mut self.source,
+            ranges: &self.ranges,
+            unfit: None,
             commands: self.commands.get(first..last).unwrap_or_default(),
         };
         let sent = self.machine.transmit(now, &self.config, &mut answer);
+        let unfit = answer.unfit;
+        if sent && packet.is_empty() {
+            // All that was to be sent is of roles that the table lacks.
+            packet.write(&self.config.dialect, Role::Filler, &Params::default());
+        }
+        let length = packet.as_bytes().len();
+        if let Some((index, error)) = unfit {
+            let order = self.machine.order.number();
+            push(&mut self.events, PcEvent::JobUnfit { order, index, error });
+            // The jobs before it are executed; no later one is ever asked for.
+            if let Err(unexpected) = self.request(Input::End) {
+                self.unexpected(unexpected);
+            }
+        }
         self.statistics.packets += u64::from(sent);
-        sent.then(|| packet.as_bytes().len())
+        sent.then_some(length)
     }
 
     fn poll_timeout(&self) -> Option<Duration> {

@@ -3,19 +3,19 @@ use core::time::Duration;
 
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
-use crate::job::Bounds;
 use crate::numbering::Numbering;
 use crate::packet::Limits;
 use crate::robot::state::RecoveryStep;
+use crate::role::Role;
 use crate::timing;
 
 /// How a robot session works. The source gives the limits and the exchange time; the other times and counts are ours.
 ///
 /// Every duration may be [`Duration::MAX`]: never.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct RobotConfig {
+pub struct RobotConfig<'a> {
     /// The table of messages; by default [`Dialect::DEFAULT`].
-    pub dialect: Dialect,
+    pub dialect: Dialect<'a>,
     /// The limits of a packet in bytes; by default 4096 in strings of 255, over UDP 1472.
     pub limits: Limits,
     /// Every input is a datagram: no message goes on in the next one, and it may come late. The start of an order that has ended
@@ -24,8 +24,6 @@ pub struct RobotConfig {
     pub datagrams: bool,
     /// The highest job number, 2 to 9999, which both ends have agreed on; the queue's too. 9999 by default.
     pub max_number: u16,
-    /// The coordinates that the robot can reach, in hundredths of a millimetre; by default seven digits.
-    pub bounds: Bounds,
     /// How executed jobs are acknowledged; the PC has to know. Every job by default.
     pub acks: Acks,
     /// After the queue was full, jobs are asked for when at most this many are left in it; half the queue by default.
@@ -85,14 +83,13 @@ pub enum RobotRule {
     DrainStarts,
 }
 
-impl RobotConfig {
+impl RobotConfig<'_> {
     /// Over TCP, as the source's application.
     pub const TCP: Self = Self {
         dialect: Dialect::DEFAULT,
         limits: Limits::TCP,
         datagrams: false,
         max_number: Dialect::MAX_NUMBER,
-        bounds: Bounds::WIDEST,
         acks: Acks::Cumulative { every: NonZeroU16::MIN },
         low_water: None,
         recovery: RecoveryLimits { resends: 3, pauses: 3, clears: 1 },
@@ -123,13 +120,14 @@ impl RobotConfig {
         each.saturating_mul(steps).saturating_add(self.pause.saturating_mul(u32::from(pauses)))
     }
 
-    pub(crate) fn check(&self) -> Result<(), ConfigError> {
-        let Bounds { min, max } = self.bounds;
-        if min.x > max.x || min.y > max.y {
-            return Err(ConfigError::Bounds);
-        }
+    /// A job's own fields have so many bytes at most.
+    pub(crate) fn check(&self, work: usize) -> Result<(), ConfigError> {
         Dialect::check_max_number(self.max_number)?;
-        self.limits.check(&self.dialect)
+        if self.acks == Acks::Individual {
+            self.dialect.check_has(Role::JobAck)?;
+        }
+        self.dialect.check_orders(self.datagrams)?;
+        self.limits.check(&self.dialect, work)
     }
 
     /// The numbers of the jobs.
@@ -163,7 +161,7 @@ impl RobotConfig {
     }
 }
 
-impl Default for RobotConfig {
+impl Default for RobotConfig<'_> {
     fn default() -> Self {
         Self::TCP
     }

@@ -8,7 +8,7 @@ use super::state::{AckState, Action, Flow, Gap, Machine, Order, Recovery, Reject
 impl<const WORDS: usize> Machine<WORDS> {
     /// The order and the number of the job that may be queued without asking, and those that follow it; `None` where every
     /// message has to be looked at. How many were is [`Input::Queued`](super::state::Input::Queued).
-    pub fn fast_path(&self, config: &RobotConfig) -> Option<(u16, u16)> {
+    pub fn fast_path(&self, config: &RobotConfig<'_>) -> Option<(u16, u16)> {
         let Order::Active { number, stage: Stage::Intake { gap, .. } } = self.order else { return None };
         let rest = gap == Gap::Rest && config.keeps(RobotRule::SlowInRest);
         let open = self.is_connected() && !rest && self.acks.is_in_order();
@@ -33,7 +33,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         (order, number): (u16, u16),
         good: bool,
         room: bool,
-        config: &RobotConfig,
+        config: &RobotConfig<'_>,
     ) -> Action {
         let numbering = config.numbering();
         let Order::Active { number: active, stage: Stage::Intake { flow, gap, recovery } } = &mut self.order
@@ -79,7 +79,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// A message that should have been a job was none: jobs are missing from here on.
-    pub(super) fn failed(&mut self, why: Rejection, config: &RobotConfig) -> Action {
+    pub(super) fn failed(&mut self, why: Rejection, config: &RobotConfig<'_>) -> Action {
         if let Order::Active { stage: Stage::Intake { gap, .. }, .. } = &mut self.order {
             let before = core::mem::replace(gap, Gap::Rest);
             if before == Gap::Rest && config.keeps(RobotRule::DestroyRest) {
@@ -98,7 +98,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         now: Duration,
         (order, first): (u16, u16),
         room: bool,
-        config: &RobotConfig,
+        config: &RobotConfig<'_>,
     ) -> Action {
         if self.ignores_starts(now, config) {
             return Action::Nothing;
@@ -131,7 +131,7 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     /// Whether a start may still be a late datagram. Where nobody has called for a while, one that came in time is read when the time
     /// is over: from the first start on that is read then, it is one exchange longer.
-    pub(super) fn ignores_starts(&mut self, now: Duration, config: &RobotConfig) -> bool {
+    pub(super) fn ignores_starts(&mut self, now: Duration, config: &RobotConfig<'_>) -> bool {
         let Starts::New { ignored_until, drained, .. } = &mut self.starts else { return false };
         if now >= *ignored_until && !*drained {
             *drained = true;
@@ -142,7 +142,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         now < *ignored_until && config.keeps(RobotRule::IgnoreStarts)
     }
 
-    pub(super) fn on_end(&mut self, order: u16, config: &RobotConfig) -> Action {
+    pub(super) fn on_end(&mut self, order: u16, config: &RobotConfig<'_>) -> Action {
         let Order::Active { number, stage } = &mut self.order else {
             self.repeat_end(order);
             return Action::Nothing;
@@ -179,7 +179,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         self.interrupt().unwrap_or(Action::Nothing)
     }
 
-    pub(super) fn on_status(&mut self, order: u16, config: &RobotConfig) -> Action {
+    pub(super) fn on_status(&mut self, order: u16, config: &RobotConfig<'_>) -> Action {
         if config.end_foreign_order && order != self.order.number() {
             return self.interrupt().unwrap_or(Action::Nothing);
         }

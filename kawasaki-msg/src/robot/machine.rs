@@ -15,7 +15,7 @@ use crate::timing;
 
 impl<const WORDS: usize> Machine<WORDS> {
     /// A robot that wants to connect at once.
-    pub fn new(config: &RobotConfig) -> Self {
+    pub fn new(config: &RobotConfig<'_>) -> Self {
         let starts = if config.datagrams {
             Starts::New { ignored_until: Duration::MAX, drained: false, ended: [0; 16] }
         } else {
@@ -37,7 +37,12 @@ impl<const WORDS: usize> Machine<WORDS> {
     ///
     /// # Errors
     /// When the input is none that the state allows; nothing has changed then.
-    pub fn on(&mut self, now: Duration, input: Input, config: &RobotConfig) -> Result<Action, Unexpected> {
+    pub fn on(
+        &mut self,
+        now: Duration,
+        input: Input,
+        config: &RobotConfig<'_>,
+    ) -> Result<Action, Unexpected> {
         let unexpected = Unexpected { state: self.name(), input: input.name() };
         match input {
             Input::Connected => self.on_connected(now, config),
@@ -168,7 +173,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         matches!(self.link, Link::Connected { cycle: Cycle::Waiting { .. }, .. })
     }
 
-    fn on_connected(&mut self, now: Duration, config: &RobotConfig) {
+    fn on_connected(&mut self, now: Duration, config: &RobotConfig<'_>) {
         self.link = Link::Connected {
             cycle: Cycle::Ready { at: now },
             silent: 0,
@@ -193,7 +198,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_disconnected(&mut self, now: Duration, config: &RobotConfig) -> Action {
+    fn on_disconnected(&mut self, now: Duration, config: &RobotConfig<'_>) -> Action {
         let connected = match self.link {
             // It is closed already.
             Link::Disconnected { .. } => return Action::Nothing,
@@ -211,7 +216,7 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     /// One thing that is due: the others are with the next call. A step of recovery comes first: the next cycle would begin its time
     /// anew.
-    fn on_timeout(&mut self, now: Duration, config: &RobotConfig) -> Action {
+    fn on_timeout(&mut self, now: Duration, config: &RobotConfig<'_>) -> Action {
         if let Link::Disconnected { connect_at } = self.link
             && now >= connect_at
         {
@@ -241,7 +246,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// A step of recovery (thesis, section 6.3).
-    fn step(&mut self, now: Duration, config: &RobotConfig) -> Action {
+    fn step(&mut self, now: Duration, config: &RobotConfig<'_>) -> Action {
         let Order::Active { stage, .. } = &mut self.order else { return Action::Nothing };
         let Stage::Intake { flow, recovery, .. } = stage else { return Action::Nothing };
         let failures = recovery.failures().saturating_add(1);
@@ -267,7 +272,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         now: Duration,
         message: FromPc,
         room: bool,
-        config: &RobotConfig,
+        config: &RobotConfig<'_>,
     ) -> Option<Action> {
         self.answered()?;
         Some(match message {
@@ -282,7 +287,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         })
     }
 
-    fn on_corrupt(&mut self, config: &RobotConfig) -> Option<Action> {
+    fn on_corrupt(&mut self, config: &RobotConfig<'_>) -> Option<Action> {
         if !self.is_connected() {
             return None;
         }
@@ -321,7 +326,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Nothing
     }
 
-    fn on_executed(&mut self, number: u16, config: &RobotConfig) -> Option<Action> {
+    fn on_executed(&mut self, number: u16, config: &RobotConfig<'_>) -> Option<Action> {
         let numbering = config.numbering();
         let Order::Active { stage, .. } = &mut self.order else { return None };
         let ahead = numbering.ahead(self.executed, number);
@@ -353,7 +358,7 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     /// The motion task reports a job before it completes it, and its reports are handed over before every look at the queue: a
     /// settled queue and a later look at it are the whole truth.
-    fn on_settled(&mut self, now: Duration, config: &RobotConfig) -> Action {
+    fn on_settled(&mut self, now: Duration, config: &RobotConfig<'_>) -> Action {
         let Order::Active { number, stage } = &mut self.order else { return Action::Nothing };
         let number = *number;
         if let Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at } = stage
@@ -377,7 +382,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn over(&mut self, order: u16, config: &RobotConfig) -> Action {
+    fn over(&mut self, order: u16, config: &RobotConfig<'_>) -> Action {
         self.order = Order::Idle;
         self.queued = self.executed;
         if let AckState::Cumulative { acked } = &mut self.acks {

@@ -4,6 +4,7 @@ mod config;
 mod event;
 mod intake;
 mod machine;
+mod reading;
 mod session;
 mod state;
 mod transmit;

@@ -5,17 +5,16 @@ use robot_work_queue::Writer;
 
 use super::config::RobotConfig;
 use super::event::RobotEvent;
-use super::state::{Action, Input, Machine, RecoveryStep, Rejection, Report};
-use crate::content::{FromPc, phase};
+use super::reading::{Events, OF_ORDER, Reading, push};
+use super::state::{Action, Input, Machine, RecoveryStep, Report};
 use crate::decoder::Decoder;
 use crate::dialect::Params;
-use crate::error::{ConfigError, MessageError, SessionError};
-use crate::job::Job;
+use crate::error::{ConfigError, SessionError};
+use crate::job::{self, Expected, Job, Work};
 use crate::message::Message;
 use crate::packet::Packet;
 use crate::phase::Phase;
-use crate::plain::{Next, PlainJobs};
-use crate::role::{Field, Role};
+use crate::role::Role;
 use crate::statistics::RobotStatistics;
 
 /// The session of a robot: it opens the connection, speaks first in every cycle, and queues the jobs that the PC sends.
@@ -42,42 +41,46 @@ use crate::statistics::RobotStatistics;
 /// An order outlives its connection. After a new one both ends report by status what is queued and executed, and the
 /// robot asks for the job after the last that it has queued.
 #[derive(Debug)]
-pub struct Robot<'q> {
-    config: RobotConfig,
+pub struct Robot<'a, W: Work> {
+    config: RobotConfig<'a>,
+    ranges: W::Ranges,
     machine: Machine,
     decoder: Decoder,
-    writer: Writer<'q, Job>,
-    /// How the jobs of the order are read in one pass; `None` where they cannot be.
-    plain: Option<PlainJobs>,
+    writer: Writer<'a, Job<W>>,
     events: Events,
     statistics: RobotStatistics,
 }
 
-type Events = EventQueue<RobotEvent, 32>;
-
-/// The outcomes of an order: started, ending, interrupted, over, and an alarm.
-const OF_ORDER: usize = 5;
-
-impl<'q> Robot<'q> {
+impl<'a, W: Work> Robot<'a, W> {
     /// A session that wants to connect at once. It queues its jobs through `writer`, whose highest job number is the one that
-    /// both ends have agreed on.
+    /// both ends have agreed on. The ranges of a job's fields are the default ones.
     ///
     /// # Errors
     /// When the configuration cannot work.
-    pub fn new(config: RobotConfig, writer: Writer<'q, Job>) -> Result<Self, ConfigError> {
-        config.check()?;
+    pub fn new(config: RobotConfig<'a>, writer: Writer<'a, Job<W>>) -> Result<Self, ConfigError> {
+        let ranges = W::Ranges::default();
+        config.check(job::check::<W>(&ranges)?)?;
         if writer.max_number() != config.max_number {
             return Err(ConfigError::QueueNumbers { queue: writer.max_number(), config: config.max_number });
         }
         Ok(Self {
             config,
+            ranges,
             machine: Machine::new(&config),
             decoder: Decoder::new(config.dialect.charset()),
             writer,
-            plain: None,
             events: EventQueue::new(),
             statistics: RobotStatistics::default(),
         })
+    }
+
+    /// The same session with other ranges of a job's fields: what the robot can reach.
+    ///
+    /// # Errors
+    /// When a range is empty, or a job with the longest values does not fit a packet.
+    pub fn with_ranges(self, ranges: W::Ranges) -> Result<Self, ConfigError> {
+        self.config.check(job::check::<W>(&ranges)?)?;
+        Ok(Self { ranges, ..self })
     }
 
     /// The motion task has executed a job. Hand over every report before the next
@@ -171,16 +174,17 @@ impl<'q> Robot<'q> {
         self.events.push_notice(RobotEvent::Unexpected { state, input });
     }
 
-    /// Everything that the decoder has: plain jobs in one pass, the rest message by message.
+    /// Everything that the decoder has: the expected jobs in one pass, the rest message by message.
     fn read(&mut self, now: Duration) {
         loop {
-            self.read_plain_jobs(now);
+            self.read_expected_jobs(now);
             let order = self.machine.order.number();
             let action = match self.decoder.next_frame() {
                 None => break,
                 Some(Ok(message)) => {
                     let mut reading = Reading {
                         config: &self.config,
+                        ranges: &self.ranges,
                         machine: &mut self.machine,
                         writer: &mut self.writer,
                         events: &mut self.events,
@@ -201,13 +205,13 @@ impl<'q> Robot<'q> {
         }
     }
 
-    /// Queues the plain jobs that come next, as far as there is room. The next message, whatever it is, is read the general way.
-    fn read_plain_jobs(&mut self, now: Duration) {
+    /// Queues the expected jobs that come next, as far as there is room. The next message, whatever it is, is read the general way.
+    fn read_expected_jobs(&mut self, now: Duration) {
         let Some((order, number)) = self.machine.fast_path(&self.config) else { return };
-        let Some(plain) = &self.plain else { return };
         debug_assert_eq!(order, self.machine.order.number());
-        let mut next = Next::new(number, self.config.max_number);
-        let count = queue_plain_jobs(&mut self.decoder, &mut self.writer, plain, &mut next);
+        let RobotConfig { dialect, max_number, .. } = &self.config;
+        let Some(mut expected) = Expected::new(dialect, order, number, *max_number) else { return };
+        let count = queue_jobs(&mut self.decoder, &mut self.writer, &mut expected, &self.ranges);
         if count > 0 {
             self.statistics.queued += u64::from(count);
             self.input(now, Input::Queued { count });
@@ -231,14 +235,12 @@ impl<'q> Robot<'q> {
             }
             Action::Started => {
                 let order = self.machine.order.number();
-                self.plain = PlainJobs::new(&self.config.dialect, &self.config.bounds, order);
                 self.statistics.work_cycle.cancel();
                 push(&mut self.events, RobotEvent::OrderStarted { order });
             }
             Action::Ending => push(&mut self.events, RobotEvent::OrderEnding { order }),
             Action::Over => {
                 self.writer.reset();
-                self.plain = None;
                 let executed = self.machine.executed;
                 push(&mut self.events, RobotEvent::OrderOver { order, executed });
             }
@@ -255,21 +257,15 @@ impl<'q> Robot<'q> {
     }
 }
 
-/// An outcome: what it is of was begun only with room for it.
-fn push(events: &mut Events, outcome: RobotEvent) {
-    let pushed = events.push_outcome(outcome);
-    debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
-}
-
 #[inline(never)] // by itself it fits the registers
-fn queue_plain_jobs(
+fn queue_jobs<W: Work>(
     decoder: &mut Decoder,
-    writer: &mut Writer<'_, Job>,
-    plain: &PlainJobs,
-    next: &mut Next,
+    writer: &mut Writer<'_, Job<W>>,
+    expected: &mut Expected,
+    ranges: &W::Ranges,
 ) -> u32 {
     let mut queued = 0;
-    decoder.plain_jobs(plain, next, |job| {
+    decoder.expected_jobs::<W>(expected, ranges, |job| {
         let Ok(claim) = writer.claim() else { return false };
         claim.push(job);
         queued += 1;
@@ -278,131 +274,7 @@ fn queue_plain_jobs(
     queued
 }
 
-/// What a message is read with, beside the decoder that holds it.
-struct Reading<'a, 'q> {
-    config: &'a RobotConfig,
-    machine: &'a mut Machine,
-    writer: &'a mut Writer<'q, Job>,
-    events: &'a mut Events,
-    statistics: &'a mut RobotStatistics,
-}
-
-impl Reading<'_, '_> {
-    fn message(&mut self, now: Duration, message: &Message<'_>) -> Result<Action, Unexpected> {
-        let dialect = &self.config.dialect;
-        let (role, params) = match dialect.read(message) {
-            Ok((Role::Job, params)) => return self.job(now, &params),
-            Ok(read) => read,
-            Err(error) => return self.unusable(now, error),
-        };
-        let mut room = true;
-        match role {
-            // An order is begun only with room for all that it can report, and a motion task.
-            Role::OrderStart => {
-                room = self.events.has_room(2 * OF_ORDER) && !self.writer.is_abandoned();
-            }
-            Role::Status => {
-                let (sent, executed) = (params.number(Field::Queued), params.number(Field::Executed));
-                let order = params.number(Field::Order).unwrap_or(0);
-                let phase = phase(&params);
-                self.events.push_notice(RobotEvent::PeerStatus { order, phase, sent, executed });
-            }
-            Role::Command(id) if self.events.has_room(2 * OF_ORDER + 1) => {
-                push(self.events, RobotEvent::Command { id, value: params.get(Field::Value) });
-            }
-            Role::Command(_) => {
-                self.statistics.discarded += 1;
-                self.events.push_notice(RobotEvent::Rejected(MessageError::NotExpected { role }));
-            }
-            _ => {}
-        }
-        let active = self.machine.order.number();
-        let message = FromPc::read(role, &params);
-        let action = self.machine.on(now, Input::Message { message, room }, self.config)?;
-        let order = params.number(Field::Order).unwrap_or(0);
-        match action {
-            Action::Refused => self.events.push_notice(RobotEvent::OrderRefused { order, active }),
-            Action::Rejected(why) => self.rejected(why, role, &params),
-            Action::Discarded => self.statistics.discarded += 1,
-            _ => {}
-        }
-        Ok(action)
-    }
-
-    fn job(&mut self, now: Duration, params: &Params) -> Result<Action, Unexpected> {
-        let job = params.job(&self.config.dialect, &self.config.bounds);
-        let order = params.number(Field::Order).unwrap_or(0);
-        let number = params.number(Field::Number).unwrap_or(0);
-        let message = FromPc::Job { order, number, good: job.is_ok() };
-        let claim = self.writer.claim();
-        let room = claim.is_ok();
-        let queued = self.machine.queued;
-        let action = self.machine.on(now, Input::Message { message, room }, self.config)?;
-        if action == Action::Queue
-            && let (Ok(claim), Ok(job)) = (claim, job)
-        {
-            claim.push(job);
-        }
-        // One that was executed before the list was cleared counts as queued again.
-        self.statistics.queued += u64::from(self.machine.queued - queued);
-        match (action, job) {
-            (Action::Rejected(Rejection::Bad), Err(error)) => {
-                self.statistics.discarded += 1;
-                self.events.push_notice(RobotEvent::Rejected(error));
-            }
-            (Action::Rejected(why), _) => self.rejected(why, Role::Job, params),
-            (Action::Discarded, _) => self.statistics.discarded += 1,
-            _ => {}
-        }
-        Ok(action)
-    }
-
-    /// A whole message that is none of the table's.
-    #[cold]
-    fn unusable(&mut self, now: Duration, error: MessageError) -> Result<Action, Unexpected> {
-        let input = Input::Message { message: FromPc::Unusable, room: false };
-        let action = self.machine.on(now, input, self.config)?;
-        self.statistics.discarded += 1;
-        if action != Action::Discarded {
-            self.events.push_notice(RobotEvent::Rejected(error));
-        }
-        Ok(action)
-    }
-
-    #[cold]
-    fn rejected(&mut self, why: Rejection, role: Role, params: &Params) {
-        let number = |field| params.number(field).unwrap_or(0);
-        let (found, found_order) = (number(Field::Number), number(Field::Order));
-        let expected = self.config.numbering().next(self.machine.queued);
-        let active = self.machine.order.number();
-        let error = match why {
-            Rejection::WrongOrder => MessageError::WrongOrder { active, found: found_order },
-            Rejection::Repeated => MessageError::Repeated { expected, found },
-            Rejection::OutOfOrder => MessageError::OutOfOrder { expected, found },
-            Rejection::OutOfRange => {
-                let max = i32::from(self.config.max_number);
-                MessageError::OutOfRange { field: 1, found: i32::from(found), min: 1, max }
-            }
-            Rejection::NotFromFirst => {
-                MessageError::OutOfRange { field: 1, found: i32::from(found), min: 1, max: 1 }
-            }
-            Rejection::QueueFull => MessageError::QueueFull { number: found },
-            Rejection::JobsMissing => MessageError::JobsMissing { order: found_order, expected },
-            Rejection::Bad | Rejection::NotExpected => MessageError::NotExpected { role },
-        };
-        match why {
-            Rejection::Repeated => self.statistics.repeated += 1,
-            _ => self.statistics.discarded += 1,
-        }
-        self.events.push_notice(RobotEvent::Rejected(error));
-        if why == Rejection::QueueFull {
-            let last = self.config.numbering().number(self.machine.queued);
-            self.events.push_notice(RobotEvent::QueueFull { last });
-        }
-    }
-}
-
-impl Session for Robot<'_> {
+impl<W: Work> Session for Robot<'_, W> {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
 
@@ -471,6 +343,10 @@ impl Session for Robot<'_> {
         });
         if !sent {
             return None;
+        }
+        if packet.is_empty() {
+            // All that was to be sent is of roles that the table lacks.
+            packet.write(dialect, Role::Filler, &Params::default());
         }
         self.statistics.packets += 1;
         self.statistics.exchange.begin(now);

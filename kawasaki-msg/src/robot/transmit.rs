@@ -14,7 +14,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     pub fn transmit(
         &mut self,
         now: Duration,
-        config: &RobotConfig,
+        config: &RobotConfig<'_>,
         mut send: impl FnMut(FromRobot) -> bool,
     ) -> bool {
         let Link::Connected { cycle: Cycle::Ready { at }, synced, status_at, .. } = self.link else {
@@ -88,7 +88,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     fn acknowledge(
         &mut self,
         is_idle: bool,
-        config: &RobotConfig,
+        config: &RobotConfig<'_>,
         send: &mut impl FnMut(FromRobot) -> bool,
     ) -> bool {
         let order = match (self.order, self.ended) {
@@ -127,7 +127,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         true
     }
 
-    fn status(&self, config: &RobotConfig) -> Status {
+    fn status(&self, config: &RobotConfig<'_>) -> Status {
         let numbering = config.numbering();
         Status {
             order: self.order.number(),

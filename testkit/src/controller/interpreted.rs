@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 use as_interpreter::{Host, Machine, Motion, Pose, Program, Socket, Step, controller};
 use kawasaki_msg::robot_session::Session;
 use kawasaki_msg::{
-    Acks, DecodeError, Job, JobKind, Line, MessageError, Phase, Point, RecoveryStep, RobotConfig, RobotEvent,
-    RobotStatistics, SessionError,
+    Acks, Bounds, DecodeError, Job, JobKind, Line, MessageError, Phase, Point, RecoveryStep, RobotConfig,
+    RobotEvent, RobotStatistics, SessionError,
 };
 
 use super::Controller;
@@ -34,8 +34,14 @@ pub struct AsRobot {
 
 impl AsRobot {
     /// A controller whose program is not ours: `from` is replaced by `to` in its source, once.
-    pub fn altered(config: RobotConfig, capacity: usize, seed: u64, from: &str, to: &str) -> Self {
-        let source = source(&config, capacity);
+    pub fn altered(
+        bounds: Bounds,
+        config: RobotConfig<'_>,
+        capacity: usize,
+        seed: u64,
+        (from, to): (&str, &str),
+    ) -> Self {
+        let source = source(&bounds, &config, capacity);
         let (before, after) = source.split_once(from).unwrap_or_else(|| panic!("there is no {from}"));
         assert!(!after.contains(from), "{from} is there twice");
         Self::load(&format!("{before}{to}{after}"), seed)
@@ -132,11 +138,11 @@ impl AsRobot {
 impl Controller for AsRobot {
     const WHOLE: bool = false;
 
-    fn begin(config: RobotConfig, capacity: usize, seed: u64) -> Self {
-        Self::load(&source(&config, capacity), seed)
+    fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, seed: u64) -> Self {
+        Self::load(&source(&bounds, &config, capacity), seed)
     }
 
-    fn execute(&mut self, now: Duration, overtakes: bool) -> Option<Job> {
+    fn execute(&mut self, now: Duration, overtakes: bool) -> Option<Job<Line>> {
         assert!(!overtakes, "the program takes its jobs in their order");
         let Some(place) = self.place() else {
             // What is queued now is executed next time: first its order is reported.
@@ -152,7 +158,7 @@ impl Controller for AsRobot {
         self.statistics.executed += 1;
         self.port.executed += 1;
         let [.., start, end] = path.as_slice() else { panic!("no line: {path:?}") };
-        Some(Job { number, line: line(start.to, end.to) })
+        Some(Job { order: whole(self.real("x.order")), number, work: line(start.to, end.to) })
     }
 
     fn report(&mut self, _: Duration) {}
@@ -197,7 +203,7 @@ impl Controller for AsRobot {
 }
 
 /// The program with the settings of a configuration.
-fn source(config: &RobotConfig, capacity: usize) -> String {
+fn source(bounds: &Bounds, config: &RobotConfig<'_>, capacity: usize) -> String {
     let seconds = |time: Duration| time.as_secs_f64();
     let Acks::Cumulative { every } = config.acks else { panic!("jobs do not overtake one another") };
     let low_water = config.low_water.unwrap_or(capacity / 2);
@@ -207,10 +213,10 @@ fn source(config: &RobotConfig, capacity: usize) -> String {
         ("cw.max", config.max_number.into()),
         ("cw.low", low_water as f64),
         ("cw.every", every.get().into()),
-        ("cw.x.min", config.bounds.min.x.into()),
-        ("cw.x.max", config.bounds.max.x.into()),
-        ("cw.y.min", config.bounds.min.y.into()),
-        ("cw.y.max", config.bounds.max.y.into()),
+        ("cw.x.min", bounds.min.x.into()),
+        ("cw.x.max", bounds.max.x.into()),
+        ("cw.y.min", bounds.min.y.into()),
+        ("cw.y.max", bounds.max.y.into()),
         ("cw.t.reply", seconds(config.reply_timeout)),
         ("cw.silent", config.silent_cycles.into()),
         ("cw.t.exchange", seconds(config.exchange)),

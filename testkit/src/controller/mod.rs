@@ -6,7 +6,7 @@ mod native;
 use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session;
-use kawasaki_msg::{Job, Phase, RobotConfig, RobotEvent, SessionError};
+use kawasaki_msg::{Bounds, Job, Line, Phase, RobotConfig, RobotEvent, SessionError};
 
 pub use interpreted::AsRobot;
 pub use native::Native;
@@ -17,10 +17,15 @@ pub trait Controller: Session<Event = RobotEvent> + Sized {
     const WHOLE: bool;
 
     /// A controller that was just switched on. What is left open (which task comes first) follows from `seed`.
-    fn begin(config: RobotConfig, capacity: usize, seed: u64) -> Self;
+    fn begin(config: RobotConfig<'static>, capacity: usize, seed: u64) -> Self {
+        Self::within(Bounds::WIDEST, config, capacity, seed)
+    }
+
+    /// The same, with coordinates that it can reach.
+    fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, seed: u64) -> Self;
 
     /// The motion task executes its next job, or the last one that waits if jobs may overtake one another.
-    fn execute(&mut self, now: Duration, overtakes: bool) -> Option<Job>;
+    fn execute(&mut self, now: Duration, overtakes: bool) -> Option<Job<Line>>;
 
     /// The communication task hears of what was executed.
     fn report(&mut self, now: Duration);

@@ -4,7 +4,7 @@ use core::ops::{Deref, DerefMut};
 use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session;
-use kawasaki_msg::{Job, Phase, Robot, RobotConfig, RobotEvent, RobotStatistics, SessionError};
+use kawasaki_msg::{Bounds, Job, Line, Phase, Robot, RobotConfig, RobotEvent, RobotStatistics, SessionError};
 use robot_work_queue::Reader;
 
 use super::Controller;
@@ -13,21 +13,25 @@ use super::Controller;
 #[derive(Debug)]
 pub struct Native {
     /// The communication task.
-    pub robot: Robot<'static>,
+    pub robot: Robot<'static, Line>,
     /// The motion task's end.
-    pub reader: Reader<'static, Job>,
+    pub reader: Reader<'static, Job<Line>>,
     reports: Vec<u16>,
 }
 
 impl Controller for Native {
     const WHOLE: bool = true;
 
-    fn begin(config: RobotConfig, capacity: usize, _: u64) -> Self {
+    fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, _: u64) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, config.max_number).unwrap();
-        Self { robot: Robot::new(config, writer).unwrap(), reader, reports: Vec::new() }
+        Self {
+            robot: Robot::new(config, writer).unwrap().with_ranges(bounds).unwrap(),
+            reader,
+            reports: Vec::new(),
+        }
     }
 
-    fn execute(&mut self, _: Duration, overtakes: bool) -> Option<Job> {
+    fn execute(&mut self, _: Duration, overtakes: bool) -> Option<Job<Line>> {
         let last = if overtakes { self.reader.iter().last().map(|(number, _)| number) } else { None };
         let job = match last {
             Some(last) => self.reader.take_where(|number, _| number == last),
@@ -75,15 +79,15 @@ impl Controller for Native {
 }
 
 impl Deref for Native {
-    type Target = Robot<'static>;
+    type Target = Robot<'static, Line>;
 
-    fn deref(&self) -> &Robot<'static> {
+    fn deref(&self) -> &Robot<'static, Line> {
         &self.robot
     }
 }
 
 impl DerefMut for Native {
-    fn deref_mut(&mut self) -> &mut Robot<'static> {
+    fn deref_mut(&mut self) -> &mut Robot<'static, Line> {
         &mut self.robot
     }
 }
@@ -92,7 +96,7 @@ impl Session for Native {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
 
-    const MAX_TRANSMIT: usize = Robot::MAX_TRANSMIT;
+    const MAX_TRANSMIT: usize = Robot::<Line>::MAX_TRANSMIT;
 
     fn handle_connected(&mut self, now: Duration) {
         self.robot.handle_connected(now);

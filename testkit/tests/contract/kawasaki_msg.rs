@@ -15,7 +15,7 @@ pub fn decoder() {
 pub struct Pc<const UDP: bool>;
 
 impl<const UDP: bool> End for Pc<UDP> {
-    type Session = kawasaki_msg::Pc<&'static [Line]>;
+    type Session = kawasaki_msg::Pc<'static, &'static [Line]>;
     const NAME: &'static str = if UDP { "kawasaki-msg pc, UDP" } else { "kawasaki-msg pc, TCP" };
     const DATAGRAMS: bool = UDP;
 
@@ -43,7 +43,7 @@ impl<const UDP: bool> End for Pc<UDP> {
 pub struct Robot<const UDP: bool>;
 
 impl<const UDP: bool> End for Robot<UDP> {
-    type Session = kawasaki_msg::Robot<'static>;
+    type Session = kawasaki_msg::Robot<'static, Line>;
     const NAME: &'static str = if UDP { "kawasaki-msg robot, UDP" } else { "kawasaki-msg robot, TCP" };
     const DATAGRAMS: bool = UDP;
 

@@ -29,18 +29,18 @@ pub fn sent(packets: &[Vec<u8>], name: &str) -> Vec<String> {
     messages.map(String::from).collect()
 }
 
-pub type Source = Box<dyn FnMut(u32) -> Supply>;
+pub type Source = Box<dyn FnMut(u32) -> Supply<Line>>;
 
 /// An order of `jobs` lines.
 pub fn picture(order: u16, jobs: u32) -> Source {
-    Box::new(move |index| if index < jobs { Supply::Line(line(order, index)) } else { Supply::End })
+    Box::new(move |index| if index < jobs { Supply::Job(line(order, index)) } else { Supply::End })
 }
 
 pub struct Rig<C = Native> {
     pub now: Duration,
     pub link: Link,
     pub robot: C,
-    pub pc: Pc<Source>,
+    pub pc: Pc<'static, Source>,
     /// How long one job takes; `None` while the motion task stands still.
     pub motion: Option<Duration>,
     pub motion_at: Duration,
@@ -50,7 +50,7 @@ pub struct Rig<C = Native> {
     pub reachable: bool,
     pub connected: bool,
     /// What the motion task has executed.
-    pub executed: Vec<Job>,
+    pub executed: Vec<Job<Line>>,
     pub robot_events: Vec<RobotEvent>,
     pub pc_events: Vec<PcEvent>,
     /// The packets that each end has sent.
@@ -70,8 +70,8 @@ impl Rig {
         faults: Faults,
         capacity: usize,
         max_number: u16,
-        robot: RobotConfig,
-        pc: PcConfig,
+        robot: RobotConfig<'static>,
+        pc: PcConfig<'static>,
     ) -> Self {
         Self::of(seed, faults, capacity, max_number, robot, pc)
     }
@@ -84,8 +84,8 @@ impl<C: Controller> Rig<C> {
         faults: Faults,
         capacity: usize,
         max_number: u16,
-        robot: RobotConfig,
-        pc: PcConfig,
+        robot: RobotConfig<'static>,
+        pc: PcConfig<'static>,
     ) -> Self {
         let (robot, pc) = (RobotConfig { max_number, ..robot }, PcConfig { max_number, ..pc });
         Self {
@@ -224,7 +224,7 @@ impl<C: Controller> Rig<C> {
 
     /// The lines executed, in order.
     pub fn lines(&self) -> Vec<Line> {
-        self.executed.iter().map(|job| job.line).collect()
+        self.executed.iter().map(|job| job.work).collect()
     }
 
     pub fn is_over(&self) -> bool {

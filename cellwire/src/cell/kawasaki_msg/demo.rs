@@ -74,8 +74,9 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     };
     let lines = jobs(&picture);
     let bounds = Bounds { min: Point::new(0, 0), max: Point::new(SHEET.x, SHEET.y) };
-    let config = RobotConfig { bounds, reconnect_delay: RECONNECT, ..RobotConfig::TCP };
-    let setup = Setup { config, queue, speed: f64::from(speed), connect_timeout: tcp::CONNECT_TIMEOUT };
+    let config = RobotConfig { reconnect_delay: RECONNECT, ..RobotConfig::TCP };
+    let setup =
+        Setup { config, bounds, queue, speed: f64::from(speed), connect_timeout: tcp::CONNECT_TIMEOUT };
     let listener = tcp::listen(&format!("127.0.0.1:{port}"))?;
     let server = listener.local_addr()?;
     let proxy = match options.faults {
@@ -105,7 +106,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let strokes: Vec<Stroke> = strokes.try_iter().collect();
     let seen = Seen { packets: packets?, strokes, robot, time: program.start.elapsed() };
     if let Some(file) = &options.out {
-        drawing::write_svg(file, SHEET, &drawn(seen.longest_order().map(|stroke| stroke.job.line)))?;
+        drawing::write_svg(file, SHEET, &drawn(seen.longest_order().map(|stroke| stroke.job.work)))?;
     }
     Ok(report(&picture, &lines, &program.outcomes, &seen, proxy.as_ref()))
 }
@@ -146,7 +147,7 @@ impl<'a> Repeat<'a> {
 }
 
 impl<'a> Program<'a> for Repeat<'a> {
-    fn step(&mut self, pc: &mut Pc<&'a [Line]>) -> Result<bool> {
+    fn step(&mut self, pc: &mut Pc<'static, &'a [Line]>) -> Result<bool> {
         let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);
         if let Some(executed) = self.over.take() {
             self.outcomes.push(Outcome { sent: pc.sent(), executed });

@@ -53,7 +53,7 @@ impl Tally {
             self.out_of_order += u64::from(index != Some(next));
             next = index.map_or(next, |index| index + 1);
             match index.and_then(|index| Some((times.get_mut(index)?, picture.get(index)?))) {
-                Some((times, line)) if *line == stroke.job.line => *times += 1,
+                Some((times, line)) if *line == stroke.job.work => *times += 1,
                 _ => self.altered += 1,
             }
         }
@@ -93,7 +93,7 @@ mod tests {
     }
 
     fn stroke(order: u32, number: u16) -> Stroke {
-        Stroke { order, job: Job { number, line: line(i32::from(number)) } }
+        Stroke { order, job: Job { order: 50, number, work: line(i32::from(number)) } }
     }
 
     /// The picture whose job of number n is `line(n)`.
@@ -105,7 +105,7 @@ mod tests {
     fn each_fate_is_counted() {
         let outcome = Outcome { sent: 6, executed: 4 };
         let mut altered = stroke(1, 4);
-        altered.job.line.end.y = 7;
+        altered.job.work.end.y = 7;
         // 2 is lost, 3 comes twice, 4 is another line (and so lost), 5 was not to be executed, 6 is taken back.
         let strokes = [stroke(1, 1), stroke(1, 3), stroke(1, 3), altered, stroke(1, 5)];
         let tally = Tally::new(&picture(9), &[outcome], &strokes);

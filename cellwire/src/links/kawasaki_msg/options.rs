@@ -22,7 +22,7 @@ impl Configure for Plant {
 
 impl Plant {
     /// The table of messages.
-    pub fn dialect(&self) -> Dialect {
+    pub fn dialect(&self) -> Dialect<'static> {
         Dialect::DEFAULT.with_charset(self.charset)
     }
 }
@@ -33,7 +33,9 @@ pub struct RobotSettings {
     /// Its messages.
     pub plant: Plant,
     /// Its session.
-    pub config: RobotConfig,
+    pub config: RobotConfig<'static>,
+    /// The coordinates that it can reach.
+    pub bounds: Bounds,
     /// How many jobs its queue holds.
     pub queue: usize,
     /// How fast the pen goes, in mm/s.
@@ -44,18 +46,20 @@ pub struct RobotSettings {
 
 impl Default for RobotSettings {
     fn default() -> Self {
-        Self { plant: Plant::default(), config: RobotConfig::TCP, queue: 256, speed: 250, out: None }
+        let (plant, bounds) = (Plant::default(), Bounds::WIDEST);
+        Self { plant, config: RobotConfig::TCP, bounds, queue: 256, speed: 250, out: None }
     }
 }
 
 impl Configure for RobotSettings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { plant, config, queue, speed, out } = self;
+        let Self { plant, config, bounds, queue, speed, out } = self;
         table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
         table.whole("queue", 1..=9998, "jobs", "how many jobs the queue holds: less than max_number", queue);
         let about = "an SVG file that is written whenever an order is over";
         table.text("out", "a file", "none is written", about, out);
         plant.configure(table);
+        table.group("bounds", |table| bounds.configure(table));
         config.configure(table);
         config.dialect = plant.dialect();
     }
@@ -67,7 +71,7 @@ pub struct PcSettings {
     /// Its messages.
     pub plant: Plant,
     /// Its session.
-    pub config: PcConfig,
+    pub config: PcConfig<'static>,
     /// The picture, an SVG file.
     pub drawing: Option<String>,
     /// The number of the first order.
@@ -137,12 +141,11 @@ impl Configure for Bounds {
     }
 }
 
-impl Configure for RobotConfig {
+impl Configure for RobotConfig<'_> {
     fn configure(&mut self, table: &mut Table<'_>) {
         table.group("limits", |table| self.limits.configure(table));
         let about = "the highest job number, which both ends have agreed on";
         table.whole("max_number", 2..=9999, "", about, &mut self.max_number);
-        table.group("bounds", |table| self.bounds.configure(table));
         let mut every = match self.acks {
             Acks::Cumulative { every } => Some(every.get()),
             Acks::Individual => None,
@@ -198,7 +201,7 @@ impl Configure for RobotConfig {
     }
 }
 
-impl Configure for PcConfig {
+impl Configure for PcConfig<'_> {
     fn configure(&mut self, table: &mut Table<'_>) {
         table.group("limits", |table| self.limits.configure(table));
         let about = "the highest job number, which both ends have agreed on; above the robot's queue";

@@ -20,7 +20,7 @@ pub trait Program<'a> {
     ///
     /// # Errors
     /// Whatever ends the run as a failure.
-    fn step(&mut self, pc: &mut Pc<&'a [Line]>) -> Result<bool>;
+    fn step(&mut self, pc: &mut Pc<'static, &'a [Line]>) -> Result<bool>;
 
     /// Something has happened.
     ///
@@ -48,7 +48,7 @@ pub enum Notification<'a> {
 /// What the program returns, and a listener that fails.
 pub fn run<'a>(
     listener: &TcpListener,
-    config: PcConfig,
+    config: PcConfig<'static>,
     trace: &Trace,
     program: &mut impl Program<'a>,
 ) -> Result<Packets> {
@@ -68,7 +68,7 @@ pub fn run<'a>(
 }
 
 struct Server<'r, 'a, P> {
-    session: Pc<&'a [Line]>,
+    session: Pc<'static, &'a [Line]>,
     driver: Driver<Peer<'r>>,
     trace: &'r Trace,
     program: &'r mut P,

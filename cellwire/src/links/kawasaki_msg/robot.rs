@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
-use kawasaki_msg::{Job, Robot, RobotConfig, RobotEvent, RobotStatistics, timing};
+use kawasaki_msg::{Bounds, Job, Line, Robot, RobotConfig, RobotEvent, RobotStatistics, timing};
 use robot_session::{Driver, Session, Transport as _};
 use robot_work_queue::Reader;
 
@@ -23,7 +23,9 @@ const LONGEST_SLEEP: Duration = Duration::from_millis(50);
 #[derive(Debug, Clone, Copy)]
 pub struct Setup {
     /// The session's configuration.
-    pub config: RobotConfig,
+    pub config: RobotConfig<'static>,
+    /// The coordinates that it can reach.
+    pub bounds: Bounds,
     /// How many jobs its queue holds.
     pub queue: usize,
     /// How fast the pen goes, in mm/s.
@@ -55,7 +57,7 @@ pub struct Stroke {
     /// Which order it was of, counted from 1.
     pub order: u32,
     /// The job.
-    pub job: Job,
+    pub job: Job<Line>,
 }
 
 /// What the robot reports while it runs.
@@ -83,10 +85,13 @@ pub fn run(
     strokes: Sender<Stroke>,
     notify: impl FnMut(Notification<'_>) -> Result<()>,
 ) -> Result<Run> {
-    let (writer, reader) = robot_work_queue::boxed::<Job>(setup.queue, setup.config.max_number)?;
+    let (writer, reader) = robot_work_queue::boxed::<Job<Line>>(setup.queue, setup.config.max_number)?;
     let (report, reports) = mpsc::channel();
     let mut task = Communication {
-        session: Unpacking { robot: Robot::new(setup.config, writer)?, times: Samples::default() },
+        session: Unpacking {
+            robot: Robot::new(setup.config, writer)?.with_ranges(setup.bounds)?,
+            times: Samples::default(),
+        },
         reports,
         orders: &AtomicU32::new(0),
         driver: Driver::new(Peer::new(trace)),
@@ -199,14 +204,14 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
 
 /// A session that measures how long it unpacks a packet.
 struct Unpacking<'a> {
-    robot: Robot<'a>,
+    robot: Robot<'a, Line>,
     times: Samples,
 }
 
 impl Session for Unpacking<'_> {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
-    const MAX_TRANSMIT: usize = Robot::MAX_TRANSMIT;
+    const MAX_TRANSMIT: usize = Robot::<Line>::MAX_TRANSMIT;
 
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
         let begin = Instant::now();
@@ -247,7 +252,7 @@ impl Session for Unpacking<'_> {
 
 /// The motion task: takes jobs until it is stopped, and moves the pen along each. Returns the work cycles.
 fn draw(
-    mut queue: Reader<'_, Job>,
+    mut queue: Reader<'_, Job<Line>>,
     speed: f64,
     orders: &AtomicU32,
     stop: &AtomicBool,
@@ -286,8 +291,8 @@ fn draw(
     cycles
 }
 
-fn time_of(job: &Job, speed: f64) -> Duration {
+fn time_of(job: &Job<Line>, speed: f64) -> Duration {
     let way =
-        f64::from(job.line.end.x - job.line.start.x).hypot(f64::from(job.line.end.y - job.line.start.y));
+        f64::from(job.work.end.x - job.work.start.x).hypot(f64::from(job.work.end.y - job.work.start.y));
     Duration::from_secs_f64(way / 100.0 / speed)
 }

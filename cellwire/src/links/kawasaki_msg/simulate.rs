@@ -44,9 +44,10 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
 /// # Errors
 /// When a setting is none of this device's.
 pub fn robot(options: &SimulateOptions) -> Result<()> {
-    let RobotSettings { config, queue, speed, out, .. } =
+    let RobotSettings { config, bounds, queue, speed, out, .. } =
         settings::read("kawasaki-robot", RobotSettings::default(), &options.settings)?;
-    let setup = Setup { config, queue, speed: f64::from(speed), connect_timeout: options.connect_timeout };
+    let connect_timeout = options.connect_timeout;
+    let setup = Setup { config, bounds, queue, speed: f64::from(speed), connect_timeout };
     let out = out.map(PathBuf::from);
     let Endpoint::Connect(address) = &options.endpoint else {
         bail!("kawasaki-robot is a TCP client, it opens the connection: use --connect")
@@ -63,7 +64,7 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
         |notification| match notification {
             robot::Notification::Event(event) => {
                 if let RobotEvent::OrderOver { .. } = event {
-                    let lines: Vec<drawing::Line> = drawn(strokes.try_iter().map(|stroke| stroke.job.line));
+                    let lines: Vec<drawing::Line> = drawn(strokes.try_iter().map(|stroke| stroke.job.work));
                     log(
                         &json!({"event": "drawn", "strokes": lines.iter().filter(|line| line.draws).count()}),
                     )?;

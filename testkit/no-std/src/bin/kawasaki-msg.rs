@@ -16,7 +16,7 @@ extern "C" fn main() -> i32 {
 
 /// Where the pen is in the end, and how many jobs the PC knows to be executed.
 fn run() -> Option<(i32, u32)> {
-    let mut queue: WorkQueue<Job, 2> = WorkQueue::new(9).ok()?;
+    let mut queue: WorkQueue<Job<Line>, 2> = WorkQueue::new(9).ok()?;
     let (writer, mut motion) = queue.split();
     let mut robot = Robot::new(RobotConfig { max_number: 9, ..RobotConfig::TCP }, writer).ok()?;
     let mut pc = Pc::new(PcConfig { max_number: 9, ..PcConfig::TCP }).ok()?;
@@ -30,7 +30,7 @@ fn run() -> Option<(i32, u32)> {
     for i in 1..1000 {
         let now = Duration::from_millis(16 * i);
         while let Some(job) = motion.take() {
-            pen = job.line.end.x;
+            pen = job.work.end.x;
             robot.job_done(now, job.number).ok()?;
             job.complete();
         }

@@ -28,7 +28,7 @@ pub(super) const SILENCE: &str = "a robot that is silent, or does not answer a s
 #[derive(Debug, Clone)]
 pub struct AnyRobot {
     /// The PC's configuration.
-    pub pc: PcConfig,
+    pub pc: PcConfig<'static>,
     /// How many orders are started, all of the same number, and the jobs of each.
     pub starts: u8,
     /// The jobs of each.

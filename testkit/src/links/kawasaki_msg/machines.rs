@@ -16,7 +16,7 @@ impl model::Machine for Robot {
     const END: &'static str = "robot";
     type Input = robot::Input;
     type Action = robot::Action;
-    type Config = RobotConfig;
+    type Config = RobotConfig<'static>;
 
     forward!();
 
@@ -29,7 +29,7 @@ impl model::Machine for Pc {
     const END: &'static str = "pc";
     type Input = pc::Input;
     type Action = pc::Action;
-    type Config = PcConfig;
+    type Config = PcConfig<'static>;
 
     fn on(&mut self, now: Duration, input: pc::Input, config: &PcConfig) -> Result<pc::Action, Unexpected> {
         Pc::on(self, now, input, config)

@@ -56,7 +56,7 @@ fn walk(setup: &Setup, path: &[Act]) {
             reader = ends.reader.take().unwrap_or(reader);
             continue;
         };
-        let taken = reader.take_where(|_, job| job.line == line(tag)).expect("the job is in the queue");
+        let taken = reader.take_where(|_, job| job.work == line(tag)).expect("the job is in the queue");
         while ends.at < path.len() && path[ends.at] != Act::Done && ends.reader.is_none() {
             ends.step(path);
         }
@@ -86,7 +86,9 @@ struct Source {
 }
 
 impl JobSource for Source {
-    fn line(&mut self, index: u32) -> Supply {
+    type Work = Line;
+
+    fn job(&mut self, index: u32) -> Supply<Line> {
         if index >= self.jobs {
             return Supply::End;
         }
@@ -97,7 +99,7 @@ impl JobSource for Source {
         if taken.len() > self.batch {
             return Supply::Later;
         }
-        Supply::Line(line(Tag { start: self.start, job: index as u8 }))
+        Supply::Job(line(Tag { start: self.start, job: index as u8 }))
     }
 }
 
@@ -107,10 +109,10 @@ struct Ends<'a> {
     world: World,
     at: usize,
     now: Duration,
-    robot: Robot<'static>,
+    robot: Robot<'static, Line>,
     /// The queue of a robot that was restarted.
-    reader: Option<Reader<'static, Job>>,
-    pc: Pc<Source>,
+    reader: Option<Reader<'static, Job<Line>>>,
+    pc: Pc<'static, Source>,
     taken: Rc<RefCell<Vec<u32>>>,
     /// The messages of each packet in flight.
     up: Vec<Vec<Vec<u8>>>,
@@ -118,7 +120,7 @@ struct Ends<'a> {
 }
 
 impl<'a> Ends<'a> {
-    fn new(setup: &'a Setup) -> (Self, Reader<'static, Job>) {
+    fn new(setup: &'a Setup) -> (Self, Reader<'static, Job<Line>>) {
         let (robot, reader) = new_robot(setup);
         let pc = Pc::new(setup.pc).expect("a configuration that works");
         let ends = Self {
@@ -232,7 +234,7 @@ impl<'a> Ends<'a> {
             expected.push(message);
             true
         });
-        let mut out = [0; Robot::MAX_TRANSMIT];
+        let mut out = [0; Robot::<Line>::MAX_TRANSMIT];
         let length = self.robot.poll_transmit(self.now, &mut out).expect("a packet is due");
         let (messages, sent) = read(&out[..length], FromRobot::read);
         assert_eq!(sent, expected, "{path:?}");
@@ -242,7 +244,7 @@ impl<'a> Ends<'a> {
     }
 
     fn answer(&mut self, before: &World, path: &[Act]) {
-        let mut out = [0; Robot::MAX_TRANSMIT];
+        let mut out = [0; Robot::<Line>::MAX_TRANSMIT];
         self.taken.borrow_mut().clear();
         let length = self.pc.poll_transmit(self.now, &mut out).expect("an answer is due");
         let (messages, sent) = read(&out[..length], FromPc::read);
@@ -370,7 +372,7 @@ impl<'a> Ends<'a> {
     }
 }
 
-fn new_robot(setup: &Setup) -> (Robot<'static>, Reader<'static, Job>) {
+fn new_robot(setup: &Setup) -> (Robot<'static, Line>, Reader<'static, Job<Line>>) {
     let config = kawasaki_msg::RobotConfig { low_water: Some(setup.low_water), ..setup.robot };
     let (writer, reader) =
         robot_work_queue::boxed(setup.capacity, config.max_number).expect("a queue that works");

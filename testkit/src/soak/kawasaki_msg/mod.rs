@@ -58,10 +58,10 @@ struct Cell<C> {
     wire: Wire,
     ledger: Ledger,
     invented: u64,
-    config: (RobotConfig, PcConfig),
+    config: (RobotConfig<'static>, PcConfig<'static>),
     capacity: usize,
     robot: C,
-    pc: Pc<Picture>,
+    pc: Pc<'static, Picture>,
     /// How long a job takes, and when the next one is taken.
     pace: Duration,
     motion_at: Duration,
@@ -352,14 +352,14 @@ impl<C: Controller> Cell<C> {
                 self.motion_at = self.now + MS;
                 return;
             };
-            if job.line.start.x == FAR {
+            if job.work.start.x == FAR {
                 self.check_hostile(job.number);
                 self.motion_at += self.pace;
                 continue;
             }
-            let number = job.line.start.x as usize;
+            let number = job.work.start.x as usize;
             self.log.line(self.now, format_args!("  job {number} (its number {}) is executed", job.number));
-            if job.line != line(number) || !self.ledger.execute(number) {
+            if job.work != line(number) || !self.ledger.execute(number) {
                 self.log.line(self.now, format_args!("!!! nobody sent {job:?}"));
                 self.invented += 1;
             }

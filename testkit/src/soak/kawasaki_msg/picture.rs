@@ -21,11 +21,13 @@ pub(super) struct Picture {
 }
 
 impl JobSource for Picture {
-    fn line(&mut self, index: u32) -> Supply {
+    type Work = Line;
+
+    fn job(&mut self, index: u32) -> Supply<Line> {
         match index {
             _ if index >= self.jobs => Supply::End,
             _ if self.rng.chance(self.later) => Supply::Later,
-            _ => Supply::Line(line(self.first + index as usize)),
+            _ => Supply::Job(line(self.first + index as usize)),
         }
     }
 }

@@ -45,7 +45,7 @@ pub enum Peer {
 #[derive(Debug, Clone)]
 pub struct AnyPc {
     /// The robot's configuration.
-    pub robot: RobotConfig,
+    pub robot: RobotConfig<'static>,
     /// What the PC does.
     pub peer: Peer,
     /// The jobs of the order.

@@ -1,17 +1,9 @@
-//! A job: one straight line, drawn or moved along, and its number.
+//! The drawing: its jobs are straight lines.
 
-/// A line of an order with its number: what a queue holds. 24 bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Job {
-    /// The job's number in the order: from 1 to the highest that both ends agreed on, then 1 again.
-    pub number: u16,
-    /// What to do.
-    pub line: Line,
-}
+use super::work::{Fields, Unfit, Work};
 
 /// One straight line. An order is one picture, and its jobs are lines (thesis, section 11).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Line {
     /// With the pen on the board, or off it.
@@ -22,12 +14,26 @@ pub struct Line {
     pub end: Point,
 }
 
+/// The layout of the source's application; the unit and the codes are ours.
+impl Work for Line {
+    type Ranges = Bounds;
+
+    fn fields<F: Fields>(&mut self, &Bounds { min, max }: &Bounds, fields: &mut F) -> Result<(), Unfit> {
+        fields.whole("kind", &mut self.kind, JobKind::Draw..=JobKind::Move)?;
+        fields.whole("x1", &mut self.start.x, min.x..=max.x)?;
+        fields.whole("y1", &mut self.start.y, min.y..=max.y)?;
+        fields.whole("x2", &mut self.end.x, min.x..=max.x)?;
+        fields.whole("y2", &mut self.end.y, min.y..=max.y)
+    }
+}
+
 /// Whether the pen is on the board (thesis, section 11). The codes on the wire are ours: 1 and 2, because AS reads an empty
 /// string as 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum JobKind {
     /// Draw the line: 1.
+    #[default]
     Draw,
     /// Move along the line off the board: 2.
     Move,
@@ -49,6 +55,20 @@ impl JobKind {
             2 => Some(JobKind::Move),
             _ => None,
         }
+    }
+}
+
+impl From<JobKind> for i32 {
+    fn from(kind: JobKind) -> i32 {
+        kind.code()
+    }
+}
+
+impl TryFrom<i32> for JobKind {
+    type Error = ();
+
+    fn try_from(code: i32) -> Result<Self, ()> {
+        JobKind::from_code(code).ok_or(())
     }
 }
 

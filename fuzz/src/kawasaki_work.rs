@@ -1,0 +1,64 @@
+//! Kawasaki: the fields of a job, whatever they hold.
+
+use core::time::Duration;
+
+use kawasaki_msg::robot_session::Session as _;
+use kawasaki_msg::{Charset, Dialect, Fields, Job, JobKind, Message, Robot, RobotConfig, Text, Unfit, Work};
+
+use crate::kawasaki_msg::{WORDY, wordy};
+
+/// A job with a field of every kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Mixed {
+    kind: JobKind,
+    whole: i32,
+    few: i32,
+    many: i32,
+    short: Text<3>,
+    long: Text<20>,
+}
+
+impl Work for Mixed {
+    type Ranges = ();
+
+    fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+        fields.whole("kind", &mut self.kind, JobKind::Draw..=JobKind::Move)?;
+        fields.whole("whole", &mut self.whole, i32::MIN..=i32::MAX)?;
+        fields.decimal("few", &mut self.few, 1, -999..=9_999)?;
+        fields.decimal("many", &mut self.many, 6, i32::MIN..=i32::MAX)?;
+        fields.text("short", &mut self.short, 0..=3)?;
+        fields.text("long", &mut self.long, 1..=20)
+    }
+}
+
+/// A job's own fields, whatever they are: read when they are expected and the general way, whole and cut in two, they are the same
+/// job or none, and what is queued is written and read again as it is.
+pub fn kawasaki_msg_work(data: &[u8]) {
+    let Some((&cut, fields)) = data.split_first() else { return };
+    let message = |name: &str| {
+        let data = [b"50$1$", fields].concat();
+        [format!("<{name}${}#", data.len()).as_bytes(), &data, b"#>"].concat()
+    };
+    let queue = |dialect: Dialect<'static>, wire: &[u8], cut: usize| {
+        let (writer, reader) = robot_work_queue::boxed::<Job<Mixed>>(4, 9999).unwrap();
+        let mut robot = Robot::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+        robot.handle_timeout(Duration::ZERO);
+        robot.handle_connected(Duration::ZERO);
+        robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");
+        let (first, second) = wire.split_at(cut.min(wire.len()));
+        robot.handle_input(Duration::ZERO, first);
+        robot.handle_input(Duration::ZERO, second);
+        reader.iter().map(|(_, job)| *job).collect::<Vec<_>>()
+    };
+    let wire = message("Tyo");
+    let queued = queue(Dialect::DEFAULT, &wire, usize::MAX);
+    assert_eq!(queued, queue(Dialect::DEFAULT, &wire, usize::from(cut)), "how it is cut changes nothing");
+    assert_eq!(queued, queue(wordy(), &message(WORDY), usize::MAX), "both ways of reading are one");
+    if let [job] = queued.as_slice() {
+        let mut out = [0; 4096];
+        let length = Dialect::DEFAULT.write_job(job, &(), &mut out).unwrap();
+        let (again, _) = Message::decode(&out[..length], Charset::Ascii).unwrap().unwrap();
+        assert_eq!(Dialect::DEFAULT.read_job::<Mixed>(&again, &()), Ok(*job));
+        assert_eq!(queue(Dialect::DEFAULT, &out[..length], usize::MAX), queued);
+    }
+}

@@ -1,0 +1,162 @@
+//! Both ends of the link for any job, over TCP or UDP.
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    dead_code,
+    reason = "each program uses its part"
+)]
+
+use core::error::Error;
+use core::net::SocketAddr;
+use core::ops::ControlFlow;
+use core::time::Duration;
+use std::io::{self, ErrorKind};
+use std::net::{TcpListener, TcpStream, UdpSocket};
+
+use kawasaki_msg::robot_session::{Driver, Received, Sent, Session as _, Transport, drive, now};
+use kawasaki_msg::{Job, JobSource, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Work};
+
+const TICK: Duration = Duration::from_millis(2);
+
+/// `--example NAME -- pc|robot tcp|udp [ADDRESS]`.
+pub(crate) fn main<W: Work + Send + core::fmt::Debug + 'static>(jobs: &[W]) -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let address = arguments.get(2).unwrap_or(&"127.0.0.1:9105");
+    match arguments.as_slice() {
+        ["pc", "tcp", ..] => println!("{} executed", pc_tcp(&TcpListener::bind(address)?, jobs)?),
+        ["pc", "udp", ..] => println!("{} executed", pc_udp(UdpSocket::bind(address)?, jobs)?),
+        ["robot", "tcp", ..] => println!("{:#?}", robot::<W>(RobotConfig::TCP, || tcp(address))?.last()),
+        ["robot", "udp", ..] => println!("{:#?}", robot::<W>(RobotConfig::UDP, || udp(address))?.last()),
+        _ => println!("arguments: pc|robot tcp|udp [ADDRESS]"),
+    }
+    Ok(())
+}
+
+/// Has the jobs executed as order 50; how many were.
+pub(crate) fn pc_tcp<S: JobSource>(listener: &TcpListener, jobs: S) -> Result<u32, Box<dyn Error>> {
+    let mut pc = Pc::new(PcConfig::TCP)?;
+    pc.start(50, jobs)?;
+    // The order outlives a connection: with the next one it goes on.
+    while pc.order().is_some() {
+        drive(&mut pc, listener.accept()?.0, |_, event| until_over(&event))?;
+    }
+    Ok(pc.executed())
+}
+
+/// The same over UDP, where there is no connection to accept.
+pub(crate) fn pc_udp<S: JobSource>(socket: UdpSocket, jobs: S) -> Result<u32, Box<dyn Error>> {
+    let mut pc = Pc::new(PcConfig::UDP)?;
+    pc.start(50, jobs)?;
+    let mut peer = Udp { socket, peer: None };
+    while pc.order().is_some() {
+        drive(&mut pc, &mut peer, |_, event| until_over(&event))?;
+    }
+    Ok(pc.executed())
+}
+
+fn until_over(event: &PcEvent) -> ControlFlow<()> {
+    match event {
+        PcEvent::Disconnect | PcEvent::OrderOver { .. } | PcEvent::OutcomeUnknown { .. } => {
+            ControlFlow::Break(())
+        }
+        _ => ControlFlow::Continue(()),
+    }
+}
+
+/// Executes one order; its jobs in the order of their execution.
+pub(crate) fn robot<W: Work + Send + 'static>(
+    config: RobotConfig<'_>,
+    connect: impl Fn() -> io::Result<Box<dyn Transport>>,
+) -> Result<Vec<Job<W>>, Box<dyn Error>> {
+    let (writer, mut queue) = robot_work_queue::boxed::<Job<W>>(64, config.max_number)?;
+    let (mut robot, mut executed) = (Robot::new(config, writer)?, Vec::new());
+    loop {
+        // The session says when: at once, and some time after a connection was lost.
+        while robot.poll_event() != Some(RobotEvent::Connect) {
+            std::thread::sleep(TICK);
+            robot.handle_timeout(now());
+        }
+        let Ok(mut transport) = connect() else {
+            robot.handle_disconnected(now());
+            continue;
+        };
+        robot.handle_connected(now());
+        let mut driver = Driver::new(&mut *transport);
+        loop {
+            // The motion task: it moves, reports, and only then completes. On a controller it is a task of its own.
+            while let Some(job) = queue.take() {
+                executed.push(*job);
+                robot.job_done(now(), job.number)?;
+                job.complete();
+            }
+            // No longer than a tick: the queue is looked at, too.
+            let turn = driver.turn(&mut robot, Some(TICK), |_, event| match event {
+                RobotEvent::Disconnect => ControlFlow::Break(false),
+                RobotEvent::OrderOver { .. } => ControlFlow::Break(true),
+                _ => ControlFlow::Continue(()),
+            });
+            match turn {
+                Ok(ControlFlow::Continue(())) => {}
+                Ok(ControlFlow::Break(kawasaki_msg::robot_session::Ended::ByHandler(true))) => {
+                    // The PC learns of it with the next packet.
+                    let until = now() + 10 * kawasaki_msg::timing::EXCHANGE;
+                    while now() < until {
+                        if driver
+                            .turn(&mut robot, Some(TICK), |_, _| ControlFlow::<()>::Continue(()))
+                            .is_err()
+                        {
+                            break;
+                        }
+                    }
+                    return Ok(executed);
+                }
+                _ => break,
+            }
+        }
+        robot.handle_disconnected(now());
+    }
+}
+
+/// A new connection.
+pub(crate) fn tcp(address: &str) -> io::Result<Box<dyn Transport>> {
+    Ok(Box::new(TcpStream::connect(address)?))
+}
+
+/// A socket for datagrams to this address.
+pub(crate) fn udp(address: &str) -> io::Result<Box<dyn Transport>> {
+    let peer = address.parse().map_err(|_| io::Error::from(ErrorKind::InvalidInput))?;
+    Ok(Box::new(Udp { socket: UdpSocket::bind("0.0.0.0:0")?, peer: Some(peer) }))
+}
+
+/// Datagrams to and from the peer that sent last.
+struct Udp {
+    socket: UdpSocket,
+    peer: Option<SocketAddr>,
+}
+
+impl Transport for Udp {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        self.socket.set_read_timeout(wait.map(|wait| wait.max(Duration::from_micros(1))))?;
+        match self.socket.recv_from(buffer) {
+            Ok((length, peer)) => {
+                self.peer = Some(peer);
+                Ok(Received::Bytes(length))
+            }
+            // Nobody listens there yet, or nothing came in time.
+            Err(error) if error.kind() == ErrorKind::ConnectionRefused => Ok(Received::Nothing),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                Ok(Received::Nothing)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        if let Some(peer) = self.peer {
+            // A datagram that is lost is sent again in the next cycle.
+            let _ = self.socket.send_to(bytes, peer);
+        }
+        Ok(Sent::Buffered)
+    }
+}

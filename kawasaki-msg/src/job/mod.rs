@@ -1,0 +1,30 @@
+//! Jobs: the user's own type, its fields, and how they are read and written.
+
+mod drawing;
+mod expected;
+mod layout;
+mod reader;
+mod text;
+mod work;
+mod writer;
+
+pub use drawing::{Bounds, JobKind, Line, Point};
+pub(crate) use expected::Expected;
+pub(crate) use layout::check;
+pub use layout::{FieldLayout, FieldType, each_field};
+pub(crate) use reader::{BUFFER, read_values};
+pub use text::Text;
+pub use work::{Decimal, Fields, Unfit, Work};
+pub(crate) use writer::encode;
+
+/// What a queue holds: one job of an order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Job<W> {
+    /// The number of its order, from 1.
+    pub order: u16,
+    /// The job's number in the order: from 1 to the highest that both ends agreed on, then 1 again.
+    pub number: u16,
+    /// What to do.
+    pub work: W,
+}

@@ -1,0 +1,420 @@
+//! The one reader of a job's fields.
+//!
+//! A field as we write it is read eight bytes at once; any other that is allowed byte by byte, and so is one that is wrong,
+//! which gives the error.
+
+use core::ops::RangeInclusive;
+
+use super::work::{Decimal, Fields, Unfit, Work};
+use super::{Text, layout};
+use crate::error::{FieldError, FieldFault, MessageError, Name};
+use crate::message::Message;
+use crate::value::{self, Charset, DATA, END, SEPARATOR, START, Value};
+
+/// How many bytes from the beginning of a job on may be looked at: its message, and eight bytes after it. The compiler sees of most
+/// places that they are within.
+pub(crate) const WINDOW: usize = 1024;
+
+/// The bytes after the longest message are only looked at, never filled.
+pub(crate) const BUFFER: usize = Message::MAX_LEN + WINDOW;
+
+pub(super) type Window = [u8; WINDOW];
+
+/// Eight bytes.
+#[inline(always)]
+pub(super) fn word(window: &Window, at: usize) -> Option<u64> {
+    chunk(window, at).map(|bytes| u64::from_le_bytes(*bytes))
+}
+
+#[inline(always)]
+pub(super) fn chunk<const N: usize>(window: &Window, at: usize) -> Option<&[u8; N]> {
+    window.get(at..)?.first_chunk()
+}
+
+/// The job in these values, which are all of its fields and nothing else.
+///
+/// # Errors
+/// The first field that does not fit, or that there are more values than fields.
+#[cold]
+pub(crate) fn read_values<'v, W: Work>(
+    values: impl Iterator<Item = Value<'v>>,
+    ranges: &W::Ranges,
+    charset: Charset,
+) -> Result<W, MessageError> {
+    let (mut window, mut end, mut found) = ([0; WINDOW], 0, 0);
+    let mut put = |byte| {
+        if let Some(place) = window.get_mut(end) {
+            *place = byte;
+        }
+        end += 1;
+    };
+    for value in values {
+        put(SEPARATOR);
+        match value {
+            Value::Wire(wire) => wire.iter().copied().for_each(&mut put),
+            value => value.chars().for_each(|c| put(u8::try_from(c).unwrap_or(START))),
+        }
+        found += 1;
+    }
+    put(DATA);
+    put(END);
+    if end > WINDOW {
+        return Err(MessageError::JobTooLong { found: end, limit: WINDOW });
+    }
+    let mut reader = Reader::<true>::new(&window, 0, charset, &Swar::CONSTANTS);
+    let mut work = W::default();
+    match (work.fields(ranges, &mut reader), reader.error) {
+        (Ok(()), _) if reader.at + 2 == end => Ok(work),
+        (Err(Unfit(())), Some(error)) => Err(MessageError::Field(error)),
+        _ => Err(MessageError::FieldCount { expected: layout::count::<W>(ranges), found }),
+    }
+}
+
+/// Reads one field after the other. The one for expected jobs reads what is written as we write it, and leaves all else to the
+/// one that explains: that reads every form which is allowed, and keeps the error.
+pub(super) struct Reader<'a, const EXPLAINS: bool> {
+    window: &'a Window,
+    /// The place of the mark before the next field.
+    at: usize,
+    charset: Charset,
+    swar: &'a Swar,
+    not_ascii: u64,
+    error: Option<FieldError>,
+}
+
+impl<'a> Reader<'a, false> {
+    /// The job whose first field is after the mark at a place, and the place of the mark after its last one.
+    #[inline(always)]
+    pub(super) fn read<W: Work>(
+        window: &'a Window,
+        at: usize,
+        (charset, swar): (Charset, &'a Swar),
+        ranges: &W::Ranges,
+    ) -> Option<(W, usize)> {
+        let (mut reader, mut work) = (Self::new(window, at, charset, swar), W::default());
+        work.fields(ranges, &mut reader).ok()?;
+        Some((work, reader.at))
+    }
+}
+
+impl<const EXPLAINS: bool> Fields for Reader<'_, EXPLAINS> {
+    #[inline(always)]
+    fn decimal(
+        &mut self,
+        name: &str,
+        value: &mut i32,
+        places: u8,
+        range: RangeInclusive<i32>,
+    ) -> Result<(), Unfit> {
+        let (min, max) = range.into_inner();
+        let (number, at) = match self.quick_decimal(places) {
+            Some((number, at)) if min <= number && number <= max => (number, at),
+            _ if !EXPLAINS => return Err(Unfit(())),
+            _ => match slow_decimal(self.window, self.at, places, (min, max)) {
+                Ok(read) => read,
+                Err(fault) => return Err(self.unfit(name, fault)),
+            },
+        };
+        (*value, self.at) = (number, at);
+        Ok(())
+    }
+
+    /// A code or a percentage is most often a single digit.
+    #[inline(always)]
+    fn whole<T: Copy + Into<i32> + TryFrom<i32>>(
+        &mut self,
+        name: &str,
+        value: &mut T,
+        range: RangeInclusive<T>,
+    ) -> Result<(), Unfit> {
+        let (min, max) = range.into_inner();
+        let (min, max) = (min.into(), max.into());
+        let mut number = 0;
+        match chunk(self.window, self.at + 1) {
+            Some([digit @ b'0'..=b'9', SEPARATOR])
+                if size_of::<T>() == 1 && (min..=max).contains(&i32::from(digit - b'0')) =>
+            {
+                (number, self.at) = (i32::from(digit - b'0'), self.at + 2);
+            }
+            _ => self.decimal(name, &mut number, 0, min..=max)?,
+        }
+        match T::try_from(number) {
+            Ok(number) => *value = number,
+            Err(_) => return Err(self.unfit(name, FieldFault::Value { found: number })),
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn text<const N: usize>(
+        &mut self,
+        name: &str,
+        value: &mut Text<N>,
+        length: RangeInclusive<usize>,
+    ) -> Result<(), Unfit> {
+        let (min, max) = length.into_inner();
+        match self.quick_text(value) {
+            Some(at) if (min..=max).contains(&(at - self.at - 1)) => self.at = at,
+            _ if !EXPLAINS => return Err(Unfit(())),
+            _ => {
+                let fault = slow_text(self.window, self.at, self.charset, (min, max.min(N)));
+                return Err(self.unfit(name, fault));
+            }
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn refuse(&mut self, error: FieldError) -> Unfit {
+        if EXPLAINS {
+            self.error = Some(error);
+        }
+        Unfit(())
+    }
+}
+
+impl<'a, const EXPLAINS: bool> Reader<'a, EXPLAINS> {
+    #[inline(always)]
+    fn new(window: &'a Window, at: usize, charset: Charset, swar: &'a Swar) -> Self {
+        let not_ascii = if charset == Charset::Ascii { swar.tops } else { 0 };
+        Self { window, at, charset, swar, not_ascii, error: None }
+    }
+
+    #[inline(always)]
+    fn unfit(&mut self, name: &str, fault: FieldFault) -> Unfit {
+        if EXPLAINS {
+            self.error = Some(FieldError { field: Name::of(name), fault });
+        }
+        Unfit(())
+    }
+
+    /// A number as we write it, and the place of the mark after it.
+    #[inline(always)]
+    fn quick_decimal(&self, places: u8) -> Option<(i32, usize)> {
+        // All that is looked at here: every place below is seen to be within.
+        let field: &[u8; 20] = chunk(self.window, self.at)?;
+        let [_, sign, ..] = field;
+        let negative = usize::from(*sign == b'-');
+        let first = u64::from_le_bytes(*field.get(1 + negative..)?.first_chunk()?);
+        let short = if places == 0 { self.swar.whole(first) } else { self.swar.decimal(first, places) };
+        let Some((number, length)) = short else {
+            return self.long_decimal(negative, places);
+        };
+        let mark = negative + length % 8 + 1;
+        let has_point = places == 0 || field.get(mark.wrapping_sub(usize::from(places) + 1)) == Some(&b'.');
+        let sign = if negative == 1 { -1 } else { 0 };
+        (has_point && is_mark(field.get(mark..)?)).then_some(((number ^ sign) - sign, self.at + mark))
+    }
+
+    /// A number of more than seven bytes.
+    #[inline(always)]
+    fn long_decimal(&self, negative: usize, places: u8) -> Option<(i32, usize)> {
+        let (number, mark) = long_decimal(self.window, self.at + 1 + negative, places)?;
+        let number = if negative == 1 { -number } else { number };
+        is_mark(self.window.get(mark..)?).then_some((i32::try_from(number).ok()?, mark))
+    }
+
+    /// Text without a byte that it cannot hold; the place of the mark after it.
+    #[inline(always)]
+    fn quick_text<const N: usize>(&self, text: &mut Text<N>) -> Option<usize> {
+        let (swar, mut length) = (self.swar, 0);
+        *text = Text::EMPTY;
+        loop {
+            let next = word(self.window, self.at + 1 + length)?;
+            let marks = swar.equal(next, swar.separators) | swar.equal(next, swar.data);
+            // What is before the mark.
+            let (kept, taken) = match marks {
+                0 => (next, 8),
+                _ => {
+                    let bits = marks.trailing_zeros() & 0x38;
+                    (next & !(u64::MAX << bits), bits as usize / 8)
+                }
+            };
+            // The begin and the end mark differ in one bit.
+            let bad = swar.equal(kept & !(swar.ones << 1), swar.starts) | kept & self.not_ascii;
+            if bad != 0 {
+                return None;
+            }
+            text.put(length, kept);
+            length += taken;
+            if taken < 8 || length > N {
+                break;
+            }
+        }
+        text.set_length(length)?;
+        let at = self.at + 1 + length;
+        is_mark(self.window.get(at..)?).then_some(at)
+    }
+}
+
+/// Whether another field follows, or nothing.
+#[inline(always)]
+fn is_mark(bytes: &[u8]) -> bool {
+    matches!(bytes, [SEPARATOR, ..] | [DATA, END, ..])
+}
+
+/// A number of more than seven bytes, without its sign, and the place after it.
+#[cold]
+#[inline(never)]
+fn long_decimal(window: &Window, at: usize, places: u8) -> Option<(i64, usize)> {
+    let swar = Swar::CONSTANTS;
+    let first = word(window, at)?;
+    let ten = |count: usize| Some(10i64.pow(u32::try_from(count).ok()?));
+    match swar.whole(first) {
+        // Eight digits, and more in the next word.
+        None if places == 0 => {
+            let (others, values) = swar.others(first);
+            let (rest, length) = swar.whole(word(window, at + 8)?).unwrap_or((0, 0));
+            let number = i64::from(swar.join(values)) * ten(length)? + i64::from(rest);
+            (others == 0).then_some((number, at + 8 + length))
+        }
+        Some((whole, length)) if chunk(window, at + length) == Some(b".") => {
+            let decimals_at = at + length + 1;
+            let (decimals, count) = swar.whole(word(window, decimals_at)?)?;
+            let number = i64::from(whole) * ten(count)? + i64::from(decimals);
+            (count == usize::from(places)).then_some((number, decimals_at + count))
+        }
+        _ => None,
+    }
+}
+
+/// The bytes between the mark at a place and the next one; `None` when no field is there.
+fn value_after(window: &Window, at: usize) -> Option<&[u8]> {
+    let [SEPARATOR, rest @ ..] = window.get(at..)? else { return None };
+    rest.split(|byte| matches!(*byte, SEPARATOR | DATA)).next()
+}
+
+/// A number in any form that is allowed.
+#[cold]
+#[inline(never)]
+fn slow_decimal(
+    window: &Window,
+    at: usize,
+    places: u8,
+    (min, max): (i32, i32),
+) -> Result<(i32, usize), FieldFault> {
+    let text = value_after(window, at).ok_or(FieldFault::Missing)?;
+    let decimal = |units| Decimal { units, places };
+    let not_a_number = FieldFault::NotANumber { min: decimal(min), max: decimal(max) };
+    let number = text.trim_ascii();
+    let (negative, number) = number.strip_prefix(b"-").map_or((false, number), |rest| (true, rest));
+    let point = number.iter().position(|byte| *byte == b'.').filter(|_| places > 0);
+    let (whole, decimals) = number.split_at(point.unwrap_or(number.len()));
+    let decimals = decimals.get(1..).unwrap_or_default();
+    let mut digits = whole.iter().chain(decimals);
+    if whole.len() + decimals.len() == 0 || !digits.all(u8::is_ascii_digit) {
+        return Err(not_a_number);
+    }
+    let (kept, rest) = decimals.split_at(decimals.len().min(usize::from(places)));
+    if rest.iter().any(|digit| *digit != b'0') {
+        return Err(FieldFault::TooPrecise { places });
+    }
+    let zeros = core::iter::repeat_n(&b'0', usize::from(places) - kept.len());
+    let units = whole.iter().chain(kept).chain(zeros).try_fold(0i32, |units, digit| {
+        let (units, digit) = (units.checked_mul(10)?, i32::from(digit - b'0'));
+        if negative { units.checked_sub(digit) } else { units.checked_add(digit) }
+    });
+    let units = units.ok_or(not_a_number)?;
+    if !(min..=max).contains(&units) {
+        return Err(FieldFault::OutOfRange { found: decimal(units), min: decimal(min), max: decimal(max) });
+    }
+    Ok((units, at + 1 + text.len()))
+}
+
+/// What is wrong with a text.
+#[cold]
+#[inline(never)]
+fn slow_text(window: &Window, at: usize, charset: Charset, (min, max): (usize, usize)) -> FieldFault {
+    let Some(text) = value_after(window, at) else { return FieldFault::Missing };
+    match text.iter().copied().find(|byte| value::is_mark(*byte) || !charset.has(*byte)) {
+        Some(found) if value::is_mark(found) => FieldFault::Reserved { found },
+        Some(found) => FieldFault::Character { found: char::from(found) },
+        None => FieldFault::Length { found: text.len(), min, max },
+    }
+}
+
+/// What eight bytes are calculated with, as data: every one of these as an immediate would take an instruction more.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Swar {
+    ones: u64,
+    zeros: u64,
+    above_nine: u64,
+    tops: u64,
+    pairs: u64,
+    fours: u64,
+    eights: u64,
+    separators: u64,
+    data: u64,
+    starts: u64,
+}
+
+impl Swar {
+    pub(super) const CONSTANTS: Self = Self {
+        ones: ONES,
+        zeros: 0x30 * ONES,
+        above_nine: 0x76 * ONES,
+        tops: 0x80 * ONES,
+        pairs: 0x00FF_00FF_00FF_00FF,
+        fours: 0x0000_FFFF_0000_FFFF,
+        eights: (10_000 << 32) + 1,
+        separators: SEPARATOR as u64 * ONES,
+        data: DATA as u64 * ONES,
+        starts: START as u64 * ONES,
+    };
+
+    /// The top bit of each byte that is no digit, and the digits' values.
+    #[inline(always)]
+    fn others(&self, word: u64) -> (u64, u64) {
+        // A digit becomes its value; the sum reaches the top bit of a byte from 10 on.
+        let values = word ^ self.zeros;
+        ((values.wrapping_add(self.above_nine) | values) & self.tops, values)
+    }
+
+    /// One to seven digits at the beginning: their value and how many they are.
+    #[inline(always)]
+    fn whole(&self, word: u64) -> Option<(i32, usize)> {
+        let (others, values) = self.others(word);
+        if others == 0 {
+            return None;
+        }
+        let bits = others.trailing_zeros() & 0x38;
+        // Zeros before the first digit.
+        (bits != 0).then(|| (self.join(values << (64 - bits)), bits as usize / 8))
+    }
+
+    /// Digits, another byte, and so many digits, seven bytes at most: the value of the digits, and how many bytes they are.
+    #[inline(always)]
+    fn decimal(&self, word: u64, places: u8) -> Option<(i32, usize)> {
+        let (others, values) = self.others(word);
+        let after_point = others & others.wrapping_sub(1);
+        if after_point == 0 {
+            return None;
+        }
+        let end = after_point.trailing_zeros() & 0x38;
+        // The last byte highest: then the point has its place, and is left out.
+        let aligned = values << (64 - end);
+        let point = 56u32.checked_sub(8 * u32::from(places))?;
+        let decimals = aligned >> point >> 8 << point << 8;
+        let digits = decimals | (aligned & !(u64::MAX << point)) << 8;
+        Some((self.join(digits), end as usize / 8))
+    }
+
+    /// The number of eight digits, the first one lowest.
+    #[inline(always)]
+    fn join(&self, digits: u64) -> i32 {
+        // Pairs, fours and eights are joined.
+        let pairs = (digits.wrapping_mul((10 << 8) + 1) >> 8) & self.pairs;
+        let fours = (pairs.wrapping_mul((100 << 16) + 1) >> 16) & self.fours;
+        ((fours.wrapping_mul(self.eights) >> 32) as u32).cast_signed()
+    }
+
+    /// The top bit of each byte that is as in `bytes`, up to the first; above it there may be others.
+    #[inline(always)]
+    fn equal(&self, word: u64, bytes: u64) -> u64 {
+        let different = word ^ bytes;
+        different.wrapping_sub(self.ones) & !different & self.tops
+    }
+}
+
+/// 1 in each byte.
+const ONES: u64 = 0x0101_0101_0101_0101;

@@ -1,0 +1,97 @@
+use core::fmt;
+
+use crate::value::is_mark;
+
+/// Short text in a job: up to `N` characters of one byte each, up to 255, inside the job itself. A byte is the character of that
+/// number (ISO 8859-1); which of them the wire can carry is the dialect's character set.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Text<const N: usize> {
+    /// Zeros after the text.
+    bytes: [u8; N],
+    length: u8,
+}
+
+impl<const N: usize> Text<N> {
+    /// No character.
+    pub const EMPTY: Self = Self { bytes: [0; N], length: 0 };
+
+    /// This text; `None` when it is longer than `N` characters, or holds a mark or a character above U+00FF.
+    pub fn new(text: &str) -> Option<Self> {
+        let mut new = Self::EMPTY;
+        for c in text.chars() {
+            let byte = u8::try_from(c).ok().filter(|byte| !is_mark(*byte))?;
+            *new.bytes.get_mut(usize::from(new.length))? = byte;
+            new.length = new.length.checked_add(1)?;
+        }
+        Some(new)
+    }
+
+    /// The characters.
+    pub fn chars(&self) -> impl Iterator<Item = char> + '_ {
+        self.as_bytes().iter().map(|byte| char::from(*byte))
+    }
+
+    /// The bytes on the wire.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.length)).unwrap_or_default()
+    }
+
+    /// Whether there is no character.
+    pub const fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+
+    /// Puts up to eight bytes to a place, zeros after the last one.
+    #[inline(always)]
+    pub(super) fn put(&mut self, at: usize, word: u64) {
+        let Some(rest) = self.bytes.get_mut(at..) else { return };
+        match rest.first_chunk_mut() {
+            Some(place) => *place = word.to_le_bytes(),
+            None => rest.iter_mut().zip(word.to_le_bytes()).for_each(|(place, byte)| *place = byte),
+        }
+    }
+
+    /// Its length, when all was put; `None` when it is too long.
+    #[inline(always)]
+    pub(super) fn set_length(&mut self, length: usize) -> Option<()> {
+        self.length = u8::try_from(length).ok().filter(|_| length <= N)?;
+        Some(())
+    }
+}
+
+impl<const N: usize> Default for Text<N> {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
+impl<const N: usize> PartialEq<str> for Text<N> {
+    fn eq(&self, other: &str) -> bool {
+        self.chars().eq(other.chars())
+    }
+}
+
+impl<const N: usize> PartialEq<&str> for Text<N> {
+    fn eq(&self, other: &&str) -> bool {
+        *self == **other
+    }
+}
+
+impl<const N: usize> fmt::Display for Text<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.chars().try_for_each(|c| fmt::Write::write_char(f, c))
+    }
+}
+
+impl<const N: usize> fmt::Debug for Text<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "\"{self}\"")
+    }
+}
+
+#[cfg(feature = "serde")]
+impl<const N: usize> serde::Serialize for Text<N> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}

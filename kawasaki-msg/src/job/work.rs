@@ -1,0 +1,140 @@
+use core::fmt;
+use core::ops::RangeInclusive;
+
+use crate::error::{FieldError, FieldFault, Name};
+
+/// What the jobs of an application are: its fields, named once, are read, written, checked and listed from that one place.
+///
+/// ```
+/// use kawasaki_msg::{Fields, Text, Unfit, Work};
+///
+/// /// Move a pallet: where to, with which tool, how fast.
+/// #[derive(Clone, Copy, Default)]
+/// struct PalletMove {
+///     joints: [i32; 6], // thousandths of a degree
+///     tool: Text<8>,
+///     speed: u8, // per cent
+/// }
+///
+/// impl Work for PalletMove {
+///     type Ranges = ();
+///
+///     fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
+///         for (joint, name) in self.joints.iter_mut().zip(["j1", "j2", "j3", "j4", "j5", "j6"]) {
+///             fields.decimal(name, joint, 3, -360_000..=360_000)?;
+///         }
+///         fields.text("tool", &mut self.tool, 1..=8)?;
+///         fields.whole("speed", &mut self.speed, 1..=100)
+///     }
+/// }
+/// ```
+pub trait Work: Copy + Default {
+    /// What is known of the fields' ranges only when the program runs; `()` where all is in the code.
+    type Ranges: Clone + Default + fmt::Debug;
+
+    /// Visits every field in the order of the wire. The fields after a value may depend on it: a job of one kind may have others
+    /// than a job of another kind.
+    ///
+    /// # Errors
+    /// What a visit returns, at once.
+    fn fields<F: Fields>(&mut self, ranges: &Self::Ranges, fields: &mut F) -> Result<(), Unfit>;
+}
+
+/// What visits the fields of a [`Work`]: it reads each from a message, writes it into one, or lists it. The ranges include both ends
+/// and are checked in both directions.
+pub trait Fields {
+    /// A number with up to `places` decimals, 0 to 9, as whole units of the last one: 1500 with 3 places is `1.5`.
+    ///
+    /// Written with exactly so many decimals, `1.500`, and without a point where `places` is 0. Read as well: `1.5`, `1.50`,
+    /// `1.5000`, `-.5`, `2.`, `2`, with zeros and blanks before it and blanks after it. An error is `1e3`, `+1`, and a digit other
+    /// than 0 after the last place: nothing is rounded. Where `places` is 0, so is any point.
+    ///
+    /// # Errors
+    /// When the field is missing or does not fit.
+    fn decimal(
+        &mut self,
+        name: &str,
+        value: &mut i32,
+        places: u8,
+        range: RangeInclusive<i32>,
+    ) -> Result<(), Unfit>;
+
+    /// Text of so many characters, as it is, blanks too. The four marks and what the dialect's character set does not have cannot
+    /// be in it.
+    ///
+    /// # Errors
+    /// When the field is missing or does not fit.
+    fn text<const N: usize>(
+        &mut self,
+        name: &str,
+        value: &mut super::Text<N>,
+        length: RangeInclusive<usize>,
+    ) -> Result<(), Unfit>;
+
+    /// A field is refused for a reason that the caller has found.
+    fn refuse(&mut self, error: FieldError) -> Unfit;
+
+    /// A whole number, or an enum with a code: whatever is an `i32` on the wire.
+    ///
+    /// # Errors
+    /// When the field is missing or does not fit.
+    #[inline(always)]
+    fn whole<T: Copy + Into<i32> + TryFrom<i32>>(
+        &mut self,
+        name: &str,
+        value: &mut T,
+        range: RangeInclusive<T>,
+    ) -> Result<(), Unfit> {
+        let (min, max) = range.into_inner();
+        let mut number = (*value).into();
+        self.decimal(name, &mut number, 0, min.into()..=max.into())?;
+        match T::try_from(number) {
+            Ok(number) => *value = number,
+            Err(_) => return Err(self.refuse(no_value(name, number))),
+        }
+        Ok(())
+    }
+}
+
+#[cold]
+fn no_value(name: &str, found: i32) -> FieldError {
+    FieldError { field: Name::of(name), fault: FieldFault::Value { found } }
+}
+
+/// A field does not fit: the visitor knows which, and why. Made by [`Fields::refuse`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Unfit(pub(super) ());
+
+/// A number with a fixed count of decimals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Decimal {
+    /// In units of the last decimal.
+    pub units: i32,
+    /// How many decimals: 0 to 9.
+    pub places: u8,
+}
+
+impl Decimal {
+    /// The most decimals that a number can have.
+    pub const MAX_PLACES: u8 = 9;
+}
+
+impl fmt::Display for Decimal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let places = usize::from(self.places.min(Self::MAX_PLACES));
+        let one = 10u32.pow(u32::from(self.places.min(Self::MAX_PLACES)));
+        let units = self.units.unsigned_abs();
+        let sign = if self.units < 0 { "-" } else { "" };
+        match places {
+            0 => write!(f, "{}", self.units),
+            _ => write!(f, "{sign}{}.{:0places$}", units / one, units % one),
+        }
+    }
+}
+
+#[cfg(feature = "serde")]
+impl serde::Serialize for Decimal {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if self.places == 0 { serializer.serialize_i32(self.units) } else { serializer.collect_str(self) }
+    }
+}

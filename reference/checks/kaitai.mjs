@@ -51,6 +51,8 @@ function compile(link, language) {
   return compiler.compile(language, ksy, null, false).then((files) => ({ ksy, files }));
 }
 
+// Keys that Kaitai's expressions do not allow as names.
+const NAMES = { and: "and_mask", or: "or_mask" };
 const camel = (name) => name.replace(/_+(.)/g, (_, letter) => letter.toUpperCase());
 
 /** Throws unless `found` has what `expected` has. */
@@ -60,7 +62,7 @@ function compare(found, expected, path) {
     expected.forEach((value, index) => compare(found[index], value, `${path}[${index}]`));
   } else if (expected !== null && typeof expected === "object") {
     for (const [name, value] of Object.entries(expected)) {
-      compare(found?.[camel(name)], value, `${path}.${name}`);
+      compare(found?.[camel(NAMES[name] ?? name)], value, `${path}.${name}`);
     }
   } else if (!isDeepStrictEqual(found?.value ?? found ?? null, expected)) {
     // An object stands for its value.

@@ -52,11 +52,15 @@ def laser(data, flag="separate", **_):
 ENVELOPES = {"laser-eb90": laser, "val2-alter": alter}
 
 
+# Keys that Kaitai's expressions do not allow as names.
+NAMES = {"and": "and_mask", "or": "or_mask"}
+
+
 def compare(found, expected, path):
     """Raises unless `found` has what `expected` has."""
     if isinstance(expected, dict):
         for name, value in expected.items():
-            compare(getattr(found, name), value, f"{path}.{name}")
+            compare(getattr(found, NAMES.get(name, name)), value, f"{path}.{name}")
     elif isinstance(expected, list):
         compare(len(found), len(expected), f"{path}.length")
         for index, value in enumerate(expected):

@@ -26,6 +26,7 @@ PAIRS = {
     "val2-alter": [("server", "101002A0171003B7"), ("client", "10100200100300")],
     "val2-viewer": [("client", "05"), ("server", b"$POSE,0,0,0,0,0,0,0,0,0,0,0,0,0*15\r\n".hex())],
     "isra-ball": [("client", "05"), ("server", "08F85D0001FE03FC05FA817A")],
+    "fanuc-hmi-modbus": [("client", "000100000006010300000025"), ("server", "000100000003018302")] * 2,
     "mmacell-proto": [("client", "5354410D0A"), ("server", "45522B30303030310D0A")] * 2,
     "laser-eb90": [("client", "EB9082F0F10101019082F4"), ("server", "EB9082F0F10101019082F4")] * 2,
 }

@@ -19,7 +19,9 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::fanuc_hmi_modbus::plausibility::Implausible;
-use self::command::{alter, decode, demo, encode, fanuc, laser, ls, modbus, settings, simulate, vectors};
+use self::command::{
+    alter, decode, demo, encode, fanuc, laser, ls, mma, modbus, settings, simulate, vectors,
+};
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
 
@@ -58,6 +60,7 @@ enum Command {
     Fanuc(fanuc::Args),
     Laser(laser::Args),
     Ls(ls::Args),
+    Mma(mma::Args),
     Vectors(vectors::Args),
     Alter(alter::Args),
 }
@@ -74,6 +77,7 @@ pub fn main() -> ExitCode {
         Command::Fanuc(args) => fanuc::run(&args),
         Command::Laser(args) => laser::run(&args),
         Command::Ls(args) => ls::run(&args),
+        Command::Mma(args) => mma::run(&args),
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
     };
@@ -100,9 +104,10 @@ fn parse() -> Cli {
     for name in ["decode", "encode", "simulate", "demo", "alter"] {
         command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
     }
-    let listed = |settings| format!("Settings, for --set and --settings:\n\n{}", settings::lines(settings));
-    let laser = listed(&laser::settings());
-    command = command.mut_subcommand("laser", |it| it.mut_subcommand("run", |it| it.after_long_help(laser)));
+    for (name, settings) in [("laser", laser::settings()), ("mma", mma::settings())] {
+        let help = format!("Settings, for --set and --settings:\n\n{}", settings::lines(&settings));
+        command = command.mut_subcommand(name, |it| it.mut_subcommand("run", |it| it.after_long_help(help)));
+    }
     match Cli::from_arg_matches(&command.get_matches()) {
         Ok(cli) => cli,
         Err(error) => error.exit(),

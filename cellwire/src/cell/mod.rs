@@ -4,11 +4,13 @@ pub mod fanuc_hmi_modbus;
 pub mod kawasaki_msg;
 pub mod laser_eb90;
 pub mod laser_run;
+pub mod mma_run;
 pub mod mmacell_proto;
 pub mod operator;
 mod options;
 pub mod report;
 pub mod teleop;
+pub mod word;
 
 use anyhow::{Result, bail};
 

@@ -8,6 +8,7 @@ pub mod encode;
 pub mod fanuc;
 pub mod laser;
 pub mod ls;
+pub mod mma;
 pub mod modbus;
 pub mod settings;
 pub mod simulate;

@@ -1,6 +1,6 @@
 //! `--set` and `--settings`, and how the help of a command lists what they take.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use serde_json::{Map, Value};
@@ -33,13 +33,23 @@ impl SetArgs {
     /// # Errors
     /// When the file cannot be read or is not TOML, with line and column; when a name is a table and a value at once.
     pub(super) fn read(&self) -> Result<Map<String, Value>> {
-        let mut given = match &self.settings {
-            None => Map::new(),
-            Some(file) => {
-                let text = input::text(file)?;
-                toml::from_str(&text).with_context(|| format!("{} is no TOML", file.display()))?
+        self.read_over(None)
+    }
+
+    /// What was set, over what another file of settings says.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub(super) fn read_over(&self, base: Option<&Path>) -> Result<Map<String, Value>> {
+        let mut given = Map::new();
+        for file in base.into_iter().chain(self.settings.as_deref()) {
+            let text = input::text(file)?;
+            let found: Map<String, Value> =
+                toml::from_str(&text).with_context(|| format!("{} is no TOML", file.display()))?;
+            for (name, value) in found {
+                settings::insert(&mut given, &name, value)?;
             }
-        };
+        }
         for (name, value) in &self.set {
             settings::insert(&mut given, name, value.clone())?;
         }

@@ -150,16 +150,35 @@ pub fn write_svg(path: &Path, sheet: Point, lines: &[Line]) -> Result<()> {
     files::write(path, document.to_string().as_bytes())
 }
 
-/// As [`write_svg`], with thin lines for the ways between.
+/// Draws a route in a plane, in mm with Y upwards: places, and whether the way to each is thick. The sheet fits it, with a margin.
 ///
 /// # Errors
-/// When the file cannot be written.
-pub fn write_plan(path: &Path, sheet: Point, lines: &[Line]) -> Result<()> {
+/// When the route leaves 10 km, or the file cannot be written.
+pub fn write_route(path: &Path, route: &[([f64; 2], bool)]) -> Result<()> {
+    let of = |axis: usize| route.iter().filter_map(move |(place, _)| place.get(axis).copied());
+    let least = [0, 1].map(|axis| of(axis).fold(f64::INFINITY, f64::min));
+    let most = [0, 1].map(|axis| of(axis).fold(f64::NEG_INFINITY, f64::max));
+    let ([left, _], [right, top]) = (least, most);
+    let (width, height) = (right - left, top - least[1]);
+    anyhow::ensure!(width < 1e7 && height < 1e7, "the way leaves 10 km: check its units");
+    let margin = (width.max(height) / 20.0).max(1.0);
+    let sheet = Point { x: hundredths(width + 2.0 * margin), y: hundredths(height + 2.0 * margin) };
+    let point =
+        |[x, y]: [f64; 2]| Point { x: hundredths(x - left + margin), y: hundredths(top - y + margin) };
+    let ways = route.iter().zip(route.iter().skip(1));
+    let lines: Vec<Line> = ways
+        .map(|((from, _), (to, draws))| Line { draws: *draws, from: point(*from), to: point(*to) })
+        .collect();
     // On a small sheet thin lines, on a large one lines that can be seen.
     let width = mm(sheet.x.max(sheet.y)) / 400.0;
-    let between = strokes(lines, false, "#d04000", width / 3.0).set("stroke-dasharray", width);
-    let document = document(sheet).add(between).add(strokes(lines, true, "black", width));
+    let between = strokes(&lines, false, "#d04000", width / 3.0).set("stroke-dasharray", width);
+    let document = document(sheet).add(between).add(strokes(&lines, true, "black", width));
     files::write(path, document.to_string().as_bytes())
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "it saturates")]
+fn hundredths(mm: f64) -> i32 {
+    (mm * 100.0).round() as i32
 }
 
 fn document(sheet: Point) -> svg::Document {

@@ -8,7 +8,7 @@ use laser_eb90::{Class, HostConfig, timing};
 
 use super::settings::{Coordinate, Mapping};
 use super::{csv, dxf, gcode};
-use crate::io::drawing::{self, Point};
+use crate::io::drawing;
 use crate::io::input;
 
 /// The most instructions of a program: what a journal and a drawing can hold.
@@ -99,32 +99,18 @@ impl Program {
         })
     }
 
-    /// Draws what the robot would do, seen from above, with a margin of 5 mm: lines with the laser off are thin.
+    /// Draws what the robot would do, seen from above: lines with the laser off are thin.
     ///
     /// # Errors
     /// When no instruction has a place, the path is longer than 10 km, or the file cannot be written.
     pub fn draw(&self, file: &Path, mapping: &Mapping) -> Result<()> {
-        const MARGIN: f32 = 5.0;
-        let (least, most) =
-            self.bounds(mapping).context("no instruction has X and Y: nothing can be drawn")?;
-        let size = [most[0] - least[0], most[1] - least[1]].map(|it| it + 2.0 * MARGIN);
-        ensure!(size.iter().all(|it| *it < 1e7), "the path leaves 10 km: check its units");
-        // The Y axis of a machine points away from its operator, that of a drawing downwards.
-        let point = |[x, y]: [f32; 2]| Point {
-            x: hundredths(x - least[0] + MARGIN),
-            y: hundredths(most[1] - y + MARGIN),
+        let way = |it: &Instruction| {
+            let [x, y] = place(it, mapping)?;
+            Some(([f64::from(x), f64::from(y)], it.word == mapping.cut))
         };
-        let mut at: Option<Point> = None;
-        let mut lines = Vec::new();
-        for instruction in &self.instructions {
-            let Some(place) = place(instruction, mapping) else { continue };
-            let to = point(place);
-            if let Some(from) = at.replace(to) {
-                lines.push(drawing::Line { draws: instruction.word == mapping.cut, from, to });
-            }
-        }
-        let sheet = Point { x: hundredths(size[0]), y: hundredths(size[1]) };
-        drawing::write_plan(file, sheet, &lines)
+        let route: Vec<_> = self.instructions.iter().filter_map(way).collect();
+        ensure!(!route.is_empty(), "no instruction has X and Y: nothing can be drawn");
+        drawing::write_route(file, &route)
     }
 }
 
@@ -138,11 +124,6 @@ fn place(instruction: &Instruction, mapping: &Mapping) -> Option<[f32; 2]> {
         instruction.values.get(at).copied()
     };
     Some([value(Coordinate::X)?, value(Coordinate::Y)?])
-}
-
-#[expect(clippy::cast_possible_truncation, reason = "a float saturates when cast to an integer")]
-fn hundredths(millimetres: f32) -> i32 {
-    (f64::from(millimetres) * 100.0).round() as i32
 }
 
 /// A path that becomes instructions, line by line.

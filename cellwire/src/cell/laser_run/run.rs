@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use super::journal::{Journal, Outcome};
 use super::program::{Instruction, Program};
+use crate::cell::word::Word;
 use crate::io::drive::{Lost, turn};
 
 /// The operator's words are looked at so often.
@@ -50,14 +51,6 @@ pub struct Runner<'a> {
     flight: Option<(usize, usize)>,
     refused: bool,
     unknown: bool,
-}
-
-enum Word {
-    Pause,
-    Continue,
-    Stop,
-    Done,
-    Repeat,
 }
 
 impl<'a> Runner<'a> {
@@ -206,7 +199,7 @@ impl<'a> Runner<'a> {
             let outcome = match self.operator.words.recv().map(|word| self.word(&word)) {
                 Ok(Ok(Word::Done)) => Outcome::Done,
                 Ok(Ok(Word::Repeat)) => Outcome::NotSent,
-                Ok(Ok(Word::Stop)) | Err(_) => return Ok(false),
+                Ok(Ok(Word::Stop | Word::Abort)) | Err(_) => return Ok(false),
                 Ok(Ok(Word::Pause | Word::Continue)) => {
                     (self.operator.notify)(json!({"event": "hint", "hint": "answer done, repeat or stop"}))?;
                     continue;
@@ -243,7 +236,7 @@ impl<'a> Runner<'a> {
             let (event, paused) = match self.word(&text) {
                 Ok(Word::Pause) => ("paused", true),
                 Ok(Word::Continue) => ("continued", false),
-                Ok(Word::Stop) => {
+                Ok(Word::Stop | Word::Abort) => {
                     self.stopping = true;
                     ("stopping", self.paused)
                 }
@@ -259,16 +252,9 @@ impl<'a> Runner<'a> {
     }
 
     fn word(&mut self, text: &str) -> Result<Word, Result<()>> {
-        match text.trim() {
-            "pause" | "p" => Ok(Word::Pause),
-            "continue" | "c" => Ok(Word::Continue),
-            "stop" | "s" => Ok(Word::Stop),
-            "done" | "d" => Ok(Word::Done),
-            "repeat" | "r" => Ok(Word::Repeat),
-            _ => {
-                let hint = "type pause, continue or stop; answer a question with done, repeat or stop";
-                Err((self.operator.notify)(json!({"event": "hint", "hint": hint})))
-            }
+        match Word::parse(text) {
+            Some(word) => Ok(word),
+            None => Err((self.operator.notify)(json!({"event": "hint", "hint": Word::HINT}))),
         }
     }
 }

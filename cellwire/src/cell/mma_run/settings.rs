@@ -1,0 +1,141 @@
+//! The file of a task: poses, times, and the parts.
+
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+use mmacell_proto::{CentralConfig, PlatformPose, RobotPose};
+use mmacell_task::TaskConfig;
+use serde::{Deserialize, Serialize};
+
+use crate::io::drawing;
+use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table, json};
+
+/// Where a part is, and where it goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Part {
+    /// How the platform turns it towards the gripper.
+    pub platform: PlatformPose,
+    /// Where the robot takes it.
+    pub pick: RobotPose,
+    /// Where it puts it.
+    pub place: RobotPose,
+}
+
+/// What can be set of a run.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// How many parts; 0: those of `part`.
+    pub parts: usize,
+    /// What simulated cameras see.
+    pub part: Vec<Part>,
+    /// How long a simulated vacuum builds up.
+    pub vacuum: Duration,
+    /// The task.
+    pub task: TaskConfig,
+    /// The sessions.
+    pub central: CentralConfig,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let vacuum = Duration::from_millis(50);
+        Self {
+            parts: 0,
+            part: Vec::new(),
+            vacuum,
+            task: TaskConfig::DEFAULT,
+            central: CentralConfig::DEFAULT,
+        }
+    }
+}
+
+impl Settings {
+    /// How many parts there are.
+    ///
+    /// # Errors
+    /// When there is none, or more than the simulated cameras see.
+    pub fn count(&self, cameras_are_simulated: bool) -> Result<usize> {
+        let count = if self.parts == 0 { self.part.len() } else { self.parts };
+        ensure!(count > 0, "the task has no parts: give `parts`, or [[part]] with platform, pick and place");
+        ensure!(
+            !cameras_are_simulated || count <= self.part.len(),
+            "simulated cameras see the {} [[part]] of the task, and `parts` is {count}",
+            self.part.len()
+        );
+        Ok(count)
+    }
+
+    /// What a journal calls this task by.
+    pub fn fingerprint(&self) -> String {
+        let text = format!("{} {}", self.parts, json(&self.part));
+        let hash = text.bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
+        });
+        format!("{hash:016x}")
+    }
+
+    /// Draws the ways of the robot seen from above: those with a part on the gripper are thick.
+    ///
+    /// # Errors
+    /// When only the cameras know the places, or the file cannot be written.
+    pub fn draw(&self, file: &Path) -> Result<()> {
+        ensure!(!self.part.is_empty(), "nothing can be drawn: only the cameras know where the parts are");
+        let place = |pose: RobotPose| {
+            let [x, y, ..] = pose.units();
+            [f64::from(x) / 1000.0, f64::from(y) / 1000.0]
+        };
+        let mut route = vec![(place(self.task.robot_home), false)];
+        for part in &self.part {
+            let cameras = [self.task.camera_1, self.task.camera_2].into_iter().flatten();
+            route.extend(cameras.map(|pose| (place(pose), false)));
+            route.extend([(place(part.pick), false), (place(part.place), true)]);
+        }
+        drawing::write_route(file, &route)
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { parts, part, vacuum, task, central } = self;
+        table.whole("parts", 0..=1_000_000, "parts", "how many are placed; 0: every [[part]]", parts);
+        let shape = "[[part]] platform = [rad, rad], pick = [mm, mm, mm, rad], place = [mm, mm, mm, rad]";
+        table.parsed("part", shape, json(part), "what simulated cameras see, part after part", part);
+        let about = "how long the vacuum of the simulated periphery builds up";
+        table.time("vacuum", ANY_TIME, about, vacuum);
+        table.group("task", |table| task.configure(table));
+        table.group("central", |table| central.configure(table));
+    }
+}
+
+impl Configure for TaskConfig {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        const ROBOT: &str = "[mm, mm, mm, rad]";
+        table.parsed("robot_home", ROBOT, json(&self.robot_home), "the robot at rest", &mut self.robot_home);
+        let (shape, default) = ("[rad, rad]", json(&self.platform_home));
+        table.parsed("platform_home", shape, default, "the platform at rest", &mut self.platform_home);
+        let about = "where the robot makes room for the camera; null where it need not";
+        table.parsed("camera_1", ROBOT, json(&self.camera_1), about, &mut self.camera_1);
+        table.parsed("camera_2", ROBOT, json(&self.camera_2), about, &mut self.camera_2);
+        table.whole("percent", 0..=100, "%", "the override of robot and platform", &mut self.percent);
+        table.time("poll", SOME_TIME, "how often a moving device is asked for its status", &mut self.poll);
+        let about = "how long the robot waits at the part for the vacuum switch";
+        table.time("grip_dwell", ANY_TIME, about, &mut self.grip_dwell);
+        let about = "how long the robot is at rest in the place before it lets go";
+        table.time("place_dwell", ANY_TIME, about, &mut self.place_dwell);
+        table.time("blow", ANY_TIME, "how long it blows to free the part", &mut self.blow);
+        table.whole(
+            "attempts",
+            1..=u32::MAX,
+            "times",
+            "how often a part is picked at most",
+            &mut self.attempts,
+        );
+        let about = "how long it may take until all devices are ready";
+        table.time("ready_timeout", ANY_TIME, about, &mut self.ready_timeout);
+        let about = "how long a reply, a picture or the vacuum switch may take";
+        table.time("order_timeout", SOME_TIME, about, &mut self.order_timeout);
+        table.time("motion_timeout", SOME_TIME, "how long a motion may take", &mut self.motion_timeout);
+    }
+}

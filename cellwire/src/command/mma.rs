@@ -1,0 +1,177 @@
+//! `cellwire mma`: the central controller of an MM&A cell.
+
+use std::path::PathBuf;
+
+use anyhow::{Result, ensure};
+use clap::Subcommand;
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use serde_json::json;
+
+use super::settings::SetArgs;
+use crate::cell::mma_run::{
+    Addresses, Ended, Journal, Line, Operator, Periphery, Runner, Settings, Simulated, State,
+};
+use crate::io::output::log;
+use crate::io::tcp::ConnectArgs;
+use crate::io::{files, input};
+use crate::links::settings;
+
+/// Runs the pick-and-place task of an MM&A micro-manipulation cell.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire mma run --task plate.toml --dry-run --draw plate.svg
+  cellwire mma run --task plate.toml --robot 192.168.0.1:2001 --platform 192.168.0.2:2002 --periphery 192.168.0.4:7000
+  cellwire simulate mma-robot --listen 127.0.0.1:2001      a device to try it on";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(RunArgs),
+}
+
+/// Picks every part of a task from the platform and puts it into its place, each once.
+///
+/// TASK.toml has the settings below; simulated cameras see its parts:
+///
+///   [task]
+///   robot_home = [0.0, 0.0, 100.0, 0.0]     # mm, mm, mm, rad
+///   [[part]]
+///   platform = [0.05, -0.02]                # rad
+///   pick = [-120.0, 40.0, 10.0, 0.0]
+///   place = [120.0, 40.0, 12.0, 1.57]
+///
+/// Prints one line of JSON for each step and each part. A journal beside the task says what became of every part: after an end
+/// of any kind the same command goes on where it was. Where a part was begun and nobody knows what became of it, or a device
+/// fails, it asks: look at the cell and type `done` (it is in its place), `repeat` or `stop`. `pause`, `continue` and `stop` may be typed
+/// at any time and take effect after the part; `abort` stops everything now.
+///
+/// Cameras, valves and vacuum switch are simulated, or at the end of a TCP connection, in lines of text. The controller writes
+/// `acquire 1`, `acquire 2`, `vacuum on`, `vacuum off`, `blow on` or `blow off`. The periphery answers a picture with `part [rad,rad] [mm,mm,mm,rad]`
+/// (camera 1), `slot [mm,mm,mm,rad]` (camera 2) or `none`, and a valve with `ok`; instead of both, `error TEXT`. It writes `switch
+/// high` and `switch low` whenever the vacuum switch changes.
+///
+/// Exit status: 0 every part is placed; 1 stopped; 2 not begun; 3 a connection was lost.
+#[derive(Debug, clap::Args)]
+#[command(verbatim_doc_comment)]
+struct RunArgs {
+    /// The task
+    #[arg(long, value_name = "FILE")]
+    task: PathBuf,
+    /// The robot's controller: HOST:PORT, where the port is usually 2001
+    #[arg(long, value_name = "ADDR", required_unless_present = "dry_run")]
+    robot: Option<String>,
+    /// The platform's controller: HOST:PORT, where the port is usually 2002
+    #[arg(long, value_name = "ADDR", required_unless_present = "dry_run")]
+    platform: Option<String>,
+    /// Cameras, valves and vacuum switch: HOST:PORT [default: simulated]
+    #[arg(long, value_name = "ADDR")]
+    periphery: Option<String>,
+    /// Connect to nobody: print how many parts there are
+    #[arg(long)]
+    dry_run: bool,
+    /// Draw the robot's ways into this SVG file
+    #[arg(long, value_name = "FILE")]
+    draw: Option<PathBuf>,
+    /// The journal [default: the task's name with .journal]
+    #[arg(long, value_name = "FILE")]
+    journal: Option<PathBuf>,
+    /// Begin at the first part whatever the journal says
+    #[arg(long)]
+    again: bool,
+    /// Write the state of every part into this CSV file at the end
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    connect: ConnectArgs,
+    #[command(flatten)]
+    set: SetArgs,
+}
+
+/// Returns true when every part is placed.
+pub fn run(args: &Args) -> Result<bool> {
+    let Command::Run(args) = &args.command;
+    let given = args.set.read_over(Some(&args.task))?;
+    let settings = settings::read("the task", Settings::default(), &given)?;
+    let parts = settings.count(args.periphery.is_none())?;
+    if let Some(file) = &args.draw {
+        settings.draw(file)?;
+    }
+    if args.dry_run {
+        log(&json!({"task": args.task, "parts": parts}))?;
+        return Ok(true);
+    }
+    let path = args.journal.clone().unwrap_or_else(|| {
+        let mut name = args.task.file_name().unwrap_or_default().to_owned();
+        name.push(".journal");
+        args.task.with_file_name(name)
+    });
+    let mut journal = Journal::open(&path, &settings.fingerprint(), parts, args.again)?;
+    let ended = execute(args, &settings, &mut journal);
+    if let Some(file) = &args.out {
+        files::write(file, states(&journal).as_bytes())?;
+    }
+    let ended = ended?;
+    log(&json!({
+        "event": "ended", "why": if ended == Ended::Complete { "complete" } else { "stopped" },
+        "placed": journal.count(State::Placed), "begun": journal.count(State::Begun),
+        "waiting": journal.count(State::Waiting), "journal": journal.path(),
+    }))?;
+    Ok(ended == Ended::Complete)
+}
+
+fn execute(args: &RunArgs, settings: &Settings, journal: &mut Journal) -> Result<Ended> {
+    let (all, before) = (journal.parts().len(), journal.count(State::Placed));
+    ensure!(
+        before < all,
+        "every part of this task is placed, as {} says; --again begins anew",
+        journal.path().display()
+    );
+    if before > 0 {
+        log(&json!({"event": "goes_on", "placed": before, "of": all}))?;
+    }
+    let progress = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+    let operator = Operator {
+        words: input::lines(),
+        notify: &mut |event| log(&event),
+        progress: &mut |placed| progress.set_position(placed as u64),
+    };
+    let mut runner = Runner::new(journal, operator);
+    if !runner.settle_begun()? {
+        return Ok(Ended::Stopped);
+    }
+    let timeout = args.connect.timeout();
+    let address = |given: &Option<String>| given.clone().unwrap_or_default();
+    let addresses = Addresses { robot: address(&args.robot), platform: address(&args.platform), timeout };
+    let mut periphery: Box<dyn Periphery> = match &args.periphery {
+        Some(address) => Box::new(Line::open(address, timeout)?),
+        None => Box::new(Simulated::new(settings.part.clone(), settings.vacuum)),
+    };
+    let ended = runner.run(settings, &addresses, &mut *periphery);
+    progress.finish_and_clear();
+    ended
+}
+
+/// `part,state` of every part.
+fn states(journal: &Journal) -> String {
+    let mut text = String::from("part,state\n");
+    for (number, state) in (1..).zip(journal.parts()) {
+        let state = match state {
+            State::Waiting => "waiting",
+            State::Begun => "unknown",
+            State::Placed => "placed",
+        };
+        text.push_str(&format!("{number},{state}\n"));
+    }
+    text
+}
+
+/// What can be set.
+pub fn settings() -> Vec<settings::Setting> {
+    settings::list(Settings::default())
+}

@@ -14,7 +14,7 @@ pub mod word;
 
 use anyhow::{Result, bail};
 
-pub use options::DemoOptions;
+pub use options::{DemoOptions, MustFail};
 
 use self::report::Report;
 use crate::links::settings::{self, Setting};
@@ -24,6 +24,33 @@ use crate::links::settings::{self, Setting};
 /// # Errors
 /// When it cannot be set up: a port in use, a file that does not exist.
 pub fn demo(link: &str, options: &DemoOptions) -> Result<Report> {
+    let known = must_fail(link);
+    if let Some(how) = options.must_fail.filter(|how| !known.contains(how)) {
+        let name = |how: &MustFail| format!("{how:?}").to_lowercase();
+        let known: Vec<_> = known.iter().map(name).collect();
+        bail!("the demo of {link} has no --must-fail {}: it has {}", name(&how), known.join(", "));
+    }
+    let mut report = run(link, options)?;
+    if options.spoils(MustFail::Late) {
+        report.allow_no_time();
+    }
+    Ok(report)
+}
+
+/// How the record of the link's demo can be spoilt.
+fn must_fail(link: &str) -> &'static [MustFail] {
+    use MustFail::{Late, Limit, Lost, Repeated};
+    match link {
+        "kawasaki-msg" | "laser-eb90" => &[Lost, Repeated, Late],
+        "val2-alter" | "fanuc-hmi-modbus" => &[Lost, Limit, Late],
+        "val2-viewer" => &[Repeated],
+        "isra-ball" => &[Lost, Late],
+        "mmacell-proto" => &[Lost, Repeated],
+        _ => &[],
+    }
+}
+
+fn run(link: &str, options: &DemoOptions) -> Result<Report> {
     match link {
         "kawasaki-msg" => kawasaki_msg::demo(options),
         "val2-alter" => teleop::demo::robot(options),

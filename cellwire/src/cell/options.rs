@@ -19,6 +19,8 @@ pub struct DemoOptions {
     pub seed: u64,
     /// Where to write the result.
     pub out: Option<PathBuf>,
+    /// What is done to the record of the run before it is judged.
+    pub must_fail: Option<MustFail>,
     /// The SVG file to draw; `None`: a built-in picture.
     pub drawing: Option<PathBuf>,
     /// What to do with the bytes of a session that ended, for links that keep them.
@@ -27,4 +29,44 @@ pub struct DemoOptions {
     pub settings: Map<String, Value>,
     /// The progress line, on standard error.
     pub progress: ProgressBar,
+}
+
+/// What is done to the record of a run before it is judged, to show that the verdict finds it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum MustFail {
+    /// Something that was done is taken out
+    Lost,
+    /// Something that was done once is entered twice
+    Repeated,
+    /// A value goes beyond its limit
+    Limit,
+    /// Where there is a budget, no time is allowed
+    Late,
+}
+
+impl DemoOptions {
+    /// Whether the record is to be spoilt so.
+    pub fn spoils(&self, how: MustFail) -> bool {
+        self.must_fail == Some(how)
+    }
+
+    /// Spoils a record of what was done, in its middle.
+    pub fn spoil<T: Clone>(&self, record: &mut Vec<T>) {
+        let middle = record.len() / 2;
+        let Some(entry) = record.get(middle).cloned() else { return };
+        match self.must_fail {
+            Some(MustFail::Lost) => drop(record.remove(middle)),
+            Some(MustFail::Repeated) => record.insert(middle, entry),
+            _ => {}
+        }
+    }
+
+    /// A count of what was done, spoilt.
+    pub fn spoilt(&self, count: u64) -> u64 {
+        match self.must_fail {
+            Some(MustFail::Lost) => count.saturating_sub(1),
+            Some(MustFail::Repeated) => count + 1,
+            _ => count,
+        }
+    }
 }

@@ -8,7 +8,7 @@ use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::settings::SetArgs;
-use crate::cell::{self, DemoOptions};
+use crate::cell::{self, DemoOptions, MustFail};
 use crate::io::input::seconds;
 use crate::io::interrupt;
 use crate::io::trace::TraceArgs;
@@ -33,13 +33,17 @@ pub struct Args {
     /// Fail when a time is above its budget at p99: for a machine on which nothing else runs
     #[arg(long)]
     check_times: bool,
+    /// Spoil the record of the run before it is judged: the demo fails then, which shows that it can (one LINK only)
+    #[arg(long, value_name = "HOW")]
+    must_fail: Option<MustFail>,
     /// The seed of the faults: the same seed gives the same faults
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Print one JSON object per link instead of a table
     #[arg(long)]
     json: bool,
-    /// Write the result of the demo to this file or, for fanuc-hmi-modbus, to this folder (one LINK only)
+    /// Write the result of the demo (one LINK only): what was drawn or cut, the motion that a hand asked for, the timeline of the
+    /// cell, as an SVG file; for fanuc-hmi-modbus plots, program and recording, to a folder
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
     /// The SVG file to draw, its outlines on an A3 sheet [default: a built-in picture] (kawasaki-msg only)
@@ -56,6 +60,7 @@ pub fn run(args: &Args) -> Result<bool> {
     let links = if args.links.is_empty() { LINKS.as_slice() } else { &args.links };
     if links.len() != 1 {
         anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes another kind of result");
+        anyhow::ensure!(args.must_fail.is_none(), "--must-fail needs one LINK: each can fail in other ways");
         anyhow::ensure!(args.set.is_empty(), "--set and --settings need one LINK: each has other settings");
     }
     anyhow::ensure!(
@@ -76,6 +81,7 @@ pub fn run(args: &Args) -> Result<bool> {
             faults: args.faults,
             seed: args.seed,
             out: args.out.clone(),
+            must_fail: args.must_fail,
             drawing: args.drawing.clone(),
             trace: args.trace.clone(),
             settings: settings.clone(),
@@ -83,7 +89,8 @@ pub fn run(args: &Args) -> Result<bool> {
         };
         let report = cell::demo(link.name(), &options)?;
         progress.finish_and_clear();
-        all &= report.is_good() && (report.is_in_time() || !args.check_times);
+        let check_times = args.check_times || args.must_fail == Some(MustFail::Late);
+        all &= report.is_good() && (report.is_in_time() || !check_times);
         if args.json {
             writeln!(out, "{}", report.to_json())?;
         } else {

@@ -16,7 +16,7 @@ use super::plot;
 use super::recording::{self, Comparison, Recording};
 use super::robot::Run;
 use super::task::BackgroundTask;
-use crate::cell::options::DemoOptions;
+use crate::cell::options::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
 use crate::io::files;
 use crate::io::line::Clock;
@@ -133,14 +133,18 @@ fn record(
         connect_timeout: tcp::CONNECT_TIMEOUT,
     };
     let mut logger = Logger::connect(source, clock)?;
-    let (mut recording, mut turn_around, mut failed) = (Recording::new(PERIOD), Samples::default(), 0);
+    let (mut recording, mut turn_around, mut failed) =
+        (Recording::new(PERIOD), Samples::default(), u64::from(options.spoils(MustFail::Lost)));
     options.progress.set_length(millis(ends));
     logger.run(Some(Duration::from_secs_f64(ends)), |reading| {
         options.progress.set_position(millis(clock.now().as_secs_f64()));
         match reading {
             Reading::Registers(registers, took) => {
                 turn_around.add(took);
-                let block = TelemetryBlock::from_registers(registers, WordOrder::LowFirst);
+                let mut block = TelemetryBlock::from_registers(registers, WordOrder::LowFirst);
+                if options.spoils(MustFail::Limit) {
+                    block.position = block.position.map(|mm| mm + 10.0);
+                }
                 recording.push(&block);
                 let [x, y, z] = block.position;
                 options.progress.set_message(format!("X {x:.1}  Y {y:.1}  Z {z:.1} mm"));

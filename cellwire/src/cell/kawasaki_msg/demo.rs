@@ -103,7 +103,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         (robot.join(), packets)
     });
     let robot = robot.map_err(|_| anyhow!("the simulated robot panicked"))??;
-    let strokes: Vec<Stroke> = strokes.try_iter().collect();
+    let mut strokes: Vec<Stroke> = strokes.try_iter().collect();
+    options.spoil(&mut strokes);
     let seen = Seen { packets: packets?, strokes, robot, time: program.start.elapsed() };
     if let Some(file) = &options.out {
         drawing::write_svg(file, SHEET, &drawn(seen.longest_order().map(|stroke| stroke.job.work)))?;
@@ -290,6 +291,7 @@ mod tests {
             faults: false,
             seed: 1,
             out: None,
+            must_fail: None,
             drawing: None,
             trace: TraceArgs::off(),
             settings: settings.iter().map(|(name, value)| ((*name).into(), Value::from(*value))).collect(),

@@ -83,7 +83,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     });
     let robot = robot.map_err(|_| anyhow::anyhow!("the simulated robot panicked"))??;
     let (cutter, rates) = cut?;
-    let executed = executed.into_inner()?;
+    let mut executed = executed.into_inner()?;
+    options.spoil(&mut executed);
     let cuts: Vec<Option<Cut>> = executed.iter().map(|job| Cut::of(job, &Profile::default())).collect();
     let cutter = cutter.plan;
     let tally = Tally::new(&path, &cutter.known, &cuts);
@@ -252,6 +253,7 @@ mod tests {
             faults: true,
             seed: 5,
             out: None,
+            must_fail: None,
             drawing: None,
             trace: TraceArgs::off(),
             settings: serde_json::Map::new(),

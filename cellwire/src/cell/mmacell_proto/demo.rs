@@ -73,7 +73,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     if let Some(path) = &options.out {
         timeline::draw(path, &log, &cell)?;
     }
-    let mut report = report(&log, &cell, options.faults || stalls.stall_every > 0, speed);
+    let mut report = report(&log, &cell, options, stalls.stall_every > 0, speed);
     report.require(until_limit || options.seconds.is_some() || log.placed == parts, || {
         format!("{} of {parts} parts were placed", log.placed)
     });
@@ -291,7 +291,7 @@ fn lock(cell: &Mutex<Cell>) -> MutexGuard<'_, Cell> {
     cell.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn report(log: &super::central::Log, cell: &Cell, faults: bool, speed: u32) -> Report {
+fn report(log: &super::central::Log, cell: &Cell, options: &DemoOptions, stalls: bool, speed: u32) -> Report {
     let record = &cell.parts().record;
     let tries = attempts(log.steps.iter().map(|(_, step)| *step));
     let title = format!(
@@ -308,7 +308,7 @@ fn report(log: &super::central::Log, cell: &Cell, faults: bool, speed: u32) -> R
     report.fact("let_go_elsewhere", "parts let go elsewhere", elsewhere);
     report.fact("unpicked", "parts missed or lost as often as they may be", log.unpicked);
     report.fact("exchanges", "commands answered", log.exchanges);
-    if faults {
+    if options.faults || stalls {
         report.fact("faults", "faults that a reset led out of", log.faults.len());
         report.fact("reconnections", "connections opened again", log.reconnections);
         report.fact("broken_off", "attempts that a fault broke off", ended(End::Fault));
@@ -317,7 +317,7 @@ fn report(log: &super::central::Log, cell: &Cell, faults: bool, speed: u32) -> R
     report.fact("vacuum_left_on", "attempts begun with the vacuum on", log.vacuum_left_on);
     let after_loss = u64::try_from(record.vacuum_after_fall.as_millis()).unwrap_or(u64::MAX);
     report.fact("vacuum_after_loss_ms", "longest vacuum after a loss, ms of the cell's time", after_loss);
-    report.jobs(motions(log, cell));
+    report.jobs(motions(log, cell, options));
     let open = tries.iter().filter(|(steps, end)| leaves_open(steps, *end)).count() as u64;
     report.require(record.carried_off <= open, || {
         format!("{} parts were not blown off and left their place again", record.carried_off)
@@ -353,8 +353,8 @@ fn let_go_elsewhere(log: &super::central::Log, cell: &Cell) -> usize {
 }
 
 /// Motions as jobs: what was agreed to was executed once; what was executed was agreed to, or its reply was lost.
-fn motions(log: &super::central::Log, cell: &Cell) -> Jobs {
-    let executed = [cell.robot().motions(), cell.platform().motions()];
+fn motions(log: &super::central::Log, cell: &Cell, options: &DemoOptions) -> Jobs {
+    let executed = [options.spoilt(cell.robot().motions()), cell.platform().motions()];
     let mut jobs = Jobs::default();
     for ((agreed, unknown), executed) in log.agreed.iter().zip(log.unknown).zip(executed) {
         jobs.sent += agreed + unknown;
@@ -411,6 +411,7 @@ mod tests {
             faults,
             seed: 7,
             out: None,
+            must_fail: None,
             drawing: None,
             trace: TraceArgs::off(),
             settings: set.iter().filter_map(|text| settings::parse(text).ok()).collect(),
@@ -461,7 +462,7 @@ mod tests {
         cell.drop_part(at(3));
         let steps = vec![(at(1), Step::AwaitPlace), (at(2), Step::Release), (at(4), Step::Blow)];
         let mut log = super::super::central::Log { steps, ..Default::default() };
-        let report = report(&log, &cell, false, 1);
+        let report = report(&log, &cell, &options(false, &[]), false, 1);
         assert!(!report.is_good());
         assert_eq!(report.to_json()["let_go_elsewhere"], 1);
         log.steps.insert(2, (at(2), Step::Faulted));

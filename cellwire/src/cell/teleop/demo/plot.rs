@@ -7,7 +7,9 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use val2_alter::{Limits, Scale, timing};
 
-use crate::cell::teleop::cell::Cycle;
+use crate::cell::options::DemoOptions;
+use crate::cell::teleop::cell::{CellConfig, CellRecord, Cycle};
+use crate::cell::teleop::verdict::speeds;
 use crate::io::files;
 
 const ASKED: RGBColor = RGBColor(200, 90, 40);
@@ -17,11 +19,21 @@ const LIMIT: RGBColor = RGBColor(130, 130, 130);
 /// One curve: a time in seconds and a value; a new piece from rest for each ALTER, and after each cycle in which the arm stood.
 type Curve = Vec<Vec<(f64, f64)>>;
 
+/// Draws the run of a cell where the options name a file.
+///
+/// # Errors
+/// Those of [`draw`].
+pub(super) fn write(options: &DemoOptions, config: &CellConfig, record: &CellRecord) -> Result<()> {
+    let Some(path) = &options.out else { return Ok(()) };
+    let cycles = speeds(&record.host.cycles, config.alter.mode.accumulation());
+    draw(path, &cycles, &config.alter.limits)
+}
+
 /// Draws velocity and acceleration along X.
 ///
 /// # Errors
 /// When the file cannot be written, or there is nothing to draw.
-pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()> {
+fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()> {
     let (Some(first), Some(last)) = (cycles.first(), cycles.last()) else {
         return Err(anyhow!("there is nothing to draw: ALTER never ran"));
     };

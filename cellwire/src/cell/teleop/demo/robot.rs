@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use anyhow::Result;
-use val2_alter::{AXES, ControllerConfig, HostConfig, Scale, timing};
+use val2_alter::{AXES, ControllerConfig, ErrorCode, HostConfig, Scale, timing};
 
 use super::plot;
-use crate::cell::options::DemoOptions;
+use crate::cell::options::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
 use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::teleop::verdict::{Extremes, speeds};
@@ -52,10 +52,16 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { alter, controller } =
         settings::read("val2-alter", Settings::default(), &options.settings)?;
     let config = CellConfig { alter, controller, ..CellConfig::of(options) };
-    let record = cell::run(&config, &options.progress)?;
-    if let Some(path) = &options.out {
-        let cycles = speeds(&record.host.cycles, alter.mode.accumulation());
-        plot::draw(path, &cycles, &alter.limits)?;
+    let mut record = cell::run(&config, &options.progress)?;
+    plot::write(options, &config, &record)?;
+    if options.spoils(MustFail::Lost) {
+        // An end of ALTER that the host has not taken up.
+        record.puma.ends.insert(0, (Duration::ZERO, ErrorCode::Timeout));
+        record.ends_before_stop += 1;
+    }
+    let middle = record.puma.replies.len() / 2;
+    if let (true, Some(taken)) = (options.spoils(MustFail::Limit), record.puma.replies.get_mut(middle)) {
+        taken.values = [i16::MAX; AXES];
     }
     Ok(report(&config, &record))
 }
@@ -90,7 +96,11 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
     }
     let p999 = micros(every_cycle.at(0.999).min(timing::CYCLE));
     report.fact("turn_around_p999_us", "turn-around p99.9, a missed cycle being 28000, µs", p999);
-    report.fact("least_margin_us", "least left of the window, µs", micros(puma.margin.at(0.0)));
+    report.fact(
+        "least_margin_us",
+        "least left of the window in the cycles kept, µs",
+        micros(puma.margin.at(0.0)),
+    );
 
     judge_limits(&mut report, config, record);
 
@@ -114,7 +124,7 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
     report.fact("line_faults", "bytes corrupted on the lines", record.line_faults.iter().sum::<u64>());
 
     let budget = puma.window.map(|time| Budget { time, source: "§3.4" });
-    report.timing("turn_around", "request to reply, in the cycles kept", &puma.turn_around, budget);
+    report.timing("turn_around", "request to reply, a missed cycle being 28 ms", &every_cycle, budget);
     report.timing("host", "of that, host and machine", &puma.thinking, None);
     // What it gave up took it too long; while it was put to sleep, it is not asked.
     let mut host_own = host.thinking.clone();
@@ -204,8 +214,6 @@ fn micros(time: Duration) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use val2_alter::ErrorCode;
-
     use super::*;
     use crate::io::samples::Samples;
     use crate::io::trace::TraceArgs;

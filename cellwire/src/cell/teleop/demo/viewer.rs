@@ -2,7 +2,8 @@
 
 use anyhow::Result;
 
-use crate::cell::options::DemoOptions;
+use super::plot;
+use crate::cell::options::{DemoOptions, MustFail};
 use crate::cell::report::Report;
 use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
 use crate::links::settings;
@@ -14,8 +15,12 @@ use crate::links::settings;
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     settings::read("val2-viewer", (), &options.settings)?;
     let config = CellConfig::of(options);
-    let CellRecord { drawn, host, line_faults: [_, _, line_faults], .. } =
-        cell::run(&config, &options.progress)?;
+    let record = cell::run(&config, &options.progress)?;
+    plot::write(options, &config, &record)?;
+    let CellRecord { mut drawn, host, line_faults: [_, _, line_faults], .. } = record;
+    if options.spoils(MustFail::Repeated) {
+        drawn.most_at_once += 1;
+    }
     let mut report = Report::new("val2-viewer", "a workstation draws the robot, one pose for each request");
     report.fact("requests", "requests", drawn.asked);
     report.fact("sent", "poses sent", host.poses);

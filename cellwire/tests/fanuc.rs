@@ -343,7 +343,7 @@ fn log_reports_a_refused_connection() {
 #[test]
 fn a_log_is_compared_with_its_trajectory() {
     let folder = Folder::new("evaluate");
-    let demo = folder.run("demo fanuc-hmi-modbus --seconds 2.5 --out made --json");
+    let demo = folder.run("demo fanuc-hmi-modbus --seconds 5 --out made --json");
     let report: Value = serde_json::from_str(out(&demo)).unwrap();
     let output = folder.run("fanuc evaluate made/trajectory.csv made/recording.csv --out plots --json");
     assert_eq!(output.status.code(), Some(0), "{}", err(&output));

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
+use serde_json::Value;
 
 use super::settings::SetArgs;
 use crate::io::input::seconds;
@@ -28,6 +29,12 @@ pub struct Args {
     device: &'static dyn Device,
     #[command(flatten)]
     endpoint: EndpointArgs,
+    /// fanuc: the LS file that the robot runs (the setting `program`)
+    #[arg(long, value_name = "FILE.LS")]
+    program: Option<String>,
+    /// fanuc: the listing of $SNPX_ASG that says what the holding registers show (the setting `assignments`)
+    #[arg(long, value_name = "FILE")]
+    assignments: Option<String>,
     #[command(flatten)]
     connect: ConnectArgs,
     /// Disconnect a client that neither sends nor takes a byte for so many seconds; 0: never
@@ -61,7 +68,12 @@ pub fn run(args: &Args) -> Result<bool> {
         EndpointArgs { pty: Some(path), .. } => Endpoint::Pty(path.clone()),
         _ => anyhow::bail!("give --listen, --connect or --pty"),
     };
-    let settings = args.set.read()?;
+    let mut settings = args.set.read()?;
+    for (name, value) in [("program", &args.program), ("assignments", &args.assignments)] {
+        if let Some(value) = value {
+            settings.insert(name.into(), Value::from(value.as_str()));
+        }
+    }
     interrupt::handle()?;
     args.device.simulate(&SimulateOptions {
         endpoint,

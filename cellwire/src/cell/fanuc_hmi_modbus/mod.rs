@@ -2,6 +2,7 @@
 
 mod demo;
 pub mod logger;
+pub mod path;
 pub mod plausibility;
 pub mod plot;
 pub mod recording;

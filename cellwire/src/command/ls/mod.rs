@@ -3,6 +3,7 @@
 mod background;
 mod check;
 mod make;
+mod run;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -34,6 +35,7 @@ Examples:
   cellwire ls check WELD.LS                           is it a program, and a sound one
   cellwire ls make path.csv --mode dynamic            points dense where the motion changes
   cellwire ls make path.csv --mode distance --mm 5    a point every 5 mm
+  cellwire ls run WELD.LS --out plots                 what a robot would do, drawn
   cellwire ls background                              the task that `cellwire fanuc log` reads";
 
 #[derive(Debug, Subcommand)]
@@ -41,6 +43,7 @@ enum Command {
     Check(check::Args),
     Make(Box<make::Args>),
     Background(background::Args),
+    Run(run::Args),
 }
 
 /// Does what the arguments ask for; false when a file was refused.
@@ -52,6 +55,7 @@ pub fn run(args: &Args) -> Result<bool> {
         (Some(Command::Check(args)), _) => check::check(args),
         (Some(Command::Make(args)), _) => make::make(args).map(|()| true),
         (Some(Command::Background(args)), _) => background::background(args).map(|()| true),
+        (Some(Command::Run(args)), _) => run::run(args),
         (None, Some(folder)) => check::summarize(folder),
         (None, None) => bail!("a folder or a command is needed"),
     }

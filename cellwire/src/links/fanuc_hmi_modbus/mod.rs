@@ -1,11 +1,17 @@
 //! fanuc-hmi-modbus in the tool: its codec, the simulated controller, and a client for scripts.
 
+pub mod background;
 pub mod client;
 mod codec;
 pub mod controller;
 pub mod faults;
+pub mod inputs;
+pub mod mapping;
 pub mod options;
+pub mod program;
+pub mod robot;
 pub mod simulate;
+pub mod tables;
 
 use crate::links::codec::Codec;
 use crate::links::device::{Device, SimulateOptions};

@@ -5,7 +5,7 @@ use std::time::Duration;
 use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig, WordOrder};
 use serde_json::Value;
 
-use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table};
+use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table, json as json_text};
 
 /// The frames of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -67,6 +67,56 @@ pub struct FanucSettings {
     pub word_order: WordOrder,
     /// Telemetry that cannot be, and when: see [`Faults`](super::faults::Faults).
     pub faults: Option<String>,
+    /// The program that the robot runs.
+    pub program: ProgramSettings,
+}
+
+/// What the robot runs.
+#[derive(Debug, Clone)]
+pub struct ProgramSettings {
+    /// The LS file; those that it calls are beside it.
+    pub program: Option<String>,
+    /// A listing of `$SNPX_ASG`.
+    pub assignments: Option<String>,
+    /// The robot's description, as `ls make` takes it.
+    pub robot: Option<String>,
+    /// J1 to J6 at the start, in degrees.
+    pub joints: [f64; 6],
+    /// See [`Inputs`](super::inputs::Inputs).
+    pub inputs: Option<String>,
+    /// Whether the program begins again when it has ended.
+    pub repeat: bool,
+    /// The first register of the background task; 0: there is none.
+    pub telemetry: u16,
+}
+
+impl Default for ProgramSettings {
+    fn default() -> Self {
+        let joints = [0.0, 0.0, 0.0, 0.0, -90.0, 0.0];
+        let (program, assignments, robot, inputs) = (None, None, None, None);
+        Self { program, assignments, robot, joints, inputs, repeat: false, telemetry: 1 }
+    }
+}
+
+impl Configure for ProgramSettings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { program, assignments, robot, joints, inputs, repeat, telemetry } = self;
+        let about = "the program that the robot runs; those that it calls are beside it";
+        table.text("program", "an LS file", "the robot goes around a circle", about, program);
+        let about = "which variables the holding registers show, with a program: R[n], R[n]@1.1, PR[n], SR[n], POS[0]";
+        let shape = "a file with lines such as SETVAR $SNPX_ASG[1].$ADDRESS 1, or those of SYSTEM.VA";
+        table.text("assignments", shape, "the telemetry block, then R[n] in 16 bits", about, assignments);
+        let about = "the robot's joints and arm, as `ls make --robot` takes them";
+        table.text("robot", "a JSON file", "it is an LR Mate 200iD", about, robot);
+        let default = json_text(joints);
+        table.parsed("joints", "six numbers in degrees", default, "where the robot is at the start", joints);
+        let shape =
+            "INPUT:FROM-TO in seconds since the start, with commas between them, such as DI[1]:0-5,RI[2]:3-";
+        table.text("inputs", shape, "all are off", "the inputs that are on, and when", inputs);
+        table.flag("repeat", "begin the program again when it has ended", repeat);
+        let about = "the first register of the background task's telemetry; 0: there is none";
+        table.whole("telemetry", 0..=16_000, "", about, telemetry);
+    }
 }
 
 impl Default for FanucSettings {
@@ -82,6 +132,7 @@ impl Default for FanucSettings {
             stall,
             word_order,
             faults: None,
+            program: ProgramSettings::default(),
         }
     }
 }
@@ -114,7 +165,7 @@ impl FanucSettings {
 
 impl Configure for FanucSettings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { frames, unit, broadcast, baud, silence, stall, word_order, faults } = self;
+        let Self { frames, unit, broadcast, baud, silence, stall, word_order, faults, program } = self;
         self::frames(table, frames);
         let about = "the unit that it is; auto: every one on TCP, 1 in RTU frames";
         table.whole_or("unit", 0..=u8::MAX, "auto", about, unit);
@@ -129,6 +180,7 @@ impl Configure for FanucSettings {
         let shape = "FAULT:FROM-TO in seconds since the start, with commas between them: nan, infinite, denormal, quaternion, \
                      unreachable, standstill, restart, disconnect, busy";
         table.text("faults", shape, "there are none", "telemetry that cannot be, and when", faults);
+        program.configure(table);
     }
 }
 

@@ -1,17 +1,25 @@
 //! `cellwire simulate fanuc`: the controller over Modbus TCP, RTU over TCP, or RTU on a pseudo-terminal.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, DecodeError, Exception, Registers, Server, ServerConfig, ServerEvent, Words, WordsMut,
+    Bits, BitsMut, DecodeError, Exception, Registers, Server, ServerConfig, ServerEvent, WordOrder, Words,
+    WordsMut,
 };
 use serde_json::{Value, json};
 
 use super::controller::{Controller, circle};
 use super::faults::Faults;
-use super::options::FanucSettings;
+use super::inputs::Inputs;
+use super::mapping::Mapping;
+use super::options::{FanucSettings, ProgramSettings};
+use super::program::{Machine, load};
+use super::robot::Robot;
 use crate::io::line::{Clock, Line};
 use crate::io::listener::Listener;
 use crate::io::output::{log, ready};
@@ -20,6 +28,7 @@ use crate::io::tcp;
 use crate::links::device;
 use crate::links::device::{Endpoint, SimulateOptions};
 use crate::links::settings;
+use crate::motion::{Arm, Limits, Planner, Pose};
 
 /// Who a controller is shared between: every connection sees the same registers.
 pub type Shared = Arc<Mutex<Controller>>;
@@ -31,24 +40,77 @@ pub type Shared = Arc<Mutex<Controller>>;
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
     let settings = settings::read("fanuc", FanucSettings::default(), &options.settings)?;
     let faults = Faults::parse(settings.faults.as_deref().unwrap_or_default())?;
-    let controller = Controller::new(Box::new(circle), settings.word_order).with_faults(faults);
-    let controller = Arc::new(Mutex::new(controller));
+    let controller = match &settings.program.program {
+        None => Controller::new(Box::new(circle), settings.word_order),
+        Some(program) => {
+            let robot = robot(Path::new(program), &settings.program, settings.word_order)?;
+            Controller::running(robot, settings.word_order)
+        }
+    };
+    let controller = Arc::new(Mutex::new(controller.with_faults(faults)));
+    let runs = settings.program.program.is_some();
     match &options.endpoint {
         Endpoint::Listen(address) => {
             let config = settings.on_tcp();
             let listener = tcp::listen(address)?;
             ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
-            let trace = options.trace.start("fanuc");
-            let service =
-                Service { clock: Clock::start(), trace: &trace, idle_timeout: options.idle_timeout };
+            let (trace, clock) = (options.trace.start("fanuc"), Clock::start());
+            if runs {
+                keep_running(&controller, clock);
+            }
+            let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout };
             // A script that reads no more is none of our business.
             serve_tcp(Listener::new(listener)?, &controller, config, &service, |event| drop(log(&event)))
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
+            if runs {
+                keep_running(&controller, clock);
+            }
             serve_line(line, clock, &controller, settings.on_line())
         }),
         Endpoint::Connect(_) => bail!("a FANUC controller is a server: use --listen, or --pty for RTU"),
     }
+}
+
+/// The robot that runs a program; what is not modelled of it is the first of its events.
+///
+/// # Errors
+/// When a file cannot be read, or is not what it should be.
+pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Result<Robot> {
+    let (main, programs, findings) = load(program)?;
+    let read = |path: &str| std::fs::read_to_string(path).with_context(|| format!("cannot read {path}"));
+    let limits = match &settings.robot {
+        Some(path) => Limits::from_json(&read(path)?).with_context(|| path.clone())?,
+        None => Limits::LR_MATE_200ID,
+    };
+    let arm = limits.arm.map_or(Arm::LR_MATE_200ID, |arm| arm.arm(Pose::IDENTITY));
+    let mapping = match &settings.assignments {
+        Some(path) => Mapping::parse(&read(path)?, order).with_context(|| path.clone())?,
+        None => Mapping::telemetry(settings.telemetry.max(1), order)?,
+    };
+    let inputs = Inputs::parse(settings.inputs.as_deref().unwrap_or_default())?;
+    let planner = Planner::new(arm, limits, settings.joints);
+    let mut machine = Machine::new(main, programs, planner, settings.repeat);
+    findings.iter().for_each(|finding| machine.report(finding.event()));
+    Ok(Robot::new(machine, mapping, inputs, settings.telemetry.into()))
+}
+
+/// Lets the program run also while no client asks, and prints what it reports.
+fn keep_running(controller: &Shared, clock: Clock) {
+    let controller = Arc::clone(controller);
+    thread::spawn(move || {
+        loop {
+            thread::sleep(Duration::from_millis(16));
+            let events = {
+                let mut controller = controller.lock().unwrap_or_else(PoisonError::into_inner);
+                controller.tick(clock.now());
+                controller.events()
+            };
+            for event in events {
+                let _ = log(&event); // a script that reads no more is none of our business
+            }
+        }
+    });
 }
 
 /// Serves any number of clients at once until the listener fails.

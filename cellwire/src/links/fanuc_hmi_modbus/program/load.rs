@@ -1,0 +1,206 @@
+//! LS files as something that runs, and what of them does not.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use fanuc_ls::{Document, Instruction, Motion, MotionKind, Operation, Program};
+
+/// A program that runs.
+#[derive(Debug)]
+pub struct Loaded {
+    /// Its values.
+    pub program: Program,
+    /// Its instructions.
+    pub steps: Vec<Step>,
+}
+
+/// An instruction that runs.
+#[derive(Debug, Clone)]
+pub enum Step {
+    /// A motion.
+    Motion(Box<Motion>),
+    /// Another instruction.
+    Operation(Box<Operation>),
+    /// Nothing is done: a comment, or what is not modelled.
+    Pass,
+}
+
+/// The programs that a program needs, by their names in capitals.
+pub type Programs = BTreeMap<String, Arc<Loaded>>;
+
+/// Something of the programs that the simulation does not do, or does otherwise.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// What, and what happens instead.
+    pub what: String,
+    /// In which programs and lines, as `NAME:3`.
+    pub places: Vec<String>,
+}
+
+/// Reads a program and those that it calls, which are beside it. Gives its name, all of them, and what is not modelled, each once.
+///
+/// # Errors
+/// When the file cannot be read, or a controller would not take it.
+pub fn load(path: &Path) -> Result<(String, Programs, Vec<Finding>)> {
+    let mut programs = Programs::new();
+    let mut survey = Survey::default();
+    let first = read(path)?;
+    let main = first.program.name.to_uppercase();
+    let mut open = vec![first];
+    while let Some(loaded) = open.pop() {
+        let name = loaded.program.name.to_uppercase();
+        survey.look(&name, &loaded);
+        let calls =
+            (1..).zip(&loaded.steps).filter_map(|(line, step)| Some((line, step.called()?.to_uppercase())));
+        let calls: Vec<(usize, String)> = calls.collect();
+        programs.insert(name.clone(), Arc::new(loaded));
+        for (line, called) in calls {
+            let known = programs.contains_key(&called)
+                || open.iter().any(|other: &Loaded| other.program.name.to_uppercase() == called);
+            if known {
+                continue;
+            }
+            match beside(path, &called) {
+                Some(path) => open.push(read(&path)?),
+                None => {
+                    let what =
+                        format!("CALL {called} is passed over: there is no {called}.LS beside the program");
+                    survey.add(what, &name, line);
+                }
+            }
+        }
+    }
+    Ok((main, programs, survey.findings()))
+}
+
+fn read(path: &Path) -> Result<Loaded> {
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let program = Document::decode_bytes(&bytes).and_then(|document| document.program());
+    let program = program.with_context(|| format!("{}: `cellwire ls check` shows more", path.display()))?;
+    let steps = program.instructions.iter().map(Step::of).collect();
+    Ok(Loaded { program, steps })
+}
+
+/// The file of a program, in the folder of another one; controllers and their tools write both cases.
+fn beside(path: &Path, name: &str) -> Option<std::path::PathBuf> {
+    let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).ok()?;
+    entries.filter_map(|entry| Some(entry.ok()?.path())).find(|path| {
+        let is = |part: Option<&std::ffi::OsStr>, text: &str| {
+            part.is_some_and(|part| part.eq_ignore_ascii_case(text))
+        };
+        is(path.file_stem(), name) && is(path.extension(), "ls")
+    })
+}
+
+impl Finding {
+    /// As a line of JSON: the first places, and how many there are.
+    pub fn event(&self) -> serde_json::Value {
+        let first: Vec<&String> = self.places.iter().take(5).collect();
+        serde_json::json!({"event": "not_modelled", "what": self.what, "at": first, "count": self.places.len()})
+    }
+}
+
+impl Step {
+    fn of(instruction: &Instruction) -> Self {
+        match instruction {
+            Instruction::Motion(motion) => Self::Motion(Box::new(motion.clone())),
+            other => other.operation().map_or(Self::Pass, |operation| Self::Operation(Box::new(operation))),
+        }
+    }
+
+    /// The program that it calls, if it names one.
+    fn called(&self) -> Option<&str> {
+        let Self::Operation(operation) = self else { return None };
+        let inner = match &**operation {
+            Operation::If(_, inner)
+            | Operation::Select(_, _, inner)
+            | Operation::Case(_, inner)
+            | Operation::Otherwise(inner) => inner,
+            other => other,
+        };
+        match inner {
+            Operation::Call { program, .. } if !program.starts_with("SR[") => Some(program),
+            _ => None,
+        }
+    }
+}
+
+#[derive(Default)]
+struct Survey(BTreeMap<String, Vec<String>>);
+
+impl Survey {
+    fn add(&mut self, what: impl Into<String>, name: &str, line: usize) {
+        let place = if line == 0 { name.to_owned() } else { format!("{name}:{line}") };
+        self.0.entry(what.into()).or_default().push(place);
+    }
+
+    fn findings(self) -> Vec<Finding> {
+        self.0.into_iter().map(|(what, places)| Finding { what, places }).collect()
+    }
+
+    fn look(&mut self, name: &str, loaded: &Loaded) {
+        for (line, instruction) in (1..).zip(&loaded.program.instructions) {
+            if matches!(instruction, Instruction::Other(text) if text.contains('$')) {
+                self.add("system variables are 0 until the program sets them, and do nothing", name, line);
+            }
+            match instruction {
+                Instruction::Motion(motion) => self.motion(name, line, motion),
+                Instruction::Nested(_) => self.add("instructions of TB and TA are passed over", name, line),
+                Instruction::Other(text) => match instruction.operation() {
+                    None => self.add(format!("`{text}` is not understood, it is passed over"), name, line),
+                    Some(Operation::Run(_)) => self.add("RUN is passed over: there is one task", name, line),
+                    Some(Operation::Payload(_)) => {
+                        self.add("PAYLOAD is passed over: nothing has a weight", name, line)
+                    }
+                    Some(_) => {}
+                },
+                _ => {}
+            }
+        }
+        for position in &loaded.program.positions {
+            let number = position.number;
+            if position.groups.len() > 1 || position.groups.iter().any(|group| group.axes.len() > 6) {
+                self.add(
+                    format!("axes beyond the sixth of the first group do not move (P[{number}] …)"),
+                    name,
+                    0,
+                );
+                break;
+            }
+        }
+        for group in loaded.program.positions.iter().filter_map(|position| position.groups.first()) {
+            for (number, kind, otherwise) in
+                [(group.user_frame, "UFRAME", "the world frame"), (group.user_tool, "UTOOL", "the flange")]
+            {
+                if let Some(number @ 1..) = number {
+                    let what = format!(
+                        "{kind}[{number}] is {otherwise} until the program sets it: no LS file has it"
+                    );
+                    if !self.0.contains_key(&what) {
+                        self.add(what, name, 0);
+                    }
+                }
+            }
+        }
+    }
+
+    fn motion(&mut self, name: &str, line: usize, motion: &Motion) {
+        match motion.kind {
+            MotionKind::Spline => {
+                self.add("S runs as a straight line: its curve is not published", name, line)
+            }
+            MotionKind::Arc => self.add("A runs as a straight line", name, line),
+            MotionKind::Joint | MotionKind::Linear | MotionKind::Circular => {}
+        }
+        for option in motion.options.split([' ', '\t', '\n']).filter(|option| !option.is_empty()) {
+            let is_known = ["ACC", "Offset,", "Tool_Offset,"].iter().any(|known| option.starts_with(known));
+            let word: String = option.chars().take_while(|c| c.is_alphabetic() || *c == '_').collect();
+            if !is_known && !word.is_empty() {
+                self.add(format!("the motion option {word} is ignored"), name, line);
+            }
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! Runs a program: one task, on its own time.
+
+mod moves;
+mod operations;
+
+use std::sync::Arc;
+
+use fanuc_ls::{Expression, Item, Operation};
+use serde_json::{Value as Json, json};
+
+use super::load::{Loaded, Programs, Step};
+use super::memory::{Fault, Memory, Surroundings, Value};
+use super::position::Place;
+use crate::links::fanuc_hmi_modbus::tables::Tables;
+use crate::motion::{Kinematics as _, Planner, Pose};
+
+/// What an instruction that is no motion takes, in s.
+const INSTRUCTION: f64 = 0.001;
+/// How often a condition is looked at, and the time of a motion begins anew, in s: the interpolation period.
+const PERIOD: f64 = 0.008;
+/// The time in which the arm gets its speed, in s, with ACC100.
+const RAMP: f64 = 0.2;
+/// The speed of `max_speed`, in mm/s.
+const FASTEST: f64 = 2000.0;
+/// `$WAITTMOUT`, in s.
+const TIMEOUT: f64 = 30.0;
+/// Programs that call each other so deep are a mistake.
+const DEEPEST: usize = 100;
+
+/// A controller that runs a program.
+#[derive(Debug)]
+pub struct Machine {
+    /// Registers and the like.
+    pub memory: Memory,
+    main: String,
+    programs: Programs,
+    planner: Planner,
+    stack: Vec<Frame>,
+    repeat: bool,
+    now: f64,
+    /// When the last motion ends.
+    rest: f64,
+    /// When the next instruction is due.
+    due: f64,
+    /// Since when a `WAIT` waits.
+    waits: Option<f64>,
+    state: State,
+    frame: u32,
+    tool: u32,
+    speed: f64,
+    events: Vec<Json>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Running,
+    Ended,
+}
+
+#[derive(Debug)]
+struct Frame {
+    loaded: Arc<Loaded>,
+    next: usize,
+    arguments: Vec<Value>,
+}
+
+/// What follows an instruction.
+enum Flow {
+    Next,
+    To(usize),
+    /// The same again, at this time.
+    Again(f64),
+    /// The next one, at this time.
+    Later(f64),
+    Call(String, Vec<Value>),
+    Return,
+    Stop(&'static str),
+}
+
+impl Machine {
+    /// At the beginning of `main`, the arm at rest.
+    pub fn new(main: String, programs: Programs, planner: Planner, repeat: bool) -> Self {
+        let mut machine = Self {
+            memory: Memory::default(),
+            main,
+            programs,
+            planner,
+            stack: Vec::new(),
+            repeat,
+            now: 0.0,
+            rest: 0.0,
+            due: 0.0,
+            waits: None,
+            state: State::Running,
+            frame: 0,
+            tool: 0,
+            speed: 1.0,
+            events: Vec::new(),
+        };
+        machine.begin();
+        machine
+    }
+
+    /// Runs until a time that is not before the last one.
+    pub fn advance(&mut self, until: f64, tables: &mut Tables) {
+        while self.state == State::Running && self.due <= until {
+            self.now = self.now.max(self.due);
+            self.end_pulses(tables);
+            self.step(tables);
+        }
+        self.now = until;
+        self.end_pulses(tables);
+    }
+
+    /// Whether nothing will happen any more.
+    pub fn has_ended(&self) -> bool {
+        self.state == State::Ended && self.now >= self.rest
+    }
+
+    /// The tool's pose in the world frame, now.
+    pub fn pose(&mut self) -> Pose {
+        let joints = self.planner.at(self.now);
+        self.planner.arm().forward(&joints)
+    }
+
+    /// The joints, now.
+    pub fn joints(&mut self) -> [f64; 6] {
+        self.planner.at(self.now)
+    }
+
+    /// In percent.
+    pub fn override_percent(&self) -> f64 {
+        self.speed * 100.0
+    }
+
+    /// What has happened since the last time.
+    pub fn events(&mut self) -> Vec<Json> {
+        std::mem::take(&mut self.events)
+    }
+
+    /// Adds an event.
+    pub fn report(&mut self, event: Json) {
+        self.events.push(event);
+    }
+
+    /// What runs: the program and its line, from 1.
+    pub fn line(&self) -> Option<(&str, usize)> {
+        self.stack.last().map(|frame| (frame.loaded.program.name.as_str(), frame.next + 1))
+    }
+
+    fn begin(&mut self) {
+        if let Some(loaded) = self.programs.get(&self.main) {
+            self.stack.push(Frame { loaded: Arc::clone(loaded), next: 0, arguments: Vec::new() });
+        }
+    }
+
+    fn event(&mut self, name: &str, more: &Json) {
+        let mut event = json!({"event": name, "time": (self.now * 1e3).round() / 1e3});
+        let line = self.line().map(|(program, line)| format!("{program}:{line}"));
+        if let (Some(event), Some(more)) = (event.as_object_mut(), more.as_object()) {
+            event.extend(line.map(|line| ("at".into(), json!(line))));
+            event.extend(more.clone());
+        }
+        self.events.push(event);
+    }
+
+    fn step(&mut self, tables: &mut Tables) {
+        let Some(frame) = self.stack.last() else {
+            if self.now < self.rest {
+                self.due = self.rest;
+                return;
+            }
+            self.event("program_ended", &json!({}));
+            if self.repeat {
+                self.due = self.now + PERIOD; // an empty program ends at once, again and again
+                self.begin();
+            } else {
+                self.state = State::Ended;
+            }
+            return;
+        };
+        let loaded = Arc::clone(&frame.loaded);
+        let flow = match loaded.steps.get(frame.next) {
+            None => Ok(Flow::Return),
+            Some(Step::Pass) => Ok(Flow::Next),
+            Some(Step::Motion(motion)) => self.motion(motion, &loaded, tables),
+            Some(Step::Operation(operation)) => self.operate(operation, &loaded, tables),
+        };
+        let flow = flow.unwrap_or_else(|why| {
+            self.event("alarm", &json!({"why": why}));
+            Flow::Stop("alarm")
+        });
+        self.follow(flow);
+    }
+
+    fn follow(&mut self, flow: Flow) {
+        self.due = self.now + INSTRUCTION;
+        if !matches!(flow, Flow::Again(_)) {
+            self.waits = None;
+        }
+        let next = self.stack.last_mut().map(|frame| &mut frame.next);
+        match flow {
+            Flow::Next => next.into_iter().for_each(|next| *next += 1),
+            Flow::To(step) => next.into_iter().for_each(|next| *next = step),
+            Flow::Again(at) => self.due = at,
+            Flow::Later(at) => {
+                next.into_iter().for_each(|next| *next += 1);
+                self.due = at;
+            }
+            Flow::Call(name, arguments) => {
+                next.into_iter().for_each(|next| *next += 1);
+                // A program that is not there was reported at the start.
+                if let Some(loaded) = self.programs.get(&name.to_uppercase()) {
+                    self.stack.push(Frame { loaded: Arc::clone(loaded), next: 0, arguments });
+                }
+                if self.stack.len() > DEEPEST {
+                    self.event("alarm", &json!({"why": format!("programs call each other {DEEPEST} deep")}));
+                    self.state = State::Ended;
+                }
+            }
+            Flow::Return => drop(self.stack.pop()),
+            Flow::Stop(why) => {
+                self.event("program_stopped", &json!({"why": why}));
+                self.state = State::Ended;
+            }
+        }
+    }
+
+    /// Gives `f` the memory and what expressions need to know.
+    fn with<T>(
+        &mut self,
+        loaded: &Loaded,
+        tables: &mut Tables,
+        f: impl FnOnce(&mut Memory, &mut Tables, &Surroundings<'_>) -> Result<T, Fault>,
+    ) -> Result<T, Fault> {
+        let joints = self.planner.at(self.now);
+        let world = self.planner.arm().forward(&joints);
+        let here = self.user_frame(self.frame).inverse().then(world);
+        let here = Place::Cartesian { xyzwpr: here.to_xyzwpr(), folded: None };
+        let arguments: &[Value] = self.stack.last().map_or(&[], |frame| &frame.arguments);
+        let around = Surroundings {
+            now: self.now,
+            arguments,
+            here: (here, Place::Joints(joints)),
+            program: &loaded.program,
+        };
+        f(&mut self.memory, tables, &around)
+    }
+
+    fn user_frame(&self, number: u32) -> Pose {
+        self.memory.frames.get(&(false, number)).map_or(Pose::IDENTITY, |frame| Pose::from_xyzwpr(*frame))
+    }
+
+    fn end_pulses(&mut self, tables: &mut Tables) {
+        let now = self.now;
+        self.memory.pulses.retain(|(end, signal)| {
+            if *end <= now {
+                tables.set_signal(*signal, 0);
+            }
+            *end > now
+        });
+    }
+}
+
+/// The item that a text is, such as `P[R[1]]`.
+fn parsed(text: &str) -> Option<Item> {
+    match Operation::decode(&format!("R[1]={text}")) {
+        Some(Operation::Assign(_, Expression::Item(item))) => Some(item),
+        _ => None,
+    }
+}

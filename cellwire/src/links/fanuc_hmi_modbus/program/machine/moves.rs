@@ -1,0 +1,154 @@
+//! Motions: where they go, how fast, and how close they come.
+
+use fanuc_ls::{
+    Expression, Index, Item, ItemKind, Motion, MotionKind, Speed, SpeedUnit, Target, Termination,
+};
+
+use super::super::load::Loaded;
+use super::super::memory::{Fault, Value};
+use super::super::position::Place;
+use super::{FASTEST, Flow, Machine, RAMP, parsed};
+use crate::links::fanuc_hmi_modbus::tables::Tables;
+use crate::motion::{Goal, Kinematics as _, Move, Pace, Pose, Way};
+
+impl Machine {
+    pub(super) fn motion(
+        &mut self,
+        motion: &Motion,
+        loaded: &Loaded,
+        tables: &mut Tables,
+    ) -> Result<Flow, Fault> {
+        let (place, frame, tool) = self.place(&motion.target, loaded, tables)?;
+        let tool_frame =
+            self.memory.frames.get(&(true, tool)).map_or(Pose::IDENTITY, |tool| Pose::from_xyzwpr(*tool));
+        if self.planner.arm().tool != tool_frame {
+            if self.now < self.rest {
+                return Ok(Flow::Again(self.rest)); // another tool begins at rest
+            }
+            self.planner.set_tool(tool_frame);
+        }
+        let frame = self.user_frame(frame);
+        let mut goal = place.goal(frame);
+        if let Some(item) = motion.offset() {
+            let [x, y, z, ..] = *self.register(&item, loaded, tables)?.parts();
+            let moved = match goal {
+                Goal::Pose(pose, folded) => Some(Goal::Pose(
+                    frame.then(Pose::shift(x, y, z)).then(frame.inverse()).then(pose),
+                    folded,
+                )),
+                Goal::Joints(_) => None,
+            };
+            goal = moved.ok_or("an offset to a position in joints is not modelled")?;
+        }
+        if let Some(item) = motion.tool_offset() {
+            let offset = Pose::from_xyzwpr(*self.register(&item, loaded, tables)?.parts());
+            let Goal::Pose(pose, folded) = goal else {
+                return Err("an offset to a position in joints is not modelled".into());
+            };
+            goal = Goal::Pose(pose.then(offset), folded);
+        }
+        let way = match (motion.kind, &motion.via) {
+            (MotionKind::Joint, _) => Way::Joint,
+            (MotionKind::Circular, Some(via)) => {
+                let (via, frame, _) = self.place(via, loaded, tables)?;
+                match via.goal(self.user_frame(frame)) {
+                    Goal::Pose(pose, _) => Way::Arc(pose.position),
+                    Goal::Joints(joints) => Way::Arc(self.planner.arm().forward(&joints).position),
+                }
+            }
+            _ => Way::Linear,
+        };
+        let pace = self.pace(&motion.speed, loaded, tables)?;
+        let blend = match &motion.termination {
+            None | Some(Termination::Fine) => 0.0,
+            Some(Termination::Continuous(percent)) => f64::from(*percent) / 100.0,
+            Some(Termination::ContinuousRegister(register)) => {
+                self.number_of(register, loaded, tables)?.clamp(0.0, 100.0) / 100.0
+            }
+        };
+        let ramp = RAMP / acceleration(&motion.options);
+        let motion = Move { goal, way, pace, ramp, blend };
+        let (next, end) = self.planner.add(self.now, &motion).map_err(|error| error.to_string())?;
+        self.rest = self.rest.max(end);
+        Ok(Flow::Later(next))
+    }
+
+    fn pace(&mut self, speed: &Speed, loaded: &Loaded, tables: &mut Tables) -> Result<Pace, Fault> {
+        let (value, unit) = match speed {
+            Speed::Fixed { value, unit } => (*value, *unit),
+            Speed::Register { register, unit } => (self.number_of(register, loaded, tables)?, *unit),
+            Speed::Named(_) => (FASTEST, SpeedUnit::MmPerSec),
+        };
+        if value <= 0.0 {
+            return Err(format!("a speed of {value}"));
+        }
+        let speed = self.speed;
+        Ok(match unit {
+            SpeedUnit::Percent => Pace::Share(value / 100.0 * speed),
+            SpeedUnit::Sec => Pace::Time(value / speed),
+            SpeedUnit::Msec => Pace::Time(value / 1000.0 / speed),
+            SpeedUnit::MmPerSec => Pace::Path(value * speed),
+            SpeedUnit::CmPerMin => Pace::Path(value / 6.0 * speed),
+            SpeedUnit::InchPerMin => Pace::Path(value * 25.4 / 60.0 * speed),
+            SpeedUnit::DegPerSec => Pace::Turn(value * speed),
+        })
+    }
+
+    /// A position with its user frame and tool.
+    fn place(
+        &mut self,
+        target: &Target,
+        loaded: &Loaded,
+        tables: &mut Tables,
+    ) -> Result<(Place, u32, u32), Fault> {
+        let item = match target {
+            Target::Position { number, .. } => item(ItemKind::Position, *number),
+            Target::Register { number, .. } => item(ItemKind::PositionRegister, *number),
+            Target::Other(text) => parsed(text).ok_or_else(|| format!("{text} is not modelled"))?,
+        };
+        let place = self.register(&item, loaded, tables)?;
+        let (mut frame, mut tool) = (self.frame, self.tool);
+        if item.kind == ItemKind::Position {
+            let number = self
+                .with(loaded, tables, |memory, tables, around| memory.index(&item.index, tables, around))?;
+            let group = loaded.program.position(number).and_then(|position| position.groups.first());
+            frame = group.and_then(|group| group.user_frame).map_or(frame, u32::from);
+            tool = group.and_then(|group| group.user_tool).map_or(tool, u32::from);
+        }
+        Ok((place, frame, tool))
+    }
+
+    pub(super) fn register(
+        &mut self,
+        item: &Item,
+        loaded: &Loaded,
+        tables: &mut Tables,
+    ) -> Result<Place, Fault> {
+        let found = self.with(loaded, tables, |memory, tables, around| memory.read(item, tables, around))?;
+        match found {
+            Value::Place(place) => Ok(place),
+            other => Err(format!("{other:?} is no position")),
+        }
+    }
+
+    pub(super) fn number_of(
+        &mut self,
+        register: &str,
+        loaded: &Loaded,
+        tables: &mut Tables,
+    ) -> Result<f64, Fault> {
+        let item = parsed(register).ok_or_else(|| format!("{register} is not modelled"))?;
+        let value = Expression::Item(item);
+        self.with(loaded, tables, |memory, tables, around| memory.number(&value, tables, around))
+    }
+}
+
+fn item(kind: ItemKind, number: u32) -> Item {
+    Item { kind, group: None, index: Index::Number(number), element: None, name: None }
+}
+
+/// The share of `ACC50`.
+fn acceleration(options: &str) -> f64 {
+    let percent = options.split_whitespace().find_map(|word| word.strip_prefix("ACC")?.parse::<f64>().ok());
+    (percent.unwrap_or(100.0) / 100.0).clamp(0.01, 5.0)
+}

@@ -1,0 +1,319 @@
+//! What a program reads and writes: registers, position registers, strings, timers, inputs and outputs.
+
+use std::collections::BTreeMap;
+
+use fanuc_hmi_modbus::Signal;
+use fanuc_ls::{Expression, Index, Item, ItemKind, Operator};
+
+use super::position::Place;
+use crate::links::fanuc_hmi_modbus::tables::Tables;
+
+/// Everything but the tables of signals, which the Modbus server has.
+#[derive(Debug, Clone, Default)]
+pub struct Memory {
+    /// R\[n\].
+    pub numbers: BTreeMap<u32, f64>,
+    /// PR\[n\].
+    pub positions: BTreeMap<u32, Place>,
+    /// SR\[n\].
+    pub strings: BTreeMap<u32, String>,
+    /// UFRAME\[n\] and UTOOL\[n\], as far as the program has set them.
+    pub frames: BTreeMap<(bool, u32), [f64; 6]>,
+    /// Until when a pulse lasts.
+    pub pulses: Vec<(f64, Signal)>,
+    /// System variables, as far as the program has set them.
+    pub system: BTreeMap<String, f64>,
+    markers: BTreeMap<u32, bool>,
+    timers: BTreeMap<u32, Timer>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Timer {
+    seconds: f64,
+    since: Option<f64>,
+}
+
+/// A value of an expression.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// A number.
+    Number(f64),
+    /// On or off.
+    Bit(bool),
+    /// A text.
+    Text(String),
+    /// A position.
+    Place(Place),
+}
+
+/// What an expression needs to know beside the memory.
+#[derive(Debug, Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// The time in s.
+    pub now: f64,
+    /// AR\[n\].
+    pub arguments: &'a [Value],
+    /// Where the robot is: in X Y Z W P R of its user frame, and by its joints.
+    pub here: (Place, Place),
+    /// The positions of the program.
+    pub program: &'a fanuc_ls::Program,
+}
+
+/// What cannot be computed, in words.
+pub(super) type Fault = String;
+
+impl Memory {
+    /// The value of an expression.
+    ///
+    /// # Errors
+    /// It has parts that do not fit together, or are not modelled.
+    pub fn value(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<Value, Fault> {
+        Ok(match it {
+            Expression::Number(number) => Value::Number(*number),
+            Expression::Text(text) => Value::Text(text.clone()),
+            Expression::On => Value::Bit(true),
+            Expression::Off => Value::Bit(false),
+            Expression::CartesianPosition => Value::Place(around.here.0),
+            Expression::JointPosition => Value::Place(around.here.1),
+            Expression::Item(item) => self.read(item, tables, around)?,
+            Expression::System(name) => Value::Number(self.system.get(name).copied().unwrap_or(0.0)),
+            Expression::Not(inner) => Value::Bit(!self.bit(inner, tables, around)?),
+            Expression::Negative(inner) => Value::Number(-self.number(inner, tables, around)?),
+            Expression::Binary(operator, sides) => {
+                let (left, right) = &**sides;
+                let (left, right) = (self.value(left, tables, around)?, self.value(right, tables, around)?);
+                combine(*operator, left, right)?
+            }
+        })
+    }
+
+    /// The same as a number.
+    ///
+    /// # Errors
+    /// It is none.
+    pub fn number(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<f64, Fault> {
+        match self.value(it, tables, around)? {
+            Value::Number(number) => Ok(number),
+            Value::Bit(bit) => Ok(f64::from(u8::from(bit))),
+            Value::Text(_) | Value::Place(_) => Err("a number is needed".into()),
+        }
+    }
+
+    /// The same as a condition.
+    ///
+    /// # Errors
+    /// It is none.
+    pub fn bit(&self, it: &Expression, tables: &Tables, around: &Surroundings<'_>) -> Result<bool, Fault> {
+        match self.value(it, tables, around)? {
+            Value::Bit(bit) => Ok(bit),
+            Value::Number(number) => Ok(number != 0.0),
+            Value::Text(_) | Value::Place(_) => Err("a condition is needed".into()),
+        }
+    }
+
+    /// The number of an item.
+    ///
+    /// # Errors
+    /// The register that has it has none.
+    pub fn index(&self, index: &Index, tables: &Tables, around: &Surroundings<'_>) -> Result<u32, Fault> {
+        match index {
+            Index::Number(number) => Ok(*number),
+            Index::Item(item) => match self.read(item, tables, around)? {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in its range")]
+                Value::Number(number) if (1.0..=65_535.0).contains(&number) => Ok(number.round() as u32),
+                other => Err(format!("{other:?} is no index")),
+            },
+        }
+    }
+
+    /// What an item has.
+    ///
+    /// # Errors
+    /// It is not there, or not modelled.
+    pub fn read(&self, item: &Item, tables: &Tables, around: &Surroundings<'_>) -> Result<Value, Fault> {
+        let n = self.index(&item.index, tables, around)?;
+        if let Some(signal) = signal(item.kind, n) {
+            return Ok(tables.signal(signal).map_or(Value::Bit(false), |value| match is_word(item.kind) {
+                true => Value::Number(value.into()),
+                false => Value::Bit(value != 0),
+            }));
+        }
+        Ok(match item.kind {
+            ItemKind::Register => Value::Number(self.numbers.get(&n).copied().unwrap_or(0.0)),
+            ItemKind::StringRegister => Value::Text(self.strings.get(&n).cloned().unwrap_or_default()),
+            ItemKind::Marker => Value::Bit(self.markers.get(&n).copied().unwrap_or(false)),
+            ItemKind::Timer => Value::Number(
+                self.timers
+                    .get(&n)
+                    .map_or(0.0, |timer| timer.seconds + timer.since.map_or(0.0, |since| around.now - since)),
+            ),
+            ItemKind::Argument => {
+                let index = usize::try_from(n).unwrap_or(0).checked_sub(1);
+                let found = index.and_then(|index| around.arguments.get(index)).cloned();
+                found.ok_or_else(|| format!("AR[{n}] was not given"))?
+            }
+            ItemKind::PositionRegister => {
+                let place = self.positions.get(&n).copied().unwrap_or_default();
+                match &item.element {
+                    None => Value::Place(place),
+                    Some(element) => {
+                        let element = self.index(element, tables, around)?;
+                        Value::Number(place.element(element).ok_or_else(|| format!("PR[{n},{element}]"))?)
+                    }
+                }
+            }
+            ItemKind::Position => {
+                let found = around.program.position(n);
+                let place = found.and_then(|position| position.groups.first()).and_then(Place::of_group);
+                Value::Place(place.ok_or_else(|| format!("P[{n}] is not there, or was never taught"))?)
+            }
+            kind => return Err(format!("{kind}[{n}] is not modelled as a value")),
+        })
+    }
+
+    /// Gives an item a value.
+    ///
+    /// # Errors
+    /// It does not take it.
+    pub fn write(
+        &mut self,
+        item: &Item,
+        value: Value,
+        tables: &mut Tables,
+        around: &Surroundings<'_>,
+    ) -> Result<(), Fault> {
+        let n = self.index(&item.index, tables, around)?;
+        let refused = |value: &Value| Err(format!("{}[{n}] does not take {value:?}", item.kind));
+        if let Some(signal) = signal(item.kind, n) {
+            return match &value {
+                Value::Bit(bit) if !is_word(item.kind) => tables.set_signal(signal, u16::from(*bit)),
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in its range")]
+                Value::Number(number) if is_word(item.kind) && (0.0..=65_535.0).contains(number) => {
+                    tables.set_signal(signal, number.round() as u16)
+                }
+                value => return refused(value),
+            }
+            .ok_or_else(|| format!("{}[{n}] is not there", item.kind));
+        }
+        match (item.kind, value) {
+            (ItemKind::Register, Value::Number(number)) => drop(self.numbers.insert(n, number)),
+            (ItemKind::Register, Value::Bit(bit)) => drop(self.numbers.insert(n, f64::from(u8::from(bit)))),
+            (ItemKind::StringRegister, Value::Text(text)) => drop(self.strings.insert(n, text)),
+            (ItemKind::StringRegister, Value::Number(number)) => {
+                self.strings.insert(n, number.to_string());
+            }
+            (ItemKind::Marker, Value::Bit(bit)) => drop(self.markers.insert(n, bit)),
+            (ItemKind::PositionRegister, Value::Place(place)) if item.element.is_none() => {
+                self.positions.insert(n, place);
+            }
+            (ItemKind::PositionRegister, Value::Number(number)) => {
+                let Some(element) = &item.element else { return refused(&Value::Number(number)) };
+                let element = self.index(element, tables, around)?;
+                let place = self.positions.entry(n).or_default();
+                *place.element_mut(element).ok_or_else(|| format!("PR[{n},{element}] is not modelled"))? =
+                    number;
+            }
+            (ItemKind::UserFrame | ItemKind::UserTool, Value::Place(place)) => {
+                let Place::Cartesian { xyzwpr, .. } = place else {
+                    return Err("a frame is set from X Y Z W P R".into());
+                };
+                self.frames.insert((item.kind == ItemKind::UserTool, n), xyzwpr);
+            }
+            (_, value) => return refused(&value),
+        }
+        Ok(())
+    }
+
+    /// Starts, stops or resets a timer.
+    pub fn time(&mut self, n: u32, action: fanuc_ls::TimerAction, now: f64) {
+        let timer = self.timers.entry(n).or_default();
+        match action {
+            fanuc_ls::TimerAction::Start => timer.since = timer.since.or(Some(now)),
+            fanuc_ls::TimerAction::Stop => {
+                timer.seconds += timer.since.take().map_or(0.0, |since| now - since);
+            }
+            fanuc_ls::TimerAction::Reset => {
+                timer.seconds = 0.0;
+                timer.since = timer.since.map(|_| now);
+            }
+        }
+    }
+}
+
+/// The signal that an item is.
+pub(super) fn signal(kind: ItemKind, n: u32) -> Option<Signal> {
+    let n = u16::try_from(n).ok()?;
+    Some(match kind {
+        ItemKind::Flag => Signal::Flag(n),
+        ItemKind::DigitalInput => Signal::Di(n),
+        ItemKind::DigitalOutput => Signal::Do(n),
+        ItemKind::RobotInput => Signal::Ri(n),
+        ItemKind::RobotOutput => Signal::Ro(n),
+        ItemKind::GroupInput => Signal::Gi(n),
+        ItemKind::GroupOutput => Signal::Go(n),
+        ItemKind::AnalogInput => Signal::Ai(n),
+        ItemKind::AnalogOutput => Signal::Ao(n),
+        ItemKind::OperatorInput => Signal::Si(n),
+        ItemKind::OperatorOutput => Signal::So(n),
+        ItemKind::UserInput => Signal::Ui(n),
+        ItemKind::UserOutput => Signal::Uo(n),
+        _ => return None,
+    })
+}
+
+fn is_word(kind: ItemKind) -> bool {
+    matches!(
+        kind,
+        ItemKind::GroupInput | ItemKind::GroupOutput | ItemKind::AnalogInput | ItemKind::AnalogOutput
+    )
+}
+
+fn combine(operator: Operator, left: Value, right: Value) -> Result<Value, Fault> {
+    use Operator as O;
+    let text = |ordering: fn(&str, &str) -> bool, a: &str, b: &str| Ok(Value::Bit(ordering(a, b)));
+    match (operator, &left, &right) {
+        (O::And, Value::Bit(a), Value::Bit(b)) => return Ok(Value::Bit(*a && *b)),
+        (O::Or, Value::Bit(a), Value::Bit(b)) => return Ok(Value::Bit(*a || *b)),
+        (O::Equal, Value::Text(a), Value::Text(b)) => return text(|a, b| a == b, a, b),
+        (O::Unequal, Value::Text(a), Value::Text(b)) => return text(|a, b| a != b, a, b),
+        (O::Equal, Value::Bit(a), Value::Bit(b)) => return Ok(Value::Bit(a == b)),
+        (O::Unequal, Value::Bit(a), Value::Bit(b)) => return Ok(Value::Bit(a != b)),
+        (O::Add, Value::Text(a), b) => {
+            let b = match b {
+                Value::Text(b) => b.clone(),
+                Value::Number(b) => b.to_string(),
+                Value::Bit(_) | Value::Place(_) => return Err("a text and something else".into()),
+            };
+            return Ok(Value::Text(format!("{a}{b}")));
+        }
+        (O::Add | O::Subtract, Value::Place(a), Value::Place(b)) => {
+            let sign = if operator == O::Add { 1.0 } else { -1.0 };
+            return a.plus(b, sign).map(Value::Place).ok_or_else(|| "joints and X Y Z do not add".into());
+        }
+        _ => {}
+    }
+    let (Value::Number(a), Value::Number(b)) = (&left, &right) else {
+        return Err(format!("{left:?} and {right:?} do not fit together"));
+    };
+    let (a, b) = (*a, *b);
+    if matches!(operator, O::Divide | O::DivideWhole | O::Remainder) && b == 0.0 {
+        return Err("a division by zero".into());
+    }
+    #[expect(clippy::float_cmp, reason = "as a controller compares its registers")]
+    Ok(match operator {
+        O::Equal => Value::Bit(a == b),
+        O::Unequal => Value::Bit(a != b),
+        O::Less => Value::Bit(a < b),
+        O::LessOrEqual => Value::Bit(a <= b),
+        O::Greater => Value::Bit(a > b),
+        O::GreaterOrEqual => Value::Bit(a >= b),
+        O::And => Value::Bit(a != 0.0 && b != 0.0),
+        O::Or => Value::Bit(a != 0.0 || b != 0.0),
+        O::Add => Value::Number(a + b),
+        O::Subtract => Value::Number(a - b),
+        O::Multiply => Value::Number(a * b),
+        O::Divide => Value::Number(a / b),
+        O::DivideWhole => Value::Number((a / b).trunc()),
+        O::Remainder => Value::Number(a % b),
+    })
+}

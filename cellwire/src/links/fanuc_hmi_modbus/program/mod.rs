@@ -1,0 +1,15 @@
+//! A program that the simulated controller runs: a test bench, not a controller.
+//!
+//! One task, one motion group of six axes, the calls beside it; `J`, `L` and `C` with CNT and FINE, registers, position and string
+//! registers, inputs and outputs, timers, waits, jumps, conditions, loops. What else there is in a program is passed over, and
+//! reported once at the start ([`Finding`]).
+
+mod load;
+mod machine;
+mod memory;
+mod position;
+
+pub use load::{Finding, Programs, load};
+pub use machine::Machine;
+pub use memory::{Memory, Value};
+pub use position::Place;

@@ -1,0 +1,70 @@
+//! The robot of the simulated controller: one that moves by itself, or one that runs a program.
+
+use std::time::Duration;
+
+use fanuc_hmi_modbus::TelemetryBlock;
+
+use super::background::{Pose, background_task};
+use super::faults::Faults;
+use super::inputs::Inputs;
+use super::mapping::Mapping;
+use super::program::{Machine, Place};
+use super::tables::Tables;
+
+/// A robot that runs a program, and what its controller shows of it.
+#[derive(Debug)]
+pub struct Robot {
+    /// The program.
+    pub machine: Machine,
+    /// What the holding registers show.
+    pub mapping: Mapping,
+    /// The signals that come from outside.
+    pub inputs: Inputs,
+    /// The first register of the background task; 0: there is none.
+    pub telemetry: u32,
+    before: Option<Pose>,
+}
+
+impl Robot {
+    /// At the beginning of its program.
+    pub fn new(machine: Machine, mapping: Mapping, inputs: Inputs, telemetry: u32) -> Self {
+        Self { machine, mapping, inputs, telemetry, before: None }
+    }
+
+    /// Goes on for one period of the background task, which ends at `at`, its run of this number.
+    pub fn run(&mut self, at: Duration, number: u32, faults: &Faults, tables: &mut Tables) {
+        self.inputs.set(at, tables);
+        self.machine.advance(at.as_secs_f64(), tables);
+        let pose = self.machine.pose();
+        let [x, y, z, w, p, r] = pose.to_xyzwpr();
+        let pose = Pose { position: [x, y, z], wpr: [w, p, r] };
+        let before = self.before.replace(pose).unwrap_or(pose);
+        if self.telemetry == 0 {
+            return;
+        }
+        let mut block = background_task(number, &pose, &before);
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 100")]
+        let percent = self.machine.override_percent().round() as i16;
+        block.override_percent = percent;
+        faults.spoil(&mut block, at);
+        let TelemetryBlock {
+            life_counter,
+            override_percent,
+            position,
+            wpr,
+            quaternion,
+            velocity,
+            quaternion_rate,
+        } = block;
+        let reals = position.iter().chain(&wpr).chain(&quaternion).chain(&velocity).chain(&quaternion_rate);
+        let counted = [f64::from(life_counter), f64::from(override_percent)];
+        let values = counted.into_iter().chain(reals.map(|real| f64::from(*real)));
+        self.machine.memory.numbers.extend((self.telemetry..).zip(values));
+    }
+
+    /// Puts all variables into the holding registers.
+    pub fn show(&mut self, tables: &mut Tables) {
+        let here = Place::Cartesian { xyzwpr: self.machine.pose().to_xyzwpr(), folded: None };
+        self.mapping.show(&self.machine.memory, &here, &mut tables.holding_registers);
+    }
+}

@@ -15,6 +15,7 @@ use std::thread;
 use std::time::Duration;
 
 use cellwire::cell::teleop::cell::{self, CellConfig};
+use cellwire::cell::teleop::input::InputConfig;
 use cellwire::cell::teleop::latch::LatchConfig;
 use cellwire::cell::teleop::verdict::Extremes;
 use cellwire::cell::teleop::{
@@ -99,7 +100,8 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
     let host = || {
         let config = TeleopConfig {
             robot: PortConfig { path: robot.clone(), baud: 38_400 },
-            ball: PortConfig { path: ball.clone(), baud: 9600 },
+            input: InputConfig::Ball(PortConfig { path: ball.clone(), baud: 9600 }),
+            record: None,
             viewer: None,
             alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
             polls: polls(9600),

@@ -8,17 +8,18 @@ use val2_alter::{Accumulation, HostConfig, Mode, Policy};
 
 use super::settings::SetArgs;
 use crate::cell::operator;
+use crate::cell::teleop::input::InputConfig;
 use crate::cell::teleop::latch::LatchConfig;
 use crate::cell::teleop::{LIMITS, PortConfig, Profile, TeleopConfig, Traces, host_config, polls};
 use crate::io::trace::TraceArgs;
 use crate::io::{input, interrupt, serial};
 use crate::links::settings::{self, Configure, Table};
 
-/// Steers a robot with a control ball over ALTER: the operator's screen.
+/// Steers a robot with a control ball, a 3D mouse, a game pad or the keyboard over ALTER: the operator's screen.
 ///
 /// Space and Esc stop the arm, whatever is shown: its values go to zero, and ALTER ends. A answers the robot's ALTER, V refuses it;
-/// K tests the ball, W the workstation, T the ports at several baud rates; O has the options (ports, ball type, the last bytes of
-/// each line, display, gripper); Q quits. Ctrl-C and signals come to rest first; a second one ends at once.
+/// K tests the ball, W the workstation, T the ports at several baud rates; O has the options (ports, the last bytes of
+/// each line, display, gripper, the profile of the input); Q quits. Ctrl-C and signals come to rest first; a second one ends at once.
 ///
 /// The hand moves the arm only when it is armed: after a start, an interruption, a stop, old values or a lost input it must
 /// rest for 0.3 s first.
@@ -29,9 +30,11 @@ pub struct Args {
     /// The robot controller's port
     #[arg(long, value_name = "PORT")]
     robot: String,
-    /// The control ball's port
-    #[arg(long, value_name = "PORT")]
-    ball: String,
+    #[command(flatten)]
+    input: InputArgs,
+    /// Keep what the input reports while ALTER runs in this file, for --play
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     /// The graphics workstation's port
     #[arg(long, value_name = "PORT")]
     viewer: Option<String>,
@@ -69,6 +72,39 @@ pub struct Args {
     set: SetArgs,
     #[command(flatten)]
     trace: TraceArgs,
+}
+
+/// Where the hand is.
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct InputArgs {
+    /// The port of the ISRA control ball
+    #[arg(long, value_name = "PORT")]
+    ball: Option<String>,
+    /// The keyboard: arrows X and Y, page up and down Z, with Shift about these axes, Home and End RZ; a key moves while it repeats
+    #[arg(long)]
+    keyboard: bool,
+    /// A 3Dconnexion device, through the socket of spacenavd
+    #[arg(long, value_name = "SOCKET", num_args = 0..=1, default_missing_value = "/var/run/spnav.sock")]
+    spacenav: Option<PathBuf>,
+    /// A game pad, a joystick or a 3D mouse of the Linux input system, such as /dev/input/by-id/…-event-joystick
+    #[arg(long, value_name = "DEVICE")]
+    evdev: Option<PathBuf>,
+    /// A recording made with --record, played from the moment on at which ALTER runs
+    #[arg(long, value_name = "FILE")]
+    play: Option<PathBuf>,
+}
+
+impl InputArgs {
+    fn config(&self, baud: u32) -> InputConfig {
+        match self {
+            Self { ball: Some(path), .. } => InputConfig::Ball(PortConfig { path: path.clone(), baud }),
+            Self { spacenav: Some(path), .. } => InputConfig::Spacenav(path.clone()),
+            Self { evdev: Some(path), .. } => InputConfig::Evdev(path.clone()),
+            Self { play: Some(path), .. } => InputConfig::Play(path.clone()),
+            Self { .. } => InputConfig::Keyboard,
+        }
+    }
 }
 
 /// What can be set of the cell.
@@ -126,7 +162,8 @@ pub fn run(args: &Args) -> Result<bool> {
     let Settings { alter, polls, profile } = args.settings()?;
     let config = TeleopConfig {
         robot: PortConfig { path: args.robot.clone(), baud: alter.baud },
-        ball: PortConfig { path: args.ball.clone(), baud: polls.baud },
+        input: args.input.config(polls.baud),
+        record: args.record.clone(),
         viewer: args.viewer.clone().map(|path| PortConfig { path, baud: args.viewer_baud }),
         latch: LatchConfig {
             // Armed, the arm leaves the offset that it holds.

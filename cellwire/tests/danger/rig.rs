@@ -26,6 +26,11 @@ pub(crate) struct Rig {
 impl Rig {
     /// `cellwire alter`, its robot and its ball; the operator has pressed A.
     pub(crate) fn new(mode: u8, args: &[&str]) -> Self {
+        Self::with_input(mode, &["--ball", "BALL"], args)
+    }
+
+    /// The same with another input; `BALL` in its options is the ball's port.
+    pub(crate) fn with_input(mode: u8, input: &[&str], args: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (robot, robot_path) = Pty::new();
         let controller = Controller::new(robot.raw());
@@ -34,8 +39,8 @@ impl Rig {
         let terminal = Terminal::new();
         let end = || Stdio::from(File::options().read(true).write(true).open(&terminal.path).unwrap());
         let process = Command::new("setsid")
-            .args(["--ctty", env!("CARGO_BIN_EXE_cellwire"), "alter", "--robot", &robot_path, "--ball"])
-            .arg(&ball_path)
+            .args(["--ctty", env!("CARGO_BIN_EXE_cellwire"), "alter", "--robot", &robot_path])
+            .args(input.iter().map(|arg| if *arg == "BALL" { ball_path.as_os_str() } else { arg.as_ref() }))
             .args(["--trace", "--trace-dir"])
             .arg(folder.path())
             .args(args)

@@ -1,10 +1,11 @@
 //! The thread that reads the keys.
 
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
+use crate::cell::teleop::input::Jog;
 use crate::cell::teleop::{Order, Orders};
 
 /// What a key does to the arm, whatever the screen shows.
@@ -18,7 +19,7 @@ pub(super) enum Stop {
 
 /// Reads the keys. The stop is done here: it waits for no screen. Everything is passed on besides. Ctrl-C a second time calls
 /// `end_at_once`.
-pub(super) fn read(orders: Orders, end_at_once: fn()) -> Receiver<KeyEvent> {
+pub(super) fn read(orders: Orders, jog: Option<Sender<Jog>>, end_at_once: fn()) -> Receiver<KeyEvent> {
     let (pressed, keys) = channel();
     thread::spawn(move || {
         let mut ending = false;
@@ -35,6 +36,10 @@ pub(super) fn read(orders: Orders, end_at_once: fn()) -> Receiver<KeyEvent> {
                     orders.order(Order::End);
                 }
                 None => {}
+            }
+            if let (Some(jog), Some(axis)) = (&jog, axis(key)) {
+                let _ = jog.send(axis);
+                continue;
             }
             if pressed.send(key).is_err() {
                 return;
@@ -56,6 +61,23 @@ pub(super) fn stop(key: KeyEvent) -> Option<Stop> {
     }
 }
 
+/// The keys that move an axis, where the keyboard is the input.
+fn axis(key: KeyEvent) -> Option<Jog> {
+    let shift = key.modifiers.contains(KeyModifiers::SHIFT);
+    let (axis, is_negative) = match key.code {
+        KeyCode::Right => (0, false),
+        KeyCode::Left => (0, true),
+        KeyCode::Up => (1, false),
+        KeyCode::Down => (1, true),
+        KeyCode::PageUp => (2, false),
+        KeyCode::PageDown => (2, true),
+        KeyCode::Home => return Some(Jog { axis: 5, is_negative: false }),
+        KeyCode::End => return Some(Jog { axis: 5, is_negative: true }),
+        _ => return None,
+    };
+    Some(Jog { axis: if shift { axis + 3 } else { axis }, is_negative })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,5 +91,15 @@ mod tests {
         assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), Some(Stop::End));
         assert_eq!(key(KeyCode::Char('c'), KeyModifiers::NONE), None);
         assert_eq!(key(KeyCode::Char('a'), KeyModifiers::NONE), None);
+    }
+
+    #[test]
+    fn arrows_move_and_turn() {
+        let key =
+            |code, modifiers| axis(KeyEvent::new(code, modifiers)).map(|jog| (jog.axis, jog.is_negative));
+        assert_eq!(key(KeyCode::Left, KeyModifiers::NONE), Some((0, true)));
+        assert_eq!(key(KeyCode::PageUp, KeyModifiers::SHIFT), Some((5, false)));
+        assert_eq!(key(KeyCode::End, KeyModifiers::NONE), Some((5, true)));
+        assert_eq!(key(KeyCode::Char('x'), KeyModifiers::NONE), None);
     }
 }

@@ -32,8 +32,8 @@ pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
     let clock = Clock::start();
     let gripper = config.alter.subroutine;
     let ports =
-        Ports { robot: config.robot.clone(), ball: config.ball.clone(), viewer: config.viewer.clone() };
-    let mut model = Model::new(ports, traces.clone(), gripper, config.alter.mode);
+        Ports { robot: config.robot.clone(), input: config.input.clone(), viewer: config.viewer.clone() };
+    let mut model = Model::new(ports, traces.clone(), gripper, config.alter.mode, config.profile);
     let teleop = Teleop::start(config, clock, &traces)?;
     teleop.order(Order::GripperKeys(gripper));
     let orders = teleop.orders();
@@ -44,7 +44,7 @@ pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
         orders.order(Order::End);
     })?;
     let mut screen = Screen::enter()?;
-    let keys = keys::read(teleop.orders(), end_at_once);
+    let keys = keys::read(teleop.orders(), teleop.jog(), end_at_once);
     let shown = show(&mut screen, &mut model, &teleop, clock, &keys);
     let has_ended = model.has_ended();
     drop(screen);

@@ -8,8 +8,9 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent};
 use val2_alter::{AXES, ExceptionOutcome, HostState, Mode, Motion, Policy, Start, timing};
 
 use super::keys::{Stop, stop};
+use crate::cell::teleop::input::{InputConfig, Sample};
 use crate::cell::teleop::latch::{Cause, Latch};
-use crate::cell::teleop::{Notification, Order, PortConfig, Traces, lost_text};
+use crate::cell::teleop::{Axes, Notification, Order, PortConfig, Profile, Traces, lost_text};
 use crate::io::samples::Samples;
 use crate::io::trace::Trace;
 use crate::links::val2_alter::puma::error_text;
@@ -23,7 +24,7 @@ const DAMAGE: Duration = Duration::from_secs(1);
 /// The ports, for the operator to read.
 pub(super) struct Ports {
     pub(super) robot: PortConfig,
-    pub(super) ball: PortConfig,
+    pub(super) input: InputConfig,
     pub(super) viewer: Option<PortConfig>,
 }
 
@@ -79,6 +80,8 @@ pub(super) struct Model {
     /// The control byte that came last, in words.
     pub(super) control: (&'static str, u8, &'static str),
     pub(super) ball: Option<Packet>,
+    pub(super) hand: Option<Sample>,
+    pub(super) profile: Profile,
     pub(super) exchange: Duration,
     pub(super) ball_is_stale: bool,
     pub(super) demand: [i16; AXES],
@@ -123,7 +126,7 @@ impl Test {
 }
 
 impl Model {
-    pub(super) fn new(ports: Ports, traces: Traces, clamp: bool, mode: Mode) -> Self {
+    pub(super) fn new(ports: Ports, traces: Traces, clamp: bool, mode: Mode, profile: Profile) -> Self {
         Self {
             ports,
             traces,
@@ -140,6 +143,8 @@ impl Model {
             motion_at: Duration::ZERO,
             control: ("–", 0, "–"),
             ball: None,
+            hand: None,
+            profile,
             exchange: Duration::ZERO,
             ball_is_stale: false,
             demand: [0; AXES],
@@ -230,6 +235,7 @@ impl Model {
                 };
                 self.show(format!("gripper: exception {}: {outcome}", u8::from(exception)));
             }
+            Notification::Hand(sample) => self.hand = Some(sample),
             Notification::Ball(packet, took) => {
                 self.ball_is_stale = false;
                 self.show_ball(packet, took);
@@ -272,7 +278,7 @@ impl Model {
             return None;
         }
         match (self.view, key.code) {
-            (View::Options, KeyCode::Char(digit @ '1'..='5')) => self.option(digit),
+            (View::Options, KeyCode::Char(key @ ('1'..='5' | 'f' | 'd' | '+' | '-'))) => self.option(key),
             (View::Options, _) => {
                 self.view = View::Main;
                 None
@@ -355,20 +361,30 @@ impl Model {
         self.view = View::Main;
         match digit {
             '1' => {
-                let viewer = self.ports.viewer.as_ref();
-                let ports = [
-                    Some(("robot", &self.ports.robot)),
-                    Some(("ball", &self.ports.ball)),
-                    viewer.map(|v| ("viewer", v)),
-                ];
-                let lines: Vec<_> = ports
-                    .into_iter()
-                    .flatten()
-                    .map(|(name, p)| format!("{name}: {} at {} baud", p.path, p.baud))
-                    .collect();
+                let port = |name, p: &PortConfig| format!("{name}: {} at {} baud", p.path, p.baud);
+                let mut lines = vec![port("robot", &self.ports.robot), self.ports.input.name()];
+                lines.extend(self.ports.viewer.as_ref().map(|viewer| port("viewer", viewer)));
                 lines.into_iter().for_each(|line| self.show(line));
             }
-            '2' => self.show("ball type ISRA; DIMENSION 6 is described nowhere".into()),
+            '2' => return Some(self.profile(|profile| profile.filter.dominant ^= true)),
+            'f' => {
+                return Some(self.profile(|profile| {
+                    profile.filter.axes = match profile.filter.axes {
+                        Axes::All => Axes::Translation,
+                        Axes::Translation => Axes::Rotation,
+                        Axes::Rotation => Axes::All,
+                    };
+                }));
+            }
+            '+' => {
+                return Some(self.profile(|profile| profile.speed = (profile.speed + 5).min(100)));
+            }
+            '-' => {
+                return Some(self.profile(|profile| profile.speed = profile.speed.saturating_sub(5).max(5)));
+            }
+            'd' => {
+                return Some(self.profile(|profile| profile.dead_zone = (profile.dead_zone + 2) % 22));
+            }
             '3' => self.view = View::Debug(0),
             '4' => self.show(format!(
                 "{} pictures, own thread; replies p99 {:.2} ms",
@@ -429,6 +445,21 @@ impl Model {
             ));
         }
         self.counts.held += 1;
+    }
+
+    /// Changes what the hand's values mean: the arm comes to rest first.
+    fn profile(&mut self, change: impl FnOnce(&mut Profile)) -> Command {
+        self.view = View::Options;
+        change(&mut self.profile);
+        let Profile { filter, dead_zone, speed, .. } = self.profile;
+        let axes = match filter.axes {
+            Axes::All => "all axes",
+            Axes::Translation => "TRA",
+            Axes::Rotation => "ROT",
+        };
+        let dominant = if filter.dominant { " DOM" } else { "" };
+        self.show(format!("profile: {axes}{dominant}, speed {speed} %, dead zone {dead_zone} %"));
+        Command::Order(Order::Profile(Box::new(self.profile)))
     }
 
     fn begin_test(&mut self, what: &'static str) -> Option<Command> {

@@ -3,6 +3,7 @@ use val2_alter::{End, ErrorCode, List};
 use ratatui::crossterm::event::KeyModifiers;
 
 use super::*;
+use crate::cell::teleop::LIMITS;
 use crate::io::trace::TraceArgs;
 
 const MS: Duration = Duration::from_millis(1);
@@ -10,9 +11,10 @@ const MS: Duration = Duration::from_millis(1);
 pub(crate) fn model() -> Model {
     let port = |path: &str, baud| PortConfig { path: path.into(), baud };
     let trace = |name| TraceArgs::off().start_kept(name);
-    let ports = Ports { robot: port("/dev/r", 38_400), ball: port("/dev/b", 9600), viewer: None };
+    let input = InputConfig::Ball(port("/dev/b", 9600));
+    let ports = Ports { robot: port("/dev/r", 38_400), input, viewer: None };
     let traces = Traces { robot: trace("r"), ball: trace("b"), viewer: trace("v") };
-    Model::new(ports, traces, false, Mode::CUMULATIVE_23)
+    Model::new(ports, traces, false, Mode::CUMULATIVE_23, Profile::for_limits(LIMITS, 100))
 }
 
 fn press(model: &mut Model, code: KeyCode) -> Option<Command> {
@@ -110,12 +112,19 @@ fn the_ball_test_counts_for_three_seconds() {
 fn the_options_do_what_the_source_lists() {
     let mut model = model();
     let mut option = |digit| {
+        model.view = View::Main;
         press(&mut model, KeyCode::Char('o'));
         let command = press(&mut model, KeyCode::Char(digit));
         (command, model.view, last(&model).to_owned())
     };
     assert_eq!(option('1'), (None, View::Main, "ball: /dev/b at 9600 baud".into()));
-    assert!(option('2').2.starts_with("ball type ISRA"));
+    assert_eq!(option('2').2, "profile: all axes DOM, speed 100 %, dead zone 4 %");
+    assert_eq!(option('f').2, "profile: TRA DOM, speed 100 %, dead zone 4 %");
+    assert_eq!(option('-').2, "profile: TRA DOM, speed 95 %, dead zone 4 %");
+    let (command, view, text) = option('d');
+    assert_eq!((view, text.as_str()), (View::Options, "profile: TRA DOM, speed 95 %, dead zone 6 %"));
+    let Some(Command::Order(Order::Profile(profile))) = command else { panic!("{command:?}") };
+    assert_eq!((profile.speed, profile.dead_zone), (95, 6));
     assert_eq!(option('4').2, "0 pictures, own thread; replies p99 0.00 ms");
     let on = "clamp on: the program must name a subroutine";
     assert_eq!(option('5'), (Some(Command::Order(Order::GripperKeys(true))), View::Main, on.into()));

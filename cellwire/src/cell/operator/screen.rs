@@ -10,6 +10,7 @@ use val2_alter::{
 };
 
 use super::model::{Model, View, cause_text};
+use crate::cell::teleop::input::FULL;
 use crate::cell::teleop::latch::{Cause, Latch};
 use crate::links::val2_alter::Layout as Words;
 use crate::links::val2_alter::puma::error_text;
@@ -48,10 +49,12 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     window(frame, transform, &title, transform_lines(model));
     match model.view {
         View::Debug(line) => draw_debug(frame, lower, model, line),
-        View::Main | View::Options => window(frame, lower, "Ball: force, asked → sent", ball_lines(model)),
+        View::Main | View::Options => {
+            window(frame, lower, "Input: deflection, asked → sent", ball_lines(model))
+        }
     }
     let text = match model.view {
-        View::Options => "Space/Esc STOP (1)Ports (2)Ball type (3)IO debug (4)Display (5)Clamp  (M)ain",
+        View::Options => "Space/Esc STOP (1)Port (2)DOM (F)ilt (D)ead +-Speed (3)IO (4)ms (5)Grip (M)ain",
         View::Debug(_) => "Space/Esc STOP (Tab)next line (A)lter (V)refuse (M)ain (Q)uit",
         View::Main => "Space/Esc STOP (A)lter (V)refuse (K)Ball (W)orkst. (T)Ports (O)ptions (Q)uit",
     };
@@ -264,32 +267,36 @@ fn transform_lines(model: &Model) -> Vec<Line<'static>> {
 }
 
 fn ball_lines(model: &Model) -> Vec<Line<'static>> {
-    let Some(packet) = &model.ball else { return vec![Line::from("no packet yet")] };
-    let stale = if model.ball_is_stale { "  STALE" } else { "" };
-    let keys: String = (1..=8).map(|key| if packet.keys.is_down(key) { '●' } else { '·' }).collect();
-    let mut lines = vec![Line::from(format!(
-        "type {} sensor {} {:?}  keys {keys}  {:.1} ms  missed {} corrupt {}{stale}",
-        packet.sensor_type,
-        packet.sensor,
-        packet.status,
-        model.exchange.as_secs_f64() * 1e3,
-        model.counts.ball_missed,
-        model.counts.ball_corrupt
-    ))];
-    let axes = packet.axes();
+    let Some(hand) = &model.hand else { return vec![Line::from("no values yet")] };
+    let keys: String = (0..8).map(|key| if hand.buttons >> key & 1 != 0 { '●' } else { '·' }).collect();
+    let head = match &model.ball {
+        Some(packet) => format!(
+            "type {} sensor {} {:?}  keys {keys}  {:.1} ms  missed {} corrupt {}{}",
+            packet.sensor_type,
+            packet.sensor,
+            packet.status,
+            model.exchange.as_secs_f64() * 1e3,
+            model.counts.ball_missed,
+            model.counts.ball_corrupt,
+            if model.ball_is_stale { "  STALE" } else { "" }
+        ),
+        None => format!("{}  buttons {keys}", model.ports.input.name()),
+    };
+    let mut lines = vec![Line::from(head)];
+    let axes = hand.axes;
     let row = |axis: usize| {
         let (Some(name), Some(force)) = (AXES.get(axis), axes.get(axis)) else { return String::new() };
         let [demand, value] = [model.demand, model.values].map(|v| v.get(axis).copied().unwrap_or_default());
-        format!("{name} {force:4} {} {demand:5} →{value:5}", bar(*force))
+        format!("{name} {force:5} {} {demand:4} →{value:5}", bar(*force))
     };
     lines.extend((0..3).map(|axis| Line::from(format!("{}   {}", row(axis), row(axis + 3)))));
     lines
 }
 
 /// A force as a bar around its middle.
-fn bar(force: i8) -> String {
+fn bar(force: i16) -> String {
     const HALF: i16 = 7;
-    let length = (i16::from(force) * HALF + i16::from(force.signum()) * 63) / 127;
+    let length = (force * HALF + force.signum() * FULL / 2) / FULL;
     (-HALF..=HALF)
         .map(|at| match at {
             0 => '│',
@@ -312,6 +319,7 @@ mod tests {
     use super::*;
     use crate::cell::operator::model::tests::model;
     use crate::cell::teleop::Notification;
+    use crate::cell::teleop::input::Sample;
 
     fn picture(model: &Model) -> Vec<String> {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
@@ -348,6 +356,8 @@ mod tests {
             keys: Keys(0x81),
         };
         model.take(ms(31), Notification::Ball(packet, ms(14)));
+        let axes = [1000, -1008, 0, 8, -504, 71];
+        model.take(ms(31), Notification::Hand(Sample { axes, buttons: 0x81, fresh_until: ms(99) }));
         model.take(ms(31), Notification::PortLost("viewer", "the port is gone, and is tried again".into()));
         model.messages.retain(|(_, text)| text.starts_with("viewer"));
         let demand = [90, -90, 0, 0, -75, 10];
@@ -373,11 +383,11 @@ mod tests {
                 "│           ││checksum error   ││number 16   ││ 0.000 -1.000  0.000    -150.50 │",
                 "│           ││                 ││move   50 % ││ 0.000  0.000 -1.000       0.50 │",
                 "└───────────┘└─────────────────┘└────────────┘└────────────────────────────────┘",
-                "┌Ball: force, asked → sent─────────────────────────────────────────────────────┐",
+                "┌Input: deflection, asked → sent───────────────────────────────────────────────┐",
                 "│type 2 sensor 1 Old  keys ●······●  14.0 ms  missed 0 corrupt 0               │",
-                "│X   127 ·······│███████    90 →    8   RX    1 ·······│·······     0 →    0   │",
-                "│Y  -128 ███████│·······   -90 →   -8   RY  -64 ···████│·······   -75 →  -13   │",
-                "│Z     0 ·······│·······     0 →    0   RZ    9 ·······│·······    10 →   10   │",
+                "│X   1000 ·······│███████   90 →    8   RX     8 ·······│·······    0 →    0   │",
+                "│Y  -1008 ███████│·······  -90 →   -8   RY  -504 ···████│·······  -75 →  -13   │",
+                "│Z      0 ·······│·······    0 →    0   RZ    71 ·······│·······   10 →   10   │",
                 "└──────────────────────────────────────────────────────────────────────────────┘",
                 "┌Command───────────────────────────────────────────────────────────────────────┐",
                 "│Space/Esc STOP (A)lter (V)refuse (K)Ball (W)orkst. (T)Ports (O)ptions (Q)uit  │",

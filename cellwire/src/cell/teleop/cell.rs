@@ -11,6 +11,7 @@ use val2_alter::timing;
 use val2_alter::{AXES, Accumulation, ControllerConfig, Exception, HostConfig, HostState};
 use val2_viewer::WorkstationConfig;
 
+use super::input::InputConfig;
 use super::latch::{Latch, LatchConfig};
 use super::{LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, polls};
 use crate::cell::options::DemoOptions;
@@ -159,7 +160,8 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     let puma = PumaConfig { controller: config.controller, restart, ..PumaConfig::default() };
     let teleop = TeleopConfig {
         robot: robot.port(config.alter.baud),
-        ball: ball.port(polls.baud),
+        input: InputConfig::Ball(ball.port(polls.baud)),
+        record: None,
         viewer: Some(viewer.port(val2_viewer::timing::BAUD)),
         alter: config.alter,
         polls,

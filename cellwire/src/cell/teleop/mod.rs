@@ -14,7 +14,6 @@
 //! its keys, not for the disk, not for a port that is opened again. Orders come to it through a channel that it empties before a
 //! reply; what it has to report and to trace leaves after the reply, and is dropped or kept where nobody takes it.
 
-mod ball;
 pub mod cell;
 pub mod demo;
 mod filter;
@@ -44,13 +43,13 @@ use val2_alter::{
     Policy, SessionError, Start,
 };
 
-use self::input::Sample;
+use self::input::{Hand, InputConfig, Jog, Sample};
 use self::latch::{Latch, LatchConfig};
 use crate::io::line::Clock;
 use crate::io::trace::Trace;
 
 /// A serial port by its path.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PortConfig {
     /// The path or name.
     pub path: String,
@@ -63,8 +62,10 @@ pub struct PortConfig {
 pub struct TeleopConfig {
     /// The robot's port.
     pub robot: PortConfig,
-    /// The ball's port.
-    pub ball: PortConfig,
+    /// Where the hand is.
+    pub input: InputConfig,
+    /// The file that keeps what the input reports.
+    pub record: Option<PathBuf>,
     /// The workstation's port.
     pub viewer: Option<PortConfig>,
     /// The ALTER session.
@@ -150,6 +151,8 @@ pub enum Notification {
     Gripper(Exception, Result<(), SessionError>),
     /// What became of it at the robot.
     GripperOutcome(Exception, ExceptionOutcome),
+    /// New values of the input.
+    Hand(Sample),
     /// A packet of the ball with new values, and how long after the poll it was whole.
     Ball(Packet, Duration),
     /// The same without new values.
@@ -196,6 +199,7 @@ pub struct Teleop {
     notification: Receiver<(Duration, Notification)>,
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
+    jog: Option<Sender<Jog>>,
 }
 
 /// Gives the host orders, from any thread.
@@ -231,33 +235,47 @@ impl Teleop {
         let (notify, notification) = sync_channel(NOTIFICATIONS);
         let (ended_traces, traces_in) = channel::<(Trace, String)>();
         let (poses, poses_in) = channel();
-        let stop = Arc::new(AtomicBool::new(false));
+        let (stop, runs) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
         let context = |trace: &Trace| Context {
             clock,
             notify: notify.clone(),
             stop: Arc::clone(&stop),
+            runs: Arc::clone(&runs),
             trace: trace.clone(),
             ended_traces: ended_traces.clone(),
         };
         let (ball_probe, ball_probe_in) = channel();
         let (viewer_probe, viewer_probe_in) = channel();
         let robot = robot::Robot::open(&config, context(&traces.robot), orders_in, poses)?;
-        let ball = ball::Ball::open(&config, context(&traces.ball), orders.clone(), ball_probe_in)?;
+        let mut hand = Hand::open(
+            &config.input,
+            config.polls,
+            config.record.as_ref(),
+            context(&traces.ball),
+            orders.clone(),
+            ball_probe_in,
+        )?;
+        let jog = hand.jog.take();
         let viewer = match &config.viewer {
             Some(port) => Some(viewer::Feed::open(port, context(&traces.viewer), poses_in, viewer_probe_in)?),
             None => None,
         };
-        let mut threads = vec![thread::spawn(|| robot.run()), thread::spawn(|| ball.run())];
+        let mut threads = vec![thread::spawn(|| robot.run()), thread::spawn(|| hand.run())];
         // Not from the robot's thread, whose priority it would have.
         let shown = notify.clone();
         thread::spawn(move || write_traces(&traces_in, clock, &shown));
         threads.extend(viewer.map(|viewer| thread::spawn(|| viewer.run())));
-        Ok(Self { orders, probes: vec![ball_probe, viewer_probe], notification, stop, threads })
+        Ok(Self { orders, probes: vec![ball_probe, viewer_probe], notification, stop, threads, jog })
     }
 
     /// For threads that give orders of their own: the operator's stop key waits for no screen.
     pub fn orders(&self) -> Orders {
         Orders(self.orders.clone())
+    }
+
+    /// Where the keys go that move the arm, if they are the input.
+    pub fn jog(&self) -> Option<Sender<Jog>> {
+        self.jog.clone()
     }
 
     /// Gives the robot thread an order. It is done within 20 ms, or before the next reply.
@@ -313,6 +331,8 @@ struct Context {
     clock: Clock,
     notify: SyncSender<(Duration, Notification)>,
     stop: Arc<AtomicBool>,
+    /// Whether ALTER runs: a recording begins then.
+    runs: Arc<AtomicBool>,
     trace: Trace,
     ended_traces: Sender<(Trace, String)>,
 }
@@ -320,6 +340,10 @@ struct Context {
 impl Context {
     fn notify(&self, notification: Notification) {
         let _ = self.notify.try_send((self.clock.now(), notification));
+    }
+
+    fn runs(&self) -> bool {
+        self.runs.load(Ordering::Relaxed)
     }
 
     fn is_stopped(&self) -> bool {

@@ -1,6 +1,7 @@
 //! The thread that answers the robot controller.
 
 use std::ops::ControlFlow;
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, Sender};
 use std::thread;
 use std::time::Duration;
@@ -138,6 +139,8 @@ impl Robot {
     fn latch_on(&mut self, input: LatchInput) {
         let (now, before) = (self.context.clock.now(), self.latch);
         self.latch.on(now, input, &self.latch_config);
+        let runs = !matches!(self.latch, Latch::Off(_) | Latch::Ended);
+        self.context.runs.store(runs, Ordering::Relaxed);
         if before.name() != self.latch.name() || before.cause() != self.latch.cause() {
             self.later.push(Notification::Latch(self.latch));
         }

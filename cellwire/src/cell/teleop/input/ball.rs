@@ -1,26 +1,21 @@
-//! The thread that polls the ball.
+//! The ISRA ball at its port.
 
 use std::ops::ControlFlow;
-use std::sync::mpsc::{Receiver, Sender};
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use anyhow::Result;
 use isra_ball::{Decoder, ENQ, Host, HostConfig, HostEvent, Packet, timing};
 use robot_session::{Decoder as _, Driver, Session as _};
 
-use super::input::{FULL, Sample};
-use super::port::Port;
-use super::{Context, Notification, Order, TeleopConfig};
-use crate::io::priority::{self, Rank};
-
-/// A port that is gone is looked at this often.
-const IDLE: Duration = Duration::from_millis(20);
+use super::{FULL, Input, InputEvent, Sample};
+use crate::cell::teleop::port::Port;
+use crate::cell::teleop::{Context, Notification, PortConfig};
 
 pub(super) struct Ball {
     context: Context,
     driver: Driver<Port>,
     host: Host,
-    orders: Sender<Order>,
     probe: Receiver<()>,
     polls: HostConfig,
     is_connected: bool,
@@ -28,56 +23,29 @@ pub(super) struct Ball {
 
 impl Ball {
     pub(super) fn open(
-        config: &TeleopConfig,
+        port: &PortConfig,
+        polls: HostConfig,
         context: Context,
-        orders: Sender<Order>,
         probe: Receiver<()>,
     ) -> Result<Self> {
-        let driver = Driver::new(Port::open("ball", &config.ball, &context)?);
-        let (host, polls) = (Host::new(config.polls)?, config.polls);
-        Ok(Self { context, driver, host, orders, probe, polls, is_connected: false })
+        let driver = Driver::new(Port::open("ball", port, &context)?);
+        let host = Host::new(polls)?;
+        Ok(Self { context, driver, host, probe, polls, is_connected: false })
     }
 
-    pub(super) fn run(mut self) {
-        priority::raise(Rank::Poll);
-        while !self.context.is_stopped() {
-            if self.probe.try_recv().is_ok() {
-                self.probe();
-            }
-            let was_connected = self.is_connected;
-            self.driver.transport().follow(&mut self.host, &mut self.is_connected);
-            if was_connected && !self.is_connected {
-                self.order(Order::HandLost);
-            }
-            self.turn();
-            self.driver.transport().trace();
-        }
-        self.context.end_trace("the host ends");
-    }
-
-    fn turn(&mut self) {
-        let mut events = Vec::new();
-        let turn = self.driver.turn(&mut self.host, Some(IDLE), |_, event| {
-            events.push(event);
-            ControlFlow::<()>::Continue(())
-        });
-        debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
-        self.collect(events);
-    }
-
-    fn collect(&mut self, events: Vec<HostEvent>) {
+    fn collect(&mut self, events: Vec<HostEvent>, out: &mut Vec<InputEvent>) {
         let asked = self.driver.transport().written_at;
         for event in events {
             let now = self.context.clock.now();
             match event {
                 HostEvent::Packet(packet) => {
                     let fresh_until = self.host.live_until().unwrap_or(now);
-                    self.order(Order::Hand(sample(&packet, fresh_until)));
+                    out.push(InputEvent::Sample(sample(&packet, fresh_until)));
                     self.context.notify(Notification::Ball(packet, now - asked));
                 }
                 HostEvent::Old(packet) => self.context.notify(Notification::BallOld(packet, now - asked)),
                 HostEvent::Stale => {
-                    self.order(Order::HandOld);
+                    out.push(InputEvent::Old);
                     self.context.notify(Notification::BallStale);
                 }
                 HostEvent::Missed => self.context.notify(Notification::BallMissed),
@@ -89,12 +57,12 @@ impl Ball {
     }
 
     /// Polls ten times at each rate. The robot thread comes to rest meanwhile: the connection is as good as lost.
-    fn probe(&mut self) {
+    fn probe(&mut self, out: &mut Vec<InputEvent>) {
         self.is_connected = false;
-        self.order(Order::HandLost);
+        out.push(InputEvent::Lost);
         self.host.handle_disconnected(self.context.clock.now());
         let events = core::iter::from_fn(|| self.host.poll_event()).collect();
-        self.collect(events);
+        self.collect(events, out);
         let port = self.driver.transport();
         for baud in [4800, 9600, 19_200] {
             let period = self.polls.period.max(timing::min_period(baud));
@@ -118,10 +86,31 @@ impl Ball {
         }
         self.driver.transport().end_listening();
     }
+}
 
-    fn order(&self, order: Order) {
-        // A robot thread that is gone has reported why.
-        let _ = self.orders.send(order);
+impl Input for Ball {
+    fn poll(&mut self, wait: Duration, out: &mut Vec<InputEvent>) {
+        if self.probe.try_recv().is_ok() {
+            self.probe(out);
+        }
+        let was_connected = self.is_connected;
+        self.driver.transport().follow(&mut self.host, &mut self.is_connected);
+        if was_connected && !self.is_connected {
+            out.push(InputEvent::Lost);
+        }
+        let mut events = Vec::new();
+        let turn = self.driver.turn(&mut self.host, Some(wait), |_, event| {
+            events.push(event);
+            ControlFlow::<()>::Continue(())
+        });
+        debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
+        self.collect(events, out);
+        self.driver.transport().trace();
+    }
+
+    fn end(&mut self) {
+        self.driver.transport().trace_all();
+        self.context.end_trace("the host ends");
     }
 }
 

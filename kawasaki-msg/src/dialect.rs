@@ -227,17 +227,23 @@ impl<'a> Dialect<'a> {
         message: &Message<'_>,
         ranges: &W::Ranges,
     ) -> Result<W, MessageError> {
-        let not_expected = MessageError::NotExpected { role: Role::Job };
-        let entry = self.entry(Role::Job).ok_or(not_expected)?;
-        let place = entry.fields.iter().position(|field| *field == Field::Work).ok_or(not_expected)?;
-        let values = message.fields.iter().skip(place).take(entry.count_of_work(message)?);
+        let others = self.entry(Role::Job).map_or(0, |entry| entry.fields.len() - 1);
+        let values = self.work_values(message);
         job::read_values::<W>(values, ranges, self.charset).map_err(|error| match error {
             MessageError::FieldCount { expected, found } => {
-                let others = entry.fields.len() - 1;
                 MessageError::FieldCount { expected: expected + others, found: found + others }
             }
             error => error,
         })
+    }
+
+    /// A job's own fields as they are in its message; nothing where the message is no job.
+    pub fn work_values<'m>(&self, message: &Message<'m>) -> impl Iterator<Item = Value<'m>> + use<'m> {
+        let job = self.entry(Role::Job).filter(|entry| message.name == *entry.name);
+        let fields = job.map_or(&[][..], |entry| entry.fields);
+        let place = fields.iter().position(|field| *field == Field::Work).unwrap_or(0);
+        let count = job.and_then(|entry| entry.count_of_work(message).ok()).unwrap_or(0);
+        message.fields.iter().skip(place).take(count)
     }
 
     /// Gives the message with this role and these values to `f`. A value that is not there is written empty; a role that the table

@@ -42,6 +42,6 @@ impl CodecArgs {
     /// # Errors
     /// When the link has no such setting.
     pub(super) fn codec_of(&self, side: &'static str) -> Result<Box<dyn Codec>> {
-        self.link.codec(side, &self.set.read()?)
+        self.link.codec(side, &self.set.read()?).map_err(|error| self.set.located(error))
     }
 }

@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> Result<bool> {
             settings: settings.clone(),
             progress: progress.clone(),
         };
-        let report = cell::demo(link.name(), &options)?;
+        let report = cell::demo(link.name(), &options).map_err(|error| args.set.located(error))?;
         progress.finish_and_clear();
         let check_times = args.check_times || args.must_fail == Some(MustFail::Late);
         all &= report.is_good() && (report.is_in_time() || !check_times);

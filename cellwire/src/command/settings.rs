@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use serde_json::{Map, Value};
 
 use super::alter;
 use crate::cell;
 use crate::io::input;
-use crate::links::settings::{self, Setting};
+use crate::links::settings::{self, Refused, Setting};
 use crate::links::{LINKS, devices};
 
 /// Settings other than the defaults.
@@ -55,6 +55,33 @@ impl SetArgs {
         }
         Ok(given)
     }
+
+    /// The same error, with the line of the file whose setting is refused.
+    pub(super) fn located(&self, error: anyhow::Error) -> anyhow::Error {
+        let (Some(file), Some(Refused { name, .. })) = (&self.settings, error.downcast_ref()) else {
+            return error;
+        };
+        // What the command line sets is before what the file does.
+        let in_file = !self.set.iter().any(|(set, _)| set == name);
+        let line = input::text(file).ok().filter(|_| in_file).and_then(|text| line_of(&text, name));
+        match line {
+            Some(line) => anyhow!("{}, line {line}: {error:#}", file.display()),
+            None => error,
+        }
+    }
+}
+
+/// The line of a TOML text in which a setting is, or else the table that it would be in.
+fn line_of(text: &str, name: &str) -> Option<usize> {
+    let document = toml::de::DeTable::parse(text).ok()?;
+    let (mut table, mut at) = (document.get_ref(), None);
+    for part in name.split('.') {
+        let Some((key, value)) = table.iter().find(|(key, _)| key.get_ref() == part) else { break };
+        at = Some(key.span().start);
+        let toml::de::DeValue::Table(inner) = value.get_ref() else { break };
+        table = inner;
+    }
+    Some(text.get(..at?)?.matches('\n').count() + 1)
 }
 
 /// The settings of what the command line names, for the end of its `--help`: those of a device after `simulate`, of a link after

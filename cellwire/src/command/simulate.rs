@@ -75,12 +75,13 @@ pub fn run(args: &Args) -> Result<bool> {
         }
     }
     interrupt::handle()?;
-    args.device.simulate(&SimulateOptions {
+    let options = SimulateOptions {
         endpoint,
         connect_timeout: args.connect.timeout(),
         idle_timeout: (!args.idle_timeout.is_zero()).then_some(args.idle_timeout),
         trace: args.trace.clone(),
         settings,
-    })?;
+    };
+    args.device.simulate(&options).map_err(|error| args.set.located(error))?;
     Ok(true)
 }

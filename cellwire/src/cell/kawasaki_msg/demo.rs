@@ -15,6 +15,7 @@ use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Picture};
 use crate::io::tcp::{self, FaultyProxy};
 use crate::links::kawasaki_msg::pc::{self, Packets, Program};
+use crate::links::kawasaki_msg::plant::Plant;
 use crate::links::kawasaki_msg::robot::{self, Setup, Stroke};
 use crate::links::kawasaki_msg::sheet::{SHEET, drawn, jobs};
 use crate::links::settings::{self, Configure, Table};
@@ -41,6 +42,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// What can be set of the demo.
 #[derive(Debug)]
 pub struct Settings {
+    plant: Plant,
     port: u16,
     queue: usize,
     speed: u32,
@@ -48,16 +50,17 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { port: 0, queue: QUEUE, speed: SPEED }
+        Self { plant: Plant::default(), port: 0, queue: QUEUE, speed: SPEED }
     }
 }
 
 impl Configure for Settings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { port, queue, speed } = self;
+        let Self { plant, port, queue, speed } = self;
         table.whole("port", 0..=u16::MAX, "", "the PC's TCP port; 0: any free one", port);
         table.whole("queue", 1..=9998, "jobs", "how many jobs the robot's queue holds", queue);
         table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
+        plant.configure(table);
     }
 }
 
@@ -66,7 +69,7 @@ impl Configure for Settings {
 /// # Errors
 /// When the picture cannot be read, or the drawn one cannot be written; when no port is free.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let Settings { port, queue, speed } =
+    let Settings { plant, port, queue, speed } =
         settings::read("kawasaki-msg", Settings::default(), &options.settings)?;
     let picture = match &options.drawing {
         Some(file) => Picture::from_file(file, SHEET)?,
@@ -74,7 +77,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     };
     let lines = jobs(&picture);
     let bounds = Bounds { min: Point::new(0, 0), max: Point::new(SHEET.x, SHEET.y) };
-    let config = RobotConfig { reconnect_delay: RECONNECT, ..RobotConfig::TCP };
+    let dialect = plant.dialect()?;
+    let config = RobotConfig { dialect, reconnect_delay: RECONNECT, ..RobotConfig::TCP };
     let setup =
         Setup { config, bounds, queue, speed: f64::from(speed), connect_timeout: tcp::CONNECT_TIMEOUT };
     let listener = tcp::listen(&format!("127.0.0.1:{port}"))?;
@@ -98,7 +102,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
             run
         });
         let trace = options.trace.start("kawasaki-pc");
-        let packets = pc::run(&listener, PcConfig::TCP, &trace, &mut program);
+        let packets = pc::run(&listener, PcConfig { dialect, ..PcConfig::TCP }, &trace, &mut program);
         stop.store(true, Ordering::Relaxed);
         (robot.join(), packets)
     });

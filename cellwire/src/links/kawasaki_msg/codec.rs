@@ -3,17 +3,22 @@ use kawasaki_msg::{Charset, Decoder, Message, Value as Field, Values};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::options::Plant;
+use super::options::CodecSettings;
+use super::roles::Roles;
 use crate::links::codec::{self, Codec, Kind, codec, message};
 use crate::links::settings;
 
-/// Both sides send the same messages. The settings are those of [`Plant`].
+/// Both sides send the same messages. The settings are those of [`CodecSettings`].
 ///
 /// # Errors
 /// When a setting is another.
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    let Plant { charset } = settings::read("kawasaki-msg", Plant::default(), settings)?;
-    Ok(codec(Decoder::new(charset), Messages { charset }))
+    let CodecSettings { plant, roles } = settings::read("kawasaki-msg", CodecSettings::default(), settings)?;
+    let (charset, dialect) = (plant.charset, plant.dialect()?);
+    Ok(match roles {
+        true => codec(Decoder::new(charset), Roles(dialect)),
+        false => codec(Decoder::new(charset), Messages { charset }),
+    })
 }
 
 struct Messages {

@@ -4,7 +4,9 @@ mod codec;
 pub mod options;
 pub mod pc;
 mod peer;
+pub mod plant;
 pub mod robot;
+mod roles;
 pub mod sheet;
 pub mod simulate;
 
@@ -46,7 +48,7 @@ impl Link for KawasakiMsg {
     }
 
     fn settings(&self) -> Vec<Setting> {
-        settings::list(options::Plant::default())
+        settings::list(options::CodecSettings::default())
     }
 
     fn codec(&self, _side: &'static str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {

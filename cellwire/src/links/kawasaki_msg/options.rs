@@ -3,27 +3,24 @@
 use core::num::NonZeroU16;
 use std::path::PathBuf;
 
+use super::plant::Plant;
 use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table};
-use kawasaki_msg::{Acks, Bounds, Charset, Dialect, Limits, Message, PcConfig, RobotConfig, Takeover};
+use kawasaki_msg::{Acks, Bounds, Limits, Message, PcConfig, RobotConfig, Takeover};
 
-/// The plant's messages.
+/// What `decode` and `encode` are set to.
 #[derive(Debug, Clone, Default)]
-pub struct Plant {
-    /// The character set of names and fields.
-    pub charset: Charset,
+pub struct CodecSettings {
+    /// The plant's messages.
+    pub plant: Plant,
+    /// Messages are read and written as what they mean in the plant's table.
+    pub roles: bool,
 }
 
-impl Configure for Plant {
+impl Configure for CodecSettings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let choices = [("ascii", Charset::Ascii), ("latin1", Charset::Latin1)];
-        table.choice("charset", &choices, "the characters of names and fields", &mut self.charset);
-    }
-}
-
-impl Plant {
-    /// The table of messages.
-    pub fn dialect(&self) -> Dialect<'static> {
-        Dialect::DEFAULT.with_charset(self.charset)
+        let about = "message objects are a role and values in place of a name and fields";
+        table.flag("roles", about, &mut self.roles);
+        self.plant.configure(table);
     }
 }
 
@@ -61,7 +58,6 @@ impl Configure for RobotSettings {
         plant.configure(table);
         table.group("bounds", |table| bounds.configure(table));
         config.configure(table);
-        config.dialect = plant.dialect();
     }
 }
 
@@ -103,7 +99,6 @@ impl Configure for PcSettings {
         table.flag("repeat", "begin the next order when one is over", repeat);
         plant.configure(table);
         config.configure(table);
-        config.dialect = plant.dialect();
     }
 }
 

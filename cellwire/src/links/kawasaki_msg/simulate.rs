@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 
 use anyhow::{Result, bail};
-use kawasaki_msg::{Line, Pc, PcEvent, RobotEvent};
+use kawasaki_msg::{Line, Pc, PcConfig, PcEvent, RobotConfig, RobotEvent};
 use serde_json::json;
 
 use super::options::{PcSettings, RobotSettings};
@@ -35,7 +35,8 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     let lines = jobs(&picture);
     ready("kawasaki-pc", "listen", &listener.local_addr()?.to_string())?;
     let mut program = Orders { lines: &lines, next: settings.order, wanted: false, repeat: settings.repeat };
-    pc::run(&listener, settings.config, &options.trace.start("kawasaki-pc"), &mut program)?;
+    let config = PcConfig { dialect: settings.plant.dialect()?, ..settings.config };
+    pc::run(&listener, config, &options.trace.start("kawasaki-pc"), &mut program)?;
     Ok(())
 }
 
@@ -44,8 +45,9 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
 /// # Errors
 /// When a setting is none of this device's.
 pub fn robot(options: &SimulateOptions) -> Result<()> {
-    let RobotSettings { config, bounds, queue, speed, out, .. } =
+    let RobotSettings { plant, config, bounds, queue, speed, out } =
         settings::read("kawasaki-robot", RobotSettings::default(), &options.settings)?;
+    let config = RobotConfig { dialect: plant.dialect()?, ..config };
     let connect_timeout = options.connect_timeout;
     let setup = Setup { config, bounds, queue, speed: f64::from(speed), connect_timeout };
     let out = out.map(PathBuf::from);

@@ -39,13 +39,23 @@ pub struct Setting {
     pub about: &'static str,
 }
 
+/// A setting that is refused, and why.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("{text}")]
+pub struct Refused {
+    /// Its name.
+    pub name: String,
+    /// What is wrong, and what to give.
+    pub text: String,
+}
+
 /// The settings of a configuration, while they are visited.
 #[derive(Debug)]
 pub struct Table<'a> {
     prefix: String,
     visited: Vec<Setting>,
     given: Option<&'a Map<String, Value>>,
-    refused: Option<String>,
+    refused: Option<Refused>,
 }
 
 /// A configuration with the values that were given. `what` is what it configures.
@@ -144,7 +154,8 @@ impl Table<'_> {
         if let Some(value) = self.given.and_then(|given| find(given, &name))
             && let Err(why) = set(value)
         {
-            self.refused.get_or_insert_with(|| format!("{name}={}: {why}, give {values}", plain(value)));
+            let text = format!("{name}={}: {why}, give {values}", plain(value));
+            self.refused.get_or_insert_with(|| Refused { name: name.clone(), text });
         }
         self.visited.push(Setting { name, values, default, about });
     }

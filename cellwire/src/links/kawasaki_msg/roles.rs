@@ -1,0 +1,80 @@
+//! Messages as what they mean in the plant's table, whatever they are called there.
+
+use anyhow::{Context, Result, anyhow, bail};
+use kawasaki_msg::{Decoder, Dialect, Field, Message, Params, Value as Text, Values};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::plant::{field_name, role_name};
+use crate::links::codec::{self, Kind, error, message};
+
+/// Reads and writes `{"role": …, "values": {…}, "work": […]}`.
+pub(super) struct Roles(pub(super) Dialect<'static>);
+
+/// A message object.
+#[derive(Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+struct Object {
+    role: String,
+    #[serde(default)]
+    values: Map<String, Value>,
+    /// A job's own fields.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    work: Vec<String>,
+}
+
+impl codec::Messages for Roles {
+    type Decoder = Decoder;
+
+    fn show(&self, frame: Message<'_>, json: &mut Vec<u8>) -> Kind {
+        let (role, params) = match self.0.read(&frame) {
+            Ok(read) => read,
+            Err(wrong) => return error(&wrong, json),
+        };
+        let entry = self.0.entry(role);
+        let fields = entry.into_iter().flat_map(|entry| entry.header.iter().chain(entry.fields));
+        let values =
+            fields.filter_map(|field| Some((field_name(*field)?.into(), params.get(*field)?.into())));
+        let work = self.0.work_values(&frame).map(|value| value.to_string()).collect();
+        message(&Object { role: role_name(role), values: values.collect(), work }, json)
+    }
+
+    fn encode(&self, message: Value) -> Result<Vec<u8>> {
+        let Object { role, values, work } =
+            serde_json::from_value(message).context("is no message of a role")?;
+        let entry = self.0.entries().iter().find(|entry| role_name(entry.role) == role);
+        let entry = entry.with_context(|| format!("the plant has no message of the role `{role}`"))?;
+        let (mut params, mut used) = (Params::default(), 0);
+        for field in entry.header.iter().chain(entry.fields) {
+            if let Some(value) = field_name(*field).and_then(|name| values.get(name)) {
+                let number = value.as_i64().and_then(|number| i32::try_from(number).ok());
+                params.set(*field, number.with_context(|| format!("{value} is no whole number of 32 bits"))?);
+                used += 1;
+            }
+        }
+        if used < values.len() {
+            bail!("a value is no field of the message `{}`: {}", entry.name, Value::Object(values));
+        }
+        let text = |field: &Field<'static>| match field {
+            Field::Constant(text) => Text::Text(text),
+            field => params.get(*field).map_or(Text::Text(""), Text::Number),
+        };
+        let header: Vec<Text<'_>> = entry.header.iter().map(text).collect();
+        let fields: Vec<Text<'_>> = entry
+            .fields
+            .iter()
+            .flat_map(|field| match field {
+                Field::Work => work.iter().map(|value| Text::Text(value)).collect(),
+                field => vec![text(field)],
+            })
+            .collect();
+        let header = if header.is_empty() { Values::NONE } else { Values::List(&header) };
+        let message = Message { name: Text::Text(entry.name), header, fields: Values::List(&fields) };
+        let mut wire = vec![0; message.encoded_len()];
+        message.encode(self.0.charset(), &mut wire)?;
+        // What the plant would not understand is not written.
+        let read = Message::decode(&wire, self.0.charset())?.ok_or_else(|| anyhow!("it is not whole"))?;
+        self.0.read(&read.0)?;
+        Ok(wire)
+    }
+}

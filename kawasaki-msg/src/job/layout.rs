@@ -2,10 +2,12 @@
 
 use core::ops::RangeInclusive;
 
-use super::reader::WINDOW;
 use super::work::{Decimal, Fields, Unfit, Work};
 use super::{Text, writer};
 use crate::error::{ConfigError, FieldError, Name};
+
+/// How many bytes from the beginning of a job on may be looked at: its message, and eight bytes after it.
+pub(super) const WINDOW: usize = 1024;
 
 /// What one field of a job is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

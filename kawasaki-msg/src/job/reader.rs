@@ -5,15 +5,12 @@
 
 use core::ops::RangeInclusive;
 
+use super::Text;
+use super::layout::{self, WINDOW};
 use super::work::{Decimal, Fields, Unfit, Work};
-use super::{Text, layout};
 use crate::error::{FieldError, FieldFault, MessageError, Name};
 use crate::message::Message;
 use crate::value::{self, Charset, DATA, END, SEPARATOR, START, Value};
-
-/// How many bytes from the beginning of a job on may be looked at: its message, and eight bytes after it. The compiler sees of most
-/// places that they are within.
-pub(crate) const WINDOW: usize = 1024;
 
 /// The bytes after the longest message are only looked at, never filled.
 pub(crate) const BUFFER: usize = Message::MAX_LEN + WINDOW;

@@ -87,8 +87,18 @@ pub struct Trace {
 
 #[derive(Debug, Default)]
 struct Kept {
-    sent: VecDeque<(Duration, u8)>,
-    received: VecDeque<(Duration, u8)>,
+    sent: VecDeque<Byte>,
+    received: VecDeque<Byte>,
+    /// How often bytes were added.
+    turn: u64,
+}
+
+/// A byte with its time and its turn, which orders what has the same time: a request is before its answer.
+#[derive(Debug, Clone, Copy)]
+struct Byte {
+    at: Duration,
+    turn: u64,
+    byte: u8,
 }
 
 impl Kept {
@@ -97,7 +107,9 @@ impl Kept {
             Way::Sent => &mut self.sent,
             Way::Received => &mut self.received,
         };
-        ring.extend(bytes.iter().map(|byte| (now, *byte)));
+        let turn = self.turn;
+        self.turn += 1;
+        ring.extend(bytes.iter().map(|&byte| Byte { at: now, turn, byte }));
         let surplus = ring.len().saturating_sub(most);
         ring.drain(..surplus);
     }
@@ -184,24 +196,18 @@ impl Trace {
     }
 }
 
-fn write_lines(
-    out: &mut impl Write,
-    sent: &VecDeque<(Duration, u8)>,
-    received: &VecDeque<(Duration, u8)>,
-) -> io::Result<()> {
-    let mut bytes: Vec<(Duration, Way, u8)> = sent
-        .iter()
-        .map(|(at, byte)| (*at, Way::Sent, *byte))
-        .chain(received.iter().map(|(at, byte)| (*at, Way::Received, *byte)))
-        .collect();
-    bytes.sort_by_key(|(at, ..)| *at);
-    let together = |a: &(Duration, Way, u8), b: &(Duration, Way, u8)| a.1 == b.1 && b.0 - a.0 < GAP;
+fn write_lines(out: &mut impl Write, sent: &VecDeque<Byte>, received: &VecDeque<Byte>) -> io::Result<()> {
+    let sent = sent.iter().map(|byte| (Way::Sent, *byte));
+    let mut bytes: Vec<(Way, Byte)> =
+        sent.chain(received.iter().map(|byte| (Way::Received, *byte))).collect();
+    bytes.sort_by_key(|(_, byte)| (byte.at, byte.turn));
+    let together = |a: &(Way, Byte), b: &(Way, Byte)| a.0 == b.0 && b.1.at - a.1.at < GAP;
     for run in bytes.chunk_by(together) {
         for line in run.chunks(BYTES_A_LINE) {
-            for (_, _, byte) in line {
+            for (_, Byte { byte, .. }) in line {
                 write!(out, "{byte:02X} ")?;
             }
-            if let Some((at, way, _)) = line.first() {
+            if let Some((way, Byte { at, .. })) = line.first() {
                 let way = match way {
                     Way::Sent => "sent",
                     Way::Received => "received",
@@ -237,6 +243,17 @@ mod tests {
     use super::*;
 
     const MS: Duration = Duration::from_millis(1);
+
+    #[test]
+    fn what_has_the_same_time_keeps_its_order() {
+        let trace = Trace::new("server", 8, None);
+        for (way, byte) in [(Way::Received, 1), (Way::Sent, 2), (Way::Received, 3), (Way::Sent, 4)] {
+            trace.add(MS, way, &[byte]);
+        }
+        let lines = trace.lines();
+        let bytes: Vec<&str> = lines.iter().map(|line| &line[..2]).collect();
+        assert_eq!(bytes, ["01", "02", "03", "04"]);
+    }
 
     #[test]
     fn the_last_bytes_of_each_direction_are_in_order() {

@@ -267,3 +267,38 @@ fn an_offset_is_held_without_the_input_and_after_it_has_come_back() {
     rig.arm();
     rig.controller.wait("the path", since, |cycle| x(cycle) == Some(0));
 }
+
+/// The figures of every danger: `cargo test --release -p cellwire --test danger -- --ignored --nocapture`, 20 tries each, four at a
+/// time, which loads the machine.
+#[test]
+#[ignore = "takes minutes"]
+fn table() {
+    type Attempt = fn() -> Option<Stopped>;
+    let dangers: [(&str, Attempt); 9] = [
+        ("old data with a push", old_data),
+        ("the ball's port is gone", ball_gone),
+        ("SIGTERM", || signal("-TERM")),
+        ("SIGINT", || signal("-INT")),
+        ("SIGHUP", || signal("-HUP")),
+        ("the terminal is closed", terminal_closed),
+        ("Esc in the options", || stop_key(b"o", b"\x1b", false)),
+        ("space in the debug view", || stop_key(b"o3", b" ", false)),
+        ("space, the terminal blocked", terminal_blocked),
+    ];
+    println!(
+        "| danger | first smaller value, ms | zero, ms | greatest step, of {LIMIT} |\n| --- | --- | --- | --- |"
+    );
+    for (name, attempt) in dangers {
+        let tries: Vec<Stopped> = std::thread::scope(|scope| {
+            let four = [(); 4].map(|()| scope.spawn(move || [(); 5].map(|()| tried(attempt))));
+            four.into_iter().flat_map(|tries| tries.join().unwrap()).collect()
+        });
+        let ms = |cycles: fn(&Stopped) -> usize| {
+            let mut all: Vec<usize> = tries.iter().map(cycles).collect();
+            all.sort_unstable();
+            format!("{} ({} to {})", all[10] * 28, all[0] * 28, all[19] * 28)
+        };
+        let step = tries.iter().map(|stopped| stopped.step).max().unwrap();
+        println!("| {name} | {} | {} | {step} |", ms(|it| it.first), ms(|it| it.zero));
+    }
+}

@@ -165,6 +165,9 @@ impl Model {
         self.now = self.now.max(at);
         match notification {
             Notification::PortOpen(name, path) => self.show(format!("{name}: {path} opened")),
+            Notification::Latency(name, ms) => self.show(format!(
+                "{name}: its USB adapter collects bytes for {ms} ms: set latency_timer to 1, docs/alter.md"
+            )),
             Notification::PortLost(name, why) => {
                 if name == "robot" {
                     self.lost = Some("its port is gone");

@@ -308,6 +308,10 @@ fn bar(force: i16) -> String {
 }
 
 #[cfg(test)]
+#[path = "pictures.rs"]
+mod pictures;
+
+#[cfg(test)]
 mod tests {
     use std::time::Duration;
 

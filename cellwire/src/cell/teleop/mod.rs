@@ -110,6 +110,8 @@ pub enum Order {
 pub enum Notification {
     /// A port is open (again).
     PortOpen(&'static str, String),
+    /// The chip of a port's USB adapter collects bytes for so many milliseconds.
+    Latency(&'static str, u32),
     /// A port is gone; it is tried again.
     PortLost(&'static str, String),
     /// Whether the reply thread runs before all others.

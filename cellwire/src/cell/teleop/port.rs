@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
+use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::Duration;
@@ -44,6 +45,9 @@ impl Port {
     pub(super) fn open(name: &'static str, config: &PortConfig, context: &Context) -> Result<Self> {
         let port = serial::open(&config.path, config.baud)?;
         context.notify(Notification::PortOpen(name, config.path.clone()));
+        if let Some(ms) = serial::latency_timer(Path::new(&config.path)).filter(|ms| *ms > 1) {
+            context.notify(Notification::Latency(name, ms));
+        }
         let (lost, to_open) = channel();
         let (ready, opened) = channel();
         let (again, stop) = (config.clone(), context.clone());

@@ -16,6 +16,8 @@ const ASKED: RGBColor = RGBColor(200, 90, 40);
 const LIMITED: RGBColor = RGBColor(20, 80, 160);
 const LIMIT: RGBColor = RGBColor(130, 130, 130);
 
+const AXES: [&str; 6] = ["along X", "along Y", "along Z", "about X", "about Y", "about Z"];
+
 /// One curve: a time in seconds and a value; a new piece from rest for each ALTER, and after each cycle in which the arm stood.
 type Curve = Vec<Vec<(f64, f64)>>;
 
@@ -29,49 +31,57 @@ pub(super) fn write(options: &DemoOptions, config: &CellConfig, record: &CellRec
     draw(path, &cycles, &config.alter.limits)
 }
 
-/// Draws velocity and acceleration along X.
+/// Draws the velocity in each axis, and the acceleration along X.
 ///
 /// # Errors
 /// When the file cannot be written, or there is nothing to draw.
-fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()> {
+pub(super) fn draw(path: &Path, cycles: &[Cycle], limits: &Limits) -> Result<()> {
     let (Some(first), Some(last)) = (cycles.first(), cycles.last()) else {
         return Err(anyhow!("there is nothing to draw: ALTER never ran"));
     };
     let cycle = timing::CYCLE.as_secs_f64();
-    let velocity = |units: f64| units / Scale::PUMA_562.per_mm / cycle;
-    let acceleration = |units: f64| velocity(units) / cycle;
     let span = first.at.as_secs_f64()..last.at.as_secs_f64();
 
     let mut picture = String::new();
-    let root = SVGBackend::with_string(&mut picture, (1100, 760)).into_drawing_area();
+    let root = SVGBackend::with_string(&mut picture, (1100, 1240)).into_drawing_area();
     let failed = |error| anyhow!("cannot draw {}: {error}", path.display());
     root.fill(&WHITE).map_err(failed)?;
-    let (top, bottom) = root.split_vertically(390);
-    let asked = curve(cycles, |cycle| cycle.demand[0]);
-    let limited = curve(cycles, |cycle| cycle.values[0]);
+    let (top, bottom) = root.split_vertically(900);
+    let areas = top.split_evenly((3, 2));
+    for (axis, (name, limit)) in AXES.into_iter().zip(limits.velocity).enumerate() {
+        // Translations are on the left, rotations on the right.
+        let (place, unit, per_unit) = match axis {
+            0..3 => (2 * axis, "mm/s", Scale::PUMA_562.per_mm),
+            _ => (2 * axis - 5, "°/s", Scale::PUMA_562.per_degree),
+        };
+        let velocity = |words: f64| words / per_unit / cycle;
+        let of = |values: [i16; 6]| values.get(axis).copied().unwrap_or_default();
+        let panel = Panel {
+            title: format!("Velocity {name}"),
+            unit,
+            limit: velocity(limit.into()),
+            asked: scaled(&curve(cycles, |cycle| of(cycle.demand)), velocity),
+            limited: scaled(&curve(cycles, |cycle| of(cycle.values)), velocity),
+        };
+        let Some(area) = areas.get(place) else { continue };
+        panel.draw(area, span.clone()).map_err(failed)?;
+    }
+    let acceleration = |words: f64| words / Scale::PUMA_562.per_mm / (cycle * cycle);
     let panel = Panel {
-        title: "Velocity along X: what the hand asks for, and what the limits make of it",
-        unit: "mm/s",
-        limit: velocity(limits.velocity[0].into()),
-        asked: scaled(&asked, velocity),
-        limited: scaled(&limited, velocity),
-    };
-    panel.draw(&top, span.clone()).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
-    let panel = Panel {
-        title: "Acceleration along X (clipped: letting go asks for many times the limit)",
+        title: "Acceleration along X (clipped: letting go asks for many times the limit)".into(),
         unit: "mm/s²",
         limit: acceleration(limits.acceleration[0].into()),
-        asked: scaled(&steps(&asked), acceleration),
-        limited: scaled(&steps(&limited), acceleration),
+        asked: scaled(&steps(&curve(cycles, |cycle| cycle.demand[0])), acceleration),
+        limited: scaled(&steps(&curve(cycles, |cycle| cycle.values[0])), acceleration),
     };
-    panel.draw(&bottom, span).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
+    panel.draw(&bottom, span).map_err(failed)?;
     root.present().map_err(failed)?;
-    drop((root, top, bottom));
+    drop((root, top, bottom, areas));
     files::write(path, picture.as_bytes())
 }
 
 struct Panel {
-    title: &'static str,
+    title: String,
     unit: &'static str,
     limit: f64,
     asked: Curve,
@@ -86,7 +96,7 @@ impl Panel {
     ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
         let range = -self.limit * 2.0..self.limit * 2.0;
         let mut chart = ChartBuilder::on(area)
-            .caption(self.title, ("sans-serif", 18))
+            .caption(&self.title, ("sans-serif", 18))
             .margin(12)
             .x_label_area_size(36)
             .y_label_area_size(64)

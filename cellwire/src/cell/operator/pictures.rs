@@ -1,0 +1,133 @@
+//! The screen as a picture in each state, as `docs/screens` has it.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Duration;
+
+use isra_ball::{Keys, Packet, Status};
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use ratatui::buffer::Buffer;
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+use val2_alter::{ErrorCode, List, LostReason, Motion, MotionPhase, Start, Transform};
+
+use super::*;
+use crate::cell::operator::model::tests::model;
+use crate::cell::teleop::Notification;
+use crate::cell::teleop::input::Sample;
+
+const MS: Duration = Duration::from_millis(1);
+
+fn picture(model: &Model) -> String {
+    let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
+    terminal.draw(|frame| draw(frame, model)).unwrap();
+    svg(terminal.backend().buffer())
+}
+
+fn svg(buffer: &Buffer) -> String {
+    let mut out = String::from(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"740\" height=\"460\" viewBox=\"0 0 740 460\">\n\
+         <rect width=\"740\" height=\"460\" fill=\"#1c1c1c\"/>\n\
+         <g font-family=\"DejaVu Sans Mono, monospace\" font-size=\"15\" xml:space=\"preserve\">\n",
+    );
+    for (row, cells) in buffer.content().chunks(80).enumerate() {
+        for (column, cell) in cells.iter().enumerate() {
+            let (x, y) = (10 + 9 * column, 14 + 18 * row);
+            if cell.bg != Color::Reset {
+                writeln!(
+                    out,
+                    "<rect x=\"{x}\" y=\"{y}\" width=\"9\" height=\"18\" fill=\"{}\"/>",
+                    name(cell.bg)
+                )
+                .unwrap();
+            }
+            if cell.symbol() != " " {
+                let ink = if cell.fg == Color::Reset { "#d0d0d0" } else { name(cell.fg) };
+                let text = cell.symbol().replace('&', "&amp;").replace('<', "&lt;");
+                writeln!(out, "<text x=\"{x}\" y=\"{}\" fill=\"{ink}\">{text}</text>", y + 14).unwrap();
+            }
+        }
+    }
+    out + "</g>\n</svg>\n"
+}
+
+fn name(color: Color) -> &'static str {
+    match color {
+        Color::Black => "#101010",
+        Color::Red => "#e05050",
+        Color::Green => "#40b060",
+        Color::LightGreen => "#70e080",
+        Color::Yellow => "#e0b040",
+        _ => "#909090",
+    }
+}
+
+/// A cell in which ALTER runs and the ball is pushed so.
+fn running(push: i8, values: i16) -> Model {
+    let mut model = model();
+    model.key(KeyEvent::new(KeyCode::Char('a'), KeyModifiers::NONE), 800 * MS);
+    model.take(1000 * MS, Notification::Start(Start::new(Mode(23), List::EMPTY)));
+    model.take(1000 * MS, Notification::State(HostState::Running));
+    let motion = Motion {
+        phase: MotionPhase::Running,
+        error: ErrorCode::None,
+        segment_status: SegmentStatus::Normal,
+        segment: 2,
+        percent: 8192,
+        transform: Some(Transform([16384, 0, 0, 0, -16384, 0, 0, 0, -16384, 12800, -4816, 16])),
+    };
+    model.take(1028 * MS, Notification::Motion(motion));
+    let force = [push, 0, 0];
+    let packet =
+        Packet { sensor_type: 0, sensor: 0, status: Status::Fresh, force, moment: [0; 3], keys: Keys(0) };
+    model.take(1030 * MS, Notification::Ball(packet, 14 * MS));
+    let axes = [i16::from(push) * 8, 0, 0, 0, 0, 0];
+    let hand = Sample { axes, buttons: 0, fresh_until: 1100 * MS };
+    model.take(1030 * MS, Notification::Hand(hand));
+    let [demand, values] = [[values.signum() * 63, 0, 0, 0, 0, 0], [values, 0, 0, 0, 0, 0]];
+    model.take(1030 * MS, Notification::Reply { demand, values, thinking: MS / 8, held: false });
+    model
+}
+
+fn latched(mut model: Model, latch: Latch) -> Model {
+    model.take(1031 * MS, Notification::Latch(latch));
+    model
+}
+
+#[test]
+fn the_screen_has_a_picture_in_each_state() {
+    let fresh_until = 1100 * MS;
+    let mut stopped = running(90, 0);
+    stopped.key(KeyEvent::new(KeyCode::Char(' '), KeyModifiers::NONE), 1040 * MS);
+    stopped.take(1400 * MS, Notification::Stopped);
+    stopped.take(1430 * MS, Notification::State(HostState::Idle));
+    stopped.pass_time(1900 * MS);
+    let mut input_lost = latched(running(90, 0), Latch::Armed { fresh_until });
+    input_lost.take(1031 * MS, Notification::PortLost("ball", "Broken pipe".into()));
+    input_lost.take(1031 * MS, Notification::BallStale);
+    let mut robot_lost = running(90, 0);
+    robot_lost.take(1200 * MS, Notification::Lost(LostReason::Silence));
+    robot_lost.take(1200 * MS, Notification::State(HostState::Idle));
+    robot_lost.pass_time(3000 * MS);
+    let mut refused = model();
+    refused.key(KeyEvent::new(KeyCode::Char('a'), KeyModifiers::NONE), 800 * MS);
+    refused.take(1000 * MS, Notification::Start(Start::new(Mode(22), List::EMPTY)));
+    let pictures = [
+        ("disarmed", latched(running(90, 0), Latch::Disarmed(Cause::Start))),
+        ("armed", latched(running(0, 0), Latch::Armed { fresh_until })),
+        ("moving", latched(running(90, 56), Latch::Armed { fresh_until })),
+        ("stopped", latched(stopped, Latch::Off(Cause::Stop))),
+        ("input-lost", latched(input_lost, Latch::Disarmed(Cause::InputLost))),
+        ("robot-lost", latched(robot_lost, Latch::Off(Cause::NoAlter))),
+        ("start-refused", refused),
+    ];
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/screens");
+    for (state, model) in pictures {
+        let (drawn, file) = (picture(&model), folder.join(format!("{state}.svg")));
+        // `DRAW_SCREENS=1 cargo test -p cellwire pictures` draws them again.
+        if std::env::var_os("DRAW_SCREENS").is_some() {
+            std::fs::write(&file, &drawn).unwrap();
+        }
+        assert!(std::fs::read_to_string(&file).unwrap() == drawn, "{} is another picture", file.display());
+    }
+}

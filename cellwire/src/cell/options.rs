@@ -45,6 +45,22 @@ pub enum MustFail {
 }
 
 impl DemoOptions {
+    /// Those of a run without options, which shows no progress.
+    #[cfg(test)]
+    pub(crate) fn quiet() -> Self {
+        Self {
+            seconds: None,
+            faults: false,
+            seed: 1,
+            out: None,
+            must_fail: None,
+            drawing: None,
+            trace: TraceArgs::off(),
+            settings: Map::new(),
+            progress: ProgressBar::hidden(),
+        }
+    }
+
     /// Whether the record is to be spoilt so.
     pub fn spoils(&self, how: MustFail) -> bool {
         self.must_fail == Some(how)

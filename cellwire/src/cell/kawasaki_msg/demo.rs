@@ -1,7 +1,7 @@
 //! `cellwire demo kawasaki-msg`: the source's own application, a PC that lets a robot draw a picture.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc;
+use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -9,7 +9,7 @@ use anyhow::{Result, anyhow, bail, ensure};
 use indicatif::ProgressBar;
 use kawasaki_msg::{Bounds, Line, Pc, PcConfig, PcEvent, Point, RobotConfig, timing};
 
-use super::tally::{Outcome, Tally};
+use super::tally::{Ledger, Outcome};
 use crate::cell::options::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Picture};
@@ -92,8 +92,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
 
     let (stop, robot_is_off) = (AtomicBool::new(false), AtomicBool::new(false));
-    let mut program = Repeat::new(&lines, options, patience, &robot_is_off);
     let (sender, strokes) = mpsc::channel();
+    let mut program = Repeat::new(&lines, options, patience, &robot_is_off, strokes);
     let (robot, packets) = thread::scope(|scope| {
         let robot = scope.spawn(|| {
             let trace = options.trace.start("kawasaki-robot");
@@ -107,13 +107,12 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         (robot.join(), packets)
     });
     let robot = robot.map_err(|_| anyhow!("the simulated robot panicked"))??;
-    let mut strokes: Vec<Stroke> = strokes.try_iter().collect();
-    options.spoil(&mut strokes);
-    let seen = Seen { packets: packets?, strokes, robot, time: program.start.elapsed() };
+    program.ledger.end();
+    let seen = Seen { packets: packets?, ledger: program.ledger, robot, time: program.start.elapsed() };
     if let Some(file) = &options.out {
-        drawing::write_svg(file, SHEET, &drawn(seen.longest_order().map(|stroke| stroke.job.work)))?;
+        drawing::write_svg(file, SHEET, &drawn(seen.ledger.longest().iter().map(|stroke| stroke.job.work)))?;
     }
-    Ok(report(&picture, &lines, &program.outcomes, &seen, proxy.as_ref()))
+    Ok(report(&picture, &lines, &seen, proxy.as_ref()))
 }
 
 /// The PC's program: one order after another, each the whole picture.
@@ -124,7 +123,7 @@ struct Repeat<'a> {
     patience: Duration,
     robot_is_off: &'a AtomicBool,
     progress: &'a ProgressBar,
-    outcomes: Vec<Outcome>,
+    ledger: Ledger<'a>,
     over: Option<u32>,
     interrupted: bool,
 }
@@ -135,6 +134,7 @@ impl<'a> Repeat<'a> {
         options: &'a DemoOptions,
         patience: Duration,
         robot_is_off: &'a AtomicBool,
+        strokes: Receiver<Stroke>,
     ) -> Self {
         options.progress.set_length(lines.len() as u64);
         Self {
@@ -144,7 +144,7 @@ impl<'a> Repeat<'a> {
             patience,
             robot_is_off,
             progress: &options.progress,
-            outcomes: Vec::new(),
+            ledger: Ledger::new(lines, options, strokes),
             over: None,
             interrupted: false,
         }
@@ -155,7 +155,7 @@ impl<'a> Program<'a> for Repeat<'a> {
     fn step(&mut self, pc: &mut Pc<'static, &'a [Line]>) -> Result<bool> {
         let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);
         if let Some(executed) = self.over.take() {
-            self.outcomes.push(Outcome { sent: pc.sent(), executed });
+            self.ledger.over(Outcome { sent: pc.sent(), executed });
         }
         if self.robot_is_off.load(Ordering::Relaxed) {
             return Ok(false); // it reports why
@@ -169,11 +169,11 @@ impl<'a> Program<'a> for Repeat<'a> {
             ensure!(!late, "the order does not end: the robot has not reported it for {:?}", self.patience);
             return Ok(true);
         }
-        let drawn = !self.outcomes.is_empty();
+        let drawn = self.ledger.orders() > 0;
         if time_is_up || (drawn && self.seconds.is_none()) {
             return Ok(false);
         }
-        let number = u16::try_from(self.outcomes.len()).unwrap_or(u16::MAX).saturating_add(ORDER);
+        let number = u16::try_from(self.ledger.orders()).unwrap_or(u16::MAX).saturating_add(ORDER);
         pc.start(number, self.lines)?;
         Ok(true)
     }
@@ -197,30 +197,16 @@ impl<'a> Program<'a> for Repeat<'a> {
 }
 
 /// What the run has shown.
-struct Seen {
+struct Seen<'a> {
     packets: Packets,
-    strokes: Vec<Stroke>,
+    ledger: Ledger<'a>,
     robot: robot::Run,
     time: Duration,
 }
 
-impl Seen {
-    /// The strokes of the order that got farthest: a picture that was cut short is drawn only if there is no other.
-    fn longest_order(&self) -> impl Iterator<Item = &Stroke> {
-        let orders = self.strokes.chunk_by(|a, b| a.order == b.order);
-        orders.max_by_key(|order| order.len()).unwrap_or_default().iter()
-    }
-}
-
-fn report(
-    picture: &Picture,
-    lines: &[Line],
-    outcomes: &[Outcome],
-    seen: &Seen,
-    proxy: Option<&FaultyProxy>,
-) -> Report {
-    let Seen { packets, strokes, robot, time } = seen;
-    let tally = Tally::new(lines, outcomes, strokes);
+fn report(picture: &Picture, lines: &[Line], seen: &Seen<'_>, proxy: Option<&FaultyProxy>) -> Report {
+    let Seen { packets, ledger, robot, time } = seen;
+    let tally = ledger.tally();
     let statistics = robot.statistics;
     let title = format!(
         "a PC lets a robot draw a picture of {} strokes and {} moves",
@@ -228,9 +214,8 @@ fn report(
         lines.len() - picture.strokes()
     );
     let mut report = Report::new("kawasaki-msg", title);
-    let complete = outcomes.iter().filter(|outcome| outcome.executed as usize == lines.len()).count();
-    report.fact("orders", "orders: pictures begun", outcomes.len());
-    report.fact("pictures", "pictures drawn whole", complete);
+    report.fact("orders", "orders: pictures begun", ledger.orders());
+    report.fact("pictures", "pictures drawn whole", ledger.complete());
     report.jobs(tally.jobs());
     if tally.withdrawn > 0 {
         report.fact("withdrawn", "taken back when the time was up", tally.withdrawn);
@@ -285,21 +270,13 @@ fn round(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::trace::TraceArgs;
     use serde_json::Value;
     use std::path::PathBuf;
 
     fn options(settings: &[(&str, i64)]) -> DemoOptions {
         DemoOptions {
-            seconds: None,
-            faults: false,
-            seed: 1,
-            out: None,
-            must_fail: None,
-            drawing: None,
-            trace: TraceArgs::off(),
             settings: settings.iter().map(|(name, value)| ((*name).into(), Value::from(*value))).collect(),
-            progress: ProgressBar::hidden(),
+            ..DemoOptions::quiet()
         }
     }
 

@@ -1,7 +1,10 @@
 //! What became of the jobs: what was sent, beside what the pen did.
 
+use std::sync::mpsc::Receiver;
+
 use kawasaki_msg::{Dialect, Line};
 
+use crate::cell::options::DemoOptions;
 use crate::cell::report::Jobs;
 use crate::links::kawasaki_msg::robot::Stroke;
 
@@ -35,20 +38,103 @@ pub struct Tally {
     pub out_of_order: u64,
 }
 
-impl Tally {
-    /// Each order drew the picture from its first line on; `outcomes` are in the order of the orders.
-    pub fn new(picture: &[Line], outcomes: &[Outcome], strokes: &[Stroke]) -> Self {
-        let mut tally = Self::default();
-        for (order, outcome) in (1..).zip(outcomes) {
-            tally.add(picture, *outcome, strokes.iter().filter(|stroke| stroke.order == order));
+/// The orders of a run, counted as they end. It keeps the strokes of two orders, and those of the longest, however long the run is.
+#[derive(Debug)]
+pub struct Ledger<'a> {
+    picture: &'a [Line],
+    options: &'a DemoOptions,
+    strokes: Receiver<Stroke>,
+    /// Strokes of orders that are not counted yet.
+    held: Vec<Stroke>,
+    /// The last order that was over: a stroke that comes late is one of its.
+    last: Option<Outcome>,
+    /// Orders that are counted.
+    counted: u32,
+    /// Orders that were over with the whole picture drawn.
+    complete: u32,
+    longest: Vec<Stroke>,
+    tally: Tally,
+}
+
+impl<'a> Ledger<'a> {
+    /// Nothing was drawn yet. Each order draws the picture from its first line on; `strokes` are what the pen does.
+    pub fn new(picture: &'a [Line], options: &'a DemoOptions, strokes: Receiver<Stroke>) -> Self {
+        Self {
+            picture,
+            options,
+            strokes,
+            held: Vec::new(),
+            last: None,
+            counted: 0,
+            complete: 0,
+            longest: Vec::new(),
+            tally: Tally::default(),
         }
-        tally
     }
 
-    fn add<'a>(&mut self, picture: &[Line], outcome: Outcome, strokes: impl Iterator<Item = &'a Stroke>) {
+    /// An order is over; how the PC knows it has ended.
+    pub fn over(&mut self, outcome: Outcome) {
+        self.count_last();
+        self.complete += u32::from(outcome.executed as usize == self.picture.len());
+        self.last = Some(outcome);
+    }
+
+    /// The run is over, and the pen does nothing more.
+    pub fn end(&mut self) {
+        self.count_last();
+        // Of no order at all.
+        self.tally.altered += self.held.len() as u64;
+    }
+
+    /// Orders that are over.
+    pub fn orders(&self) -> u32 {
+        self.counted + u32::from(self.last.is_some())
+    }
+
+    /// Orders that were over with the whole picture drawn.
+    pub fn complete(&self) -> u32 {
+        self.complete
+    }
+
+    /// The strokes of the order that got farthest: a picture that was cut short is drawn only if there is no other.
+    pub fn longest(&self) -> &[Stroke] {
+        &self.longest
+    }
+
+    /// What became of the jobs of the orders that are counted.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    fn count_last(&mut self) {
+        self.held.extend(self.strokes.try_iter());
+        let Some(outcome) = self.last.take() else { return };
+        self.counted += 1;
+        let order = self.counted;
+        let (mut strokes, held) = self.held.drain(..).partition(|stroke: &Stroke| stroke.order <= order);
+        self.held = held;
+        if order == 1 {
+            self.options.spoil(&mut strokes);
+        }
+        self.tally.add(self.picture, outcome, order, &strokes);
+        strokes.retain(|stroke| stroke.order == order);
+        if strokes.len() > self.longest.len() {
+            self.longest = strokes;
+        }
+    }
+}
+
+impl Tally {
+    /// Adds an order by its number, counted from 1, and what the pen did until it was counted.
+    fn add(&mut self, picture: &[Line], outcome: Outcome, order: u32, strokes: &[Stroke]) {
         let (sent, executed) = (outcome.sent as usize, outcome.executed as usize);
         let (mut times, mut next) = (vec![0u32; sent], 0);
         for stroke in strokes {
+            if stroke.order != order {
+                // Its own order was counted without it.
+                self.unreported += 1;
+                continue;
+            }
             let index = place(stroke.job.number, next);
             self.out_of_order += u64::from(index != Some(next));
             next = index.map_or(next, |index| index + 1);
@@ -85,6 +171,8 @@ fn place(number: u16, next: usize) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::mpsc::channel;
+
     use super::*;
     use kawasaki_msg::{Job, JobKind, Point};
 
@@ -108,7 +196,8 @@ mod tests {
         altered.job.work.end.y = 7;
         // 2 is lost, 3 comes twice, 4 is another line (and so lost), 5 was not to be executed, 6 is taken back.
         let strokes = [stroke(1, 1), stroke(1, 3), stroke(1, 3), altered, stroke(1, 5)];
-        let tally = Tally::new(&picture(9), &[outcome], &strokes);
+        let mut tally = Tally::default();
+        tally.add(&picture(9), outcome, 1, &strokes);
         let expected = Tally {
             sent: 6,
             executed_once: 1,
@@ -124,10 +213,21 @@ mod tests {
 
     #[test]
     fn orders_are_distinguished_and_numbers_wrap() {
-        let outcomes = [Outcome { sent: 2, executed: 2 }; 2];
-        let strokes = [stroke(1, 1), stroke(1, 2), stroke(2, 1), stroke(2, 2)];
-        let tally = Tally::new(&picture(2), &outcomes, &strokes);
-        assert_eq!(tally, Tally { sent: 4, executed_once: 4, ..Tally::default() });
+        let (options, picture) = (DemoOptions::quiet(), picture(2));
+        let (sender, strokes) = channel();
+        let mut ledger = Ledger::new(&picture, &options, strokes);
+        // The last one is late: its order was counted when the next one was over.
+        for (order, number) in [(1, 1), (1, 2), (2, 1), (2, 2), (3, 1), (3, 2), (1, 2)] {
+            sender.send(stroke(order, number)).unwrap();
+            if number == 2 && order > 1 {
+                ledger.over(Outcome { sent: 2, executed: 2 });
+            }
+        }
+        ledger.over(Outcome { sent: 2, executed: 2 });
+        ledger.end();
+        let expected = Tally { sent: 6, executed_once: 6, unreported: 1, ..Tally::default() };
+        assert_eq!((ledger.tally(), ledger.orders(), ledger.complete()), (expected, 3, 3));
+        assert_eq!((ledger.longest().len(), ledger.held.len()), (2, 0));
         assert_eq!(place(1, 9999), Some(9999));
         assert_eq!(place(9999, 9999), Some(9998));
         assert_eq!(place(9999, 0), None);

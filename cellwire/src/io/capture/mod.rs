@@ -1,7 +1,7 @@
 //! Captures (pcap and pcapng): the bytes of TCP connections, UDP and serial lines, and what keeps some of them from being read.
 //!
 //! Nothing is dropped without a word: what should hold a link's bytes and does not is a [`Fault`], and what never holds them
-//! is counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, [`fragments`] that wait for the
+//! is counted in the [`Summary`]. The memory is bounded, however large the capture is: one block, fragments that wait for the
 //! rest of their packet, and what the caller keeps of each connection (see [`reassembly`]).
 
 mod blocks;

@@ -27,7 +27,7 @@ pub enum Piece<'a> {
     BeforeStart(u64),
 }
 
-/// One direction of one connection. It holds at most [`MAX_WAITING_BYTES`] and a segment.
+/// One direction of one connection. It holds at most `MAX_WAITING_BYTES` and a segment.
 #[derive(Debug, Default)]
 pub struct Reassembly {
     started: Option<Started>,

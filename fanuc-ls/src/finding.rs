@@ -130,7 +130,7 @@ impl<'a> Check<'a> {
     }
 
     fn statements(&mut self, used: &mut Used<'a>, line_count: Option<(usize, usize)>) {
-        let (mut last, mut count, mut numbered) = (0, 0, true);
+        let (mut last, mut count, mut numbered, mut is_off) = (0, 0, true, false);
         let before = self.found.len();
         for statement in self.parts.statements(self.text) {
             used.note(statement.text());
@@ -141,7 +141,10 @@ impl<'a> Check<'a> {
             match statement.number() {
                 Some(found) => {
                     let expected = last + 1;
-                    if found != expected && numbered {
+                    // Two in a row: the numbers do not count the lines, and the controller will.
+                    numbered &= found == expected || !is_off;
+                    is_off = found != expected;
+                    if is_off && numbered {
                         let place = statement.text().trim_start();
                         self.warn(offset(self.text, place), Warning::LineNumber { expected, found });
                     }

@@ -262,6 +262,13 @@ fn one_cause_is_one_finding() {
         numbered(&[1, 2], 6),
         [(3, 1, Problem::Warning(Warning::LineCount { expected: 6, found: 2 }))]
     );
+    let missing = |line: usize, expected: usize, found: usize| {
+        (line, 4, Problem::Warning(Warning::LineNumber { expected, found }))
+    };
+    assert_eq!(numbered(&[1, 3, 4, 6], 6), [missing(6, 2, 3), missing(8, 5, 6)]);
+    // Numbers that do not count the lines.
+    assert_eq!(numbered(&[1, 1, 1, 1, 1], 5), [missing(6, 2, 1)]);
+    assert_eq!(numbered(&[10, 20, 30, 40], 4), [(5, 3, missing(5, 1, 10).2)]);
     // Lines without numbers are a post-processor's.
     assert_eq!(found("/PROG A\n/MN\n : END ;\n  1: END ;\n  1: END ;\n/END"), []);
 }

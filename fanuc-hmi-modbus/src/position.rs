@@ -6,7 +6,8 @@ use crate::typed::WordOrder;
 /// A position register PR\[n\], of an assignment with `$VAR_NAME` `PR[n]`, `$SIZE` 50 a register and `$MULTIPLY` 0.
 ///
 /// One request reads or writes it whole. A controller keeps it in one of the two forms, the one whose flag is set, and gives the other
-/// one where it can compute it. The order of the 50 registers is that of public client programs; no source of FANUC shows it.
+/// one where it can compute it. The order of the 50 registers is that of a public client program, that of the configuration the one of a sample program for
+/// the vendor's PC interface (F/N, L/R, U/D, T/B, three turns); our source shows neither.
 ///
 /// ```
 /// use fanuc_hmi_modbus::position::{Cartesian, PositionRegister};

@@ -46,15 +46,17 @@ enum Command {
 ///   pick = [-120.0, 40.0, 10.0, 0.0]
 ///   place = [120.0, 40.0, 12.0, 1.57]
 ///
-/// Prints one line of JSON for each step and each part. A journal beside the task says what became of every part: after an end
-/// of any kind the same command goes on where it was. Where a part was begun and nobody knows what became of it, or a device
-/// fails, it asks: look at the cell and type `done` (it is in its place), `repeat` or `stop`. `pause`, `continue` and `stop` may be typed
-/// at any time and take effect after the part; `abort` stops everything now.
+/// Prints one line of JSON for each step and each part. A journal beside the task says what became
+/// of every part: after an end of any kind the same command goes on where it was. Where a part was
+/// begun and nobody knows what became of it, or a device fails, it asks: look at the cell and type
+/// `done` (it is in its place), `repeat` or `stop`. `pause`, `continue` and `stop` may be typed at
+/// any time and take effect after the part; `abort` stops everything now.
 ///
-/// Cameras, valves and vacuum switch are simulated, or at the end of a TCP connection, in lines of text. The controller writes
-/// `acquire 1`, `acquire 2`, `vacuum on`, `vacuum off`, `blow on` or `blow off`. The periphery answers a picture with `part [rad,rad] [mm,mm,mm,rad]`
-/// (camera 1), `slot [mm,mm,mm,rad]` (camera 2) or `none`, and a valve with `ok`; instead of both, `error TEXT`. It writes `switch
-/// high` and `switch low` whenever the vacuum switch changes.
+/// Cameras, valves and vacuum switch are simulated, or at the end of a TCP connection, in lines of
+/// text. The controller writes `acquire 1`, `acquire 2`, `vacuum on`, `vacuum off`, `blow on` or
+/// `blow off`. The periphery answers a picture with `part [rad,rad] [mm,mm,mm,rad]` (camera 1),
+/// `slot [mm,mm,mm,rad]` (camera 2) or `none`, and a valve with `ok`; instead of both, `error
+/// TEXT`. It writes `switch high` and `switch low` whenever the vacuum switch changes.
 ///
 /// Exit status: 0 every part is placed; 1 stopped; 2 not begun; 3 a connection was lost.
 #[derive(Debug, clap::Args)]

@@ -360,7 +360,7 @@ fn a_dry_run_says_and_draws_what_would_happen() {
     );
     // The arc in chords of at most 0.05 mm beside it: 2 acos(1 - 0.05 / 10) of a quarter.
     assert_eq!((&line["instructions"], &line["frames"]), (&(4 + 8).into(), &2.into()));
-    assert!(svg.contains("width=\"40mm\"") && svg.contains("stroke=\"black\""), "{svg}");
+    assert!(svg.contains("width=\"33mm\"") && svg.contains("stroke=\"black\""), "{svg}");
 
     let entity = |kind: &str, codes: &[(u8, &str)]| {
         let codes: String = codes.iter().map(|(code, value)| format!("{code}\n{value}\n")).collect();

@@ -2,98 +2,24 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+mod operated;
+
 use core::fmt::Write as _;
 use core::time::Duration;
 use std::fs;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
 use std::path::PathBuf;
-use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{self, Receiver};
+use std::process::Command;
 use std::thread;
-use std::time::Instant;
 
 use serde_json::Value;
 
-const PATIENCE: Duration = Duration::from_secs(90);
+use operated::{PATIENCE, Tool};
 
-/// A program of the tool, with its lines of JSON.
-struct Tool {
-    process: Child,
-    stdin: Option<ChildStdin>,
-    lines: Receiver<Value>,
-}
-
-impl Tool {
-    fn start(args: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_cellwire"))
-            .args(args)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let (sender, lines) = mpsc::channel();
-        let stdout = process.stdout.take().unwrap();
-        thread::spawn(move || {
-            for line in BufReader::new(stdout).lines() {
-                if sender.send(serde_json::from_str(&line.unwrap()).unwrap()).is_err() {
-                    return;
-                }
-            }
-        });
-        let stdin = process.stdin.take();
-        Self { process, stdin, lines }
-    }
-
-    /// The next line of this event.
-    fn event(&self, event: &str) -> Value {
-        let begin = Instant::now();
-        while begin.elapsed() < PATIENCE {
-            let line = self.lines.recv_timeout(PATIENCE).expect("a line");
-            if line["event"] == event {
-                return line;
-            }
-        }
-        panic!("no {event}");
-    }
-
-    /// Waits for a step of the task.
-    fn step(&self, step: &str) {
-        while self.event("step")["step"] != step {}
-    }
-
-    fn say(&mut self, word: &str) {
-        writeln!(self.stdin.as_mut().unwrap(), "{word}").unwrap();
-    }
-
-    /// Its status and what it said, when it has ended by itself.
-    fn end(mut self) -> (Option<i32>, String) {
-        drop(self.stdin.take());
-        let begin = Instant::now();
-        let status = loop {
-            match self.process.try_wait().unwrap() {
-                Some(status) => break status.code(),
-                None => assert!(begin.elapsed() < PATIENCE, "it does not end"),
-            }
-            thread::sleep(Duration::from_millis(5));
-        };
-        let mut said = String::new();
-        self.process.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-        (status, said)
-    }
-
-    fn kill(mut self) {
-        self.process.kill().unwrap();
-        self.process.wait().unwrap();
-    }
-}
-
-impl Drop for Tool {
-    fn drop(&mut self) {
-        drop(self.process.kill());
-        drop(self.process.wait());
-    }
+/// Waits for a step of the task.
+fn step(tool: &Tool, step: &str) {
+    while tool.event("step")["step"] != step {}
 }
 
 /// A device that moves so much faster than life.
@@ -188,7 +114,7 @@ fn a_run_that_is_killed_asks_about_its_part_and_goes_on() {
     let cell = Cell::new(20);
     let run = cell.run(3, &["--set", "task.motion_timeout=never"]);
     assert_eq!(run.event("placed")["part"], 1);
-    run.step("await_place"); // the second part is on the gripper
+    step(&run, "await_place"); // the second part is on the gripper
     let (code, said) = cell.run(3, &[]).end();
     assert_eq!(code, Some(2));
     assert!(said.contains("another process runs this task"), "{said}");
@@ -218,7 +144,7 @@ fn a_run_that_is_killed_asks_about_its_part_and_goes_on() {
 fn a_lost_connection_is_a_question_and_an_error_if_it_is_not_regained() {
     let mut cell = Cell::new(20);
     let mut run = cell.run(2, &[]);
-    run.step("await_pick");
+    step(&run, "await_pick");
     let address = cell.robot.address.clone();
     cell.robot.tool.process.kill().unwrap();
     let question = run.event("question");
@@ -234,7 +160,7 @@ fn a_lost_connection_is_a_question_and_an_error_if_it_is_not_regained() {
 
     // It does not come back.
     let mut run = cell.run(2, &["--again"]);
-    run.step("await_pick");
+    step(&run, "await_pick");
     cell.robot.tool.process.kill().unwrap();
     run.event("question");
     run.say("stop");
@@ -249,13 +175,13 @@ fn a_lost_connection_is_a_question_and_an_error_if_it_is_not_regained() {
 fn it_pauses_between_parts_and_stops_at_once_when_told() {
     let cell = Cell::new(200);
     let mut run = cell.run(3, &[]);
-    run.step("go_pick");
+    step(&run, "go_pick");
     run.say("pause");
     assert_eq!(run.event("operator")["word"], "pause");
     assert_eq!(run.event("placed")["part"], 1);
     assert_eq!(run.lines.recv_timeout(Duration::from_millis(500)).ok(), None, "it waits");
     run.say("continue");
-    run.step("await_pick");
+    step(&run, "await_pick");
     run.say("abort");
     let ended = run.event("ended");
     assert_eq!((&ended["why"], &ended["placed"], &ended["begun"]), (&"stopped".into(), &1.into(), &1.into()));

@@ -1,6 +1,21 @@
-//! What an operator types while a program runs.
+//! The operator of a program that runs, and what they type.
 
+use std::sync::mpsc::Receiver;
+
+use anyhow::Result;
 use serde::Serialize;
+use serde_json::Value;
+
+/// Who is told, and asked.
+#[allow(missing_debug_implementations, reason = "it holds what notifies")]
+pub struct Operator<'a> {
+    /// The lines that the operator types; it may end.
+    pub words: Receiver<String>,
+    /// What happens, as objects.
+    pub notify: &'a mut dyn FnMut(Value) -> Result<()>,
+    /// How much of the work is done.
+    pub progress: &'a mut dyn FnMut(usize),
+}
 
 /// A word on standard input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

@@ -8,11 +8,12 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
 use super::settings::SetArgs;
-use crate::cell::laser_run::{Ended, Journal, Operator, Outcome, Program, Runner, Settings};
+use crate::cell::laser_run::{Ended, Journal, Outcome, Program, Runner, Settings};
+use crate::cell::word::Operator;
 use crate::io::output::log;
 use crate::io::port::AnyPort;
 use crate::io::tcp::ConnectArgs;
-use crate::io::{files, input};
+use crate::io::{files, input, journal};
 use crate::links::settings;
 
 /// Runs programs on a laser robot over its serial line (EB 90 frames).
@@ -92,7 +93,7 @@ pub fn run(args: &Args) -> Result<bool> {
         }))?;
         return Ok(true);
     }
-    let path = args.journal.clone().unwrap_or_else(|| Journal::beside(&args.file));
+    let path = args.journal.clone().unwrap_or_else(|| journal::beside(&args.file));
     let mut journal = Journal::open(&path, &program, args.again)?;
     let ended = execute(args, &program, &mut journal, host);
     if let Some(file) = &args.out {

@@ -8,12 +8,11 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
 use super::settings::SetArgs;
-use crate::cell::mma_run::{
-    Addresses, Ended, Journal, Line, Operator, Periphery, Runner, Settings, Simulated, State,
-};
+use crate::cell::mma_run::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated, State};
+use crate::cell::word::Operator;
 use crate::io::output::log;
 use crate::io::tcp::ConnectArgs;
-use crate::io::{files, input};
+use crate::io::{files, input, journal};
 use crate::links::settings;
 
 /// Runs the pick-and-place task of an MM&A micro-manipulation cell.
@@ -108,11 +107,7 @@ pub fn run(args: &Args) -> Result<bool> {
         log(&json!({"task": args.task, "parts": parts}))?;
         return Ok(true);
     }
-    let path = args.journal.clone().unwrap_or_else(|| {
-        let mut name = args.task.file_name().unwrap_or_default().to_owned();
-        name.push(".journal");
-        args.task.with_file_name(name)
-    });
+    let path = args.journal.clone().unwrap_or_else(|| journal::beside(&args.task));
     let mut journal = Journal::open(&path, &settings.fingerprint(), parts, args.again)?;
     let ended = execute(args, &settings, &mut journal);
     if let Some(file) = &args.out {

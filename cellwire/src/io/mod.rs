@@ -6,6 +6,7 @@ pub mod drive;
 pub mod files;
 pub mod input;
 pub mod interrupt;
+pub mod journal;
 pub mod line;
 pub mod listener;
 pub mod output;

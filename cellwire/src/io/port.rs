@@ -30,6 +30,13 @@ impl AnyPort {
             false => Self::Tcp(tcp::connect(name, timeout)?),
         })
     }
+
+    /// Ends a connection, before another takes its place.
+    pub fn close(&mut self) {
+        if let Self::Tcp(stream) = self {
+            let _ = stream.shutdown(std::net::Shutdown::Both);
+        }
+    }
 }
 
 impl Transport for AnyPort {

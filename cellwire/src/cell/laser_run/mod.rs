@@ -10,5 +10,5 @@ mod settings;
 
 pub use journal::{Journal, Outcome};
 pub use program::{Instruction, Program};
-pub use run::{Ended, Operator, Runner};
+pub use run::{Ended, Runner};
 pub use settings::{Coordinate, Mapping, Settings};

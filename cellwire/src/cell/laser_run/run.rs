@@ -1,31 +1,20 @@
 //! The run: one frame at a time, so that never more than one is unknown.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError};
 use robot_session::{Driver, Session as _, Transport, now};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::journal::{Journal, Outcome};
 use super::program::{Instruction, Program};
-use crate::cell::word::Word;
+use crate::cell::word::{Operator, Word};
 use crate::io::drive::{Lost, turn};
 
 /// The operator's words are looked at so often.
 const GLANCE: Duration = Duration::from_millis(50);
-
-/// Who is told, and asked.
-#[allow(missing_debug_implementations, reason = "it holds what notifies")]
-pub struct Operator<'a> {
-    /// The lines that the operator types; it may end.
-    pub words: Receiver<String>,
-    /// What happens, as objects.
-    pub notify: &'a mut dyn FnMut(Value) -> Result<()>,
-    /// How many instructions are done.
-    pub progress: &'a mut dyn FnMut(usize),
-}
 
 /// How a run has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

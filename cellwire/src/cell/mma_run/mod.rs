@@ -8,5 +8,5 @@ mod settings;
 
 pub use journal::{Journal, State};
 pub use periphery::{Line, Periphery, Simulated};
-pub use run::{Addresses, Ended, Operator, Runner};
+pub use run::{Addresses, Ended, Runner};
 pub use settings::{Part, Settings};

@@ -1,19 +1,19 @@
 //! The run: the task between two sessions, the periphery, and an operator.
 
-use std::sync::mpsc::{self, Receiver, TryRecvError};
+use std::sync::mpsc::{self, TryRecvError};
 use std::time::Duration;
 
 use anyhow::{Result, bail};
 use mmacell_proto::{CentralEvent, Closing, PlatformPose, Pose, RobotPose};
 use mmacell_task::{Device, Event, Failure, Output, Step, Task};
 use robot_session::now;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::connection::{Arrival, Connection};
 use super::journal::{Journal, State};
 use super::periphery::{Happened, Periphery};
 use super::settings::Settings;
-use crate::cell::word::Word;
+use crate::cell::word::{Operator, Word};
 use crate::io::drive::Lost;
 
 /// The periphery and the operator are looked at so often.
@@ -29,17 +29,6 @@ pub struct Addresses {
     pub platform: String,
     /// How long a connection may take to open.
     pub timeout: Duration,
-}
-
-/// Who is told, and asked.
-#[allow(missing_debug_implementations, reason = "it holds what notifies")]
-pub struct Operator<'a> {
-    /// The lines that the operator types; it may end.
-    pub words: Receiver<String>,
-    /// What happens, as objects.
-    pub notify: &'a mut dyn FnMut(Value) -> Result<()>,
-    /// How many parts are placed.
-    pub progress: &'a mut dyn FnMut(usize),
 }
 
 /// How a run has ended.

@@ -1,17 +1,16 @@
 //! A Modbus client that asks one thing at a time, over TCP or a serial line.
 
-use std::io;
-use std::net::TcpStream;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
 use fanuc_hmi_modbus::{self as modbus, ClientConfig, ClientEvent, Failure, Frame, Reply, Request};
-use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport};
+use robot_session::{Driver, Ended, Session as _};
 use serialport::{Parity, StopBits};
 
 use crate::io::drive::Lost;
 use crate::io::output::remark;
+use crate::io::port::AnyPort;
 use crate::io::{serial, tcp};
 
 /// Where the servers are.
@@ -64,13 +63,13 @@ impl Port {
         ClientConfig { timeout: self.timeout, ..config }
     }
 
-    fn open(&self) -> Result<AnyTransport> {
+    fn open(&self) -> Result<AnyPort> {
         Ok(match &self.kind {
             PortKind::Tcp { server, connect_timeout, .. } => {
-                AnyTransport::Tcp(tcp::connect(server, *connect_timeout)?)
+                AnyPort::Tcp(tcp::connect(server, *connect_timeout)?)
             }
             PortKind::Serial { path, baud, parity, stop_bits } => {
-                AnyTransport::Serial(serial::Port(serial::open_with(path, *baud, *parity, *stop_bits)?))
+                AnyPort::Serial(serial::Port(serial::open_with(path, *baud, *parity, *stop_bits)?))
             }
         })
     }
@@ -80,7 +79,7 @@ impl Port {
 #[allow(missing_debug_implementations, reason = "it holds a port")]
 pub struct Client {
     port: Port,
-    driver: Driver<AnyTransport>,
+    driver: Driver<AnyPort>,
     session: modbus::Client<1>,
 }
 
@@ -196,35 +195,5 @@ fn answer<T>(
             None
         }
         _ => None,
-    }
-}
-
-/// A socket or a serial port.
-enum AnyTransport {
-    Tcp(TcpStream),
-    Serial(serial::Port),
-}
-
-impl AnyTransport {
-    fn close(&mut self) {
-        if let Self::Tcp(stream) = self {
-            let _ = stream.shutdown(std::net::Shutdown::Both);
-        }
-    }
-}
-
-impl Transport for AnyTransport {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        match self {
-            Self::Tcp(stream) => stream.receive(buffer, wait),
-            Self::Serial(port) => port.receive(buffer, wait),
-        }
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        match self {
-            Self::Tcp(stream) => stream.send(bytes),
-            Self::Serial(port) => port.send(bytes),
-        }
     }
 }

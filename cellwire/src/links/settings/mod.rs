@@ -85,19 +85,6 @@ pub fn list(mut config: impl Configure) -> Vec<Setting> {
     table.visited
 }
 
-/// The value that was given for a setting whose name has no dot, before the table is read: a default may depend on it.
-///
-/// # Errors
-/// When the value is none of the setting's.
-pub fn peek<C: Configure>(mut config: C, given: &Map<String, Value>) -> Result<C> {
-    let mut table = Table { prefix: String::new(), visited: Vec::new(), given: Some(given), refused: None };
-    config.configure(&mut table);
-    match table.refused {
-        None => Ok(config),
-        Some(error) => bail!(error),
-    }
-}
-
 /// Puts a value at its name, in a table where the name has dots.
 ///
 /// # Errors

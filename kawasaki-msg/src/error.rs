@@ -321,6 +321,10 @@ pub enum SessionError {
     /// An order's number is from 1.
     #[error("0 is no order's number")]
     OrderZero,
+    /// No order can be so far: fewer jobs were sent than are executed, or more are in flight than job numbers can tell apart.
+    #[error("no order can have {sent} jobs sent and {executed} executed")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    NotInFlight { executed: u32, sent: u32 },
     /// No job of this number is in the queue: it was never queued, or is reported again.
     #[error("job {number} is not in the queue")]
     #[allow(missing_docs, reason = "the sentence says it")]

@@ -169,6 +169,7 @@ fn what_a_pc_does_is_what_is_committed() {
         Input::ReadEnd { whole: true },
         Input::ReadEnd { whole: false },
         Input::Start { order: 50 },
+        Input::Resume { order: 50, executed: 2, sent: 4 },
         Input::End,
         Input::Interrupt,
         Input::Command,

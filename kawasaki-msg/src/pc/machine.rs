@@ -60,6 +60,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             Input::Corrupt => self.on_corrupt(config),
             Input::ReadEnd { whole } => self.on_read_end(now, whole, config),
             Input::Start { order } => self.on_start(order, config),
+            Input::Resume { order, executed, sent } => self.on_resume(order, executed, sent, config),
             Input::End => self.on_end(),
             Input::Interrupt => self.on_interrupt(config),
             Input::Command => self.on_command(),
@@ -264,6 +265,19 @@ impl<const WORDS: usize> Machine<WORDS> {
         };
         self.order = Order::Starting { number: order, start, refusals: 0, cancelled: false };
         self.count = Count::default();
+        Some(Action::Nothing)
+    }
+
+    /// The state of a PC whose connection was lost after its last packet: the robot's status shows what became of the order.
+    fn on_resume(&mut self, order: u16, executed: u32, sent: u32, config: &PcConfig<'_>) -> Option<Action> {
+        let in_flight = sent.checked_sub(executed)?;
+        if self.order != Order::Idle || order == 0 || in_flight > config.window() {
+            return None;
+        }
+        self.order = Order::Running { number: order, stage: Stage::Active, left_at: Duration::MAX };
+        // Nobody has kept whether corrupt bytes came.
+        let is_unsure = !config.cumulative_acks && config.keeps(PcRule::DoubtCorrupt);
+        self.count = Count { executed, queued: executed, sent, is_unsure, ..Count::default() };
         Some(Action::Nothing)
     }
 

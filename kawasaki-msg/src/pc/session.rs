@@ -98,6 +98,43 @@ impl<'a, S: JobSource> Pc<'a, S> {
         Ok(())
     }
 
+    /// Goes on with an order that an earlier PC has begun: a process that was killed, and that had kept how far it was. The robot
+    /// receives nothing twice, whether it is still in the order, has ended it, or was restarted meanwhile
+    /// ([`PcEvent::OutcomeUnknown`]).
+    ///
+    /// Of the jobs, the first `executed` are known to be executed, and those in `ahead`, counted from 0, ahead of others. From
+    /// `sent` on none was sent: this number has to be kept safely **before** the packet is sent. [`sent`](Self::sent) has it when
+    /// [`poll_transmit`](Session::poll_transmit) returns. The source has to give the same jobs at the same places, and the
+    /// highest job number has to be the same.
+    ///
+    /// # Errors
+    /// When there is an order already, `order` is 0, too many events wait, or more jobs are in flight than numbers can tell apart.
+    pub fn resume(
+        &mut self,
+        order: u16,
+        source: S,
+        executed: u32,
+        sent: u32,
+        ahead: impl IntoIterator<Item = u32>,
+    ) -> Result<(), SessionError> {
+        if order == 0 {
+            return Err(SessionError::OrderZero);
+        }
+        if !self.events.has_room(OUTCOMES) {
+            return Err(SessionError::TooManyEvents);
+        }
+        let error = match self.machine.order.number() {
+            0 => SessionError::NotInFlight { executed, sent },
+            active => SessionError::OrderActive { active },
+        };
+        self.request(Input::Resume { order, executed, sent }).map_err(|_| error)?;
+        for index in ahead.into_iter().filter(|index| (executed..sent).contains(index)) {
+            self.machine.count.ahead.insert(self.config.numbering().next(index));
+        }
+        self.source = Some(source);
+        Ok(())
+    }
+
     /// Ends the order when the jobs that the robot has queued are executed.
     ///
     /// # Errors

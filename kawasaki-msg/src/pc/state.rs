@@ -198,6 +198,15 @@ pub enum Input {
         /// Its number.
         order: u16,
     },
+    /// The caller goes on with an order that an earlier PC has begun, as that has kept it.
+    Resume {
+        /// Its number.
+        order: u16,
+        /// How many jobs are known to be executed, from the first on.
+        executed: u32,
+        /// How many may have been sent.
+        sent: u32,
+    },
     /// The caller ends it after what is queued.
     End,
     /// The caller ends it after the job that is being executed.
@@ -351,6 +360,7 @@ impl Input {
             Input::Corrupt => "corrupt bytes",
             Input::ReadEnd { .. } => "end of what was read",
             Input::Start { .. } => "start",
+            Input::Resume { .. } => "resume",
             Input::End => "end",
             Input::Interrupt => "interrupt",
             Input::Command => "command",

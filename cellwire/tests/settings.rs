@@ -89,6 +89,12 @@ fn settings_inside_others_are_listed() {
     has(device("puma"), &["leading_dle", "baud", "gap", "scale.per_mm", "layout.order", "home.x", "restart"]);
     has(device("laser"), &["tail", "tags", "words", "queue", "execution", "silence"]);
     has(device("kawasaki-robot"), &["charset", "limits.packet", "bounds.max.x", "recovery.pauses", "acks"]);
+    let demo = |link: &str| cellwire::cell::settings(link);
+    has(demo("kawasaki-msg"), &["charset", "robot.patience", "robot.recovery.pauses", "pc.silence", "port"]);
+    has(demo("laser-eb90"), &["baud", "resends", "tail", "robot.queue", "robot.silence"]);
+    has(demo("val2-viewer"), &["baud", "stale_after"]);
+    has(demo("isra-ball"), &["baud", "period", "max_age", "sensor"]);
+    has(demo("mmacell-proto"), &["parts", "task.grip_dwell", "task.robot_home", "central.tolerance"]);
     has(device("mma-robot"), &["accepts.itr", "writes.clos", "refusal", "speed", "drop_every"]);
 }
 
@@ -121,7 +127,7 @@ fn help_lists_the_settings_with_values_and_defaults() {
     assert!(help(&["decode", "val2-alter", "--help"]).contains("  leading_dle = 2    (1, 2)"));
     assert!(help(&["encode", "mmacell-proto", "--help"]).contains("  itr = false    (true or false)"));
     assert!(help(&["demo", "kawasaki-msg", "--help"]).contains("  speed = 16000    (from 1 mm/s)"));
-    assert!(help(&["demo", "val2-viewer", "--help"]).contains("val2-viewer has no settings."));
+    assert!(help(&["demo", "fanuc-hmi-modbus", "--help"]).contains("fanuc-hmi-modbus has no settings."));
     assert!(help(&["simulate", "--help"]).contains("`cellwire simulate DEVICE --help` lists the settings."));
 }
 

@@ -27,6 +27,7 @@ use cellwire::io::trace::TraceArgs;
 use cellwire::links::isra_ball::ball;
 use cellwire::links::val2_alter::Pose;
 use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
+use cellwire::links::val2_viewer::options::ViewerSettings;
 use indicatif::ProgressBar;
 use isra_ball::BallConfig;
 use val2_alter::{ErrorCode, HostConfig, Motion};
@@ -134,7 +135,9 @@ fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
         time: Duration::from_millis(4500),
         alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
         controller: PumaConfig::default().controller,
-        ball_baud: 9600,
+        polls: polls(9600),
+        ball: BallConfig::default(),
+        viewer: ViewerSettings::default(),
         faults: true,
         seed: 5,
         trace: TraceArgs::off(),

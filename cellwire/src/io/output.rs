@@ -26,6 +26,9 @@ struct Escaping;
 
 impl Formatter for Escaping {
     fn write_string_fragment<W: ?Sized + Write>(&mut self, writer: &mut W, text: &str) -> io::Result<()> {
+        if text.bytes().all(|byte| (b' '..0x7F).contains(&byte)) {
+            return CompactFormatter.write_string_fragment(writer, text);
+        }
         let mut rest = text;
         while let Some((at, control)) = rest.char_indices().find(|(_, c)| c.is_control()) {
             let (before, after) = rest.split_at(at);

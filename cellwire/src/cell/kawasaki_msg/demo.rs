@@ -46,21 +46,27 @@ pub struct Settings {
     port: u16,
     queue: usize,
     speed: u32,
+    robot: RobotConfig<'static>,
+    pc: PcConfig<'static>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { plant: Plant::default(), port: 0, queue: QUEUE, speed: SPEED }
+        let robot = RobotConfig { reconnect_delay: RECONNECT, ..RobotConfig::TCP };
+        let (plant, pc) = (Plant::default(), PcConfig::TCP);
+        Self { port: 0, queue: QUEUE, speed: SPEED, plant, robot, pc }
     }
 }
 
 impl Configure for Settings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { plant, port, queue, speed } = self;
+        let Self { port, queue, speed, plant, robot, pc } = self;
         table.whole("port", 0..=u16::MAX, "", "the PC's TCP port; 0: any free one", port);
         table.whole("queue", 1..=9998, "jobs", "how many jobs the robot's queue holds", queue);
         table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
         plant.configure(table);
+        table.group("robot", |table| robot.configure(table));
+        table.group("pc", |table| pc.configure(table));
     }
 }
 
@@ -69,7 +75,7 @@ impl Configure for Settings {
 /// # Errors
 /// When the picture cannot be read, or the drawn one cannot be written; when no port is free.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let Settings { plant, port, queue, speed } =
+    let Settings { port, queue, speed, plant, robot, pc } =
         settings::read("kawasaki-msg", Settings::default(), &options.settings)?;
     let picture = match &options.drawing {
         Some(file) => Picture::from_file(file, SHEET)?,
@@ -78,7 +84,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let lines = jobs(&picture);
     let bounds = Bounds { min: Point::new(0, 0), max: Point::new(SHEET.x, SHEET.y) };
     let dialect = plant.dialect()?;
-    let config = RobotConfig { dialect, reconnect_delay: RECONNECT, ..RobotConfig::TCP };
+    let config = RobotConfig { dialect, ..robot };
     let setup =
         Setup { config, bounds, queue, speed: f64::from(speed), connect_timeout: tcp::CONNECT_TIMEOUT };
     let listener = tcp::listen(&format!("127.0.0.1:{port}"))?;
@@ -102,7 +108,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
             run
         });
         let trace = options.trace.start("kawasaki-pc");
-        let packets = pc::run(&listener, PcConfig { dialect, ..PcConfig::TCP }, &trace, &mut program);
+        let packets = pc::run(&listener, PcConfig { dialect, ..pc }, &trace, &mut program);
         stop.store(true, Ordering::Relaxed);
         (robot.join(), packets)
     });

@@ -5,7 +5,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use laser_eb90::{HostConfig, Profile, timing};
+use laser_eb90::{HostConfig, timing};
 
 use super::host::{Cutter, Plan};
 use super::path::{self, Cut, SHEET};
@@ -40,18 +40,50 @@ const FRAME_LENGTHS: [usize; 3] = [37, 217, 11];
 /// What can be set of the demo.
 #[derive(Debug)]
 pub struct Settings {
-    baud: u32,
+    host: HostConfig,
+    robot: Robot,
+}
+
+impl Settings {
+    fn new(baud: u32, faults: bool) -> Self {
+        let defaults = HostConfig::at_baud(baud);
+        // The simulated robot executes immediate instructions at once, and drops the beginning of a frame when it answers an error
+        // code. Nobody has sent anything before.
+        let (answer_timeout, execution_timeout) = if faults {
+            (defaults.answer_timeout, defaults.answer_timeout * 2)
+        } else {
+            (PATIENCE, PATIENCE)
+        };
+        let host = HostConfig {
+            answer_timeout,
+            execution_timeout,
+            longest_frame: 0,
+            controller_drops_partial: true,
+            ..defaults
+        };
+        Self { host, robot: Robot::default() }
+    }
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { baud: BAUD }
+        Self::new(BAUD, false)
     }
 }
 
 impl Configure for Settings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        table.baud(&mut self.baud);
+        let Self { host, robot } = self;
+        let Robot { config, queue, execution, boot: _ } = robot;
+        host.configure(table);
+        // Both ends of a line agree, unless they are set apart.
+        (config.profile, config.words, config.batch) = (host.profile, host.words, host.batch);
+        table.group("robot", |table| {
+            table.whole("queue", 1..=9999, "instructions", "how many the queue holds", queue);
+            let hour = Duration::ZERO..=Duration::from_secs(3600);
+            table.time("execution", hour, "how long an instruction takes", execution);
+            config.configure(table);
+        });
     }
 }
 
@@ -62,7 +94,11 @@ impl Configure for Settings {
 /// When there is no pseudo-terminal, or the picture cannot be written.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let seconds = options.seconds.unwrap_or(Duration::from_secs(6));
-    let baud = settings::read("laser-eb90", Settings::default(), &options.settings)?.baud;
+    let first = settings::read("laser-eb90", Settings::default(), &options.settings)?;
+    // Some defaults follow from the rate.
+    let settings = Settings::new(first.host.baud, options.faults);
+    let settings = settings::read("laser-eb90", settings, &options.settings)?;
+    let (Settings { host: config, robot: settings }, baud) = (settings, first.host.baud);
     let path = path::path()?;
     let (device, port) = serial::pair()?;
     let clock = Clock::start();
@@ -75,8 +111,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     options.progress.set_length(path.len() as u64);
 
     let (robot, cut) = thread::scope(|scope| {
-        let robot = scope.spawn(|| restarting(&mut line, clock, [&first, &second], &executed));
-        let cut = cut((&port, baud), clock, &path, seconds, options, &first);
+        let robot = scope.spawn(|| restarting(settings, &mut line, clock, [&first, &second], &executed));
+        let cut = cut(&port, config, clock, &path, seconds, options, &first);
         first.turn_off();
         second.turn_off();
         (robot.join(), cut)
@@ -85,7 +121,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let (cutter, rates) = cut?;
     let mut executed = executed.into_inner()?;
     options.spoil(&mut executed);
-    let cuts: Vec<Option<Cut>> = executed.iter().map(|job| Cut::of(job, &Profile::default())).collect();
+    let cuts: Vec<Option<Cut>> = executed.iter().map(|job| Cut::of(job, &config.profile)).collect();
     let cutter = cutter.plan;
     let tally = Tally::new(&path, &cutter.known, &cuts);
     if let Some(file) = &options.out {
@@ -96,29 +132,15 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
 
 /// The host's run: instructions a second one by one, and seven in a frame.
 fn cut<'a>(
-    (port, baud): (&str, u32),
+    port: &str,
+    config: HostConfig,
     clock: Clock,
     path: &'a [Cut],
     seconds: Duration,
     options: &DemoOptions,
     robot: &Switch,
 ) -> Result<(Cutter<'a>, [f64; 2])> {
-    let defaults = HostConfig::at_baud(baud);
-    // The simulated robot executes immediate instructions at once, and drops the beginning of a frame when it answers an error
-    // code. Nobody has sent anything before.
-    let (answer_timeout, execution_timeout) = if options.faults {
-        (defaults.answer_timeout, defaults.answer_timeout * 2)
-    } else {
-        (PATIENCE, PATIENCE)
-    };
-    let config = HostConfig {
-        answer_timeout,
-        execution_timeout,
-        longest_frame: 0,
-        controller_drops_partial: true,
-        ..defaults
-    };
-    let mut cutter = Cutter::new(serial::open(port, baud)?, path, config)?;
+    let mut cutter = Cutter::new(serial::open(port, config.baud)?, path, config)?;
     // A new host waits until what an earlier one may have sent has passed: that is no part of the rate.
     cutter.cut(Duration::ZERO, 1, |_| ())?;
     let start = clock.now();
@@ -143,6 +165,7 @@ fn cut<'a>(
 
 /// A robot that is started again when it was killed. Without faults it never is.
 fn restarting(
+    robot: Robot,
     line: &mut Line,
     clock: Clock,
     switches: [&Switch; 2],
@@ -150,7 +173,7 @@ fn restarting(
 ) -> Result<RobotCounts> {
     let mut counts = RobotCounts::default();
     for (boot, switch) in (1..).zip(switches) {
-        let robot = Robot { boot, ..Robot::default() };
+        let robot = Robot { boot, ..robot };
         counts.add(&controller::run(robot, line, clock, switch, |_| Ok(()), executed)?);
         if !switch.was_killed() {
             break;

@@ -92,14 +92,14 @@ impl Central {
     ///
     /// # Errors
     /// Never, with the defaults of the protocol.
-    pub fn new(parts: Option<u64>, speed: u32) -> Result<Self> {
-        let order_timeout = CONFIG.order_timeout.saturating_mul(speed);
-        let motion_timeout = CONFIG.motion_timeout.saturating_mul(speed);
+    pub fn new(parts: Option<u64>, speed: u32, config: TaskConfig, session: CentralConfig) -> Result<Self> {
+        let order_timeout = config.order_timeout.saturating_mul(speed);
+        let motion_timeout = config.motion_timeout.saturating_mul(speed);
         Ok(Self {
-            task: Task::new(TaskConfig { order_timeout, motion_timeout, ..CONFIG }),
-            robot: End::new()?,
-            platform: End::new()?,
-            periphery: End::new()?,
+            task: Task::new(TaskConfig { order_timeout, motion_timeout, ..config }),
+            robot: End::new(session)?,
+            platform: End::new(session)?,
+            periphery: End::new(session)?,
             waiting: VecDeque::new(),
             asked: None,
             switch: false,
@@ -313,12 +313,8 @@ impl Central {
 }
 
 impl<P: Pose> End<P> {
-    fn new() -> Result<Self> {
-        Ok(Self {
-            session: Session::new(CentralConfig::DEFAULT)?,
-            sent_at: Duration::ZERO,
-            outgoing: Vec::new(),
-        })
+    fn new(config: CentralConfig) -> Result<Self> {
+        Ok(Self { session: Session::new(config)?, sent_at: Duration::ZERO, outgoing: Vec::new() })
     }
 
     fn connect(&mut self, now: Duration) {

@@ -8,10 +8,12 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
-use mmacell_task::Step;
+use mmacell_proto::CentralConfig;
+use mmacell_task::{Step, TaskConfig};
 
 use super::cell::{Cell, Which};
 use super::central::{Central, Now};
+use super::settings::Settings;
 use super::timeline;
 use super::verdict::{End, attempts, is_in_order, leaves_open};
 use super::workpiece::Outcome;
@@ -21,55 +23,26 @@ use crate::io::samples::Samples;
 use crate::io::tcp::{self, FaultyProxy};
 use crate::io::trace::{Trace, Way};
 use crate::links::mmacell_proto::connections::{Connections, Stop};
-use crate::links::mmacell_proto::options::speed_of_axes;
 use crate::links::mmacell_proto::station::MotionFaults;
-use crate::links::settings::{self, Configure, Table};
+use crate::links::settings;
 
-/// Parts of a run without a limit.
-const PARTS: u64 = 100;
-/// How many times faster than life the cell runs, unless a setting says otherwise. The protocol's own times are not changed.
-const SPEED: u32 = 200;
 /// How often a read breaks the connection when faults are wanted.
 const BREAKS: f64 = 0.001;
 /// Longer than this the task is in no step, even when every connection has to be opened again.
 const STANDSTILL: Duration = Duration::from_secs(20);
-
-/// What can be set of the demo.
-#[derive(Debug)]
-pub struct Settings {
-    parts: u64,
-    speed: u32,
-    stall_every: u64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { parts: PARTS, speed: SPEED, stall_every: 0 }
-    }
-}
-
-impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { parts, speed, stall_every } = self;
-        table.whole("parts", 1..=u64::MAX, "parts", "how many are placed, unless --seconds is given", parts);
-        speed_of_axes(table, speed);
-        let about = "after how many of the robot's motions one stops half-way without an error; 0: never";
-        table.whole("stall_every", 0..=u64::MAX, "motions", about, stall_every);
-    }
-}
 
 /// Runs the demo.
 ///
 /// # Errors
 /// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stands still.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let Settings { parts, speed, stall_every } =
+    let Settings { parts, speed, stall_every, task, central } =
         settings::read("mmacell-proto", Settings::default(), &options.settings)?;
     // A time limit counts, not a number of parts, unless both are given.
     let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
     let stalls = MotionFaults { stall_every, ..MotionFaults::default() };
     let run = Run::start(options, speed, stalls)?;
-    let (log, cell) = run.place((!until_limit).then_some(parts), options)?;
+    let (log, cell) = run.place((!until_limit).then_some(parts), task, central, options)?;
     if let Some(path) = &options.out {
         timeline::draw(path, &log, &cell)?;
     }
@@ -134,9 +107,15 @@ impl Run {
     }
 
     /// Places so many parts, or as many as fit into the time; what happened.
-    fn place(self, parts: Option<u64>, options: &DemoOptions) -> Result<(super::central::Log, Cell)> {
+    fn place(
+        self,
+        parts: Option<u64>,
+        task: TaskConfig,
+        central: CentralConfig,
+        options: &DemoOptions,
+    ) -> Result<(super::central::Log, Cell)> {
         let (sender, inbox) = channel();
-        let mut central = Central::new(parts, self.clock.speed)?;
+        let mut central = Central::new(parts, self.clock.speed, task, central)?;
         let mut connections = Vec::new();
         for (which, address) in Which::ALL.into_iter().zip(self.addresses) {
             connections.push(Connection::open(which, address, 0, &sender)?);
@@ -492,9 +471,10 @@ mod tests {
         for (set, error) in [
             ("parts=0", "parts=0: out of range, give from 1 parts"),
             ("speed=0", "speed=0: out of range, give 1 to 10000 times"),
-            ("cycles=5", "mmacell-proto has no setting `cycles`: it has parts, speed, stall_every"),
         ] {
             assert_eq!(demo(&options(false, &[set])).unwrap_err().to_string(), error);
         }
+        let error = demo(&options(false, &["cycles=5"])).unwrap_err().to_string();
+        assert!(error.starts_with("mmacell-proto has no setting `cycles`: it has parts, speed"), "{error}");
     }
 }

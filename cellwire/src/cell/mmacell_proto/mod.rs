@@ -4,11 +4,13 @@ pub mod cell;
 pub mod central;
 mod demo;
 mod periphery;
+mod settings;
 mod timeline;
 mod verdict;
 pub mod workpiece;
 
-pub use demo::{Settings, demo};
+pub use demo::demo;
+pub use settings::Settings;
 
 #[cfg(test)]
 mod virtual_clock;

@@ -14,7 +14,8 @@ use crate::links::mmacell_proto::station::MotionFaults;
 const LOOK: Duration = Duration::from_millis(5);
 
 fn run(parts: u64, seed: u64, faults: Faults, errors: bool) -> (Central, Cell) {
-    let mut central = Central::new(Some(parts), 1).unwrap();
+    let mut central =
+        Central::new(Some(parts), 1, super::central::CONFIG, mmacell_proto::CentralConfig::DEFAULT).unwrap();
     let mut cell = Cell::new(seed, errors, MotionFaults::default()).unwrap();
     let mut links = [0, 1, 2].map(|n| Link::new(seed + n, faults));
     let mut time = Duration::ZERO;

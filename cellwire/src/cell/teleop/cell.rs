@@ -9,7 +9,6 @@ use indicatif::ProgressBar;
 use isra_ball::{BallConfig, BallStatistics, Status};
 use val2_alter::timing;
 use val2_alter::{AXES, Accumulation, ControllerConfig, Exception, HostConfig, HostState};
-use val2_viewer::WorkstationConfig;
 
 use super::input::InputConfig;
 use super::latch::{Latch, LatchConfig};
@@ -21,6 +20,7 @@ use crate::io::serial;
 use crate::io::trace::TraceArgs;
 use crate::links::isra_ball::ball;
 use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
+use crate::links::val2_viewer::options::ViewerSettings;
 use crate::links::val2_viewer::workstation::{self, Drawn};
 
 /// The hand's whole round, and a little more.
@@ -42,8 +42,12 @@ pub struct CellConfig {
     pub alter: HostConfig,
     /// The robot's end of it.
     pub controller: ControllerConfig,
-    /// The ball's line.
-    pub ball_baud: u32,
+    /// The polls of the ball, and its line.
+    pub polls: isra_ball::HostConfig,
+    /// The ball.
+    pub ball: BallConfig,
+    /// The workstation, and its line.
+    pub viewer: ViewerSettings,
     /// Whether lines corrupt bytes, and the host stalls.
     pub faults: bool,
     /// The seed of the faults.
@@ -59,7 +63,9 @@ impl CellConfig {
             time: options.seconds.unwrap_or(OWN_RUN),
             alter: HostConfig { limits: LIMITS, subroutine: true, ..super::host_config() },
             controller: PumaConfig::default().controller,
-            ball_baud: isra_ball::timing::BAUD,
+            polls: polls(isra_ball::timing::BAUD),
+            ball: BallConfig::default(),
+            viewer: ViewerSettings::default(),
             faults: options.faults,
             seed: options.seed,
             trace: options.trace.clone(),
@@ -152,17 +158,17 @@ pub struct Cycle {
 /// When there are no pseudo-terminals.
 pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     let clock = Clock::start();
-    let polls = polls(config.ball_baud);
+    let (polls, viewer_baud) = (config.polls, config.viewer.baud);
     let mut robot = Wire::new("robot", clock, config.controller.baud, 1, config)?;
     let mut ball = Wire::new("ball", clock, polls.baud, 2, config)?;
-    let mut viewer = Wire::new("viewer", clock, val2_viewer::timing::BAUD, 3, config)?;
+    let mut viewer = Wire::new("viewer", clock, viewer_baud, 3, config)?;
     let restart = Duration::from_millis(300);
     let puma = PumaConfig { controller: config.controller, restart, ..PumaConfig::default() };
     let teleop = TeleopConfig {
         robot: robot.port(config.alter.baud),
         input: InputConfig::Ball(ball.port(polls.baud)),
         record: None,
-        viewer: Some(viewer.port(val2_viewer::timing::BAUD)),
+        viewer: Some(viewer.port(viewer_baud)),
         alter: config.alter,
         polls,
         profile: Profile::for_limits(config.alter.limits, 150),
@@ -175,12 +181,11 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
     thread::scope(|scope| {
         let robot =
             scope.spawn(|| (puma::run(&mut robot.line, puma, &stop, |_, _| Ok(())), robot.line.faults()));
-        let ball = scope.spawn(|| {
-            (ball::run(&mut ball.line, BallConfig::default(), &stop, |_| Ok(())), ball.line.faults())
-        });
+        let ball =
+            scope.spawn(|| (ball::run(&mut ball.line, config.ball, &stop, |_| Ok(())), ball.line.faults()));
         let viewer = scope.spawn(|| {
             (
-                workstation::run(&mut viewer.line, WorkstationConfig::default(), &stop, |_| Ok(())),
+                workstation::run(&mut viewer.line, config.viewer.config, &stop, |_| Ok(())),
                 viewer.line.faults(),
             )
         });

@@ -98,7 +98,7 @@ impl Configure for HostConfig {
         let about = "assumed: the longest from the controller's decision to the end of its answer";
         table.time("reply_time", ANY_TIME, about, &mut self.reply_time);
         let about = "assumed: the longest frame that a host on this line sends";
-        table.whole("longest_frame", 1..=Frame::MAX_LEN, "bytes", about, &mut self.longest_frame);
+        table.whole("longest_frame", 0..=Frame::MAX_LEN, "bytes", about, &mut self.longest_frame);
         let about = "assumed: how long what an earlier host has sent may still be executed";
         table.time("earlier_execution", ANY_TIME, about, &mut self.earlier_execution);
         let about = "the controller drops what it holds of a frame when it answers an error code";

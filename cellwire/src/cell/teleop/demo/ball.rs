@@ -1,39 +1,43 @@
 //! `cellwire demo isra-ball`: the teleoperation cell, seen from the ball.
 
 use anyhow::Result;
-use isra_ball::timing;
+use isra_ball::{BallConfig, timing};
 
 use super::plot;
 use crate::cell::options::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
 use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
+use crate::cell::teleop::polls;
 use crate::links::settings::{self, Configure, Table};
 
 /// What can be set of the demo.
 #[derive(Debug)]
 pub struct Settings {
-    baud: u32,
+    polls: isra_ball::HostConfig,
+    ball: BallConfig,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { baud: timing::BAUD }
+        Self { polls: polls(timing::BAUD), ball: BallConfig::default() }
     }
 }
 
 impl Configure for Settings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        table.baud(&mut self.baud);
+        let Self { polls, ball } = self;
+        polls.configure(table);
+        ball.configure(table);
     }
 }
 
-/// Runs the cell. Setting: `baud` (9600) of the ball's line.
+/// Runs the cell.
 ///
 /// # Errors
 /// When there are no pseudo-terminals, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let settings = settings::read("isra-ball", Settings::default(), &options.settings)?;
-    let config = CellConfig { ball_baud: settings.baud, ..CellConfig::of(options) };
+    let config = CellConfig { polls: settings.polls, ball: settings.ball, ..CellConfig::of(options) };
     let record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;
     let CellRecord { mut ball, host, line_faults: [_, line_faults, _], .. } = record;
@@ -43,7 +47,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     }
     let title = format!(
         "a hand on the ball steers the robot: one poll in its cycle of 28 ms, at {} baud",
-        config.ball_baud
+        config.polls.baud
     );
     let mut report = Report::new("isra-ball", title);
     let answered = host.fresh + host.old;
@@ -57,18 +61,18 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     report.fact("stale", "times that the values were older than 150 ms", host.ball_stale);
     report.fact("key_presses", "gripper keys sent on", host.gripper_keys.len());
     report.fact("key_presses_refused", "gripper keys while ALTER was off", host.gripper_keys_refused);
-    let budget = Budget { time: isra_ball::HostConfig::default().period, source: "§3.4: the robot's cycle" };
+    let budget = Budget { time: config.polls.period, source: "§3.4: the robot's cycle" };
     // Nobody waits longer than that for a packet.
     let mut exchange = host.exchange.clone();
     (0..host.ball_missed).for_each(|_| exchange.add(2 * budget.time));
-    let label = "poll to packet, a poll without one being 56 ms";
+    let label = "poll to packet, a poll without one being two periods";
     report.timing("exchange", label, &exchange, Some(budget));
     report.require(answered > host.ball_missed, || {
         format!("{answered} polls were answered, {} were not", host.ball_missed)
     });
     // A packet too late for its poll looks like the answer to the next one: they have no numbers.
     let fastest = host.exchange.at(0.0);
-    report.require(host.ball_missed > 0 || fastest >= timing::exchange_time(config.ball_baud), || {
+    report.require(host.ball_missed > 0 || fastest >= timing::exchange_time(config.polls.baud), || {
         format!("a packet came in {fastest:?}, faster than the line carries it")
     });
     // The last one may be on the line when the run ends.

@@ -7,14 +7,15 @@ use crate::cell::options::{DemoOptions, MustFail};
 use crate::cell::report::Report;
 use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
 use crate::links::settings;
+use crate::links::val2_viewer::options::ViewerSettings;
 
 /// Runs the cell.
 ///
 /// # Errors
-/// When there are no pseudo-terminals, or a setting is given: the demo has none.
+/// When there are no pseudo-terminals, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    settings::read("val2-viewer", (), &options.settings)?;
-    let config = CellConfig::of(options);
+    let viewer = settings::read("val2-viewer", ViewerSettings::default(), &options.settings)?;
+    let config = CellConfig { viewer, ..CellConfig::of(options) };
     let record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;
     let CellRecord { mut drawn, host, line_faults: [_, _, line_faults], .. } = record;

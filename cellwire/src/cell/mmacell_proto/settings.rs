@@ -1,0 +1,41 @@
+//! What can be set of the demo.
+
+use mmacell_proto::CentralConfig;
+use mmacell_task::TaskConfig;
+
+use super::central::CONFIG;
+use crate::links::mmacell_proto::options::speed_of_axes;
+use crate::links::settings::{Configure, Table};
+
+/// Parts of a run without a limit.
+const PARTS: u64 = 100;
+/// How many times faster than life the cell runs, unless a setting says otherwise. The protocol's own times are not changed.
+const SPEED: u32 = 200;
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    pub(super) parts: u64,
+    pub(super) speed: u32,
+    pub(super) stall_every: u64,
+    pub(super) task: TaskConfig,
+    pub(super) central: CentralConfig,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let (task, central) = (CONFIG, CentralConfig::DEFAULT);
+        Self { parts: PARTS, speed: SPEED, stall_every: 0, task, central }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { parts, speed, stall_every, task, central } = self;
+        table.whole("parts", 1..=u64::MAX, "parts", "how many are placed, unless --seconds is given", parts);
+        speed_of_axes(table, speed);
+        let about = "after how many of the robot's motions one stops half-way without an error; 0: never";
+        table.whole("stall_every", 0..=u64::MAX, "motions", about, stall_every);
+        table.group("task", |table| task.configure(table));
+        table.group("central", |table| central.configure(table));
+    }
+}

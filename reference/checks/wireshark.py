@@ -20,7 +20,10 @@ from pathlib import Path
 REFERENCE = Path(__file__).resolve().parent.parent
 SERVER_PORT = 9100
 # The sides that are the client of the TCP connection; all others are the server.
-CLIENTS = {"laser-eb90": ["host"], "mmacell-proto": ["central"], "fanuc-hmi-modbus": ["client"], "val2-alter": ["host"]}
+CLIENTS = {
+    "laser-eb90": ["host"], "mmacell-proto": ["central"], "fanuc-hmi-modbus": ["client"], "val2-alter": ["host"],
+    "kawasaki-msg": ["robot"],
+}
 # Requests of a client of the connection and the server's answers, or the other way round: the first begins.
 PAIRS = {
     "val2-alter": [("server", "101002A0171003B7"), ("client", "10100200100300")],
@@ -28,6 +31,7 @@ PAIRS = {
     "isra-ball": [("client", "05"), ("server", "08F85D0001FE03FC05FA817A")],
     "fanuc-hmi-modbus": [("client", "000100000006010300000025"), ("server", "000100000003018302")] * 2,
     "mmacell-proto": [("client", "5354410D0A"), ("server", "45522B30303030310D0A")] * 2,
+    "kawasaki-msg": [("client", b"<Tila$6#0$0$$$#>".hex()), ("server", b"<Huuhaa$0##>".hex())] * 2,
     "laser-eb90": [("client", "EB9082F0F10101019082F4"), ("server", "EB9082F0F10101019082F4")] * 2,
 }
 # Preferences that follow from the side that sends.

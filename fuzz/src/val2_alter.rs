@@ -241,6 +241,7 @@ pub fn val2_alter_controller(data: &[u8]) {
             0 | 1 if controller.start(now).is_ok() => last_sent = None,
             2 => _ = controller.finish(now),
             3 => _ = controller.resume(now),
+            5 => _ = controller.interrupt(now),
             4 => {
                 controller.handle_disconnected(now);
                 controller.handle_connected(now);

@@ -161,6 +161,7 @@ fn controller() -> String {
         ("start", On::Start { has_room: true }),
         ("start, no room", On::Start { has_room: false }),
         ("finish", On::Finish),
+        ("interrupt", On::Interrupt),
         ("return", On::Return),
     ];
     matrix(

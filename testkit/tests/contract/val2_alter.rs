@@ -59,9 +59,10 @@ impl End for Controller {
 
     fn request(controller: &mut Self::Session, now: Duration, rng: &mut Rng) {
         // What the state does not allow is an error, and changes nothing.
-        let _ = match rng.below(4) {
+        let _ = match rng.below(5) {
             0 => controller.finish(now),
             1 => controller.resume(now),
+            2 => controller.interrupt(now),
             _ => controller.start(now),
         };
     }

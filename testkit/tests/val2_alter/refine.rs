@@ -77,7 +77,7 @@ impl<'a> Ends<'a> {
             Act::Finish | Act::End => {
                 self.controller.finish(now).map_err(|error| error.to_string())?;
             }
-            Act::Interrupt => return Err("our controller does not".into()),
+            Act::Interrupt => self.controller.interrupt(now).map_err(|error| error.to_string())?,
             Act::RestartHost => self.host = host(self.system, now),
             Act::RestartController => self.controller = controller(self.system, now),
             Act::Reopen => {

@@ -42,6 +42,8 @@ pub enum ControllerInput {
     },
     /// The program ends ALTER.
     Finish,
+    /// The program runs a subroutine without an exception of the host.
+    Interrupt,
     /// The exception subroutine returns.
     Return,
 }
@@ -133,6 +135,7 @@ impl ControllerInput {
             Self::Transmit { .. } => "transmit",
             Self::Start { .. } => "start",
             Self::Finish => "finish",
+            Self::Interrupt => "interrupt",
             Self::Return => "return",
         }
     }

@@ -43,9 +43,17 @@ impl ControllerMachine {
                 });
                 return Ok(ControllerActions { restart: true, ..nothing });
             }
-            (Is::Disconnected | Is::Off, On::Finish | On::Return) => {
+            (Is::Disconnected | Is::Off, On::Finish | On::Interrupt | On::Return) => {
                 return Ok(refused(SessionError::NotRunning));
             }
+            // Not while a reply is awaited: an exception in it would have no effect, and the host could not know.
+            (
+                Is::On(Alter { progress: progress @ Progress::Running, turn: Turn::Controller, .. }),
+                On::Interrupt,
+            ) => {
+                *progress = Progress::Interrupted { reported: false, returned: false };
+            }
+            (Is::On(_), On::Interrupt) => return Ok(refused(SessionError::NotRunning)),
             (Is::On(alter), On::Return) => match &mut alter.progress {
                 Progress::Interrupted { returned: returned @ false, .. } => {
                     *returned = true;

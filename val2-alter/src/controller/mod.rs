@@ -84,7 +84,15 @@ impl Controller {
         self.request(now, ControllerInput::Finish)
     }
 
-    /// The exception subroutine returns. At least one message says that it ran.
+    /// The program runs a subroutine by itself, between two cycles: until [`resume`](Controller::resume) the replies move nothing.
+    ///
+    /// # Errors
+    /// [`SessionError::NotRunning`]: also while a reply is awaited, because an exception in it would be lost.
+    pub fn interrupt(&mut self, now: Duration) -> Result<(), SessionError> {
+        self.request(now, ControllerInput::Interrupt)
+    }
+
+    /// The subroutine returns. At least one message says that it ran.
     ///
     /// # Errors
     /// [`SessionError::NotRunning`]

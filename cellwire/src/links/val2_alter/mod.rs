@@ -6,6 +6,8 @@ mod layout;
 pub mod options;
 mod pose;
 pub mod puma;
+mod robot_line;
+pub mod script;
 
 use crate::links::codec::Codec;
 use crate::links::device::{Device, SimulateOptions};

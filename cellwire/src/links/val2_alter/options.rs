@@ -10,6 +10,7 @@ use val2_alter::{
 use super::arm::ArmConfig;
 use super::layout::{Layout, Order};
 use super::puma::{MODES, PumaConfig};
+use super::script;
 use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table, json};
 
 impl Configure for Framing {
@@ -94,10 +95,15 @@ impl Configure for HostConfig {
 
 impl Configure for PumaConfig {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { controller, arm, restart } = self;
+        let Self { controller, arm, restart, subroutine_time, script } = self;
         controller.configure(table);
         let about = "the wait until the operator starts the program again";
         table.time("restart", ANY_TIME, about, restart);
+        let about = "how long the subroutine of an exception runs";
+        table.time("subroutine_time", ANY_TIME, about, subroutine_time);
+        let about = "what happens, and when since the first start: interrupt TIME, misread checksum, format, overflow, incomplete, \
+                     mark or timeout, corrupt, status 1 to 13, finish, restart; each waits until ALTER runs";
+        table.parsed("script", script::SHAPE, "[]", about, script);
         arm.configure(table);
     }
 }

@@ -1,12 +1,11 @@
 //! The simulated PUMA 562 on its MARK III controller.
 
 use core::ops::{ControlFlow, RangeInclusive};
-use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Driver, Received, Sent, Session as _, Transport};
+use robot_session::{Driver, Session as _};
 use serde_json::{Value, json};
 use val2_alter::timing::{self, Budget};
 use val2_alter::{
@@ -16,6 +15,8 @@ use val2_alter::{
 
 use super::arm::{Arm, ArmConfig};
 use super::pose::Pose;
+use super::robot_line::{Request, RobotLine};
+use super::script::{Incident, Script};
 use crate::io::line::Line;
 use crate::io::output::log;
 use crate::io::priority::{self, Rank};
@@ -24,18 +25,16 @@ use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
 use crate::links::settings;
 
-/// The subroutine that closes or opens the gripper takes this long.
-const SUBROUTINE: Duration = Duration::from_millis(120);
 /// The stop is looked at this often.
 const IDLE: Duration = Duration::from_millis(20);
-/// The program counts its motion segments at this pace.
-const SEGMENT: Duration = Duration::from_secs(1);
+/// The cycles of a motion segment of the program.
+const SEGMENT: u64 = 36;
 
 /// The modes of an ALTER instruction: five bits.
 pub const MODES: RangeInclusive<u8> = 0..=31;
 
 /// How the simulated robot behaves.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct PumaConfig {
     /// The ALTER instruction and the line.
     pub controller: ControllerConfig,
@@ -43,6 +42,10 @@ pub struct PumaConfig {
     pub arm: ArmConfig,
     /// The operator starts the program again so long after it ended.
     pub restart: Duration,
+    /// The subroutine that closes or opens the gripper takes this long.
+    pub subroutine_time: Duration,
+    /// What happens besides.
+    pub script: Script,
 }
 
 impl Default for PumaConfig {
@@ -50,7 +53,13 @@ impl Default for PumaConfig {
     fn default() -> Self {
         // Bytes that came together may be read apart on a busy machine: no gap ends a frame.
         let controller = ControllerConfig { subroutine: true, gap: None, ..ControllerConfig::default() };
-        Self { controller, arm: ArmConfig::default(), restart: Duration::from_secs(1) }
+        Self {
+            controller,
+            arm: ArmConfig::default(),
+            restart: Duration::from_secs(1),
+            subroutine_time: Duration::from_millis(120),
+            script: Script::default(),
+        }
     }
 }
 
@@ -73,6 +82,8 @@ pub enum PumaEvent {
     Ended(ErrorCode, Pose),
     /// A client has the port open, or none has.
     Connected(bool),
+    /// What the script says has happened.
+    Incident(Incident),
 }
 
 /// A reply as it arrived.
@@ -147,9 +158,11 @@ pub fn run(
 ) -> Result<PumaRecord> {
     priority::raise(Rank::Hardware);
     let mut controller = Controller::new(config.controller)?;
+    let framing = config.controller.framing;
     let mut puma = Puma::new(config);
-    let mut driver = Driver::new(RobotLine { now: line.now(), line, stood: Duration::ZERO, request: None });
+    let mut driver = Driver::new(RobotLine::new(line, framing));
     while !stop.load(Ordering::Relaxed) {
+        puma.happen(&mut controller, driver.transport());
         let (now, connected) = (driver.transport().now, driver.transport().line.is_connected());
         puma.operate(&mut controller, now, connected);
         let mut events = Vec::new();
@@ -173,50 +186,6 @@ pub fn run(
     Ok(puma.record)
 }
 
-/// The line by the robot's own clock.
-struct RobotLine<'a> {
-    line: &'a mut Line,
-    now: Duration,
-    /// When this process gets no processor, a request leaves late through no fault of the host: the robot's clock stands still.
-    stood: Duration,
-    request: Option<Request>,
-}
-
-/// The request that is being answered.
-struct Request {
-    arrived: Duration,
-    length: usize,
-    first_byte: Option<Duration>,
-    last_byte: Duration,
-}
-
-impl Transport for RobotLine<'_> {
-    fn now(&self) -> Duration {
-        self.now
-    }
-
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        let received = Transport::receive(self.line, buffer, wait)?;
-        self.stood += self.line.take_lateness();
-        self.now = self.now.max(self.line.now().saturating_sub(self.stood));
-        // What comes before the request has left is an answer to the one before.
-        if let (Received::Bytes(_), Some(request)) = (received, &mut self.request)
-            && self.now >= request.arrived
-        {
-            request.first_byte.get_or_insert(self.now);
-            request.last_byte = self.now;
-        }
-        Ok(received)
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
-        let arrived = self.line.send(bytes).saturating_sub(self.stood);
-        let length = bytes.len();
-        self.request = Some(Request { arrived, length, first_byte: None, last_byte: Duration::ZERO });
-        Ok(Sent::Buffered)
-    }
-}
-
 /// The robot's operator, its program, its arm and its gripper.
 struct Puma {
     arm: Arm,
@@ -227,6 +196,11 @@ struct Puma {
     start_at: Duration,
     resume_at: Option<Duration>,
     stands_at: Option<Pose>,
+    /// When the first ALTER began.
+    begun_at: Option<Duration>,
+    /// Cycles in which the program of this ALTER went on along its path.
+    path_cycles: u64,
+    segment_status: SegmentStatus,
 }
 
 impl Puma {
@@ -240,6 +214,47 @@ impl Puma {
             start_at: Duration::ZERO,
             resume_at: None,
             stands_at: None,
+            begun_at: None,
+            path_cycles: 0,
+            segment_status: SegmentStatus::Normal,
+        }
+    }
+
+    /// What the script says.
+    fn happen(&mut self, controller: &mut Controller, robot: &mut RobotLine<'_>) {
+        let now = robot.now;
+        let time = self.begun_at.map_or(Duration::ZERO, |begin| now.saturating_sub(begin));
+        while let Some(incident) = self.config.script.due(time) {
+            let on_the_line = matches!(incident, Incident::Misread(_) | Incident::Corrupt);
+            match controller.state() {
+                ControllerState::Running => {}
+                ControllerState::Starting if on_the_line => {}
+                _ => return,
+            }
+            match incident {
+                Incident::Interrupt(time) => {
+                    if controller.interrupt(now).is_err() {
+                        // Between two cycles.
+                        return;
+                    }
+                    self.resume_at = Some(now.saturating_add(time));
+                }
+                // One at a time.
+                Incident::Misread(_) if robot.misread.is_some() => return,
+                Incident::Misread(error) => robot.misread = Some(error),
+                Incident::Corrupt if robot.corrupt => return,
+                Incident::Corrupt => robot.corrupt = true,
+                Incident::Status(status) => self.segment_status = status,
+                // It runs.
+                Incident::Finish => _ = controller.finish(now),
+                Incident::Restart => {
+                    controller.handle_disconnected(now);
+                    controller.handle_connected(now);
+                    let _ = controller.start(now);
+                }
+            }
+            self.config.script.advance();
+            self.events.push(PumaEvent::Incident(incident));
         }
     }
 
@@ -271,10 +286,12 @@ impl Puma {
             // It cannot have been started already: it is off.
             let _ = controller.start(now);
         }
-        let number = now.as_millis() / SEGMENT.as_millis() % u128::from(u16::MAX);
-        let done = now.as_millis() % SEGMENT.as_millis() * u128::from(Motion::DONE) / SEGMENT.as_millis();
-        let [number, done] = [1 + number, done].map(|word| u16::try_from(word).unwrap_or_default());
-        controller.set_segment(SegmentStatus::Normal, number, done);
+        // "Beginnt mit 1" (§3.2.2), and stands while the path does.
+        let number = 1 + self.path_cycles / SEGMENT % u64::from(u16::MAX);
+        let done = self.path_cycles % SEGMENT * u64::from(Motion::DONE) / SEGMENT;
+        let [number, done] = [number, done].map(|word| u16::try_from(word).unwrap_or_default());
+        let status = if self.path_cycles == 0 { SegmentStatus::NoneYet } else { self.segment_status };
+        controller.set_segment(status, number, done);
         controller.set_transform(self.arm.transform());
     }
 
@@ -283,6 +300,8 @@ impl Puma {
         for event in events {
             match event {
                 ControllerEvent::Started => {
+                    self.begun_at.get_or_insert(robot.now);
+                    self.path_cycles = 0;
                     self.arm.begin();
                     let pose = self.arm.pose();
                     if let Some(stood) = self.stands_at.take() {
@@ -303,7 +322,11 @@ impl Puma {
                 }
                 ControllerEvent::Exception(exception) => {
                     self.resume_at = Some(
-                        robot.request.as_ref().map_or(robot.now, |request| request.last_byte) + SUBROUTINE,
+                        robot
+                            .request
+                            .as_ref()
+                            .map_or(robot.now, |request| request.last_byte)
+                            .saturating_add(self.config.subroutine_time),
                     );
                     match exception {
                         Exception::CloseGripper => self.grip(true),
@@ -334,7 +357,9 @@ impl Puma {
     /// A reply was taken, and this is what it does to the arm.
     fn measure(&mut self, values: [i16; AXES], controller: &Controller, request: Option<Request>) {
         self.arm.take(values);
-        let Some(Request { arrived, length, first_byte: Some(first), last_byte }) = request else { return };
+        let Some(Request { arrived, length, first_byte: Some(first), last_byte, .. }) = request else {
+            return;
+        };
         let config = &self.config.controller;
         let window = Budget::new(config.mode.accumulation(), config.baud, length, 0).window;
         let turn_around = last_byte.saturating_sub(arrived);
@@ -348,6 +373,7 @@ impl Puma {
         if controller.state() == ControllerState::Interrupted {
             return;
         }
+        self.path_cycles += 1;
         let stats = controller.statistics();
         record.replies.push(Taken { at: last_byte, session: stats.starts, cycle: stats.cycles, values });
     }
@@ -359,7 +385,7 @@ impl Puma {
 
     /// The program has ended; the operator starts it again after a while.
     fn off(&mut self, asked: Duration, event: PumaEvent) {
-        self.start_at = asked + self.config.restart;
+        self.start_at = asked.saturating_add(self.config.restart);
         self.resume_at = None;
         self.events.push(event);
     }
@@ -385,6 +411,9 @@ fn to_json(at: Duration, event: PumaEvent) -> Value {
         PumaEvent::Ended(error, pose) => json!({
             "ms": ms, "event": "ended", "error": u8::from(error), "why": error_text(error), "position_mm": position(&pose)
         }),
+        PumaEvent::Incident(incident) => {
+            json!({"ms": ms, "event": "script", "what": incident.to_string()})
+        }
         PumaEvent::Connected(connected) => {
             json!({"ms": ms, "event": if connected { "connected" } else { "disconnected" }})
         }

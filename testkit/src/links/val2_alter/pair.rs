@@ -210,11 +210,7 @@ impl System for Alter {
             }
             Act::Accept => _ = world.host(self, HostInput::Policy(Policy::Accept), edges),
             Act::Return => _ = world.controller(self, ControllerInput::Return, edges),
-            Act::Interrupt => {
-                if let ControllerPhase::On(alter) = &mut world.controller.phase {
-                    alter.progress = Progress::Interrupted { reported: false, returned: false };
-                }
-            }
+            Act::Interrupt => _ = world.controller(self, ControllerInput::Interrupt, edges),
             Act::Start => _ = world.controller(self, ControllerInput::Start { has_room: true }, edges),
             Act::Finish | Act::End => _ = world.controller(self, ControllerInput::Finish, edges),
             Act::RestartHost => {

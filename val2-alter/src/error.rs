@@ -208,7 +208,9 @@ pub enum SessionError {
 #[non_exhaustive]
 pub enum ConfigError {
     /// What the shortest message of the mode leaves of a cycle is too short for a reply with one value.
-    #[error("at {baud} baud no value fits the reply window of mode {mode}")]
+    #[error(
+        "at {baud} baud no value fits the reply window of mode {mode}: take a higher baud rate or a mode without transformation"
+    )]
     Window {
         /// The baud rate.
         baud: u32,

@@ -269,7 +269,8 @@ fn what_cannot_work_is_refused() {
     assert_eq!(host(|config| config.baud = 19_200), Ok(()));
     let window = ConfigError::Window { baud: 9600, mode: 23 };
     assert_eq!(host(|config| config.baud = 9600), Err(window));
-    assert_eq!(window.to_string(), "at 9600 baud no value fits the reply window of mode 23");
+    let text = "at 9600 baud no value fits the reply window of mode 23: take a higher baud rate or a mode without transformation";
+    assert_eq!(window.to_string(), text);
     assert_eq!(host(|config| (config.baud, config.mode) = (9600, Mode(19))), Ok(()));
     assert_eq!(host(|config| config.baud = 0), Err(ConfigError::Window { baud: 0, mode: 23 }));
     assert_eq!(

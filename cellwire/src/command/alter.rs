@@ -4,16 +4,16 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, ensure};
-use val2_alter::{Accumulation, HostConfig, Mode, Policy};
+use val2_alter::{Accumulation, Mode};
 
 use super::settings::SetArgs;
-use crate::cell::operator;
+use crate::cell::operator::{self, Settings};
 use crate::cell::teleop::input::InputConfig;
 use crate::cell::teleop::latch::LatchConfig;
-use crate::cell::teleop::{LIMITS, PortConfig, Profile, TeleopConfig, Traces, host_config, polls};
+use crate::cell::teleop::{PortConfig, TeleopConfig, Traces};
 use crate::io::trace::TraceArgs;
 use crate::io::{input, interrupt, serial};
-use crate::links::settings::{self, Configure, Table};
+use crate::links::settings;
 
 /// Steers a robot with a control ball, a 3D mouse, a game pad or the keyboard over ALTER: the operator's screen.
 ///
@@ -104,33 +104,6 @@ impl InputArgs {
             Self { play: Some(path), .. } => InputConfig::Play(path.clone()),
             Self { .. } => InputConfig::Keyboard,
         }
-    }
-}
-
-/// What can be set of the cell.
-#[derive(Debug, Clone, Copy)]
-pub struct Settings {
-    alter: HostConfig,
-    polls: isra_ball::HostConfig,
-    profile: Profile,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            alter: HostConfig { limits: LIMITS, policy: Policy::Ignore, ..host_config() },
-            polls: polls(isra_ball::timing::BAUD),
-            profile: Profile::for_limits(LIMITS, 100),
-        }
-    }
-}
-
-impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { alter, polls, profile } = self;
-        alter.configure(table);
-        table.group("ball", |table| polls.configure(table));
-        table.group("profile", |table| profile.configure(table));
     }
 }
 

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow};
 use serde_json::{Map, Value};
 
-use super::alter;
 use crate::cell;
+use crate::cell::operator;
 use crate::io::input;
 use crate::links::settings::{self, Refused, Setting};
 use crate::links::{LINKS, devices};
@@ -90,7 +90,7 @@ pub fn help(command: &str, arguments: &[String]) -> String {
     let named = |name: &str| arguments.iter().any(|argument| argument == name);
     let link = LINKS.into_iter().find(|link| named(link.name()));
     let found = match command {
-        "alter" => Some(("alter", settings::list(alter::Settings::default()))),
+        "alter" => Some(("alter", settings::list(operator::Settings::default()))),
         "simulate" => devices().find(|device| named(device.name())).map(|it| (it.name(), it.settings())),
         "demo" => link.map(|link| (link.name(), cell::settings(link.name()))),
         _ => link.map(|link| (link.name(), link.settings())),

@@ -3,10 +3,14 @@
 //! Three threads besides the host's: one reads the keys, and gives the stop itself to the robot's thread; one writes what was
 //! drawn; this one draws, and does what the other keys ask for. None of them waits for another.
 
+mod commands;
 mod keys;
 mod model;
 mod screen;
+mod settings;
 mod terminal;
+
+pub use settings::Settings;
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
@@ -14,9 +18,10 @@ use std::time::Duration;
 use anyhow::{Result, ensure};
 use ratatui::crossterm::event::KeyEvent;
 
-use self::model::{Command, Model, Ports};
+use self::commands::Command;
+use self::model::{Model, Ports};
 use self::terminal::Screen;
-use crate::cell::teleop::{Notification, Order, Teleop, TeleopConfig, Traces};
+use crate::cell::teleop::{self, Notification, Order, Teleop, TeleopConfig, Traces};
 use crate::io::interrupt;
 use crate::io::line::Clock;
 use crate::io::output::remark;
@@ -33,7 +38,10 @@ pub fn run(config: TeleopConfig, traces: Traces) -> Result<bool> {
     let gripper = config.alter.subroutine;
     let ports =
         Ports { robot: config.robot.clone(), input: config.input.clone(), viewer: config.viewer.clone() };
-    let mut model = Model::new(ports, traces.clone(), gripper, config.alter.mode, config.profile);
+    let mut model = Model::new(ports, traces.clone(), &config.alter, config.profile);
+    if let Some(advice) = teleop::window::advice(&config.alter) {
+        remark(&format!("warning: {advice}"));
+    }
     let teleop = Teleop::start(config, clock, &traces)?;
     teleop.order(Order::GripperKeys(gripper));
     let orders = teleop.orders();

@@ -1,9 +1,10 @@
 use val2_alter::{End, ErrorCode, List};
 
-use ratatui::crossterm::event::KeyModifiers;
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use super::*;
-use crate::cell::teleop::LIMITS;
+use crate::cell::operator::commands::Command;
+use crate::cell::teleop::{LIMITS, Order};
 use crate::io::trace::TraceArgs;
 
 const MS: Duration = Duration::from_millis(1);
@@ -14,7 +15,7 @@ pub(crate) fn model() -> Model {
     let input = InputConfig::Ball(port("/dev/b", 9600));
     let ports = Ports { robot: port("/dev/r", 38_400), input, viewer: None };
     let traces = Traces { robot: trace("r"), ball: trace("b"), viewer: trace("v") };
-    Model::new(ports, traces, false, Mode::CUMULATIVE_23, Profile::for_limits(LIMITS, 100))
+    Model::new(ports, traces, &HostConfig::default(), Profile::for_limits(LIMITS, 100))
 }
 
 fn press(model: &mut Model, code: KeyCode) -> Option<Command> {

@@ -70,6 +70,10 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
         .filter(|(_, count)| **count > 0)
         .map(|(code, count)| format!(", {} {count}", error_text(ErrorCode::from(code))))
         .collect();
+    let limit = match model.axes {
+        val2_alter::AXES => String::new(),
+        axes => format!("{axes} of {} axes fit, ", val2_alter::AXES),
+    };
     let lines = vec![
         Line::from(vec![
             Span::styled(
@@ -79,12 +83,12 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
             Span::raw(format!(" {why}")),
         ]),
         Line::from(format!(
-            "cycles {}  missed {}  rejected {}{reasons}  held {}  p99 {:.2} ms",
+            "cycles {}  missed {}  {limit}held {}  p99 {:.2} ms  rejected {}{reasons}",
             counts.cycles,
             counts.missed,
-            counts.rejected.iter().sum::<u64>(),
             counts.held,
-            model.thinking.at(0.99).as_secs_f64() * 1e3
+            model.thinking.at(0.99).as_secs_f64() * 1e3,
+            counts.rejected.iter().sum::<u64>(),
         )),
     ];
     frame.render_widget(Paragraph::new(lines), area);
@@ -373,7 +377,7 @@ mod tests {
             picture(&model),
             [
                 " MOVING  Space or Esc stops                                                     ",
-                "cycles 1  missed 0  rejected 0  held 0  p99 1.00 ms                             ",
+                "cycles 1  missed 0  held 0  p99 1.00 ms  rejected 0                             ",
                 "┌ALTER mode────────────┐┌Initial data┐┌Messages────────────────────────────────┐",
                 "│23 = 10111b           ││5           ││   0.03 viewer: the port is gone, and is│",
                 "│cumulative            ││-1          ││        tried again                     │",

@@ -11,9 +11,19 @@ use anyhow::Result;
 use robot_session::{Received, Sent, Session, Transport};
 use serialport::SerialPort;
 
-use super::{Context, Notification, PortConfig};
+use super::context::Context;
+use super::messages::Notification;
 use crate::io::serial;
 use crate::io::trace::Way;
+
+/// A serial port by its path.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PortConfig {
+    /// The path or name.
+    pub path: String,
+    /// The baud rate.
+    pub baud: u32,
+}
 
 /// A port that is gone is tried again this often; the session goes on meanwhile.
 const REOPEN: Duration = Duration::from_millis(200);

@@ -4,7 +4,7 @@ use serde::de::{Deserialize, Deserializer, Error as _};
 use val2_alter::{AXES, Accumulation, Limits, Mode, Scale};
 
 use super::filter::{Axes, Filter};
-use super::input::{FULL, Sample};
+use super::sample::{FULL, Sample};
 use crate::links::settings::{Configure, Table, json};
 
 /// What the hand's values ask of the robot. Signs and units of both ends are open in the source, so try it slowly.

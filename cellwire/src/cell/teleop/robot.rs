@@ -10,12 +10,14 @@ use anyhow::Result;
 use robot_session::{Decoder as _, Driver, Session as _};
 use val2_alter::{AXES, Decoder, Host, HostEvent, HostState, MotionPhase, RobotMessage, Transform};
 
+use super::config::TeleopConfig;
+use super::context::Context;
 use super::gripper::GripperKeys;
-use super::input::Sample;
 use super::latch::{Latch, LatchConfig, LatchInput};
+use super::messages::{Notification, Order, lost_text};
 use super::port::Port;
 use super::profile::Profile;
-use super::{Context, Notification, Order, TeleopConfig};
+use super::sample::Sample;
 use crate::io::priority::{self, Rank};
 
 /// Orders are looked at this often while the robot is silent.
@@ -228,7 +230,7 @@ impl Robot {
                 Notification::End(end) => {
                     ended = Some(format!("ALTER ended with error {}", u8::from(end.error)))
                 }
-                Notification::Lost(reason) => ended = Some(super::lost_text(*reason).into()),
+                Notification::Lost(reason) => ended = Some(lost_text(*reason).into()),
                 _ => {}
             }
             self.context.notify(notification);

@@ -9,8 +9,9 @@ use robot_session::{Driver, Session as _};
 use val2_alter::Transform;
 use val2_viewer::{ENQ, Host, HostConfig, HostEvent};
 
-use super::port::Port;
-use super::{Context, Notification, PortConfig};
+use super::context::Context;
+use super::messages::Notification;
+use super::port::{Port, PortConfig};
 
 /// New poses are looked at this often.
 const IDLE: Duration = Duration::from_millis(20);

@@ -8,9 +8,11 @@ use anyhow::Result;
 use isra_ball::{Decoder, ENQ, Host, HostConfig, HostEvent, Packet, timing};
 use robot_session::{Decoder as _, Driver, Session as _};
 
-use super::{FULL, Input, InputEvent, Sample};
-use crate::cell::teleop::port::Port;
-use crate::cell::teleop::{Context, Notification, PortConfig};
+use super::device::{Input, InputEvent};
+use crate::cell::teleop::context::Context;
+use crate::cell::teleop::messages::Notification;
+use crate::cell::teleop::port::{Port, PortConfig};
+use crate::cell::teleop::sample::{FULL, Sample};
 
 pub(super) struct Ball {
     context: Context,

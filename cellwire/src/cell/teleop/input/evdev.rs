@@ -53,8 +53,10 @@ mod linux {
     use evdev::{AbsoluteAxisCode, Device};
 
     use super::Range;
-    use crate::cell::teleop::input::{Input, InputEvent, Sample};
-    use crate::cell::teleop::{Context, Notification};
+    use crate::cell::teleop::context::Context;
+    use crate::cell::teleop::input::device::{Input, InputEvent};
+    use crate::cell::teleop::messages::Notification;
+    use crate::cell::teleop::sample::Sample;
 
     const AXES: [AbsoluteAxisCode; 6] = [
         AbsoluteAxisCode::ABS_X,
@@ -163,8 +165,8 @@ mod elsewhere {
     use std::path::Path;
     use std::time::Duration;
 
-    use crate::cell::teleop::Context;
-    use crate::cell::teleop::input::{Input, InputEvent};
+    use crate::cell::teleop::context::Context;
+    use crate::cell::teleop::input::device::{Input, InputEvent};
 
     pub(in super::super) enum Evdev {}
 

@@ -3,7 +3,8 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-use super::{FULL, Input, InputEvent, Sample};
+use super::device::{Input, InputEvent};
+use crate::cell::teleop::sample::{FULL, Jog, Sample};
 use crate::io::line::Clock;
 
 /// A key moves so long: terminals repeat it thirty times a second, and do not say when it is let go.
@@ -12,15 +13,6 @@ const HOLD: Duration = Duration::from_millis(120);
 const PERIOD: Duration = Duration::from_millis(28);
 /// Half of the full deflection: a key has no middle.
 const DEFLECTION: i16 = FULL / 2;
-
-/// A key that moves an axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Jog {
-    /// X, Y, Z, RX, RY, RZ as 0 to 5.
-    pub axis: u8,
-    /// The other way.
-    pub is_negative: bool,
-}
 
 pub(super) struct Keyboard {
     clock: Clock,

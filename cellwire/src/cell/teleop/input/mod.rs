@@ -1,6 +1,7 @@
 //! What a hand asks for, whatever it is on: a ball, a 3D mouse, a game pad, the keyboard, a recording.
 
 mod ball;
+mod device;
 mod evdev;
 mod keyboard;
 mod recording;
@@ -12,26 +13,15 @@ use std::time::Duration;
 
 use anyhow::Result;
 
-pub use self::keyboard::Jog;
 pub use self::recording::{Recorded, read as read_recording};
 
+use self::device::{Input, InputEvent};
 use self::recording::Recorder;
-use super::{Context, Notification, Order, PortConfig};
+use super::context::Context;
+use super::messages::{Notification, Order};
+use super::port::PortConfig;
+pub use super::sample::{FULL, Jog, Sample};
 use crate::io::priority::{self, Rank};
-
-/// The values of an input at one time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sample {
-    /// X, Y, Z, RX, RY, RZ in thousandths of the full deflection.
-    pub axes: [i16; 6],
-    /// The buttons that are down: bit *k* is button *k* + 1.
-    pub buttons: u32,
-    /// How long the values may be used, by the clock of the host.
-    pub fresh_until: Duration,
-}
-
-/// Full deflection.
-pub const FULL: i16 = 1000;
 
 /// Where the hand is.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,26 +49,6 @@ impl InputConfig {
             Self::Play(path) => format!("input: recording {}", path.display()),
         }
     }
-}
-
-/// What an input reports.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum InputEvent {
-    /// New values.
-    Sample(Sample),
-    /// The last values are too old.
-    Old,
-    /// The device is gone.
-    Lost,
-}
-
-/// An input of six axes and some buttons, whose values have an age.
-pub(super) trait Input: Send {
-    /// Waits for what comes next, no longer than `wait`. A device that is gone is looked for again, without waiting longer.
-    fn poll(&mut self, wait: Duration, events: &mut Vec<InputEvent>);
-
-    /// The host ends.
-    fn end(&mut self) {}
 }
 
 /// An input that is driven by a thread.

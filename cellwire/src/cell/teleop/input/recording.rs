@@ -9,8 +9,9 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, anyhow, bail, ensure};
 
-use super::{Input, InputEvent, Sample};
-use crate::cell::teleop::Context;
+use super::device::{Input, InputEvent};
+use crate::cell::teleop::context::Context;
+use crate::cell::teleop::sample::Sample;
 use crate::io::line::Clock;
 use crate::io::{files, input};
 

@@ -7,8 +7,10 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result};
 
-use super::{FULL, Input, InputEvent, Sample};
-use crate::cell::teleop::{Context, Notification};
+use super::device::{Input, InputEvent};
+use crate::cell::teleop::context::Context;
+use crate::cell::teleop::messages::Notification;
+use crate::cell::teleop::sample::{FULL, Sample};
 
 /// Full deflection as these devices report it, at the daemon's sensitivity of 1.
 const DEFLECTION: i32 = 350;

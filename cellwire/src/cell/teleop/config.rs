@@ -1,0 +1,46 @@
+//! What the host is configured with.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use val2_alter::{HostConfig, Limits};
+
+use super::input::InputConfig;
+use super::latch::LatchConfig;
+use super::port::PortConfig;
+use super::profile::Profile;
+
+/// What the host is to do.
+#[derive(Debug, Clone)]
+pub struct TeleopConfig {
+    /// The robot's port.
+    pub robot: PortConfig,
+    /// Where the hand is.
+    pub input: InputConfig,
+    /// The file that keeps what the input reports.
+    pub record: Option<PathBuf>,
+    /// The workstation's port.
+    pub viewer: Option<PortConfig>,
+    /// The ALTER session.
+    pub alter: HostConfig,
+    /// The polls of the ball.
+    pub polls: isra_ball::HostConfig,
+    /// What the hand's values mean.
+    pub profile: Profile,
+    /// When the hand may move the arm.
+    pub latch: LatchConfig,
+}
+
+/// The session's defaults for a computer with an operating system: bytes that came together may be read far apart.
+pub fn host_config() -> HostConfig {
+    HostConfig { gap: None, ..HostConfig::default() }
+}
+
+/// The polls of a ball that steers an arm: values are too old after 100 ms, one lost packet later.
+pub fn polls(baud: u32) -> isra_ball::HostConfig {
+    isra_ball::HostConfig { baud, max_age: Duration::from_millis(100), ..isra_ball::HostConfig::default() }
+}
+
+/// Limits at which the source's Figure 9 is easily seen: 100 mm/s and 30 °/s, reached in a third of a second.
+pub const LIMITS: Limits =
+    Limits { velocity: [90, 90, 90, 150, 150, 150], acceleration: [8, 8, 8, 13, 13, 13] };

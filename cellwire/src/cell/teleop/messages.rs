@@ -1,0 +1,133 @@
+//! What the threads of the host say to each other, and to whoever shows it.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use isra_ball::Packet;
+use val2_alter::{
+    AXES, End, ErrorCode, Exception, ExceptionOutcome, HostState, LostReason, Motion, Policy, SessionError,
+    Start,
+};
+
+use super::latch::Latch;
+use super::profile::Profile;
+use super::sample::Sample;
+
+/// What the robot thread is to do.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Order {
+    /// New values of the hand.
+    Hand(Sample),
+    /// The hand's values are too old: come to rest.
+    HandOld,
+    /// The input is gone: come to rest.
+    HandLost,
+    /// The operator confirms that the hand may move the arm.
+    Confirm,
+    /// What the hand's values mean from now on: come to rest first.
+    Profile(Box<Profile>),
+    /// How start messages are answered.
+    Policy(Policy),
+    /// Come to rest, then fall silent.
+    Stop,
+    /// The same, and then the host ends.
+    End,
+    /// The gripper on the ball's keys, on or off.
+    GripperKeys(bool),
+    /// Listen at several baud rates, unless ALTER runs.
+    Probe,
+    /// Sleep, as a host does that has too much to do: a fault for the demo.
+    Stall(Duration),
+}
+
+/// What the threads of the host report, each with its time.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Notification {
+    /// A port is open (again).
+    PortOpen(&'static str, String),
+    /// The chip of a port's USB adapter collects bytes for so many milliseconds.
+    Latency(&'static str, u32),
+    /// A port is gone; it is tried again.
+    PortLost(&'static str, String),
+    /// Whether the reply thread runs before all others.
+    Priority(bool),
+    /// A start message.
+    Start(Start),
+    /// A standard message.
+    Motion(Motion),
+    /// A reply has left.
+    Reply {
+        /// What the ball asked for.
+        demand: [i16; AXES],
+        /// What the limits made of it.
+        values: [i16; AXES],
+        /// From the last byte read to the reply written.
+        thinking: Duration,
+        /// An axis had to wait, because its word did not fit the window.
+        held: bool,
+    },
+    /// ALTER is over.
+    End(End),
+    /// The reply came too late to be sent.
+    Missed,
+    /// The controller could not read a reply.
+    Rejected(ErrorCode),
+    /// Bytes from the robot that are no message.
+    Corrupt(val2_alter::DecodeError),
+    /// ALTER is over without an end message.
+    Lost(LostReason),
+    /// The values are zero after [`Order::Stop`]; no message is answered any more.
+    Stopped,
+    /// The session's state after something happened.
+    State(HostState),
+    /// What the safety latch is.
+    Latch(Latch),
+    /// The host has ended: nothing is answered any more.
+    Ended,
+    /// A key of the gripper was pressed, and what became of it.
+    Gripper(Exception, Result<(), SessionError>),
+    /// What became of it at the robot.
+    GripperOutcome(Exception, ExceptionOutcome),
+    /// New values of the input.
+    Hand(Sample),
+    /// A packet of the ball with new values, and how long after the poll it was whole.
+    Ball(Packet, Duration),
+    /// The same without new values.
+    BallOld(Packet, Duration),
+    /// A poll of the ball without a packet.
+    BallMissed,
+    /// A packet of the ball that is no reply: it comes too late.
+    BallLate,
+    /// Corrupt bytes from the ball.
+    BallCorrupt(isra_ball::DecodeError),
+    /// The ball's values are too old.
+    BallStale,
+    /// The workstation asked for a pose.
+    PoseAsked,
+    /// The workstation was sent a pose.
+    Pose,
+    /// What was received at a port at one baud rate.
+    Probed {
+        /// The port.
+        port: &'static str,
+        /// The rate.
+        baud: u32,
+        /// Good messages.
+        good: usize,
+        /// Corrupt ones.
+        corrupt: usize,
+    },
+    /// ALTER runs: no port is tested.
+    ProbeRefused,
+    /// A trace was written.
+    Trace(PathBuf),
+}
+
+/// Why ALTER is over without an end message, in words.
+pub fn lost_text(reason: LostReason) -> &'static str {
+    match reason {
+        LostReason::Silence => "the robot sends nothing",
+        LostReason::Restart => "the robot has started ALTER again",
+        LostReason::Disconnected => "the port is gone",
+    }
+}

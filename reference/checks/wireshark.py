@@ -94,9 +94,10 @@ def same(found, expected):
 def cases(vector, good):
     """The segments of each connection that shows a vector, and the messages that they hold."""
     data = bytes.fromhex(vector["hex"])
-    if vector["result"] == "invalid":
+    if "error" in vector:
         # What is incomplete takes the message after it.
-        after = [bytes.fromhex(good["hex"])] * (2 if vector["error"]["kind"] == "incomplete" else 1)
+        is_cut = vector["result"] == "incomplete" or vector["error"]["kind"] == "incomplete"
+        after = [bytes.fromhex(good["hex"])] * (2 if is_cut else 1)
         return [([data, *after], [good["message"]])]
     half = len(data) // 2
     once, twice = [vector["message"]], [vector["message"]] * 2
@@ -108,32 +109,37 @@ def cases(vector, good):
     ]
 
 
-def tshark(link, options, capture, names):
-    """The fields that tshark shows, for each client port: name to values in order."""
-    proto = link.replace("-", "_")
+def read(capture, options, columns):
+    """The columns that tshark shows, for each client port: name to values in order."""
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory) / "capture.pcap"
         path.write_bytes(capture.to_bytes())
-        command = ["tshark", "-r", path, "-X", f"lua_script:{REFERENCE}/wireshark/{link}.lua"]
-        command += ["-d", f"tcp.port=={SERVER_PORT},{proto}", "-T", "fields", "-E", f"aggregator={AGGREGATOR}"]
-        parts = {f"{name}_{part}": v for name, inner in options.items() if isinstance(inner, dict) for part, v in inner.items()}
-        scalars = {name: value for name, value in options.items() if not isinstance(value, dict)}
-        for name, value in (scalars | parts).items():
-            command += ["-o", f"{proto}.{name}:{str(value).upper() if isinstance(value, bool) else value}"]
-        columns = ["tcp.srcport", "tcp.dstport", "frame.number"] + [f"{proto}.{name}" for name in names]
-        for column in columns:
+        command = ["tshark", "-r", path, *options, "-T", "fields", "-E", f"aggregator={AGGREGATOR}"]
+        for column in ["tcp.srcport", "tcp.dstport", *columns]:
             command += ["-e", column]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0 or "Lua: " in done.stderr or "Lua Error" in done.stdout:
-        sys.exit(f"{link}: tshark: {done.stderr}{done.stdout[:1000]}")
+        sys.exit(f"tshark: {done.stderr}{done.stdout[:1000]}")
     shown = {}
     for line in done.stdout.splitlines():
-        source, destination, frame, *values = line.split("\t")
+        source, destination, *values = line.split("\t")
         port = int(destination if source == str(SERVER_PORT) else source)
-        fields = shown.setdefault(port, {name: [] for name in names})
-        for name, value in zip(names, values):
+        fields = shown.setdefault(port, {name: [] for name in columns})
+        for name, value in zip(columns, values):
             fields[name] += value.split(AGGREGATOR) if value else []
     return shown
+
+
+def tshark(link, options, capture, names):
+    """The fields that the dissector of a link shows, for each client port: name to values in order."""
+    proto = link.replace("-", "_")
+    command = ["-X", f"lua_script:{REFERENCE}/wireshark/{link}.lua", "-d", f"tcp.port=={SERVER_PORT},{proto}"]
+    parts = {f"{name}_{part}": v for name, inner in options.items() if isinstance(inner, dict) for part, v in inner.items()}
+    scalars = {name: value for name, value in options.items() if not isinstance(value, dict)}
+    for name, value in (scalars | parts).items():
+        command += ["-o", f"{proto}.{name}:{str(value).upper() if isinstance(value, bool) else value}"]
+    shown = read(capture, command, [f"{proto}.{name}" for name in names])
+    return {port: {name: fields[f"{proto}.{name}"] for name in names} for port, fields in shown.items()}
 
 
 def check(vector, fields, messages):
@@ -148,17 +154,17 @@ def check(vector, fields, messages):
         # An empty string alone in a segment shows nothing.
         values = [value for value in expected.get(name, []) if value]
         found = [value for value in found if value]
-        if vector["result"] == "invalid":
+        if "error" in vector:
             # Its bytes may hold a frame after the error.
             found = found[max(0, len(found) - len(values)) :]
         if len(found) != len(values) or not all(map(same, found, values)):
             return f"{name} is {found}, not {values}"
     errors = fields["decode_error"]
-    if vector["result"] != "invalid":
+    if "error" not in vector:
         return f"decode_error is {errors}" if errors else None
     kind = vector["error"]["kind"]
     # What comes after the rest of a frame decides what is wrong with it.
-    if not errors or kind not in (errors[0], "incomplete"):
+    if not errors or kind not in (errors[0], "incomplete") and vector["result"] != "incomplete":
         return f"decode_error is {errors}, not {kind}"
     return None
 

@@ -5,17 +5,21 @@ Usage: python3 reference/checks/wireshark.py [LINK…]
 Every valid vector is a capture of TCP connections: the frame whole, every byte in a segment of its own, two frames in a segment,
 and one and a half before the other half. Each must show the values of `message` in the fields of the same names. An invalid
 vector is followed by a valid one: the dissector must name the error and show the valid one. PAIRS are requests and their
-answers: the answer must name the request and the time between them.
+answers: the answer must name the request and the time between them. expert_stories.py breaks each rule that a dissector knows: its
+expert info must show, and nothing of the kind where no rule is broken.
 
 Prints `link: passed of all`; exit status 1 on a failure.
 """
 
 import json
+import re
 import struct
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+import expert_stories
 
 REFERENCE = Path(__file__).resolve().parent.parent
 SERVER_PORT = 9100
@@ -46,6 +50,10 @@ class Capture:
     def __init__(self):
         self.packets = []
         self.seqs = {}
+        self.now = 0.0
+
+    def wait(self, seconds):
+        self.now += seconds
 
     def send(self, client_port, side, data):
         """A segment of `data`, GAP after the one before."""
@@ -56,13 +64,14 @@ class Capture:
         ack = self.seqs.get(ports[::-1], 1)
         tcp = struct.pack(">HHIIBBHHH", *ports, seq, ack, 0x50, 0x18, 0xFFFF, 0, 0) + data
         ip = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(tcp), 0, 0, 64, 6, 0) + addresses
-        self.packets.append(ip + tcp)
+        self.packets.append((self.now, ip + tcp))
+        self.wait(GAP)
 
     def to_bytes(self):
         raw_ip = 101
         blocks = [struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, raw_ip)]
-        for number, packet in enumerate(self.packets):
-            micros = round(number * GAP * 1e6)
+        for time, packet in self.packets:
+            micros = round(time * 1e6)
             length = len(packet)
             blocks.append(struct.pack("<IIII", micros // 10**6, micros % 10**6, length, length) + packet)
         return b"".join(blocks)
@@ -201,7 +210,11 @@ def run(link):
         if wrong:
             print(f"{link} pair: {wrong}")
             failures["pair"] = wrong
-    total = len(vectors) + bool(pairs)
+    stories, wrong = check_experts(link)
+    for place, text in wrong.items():
+        print(f"{link} {place}: {text}")
+    failures |= wrong
+    total = len(vectors) + bool(pairs) + stories
     print(f"{link}: {total - len(failures)} of {total}")
     return not failures
 
@@ -219,6 +232,31 @@ def check_pairs(link, pairs, names):
     if len(times) != len(requests) or any(abs(time - GAP) > 1e-6 for time in times):
         return f"response_time is {times}, not {GAP} each"
     return None
+
+
+def check_experts(link):
+    """How many stories there are for the rules of a dissector, and what is wrong: by rule."""
+    source = (REFERENCE / f"wireshark/{link}.lua").read_text()
+    rules = re.findall(rf'(?:\brule\(|\bexpert_of\(|ProtoExpert\.new\()"(?:{link.replace("-", "_")}\.)?(\w+)"', source)
+    stories = [("none", {}, expert_stories.GOOD[link]), *expert_stories.STORIES[link]]
+    wrong = {rule: "no story breaks it" for rule in rules if rule not in [story[0] for story in stories]}
+    for options in {json.dumps(options) for _, options, _ in stories}:
+        capture, told = Capture(), {}
+        for number, (rule, preferences, packets) in enumerate(stories):
+            if json.dumps(preferences) != options:
+                continue
+            told[10_000 + number] = rule
+            for packet in packets:
+                if isinstance(packet, tuple):
+                    capture.send(10_000 + number, *packet)
+                else:
+                    capture.wait(packet)
+        shown = tshark(link, json.loads(options), capture, rules)
+        for port, rule in told.items():
+            raised = [name for name in rules if shown[port][name]]
+            if rule == "none" and raised or rule != "none" and rule not in raised:
+                wrong[rule] = f"raised are {raised}"
+    return len(stories), wrong
 
 
 def main():

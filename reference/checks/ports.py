@@ -1,0 +1,49 @@
+"""Builds and checks the ports of ports/, and runs their testees.
+
+Usage: python3 reference/checks/ports.py [--link LINK]…
+
+Python is checked by `mypy --strict`, C is built with every warning an error, and with the address and undefined behaviour
+sanitizers. Prints what testee.py prints for each; exit status 1 on a failure.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+REFERENCE = Path(__file__).resolve().parent.parent
+TARGET = REFERENCE.parent / "target/reference"
+TESTEE = [sys.executable, REFERENCE / "checks/testee.py", *sys.argv[1:]]
+
+
+def passes(*command, **options):
+    """Whether a command succeeds."""
+    return subprocess.run(command, check=False, **options).returncode == 0
+
+
+def python():
+    folder = REFERENCE / "ports/python"
+    venv = TARGET / "venv/bin/python"
+    interpreter = venv if venv.exists() else sys.executable
+    cache = TARGET / "mypy"
+    typed = passes(interpreter, "-m", "mypy", "--strict", "--cache-dir", cache, "testee.py", "links", cwd=folder)
+    return passes(*TESTEE, sys.executable, "-B", folder / "testee.py") and typed
+
+
+def c():
+    build = TARGET / "c"
+    if not passes("make", "--silent", "-C", REFERENCE / "ports/c", f"BUILD={build}"):
+        return False
+    return passes(*TESTEE, build / "testee", env=os.environ | {"ASAN_OPTIONS": "detect_leaks=1"})
+
+
+def main():
+    results = []
+    for port in (python, c):
+        print(f"-- {port.__name__}", flush=True)
+        results.append(port())
+    sys.exit(not all(results))
+
+
+if __name__ == "__main__":
+    main()

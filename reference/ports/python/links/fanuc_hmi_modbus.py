@@ -31,13 +31,21 @@ class Corrupt(Wrong):
     """What is wrong with the frame itself."""
 
 
+def shift(value: int) -> int:
+    """Eight steps of FM-9."""
+    for _ in range(8):
+        value = value >> 1 ^ (0xA001 if value & 1 else 0)
+    return value
+
+
+SHIFTED = [shift(byte) for byte in range(256)]
+
+
 def crc(data: bytes) -> int:
     """FM-9."""
     value = 0xFFFF
     for byte in data:
-        value ^= byte
-        for _ in range(8):
-            value = value >> 1 ^ (0xA001 if value & 1 else 0)
+        value = value >> 8 ^ SHIFTED[(value ^ byte) & 0xFF]
     return value
 
 

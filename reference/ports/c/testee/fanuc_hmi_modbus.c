@@ -1,0 +1,258 @@
+#include "../fanuc_hmi_modbus.h"
+
+#include <string.h>
+
+#include "link.h"
+
+static struct modbus_decoder decoder;
+
+static bool begin(const struct json *request)
+{
+    const struct json *framing = json_get(json_get(request, "options"), "framing");
+    modbus_init(&decoder, json_is(json_get(request, "from"), "client") ? MODBUS_CLIENT : MODBUS_SERVER,
+                json_is(framing, "rtu") ? MODBUS_RTU : MODBUS_TCP);
+    return true;
+}
+
+static size_t push(const uint8_t *data, size_t size) { return modbus_push(&decoder, data, size); }
+
+static void end(void) { modbus_end(&decoder); }
+
+static void print_bits(const char *name, const struct modbus_message *message)
+{
+    print(",\"%s\":[", name);
+    for (size_t i = 0; i < message->quantity; i++)
+        print("%s%s", i > 0 ? "," : "", message->bytes[i / 8] >> i % 8 & 1 ? "true" : "false");
+    print("]");
+}
+
+static void print_registers(const char *name, const struct modbus_message *message)
+{
+    print(",\"%s\":", name);
+    PRINT_LIST(message->registers, message->quantity);
+}
+
+static void print_message(const struct modbus_message *message)
+{
+    print("\"message\":{\"unit\":%d,\"function\":%d", message->unit, message->function);
+    if (decoder.framing == MODBUS_TCP)
+        print(",\"transaction\":%d", message->transaction);
+    bool is_reply = message->shape >= MODBUS_BITS && message->shape != MODBUS_WRITTEN;
+    if (!is_reply)
+        print(",\"address\":%d", message->address);
+    switch (message->shape) {
+    case MODBUS_READ:
+    case MODBUS_WRITTEN:
+        print(",\"quantity\":%d", message->quantity);
+        break;
+    case MODBUS_WRITE_COIL:
+        print(",\"value\":%s", message->coil ? "true" : "false");
+        break;
+    case MODBUS_WRITE_REGISTER:
+        print(",\"value\":%d", message->value);
+        break;
+    case MODBUS_WRITE_COILS:
+        print_bits("values", message);
+        break;
+    case MODBUS_MASK:
+        print(",\"and\":%d,\"or\":%d", message->and_mask, message->or_mask);
+        break;
+    case MODBUS_READ_WRITE:
+        print(",\"quantity\":%d,\"write_address\":%d", message->read_quantity, message->write_address);
+        print_registers("values", message);
+        break;
+    case MODBUS_WRITE_WORDS:
+        print_registers("values", message);
+        break;
+    case MODBUS_BITS:
+        print_bits("bits", message);
+        break;
+    case MODBUS_REGISTERS:
+        print_registers("registers", message);
+        break;
+    case MODBUS_EXCEPTION:
+        print(",\"exception\":%d", message->exception);
+        break;
+    case MODBUS_RAW:
+        print(",\"data\":");
+        PRINT_LIST(message->bytes, message->quantity);
+        break;
+    }
+    print("}");
+}
+
+static void print_error(const struct modbus_item *item)
+{
+    static const char *const KINDS[] = {"",           "protocol",         "mbap_length", "crc",      "cut",
+                                        "too_long",   "noise",            "function",    "pdu_length", "quantity",
+                                        "byte_count", "reply_byte_count", "coil_value"};
+    enum modbus_error_kind kind = item->error;
+    bool has_expected = kind == MODBUS_CRC || kind == MODBUS_CUT || kind == MODBUS_PDU_LENGTH || kind == MODBUS_BYTE_COUNT;
+    bool has_function = kind >= MODBUS_PDU_LENGTH && kind <= MODBUS_REPLY_BYTE_COUNT;
+    print("\"error\":{\"kind\":\"%s\"", KINDS[kind]);
+    if (has_function)
+        print(",\"function\":%d", item->function);
+    if (has_expected || kind == MODBUS_QUANTITY)
+        print(",\"%s\":%zu", has_expected ? "expected" : "max", item->expected);
+    if (kind != MODBUS_NOISE)
+        print(",\"found\":%zu", item->found);
+    if (kind == MODBUS_CRC || kind == MODBUS_NOISE)
+        print(",\"length\":%zu", item->size);
+    print("}");
+}
+
+static bool next(bool ended)
+{
+    static struct modbus_item item;
+    if (!modbus_next(&decoder, &item))
+        return false;
+    print_item(item.offset, item.length, ended);
+    if (item.error == MODBUS_NO_ERROR)
+        print_message(&item.message);
+    else
+        print_error(&item);
+    return true;
+}
+
+static bool read_u16(const struct json *object, const char *name, uint16_t *value)
+{
+    int64_t found;
+    if (!json_integer(json_get(object, name), 0, UINT16_MAX, &found))
+        return false;
+    *value = (uint16_t)found;
+    return true;
+}
+
+static bool read_u8(const struct json *object, const char *name, uint8_t *value)
+{
+    uint16_t found;
+    if (!read_u16(object, name, &found) || found > UINT8_MAX)
+        return false;
+    *value = (uint8_t)found;
+    return true;
+}
+
+/* true, false, 1 or 0 */
+static bool read_bit(const struct json *value, bool *bit)
+{
+    int64_t number = 0;
+    if (json_boolean(value, bit))
+        return true;
+    bool is_number = json_integer(value, 0, 1, &number);
+    *bit = number == 1;
+    return is_number;
+}
+
+static bool read_bits(const struct json *list, struct modbus_message *message)
+{
+    if (list == NULL || list->type != '[' || list->count > 8 * MODBUS_MAX_DATA)
+        return false;
+    message->quantity = 0;
+    for (const struct json *value = list->child; value != NULL; value = value->next, message->quantity++) {
+        bool bit;
+        if (!read_bit(value, &bit))
+            return false;
+        message->bytes[message->quantity / 8] |= (uint8_t)(bit << message->quantity % 8);
+    }
+    return true;
+}
+
+static bool read_numbers(const struct json *list, int64_t most, size_t max_count, struct modbus_message *message)
+{
+    int64_t values[MODBUS_MAX_DATA];
+    if (list == NULL || list->count > max_count || !read_list(list, list->count, 0, most, values))
+        return false;
+    message->quantity = (uint16_t)list->count;
+    for (size_t i = 0; i < list->count; i++) {
+        if (most == UINT8_MAX)
+            message->bytes[i] = (uint8_t)values[i];
+        else
+            message->registers[i] = (uint16_t)values[i];
+    }
+    return true;
+}
+
+static bool read_registers(const struct json *list, struct modbus_message *message)
+{
+    return read_numbers(list, UINT16_MAX, MODBUS_MAX_REGISTERS, message);
+}
+
+/* What follows from the function, and not from what is in the object. */
+static enum modbus_shape shape_of(const struct json *object, const struct modbus_message *message)
+{
+    uint8_t function = message->function;
+    bool is_client = decoder.side == MODBUS_CLIENT;
+    if (!is_client && json_get(object, "exception") != NULL)
+        return MODBUS_EXCEPTION;
+    if (json_get(object, "data") != NULL)
+        return MODBUS_RAW;
+    switch (function) {
+    case 1:
+    case 2:
+        return is_client ? MODBUS_READ : MODBUS_BITS;
+    case 3:
+    case 4:
+        return is_client ? MODBUS_READ : MODBUS_REGISTERS;
+    case 5:
+        return MODBUS_WRITE_COIL;
+    case 6:
+        return MODBUS_WRITE_REGISTER;
+    case 15:
+        return is_client ? MODBUS_WRITE_COILS : MODBUS_WRITTEN;
+    case 16:
+        return is_client ? MODBUS_WRITE_WORDS : MODBUS_WRITTEN;
+    case 22:
+        return MODBUS_MASK;
+    case 23:
+        return is_client ? MODBUS_READ_WRITE : MODBUS_REGISTERS;
+    default:
+        return MODBUS_RAW;
+    }
+}
+
+static bool read_fields(const struct json *object, struct modbus_message *message)
+{
+    const struct json *values = json_get(object, "values");
+    message->shape = shape_of(object, message);
+    bool has_address = message->shape < MODBUS_BITS || message->shape == MODBUS_WRITTEN;
+    if (has_address && !read_u16(object, "address", &message->address))
+        return false;
+    switch (message->shape) {
+    case MODBUS_READ:
+    case MODBUS_WRITTEN:
+        return read_u16(object, "quantity", &message->quantity);
+    case MODBUS_WRITE_COIL:
+        return read_bit(json_get(object, "value"), &message->coil);
+    case MODBUS_WRITE_REGISTER:
+        return read_u16(object, "value", &message->value);
+    case MODBUS_WRITE_COILS:
+        return read_bits(values, message);
+    case MODBUS_WRITE_WORDS:
+        return read_registers(values, message);
+    case MODBUS_MASK:
+        return read_u16(object, "and", &message->and_mask) && read_u16(object, "or", &message->or_mask);
+    case MODBUS_READ_WRITE:
+        return read_u16(object, "quantity", &message->read_quantity) &&
+               read_u16(object, "write_address", &message->write_address) && read_registers(values, message);
+    case MODBUS_BITS:
+        return read_bits(json_get(object, "bits"), message);
+    case MODBUS_REGISTERS:
+        return read_registers(json_get(object, "registers"), message);
+    case MODBUS_EXCEPTION:
+        return read_u8(object, "exception", &message->exception);
+    case MODBUS_RAW:
+        return read_numbers(json_get(object, "data"), UINT8_MAX, MODBUS_MAX_DATA, message);
+    }
+    return false;
+}
+
+static size_t encode(const struct json *object, uint8_t *out, size_t size)
+{
+    static struct modbus_message message;
+    memset(&message, 0, sizeof message);
+    bool has_head = read_u8(object, "unit", &message.unit) && read_u8(object, "function", &message.function) &&
+                    (decoder.framing == MODBUS_RTU || read_u16(object, "transaction", &message.transaction));
+    return has_head && read_fields(object, &message) ? modbus_encode(&message, decoder.framing, out, size) : 0;
+}
+
+const struct link FANUC_HMI_MODBUS = {"fanuc-hmi-modbus", begin, push, end, next, encode};

@@ -1,0 +1,144 @@
+/* The testee of the C port: reference/ports/README.md describes what it reads and writes. */
+#include <ctype.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "link.h"
+
+#define MAX_LINE (1 << 22)
+
+static const struct link *const LINKS[] = {&FANUC_HMI_MODBUS, &ISRA_BALL, &LASER_EB90,
+                                           &MMACELL_PROTO,    &VAL2_ALTER, &VAL2_VIEWER};
+static char line[MAX_LINE];
+static bool is_first; /* of the items of an answer */
+
+void print(const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    vprintf(format, arguments);
+    va_end(arguments);
+}
+
+void print_item(uint64_t offset, size_t length, bool ended)
+{
+    print("%s{", is_first ? "" : ",");
+    is_first = false;
+    print("\"offset\":%llu,\"length\":%zu,%s", (unsigned long long)offset, length, ended ? "\"end\":true," : "");
+}
+
+bool read_list(const struct json *list, size_t count, int64_t low, int64_t high, int64_t *values)
+{
+    if (list == NULL || list->type != '[' || list->count != count)
+        return false;
+    for (const struct json *value = list->child; value != NULL; value = value->next)
+        if (!json_integer(value, low, high, values++))
+            return false;
+    return true;
+}
+
+/* Prints all items that the decoder has. */
+static void drain(const struct link *link, bool ended)
+{
+    while (link->next(ended))
+        print("}");
+}
+
+/* The next byte of the hex digits; -1: an end, -2: no more. */
+static int next_byte(const char **at, const char *end)
+{
+    static const char DIGITS[] = "0123456789ABCDEF";
+    int value = 0, count = 0;
+    for (; *at < end; ++*at) {
+        if (**at == ' ')
+            continue;
+        if (**at == '|') {
+            ++*at;
+            return -1;
+        }
+        const char *digit = strchr(DIGITS, toupper((unsigned char)**at));
+        value = value << 4 | (int)(digit == NULL ? 0 : digit - DIGITS);
+        if (++count == 2) {
+            ++*at;
+            return value;
+        }
+    }
+    return -2;
+}
+
+/* Gives a read of bytes to the decoder. */
+static void give(const struct link *link, const uint8_t *data, size_t size)
+{
+    while (size > 0) {
+        size_t taken = link->push(data, size);
+        drain(link, false);
+        data += taken;
+        size -= taken;
+    }
+}
+
+static void decode(const struct link *link, const struct json *request)
+{
+    static uint8_t data[MAX_LINE / 2];
+    const struct json *hex = json_get(request, "hex");
+    int64_t read = 0;
+    json_integer(json_get(request, "read"), 0, MAX_LINE, &read);
+    is_first = true;
+    print("{\"items\":[");
+    size_t length = 0;
+    const char *at = hex->text, *end = hex->text + hex->length;
+    for (int byte = 0; byte != -2;) {
+        byte = next_byte(&at, end);
+        if (byte >= 0)
+            data[length++] = (uint8_t)byte;
+        if (byte < 0 || (int64_t)length == read) {
+            give(link, data, length);
+            length = 0;
+        }
+        if (byte == -1) {
+            link->end();
+            drain(link, true);
+        }
+    }
+    print("]}\n");
+}
+
+static void encode(const struct link *link, const struct json *request)
+{
+    static uint8_t out[MAX_FRAME];
+    size_t length = link->encode(json_get(request, "message"), out, sizeof out);
+    if (length == 0) {
+        print("{\"refused\":\"no message that this side sends\"}\n");
+        return;
+    }
+    print("{\"hex\":\"");
+    for (size_t i = 0; i < length; i++)
+        print("%02X", out[i]);
+    print("\"}\n");
+}
+
+static const struct link *find_link(const struct json *name)
+{
+    for (size_t i = 0; i < sizeof LINKS / sizeof *LINKS; i++)
+        if (json_is(name, LINKS[i]->name))
+            return LINKS[i];
+    return NULL;
+}
+
+int main(void)
+{
+    while (fgets(line, sizeof line, stdin) != NULL) {
+        const struct json *request = json_parse(line), *task = json_get(request, "task");
+        const struct link *link = find_link(json_get(request, "link"));
+        bool decodes = json_is(task, "decode") || json_is(task, "stream");
+        if (link == NULL || !(decodes || json_is(task, "encode")) || !link->begin(request))
+            print("{\"skipped\":\"not implemented\"}\n");
+        else if (decodes)
+            decode(link, request);
+        else
+            encode(link, request);
+        fflush(stdout);
+    }
+    return 0;
+}

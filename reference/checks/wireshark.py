@@ -202,7 +202,7 @@ def run(link):
         for port, (vector, messages) in expected.items():
             wrong = check(vector, shown[port], messages)
             if wrong:
-                failures.setdefault(vector["id"], f"{link} {vector['id']}: {wrong}")
+                failures.setdefault(vector["id"], f"{link} {vector['id']}: {wrong[:300]}")
     print(*failures.values(), sep="\n", end="\n" if failures else "")
     pairs = PAIRS.get(link, [])
     if pairs:

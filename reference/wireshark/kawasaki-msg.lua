@@ -272,8 +272,10 @@ local function show_message(tvb, text, message, pinfo, tree, at, from_pc)
         item:add(f.response_time, seen.time):set_generated()
     end
     for _, info in ipairs(seen) do item:add_proto_expert_info(info) end
-    item:append_text(", " .. utf8_of_latin1(name))
-    return utf8_of_latin1(name) .. (values and values.number and " " .. values.number or "")
+    local number = values and entry and (entry.role ~= "order_start" and values.number or values.ended or values.order)
+    local word = utf8_of_latin1(name) .. (number and " " .. number or "")
+    item:append_text(", " .. word)
+    return word
 end
 
 local function show_error(range, kind, tree)
@@ -287,9 +289,10 @@ end
 local function summary(info)
     local words = {}
     for _, word in ipairs(info) do
-        local last, first = words[#words] or "", word:match("^Tyo (%d+)$")
-        if first and last:match("^Tyo %d") then
-            words[#words] = last:match("^Tyo %d+") .. "–" .. first
+        local begin, last = (words[#words] or ""):match("^(Tyo %d+)%D-(%d*)$")
+        local number = tonumber(word:match("^Tyo (%d+)$"))
+        if number and begin and number == tonumber(last ~= "" and last or begin:sub(5)) + 1 then
+            words[#words] = begin .. "–" .. number
         else
             table.insert(words, word)
         end

@@ -1,3 +1,3 @@
-#![no_main]
+#![cfg_attr(fuzzing, no_main)]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| cellwire_fuzz::fanuc_hmi_modbus::fanuc_hmi_modbus_message(data));
+cellwire_fuzz::program!(cellwire_fuzz::fanuc_hmi_modbus::fanuc_hmi_modbus_message);

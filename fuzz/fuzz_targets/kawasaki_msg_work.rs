@@ -1,3 +1,3 @@
-#![no_main]
+#![cfg_attr(fuzzing, no_main)]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| cellwire_fuzz::kawasaki_work::kawasaki_msg_work(data));
+cellwire_fuzz::program!(cellwire_fuzz::kawasaki_work::kawasaki_msg_work);

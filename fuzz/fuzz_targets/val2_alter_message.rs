@@ -1,3 +1,3 @@
-#![no_main]
+#![cfg_attr(fuzzing, no_main)]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| cellwire_fuzz::val2_alter::val2_alter_message(data));
+cellwire_fuzz::program!(cellwire_fuzz::val2_alter::val2_alter_message);

@@ -14,6 +14,21 @@ pub mod mmacell_proto;
 pub mod val2_alter;
 pub mod val2_viewer;
 
+/// The program of a target: libFuzzer's, in a build with `--cfg fuzzing`.
+#[macro_export]
+macro_rules! program {
+    ($target:path) => {
+        #[cfg(fuzzing)]
+        libfuzzer_sys::fuzz_target!(|data: &[u8]| $target(data));
+
+        #[cfg(not(fuzzing))]
+        fn main() {
+            eprintln!("not built for fuzzing: use .ci/fuzz or cargo fuzz run");
+            std::process::exit(2);
+        }
+    };
+}
+
 /// A target's body.
 pub type Target = fn(&[u8]);
 
@@ -64,4 +79,38 @@ fn written<E>(len: usize, encode: impl Fn(&mut [u8]) -> Result<usize, E>) -> Res
     let filled = encode(&mut out)?;
     assert_eq!(filled, len, "the encoded length is wrong");
     Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::TARGETS;
+
+    #[test]
+    fn every_target_holds_over_its_corpus() {
+        for (name, target) in TARGETS {
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(name);
+            let inputs = std::fs::read_dir(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
+            let mut replayed = 0;
+            for input in inputs {
+                let path = input.unwrap().path();
+                println!("{}", path.display()); // shown when the target panics
+                target(&std::fs::read(&path).unwrap());
+                replayed += 1;
+            }
+            assert!(replayed > 0, "{name} has no corpus");
+        }
+    }
+
+    #[test]
+    fn every_target_has_a_libfuzzer_program() {
+        let manifest = include_str!("../Cargo.toml");
+        for (name, _) in TARGETS {
+            let program =
+                Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz_targets").join(format!("{name}.rs"));
+            assert!(program.exists(), "{} is missing", program.display());
+            assert!(manifest.contains(&format!("name = \"{name}\"")), "{name} is not in the manifest");
+        }
+    }
 }

@@ -1,0 +1,8 @@
+#!/bin/bash -eu
+cd fuzz
+cargo fuzz build -O
+for source in fuzz_targets/*.rs; do
+    target=$(basename "$source" .rs)
+    cp "target/x86_64-unknown-linux-gnu/release/$target" "$OUT/"
+    zip -jq "$OUT/${target}_seed_corpus.zip" "corpus/$target"/*
+done

@@ -12,7 +12,6 @@ pub mod cell;
 pub mod command;
 pub mod io;
 pub mod links;
-pub mod motion;
 
 use std::process::ExitCode;
 

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use cellwire::cell::fanuc_hmi_modbus::task::{BackgroundTask, TaskError};
-use cellwire::motion::{
+use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Pose, Report, ResampleError, Resampling, Sampling, SpeedStep,
     Trajectory, TrajectoryError, TrajectoryReason,
 };

@@ -346,8 +346,8 @@ fn decode(framing: Framing, side: Side, stream: &[u8], size: usize) -> Vec<Item>
 /// Blocks of telemetry, 37 registers each, and speeds for DPM: whatever the registers hold, orientations are unit
 /// quaternions that follow one another, and no offset passes a limit.
 pub fn fanuc_hmi_modbus_motion(data: &[u8]) {
-    use cellwire::motion::dpm::{Axis, Config, Modifier};
-    use cellwire::motion::{Observation, Quaternion, Tracker};
+    use cellwire_motion::dpm::{Axis, Config, Modifier};
+    use cellwire_motion::{Observation, Quaternion, Tracker};
     use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
 
     let axis = Some(Axis::new(0.001));

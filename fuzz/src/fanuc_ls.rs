@@ -1,6 +1,6 @@
 //! LS programs: the reader over any text, and trajectories made into programs by any step.
 
-use cellwire::motion::{Acceleration, Arm, JointSample, Resampling, Sampling, SpeedStep, Trajectory};
+use cellwire_motion::{Acceleration, Arm, JointSample, Resampling, Sampling, SpeedStep, Trajectory};
 use fanuc_ls::{CommentRule, Document, Encoding, Instruction, Program, Rules, Target};
 
 /// The bytes of an LS file. What reads is written as it was, and an edit is read as what was set. What can be written as

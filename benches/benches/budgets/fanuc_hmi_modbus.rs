@@ -7,7 +7,7 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use benches::{Budget, Count, Link};
-use cellwire::motion::{Tracker, dpm};
+use cellwire_motion::{Tracker, dpm};
 use fanuc_hmi_modbus::{TelemetryBlock, timing};
 
 pub const LINK: Link = Link {

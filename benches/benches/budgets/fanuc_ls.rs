@@ -1,7 +1,7 @@
 use std::hint::black_box;
 
 use benches::{Budget, Count, Link};
-use cellwire::motion::{Arm, Kinematics};
+use cellwire_motion::{Arm, Kinematics};
 use fanuc_ls::{Document, Program, Rules};
 
 const TEXT: &str = include_str!("../../../reference/ls/figure-4.canonical.ls");

@@ -28,7 +28,7 @@ use crate::links::fanuc_hmi_modbus::controller::{Controller, PERIOD, Pose};
 use crate::links::fanuc_hmi_modbus::options::json;
 use crate::links::fanuc_hmi_modbus::simulate::serve_tcp;
 use crate::links::settings;
-use crate::motion::{
+use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Quaternion, Resampling, Sampling, Trajectory,
 };
 
@@ -202,7 +202,7 @@ fn joints(at: f64) -> [f64; 6] {
 
 /// What a controller shows of a pose.
 fn shown(run: &Run, seconds: f64) -> Pose {
-    let crate::motion::Pose { position, orientation } = run.at(seconds);
+    let cellwire_motion::Pose { position, orientation } = run.at(seconds);
     Pose { position, wpr: Quaternion::normalised(orientation).to_wpr() }
 }
 

@@ -4,7 +4,7 @@ use anyhow::{Result, anyhow};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-use crate::motion::Pose;
+use cellwire_motion::Pose;
 
 /// Where the robot is at a time.
 #[derive(Debug, Clone, Copy)]

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use fanuc_hmi_modbus::TelemetryBlock;
 
-use crate::motion::{Arm, Limits, Pose, Quaternion};
+use cellwire_motion::{Arm, Limits, Pose, Quaternion};
 
 /// Telemetry that cannot be was recorded.
 #[derive(Debug, thiserror::Error)]

@@ -4,8 +4,8 @@ use core::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::io::files;
-use crate::motion::{Deviation, State};
 use anyhow::{Context, Result, anyhow};
+use cellwire_motion::{Deviation, State};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 

@@ -8,7 +8,7 @@ use fanuc_hmi_modbus::TelemetryBlock;
 
 use crate::cell::report::Report;
 use crate::links::fanuc_hmi_modbus::options::json;
-use crate::motion::{
+use cellwire_motion::{
     self, Bounds, Confidence, Counts, Delay, Deviation, Figures, JointSample, Kinematics, MotionSample,
     Observation, Pose, Quaternion, State, Summary, Tracker, Trajectory,
 };
@@ -73,7 +73,7 @@ impl Recording {
     /// The motion, its speeds taken from both neighbours.
     pub fn states(&self) -> Vec<State> {
         let mut states: Vec<State> = self.samples.iter().map(|(_, sample)| sample.into()).collect();
-        motion::differentiate(&mut states);
+        cellwire_motion::differentiate(&mut states);
         states
     }
 }
@@ -164,7 +164,7 @@ pub fn read_states(text: &str) -> Result<Vec<State>> {
         states.push(State::at(time, [x, y, z], Quaternion::normalised(quaternion)));
     }
     anyhow::ensure!(states.len() > 2, "there are {} samples, which is too few", states.len());
-    motion::differentiate(&mut states);
+    cellwire_motion::differentiate(&mut states);
     Ok(states)
 }
 
@@ -175,7 +175,7 @@ pub fn reference(trajectory: &Trajectory, arm: &impl Kinematics) -> Vec<State> {
         State::at(sample.time, position, Quaternion::normalised(orientation))
     };
     let mut states: Vec<State> = trajectory.samples().iter().map(state).collect();
-    motion::differentiate(&mut states);
+    cellwire_motion::differentiate(&mut states);
     states
 }
 
@@ -227,13 +227,13 @@ impl Comparison {
         mut recording: Vec<State>,
         latest: f64,
     ) -> Result<Self, ComparisonError> {
-        let delay = match motion::fit_delay(&reference, &recording, -latest..=latest, 0.02) {
+        let delay = match cellwire_motion::fit_delay(&reference, &recording, -latest..=latest, 0.02) {
             Some(Delay::Found(delay)) => delay,
             Some(Delay::AtBorder(at)) => return Err(ComparisonError::DelayNotFound { at, latest }),
             None => return Err(ComparisonError::Nothing),
         };
         recording.iter_mut().for_each(|state| state.time -= delay);
-        let (compared, idle) = motion::compare(&reference, &recording);
+        let (compared, idle) = cellwire_motion::compare(&reference, &recording);
         let confidence = Confidence::of(&compared);
         let deviations: Vec<Deviation> = compared.into_iter().map(|(deviation, _)| deviation).collect();
         let summary = deviations.iter().copied().collect();

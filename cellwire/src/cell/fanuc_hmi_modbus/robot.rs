@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use fanuc_ls::{Instruction, Motion, MotionKind, Program, Speed, SpeedUnit, Target};
 
-use crate::motion::{Arm, Kinematics, Pose};
+use cellwire_motion::{Arm, Kinematics, Pose};
 
 /// How finely a stretch of the path is measured.
 const PIECES: u32 = 24;

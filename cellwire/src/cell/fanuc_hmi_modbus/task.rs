@@ -8,7 +8,7 @@ use fanuc_ls::{Builder, EncodeError, Program, Rules};
 /// tool's pose, its quaternion and their differences into registers that can be read over Modbus.
 ///
 /// `Default` is the figure to the letter. What it computes has three properties that the reader must know and undo, as
-/// [`Tracker`](crate::motion::Tracker) does:
+/// [`Tracker`](cellwire_motion::Tracker) does:
 ///
 /// - it makes Q1 positive, so the quaternion jumps to its negative near 180°, and its difference with it;
 /// - it divides by the period although a period may be lost;

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use fanuc_ls::CommentRule;
 
 use crate::io::output::remark;
-use crate::motion::{Acceleration, Limits, Report, Resampling, Sampling, SpeedStep, Trajectory};
+use cellwire_motion::{Acceleration, Limits, Report, Resampling, Sampling, SpeedStep, Trajectory};
 
 use super::{ArmArgs, limits, rules, write};
 

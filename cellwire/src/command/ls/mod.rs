@@ -14,7 +14,7 @@ use fanuc_ls::{Program, Rules};
 
 use crate::io::files;
 use crate::io::output::remark;
-use crate::motion::{Arm, Dimensions, Limits, Pose, Trajectory};
+use cellwire_motion::{Arm, Dimensions, Limits, Pose, Trajectory};
 
 /// FANUC teach pendant programs as text: LS files.
 ///

@@ -28,7 +28,7 @@ use crate::io::tcp;
 use crate::links::device;
 use crate::links::device::{Endpoint, SimulateOptions};
 use crate::links::settings;
-use crate::motion::{Arm, Limits, Planner, Pose};
+use cellwire_motion::{Arm, Limits, Planner, Pose};
 
 /// Who a controller is shared between: every connection sees the same registers.
 pub type Shared = Arc<Mutex<Controller>>;

@@ -4,7 +4,7 @@ use fanuc_hmi_modbus::PositionRegister;
 use fanuc_hmi_modbus::position::{Cartesian, Configuration};
 use fanuc_ls::{AxisName, AxisUnit, Group};
 
-use crate::motion::{Goal, Pose, Posture};
+use cellwire_motion::{Goal, Pose, Posture};
 
 /// A position of the first motion group, six axes.
 #[derive(Debug, Clone, Copy, PartialEq)]

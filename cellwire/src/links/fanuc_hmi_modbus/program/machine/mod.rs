@@ -12,7 +12,7 @@ use super::load::{Loaded, Programs, Step};
 use super::memory::{Fault, Memory, Surroundings, Value};
 use super::position::Place;
 use crate::links::fanuc_hmi_modbus::tables::Tables;
-use crate::motion::{Kinematics as _, Planner, Pose};
+use cellwire_motion::{Kinematics as _, Planner, Pose};
 
 /// What an instruction that is no motion takes, in s.
 const INSTRUCTION: f64 = 0.001;

@@ -9,7 +9,7 @@ use super::super::memory::{Fault, Value};
 use super::super::position::Place;
 use super::{FASTEST, Flow, Machine, RAMP, parsed};
 use crate::links::fanuc_hmi_modbus::tables::Tables;
-use crate::motion::{Goal, Kinematics as _, Move, Pace, Pose, Way};
+use cellwire_motion::{Goal, Kinematics as _, Move, Pace, Pose, Way};
 
 impl Machine {
     pub(super) fn motion(

@@ -5,8 +5,8 @@
 
 use core::time::Duration;
 
-use cellwire::motion::dpm::{self, Axis, Config, Modifier};
-use cellwire::motion::{
+use cellwire_motion::dpm::{self, Axis, Config, Modifier};
+use cellwire_motion::{
     Confidence, Counts, Delay, Deviation, MotionSample, Observation, Quaternion, State, Summary, Tracker,
     compare, deviations, differentiate, fit_delay,
 };

@@ -141,7 +141,7 @@ fn wrap(angle: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Kinematics;
+    use crate::Kinematics;
 
     fn random(rng: &mut fastrand::Rng) -> [f64; 6] {
         [170.0, 90.0, 150.0, 175.0, 115.0, 175.0].map(|most: f64| (rng.f64() * 2.0 - 1.0) * most)

@@ -1,7 +1,7 @@
 //! The LR Mate 200iD's forward kinematics against poses that others published.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use cellwire::motion::{Arm, Kinematics, Pose};
+use cellwire_motion::{Arm, Kinematics, Pose};
 use fanuc_ls::Program;
 
 const ARM: Arm = Arm::LR_MATE_200ID;

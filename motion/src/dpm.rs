@@ -59,7 +59,7 @@ impl Config {
 ///
 /// ```
 /// use core::time::Duration;
-/// use cellwire::motion::dpm::{Axis, Config, Modifier};
+/// use cellwire_motion::dpm::{Axis, Config, Modifier};
 ///
 /// let mut modifier = Modifier::new(Config::new([Some(Axis::new(0.001)), None, None, None, None, None]))?;
 /// let ms = Duration::from_millis;
@@ -69,7 +69,7 @@ impl Config {
 /// modifier.demand(ms(16), [500.0, 0.0, 0.0, 0.0, 0.0, 0.0])?; // Fig. 13 allows 25 mm/s
 /// assert_eq!(modifier.next_period(ms(16)).counts[0], 200);
 /// assert!(modifier.next_period(ms(100)).lost); // the source has fallen silent: zero
-/// # Ok::<(), cellwire::motion::dpm::Error>(())
+/// # Ok::<(), cellwire_motion::dpm::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Modifier {

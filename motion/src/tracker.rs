@@ -15,7 +15,7 @@ use super::orientation::Quaternion;
 ///
 /// ```
 /// use fanuc_hmi_modbus::TelemetryBlock;
-/// use cellwire::motion::{Observation, Tracker};
+/// use cellwire_motion::{Observation, Tracker};
 ///
 /// let mut tracker = Tracker::new();
 /// let block = |life_counter, x| TelemetryBlock { life_counter, position: [x, 0.0, 0.0], quaternion: [1.0, 0.0, 0.0, 0.0], ..Default::default() };

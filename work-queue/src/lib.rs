@@ -50,24 +50,20 @@ extern crate std;
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+mod cursor;
 mod error;
 #[cfg(doctest)]
 mod misuse;
-mod number;
-mod position;
-mod queue;
-mod reader;
 #[allow(unsafe_code)]
 mod ring;
 mod sync;
-mod writer;
+mod wake;
 
 pub use error::{ConfigError, Full, NumberError};
-pub use queue::WorkQueue;
-#[cfg(feature = "alloc")]
-pub use queue::boxed;
-pub use reader::{Iter, Reader, Taken};
+pub use ring::{Batch, Claim, Ends, Iter, Reader, Taken, TakenBatch, WorkQueue, Writer};
+#[cfg(all(feature = "alloc", target_has_atomic = "8"))]
+pub use ring::{boxed, boxed_with};
 #[cfg(loom)]
 #[doc(hidden)]
 pub use sync::{check, order};
-pub use writer::{Claim, Writer};
+pub use wake::{NoWake, Wake};

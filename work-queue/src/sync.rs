@@ -2,7 +2,7 @@
 
 #[cfg(not(loom))]
 mod types {
-    pub(crate) use core::sync::atomic::{AtomicBool, Ordering};
+    pub(crate) use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
     /// `core::cell::UnsafeCell` with the accessors of loom's, by which loom records every access.
     pub(crate) struct UnsafeCell<T>(core::cell::UnsafeCell<T>);
@@ -27,33 +27,10 @@ mod types {
 #[cfg(loom)]
 mod types {
     pub(crate) use loom::cell::UnsafeCell;
-    pub(crate) use loom::sync::atomic::{AtomicBool, Ordering};
+    pub(crate) use loom::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 }
 
 pub(crate) use types::*;
-
-/// The type of a stored position or stamp: 64 bits, or 32 where a processor has no 64-bit atomics (`--cfg narrow` tests that).
-#[cfg(all(target_has_atomic = "64", not(narrow)))]
-mod word {
-    pub(crate) type Word = u64;
-    pub(crate) type SignedWord = i64;
-    #[cfg(not(loom))]
-    pub(crate) use core::sync::atomic::AtomicU64 as AtomicWord;
-    #[cfg(loom)]
-    pub(crate) use loom::sync::atomic::AtomicU64 as AtomicWord;
-}
-
-#[cfg(any(not(target_has_atomic = "64"), narrow))]
-mod word {
-    pub(crate) type Word = u32;
-    pub(crate) type SignedWord = i32;
-    #[cfg(not(loom))]
-    pub(crate) use core::sync::atomic::AtomicU32 as AtomicWord;
-    #[cfg(loom)]
-    pub(crate) use loom::sync::atomic::AtomicU32 as AtomicWord;
-}
-
-pub(crate) use word::*;
 
 macro_rules! orderings {
     ($($(#[$doc:meta])* $name:ident: $strong:ident or $($weak:ident),+;)*) => {
@@ -91,30 +68,29 @@ macro_rules! orderings {
 }
 
 orderings! {
-    /// The writer hands a filled slot to the reader.
-    publish_stamp: Release or Relaxed;
-    /// The reader takes over a filled slot.
-    observe_stamp: Acquire or Relaxed;
-    /// The reader hands a completed slot back to the writer.
+    /// The writer hands the slots before the tail to the reader.
+    publish_tail: Release or Relaxed;
+    /// The reader takes them over.
+    observe_tail: Acquire or Relaxed;
+    /// The reader hands the slots before the head back to the writer.
     publish_head: Release or Relaxed;
-    /// The writer takes over completed slots.
+    /// The writer takes them over.
     observe_head: Acquire or Relaxed;
-    /// The writer publishes which jobs a reset discards.
-    publish_watermark: Release or Relaxed;
-    /// The reader reads which jobs a reset discards.
-    observe_watermark: Acquire or Relaxed;
-    /// An end is dropped: if the other end observes that, it also observes everything that the first end did before.
-    publish_abandoned: Release or Relaxed;
-    /// An end observes that the other was dropped.
-    observe_abandoned: Acquire or Relaxed;
-    /// An end of boxed storage is dropped; the second one drops the remaining jobs and frees the storage.
-    #[cfg_attr(not(feature = "alloc"), allow(dead_code))]
-    leave: AcqRel or Acquire, Release, Relaxed;
+    /// An end leaves: if the other one observes that, it also observes everything that the first did before.
+    publish_leave: Release or Relaxed;
+    /// An end observes that the other has left.
+    observe_leave: Acquire or Relaxed;
+    /// An end leaves storage that is not the caller's; the second one drops the remaining jobs.
+    leave_second: AcqRel or Acquire, Release, Relaxed;
+    /// A queue in a static has no ends any more.
+    publish_free: Release or Relaxed;
+    /// A queue in a static is split, after other ends have left perhaps.
+    split: Acquire or Relaxed;
 }
 
 macro_rules! checks {
     ($($(#[$doc:meta])* $name:ident;)*) => {
-        /// One name for each check of the watermark that the proof of the queue depends on.
+        /// One name for each check of the mark that the proof of the queue depends on.
         #[cfg(not(loom))]
         pub(crate) mod check {
             $($(#[$doc])* #[inline(always)] pub(crate) const fn $name() -> bool { true })*
@@ -144,7 +120,9 @@ macro_rules! checks {
 
 checks! {
     /// The oldest job is taken only after what a reset discards was discarded.
-    watermark_in_take;
+    mark_in_take;
+    /// The oldest jobs are.
+    mark_in_batch;
     /// A job is searched for only after what a reset discards was discarded.
-    watermark_in_find;
+    mark_in_find;
 }

@@ -16,12 +16,11 @@ fn both_ends_know_the_sizes_and_print_without_their_jobs() {
     assert_eq!(claim.push(700), 1);
     assert!(!reader.is_empty());
     assert_eq!(format!("{:?}", reader.iter()), "Iter { .. }");
-    assert!(format!("{writer:?}").starts_with("Writer { end: "), "{writer:?}");
+    assert!(format!("{writer:?}").starts_with("Writer { cursor: Cursor { at: 1, "), "{writer:?}");
     assert!(
-        format!("{writer:?}").contains("tail: ") && format!("{writer:?}").contains("max: 9"),
-        "{writer:?}"
+        format!("{reader:?}").starts_with("Reader { front: Front { cursor: Cursor { at: 0, "),
+        "{reader:?}"
     );
-    assert!(format!("{reader:?}").starts_with("Reader { end: "), "{reader:?}");
     let job = reader.take().unwrap();
     assert_eq!(format!("{job:?}"), "Taken { number: 1, job: 700 }");
     assert_eq!(job.complete(), 700);
@@ -51,7 +50,7 @@ fn a_reset_passes_over_a_job_that_was_executed_out_of_turn() {
 #[test]
 fn a_queue_may_start_on_any_lap_and_wraps_around_them() {
     let mut queue: WorkQueue<u16, 3> = WorkQueue::new(9).unwrap();
-    for lap in [0, 1, u32::MAX as _] {
+    for lap in [0, 1, u16::MAX] {
         let (mut writer, mut reader) = queue.split_at_lap(lap);
         for job in 0..20 {
             writer.claim().unwrap().push(job);

@@ -1,7 +1,7 @@
 //! Model checking of the code that ships: loom runs every interleaving and every reordering that the memory model allows, and
 //! sees each access to a slot that the accesses of the other end do not happen before. Run with `.ci/loom`.
 //!
-//! The last tests weaken each ordering and remove each check of the watermark in turn, and expect a model to fail.
+//! The last tests weaken each ordering and remove each check of the mark in turn, and expect a model to fail.
 #![cfg(loom)]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![expect(clippy::arc_with_non_send_sync, reason = "loom's cells are checked at every access instead")]
@@ -12,8 +12,9 @@ use std::process::Command;
 use std::sync::Arc;
 
 use loom::cell::UnsafeCell;
+use loom::sync::Notify;
 use loom::thread;
-use robot_work_queue::{Reader, WorkQueue, Writer, boxed, check, order};
+use robot_work_queue::{NoWake, Reader, Wake, WorkQueue, Writer, boxed, boxed_with, check, order};
 
 /// A job that counts its drops, and that is torn if its halves differ.
 struct Job {
@@ -71,14 +72,21 @@ impl World {
 }
 
 fn model(run: impl Fn() + Send + Sync + 'static) {
+    model_with(None, run);
+}
+
+/// With at most so many preemptions: every interleaving of a longer model takes hours.
+fn model_with(preemptions: Option<usize>, run: impl Fn() + Send + Sync + 'static) {
     let mutant = std::env::var("WEAKEN").ok().map(|index| order::MUTANTS[index.parse::<usize>().unwrap()]);
     order::weaken(mutant);
     let removed = std::env::var("REMOVE").ok();
     check::remove(removed.map(|name| *check::MUTANTS.iter().find(|known| **known == name).unwrap()));
-    loom::model(run);
+    let mut builder = loom::model::Builder::new();
+    builder.preemption_bound = preemptions;
+    builder.check(run);
 }
 
-fn queue_next(writer: &mut Writer<'_, Job>, jobs: &Arc<Counter>) {
+fn queue_next<R: Wake>(writer: &mut Writer<'_, Job, R>, jobs: &Arc<Counter>) {
     loop {
         if let Ok(claim) = writer.claim() {
             let number = claim.number();
@@ -338,6 +346,16 @@ mod models {
     }
 
     #[test]
+    fn batch_after_a_reset() {
+        look_after_a_reset(|reader| {
+            let mut batch = reader.take_batch(1)?;
+            let number = batch.iter_mut().next().map(|(number, _)| number);
+            batch.complete();
+            number
+        });
+    }
+
+    #[test]
     fn find_after_a_reset() {
         look_after_a_reset(|reader| {
             let job = reader.take_where(|_, _| true)?;
@@ -473,6 +491,135 @@ mod models {
         });
     }
 
+    /// Batches on both sides, a reset in the middle of one: what was published before is executed or discarded, in order; what is
+    /// published afterwards is kept; each job has its number.
+    fn batches_and_a_reset(reset: fn(&mut Writer<'_, Job>), next: u16) {
+        model(move || {
+            let jobs = Arc::new(Counter::default());
+            let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
+            let reader = thread::spawn(move || {
+                let mut numbers = Vec::new();
+                loop {
+                    let last_look = reader.is_abandoned();
+                    match reader.take_batch(2) {
+                        Some(mut batch) => {
+                            for (number, job) in batch.iter_mut() {
+                                assert_eq!(
+                                    (job.value, job.copy),
+                                    (number, number),
+                                    "torn, or of another number"
+                                );
+                                job.copy = 0; // nobody else has it
+                                numbers.push(number);
+                            }
+                            batch.complete();
+                        }
+                        None if last_look => return numbers,
+                        None => thread::yield_now(),
+                    }
+                }
+            });
+            let mut batch = writer.claim_batch(2).unwrap();
+            batch.claim().unwrap().commit_with(1, || jobs.job(1)).unwrap();
+            batch.fill([jobs.job(2)]);
+            assert_eq!(batch.publish(), 2);
+            reset(&mut writer);
+            assert_eq!(writer.next_number(), next);
+            for publish in [false, true] {
+                let mut batch = writer.claim_batch(1).unwrap();
+                batch.fill([jobs.job(next)]);
+                if publish {
+                    assert_eq!(batch.publish(), 1);
+                }
+            }
+            drop(writer);
+            let mut numbers = reader.join().unwrap();
+            assert_eq!(numbers.pop(), Some(next), "a job queued after the reset is kept");
+            assert!([&[][..], &[1], &[1, 2]].contains(&&*numbers), "{numbers:?}");
+            jobs.assert_each_dropped_once();
+        });
+    }
+
+    #[test]
+    fn batches_and_a_clear() {
+        batches_and_a_reset(|writer| writer.clear(), 3);
+    }
+
+    #[test]
+    fn batches_and_a_restart_of_the_numbers() {
+        batches_and_a_reset(|writer| writer.reset(), 1);
+    }
+
+    /// A reset that the reader may never see is followed by another one: the numbers still are those of the jobs.
+    #[test]
+    fn numbers_after_two_resets() {
+        model(|| {
+            let jobs = Arc::new(Counter::default());
+            let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
+            let reader = thread::spawn(move || execute_all(&mut reader));
+            queue_next(&mut writer, &jobs);
+            writer.reset();
+            queue_next(&mut writer, &jobs);
+            writer.clear();
+            queue_next(&mut writer, &jobs);
+            drop(writer);
+            let numbers = reader.join().unwrap();
+            assert!([&[2][..], &[1, 2], &[1, 1, 2]].contains(&&*numbers), "{numbers:?}");
+            jobs.assert_each_dropped_once();
+        });
+    }
+
+    /// A queue in a static: one pair of ends at a time, and the second pair begins anew.
+    #[test]
+    fn a_static_queue_is_split_again() {
+        model(|| {
+            let queue: &'static _ = Box::leak(Box::new(WorkQueue::<u16, 2>::numbered::<9>()));
+            let (mut writer, mut reader) = queue.split_static(NoWake, NoWake).unwrap();
+            let reader = thread::spawn(move || {
+                assert!(reader.take().is_none_or(|job| job.complete() == 1));
+            });
+            assert_eq!(writer.claim().unwrap().push(1), 1);
+            drop(writer);
+            let (mut writer, mut again) = loop {
+                match queue.split_static(NoWake, NoWake) {
+                    Some(ends) => break ends,
+                    None => thread::yield_now(),
+                }
+            };
+            assert_eq!([7, 8].map(|job| writer.claim().unwrap().push(job)), [1, 2]);
+            assert_eq!([(); 2].map(|()| again.take().unwrap().complete()), [7, 8]);
+            reader.join().unwrap();
+        });
+    }
+
+    /// A reader that sleeps until it is woken executes everything.
+    #[test]
+    fn a_sleeping_reader_misses_nothing() {
+        model(|| {
+            let jobs = Arc::new(Counter::default());
+            let event = Arc::new(Notify::new());
+            let wake = event.clone();
+            let (mut writer, mut reader) =
+                boxed_with::<Job, _, _>(2, 9, move || wake.notify(), NoWake).unwrap();
+            let reader = thread::spawn(move || {
+                let mut numbers = Vec::new();
+                loop {
+                    let last_look = reader.is_abandoned();
+                    match execute(&mut reader) {
+                        Some(number) => numbers.push(number),
+                        None if last_look => return numbers,
+                        None => event.wait(),
+                    }
+                }
+            });
+            queue_next(&mut writer, &jobs);
+            queue_next(&mut writer, &jobs);
+            drop(writer);
+            assert_eq!(reader.join().unwrap(), [1, 2]);
+            jobs.assert_each_dropped_once();
+        });
+    }
+
     /// A job stays in its slot as long as its guard lives, whatever the writer does.
     #[test]
     fn held_while_the_writer_goes_on() {
@@ -500,21 +647,22 @@ mod models {
 
 /// For each ordering that can be weakened: a model that fails then, and what it says.
 const GUARDS: [(&str, &str, &str); 9] = [
-    ("publish_stamp", "publish_and_release_capacity_1", "Causality violation"),
-    ("observe_stamp", "publish_and_release_capacity_1", "Causality violation"),
+    ("publish_tail", "publish_and_release_capacity_1", "Causality violation"),
+    ("observe_tail", "publish_and_release_capacity_1", "Causality violation"),
     ("publish_head", "publish_and_release_capacity_1", "Causality violation"),
     ("observe_head", "publish_and_release_capacity_1", "Causality violation"),
-    ("publish_watermark", "two_resets", "Causality violation"),
-    ("observe_watermark", "two_resets", "Causality violation"),
-    ("publish_abandoned", "writer_leaves_then_drain_inline", "on a `None` value"),
-    ("observe_abandoned", "writer_leaves_then_drain_inline", "on a `None` value"),
-    ("leave", "both_leave", "every job is dropped once"),
+    ("publish_leave", "writer_leaves_then_drain_inline", "on a `None` value"),
+    ("observe_leave", "writer_leaves_then_drain_inline", "on a `None` value"),
+    ("leave_second", "both_leave", "every job is dropped once"),
+    ("publish_free", "a_static_queue_is_split_again", "Causality violation"),
+    ("split", "a_static_queue_is_split_again", "Causality violation"),
 ];
 
 /// For each check that can be removed: a model that fails then, and its message.
-const CHECK_GUARDS: [(&str, &str, &str); 2] = [
-    ("watermark_in_take", "take_after_a_reset", "what a reset has discarded is not executed"),
-    ("watermark_in_find", "find_after_a_reset", "a look lets a reset settle"),
+const CHECK_GUARDS: [(&str, &str, &str); 3] = [
+    ("mark_in_take", "take_after_a_reset", "what a reset has discarded is not executed"),
+    ("mark_in_batch", "batch_after_a_reset", "what a reset has discarded is not executed"),
+    ("mark_in_find", "find_after_a_reset", "what a reset has discarded is not executed"),
 ];
 
 /// Every ordering is needed: weaken any one of them, and a model fails.
@@ -526,7 +674,7 @@ fn every_weakened_ordering_fails() {
     }
 }
 
-/// Every check of the watermark is needed: remove any one of them, and a model fails.
+/// Every check of the mark is needed: remove any one of them, and a model fails.
 #[test]
 fn every_removed_check_fails() {
     for mutant in check::MUTANTS {

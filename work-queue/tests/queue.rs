@@ -2,10 +2,12 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![cfg(not(loom))]
 
+use core::cell::Cell;
 use core::panic::AssertUnwindSafe;
+use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::rc::Rc;
 
-use robot_work_queue::{ConfigError, Full, NumberError, Reader, WorkQueue, Writer, boxed};
+use robot_work_queue::{ConfigError, Full, NoWake, NumberError, Reader, WorkQueue, Writer, boxed};
 
 /// Fills the queue with `count` jobs, each being its own number.
 fn fill(writer: &mut Writer<'_, u16>, count: usize) {
@@ -376,13 +378,150 @@ fn payloads_of_every_size_and_alignment() {
 }
 
 #[test]
-fn a_job_of_56_bytes_fills_one_cache_line() {
+fn slots_hold_the_jobs_and_nothing_else() {
     let (mut writer, reader) = boxed::<[u64; 7]>(2, 9).unwrap();
     writer.claim().unwrap().push([1; 7]);
     writer.claim().unwrap().push([2; 7]);
     let addresses: Vec<usize> = reader.iter().map(|(_, job)| job.as_ptr().addr()).collect();
-    if size_of::<usize>() == 8 {
-        assert_eq!(addresses.iter().map(|address| address % 64).collect::<Vec<_>>(), [8, 8]);
-        assert_eq!(addresses[1] - addresses[0], 64);
+    assert_eq!(addresses[1] - addresses[0], 56);
+}
+
+#[test]
+fn a_job_can_be_changed_while_it_is_executed() {
+    let mut queue: WorkQueue<u16, 2> = WorkQueue::new(9).unwrap();
+    let (mut writer, mut reader) = queue.split();
+    fill(&mut writer, 1);
+    *reader.take().unwrap() += 10;
+    assert_eq!(reader.take().unwrap().complete(), 11, "it waited as it was left");
+}
+
+#[test]
+fn the_jobs_of_a_batch_are_published_at_once_under_their_numbers() {
+    let mut queue: WorkQueue<u16, 5> = WorkQueue::new(9).unwrap();
+    let (mut writer, mut reader) = queue.split();
+    assert!(writer.claim_batch(6).is_err());
+    let mut batch = writer.claim_batch(3).unwrap();
+    batch.claim().unwrap().commit(1, 1).unwrap();
+    assert_eq!(batch.claim().unwrap().commit(1, 9), Err(NumberError::Repeated { number: 1 }));
+    assert_eq!(format!("{batch:?}"), "Batch { next: 2, .. }");
+    batch.fill([2, 3]);
+    assert!(reader.take().is_none());
+    assert_eq!(batch.publish(), 3);
+    assert_eq!((writer.last_number(), writer.len(), reader.len()), (Some(3), 3, 3));
+    let mut batch = writer.claim_batch(1).unwrap();
+    batch.fill(4..100);
+    assert_eq!((batch.claim().err(), batch.publish()), (Some(Full), 2), "as many as are free");
+
+    let mut taken = reader.take_batch(2).unwrap();
+    assert_eq!(taken.iter_mut().map(|(number, job)| (number, *job)).collect::<Vec<_>>(), [(1, 1), (2, 2)]);
+    assert_eq!(writer.free(), 0);
+    assert_eq!(format!("{taken:?}"), "TakenBatch { jobs: 2, .. }");
+    taken.complete();
+    assert_eq!((writer.free(), reader.take_batch(0).is_none()), (2, true));
+    assert_eq!(reader.take_where(|number, _| number == 4).unwrap().complete(), 4);
+    assert_eq!(reader.take_batch(9).unwrap().iter_mut().len(), 1, "the next one was completed");
+    drop(reader.take_batch(9));
+    assert_eq!(
+        reader.iter().map(|(number, _)| number).collect::<Vec<_>>(),
+        [3, 5],
+        "not completed: they wait"
+    );
+}
+
+#[test]
+fn a_batch_that_is_not_published_has_no_effect() {
+    let count = Rc::new(());
+    let mut queue: WorkQueue<Rc<()>, 3> = WorkQueue::new(4).unwrap();
+    let (mut writer, mut reader) = queue.split();
+    for _ in 0..5 {
+        let mut batch = writer.claim_batch(2).unwrap();
+        batch.fill([count.clone(), count.clone()]);
+        drop(batch);
+        assert_eq!((Rc::strong_count(&count), writer.next_number(), writer.free()), (1, 1, 3));
     }
+    assert!(reader.take().is_none());
+}
+
+/// The mark has half of a position: resets that are 2^16 jobs apart, or nearly, are not mistaken for one another.
+#[test]
+fn resets_far_apart_are_told_apart() {
+    let (mut writer, mut reader) = boxed::<u32>(5, u16::MAX).unwrap();
+    for apart in (1 << 16) - 8..(1 << 16) + 8u32 {
+        writer.reset();
+        for serial in 0..apart {
+            let number = u16::try_from(serial % u32::from(u16::MAX)).unwrap() + 1;
+            assert_eq!(writer.claim().unwrap().push(serial), number);
+            let job = reader.take().unwrap();
+            assert_eq!((*job, job.number()), (serial, number));
+            job.complete();
+        }
+        writer.claim().unwrap().push(u32::MAX);
+        writer.reset();
+        assert!(!writer.is_settled());
+        assert!(reader.take().is_none() && writer.is_settled());
+    }
+}
+
+static QUEUE: WorkQueue<Counted, 3> = WorkQueue::numbered::<9>();
+
+static DROPPED: AtomicUsize = AtomicUsize::new(0);
+
+struct Counted;
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        DROPPED.fetch_add(1, Relaxed);
+    }
+}
+
+#[test]
+fn a_queue_in_a_static_has_one_pair_of_ends_at_a_time() {
+    let (mut writer, reader) = QUEUE.split_static(NoWake, NoWake).unwrap();
+    assert!(QUEUE.split_static(NoWake, NoWake).is_none());
+    writer.claim().unwrap().push(Counted);
+    drop(reader);
+    assert!(QUEUE.split_static(NoWake, NoWake).is_none());
+    drop(writer);
+    assert_eq!(DROPPED.load(Relaxed), 1, "the last end drops what is left");
+    let (mut writer, reader) = QUEUE.split_static(NoWake, NoWake).unwrap();
+    assert_eq!((writer.claim().unwrap().push(Counted), reader.len()), (1, 1));
+}
+
+#[test]
+fn an_end_that_is_forgotten_leaves_its_jobs_to_the_queue() {
+    let count = Rc::new(());
+    let mut queue: WorkQueue<Rc<()>, 3> = WorkQueue::new(9).unwrap();
+    let (mut writer, reader) = queue.split();
+    writer.claim().unwrap().push(count.clone());
+    core::mem::forget((writer, reader));
+    let queue = Box::new(queue); // it has moved
+    assert_eq!(Rc::strong_count(&count), 2);
+    drop(queue);
+    assert_eq!(Rc::strong_count(&count), 1);
+}
+
+#[test]
+fn ends_that_sleep_are_woken() {
+    let (reader_woken, writer_woken) = (Cell::new(0), Cell::new(0));
+    let mut queue: WorkQueue<u8, 8> = WorkQueue::new(9).unwrap();
+    let (mut writer, mut reader) = queue
+        .split_with(|| reader_woken.set(reader_woken.get() + 1), || writer_woken.set(writer_woken.get() + 1));
+    let woken = || (reader_woken.get(), writer_woken.get());
+    writer.claim().unwrap().push(1);
+    assert_eq!(woken(), (1, 0), "by a job");
+    let mut batch = writer.claim_batch(4).unwrap();
+    batch.fill([2, 3, 4, 5]);
+    assert_eq!(woken(), (1, 0));
+    batch.publish();
+    assert_eq!(woken(), (2, 0), "by a batch");
+    reader.take().unwrap().complete();
+    reader.take_batch(2).unwrap().complete();
+    assert_eq!(woken(), (2, 2), "by free slots");
+    writer.clear();
+    assert_eq!(woken(), (3, 2), "by a reset");
+    assert!(reader.take().is_none());
+    assert_eq!(woken(), (3, 4), "by each discarded job");
+    drop(writer);
+    drop(reader);
+    assert_eq!(woken(), (4, 5), "by the other end's leaving");
 }

@@ -1,284 +1,260 @@
-//! The slots, and all of the `unsafe` code: which end owns each slot, and which store hands it over.
+//! The slots: which end owns each, and which store hands it over. All unsafe code is in this module.
 //!
 //! # The invariant
 //!
-//! `capacity` slots form a ring. A [`Position`] names one slot on one lap. Three positions follow one another, never more
-//! than a lap apart:
-//!
 //! ```text
-//!    head                        tail                   head + 1 lap
-//!     |  published: the READER's  |  free: the WRITER's  |
+//!    head                         tail                    head + capacity
+//!     |  published: the READER's   |  free: the WRITER's   |
 //! ```
 //!
-//! 1. The slots from `head` to `tail` belong to the reader: their stamp is of their position's lap, their job is
-//!    initialised (but see 5). The reader reads the job and moves it out.
-//! 2. The slots from `tail` to `head` + 1 lap belong to the writer: their stamp is of the lap before, their job is not
-//!    initialised. The writer writes the job, then the stamp.
-//! 3. `tail` belongs to the writer and is not in shared memory. The release store of a **stamp** of this lap advances it by one
-//!    slot and hands that slot to the reader, whose acquire load of the same stamp takes it over.
-//! 4. `head` is stored by the reader alone. The release store of **head** hands every slot before it back to the writer,
-//!    whose acquire load of `head` takes them over. The writer keeps as `space` a `head` that it has loaded,
-//!    plus one lap: the slots from `tail` to `space` are its own, and at `tail == space` it must load `head` again.
-//! 5. When a job is completed out of order, it is moved out, and the reader marks its stamp as completed: the slot remains
-//!    the reader's. `head` passes such slots, `ahead` of them, when it reaches them, and is never at one of them afterwards.
-//! 6. The **watermark** is stored by the writer alone, and is an earlier `tail`: the reader discards every slot before it. The
-//!    release store publishes it, and the reader's acquire load takes over these slots. It is always less than half of all
-//!    laps older than `tail`.
-//! 7. There is one [`WriteEnd`] and one [`ReadEnd`]. With borrowed storage the lifetime of their owners guarantees that the ring
-//!    outlives both. With owned storage the end that is the second to set `abandoned` drops and frees the ring.
+//! 1. Slots from `head` to `tail` are the reader's and hold a job, unless their flag in `done` says that it was completed before its
+//!    turn. The flags are the reader's alone.
+//! 2. Slots from `tail` to `head + capacity` are the writer's and hold no job.
+//! 3. Only the writer stores `tail`: the release store hands the slots before it to the reader, whose acquire load takes them over.
+//!    Only the reader stores `head`, and hands slots back in the same way.
+//! 4. An end keeps what it saw of the other one as its cursor's `end`: slots from `at` to `end` are its own.
+//! 5. Only the writer stores the mark, which hands nothing over: the reader discards no slots but its own. A job is published after
+//!    the marks before it: an end that has acquired a tail finds the mark from which the jobs before it are numbered.
+//! 6. There is one writer and one reader. The end that leaves second drops what is left between `head` and `tail`, where the storage
+//!    is theirs; elsewhere the queue does, when it is dropped or split again.
 
+mod reader;
+mod storage;
+mod writer;
+
+use core::cell::Cell;
 use core::mem::MaybeUninit;
 use core::ptr::NonNull;
 
-mod read;
-mod write;
+pub use reader::{Iter, Reader, Taken, TakenBatch};
+pub use storage::{Ends, WorkQueue};
+#[cfg(all(feature = "alloc", target_has_atomic = "8"))]
+pub use storage::{boxed, boxed_with};
+pub use writer::{Batch, Claim, Writer};
 
-pub(crate) use read::{Held, ReadEnd, Waiting};
-pub(crate) use write::{Reserved, WriteEnd};
+use crate::cursor::{Limits, Mark};
+use crate::sync::{AtomicBool, AtomicU32, Ordering, UnsafeCell, order};
+use crate::wake::Wake;
 
-use crate::position::{Position, Stamp};
-use crate::sync::{AtomicBool, AtomicWord, Ordering, UnsafeCell, Word, order};
-
-/// Separates what one end writes from the cache lines that the other reads. Two lines, because processors fetch them in pairs.
+/// Two cache lines, because processors fetch them in pairs.
 #[cfg_attr(target_pointer_width = "64", repr(align(128)))]
 #[cfg_attr(not(target_pointer_width = "64"), repr(align(32)))]
 struct Padded<T>(T);
 
-/// The storage of a queue: `[Slot<T>; N]`, used by both ends as `[Slot<T>]`.
-#[repr(C)]
-pub(crate) struct Ring<S: ?Sized> {
-    head: Padded<AtomicWord>,
-    control: Padded<Control>,
-    slots: S,
+/// What the two ends share.
+struct Shared<T> {
+    tail: Padded<AtomicU32>,
+    head: Padded<AtomicU32>,
+    /// Seldom written, so that looking at it costs no transfer.
+    control: Padded<Control<T>>,
 }
 
-/// What is seldom written, so that reading it seldom transfers a cache line.
-struct Control {
-    watermark: AtomicWord,
+struct Control<T> {
+    mark: AtomicU32,
+    /// Whether an end has left.
     abandoned: AtomicBool,
+    /// Whether a queue in a static has ends.
+    #[cfg(target_has_atomic = "8")]
+    in_use: AtomicBool,
+    limits: Limits,
+    // Written while there are no ends.
+    owner: Cell<Owner>,
+    slots: Cell<*const Slot<T>>,
+    done: Cell<*const AtomicBool>,
 }
 
-/// A job of 56 bytes and its stamp fill one cache line.
-#[repr(C)]
-pub(crate) struct Slot<T> {
-    stamp: AtomicWord,
-    job: UnsafeCell<MaybeUninit<T>>,
+/// Who owns the storage.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Owner {
+    /// The caller, who outlives the ends.
+    Caller,
+    /// Nobody: it is in a static. The ends own its jobs.
+    #[cfg(target_has_atomic = "8")]
+    Nobody,
+    /// The two ends.
+    #[cfg(all(feature = "alloc", target_has_atomic = "8"))]
+    Ends,
 }
 
-macro_rules! const_unless_loom {
-    ($($item:tt)*) => {
-        #[cfg(not(loom))]
-        pub(crate) const $($item)*
-        #[cfg(loom)]
-        pub(crate) $($item)*
-    };
-}
-
-impl<T, const N: usize> Ring<[Slot<T>; N]> {
-    const_unless_loom! {
-        fn new() -> Self {
-            let head = Padded(AtomicWord::new(Position::START.into_word()));
-            #[cfg(not(loom))]
-            let slots = [const { Slot::new(Position::START) }; N];
-            #[cfg(loom)]
-            let slots = core::array::from_fn(|_| Slot::new(Position::START));
-            Ring { head, control: Padded(Control::new()), slots }
-        }
-    }
-}
-
-impl Control {
-    const_unless_loom! {
-        fn new() -> Self {
-            Control { watermark: AtomicWord::new(Position::START.into_word()), abandoned: AtomicBool::new(false) }
-        }
-    }
-}
+struct Slot<T>(UnsafeCell<MaybeUninit<T>>);
 
 impl<T> Slot<T> {
-    // A free slot of a ring that begins at `start`.
-    const_unless_loom! {
-        fn new(start: Position) -> Self {
-            Slot {
-                stamp: AtomicWord::new(start.lap_before().stamp(0)),
-                job: UnsafeCell::new(MaybeUninit::uninit()),
-            }
-        }
-    }
-
+    /// # Safety
+    ///
+    /// The slot is the caller's.
     #[inline(always)]
-    fn publish(&self, stamp: Word) {
-        self.stamp.store(stamp, order::publish_stamp());
-    }
-
-    /// What the slot holds at `position`.
-    #[inline(always)]
-    fn observe(&self, position: Position) -> Stamp {
-        position.read(self.stamp.load(order::observe_stamp()))
-    }
-
-    /// As [`observe`](Self::observe), of a slot that is known to be the reader's.
-    #[inline(always)]
-    fn observe_owned(&self, position: Position) -> Stamp {
-        position.read(self.stamp.load(Ordering::Relaxed))
-    }
-
-    /// Marks a slot of the reader's, which remains the reader's.
-    #[inline(always)]
-    fn mark_completed(&self, position: Position) {
-        self.stamp.store(position.stamp_completed(), Ordering::Relaxed);
+    unsafe fn fill(&self, job: impl FnOnce() -> T) {
+        // SAFETY: as above.
+        self.0.with_mut(|place| unsafe { (*place).write(job()) });
     }
 
     /// # Safety
     ///
-    /// The slot is the caller's and holds a job. The caller ensures that the slot does not count as holding one afterwards.
+    /// The slot is the caller's and holds a job for as long as the reference lives.
+    #[inline(always)]
+    unsafe fn job<'a>(&self) -> &'a T {
+        // SAFETY: as above.
+        self.0.with(|job| unsafe { (*job).assume_init_ref() })
+    }
+
+    /// # Safety
+    ///
+    /// As for [`job`](Self::job), and there is no other reference to the job.
+    #[inline(always)]
+    unsafe fn job_mut<'a>(&self) -> &'a mut T {
+        // SAFETY: as above.
+        self.0.with_mut(|job| unsafe { (*job).assume_init_mut() })
+    }
+
+    /// # Safety
+    ///
+    /// The slot is the caller's and holds a job, which the caller does not find there again.
     #[inline(always)]
     unsafe fn move_out(&self) -> T {
         // SAFETY: as above.
-        self.job.with(|job| unsafe { (*job).assume_init_read() })
+        self.0.with(|job| unsafe { (*job).assume_init_read() })
     }
 }
 
-impl<T> Ring<[Slot<T>]> {
-    /// Drops the remaining jobs and returns two ends that begin at `start`.
-    pub(crate) fn restart(&mut self, start: Position) -> (WriteEnd<T>, ReadEnd<T>) {
-        self.drop_jobs();
-        for slot in &self.slots {
-            slot.stamp.store(start.lap_before().stamp(0), Ordering::Relaxed);
-        }
-        self.head.0.store(start.into_word(), Ordering::Relaxed);
-        self.control.0.watermark.store(start.into_word(), Ordering::Relaxed);
-        self.control.0.abandoned.store(false, Ordering::Relaxed);
-        let ring = NonNull::from(&*self);
-        let hold = || Hold {
-            ring,
-            #[cfg(feature = "alloc")]
-            owned: false,
-        };
-        (WriteEnd::new(hold(), start), ReadEnd::new(hold(), start))
+impl<T> Shared<T> {
+    #[inline(always)]
+    fn limits(&self) -> Limits {
+        self.control.0.limits
     }
 
     #[inline(always)]
-    fn capacity(&self) -> usize {
-        self.slots.len()
+    fn tail(&self) -> u32 {
+        self.tail.0.load(order::observe_tail())
+    }
+
+    #[inline(always)]
+    fn set_tail(&self, tail: u32) {
+        self.tail.0.store(tail, order::publish_tail());
+    }
+
+    #[inline(always)]
+    fn head(&self) -> u32 {
+        self.head.0.load(order::observe_head())
+    }
+
+    #[inline(always)]
+    fn set_head(&self, head: u32) {
+        self.head.0.store(head, order::publish_head());
+    }
+
+    #[inline(always)]
+    fn mark(&self) -> Mark {
+        Mark(self.control.0.mark.load(Ordering::Relaxed))
+    }
+
+    fn set_mark(&self, mark: Mark) {
+        self.control.0.mark.store(mark.0, Ordering::Relaxed);
+    }
+
+    fn is_abandoned(&self) -> bool {
+        self.control.0.abandoned.load(order::observe_leave())
     }
 
     /// # Safety
     ///
-    /// `position` is the position of a slot: its index is below the capacity.
+    /// `index` is below the capacity: it comes from a cursor, or from [`Limits::index`].
     #[inline(always)]
-    unsafe fn slot(&self, position: Position) -> &Slot<T> {
-        debug_assert!(position.index() < self.slots.len());
+    unsafe fn slot(&self, index: usize) -> &Slot<T> {
+        // SAFETY: as above, and there are ends: they have set the pointer, and the storage outlives them.
+        unsafe { &*self.control.0.slots.get().add(index) }
+    }
+
+    /// Whether the job of a slot of the reader's was completed before its turn.
+    ///
+    /// # Safety
+    ///
+    /// As for [`slot`](Self::slot).
+    unsafe fn done(&self, index: usize) -> &AtomicBool {
         // SAFETY: as above.
-        unsafe { self.slots.get_unchecked(position.index()) }
+        unsafe { &*self.control.0.done.get().add(index) }
     }
 
-    #[inline(always)]
-    fn head(&self) -> Position {
-        Position::from_word(self.head.0.load(order::observe_head()))
-    }
-
-    #[inline(always)]
-    fn set_head(&self, head: Position) {
-        self.head.0.store(head.into_word(), order::publish_head());
-    }
-
-    #[inline(always)]
-    fn watermark(&self) -> Position {
-        Position::from_word(self.control.0.watermark.load(order::observe_watermark()))
-    }
-
-    fn set_watermark(&self, watermark: Position) {
-        self.control.0.watermark.store(watermark.into_word(), order::publish_watermark());
-    }
-
-    /// Drops the jobs between `head` and `tail`: by `&mut` neither end exists any more.
-    pub(crate) fn drop_jobs(&mut self) {
-        let mut position = Position::from_word(self.head.0.load(Ordering::Relaxed));
-        for _ in 0..self.slots.len() {
-            let Some(slot) = self.slots.get(position.index()) else { return };
-            match slot.observe_owned(position) {
-                Stamp::Job(_) => {
-                    slot.mark_completed(position); // first: a panicking drop must not run twice
-                    // SAFETY: by 1 the job is initialised; by `&mut self` nobody else accesses it; the stamp marks it as gone.
-                    slot.job.with_mut(|job| unsafe { (*job).assume_init_drop() });
-                }
-                Stamp::Completed => {}
-                Stamp::Free => return,
+    /// Drops the jobs that are left.
+    ///
+    /// # Safety
+    ///
+    /// There were ends, and nobody uses them any more.
+    unsafe fn drop_jobs(&self) {
+        let tail = self.tail.0.load(Ordering::Relaxed);
+        loop {
+            let head = self.head.0.load(Ordering::Relaxed);
+            if head == tail {
+                return;
             }
-            position = position.next(self.slots.len());
+            let index = self.limits().index(head);
+            // SAFETY: the slot is nobody else's, and by 1 holds a job if its flag does not say otherwise; the head moves over it.
+            let job = unsafe {
+                let done = self.done(index).load(Ordering::Relaxed);
+                (!done).then(|| self.slot(index).move_out())
+            };
+            self.head.0.store(self.limits().after(head, 1), Ordering::Relaxed);
+            drop(job); // last: should it panic, it has been dropped once
         }
     }
 }
 
-/// A pointer to the ring. Each end has one; together they keep an owned ring alive.
-struct Hold<T> {
-    ring: NonNull<Ring<[Slot<T>]>>,
-    #[cfg(feature = "alloc")]
-    owned: bool,
+/// An end's hold on the ring: one pointer, so that what is seldom called takes it in a register.
+struct Hold<T>(NonNull<Shared<T>>);
+
+impl<T> Clone for Hold<T> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<T> Copy for Hold<T> {}
+
+// SAFETY: jobs go to the other end, and by the invariant no end touches a slot that is the other's.
+unsafe impl<T: Send> Send for Hold<T> {}
+
+impl<T> core::ops::Deref for Hold<T> {
+    type Target = Shared<T>;
+
+    #[inline(always)]
+    fn deref(&self) -> &Shared<T> {
+        // SAFETY: the storage outlives the ends.
+        unsafe { self.0.as_ref() }
+    }
 }
 
 impl<T> Hold<T> {
-    #[inline(always)]
-    fn ring(&self) -> &Ring<[Slot<T>]> {
-        // SAFETY: by 7 the ring outlives this hold, and no `&mut` to it exists as long as there is a hold.
-        unsafe { self.ring.as_ref() }
-    }
-
-    fn is_abandoned(&self) -> bool {
-        self.ring().control.0.abandoned.load(order::observe_abandoned())
-    }
-}
-
-impl<T> Drop for Hold<T> {
-    fn drop(&mut self) {
-        #[cfg(feature = "alloc")]
-        if self.owned {
-            if self.ring().control.0.abandoned.swap(true, order::leave()) {
-                // SAFETY: the ring was allocated by `boxed`. The swap returned true: the other end has set `abandoned`, which
-                // was its last access to the ring, and everything that it did before that is visible here.
-                let mut ring = unsafe { alloc::boxed::Box::from_raw(self.ring.as_ptr()) };
-                ring.drop_jobs();
+    /// An end leaves.
+    #[cold]
+    #[inline(never)]
+    fn leave(self) {
+        let control = &self.control.0;
+        if control.owner.get() == Owner::Caller {
+            return control.abandoned.store(true, order::publish_leave());
+        }
+        #[cfg(target_has_atomic = "8")]
+        if control.abandoned.swap(true, order::leave_second()) {
+            // SAFETY: the other end has left before, which was its last access, and all that it did is visible here.
+            unsafe { self.drop_jobs() };
+            #[cfg(feature = "alloc")]
+            if control.owner.get() == Owner::Ends {
+                // SAFETY: as above; the ends were the owners.
+                return unsafe { storage::free(self.0) };
             }
-            return;
+            control.in_use.store(false, order::publish_free());
         }
-        self.ring().control.0.abandoned.store(true, order::publish_abandoned());
     }
 }
 
-/// Two ends that own their ring together.
-#[cfg(feature = "alloc")]
-pub(crate) fn boxed<T>(capacity: usize, start: Position) -> (WriteEnd<T>, ReadEnd<T>) {
-    use alloc::alloc::{Layout, alloc, handle_alloc_error};
-    use core::ptr;
+/// What each end has: its hold on the ring, and what wakes the other end.
+struct End<T, W: Wake> {
+    hold: Hold<T>,
+    other: W,
+}
 
-    let offset = core::mem::offset_of!(Ring<[Slot<T>; 0]>, slots);
-    let layout = Layout::array::<Slot<T>>(capacity)
-        .and_then(|slots| Layout::from_size_align(offset + slots.size(), align_of::<Ring<[Slot<T>; 0]>>()));
-    #[expect(clippy::panic, reason = "as a vector does, for a size beyond the address space")]
-    let Ok(layout) = layout else { panic!("capacity overflow") };
-    let layout = layout.pad_to_align();
-    // SAFETY: the layout is that of a ring of `capacity` slots, and its size is not zero. Every field is initialised before
-    // the ring is used as one; the length of the slice is that of its slots.
-    let mut ring = unsafe {
-        let memory = alloc(layout);
-        if memory.is_null() {
-            handle_alloc_error(layout);
-        }
-        let ring = ptr::slice_from_raw_parts_mut(memory.cast::<Slot<T>>(), capacity) as *mut Ring<[Slot<T>]>;
-        ptr::write(&raw mut (*ring).head, Padded(AtomicWord::new(start.into_word())));
-        ptr::write(&raw mut (*ring).control, Padded(Control::new()));
-        let slots = (&raw mut (*ring).slots).cast::<Slot<T>>();
-        for index in 0..capacity {
-            ptr::write(slots.add(index), Slot::new(start));
-        }
-        alloc::boxed::Box::from_raw(ring)
-    };
-    debug_assert_eq!(Layout::for_value(&*ring), layout);
-    let (mut write, mut read) = ring.restart(start);
-    // SAFETY: the leaked box is not used again; the ends that point to it are now its owners.
-    let ring = unsafe { NonNull::new_unchecked(alloc::boxed::Box::into_raw(ring)) };
-    (write.hold.ring, write.hold.owned) = (ring, true);
-    (read.hold.ring, read.hold.owned) = (ring, true);
-    (write, read)
+impl<T, W: Wake> Drop for End<T, W> {
+    #[inline(always)]
+    fn drop(&mut self) {
+        self.hold.leave();
+        self.other.wake();
+    }
 }

@@ -1,0 +1,180 @@
+//! The place of an end in the endless sequence of jobs.
+//!
+//! A position counts jobs from 0 up to [`Limits::wrap`], and then from 0 again: after so many laps that no two positions which are
+//! compared are half of that apart.
+
+/// What a queue was made with. The highest number is above the capacity.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    pub(crate) capacity: u32,
+    pub(crate) max: u16,
+}
+
+impl Limits {
+    /// 2^16 laps, below 2^30: a lap begins there, and the low half of a position goes on counting.
+    const fn wrap(self) -> u32 {
+        self.capacity << 16
+    }
+
+    /// How far it is from `position` to a later one.
+    #[inline(always)]
+    pub(crate) const fn distance(self, position: u32, later: u32) -> u32 {
+        let distance = later.wrapping_sub(position);
+        if later < position { distance.wrapping_add(self.wrap()) } else { distance }
+    }
+
+    /// Whether a position is before another one.
+    pub(crate) const fn is_before(self, position: u32, other: u32) -> bool {
+        let distance = self.distance(position, other);
+        0 < distance && distance < self.wrap() / 2
+    }
+
+    /// A position so many jobs later, at most a lap.
+    #[inline(always)]
+    pub(crate) const fn after(self, position: u32, jobs: u32) -> u32 {
+        let after = position + jobs;
+        if after < self.wrap() { after } else { after - self.wrap() }
+    }
+
+    /// The slot of a position.
+    pub(crate) const fn index(self, position: u32) -> usize {
+        (position % self.capacity) as usize
+    }
+}
+
+/// The place of one end. Until `stop` a step is one addition and one comparison.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cursor {
+    pub(crate) at: u32,
+    /// Where the slots end that are known to be this end's.
+    pub(crate) end: u32,
+    /// Where the lap ends, or the numbers, or earlier: a step to it must [`turn`](Self::turn).
+    pub(crate) stop: u32,
+    /// The position of the first slot on this lap.
+    lap: u32,
+    /// The position before that of the job with number 1.
+    zero: u32,
+    /// Whether a job was queued before number 1: it had the highest number.
+    wrapped: bool,
+}
+
+impl Cursor {
+    /// At this position, where the job has this number. None is queued before it.
+    pub(crate) const fn new(at: u32, number: u16, limits: Limits) -> Self {
+        let lap = at - at % limits.capacity;
+        Cursor { at, end: at, stop: at, lap, zero: 0, wrapped: false }.numbered(number, limits)
+    }
+
+    /// The job here has this number, and none is before the first.
+    pub(crate) const fn numbered(mut self, number: u16, limits: Limits) -> Self {
+        self.zero = self.at.wrapping_sub(number as u32);
+        self.wrapped = false;
+        self.turn(limits)
+    }
+
+    /// The same end, one lap or less ahead or behind, without a reset in between.
+    pub(crate) const fn moved_to(self, position: u32, limits: Limits) -> Self {
+        let max = limits.max as u32;
+        let behind = limits.is_before(position, self.at);
+        let distance = if behind {
+            max - limits.distance(position, self.at) % max
+        } else {
+            limits.distance(self.at, position)
+        };
+        let number = (self.number() as u32 - 1 + distance) % max + 1;
+        Self::new(position, (number & 0xFFFF) as u16, limits)
+    }
+
+    /// Begins the lap and the numbers anew where they have ended, and finds the next stop.
+    #[inline]
+    pub(crate) const fn turn(mut self, limits: Limits) -> Self {
+        if self.at == limits.wrap() {
+            self.zero = self.zero.wrapping_sub(self.at);
+            (self.at, self.lap) = (0, 0);
+        } else if self.at - self.lap == limits.capacity {
+            self.lap = self.at;
+        }
+        if self.at.wrapping_sub(self.zero) > limits.max as u32 {
+            self.zero = self.at.wrapping_sub(1);
+            self.wrapped = true;
+        }
+        let slots = limits.capacity - (self.at - self.lap);
+        let numbers = limits.max as u32 + 1 - self.at.wrapping_sub(self.zero);
+        self.stop = self.at + if slots < numbers { slots } else { numbers };
+        self
+    }
+
+    /// Whether the slot here is this end's.
+    #[inline(always)]
+    pub(crate) const fn is_open(&self) -> bool {
+        self.at != self.end
+    }
+
+    /// How many slots from here on are in a row, numbered one after the other, and this end's.
+    #[inline(always)]
+    pub(crate) const fn row(&self, limits: Limits) -> u32 {
+        let (left, row) = (limits.distance(self.at, self.end), self.stop - self.at);
+        if left < row { left } else { row }
+    }
+
+    #[inline(always)]
+    pub(crate) const fn index(&self) -> usize {
+        (self.at - self.lap) as usize
+    }
+
+    /// The number of the job here.
+    #[inline(always)]
+    pub(crate) const fn number(&self) -> u16 {
+        (self.at.wrapping_sub(self.zero) & 0xFFFF) as u16
+    }
+
+    /// The number of the job before.
+    pub(crate) const fn last(&self, limits: Limits) -> Option<u16> {
+        match self.number() {
+            1 if self.wrapped => Some(limits.max),
+            1 => None,
+            number => Some(number - 1),
+        }
+    }
+
+    /// Moves on within a row. True at its stop: then [`turn`](Self::turn).
+    #[inline(always)]
+    #[must_use]
+    pub(crate) const fn advance(&mut self, jobs: u32) -> bool {
+        self.at += jobs;
+        self.at == self.stop
+    }
+
+    #[inline(always)]
+    pub(crate) const fn step(&mut self, limits: Limits) {
+        if self.advance(1) {
+            *self = self.turn(limits);
+        }
+    }
+}
+
+/// The jobs before a position are discarded, and the job there has a number: one word, so that a reader sees both or neither.
+///
+/// Half of a position is enough, because the writer [renews](Self::is_stale) an old mark.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Mark(pub(crate) u32);
+
+impl Mark {
+    pub(crate) const fn new(position: u32, number: u16) -> Self {
+        Mark(position << 16 | number as u32)
+    }
+
+    pub(crate) const fn number(self) -> u16 {
+        (self.0 & 0xFFFF) as u16
+    }
+
+    /// How many positions it is ahead of `at`, or behind it.
+    pub(crate) const fn ahead_of(self, at: u32) -> i16 {
+        ((self.0 >> 16) as u16).wrapping_sub((at & 0xFFFF) as u16).cast_signed()
+    }
+
+    /// Whether a mark at `position` is old enough to be renewed. Asked once a lap at least, of at most 9999 jobs.
+    pub(crate) const fn is_stale(position: u32, head: u32, limits: Limits) -> bool {
+        limits.is_before(position, head) && limits.distance(position, head) > 1 << 14
+    }
+}

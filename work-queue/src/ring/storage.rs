@@ -1,0 +1,263 @@
+use core::cell::Cell;
+use core::fmt;
+use core::mem::MaybeUninit;
+use core::ptr::{self, NonNull};
+
+use super::{Control, Hold, Owner, Padded, Reader, Shared, Slot, Writer};
+use crate::cursor::{Cursor, Limits, Mark};
+use crate::error::ConfigError;
+use crate::sync::{AtomicBool, AtomicU32, Ordering, UnsafeCell, order};
+use crate::wake::{NoWake, Wake};
+
+/// The highest capacity: the source's controller has no indices of five digits.
+const MAX_CAPACITY: usize = 9999;
+
+/// A queue with its storage: arrays, or slices on the heap.
+#[repr(C)]
+struct Ring<T, S, D> {
+    /// First: an end has a pointer to this alone.
+    shared: Shared<T>,
+    done: D,
+    slots: S,
+}
+
+/// A queue of at most `N` jobs, stored inline: `1..=9999`, any number, not only powers of two.
+///
+/// [`split`](Self::split) it into its two ends, or [`split_static`](Self::split_static) one in a `static`. When the queue is dropped,
+/// its remaining jobs are dropped too.
+pub struct WorkQueue<T, const N: usize>(Ring<T, [Slot<T>; N], [AtomicBool; N]>);
+
+// SAFETY: jobs go from one end to the other; `split_static` alone uses a shared queue, and makes one pair of ends at a time.
+unsafe impl<T: Send, const N: usize> Sync for WorkQueue<T, N> {}
+
+/// The two ends of a queue, which are woken by `R` (the reader) and `W` (the writer).
+pub type Ends<'q, T, R = NoWake, W = NoWake> = (Writer<'q, T, R>, Reader<'q, T, W>);
+
+/// Constant, but under loom, whose atomics are none.
+macro_rules! constant {
+    ($($(#[$doc:meta])* $v:vis fn $name:ident $(<const $max:ident: u16>)? ($($args:tt)*) -> $result:ty $body:block)*) => {$(
+        #[cfg(not(loom))]
+        $(#[$doc])* $v const fn $name $(<const $max: u16>)? ($($args)*) -> $result $body
+        #[cfg(loom)]
+        $(#[$doc])* $v fn $name $(<const $max: u16>)? ($($args)*) -> $result $body
+    )*};
+}
+
+impl<T> Shared<T> {
+    constant! {
+        fn new(capacity: usize, max: u16) -> Self {
+            #[expect(clippy::cast_possible_truncation, reason = "it was checked")]
+            let capacity = capacity as u32;
+            Shared {
+                tail: Padded(AtomicU32::new(0)),
+                head: Padded(AtomicU32::new(0)),
+                control: Padded(Control {
+                    mark: AtomicU32::new(0),
+                    abandoned: AtomicBool::new(false),
+                    #[cfg(target_has_atomic = "8")]
+                    in_use: AtomicBool::new(false),
+                    limits: Limits { capacity, max },
+                    owner: Cell::new(Owner::Caller),
+                    slots: Cell::new(ptr::null()),
+                    done: Cell::new(ptr::null()),
+                }),
+            }
+        }
+    }
+}
+
+impl<T> Slot<T> {
+    constant! {
+        fn new() -> Self {
+            Slot(UnsafeCell::new(MaybeUninit::uninit()))
+        }
+    }
+}
+
+const fn check_config(capacity: usize, max_number: u16) -> Result<(), ConfigError> {
+    if capacity == 0 || capacity > MAX_CAPACITY {
+        Err(ConfigError::Capacity { capacity })
+    } else if max_number as usize <= capacity {
+        Err(ConfigError::MaxNumber { max_number, capacity })
+    } else {
+        Ok(())
+    }
+}
+
+impl<T, const N: usize> WorkQueue<T, N> {
+    /// An empty queue whose jobs are numbered `1..=max_number`, then 1 again.
+    ///
+    /// Both ends of a link must use the same `max_number`. If possible, it should be at least the number of jobs of an order.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] if `N` is outside `1..=9999`, or if `max_number` is not above it, so that one number could be queued
+    /// twice.
+    pub fn new(max_number: u16) -> Result<Self, ConfigError> {
+        check_config(N, max_number).map(|()| Self::empty(max_number))
+    }
+
+    constant! {
+        /// As [`new`](Self::new), for a `static`: what [`new`](Self::new) would refuse does not compile.
+        ///
+        /// ```
+        /// use robot_work_queue::{NoWake, WorkQueue};
+        ///
+        /// static QUEUE: WorkQueue<u32, 64> = WorkQueue::numbered::<1000>();
+        ///
+        /// let (mut writer, reader) = QUEUE.split_static(NoWake, NoWake).expect("it has no ends yet");
+        /// writer.claim()?.push(7);
+        /// assert_eq!(reader.len(), 1);
+        /// # Ok::<(), robot_work_queue::Full>(())
+        /// ```
+        ///
+        /// ```compile_fail,E0080
+        /// # use robot_work_queue::WorkQueue;
+        /// static QUEUE: WorkQueue<u32, 64> = WorkQueue::numbered::<64>(); // one number could be queued twice
+        /// ```
+        pub fn numbered<const MAX_NUMBER: u16>() -> Self {
+            const { assert!(check_config(N, MAX_NUMBER).is_ok(), "1 to 9999 jobs, and more numbers than jobs") };
+            Self::empty(MAX_NUMBER)
+        }
+
+        fn empty(max_number: u16) -> Self {
+            #[cfg(not(loom))]
+            let (done, slots) = ([const { AtomicBool::new(false) }; N], [const { Slot::new() }; N]);
+            #[cfg(loom)]
+            let (done, slots) =
+                (core::array::from_fn(|_| AtomicBool::new(false)), core::array::from_fn(|_| Slot::new()));
+            WorkQueue(Ring { shared: Shared::new(N, max_number), done, slots })
+        }
+    }
+
+    /// The two ends. Each split empties the queue: the remaining jobs are dropped, and the next number is 1.
+    pub fn split(&mut self) -> Ends<'_, T> {
+        self.split_with(NoWake, NoWake)
+    }
+
+    /// As [`split`](Self::split), for ends that sleep: `reader` wakes the reader, `writer` the writer.
+    pub fn split_with<R: Wake, W: Wake>(&mut self, reader: R, writer: W) -> Ends<'_, T, R, W> {
+        self.drop_jobs();
+        Ring::ends(NonNull::from(&mut self.0), Owner::Caller, 0, reader, writer)
+    }
+
+    /// As [`split`](Self::split), beginning at a given lap, for tests in which laps wrap around.
+    #[doc(hidden)]
+    pub fn split_at_lap(&mut self, lap: u16) -> Ends<'_, T> {
+        self.drop_jobs();
+        let start = u32::from(lap) * self.0.shared.limits().capacity;
+        Ring::ends(NonNull::from(&mut self.0), Owner::Caller, start, NoWake, NoWake)
+    }
+
+    /// The two ends of a queue in a `static`, as [`split_with`](Self::split_with); `None` while it has ends. The end that is dropped
+    /// last drops the remaining jobs.
+    #[cfg(target_has_atomic = "8")]
+    pub fn split_static<R: Wake, W: Wake>(
+        &'static self,
+        reader: R,
+        writer: W,
+    ) -> Option<Ends<'static, T, R, W>> {
+        let in_use = &self.0.shared.control.0.in_use;
+        in_use.compare_exchange(false, true, order::split(), Ordering::Relaxed).ok()?;
+        Some(Ring::ends(NonNull::from(&self.0), Owner::Nobody, 0, reader, writer))
+    }
+
+    fn drop_jobs(&mut self) {
+        self.0.locate(); // it may have moved
+        // SAFETY: the queue is borrowed as a whole, so there are no ends. Without any before, there are no jobs.
+        unsafe { self.0.shared.drop_jobs() };
+    }
+}
+
+impl<T, const N: usize> Drop for WorkQueue<T, N> {
+    fn drop(&mut self) {
+        self.drop_jobs();
+    }
+}
+
+impl<T, const N: usize> fmt::Debug for WorkQueue<T, N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let max_number = self.0.shared.limits().max;
+        f.debug_struct("WorkQueue")
+            .field("capacity", &N)
+            .field("max_number", &max_number)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The two ends of a queue of at most `capacity` jobs on the heap, numbered `1..=max_number`, then 1 again.
+///
+/// The ends own the queue together and can be moved to different threads. The end that is dropped last drops the remaining
+/// jobs. Nothing is allocated later.
+///
+/// # Errors
+///
+/// [`ConfigError`] if `capacity` is outside `1..=9999`, or if `max_number` is not above it.
+#[cfg(all(feature = "alloc", target_has_atomic = "8"))]
+pub fn boxed<T>(capacity: usize, max_number: u16) -> Result<Ends<'static, T>, ConfigError> {
+    boxed_with(capacity, max_number, NoWake, NoWake)
+}
+
+/// As [`boxed`], for ends that sleep: `reader` wakes the reader, `writer` the writer.
+///
+/// # Errors
+///
+/// As [`boxed`].
+#[cfg(all(feature = "alloc", target_has_atomic = "8"))]
+pub fn boxed_with<T, R: Wake, W: Wake>(
+    capacity: usize,
+    max_number: u16,
+    reader: R,
+    writer: W,
+) -> Result<Ends<'static, T, R, W>, ConfigError> {
+    check_config(capacity, max_number)?;
+    let done = (0..capacity).map(|_| AtomicBool::new(false)).collect();
+    let slots = (0..capacity).map(|_| Slot::new()).collect();
+    let ring: BoxedRing<T> = Ring { shared: Shared::new(capacity, max_number), done, slots };
+    let ring = NonNull::from(alloc::boxed::Box::leak(alloc::boxed::Box::new(ring)));
+    Ok(Ring::ends(ring, Owner::Ends, 0, reader, writer))
+}
+
+#[cfg(all(feature = "alloc", target_has_atomic = "8"))]
+type BoxedRing<T> = Ring<T, alloc::boxed::Box<[Slot<T>]>, alloc::boxed::Box<[AtomicBool]>>;
+
+/// Frees a ring.
+///
+/// # Safety
+///
+/// It came from [`boxed_with`], and nobody uses it any more.
+#[cfg(all(feature = "alloc", target_has_atomic = "8"))]
+pub(super) unsafe fn free<T>(ring: NonNull<Shared<T>>) {
+    // SAFETY: as above; `shared` is first in it.
+    drop(unsafe { alloc::boxed::Box::from_raw(ring.cast::<BoxedRing<T>>().as_ptr()) });
+}
+
+impl<T, S: AsRef<[Slot<T>]>, D: AsRef<[AtomicBool]>> Ring<T, S, D> {
+    /// Two ends that begin at `start`. There are no others, and no jobs.
+    fn ends<'q, R: Wake, W: Wake>(
+        ring: NonNull<Self>,
+        owner: Owner,
+        start: u32,
+        reader: R,
+        writer: W,
+    ) -> Ends<'q, T, R, W> {
+        // SAFETY: it was made from a reference.
+        let this = unsafe { ring.as_ref() };
+        this.locate();
+        this.done.as_ref().iter().for_each(|done| done.store(false, Ordering::Relaxed));
+        let (shared, mark) = (&this.shared, Mark::new(start, 1));
+        shared.control.0.owner.set(owner);
+        shared.control.0.abandoned.store(false, Ordering::Relaxed);
+        shared.tail.0.store(start, Ordering::Relaxed);
+        shared.head.0.store(start, Ordering::Relaxed);
+        shared.set_mark(mark);
+        let (hold, cursor) = (Hold(ring.cast()), Cursor::new(start, 1, shared.limits()));
+        (Writer::new(hold, cursor, reader), Reader::new(hold, cursor, mark, writer))
+    }
+
+    /// Notes where the slots are.
+    fn locate(&self) {
+        self.shared.control.0.slots.set(self.slots.as_ref().as_ptr());
+        self.shared.control.0.done.set(self.done.as_ref().as_ptr());
+    }
+}

@@ -1,0 +1,326 @@
+use core::fmt;
+use core::marker::PhantomData;
+
+use super::{End, Hold};
+use crate::cursor::{Cursor, Mark};
+use crate::error::{Full, NumberError};
+use crate::wake::{NoWake, Wake};
+
+/// The end of the communication task: queues jobs, in the order of their numbers. There is one for each queue.
+///
+/// For each job of a packet: [`claim`](Self::claim) a slot, decode the job, [`commit`](Claim::commit) it; or do so in a
+/// [`claim_batch`](Self::claim_batch), whose jobs are published at once. When the queue is [`Full`], discard the rest of the packet,
+/// wait until it has [`drained`](Self::drained), and ask for a resend from the job after [`last_number`](Self::last_number).
+///
+/// Nothing here ever waits for the reader.
+pub struct Writer<'q, T, R: Wake = NoWake> {
+    end: End<T, R>,
+    cursor: Cursor,
+    /// The position before which the last reset discards.
+    mark: u32,
+    storage: PhantomData<&'q mut ()>,
+}
+
+impl<T, R: Wake> Writer<'_, T, R> {
+    pub(super) fn new(hold: Hold<T>, mut cursor: Cursor, reader: R) -> Self {
+        let limits = hold.limits();
+        cursor.end = limits.after(cursor.at, limits.capacity);
+        Writer { end: End { hold, other: reader }, cursor, mark: cursor.at, storage: PhantomData }
+    }
+
+    /// Claims the next slot. A full queue is reported here, before a job is decoded and before its number is checked.
+    ///
+    /// # Errors
+    ///
+    /// [`Full`] if every slot holds a job that was not completed yet.
+    #[inline(always)]
+    pub fn claim(&mut self) -> Result<Claim<'_, T, R>, Full> {
+        if !self.cursor.is_open() && self.look() == 0 {
+            return Err(Full);
+        }
+        Ok(Claim { hold: self.end.hold, cursor: &mut self.cursor, publish: Some(&self.end.other) })
+    }
+
+    /// Claims at least `least` slots, and all others that are known to be free. The jobs in them are published together.
+    ///
+    /// # Errors
+    ///
+    /// [`Full`] if fewer are free.
+    #[inline(always)]
+    pub fn claim_batch(&mut self, least: usize) -> Result<Batch<'_, T, R>, Full> {
+        let known = self.end.hold.limits().distance(self.cursor.at, self.cursor.end) as usize;
+        if known < least && self.look() < least {
+            return Err(Full);
+        }
+        let cursor = self.cursor;
+        Ok(Batch { hold: self.end.hold, published: &mut self.cursor, cursor, reader: &self.end.other })
+    }
+
+    /// Looks how many slots are free.
+    #[inline]
+    fn look(&mut self) -> usize {
+        let (head, limits) = (self.end.hold.head(), self.end.hold.limits());
+        if Mark::is_stale(self.mark, head, limits) {
+            self.mark = head; // discards nothing
+            renew_mark(self.end.hold, self.cursor, head);
+        }
+        self.cursor.end = limits.after(head, limits.capacity);
+        (limits.capacity - limits.distance(head, self.cursor.at)) as usize
+    }
+
+    /// Discards every job that is queued now; the numbering continues.
+    ///
+    /// The reader discards them when it next takes a job. A job that it is executing is not discarded, and one more may still
+    /// start until the writer [`is_settled`](Self::is_settled). Jobs queued from now on are kept.
+    pub fn clear(&mut self) {
+        self.mark = self.cursor.at;
+        self.end.hold.set_mark(Mark::new(self.mark, self.cursor.number()));
+        self.end.other.wake();
+    }
+
+    /// Discards every job that is queued now, as [`clear`](Self::clear) does, and restarts the numbering: the next job is 1.
+    pub fn reset(&mut self) {
+        self.cursor = self.cursor.numbered(1, self.end.hold.limits());
+        self.clear();
+    }
+
+    /// Whether the last [`clear`](Self::clear) or [`reset`](Self::reset) has taken effect: no job from before it is
+    /// queued or being executed any more. Also true if neither was ever called.
+    pub fn is_settled(&self) -> bool {
+        !self.end.hold.limits().is_before(self.end.hold.head(), self.mark)
+    }
+
+    /// The number that the next job must have: `1..=max_number`.
+    pub fn next_number(&self) -> u16 {
+        self.cursor.number()
+    }
+
+    /// The number of the job queued last; `None` before the first, never 0.
+    pub fn last_number(&self) -> Option<u16> {
+        self.cursor.last(self.end.hold.limits())
+    }
+
+    /// The highest job number: 1 follows it.
+    pub fn max_number(&self) -> u16 {
+        self.end.hold.limits().max
+    }
+
+    /// How many jobs the queue holds at most: `1..=9999`.
+    pub fn capacity(&self) -> usize {
+        self.end.hold.limits().capacity as usize
+    }
+
+    /// How many slots are taken, that of the job being executed included. A slot completed out of order is taken until all before
+    /// it are completed too.
+    pub fn len(&self) -> usize {
+        self.end.hold.limits().distance(self.end.hold.head(), self.cursor.at) as usize
+    }
+
+    /// Whether no slot is taken.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How many slots are free.
+    pub fn free(&self) -> usize {
+        self.capacity() - self.len()
+    }
+
+    /// Whether no slot is free.
+    pub fn is_full(&self) -> bool {
+        self.free() == 0
+    }
+
+    /// Whether at most `low_water` jobs are left in the queue, the one being executed included.
+    ///
+    /// Wait for this after [`Full`], not for one free slot: then the missing jobs are sent as a whole batch, and the reader's
+    /// progress is read once for all of them.
+    pub fn drained(&self, low_water: usize) -> bool {
+        self.len() <= low_water
+    }
+
+    /// Whether the reader is gone: jobs queued now are never executed.
+    pub fn is_abandoned(&self) -> bool {
+        self.end.hold.is_abandoned()
+    }
+}
+
+// What is seldom called takes no reference to the writer, so that it stays in registers.
+#[cold]
+#[inline(never)]
+fn renew_mark<T>(hold: Hold<T>, cursor: Cursor, head: u32) {
+    let number = cursor.moved_to(head, hold.limits()).number();
+    hold.set_mark(Mark::new(head, number));
+}
+
+impl<T, R: Wake> fmt::Debug for Writer<'_, T, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Writer")
+            .field("cursor", &self.cursor)
+            .field("mark", &self.mark)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A free slot for the next job. Dropping it without a commit has no effect.
+#[must_use = "a claim that is not committed queues nothing"]
+pub struct Claim<'a, T, R: Wake = NoWake> {
+    hold: Hold<T>,
+    /// The writer's, or its batch's; open.
+    cursor: &'a mut Cursor,
+    /// Whom to wake; none in a batch.
+    publish: Option<&'a R>,
+}
+
+impl<T, R: Wake> Claim<'_, T, R> {
+    /// The number that the job must have.
+    #[inline(always)]
+    pub fn number(&self) -> u16 {
+        self.cursor.number()
+    }
+
+    /// Queues `job`.
+    ///
+    /// # Errors
+    ///
+    /// [`NumberError`] if `number` is not the next one; the job is dropped and nothing has changed.
+    #[inline(always)]
+    pub fn commit(self, number: u16, job: T) -> Result<(), NumberError> {
+        self.commit_with(number, || job)
+    }
+
+    /// Queues what `job` returns, and calls it only if the number is right. The job is built in its slot: nothing is copied if
+    /// the compiler can inline `job`.
+    ///
+    /// # Errors
+    ///
+    /// [`NumberError`] if `number` is not the next one; `job` was not called and nothing has changed.
+    #[inline(always)]
+    pub fn commit_with(self, number: u16, job: impl FnOnce() -> T) -> Result<(), NumberError> {
+        if number != self.number() {
+            return Err(refuse(self.cursor.last(self.hold.limits()), self.number(), number));
+        }
+        self.push_with(job);
+        Ok(())
+    }
+
+    /// Queues `job` with the next number, and returns that number: for a link whose jobs have none.
+    #[inline(always)]
+    pub fn push(self, job: T) -> u16 {
+        self.push_with(|| job)
+    }
+
+    /// As [`push`](Self::push), built in the slot.
+    #[inline(always)]
+    pub fn push_with(self, job: impl FnOnce() -> T) -> u16 {
+        let number = self.number();
+        // SAFETY: the cursor is open, so by 2 and 4 the slot is the writer's and holds no job.
+        unsafe { self.hold.slot(self.cursor.index()).fill(job) };
+        self.cursor.step(self.hold.limits());
+        if let Some(reader) = self.publish {
+            self.hold.set_tail(self.cursor.at);
+            reader.wake();
+        }
+        number
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn refuse(last: Option<u16>, expected: u16, found: u16) -> NumberError {
+    if last == Some(found) {
+        NumberError::Repeated { number: found }
+    } else {
+        NumberError::Unexpected { expected, found }
+    }
+}
+
+impl<T, R: Wake> fmt::Debug for Claim<'_, T, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Claim").field("number", &self.number()).finish()
+    }
+}
+
+/// Free slots for the next jobs. Dropping it without [`publish`](Self::publish) has no effect: the jobs in it are dropped.
+#[must_use = "a batch that is not published queues nothing"]
+pub struct Batch<'a, T, R: Wake = NoWake> {
+    hold: Hold<T>,
+    /// The writer's.
+    published: &'a mut Cursor,
+    /// Ahead of it by the jobs that are not published yet.
+    cursor: Cursor,
+    reader: &'a R,
+}
+
+impl<T, R: Wake> Batch<'_, T, R> {
+    /// The next of the slots. What is committed there counts as queued for the numbers of this batch.
+    ///
+    /// # Errors
+    ///
+    /// [`Full`] when all are filled.
+    #[inline(always)]
+    pub fn claim(&mut self) -> Result<Claim<'_, T, R>, Full> {
+        if !self.cursor.is_open() {
+            return Err(Full);
+        }
+        Ok(Claim { hold: self.hold, cursor: &mut self.cursor, publish: None })
+    }
+
+    /// Fills the slots with `jobs` under the next numbers, as far as both reach.
+    #[inline(always)]
+    pub fn fill(&mut self, jobs: impl IntoIterator<Item = T>) {
+        let (mut jobs, limits) = (jobs.into_iter(), self.hold.limits());
+        while self.cursor.is_open() {
+            let (start, row) = (self.cursor.index(), self.cursor.row(limits));
+            for index in start..start + row as usize {
+                let Some(job) = jobs.next() else { return };
+                // SAFETY: the slots of a row follow one another, and are the writer's without a job.
+                unsafe { self.hold.slot(index).fill(|| job) };
+                self.cursor.at += 1;
+            }
+            if self.cursor.at == self.cursor.stop {
+                self.cursor = self.cursor.turn(limits);
+            }
+        }
+    }
+
+    /// Queues the jobs that were committed, and returns how many.
+    #[inline(always)]
+    pub fn publish(self) -> usize {
+        let count = self.hold.limits().distance(self.published.at, self.cursor.at);
+        *self.published = self.cursor;
+        if count > 0 {
+            self.hold.set_tail(self.cursor.at);
+            self.reader.wake();
+        }
+        count as usize
+    }
+}
+
+impl<T, R: Wake> Drop for Batch<'_, T, R> {
+    #[inline(always)]
+    fn drop(&mut self) {
+        if self.published.at != self.cursor.at {
+            drop_unpublished(self.hold, *self.published, self.cursor.at);
+        }
+    }
+}
+
+/// Drops jobs that were filled and not published.
+#[cold]
+#[inline(never)]
+fn drop_unpublished<T>(hold: Hold<T>, mut cursor: Cursor, end: u32) {
+    cursor.end = end;
+    while cursor.is_open() {
+        // SAFETY: the slot is the writer's and was filled.
+        let job = unsafe { hold.slot(cursor.index()).move_out() };
+        cursor.step(hold.limits());
+        drop(job); // should it panic, the others are forgotten
+    }
+}
+
+impl<T, R: Wake> fmt::Debug for Batch<'_, T, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Batch").field("next", &self.cursor.number()).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,24 @@
+/// What wakes an end that sleeps: a function, such as one that unparks a thread or sets an event.
+///
+/// It is called after what it reports: an end that looks once more after it was registered, and then sleeps, misses nothing.
+pub trait Wake {
+    /// The reader is woken after each publication, each reset, and when the writer leaves; the writer after jobs were completed or
+    /// discarded, and when the reader leaves.
+    fn wake(&self);
+}
+
+/// The end does not sleep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NoWake;
+
+impl Wake for NoWake {
+    #[inline(always)]
+    fn wake(&self) {}
+}
+
+impl<F: Fn()> Wake for F {
+    #[inline(always)]
+    fn wake(&self) {
+        self();
+    }
+}

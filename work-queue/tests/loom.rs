@@ -75,7 +75,7 @@ fn model(run: impl Fn() + Send + Sync + 'static) {
     model_with(None, run);
 }
 
-/// With at most so many preemptions: every interleaving of a longer model takes hours.
+/// With at most so many preemptions: every interleaving of a longer model takes minutes to hours.
 fn model_with(preemptions: Option<usize>, run: impl Fn() + Send + Sync + 'static) {
     let mutant = std::env::var("WEAKEN").ok().map(|index| order::MUTANTS[index.parse::<usize>().unwrap()]);
     order::weaken(mutant);
@@ -133,7 +133,7 @@ mod models {
     use super::*;
 
     fn publish_and_release(capacity: usize, count: u16) {
-        model(move || {
+        model_with(Some(3), move || {
             let jobs = Arc::new(Counter::default());
             let (mut writer, mut reader) = boxed::<Job>(capacity, 9).unwrap();
             let reader = thread::spawn(move || {
@@ -203,7 +203,7 @@ mod models {
 
     /// The second job overtakes the first; its slot is filled again only behind that of the first.
     fn out_of_order(capacity: usize, count: u16) {
-        model(move || {
+        model_with(Some(3), move || {
             let jobs = Arc::new(Counter::default());
             let (mut writer, mut reader) = boxed::<Job>(capacity, 9).unwrap();
             let reader = thread::spawn(move || {
@@ -366,7 +366,7 @@ mod models {
     /// A job completed out of order and a reset: the discarded one before it is not discarded twice, nor the overtaker at all.
     #[test]
     fn out_of_order_across_a_reset() {
-        model(|| {
+        model_with(Some(3), || {
             let jobs = Arc::new(Counter::default());
             let (mut writer, mut reader) = boxed::<Job>(3, 9).unwrap();
             queue_next(&mut writer, &jobs);

@@ -351,6 +351,23 @@ fn a_remaining_job_whose_drop_panics_is_dropped_once() {
 }
 
 #[test]
+fn a_job_whose_drop_panics_in_a_batch_is_dropped_once_and_the_queue_stays_usable() {
+    let count = Rc::new(());
+    let mut queue: WorkQueue<PanicsOnDrop, 3> = WorkQueue::new(9).unwrap();
+    let (mut writer, mut reader) = queue.split();
+    for armed in [true, false, false] {
+        writer.claim().unwrap().push(PanicsOnDrop { armed, _count: count.clone() });
+    }
+    let complete = AssertUnwindSafe(|| reader.take_batch(2).unwrap().complete());
+    std::panic::catch_unwind(complete).unwrap_err();
+    assert_eq!((writer.free(), reader.len()), (2, 1));
+    assert_eq!(Rc::strong_count(&count), 3, "the second is forgotten");
+    assert_eq!(reader.take().unwrap().number(), 3);
+    drop(queue);
+    assert_eq!(Rc::strong_count(&count), 2);
+}
+
+#[test]
 fn payloads_of_every_size_and_alignment() {
     fn pass<T: Copy + PartialEq + core::fmt::Debug>(job: T) {
         let (mut writer, mut reader) = boxed::<T>(3, 9).unwrap();

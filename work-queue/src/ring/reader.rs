@@ -311,13 +311,27 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
         if front.cursor.advance(self.row) {
             *front = front.turn(hold);
         }
+        let _freed = Freed { hold, head: front.cursor.at, writer: self.writer };
         if core::mem::needs_drop::<T>() {
             for index in index..index + self.row as usize {
                 // SAFETY: as in `iter_mut`; the cursor is after them. Should a drop panic, the others are forgotten.
                 drop(unsafe { hold.slot(index).move_out() });
             }
         }
-        hold.set_head(front.cursor.at);
+    }
+}
+
+/// Stores the head when it is dropped, also where the drop of a job panics: nobody finds the jobs before it again.
+struct Freed<'a, T, W: Wake> {
+    hold: Hold<T>,
+    head: u32,
+    writer: &'a W,
+}
+
+impl<T, W: Wake> Drop for Freed<'_, T, W> {
+    #[inline(always)]
+    fn drop(&mut self) {
+        self.hold.set_head(self.head);
         self.writer.wake();
     }
 }

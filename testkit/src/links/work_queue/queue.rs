@@ -1,6 +1,7 @@
 //! What the two ends can do, a load or a store at a time.
 
-use super::state::{IN_ORDER, Reading, Rule, Stamp, State, Writing};
+use super::rule::Rule;
+use super::state::{Looks, Reading, State, Writing};
 use crate::model::{Edge, System};
 
 /// A queue to explore. There is no end to its jobs, and still its states are finitely many.
@@ -10,7 +11,7 @@ pub struct Queue {
     pub capacity: u8,
     /// The highest job number.
     pub max: u8,
-    /// How the reader looks for jobs.
+    /// How the reader looks for jobs when it goes on by itself.
     pub looks: Looks,
     /// Whether an operation is interrupted only where it calls its user: what a single thread can replay.
     pub single: bool,
@@ -18,46 +19,53 @@ pub struct Queue {
     pub without: Option<Rule>,
 }
 
-/// How a reader looks for jobs. It lists them, too.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Looks {
-    /// The oldest one.
-    Take,
-    /// Any one, or the oldest.
-    Find,
-}
-
 /// One load or store that the other end can see, or a decision of the user.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "most are operations of the queue")]
 pub enum Act {
-    /// The writer looks for space, if it knows of none.
+    /// The writer loads the head, if it knows of no space.
     Claim,
     DropClaim,
-    /// With the right number.
+    /// With the right number: the tail is stored.
     Commit,
     /// With the number of the job queued last.
     CommitRepeated,
     /// With the number after the right one.
     CommitWrong,
+    /// The writer loads the head, if it knows of less space.
+    Batch(u8),
+    /// A job of the batch is committed.
+    Fill,
+    /// The tail is stored.
+    Publish,
+    DropBatch,
     Clear,
     Reset,
+    /// A mark of long ago is replaced: the head is loaded, then the mark is stored.
+    Renew,
     WriterLeaves,
-    /// `take` loads the watermark.
-    Take,
-    /// `take_where` loads the watermark.
-    Find,
-    /// `iter` loads the watermark.
+    /// `take`, `take_batch` or `take_where` begins.
+    Look(Looks),
+    /// `iter` loads the tail.
     List,
-    /// One job before the watermark is discarded.
+    /// The tail is loaded if no job is known, or else the mark.
+    Load,
+    /// One job before the mark is discarded, and the head is stored.
     Discard,
-    /// `take` looks at the slot at the head, `take_where` at the watermark again.
-    Look,
+    /// One job before the mark was completed already: the head is stored.
+    Pass,
+    /// The mark is reached, and the head is stored.
+    Number,
     /// `take_where` or a listing looks at the next slot.
     Search,
     Accept,
     Reject,
+    /// The head is stored, but for a batch.
     Complete,
+    /// A job of a completed batch is dropped.
+    Drop,
+    /// The head is stored for a batch.
+    Free,
     GiveUp,
     /// The reader asks whether the writer is gone.
     AskGone,
@@ -67,11 +75,10 @@ pub enum Act {
 impl Act {
     /// Whether the writer does it.
     pub fn is_writers(self) -> bool {
-        use Act::{Claim, Clear, Commit, CommitRepeated, CommitWrong, DropClaim, Reset, WriterLeaves};
-        matches!(
-            self,
-            Claim | DropClaim | Commit | CommitRepeated | CommitWrong | Clear | Reset | WriterLeaves
-        )
+        use Act::{Batch, Claim, Clear, Commit, CommitRepeated, CommitWrong, DropBatch, DropClaim, Fill};
+        use Act::{Publish, Renew, Reset, WriterLeaves};
+        let claim = matches!(self, Claim | DropClaim | Commit | CommitRepeated | CommitWrong);
+        claim || matches!(self, Batch(_) | Fill | Publish | DropBatch | Clear | Reset | Renew | WriterLeaves)
     }
 
     fn name(self) -> &'static str {
@@ -81,18 +88,26 @@ impl Act {
             Self::Commit => "Commit",
             Self::CommitRepeated => "CommitRepeated",
             Self::CommitWrong => "CommitWrong",
+            Self::Batch(_) => "Batch",
+            Self::Fill => "Fill",
+            Self::Publish => "Publish",
+            Self::DropBatch => "DropBatch",
             Self::Clear => "Clear",
             Self::Reset => "Reset",
+            Self::Renew => "Renew",
             Self::WriterLeaves => "WriterLeaves",
-            Self::Take => "Take",
-            Self::Find => "Find",
+            Self::Look(_) => "Look",
             Self::List => "List",
+            Self::Load => "Load",
             Self::Discard => "Discard",
-            Self::Look => "Look",
+            Self::Pass => "Pass",
+            Self::Number => "Number",
             Self::Search => "Search",
             Self::Accept => "Accept",
             Self::Reject => "Reject",
             Self::Complete => "Complete",
+            Self::Drop => "Drop",
+            Self::Free => "Free",
             Self::GiveUp => "GiveUp",
             Self::AskGone => "AskGone",
             Self::ReaderLeaves => "ReaderLeaves",
@@ -106,7 +121,7 @@ impl Queue {
         Self { capacity, max: capacity + 1, looks, single: false, without: None }
     }
 
-    fn keeps(&self, rule: Rule) -> bool {
+    pub(super) fn keeps(&self, rule: Rule) -> bool {
         self.without != Some(rule)
     }
 
@@ -114,188 +129,12 @@ impl Queue {
     fn may_interrupt(&self, state: &State) -> bool {
         !self.single
             || match state.reader.phase {
-                Reading::Obeying { discarded, .. } => discarded,
-                Reading::Searching { list, .. } => list,
-                Reading::Idle | Reading::Asking { .. } | Reading::Executing { .. } | Reading::Gone => true,
+                Reading::Finding { discarded, .. } => discarded,
+                Reading::Dropping { dropped, .. } => dropped > 0,
+                Reading::Listing { .. } | Reading::Obeying { .. } | Reading::Searching { .. } => false,
                 Reading::Leaving { .. } => false,
+                _ => true,
             }
-    }
-
-    fn writer_acts(&self, state: &State, acts: &mut Vec<Act>) {
-        match state.writer.phase {
-            Writing::Ready => acts.extend([Act::Claim, Act::Clear, Act::Reset, Act::WriterLeaves]),
-            Writing::Claimed => {
-                acts.extend([Act::Commit, Act::DropClaim, Act::CommitWrong]);
-                acts.extend(state.last_number(self.max).map(|_| Act::CommitRepeated));
-            }
-            Writing::Leaving { .. } => acts.push(Act::WriterLeaves),
-            Writing::Gone => {}
-        }
-    }
-
-    fn reader_acts(&self, state: &State, acts: &mut Vec<Act>) {
-        match state.reader.phase {
-            Reading::Idle => {
-                acts.push(Act::Take);
-                if self.looks == Looks::Find {
-                    acts.push(Act::Find);
-                }
-                acts.extend([Act::List, Act::ReaderLeaves]);
-                if !state.reader.knows_gone {
-                    acts.push(Act::AskGone);
-                }
-            }
-            Reading::Obeying { watermark, .. } => {
-                let obeys = watermark > 0 || !self.keeps(Rule::DiscardEndsAtWatermark);
-                let discards = obeys && matches!(state.slots[0].stamp, Stamp::Job(_));
-                acts.push(if discards { Act::Discard } else { Act::Look });
-            }
-            Reading::Searching { .. } => acts.push(Act::Search),
-            Reading::Asking { .. } => acts.extend([Act::Accept, Act::Reject]),
-            Reading::Executing { .. } => acts.extend([Act::Complete, Act::GiveUp]),
-            Reading::Leaving { .. } => acts.push(Act::ReaderLeaves),
-            Reading::Gone => {}
-        }
-    }
-
-    fn write(&self, state: &mut State, act: Act) -> &'static str {
-        let (next, last) = (state.writer.next, state.last_number(self.max));
-        match act {
-            Act::Claim => {
-                if state.writer.tail == state.writer.space {
-                    state.writer.space = self.capacity + u8::from(!self.keeps(Rule::ClaimLooksForSpace));
-                }
-                if state.writer.tail == state.writer.space {
-                    return "Full";
-                }
-                state.writer.phase = Writing::Claimed;
-            }
-            Act::DropClaim => state.writer.phase = Writing::Ready,
-            Act::Commit | Act::CommitRepeated | Act::CommitWrong => {
-                state.writer.phase = Writing::Ready;
-                let number = match act {
-                    Act::Commit => next,
-                    Act::CommitRepeated => last.unwrap_or(0),
-                    _ => next + 1,
-                };
-                if number != next && self.keeps(Rule::NumberIsChecked) {
-                    return if Some(number) == last { "Repeated" } else { "Unexpected" };
-                }
-                state.publish(number, self.max);
-            }
-            Act::Clear => state.clear(self.without),
-            Act::Reset => {
-                state.clear(self.without);
-                (state.writer.next, state.writer.wrapped) = (1, false);
-            }
-            _ => match state.writer.phase {
-                Writing::Ready if !self.keeps(Rule::LeavingIsOneStep) => {
-                    state.writer.phase = Writing::Leaving { is_second: state.abandoned };
-                }
-                phase => {
-                    let is_second =
-                        if let Writing::Leaving { is_second } = phase { is_second } else { state.abandoned };
-                    state.writer.phase = Writing::Gone;
-                    return Self::leave(state, is_second);
-                }
-            },
-        }
-        ""
-    }
-
-    fn leave(state: &mut State, is_second: bool) -> &'static str {
-        state.abandoned = true;
-        if is_second {
-            state.drop_jobs();
-            return "Drop";
-        }
-        ""
-    }
-
-    fn read(&self, state: &mut State, act: Act) -> &'static str {
-        let obeyed = |rule| if self.keeps(rule) { state.watermark } else { 0 };
-        match (act, state.reader.phase) {
-            (Act::Take, _) => {
-                let watermark = obeyed(Rule::TakeObeysWatermark);
-                state.reader.phase = Reading::Obeying { find: false, watermark, discarded: false };
-                state.reader.is_current = true;
-            }
-            (Act::Find, _) => {
-                let watermark = obeyed(Rule::FindObeysWatermark);
-                state.reader.phase = Reading::Obeying { find: true, watermark, discarded: false };
-                state.reader.is_current = true;
-            }
-            (Act::List, _) => {
-                let at = obeyed(Rule::WaitingBeginsAtWatermark);
-                state.reader.phase = Reading::Searching { at, list: true };
-                state.reader.is_current = true;
-            }
-            (Act::Discard, Reading::Obeying { find, watermark, .. }) => {
-                state.reader.phase = Reading::Obeying { find, watermark, discarded: true };
-                state.discard(self.without);
-            }
-            (Act::Look, Reading::Obeying { find: true, .. }) => {
-                let at = obeyed(Rule::WaitingBeginsAtWatermark);
-                state.reader.phase = Reading::Searching { at, list: false };
-                state.reader.is_current = true;
-            }
-            (Act::Look, _) => {
-                let second = state.slots.get(1).is_some_and(|slot| matches!(slot.stamp, Stamp::Job(_)));
-                let at = u8::from(second && !self.keeps(Rule::TakeIsOldest));
-                if at > 0 && matches!(state.slots[0].stamp, Stamp::Job(_)) {
-                    state.found(IN_ORDER);
-                }
-                match state.slot(at).stamp {
-                    Stamp::Job(_) => state.begin(at, self.without),
-                    Stamp::Free | Stamp::Completed => {
-                        state.find_nothing(self.without);
-                        return "Nothing";
-                    }
-                }
-            }
-            (Act::Search, Reading::Searching { at, list }) => {
-                // What was completed is the reader's: nobody sees it pass.
-                let slots = (at..).zip(&state.slots[usize::from(at)..]);
-                let next =
-                    slots.map(|(at, slot)| (at, slot.stamp)).find(|(_, stamp)| *stamp != Stamp::Completed);
-                let Some((at, Stamp::Job(_))) = next else {
-                    state.reader.phase = Reading::Idle;
-                    return "Nothing";
-                };
-                state.see(at);
-                if list {
-                    state.reader.phase = Reading::Searching { at: at + 1, list };
-                    return "Job";
-                }
-                state.reader.phase = Reading::Asking { at };
-            }
-            (Act::Accept, Reading::Asking { at }) => state.begin(at, self.without),
-            (Act::Reject, Reading::Asking { at }) => {
-                state.reader.phase = Reading::Searching { at: at + 1, list: false };
-            }
-            (Act::Complete, Reading::Executing { at, is_oldest }) => {
-                state.complete(at, is_oldest, self.without)
-            }
-            (Act::GiveUp, _) => state.reader.phase = Reading::Idle,
-            (Act::AskGone, _) => {
-                state.reader.knows_gone = state.abandoned;
-                if state.reader.knows_gone && state.reader.found_nothing {
-                    state.expect_nothing();
-                }
-                return if state.abandoned { "Gone" } else { "" };
-            }
-            (Act::ReaderLeaves, Reading::Idle) if !self.keeps(Rule::LeavingIsOneStep) => {
-                state.reader.phase = Reading::Leaving { is_second: state.abandoned };
-            }
-            (Act::ReaderLeaves, phase) => {
-                let is_second =
-                    if let Reading::Leaving { is_second } = phase { is_second } else { state.abandoned };
-                state.reader.phase = Reading::Gone;
-                return Self::leave(state, is_second);
-            }
-            (act, phase) => unreachable!("{act:?} while {phase:?}"),
-        }
-        ""
     }
 }
 
@@ -332,26 +171,24 @@ impl System for Queue {
         broken.extend(state.check(self.max, self.without));
     }
 
-    /// The writer queues nothing more, and the reader goes on, always with the same operation.
+    /// The writer ends what it has begun, and the reader goes on, always with the same operation.
     fn benign(&self, state: &State) -> Option<Act> {
-        match (state.writer.phase, state.reader.phase) {
-            (_, Reading::Idle) if state.writer.phase == Writing::Claimed => Some(Act::DropClaim),
-            (_, Reading::Idle) if self.looks == Looks::Take => Some(Act::Take),
-            (_, Reading::Idle) => Some(Act::Find),
-            (_, Reading::Asking { .. }) => Some(Act::Accept),
-            (_, Reading::Executing { .. }) => Some(Act::Complete),
-            _ => {
-                let mut acts = Vec::new();
-                self.reader_acts(state, &mut acts);
-                acts.first().copied()
-            }
+        let mut acts = Vec::new();
+        match (state.reader.phase, state.writer.phase) {
+            (Reading::Idle, Writing::Ready | Writing::Gone) => return Some(Act::Look(self.looks)),
+            (Reading::Idle, Writing::Claimed) => return Some(Act::DropClaim),
+            (Reading::Idle, Writing::Batch { .. }) => return Some(Act::DropBatch),
+            (Reading::Idle, _) => self.writer_acts(state, &mut acts),
+            _ => self.reader_acts(state, &mut acts),
         }
+        acts.first().copied()
     }
 
     /// Nothing is queued or being executed, and the last reset has taken effect; or nobody is there to execute.
     fn is_over(&self, state: &State) -> bool {
-        let is_idle = state.reader.phase == Reading::Idle && state.writer.phase != Writing::Claimed;
-        state.reader.phase == Reading::Gone || is_idle && state.writer.tail == 0 && state.watermark == 0
+        let is_idle = matches!(state.writer.phase, Writing::Ready | Writing::Gone)
+            && state.reader.phase == Reading::Idle;
+        state.reader.phase == Reading::Gone || is_idle && state.tail == 0 && state.mark.at <= 0
     }
 
     fn ticks(&self, _: Act) -> u32 {

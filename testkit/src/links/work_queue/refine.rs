@@ -1,13 +1,13 @@
-//! Every path of the model on the queue itself, in one thread: a job that is discarded and a question whether a job is wanted
-//! call out, and the writer goes on there.
+//! Every path of the model on the queue itself, in one thread: a job that is dropped and a question whether a job is wanted call out,
+//! and the writer goes on there. A claim and a batch are made when they are published or dropped: they borrow the writer.
 
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use robot_work_queue::{Full, NumberError, Reader, Taken, Writer, boxed};
+use robot_work_queue::{Full, NumberError, Reader, Taken, TakenBatch, Writer, boxed};
 
 use super::queue::{Act, Queue};
-use super::state::{Reading, State};
+use super::state::{Looks, Reading, State, Writing, after};
 use crate::model::{Options, System, explore};
 
 /// How much was replayed.
@@ -43,7 +43,14 @@ pub fn refine(queue: Queue) -> Refined {
 fn walk(queue: Queue, path: Vec<Act>) {
     let (writer, reader) =
         boxed(queue.capacity.into(), queue.max.into()).expect("the model's queues can be made");
-    let run = Run { at: 0, state: queue.init(), writer: Some(writer), dropped: Vec::new() };
+    let run = Run {
+        at: 0,
+        state: queue.init(),
+        writer: Some(writer),
+        writes: false,
+        dropped: Vec::new(),
+        queued: Vec::new(),
+    };
     let replay = Rc::new(Replay { queue, path, run: RefCell::new(run) });
     replay.read(reader);
     let writer = replay.run.borrow_mut().writer.take();
@@ -66,8 +73,12 @@ struct Run {
     at: usize,
     state: State,
     writer: Option<Writer<'static, Job>>,
-    /// Each job ever queued, by its serial number.
+    /// Whether the writer does something.
+    writes: bool,
+    /// Each job ever made, by its serial number.
     dropped: Vec<bool>,
+    /// The serial number of each job that was published.
+    queued: Vec<usize>,
 }
 
 struct Job {
@@ -119,7 +130,14 @@ impl Replay {
     /// The serial number of the job in a slot.
     fn serial(&self, slot: u8) -> usize {
         let run = self.run.borrow();
-        run.dropped.len() - usize::from(run.state.writer.tail) + usize::from(slot)
+        run.queued[run.queued.len() - usize::from(run.state.tail) + usize::from(slot)]
+    }
+
+    /// A job that the writer makes.
+    fn make(self: &Rc<Self>) -> Job {
+        let mut run = self.run.borrow_mut();
+        run.dropped.push(false);
+        Job { serial: run.dropped.len() - 1, replay: self.clone() }
     }
 
     /// Does what the writer does next, until the reader goes on.
@@ -128,45 +146,84 @@ impl Replay {
         while self.peek().is_some_and(Act::is_writers) {
             let before = self.run.borrow().state.clone();
             let act = self.step();
-            let Some(mut writer) = self.run.borrow_mut().writer.take() else {
+            let Some(writer) = self.run.borrow_mut().writer.take() else {
                 panic!("{act:?} without a writer")
             };
-            let (next, last) =
-                (u16::from(before.writer.next), before.last_number(self.queue.max).map(u16::from));
-            let mut commit = |number| {
-                let job = || {
-                    let mut run = self.run.borrow_mut();
-                    run.dropped.push(false);
-                    Job { serial: run.dropped.len() - 1, replay: self.clone() }
-                };
-                writer.claim().expect("it was claimed").commit_with(number, job)
-            };
-            match act {
-                Act::Claim => {
-                    let is_full = self.run.borrow().state.writer.phase == before.writer.phase;
-                    let claimed = writer.claim().map(|claim| claim.number());
-                    self.same("claim", &claimed, &if is_full { Err(Full) } else { Ok(next) });
-                }
-                Act::DropClaim => drop(writer.claim().expect("it was claimed")),
-                Act::Commit => self.same("commit", &commit(next), &Ok(())),
-                Act::CommitRepeated | Act::CommitWrong => {
-                    let found = last.filter(|_| act == Act::CommitRepeated).unwrap_or(next + 1);
-                    let refused = match last {
-                        Some(number) if number == found => NumberError::Repeated { number },
-                        _ => NumberError::Unexpected { expected: next, found },
-                    };
-                    self.same("commit", &commit(found), &Err(refused));
-                }
-                Act::Clear => writer.clear(),
-                Act::Reset => writer.reset(),
-                _ => {
-                    drop(writer);
-                    continue;
-                }
-            }
-            self.run.borrow_mut().writer = Some(writer);
+            self.run.borrow_mut().writes = true;
+            let writer = self.write_one(writer, act, &before);
+            let mut run = self.run.borrow_mut();
+            (run.writer, run.writes) = (writer, false);
+            drop(run);
             self.observe();
         }
+    }
+
+    fn write_one(
+        self: &Rc<Self>,
+        mut writer: Writer<'static, Job>,
+        act: Act,
+        before: &State,
+    ) -> Option<Writer<'static, Job>> {
+        let next = u16::from(before.writer.next);
+        let last = before.last_number(self.queue.max).map(u16::from);
+        let is_full = self.run.borrow().state.writer.phase == before.writer.phase;
+        match act {
+            Act::Claim => {
+                let claimed = writer.claim().map(|claim| claim.number());
+                self.same("claim", &claimed, &if is_full { Err(Full) } else { Ok(next) });
+            }
+            Act::DropClaim => drop(writer.claim().expect("it was claimed")),
+            Act::Commit | Act::CommitRepeated | Act::CommitWrong => {
+                let (number, expected) = match (act, last) {
+                    (Act::Commit, _) => (next, Ok(())),
+                    (Act::CommitRepeated, Some(number)) => (number, Err(NumberError::Repeated { number })),
+                    _ if last == Some(next + 1) => {
+                        (next + 1, Err(NumberError::Repeated { number: next + 1 }))
+                    }
+                    _ => (next + 1, Err(NumberError::Unexpected { expected: next, found: next + 1 })),
+                };
+                let claim = writer.claim().expect("it was claimed");
+                self.same("commit", &claim.commit_with(number, || self.make()), &expected);
+                self.queued(u8::from(expected.is_ok()));
+            }
+            Act::Batch(least) => {
+                self.same("batch", &writer.claim_batch(least.into()).is_err(), &is_full);
+            }
+            Act::Publish | Act::DropBatch => self.write_batch(&mut writer, act == Act::Publish, before),
+            Act::Clear => writer.clear(),
+            Act::Reset => writer.reset(),
+            Act::WriterLeaves => return None,
+            _ => {} // a job of a batch
+        }
+        Some(writer)
+    }
+
+    /// Fills a batch as the model did.
+    fn write_batch(self: &Rc<Self>, writer: &mut Writer<'static, Job>, publishes: bool, before: &State) {
+        let Writing::Batch { filled } = before.writer.phase else { panic!("no batch: {:?}", self.path) };
+        let mut batch = writer.claim_batch(filled.into()).expect("it was claimed");
+        for job in 0..filled {
+            let number = after(before.writer.next, job, self.queue.max).into();
+            if job % 2 == 0 {
+                let claim = batch.claim().expect("it was claimed");
+                self.same("in a batch", &claim.commit_with(number, || self.make()), &Ok(()));
+            } else {
+                batch.fill([self.make()]);
+            }
+        }
+        let is_full = before.tail + filled == before.writer.end;
+        self.same("the end of a batch", &batch.claim().is_err(), &is_full);
+        if publishes {
+            self.same("published", &batch.publish(), &filled.into());
+            self.queued(filled);
+        }
+    }
+
+    /// So many of the jobs that were made last are published.
+    fn queued(&self, jobs: u8) {
+        let mut run = self.run.borrow_mut();
+        let made = run.dropped.len();
+        run.queued.extend(made - usize::from(jobs)..made);
     }
 
     /// What the writer can see, and which jobs are left.
@@ -175,32 +232,42 @@ impl Replay {
         let state = &run.state;
         if let Some(writer) = &run.writer {
             self.same("settled", &writer.is_settled(), &state.is_settled(None));
-            self.same("free", &writer.free(), &usize::from(self.queue.capacity - state.writer.tail));
+            self.same("free", &writer.free(), &usize::from(self.queue.capacity - state.tail));
             self.same("next", &writer.next_number(), &state.writer.next.into());
             self.same("last", &writer.last_number(), &state.last_number(self.queue.max).map(u16::from));
             self.same("abandoned", &writer.is_abandoned(), &(state.reader.phase == Reading::Gone));
         }
-        let head = run.dropped.len() - usize::from(state.writer.tail);
-        let is_left = |serial: usize| {
-            serial
-                .checked_sub(head)
-                .is_some_and(|at| state.slots.get(at).is_some_and(|slot| slot.job.is_some()))
+        let queued = &run.queued[run.queued.len() - usize::from(state.tail)..];
+        let is_left = |serial| {
+            let at = queued.iter().position(|queued| *queued == serial);
+            at.is_some_and(|at| state.number_at(at as u8).is_some())
         };
         let dropped: Vec<bool> = (0..run.dropped.len()).map(|serial| !is_left(serial)).collect();
         self.same("dropped", &run.dropped, &dropped);
     }
 
-    /// A job was dropped: completed, discarded, or left when both ends are gone.
+    /// A job was dropped: completed, discarded, of a batch that was not published, or left when both ends are gone.
     fn dropped(self: &Rc<Self>, serial: usize) {
         assert!(
             !core::mem::replace(&mut self.run.borrow_mut().dropped[serial], true),
             "{serial} is dropped twice"
         );
-        if matches!(self.phase(), Reading::Obeying { .. }) {
-            self.same("discarded", &serial, &self.serial(0));
-            self.expect(Act::Discard);
-            self.write();
+        if self.run.borrow().writes {
+            return;
         }
+        match self.phase() {
+            Reading::Finding { .. } | Reading::Obeying { .. } => {
+                self.go_on();
+                self.same("discarded", &serial, &self.serial(0));
+                self.expect(Act::Discard);
+            }
+            Reading::Dropping { dropped, .. } => {
+                self.same("dropped in a batch", &serial, &self.serial(dropped));
+                self.expect(Act::Drop);
+            }
+            _ => return,
+        }
+        self.write();
     }
 
     /// Replays the path: what the reader does, and what the writer does in between.
@@ -212,15 +279,20 @@ impl Replay {
                 return;
             }
             match self.step() {
-                Act::Take => {
+                Act::Look(Looks::Take) => {
                     let taken = reader.take();
-                    self.expect(Act::Look);
+                    self.go_on();
                     self.executing(taken);
                 }
-                Act::Find => {
+                Act::Look(Looks::Find) => {
                     let taken = reader.take_where(|number, job| self.is_wanted(number, job));
-                    self.find_on();
+                    self.go_on();
                     self.executing(taken);
+                }
+                Act::Look(Looks::Batch) => {
+                    let taken = reader.take_batch(2);
+                    self.go_on();
+                    self.executing_batch(taken);
                 }
                 Act::List => self.list(&reader),
                 Act::AskGone => {
@@ -236,19 +308,20 @@ impl Replay {
         assert!(self.peek().is_none());
     }
 
-    /// Goes on in the model to the next job that the reader looks at.
-    fn find_on(&self) {
+    /// Goes on in the model until the queue calls out or returns.
+    fn go_on(&self) {
         loop {
-            match self.phase() {
-                Reading::Obeying { .. } => self.expect(Act::Look),
-                Reading::Searching { .. } => self.expect(Act::Search),
+            let mut acts = Vec::new();
+            self.queue.reader_acts(&self.run.borrow().state, &mut acts);
+            match acts[..] {
+                [act @ (Act::Load | Act::Pass | Act::Number | Act::Search | Act::Free)] => self.expect(act),
                 _ => return,
             }
         }
     }
 
     fn is_wanted(self: &Rc<Self>, number: u16, job: &Job) -> bool {
-        self.find_on();
+        self.go_on();
         let Reading::Asking { at } = self.phase() else { panic!("{number} is asked for: {:?}", self.path) };
         self.same("asked for", &(number, job.serial), &self.job(at));
         self.write();
@@ -257,19 +330,20 @@ impl Replay {
 
     /// The number and the serial number of the job in a slot.
     fn job(&self, at: u8) -> (u16, usize) {
-        let number = self.run.borrow().state.waiting_at(at);
+        let number = self.run.borrow().state.number_at(at);
         (number.map_or(0, u16::from), self.serial(at))
     }
 
     fn list(self: &Rc<Self>, reader: &Reader<'static, Job>) {
         let mut jobs = reader.iter();
+        self.expect(Act::Load);
         loop {
             self.write();
-            let Reading::Searching { .. } = self.phase() else { return };
+            let Reading::Listed { .. } = self.phase() else { return };
             let found = jobs.next().map(|(number, job)| (number, job.serial));
             self.expect(Act::Search);
             let listed = match self.phase() {
-                Reading::Searching { at, .. } => Some(self.job(at - 1)),
+                Reading::Listed { at, .. } => Some(self.job(at - 1)),
                 _ => None,
             };
             self.same("listed", &found, &listed);
@@ -281,11 +355,12 @@ impl Replay {
         let waiting: Vec<_> = waiting.into_iter().map(|at| self.job(at)).collect();
         let jobs: Vec<_> = reader.iter().map(|(number, job)| (number, job.serial)).collect();
         self.same("waiting", &jobs, &waiting);
+        self.same("how many wait", &reader.len(), &waiting.len());
     }
 
     /// From when a job begins to be executed until it is not any more.
     fn executing(self: &Rc<Self>, taken: Option<Taken<'_, Job>>) {
-        let Reading::Executing { at, .. } = self.phase() else {
+        let Reading::Executing { at } = self.phase() else {
             return self.same("taken", &taken.map(|job| job.number()), &None);
         };
         let Some(job) = taken else { panic!("no job is taken: {:?}", self.path) };
@@ -300,6 +375,27 @@ impl Replay {
             }
             Some(Act::GiveUp) | None => drop(job),
             Some(act) => panic!("{act:?} while a job is executed"),
+        }
+    }
+
+    /// From when a batch begins to be executed until it is not any more.
+    fn executing_batch(self: &Rc<Self>, taken: Option<TakenBatch<'_, Job>>) {
+        let Reading::ExecutingBatch { row } = self.phase() else {
+            return self.same("a batch is taken", &taken.is_some(), &false);
+        };
+        let Some(mut batch) = taken else { panic!("no batch is taken: {:?}", self.path) };
+        let jobs: Vec<_> = (0..row).map(|at| self.job(at)).collect();
+        let mut look = || batch.iter_mut().map(|(number, job)| (number, job.serial)).collect::<Vec<_>>();
+        self.same("taken in a batch", &look(), &jobs);
+        self.write();
+        self.same("in execution", &look(), &jobs);
+        match self.peek().map(|_| self.step()) {
+            Some(Act::Complete) => {
+                batch.complete();
+                self.go_on();
+            }
+            Some(Act::GiveUp) | None => drop(batch),
+            Some(act) => panic!("{act:?} while a batch is executed"),
         }
     }
 }

@@ -1,66 +1,22 @@
 //! What both ends and the ring hold, and what each load and store does to it.
 
-pub(super) const EXECUTED_ONCE: &str = "nothing is executed twice";
-pub(super) const NOT_LOST: &str = "nothing is lost that was not cleared";
-pub(super) const NOT_PULLED_AWAY: &str = "a job being executed is not pulled away";
-pub(super) const KEPT: &str = "jobs queued after a reset are kept";
-pub(super) const NOT_BEGUN: &str = "no look that begins after a reset finds what it discards";
-pub(super) const SETTLED: &str = "a reset that has settled has taken effect";
-pub(super) const IN_ORDER: &str = "take takes the oldest job";
-pub(super) const UNIQUE: &str = "no number is queued twice";
-pub(super) const GAPLESS: &str = "each job has the number after that of the job before it";
-pub(super) const DROPPED: &str = "jobs that are left when both ends are gone are dropped once";
-pub(super) const FOUND: &str = "who finds nothing after the writer is gone has found everything";
-
-/// What the queue's proof rests on, one by one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[allow(missing_docs, reason = "the table of what must fail has them in words")]
-pub enum Rule {
-    TakeObeysWatermark,
-    FindObeysWatermark,
-    WaitingBeginsAtWatermark,
-    DiscardEndsAtWatermark,
-    SettledIsTheHead,
-    CompletingFrees,
-    ClearedIsNotFree,
-    ClaimLooksForSpace,
-    CompletedIsMarked,
-    HeadWaitsForOldest,
-    HeadPassesCompleted,
-    TakeIsOldest,
-    NumberIsChecked,
-    LeavingIsOneStep,
-    GoneBeforeNothing,
-}
-
-impl Rule {
-    pub(super) const ALL: [Self; 15] = [
-        Self::TakeObeysWatermark,
-        Self::FindObeysWatermark,
-        Self::WaitingBeginsAtWatermark,
-        Self::DiscardEndsAtWatermark,
-        Self::SettledIsTheHead,
-        Self::CompletingFrees,
-        Self::ClearedIsNotFree,
-        Self::ClaimLooksForSpace,
-        Self::CompletedIsMarked,
-        Self::HeadWaitsForOldest,
-        Self::HeadPassesCompleted,
-        Self::TakeIsOldest,
-        Self::NumberIsChecked,
-        Self::LeavingIsOneStep,
-        Self::GoneBeforeNothing,
-    ];
-}
+use super::rule::{
+    DROPPED, EXECUTED_ONCE, FOUND, GAPLESS, KEPT, NOT_BEGUN, NOT_LOST, NOT_PULLED_AWAY, NUMBERED, PUBLISHED,
+    Rule, SETTLED, UNIQUE,
+};
 
 /// Positions are counted from the head, so that the states are finitely many though the jobs are not: slot 0 is the oldest that
-/// is not free. A watermark that the head has passed is 0.
+/// is not free.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct State {
     /// The ring from the head on.
     pub slots: Vec<Slot>,
+    /// How many slots are before the head on its lap.
+    pub index: u8,
     /// What was stored last.
-    pub watermark: u8,
+    pub tail: u8,
+    /// What was stored last.
+    pub mark: Mark,
     /// Whether an end has left.
     pub abandoned: bool,
     /// The communication task's end.
@@ -71,43 +27,48 @@ pub struct State {
     pub broken: Option<&'static str>,
 }
 
-/// One slot: what its stamp says on this lap, and what is really in it.
+/// One slot: what is really in it, and the reader's flag.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Slot {
-    /// The stamp.
-    pub stamp: Stamp,
-    /// The job, if there is one.
-    pub job: Option<Job>,
+    /// What is in it.
+    pub content: Content,
+    /// Completed before its turn.
+    pub done: bool,
 }
 
-/// What a slot's stamp says.
+/// What is in a slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Stamp {
-    /// Nothing yet.
-    Free,
-    /// The job with this number.
-    Job(u8),
-    /// Completed before the jobs in front of it.
-    Completed,
+pub enum Content {
+    /// No job since the slot was freed.
+    Nothing,
+    /// A job that was neither completed nor dropped.
+    Job {
+        /// Its number.
+        number: u8,
+        /// Whether a reset came after it.
+        cleared: bool,
+    },
+    /// A job was, and was executed.
+    Executed,
 }
 
-/// A job that was neither completed nor dropped.
+/// A position and the number of the job there: one word.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Job {
-    /// Whether a reset came after it.
-    pub cleared: bool,
+pub struct Mark {
+    /// -1 if the head has passed it.
+    pub at: i8,
+    /// The number.
+    pub number: u8,
 }
 
-/// The writer's own.
+/// The writer's own. It is at the tail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Writer {
     /// What it is doing.
     pub phase: Writing,
-    /// The next slot to fill.
-    pub tail: u8,
     /// Up to where it knows the slots to be free.
-    pub space: u8,
-    /// The next job's number.
+    pub end: u8,
+    /// The number of the job at the tail.
     pub next: u8,
     /// Whether a job was before number 1.
     pub wrapped: bool,
@@ -119,6 +80,16 @@ pub struct Writer {
 pub enum Writing {
     Ready,
     Claimed,
+    /// So many jobs are in its batch.
+    Batch {
+        filled: u8,
+    },
+    /// It has looked at the head, and stores a mark in place of one of long ago.
+    Renewing(Mark),
+    /// Only where the tail is stored before the job.
+    Storing,
+    /// Only where a mark is two words.
+    Marking,
     /// Only where leaving takes two steps.
     Leaving {
         is_second: bool,
@@ -126,14 +97,20 @@ pub enum Writing {
     Gone,
 }
 
-/// The reader's own.
+/// The reader's own. It is at the head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Reader {
     /// What it is doing.
     pub phase: Reading,
-    /// How many slots after the head were completed.
+    /// Up to where it knows the slots to be its own.
+    pub end: u8,
+    /// The number of the job at the head.
+    pub number: u8,
+    /// The mark that was obeyed last.
+    pub obeyed: Mark,
+    /// How many jobs after the head were completed.
     pub ahead: u8,
-    /// Whether no reset came since it has loaded the watermark last.
+    /// Whether no reset came since it has loaded the mark last.
     pub is_current: bool,
     /// Whether it has seen that the writer is gone.
     pub knows_gone: bool,
@@ -141,22 +118,51 @@ pub struct Reader {
     pub found_nothing: bool,
 }
 
+/// How a reader looks for jobs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Looks {
+    /// The oldest one.
+    Take,
+    /// The two oldest ones.
+    Batch,
+    /// Any one.
+    Find,
+}
+
 /// What the reader is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "they name what the end does")]
 pub enum Reading {
     Idle,
-    /// It has loaded the watermark, and discards what is before it.
-    Obeying {
-        find: bool,
-        watermark: u8,
-        /// Whether it has discarded a job since: its drop may run anything.
+    /// It loads the tail, if it knows of no job, and then the mark.
+    Finding {
+        by: Looks,
+        /// Whether it loads the tail though it knows of jobs.
+        afresh: bool,
+        /// Whether it has discarded a job just now: its drop may run anything.
         discarded: bool,
+        /// Only where the mark is loaded first.
+        early: Option<Mark>,
+    },
+    /// It has loaded this mark, and stores the head.
+    Obeying {
+        by: Looks,
+        mark: Mark,
+    },
+    /// It has loaded the tail for a listing, or the mark where that is loaded first.
+    Listing {
+        tail: u8,
+        early: Option<Mark>,
+    },
+    /// It lists, and looks at this slot next.
+    Listed {
+        at: u8,
+        end: u8,
+        number: u8,
     },
     /// It goes through the jobs, and looks at this slot next.
     Searching {
         at: u8,
-        list: bool,
     },
     /// It asks whether this job is the one.
     Asking {
@@ -164,7 +170,14 @@ pub enum Reading {
     },
     Executing {
         at: u8,
-        is_oldest: bool,
+    },
+    ExecutingBatch {
+        row: u8,
+    },
+    /// It has dropped so many jobs of a completed batch.
+    Dropping {
+        row: u8,
+        dropped: u8,
     },
     Leaving {
         is_second: bool,
@@ -174,17 +187,23 @@ pub enum Reading {
 
 impl State {
     pub(super) fn new(capacity: u8) -> Self {
-        let writer = Writer { phase: Writing::Ready, tail: 0, space: capacity, next: 1, wrapped: false };
+        let mark = Mark { at: 0, number: 1 };
+        let writer = Writer { phase: Writing::Ready, end: capacity, next: 1, wrapped: false };
         let reader = Reader {
             phase: Reading::Idle,
+            end: 0,
+            number: 1,
+            obeyed: mark,
             ahead: 0,
             is_current: true,
             knows_gone: false,
             found_nothing: false,
         };
         Self {
-            slots: vec![Slot { stamp: Stamp::Free, job: None }; capacity.into()],
-            watermark: 0,
+            slots: vec![Slot { content: Content::Nothing, done: false }; capacity.into()],
+            index: 0,
+            tail: 0,
+            mark,
             abandoned: false,
             writer,
             reader,
@@ -192,8 +211,13 @@ impl State {
         }
     }
 
+    pub(super) fn capacity(&self) -> u8 {
+        self.slots.len() as u8
+    }
+
     pub(super) fn slot(&mut self, at: u8) -> &mut Slot {
-        &mut self.slots[usize::from(at)]
+        let capacity = self.slots.len();
+        &mut self.slots[usize::from(at) % capacity]
     }
 
     /// The number of the job queued last.
@@ -205,174 +229,185 @@ impl State {
         }
     }
 
-    /// The jobs that a reader sees now, oldest first.
+    /// Where the jobs are that a reader sees now, and their numbers, oldest first.
     pub fn waiting(&self) -> impl Iterator<Item = (u8, u8)> {
-        let slots = (0u8..).zip(&self.slots).skip(self.watermark.into());
-        let slots = slots.take_while(|(_, slot)| slot.stamp != Stamp::Free);
-        slots.filter_map(|(at, _)| Some((at, self.waiting_at(at)?)))
+        let slots = (0..self.tail).zip(&self.slots);
+        slots.filter_map(|(at, slot)| match slot.content {
+            Content::Job { number, cleared: false } => Some((at, number)),
+            _ => None,
+        })
     }
 
-    /// The number of the job in a slot.
-    pub fn waiting_at(&self, at: u8) -> Option<u8> {
-        if let Stamp::Job(number) = self.slots.get(usize::from(at))?.stamp { Some(number) } else { None }
+    /// The job in a slot, and its number.
+    pub fn number_at(&self, at: u8) -> Option<u8> {
+        match self.slots.get(usize::from(at))?.content {
+            Content::Job { number, .. } => Some(number),
+            _ => None,
+        }
     }
 
     /// Whether the last reset has taken effect, as the writer sees it.
     pub fn is_settled(&self, without: Option<Rule>) -> bool {
-        self.watermark == 0 || without == Some(Rule::SettledIsTheHead)
+        self.mark.at <= 0 || without == Some(Rule::SettledIsTheHead)
     }
 
     pub(super) fn found(&mut self, property: &'static str) {
         self.broken.get_or_insert(property);
     }
 
-    /// Stores a job in the slot at the tail, then its stamp.
-    pub(super) fn publish(&mut self, number: u8, max: u8) {
-        let at = self.writer.tail % self.slots.len() as u8;
-        if matches!(self.reader.phase, Reading::Executing { at: executing, .. } if executing == at) {
+    /// Stores a job in a free slot.
+    pub(super) fn fill(&mut self, at: u8, number: u8) {
+        let at = at % self.capacity();
+        let is_executing = match self.reader.phase {
+            Reading::Executing { at: executing } => executing == at,
+            Reading::ExecutingBatch { row } => at < row,
+            _ => false,
+        };
+        if is_executing {
             self.found(NOT_PULLED_AWAY);
-        } else if self.slot(at).job.is_some() {
+        } else if self.number_at(at).is_some() {
             self.found(NOT_LOST);
         }
-        *self.slot(at) = Slot { stamp: Stamp::Job(number), job: Some(Job { cleared: false }) };
-        self.writer.tail += 1;
-        (self.writer.next, self.writer.wrapped) =
-            if number < max { (number + 1, self.writer.wrapped) } else { (1, true) };
+        self.slot(at).content = Content::Job { number, cleared: false };
     }
 
-    /// Stores the watermark.
-    pub(super) fn clear(&mut self, without: Option<Rule>) {
-        let tail = self.writer.tail;
-        for job in self.slots.iter_mut().filter_map(|slot| slot.job.as_mut()) {
-            job.cleared = true;
+    /// Stores the tail.
+    pub(super) fn publish(&mut self, jobs: u8, max: u8) {
+        self.tail += jobs;
+        for _ in 0..jobs {
+            self.writer.wrapped |= self.writer.next == max;
+            self.writer.next = after(self.writer.next, 1, max);
         }
-        self.watermark = tail;
+    }
+
+    /// Every job that is queued now is to be discarded.
+    pub(super) fn clear(&mut self, without: Option<Rule>) {
+        for slot in &mut self.slots {
+            if let Content::Job { cleared, .. } = &mut slot.content {
+                *cleared = true;
+            }
+        }
         self.reader.is_current = false;
         if without == Some(Rule::ClearedIsNotFree) {
-            self.writer.space = tail + self.slots.len() as u8;
+            self.writer.end = self.tail + self.capacity();
         }
     }
 
-    /// Stores the head: the oldest slot is free, and those after it that were completed.
-    pub(super) fn move_head(&mut self, without: Option<Rule>) {
-        loop {
-            let oldest = self.slots.remove(0);
-            if oldest.job.is_some() && without != Some(Rule::CompletingFrees) {
-                self.found(NOT_LOST);
-            }
-            self.slots.push(Slot { stamp: Stamp::Free, job: oldest.job });
-            let Some(tail) = self.writer.tail.checked_sub(1) else { return self.found(EXECUTED_ONCE) };
-            self.writer.tail = tail;
-            self.writer.space -= 1;
-            self.watermark = self.watermark.saturating_sub(1);
-            if let Reading::Obeying { watermark, .. } = &mut self.reader.phase {
-                *watermark = watermark.saturating_sub(1);
-            }
-            let passes = self.reader.ahead > 0 && self.slots[0].stamp == Stamp::Completed;
-            if !passes || without == Some(Rule::HeadPassesCompleted) {
-                break;
-            }
+    /// Stores the head: the oldest slots are free, and those after them that were completed.
+    pub(super) fn free(&mut self, slots: u8, max: u8, without: Option<Rule>) {
+        for _ in 0..slots {
+            self.free_oldest(max, without);
+        }
+        let passes = |state: &Self| state.reader.ahead > 0 && state.slots[0].done;
+        while passes(self) && without != Some(Rule::HeadPassesCompleted) {
             self.reader.ahead -= 1;
+            self.free_oldest(max, without);
+        }
+    }
+
+    fn free_oldest(&mut self, max: u8, without: Option<Rule>) {
+        let Slot { mut content, .. } = self.slots.remove(0);
+        match content {
+            Content::Job { .. } if without == Some(Rule::CompletingFrees) => {}
+            Content::Job { .. } => self.found(NOT_LOST),
+            _ => content = Content::Nothing,
+        }
+        self.slots.push(Slot { content, done: false });
+        let Some(tail) = self.tail.checked_sub(1) else { return self.found(PUBLISHED) };
+        self.tail = tail;
+        self.index = (self.index + 1) % self.capacity();
+        self.writer.end = self.writer.end.saturating_sub(1);
+        self.reader.end = self.reader.end.saturating_sub(1);
+        self.reader.number = after(self.reader.number, 1, max);
+        let (mark, obeyed) = (&mut self.mark, &mut self.reader.obeyed);
+        for mark in [mark, obeyed] {
+            mark.at = (mark.at - 1).max(-1);
+        }
+        if let Writing::Renewing(mark) = &mut self.writer.phase {
+            mark.at = -1;
         }
     }
 
     /// Moves the oldest job out and drops it.
-    pub(super) fn discard(&mut self, without: Option<Rule>) {
-        match self.slot(0).job.take() {
-            Some(Job { cleared: true }) => {}
-            Some(Job { cleared: false }) => self.found(KEPT),
-            None => self.found(EXECUTED_ONCE),
+    pub(super) fn discard(&mut self, max: u8, without: Option<Rule>) {
+        match core::mem::replace(&mut self.slot(0).content, Content::Nothing) {
+            Content::Job { cleared: true, .. } => {}
+            Content::Job { cleared: false, .. } => self.found(KEPT),
+            Content::Executed => self.found(EXECUTED_ONCE),
+            Content::Nothing => self.found(PUBLISHED),
         }
-        self.move_head(without);
-    }
-
-    /// A look has ended at a job.
-    pub(super) fn begin(&mut self, at: u8, without: Option<Rule>) {
-        self.see(at);
-        self.reader.found_nothing = false;
-        self.reader.phase = Reading::Executing { at, is_oldest: at == 0 };
-        if without == Some(Rule::CompletingFrees) && at == 0 {
-            self.move_head(without);
-            self.reader.phase = Reading::Executing { at: self.slots.len() as u8 - 1, is_oldest: false };
-        }
+        self.free_oldest(max, without);
     }
 
     /// The reader sees a job.
-    pub(super) fn see(&mut self, at: u8) {
-        let job = self.slot(at).job;
-        match job {
-            None => self.found(EXECUTED_ONCE),
-            Some(Job { cleared: true }) if self.reader.is_current => self.found(NOT_BEGUN),
-            Some(_) => {}
+    pub(super) fn see(&mut self, at: u8, expected: u8) {
+        let is_current = self.reader.is_current;
+        let content = if at < self.tail { self.slot(at).content } else { Content::Nothing };
+        match content {
+            Content::Nothing => self.found(PUBLISHED),
+            Content::Executed => self.found(EXECUTED_ONCE),
+            Content::Job { cleared: true, .. } if is_current => self.found(NOT_BEGUN),
+            Content::Job { number, .. } if number != expected => self.found(NUMBERED),
+            Content::Job { .. } => {}
         }
     }
 
-    /// Take has ended without one.
-    pub(super) fn find_nothing(&mut self, without: Option<Rule>) {
-        self.reader.phase = Reading::Idle;
-        if without == Some(Rule::GoneBeforeNothing) {
-            self.reader.found_nothing = true;
-        } else if self.reader.knows_gone {
-            self.expect_nothing();
+    /// A job was executed.
+    pub(super) fn executed(&mut self, at: u8) {
+        if !matches!(core::mem::replace(&mut self.slot(at).content, Content::Executed), Content::Job { .. }) {
+            self.found(EXECUTED_ONCE);
         }
     }
 
     /// The reader concludes that nothing will ever come.
     pub(super) fn expect_nothing(&mut self) {
-        if self.slots.iter().any(|slot| slot.job.is_some_and(|job| !job.cleared)) {
+        if self.slots.iter().any(|slot| matches!(slot.content, Content::Job { cleared: false, .. })) {
             self.found(FOUND);
         }
     }
 
-    pub(super) fn complete(&mut self, at: u8, is_oldest: bool, without: Option<Rule>) {
-        if self.slot(at).job.take().is_none() {
-            self.found(EXECUTED_ONCE);
-        }
-        self.reader.phase = Reading::Idle;
-        if without == Some(Rule::CompletingFrees) {
-            // The slot was given back when the job began.
-        } else if is_oldest || without == Some(Rule::HeadWaitsForOldest) {
-            self.move_head(without);
-        } else if without != Some(Rule::CompletedIsMarked) {
-            self.slot(at).stamp = Stamp::Completed;
-            self.reader.ahead += 1;
+    /// Drops the jobs of a batch that is not published.
+    pub(super) fn empty(&mut self, at: u8, slots: u8) {
+        for at in at..at + slots {
+            self.slot(at).content = Content::Nothing;
         }
     }
 
     /// The end that leaves second drops what is left.
-    pub(super) fn drop_jobs(&mut self) {
-        for at in 0..self.slots.len() {
-            let slot = &mut self.slots[at];
-            match slot.stamp {
-                Stamp::Job(_) => {
-                    if slot.job.take().is_none() {
-                        return self.found(DROPPED);
-                    }
-                }
-                Stamp::Completed => {}
-                Stamp::Free => return,
+    pub(super) fn leave(&mut self, is_second: bool) -> &'static str {
+        self.abandoned = true;
+        if !is_second {
+            return "";
+        }
+        for at in 0..self.tail {
+            match (self.slot(at).content, self.slot(at).done) {
+                (Content::Job { .. }, false) => self.slot(at).content = Content::Nothing,
+                (_, true) => {}
+                (_, false) => self.found(DROPPED),
             }
         }
+        "Drop"
     }
 
     /// What holds between any two steps.
     pub(super) fn check(&self, max: u8, without: Option<Rule>) -> Option<&'static str> {
         let is_gone = (self.writer.phase, self.reader.phase) == (Writing::Gone, Reading::Gone);
-        let kept = self.slots.iter().map(|slot| match (slot.stamp, slot.job) {
-            (Stamp::Job(number), Some(Job { cleared: false })) => Some(number),
+        let is_left = |slot: &Slot| matches!(slot.content, Content::Job { .. });
+        let is_cleared = |slot: &Slot| matches!(slot.content, Content::Job { cleared: true, .. });
+        let kept = self.slots.iter().map(|slot| match slot.content {
+            Content::Job { number, cleared: false } => Some(number),
             _ => None,
         });
         let kept: Vec<Option<u8>> = kept.collect();
         let numbers: Vec<u8> = kept.iter().flatten().copied().collect();
         let is_queued_twice = numbers.iter().enumerate().any(|(at, number)| numbers[..at].contains(number));
         let follows = |pair: &[Option<u8>]| match pair {
-            [Some(first), Some(second)] => *second == if *first < max { first + 1 } else { 1 },
+            [Some(first), Some(second)] => *second == after(*first, 1, max),
             _ => true,
         };
-        let is_cleared = |slot: &Slot| slot.job.is_some_and(|job| job.cleared);
         if let Some(property) = self.broken {
             Some(property)
-        } else if is_gone && self.slots.iter().any(|slot| slot.job.is_some()) {
+        } else if is_gone && self.slots.iter().any(is_left) {
             Some(DROPPED)
         } else if self.is_settled(without) && self.slots.iter().any(is_cleared) {
             Some(SETTLED)
@@ -386,11 +421,20 @@ impl State {
     }
 }
 
+/// The number so many jobs later.
+pub(super) fn after(number: u8, jobs: u8, max: u8) -> u8 {
+    (number - 1 + jobs) % max + 1
+}
+
 impl Writing {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Ready => "Ready",
             Self::Claimed => "Claimed",
+            Self::Batch { .. } => "Batch",
+            Self::Renewing(_) => "Renewing",
+            Self::Storing => "Storing",
+            Self::Marking => "Marking",
             Self::Leaving { .. } => "Leaving",
             Self::Gone => "Gone",
         }
@@ -401,11 +445,14 @@ impl Reading {
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Idle => "Idle",
+            Self::Finding { .. } => "Finding",
             Self::Obeying { .. } => "Obeying",
-            Self::Searching { list: true, .. } => "Listing",
-            Self::Searching { list: false, .. } => "Searching",
+            Self::Listing { .. } | Self::Listed { .. } => "Listing",
+            Self::Searching { .. } => "Searching",
             Self::Asking { .. } => "Asking",
             Self::Executing { .. } => "Executing",
+            Self::ExecutingBatch { .. } => "ExecutingBatch",
+            Self::Dropping { .. } => "Dropping",
             Self::Leaving { .. } => "Leaving",
             Self::Gone => "Gone",
         }

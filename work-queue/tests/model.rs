@@ -1,4 +1,4 @@
-//! Every string of eight operations, on queues of 1 to 4 jobs, against a plain `VecDeque`. The highest number and the start lap are
+//! Every string of eight operations, and of seven with batches among them, on queues of 1 to 4 jobs, against a plain `VecDeque`. The highest number and the start lap are
 //! chosen so that numbers and laps wrap around within the strings.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![cfg(not(loom))]
@@ -6,7 +6,7 @@
 use core::cell::Cell;
 use std::collections::VecDeque;
 
-use robot_work_queue::{Full, NumberError, Reader, Taken, WorkQueue, Writer};
+use robot_work_queue::{Full, NumberError, Reader, Taken, TakenBatch, WorkQueue, Writer};
 
 /// What one end can do. Nothing else changes a queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,11 +23,28 @@ enum Op {
     GiveUp,
     Clear,
     Reset,
+    /// The writer queues two jobs at once.
+    Batch,
+    /// The writer drops a batch of two jobs.
+    DropBatch,
+    /// The reader begins to execute the two oldest jobs.
+    BeginBatch,
 }
 
 const OPS: [Op; 7] = [Op::Queue, Op::Begin, Op::BeginNewest, Op::Complete, Op::GiveUp, Op::Clear, Op::Reset];
 
-const DEPTH: usize = 8;
+/// With batches. A reset does what a clear does, and more.
+const WITH_BATCHES: [Op; 9] = [
+    Op::Queue,
+    Op::Batch,
+    Op::DropBatch,
+    Op::Begin,
+    Op::BeginNewest,
+    Op::BeginBatch,
+    Op::Complete,
+    Op::GiveUp,
+    Op::Reset,
+];
 
 /// A job that records that it was dropped, and panics if it is dropped a second time.
 struct Job<'a> {
@@ -70,11 +87,25 @@ struct Model {
     dropped: u64,
     /// The slots that a reset waits for.
     unsettled: usize,
+    /// How many of the slots the reader knows of.
+    known: usize,
+    /// How many slots were freed, and one: a multiple of the capacity where the oldest job is the last of its lap.
+    freed: usize,
 }
 
 impl Model {
     fn new(capacity: usize, max: u16) -> Self {
-        Model { capacity, max, entries: VecDeque::new(), last: None, serial: 0, dropped: 0, unsettled: 0 }
+        Model {
+            capacity,
+            max,
+            entries: VecDeque::new(),
+            last: None,
+            serial: 0,
+            dropped: 0,
+            unsettled: 0,
+            known: 0,
+            freed: 1,
+        }
     }
 
     fn next(&self) -> u16 {
@@ -102,16 +133,26 @@ impl Model {
         self.unsettled = self.entries.len();
     }
 
-    /// The reader takes a job: resets take effect.
-    fn apply_resets(&mut self) {
+    /// The reader takes a job: it looks for more, at least where it knows of none, and resets take effect.
+    fn apply_resets(&mut self, looks: bool) {
+        self.look(looks);
         while self.unsettled > 0 {
             self.free_oldest();
         }
+        self.look(false);
         self.free_completed();
+    }
+
+    fn look(&mut self, looks: bool) {
+        if looks || self.known == 0 {
+            self.known = self.entries.len();
+        }
     }
 
     fn free_oldest(&mut self) {
         self.dropped |= 1 << self.entries.pop_front().unwrap().serial;
+        self.known = self.known.saturating_sub(1);
+        self.freed += 1;
         self.unsettled = self.unsettled.saturating_sub(1);
     }
 
@@ -158,9 +199,15 @@ impl<'j> Run<'_, 'j> {
     fn idle(&mut self, reader: &mut Reader<'_, Job<'j>>) {
         while let Some(op) = self.next() {
             match op {
-                Op::Queue | Op::Clear | Op::Reset => self.write(op),
+                Op::BeginBatch => {
+                    self.model.apply_resets(false);
+                    match reader.take_batch(2) {
+                        Some(batch) => self.executing_batch(batch),
+                        None => assert!(self.model.entries.is_empty()),
+                    }
+                }
                 Op::Begin | Op::BeginNewest => {
-                    self.model.apply_resets();
+                    self.model.apply_resets(op == Op::BeginNewest);
                     let newest = self.model.waiting().next_back().map(|entry| entry.number);
                     let (job, entry) = if op == Op::Begin {
                         (reader.take(), self.model.waiting().next())
@@ -176,6 +223,7 @@ impl<'j> Run<'_, 'j> {
                     }
                 }
                 Op::Complete | Op::GiveUp => {}
+                _ => self.write(op),
             }
             if self.is_new() {
                 self.observe();
@@ -193,14 +241,42 @@ impl<'j> Run<'_, 'j> {
                 assert_eq!(job.serial, serial, "the job in execution is not discarded");
             }
             match self.next() {
-                Some(op @ (Op::Queue | Op::Clear | Op::Reset)) => self.write(op),
-                Some(Op::Begin | Op::BeginNewest) => {} // one at a time: the guard borrows the reader
+                Some(Op::Begin | Op::BeginNewest | Op::BeginBatch) => {} // one at a time: the guard borrows the reader
                 Some(Op::Complete) => {
                     assert_eq!(job.complete().serial, serial);
                     self.model.complete(serial);
                     return;
                 }
                 Some(Op::GiveUp) | None => return,
+                Some(op) => self.write(op),
+            }
+        }
+    }
+
+    /// The same for the oldest jobs: one only where that is known, or the lap, the numbers or a completed job end the row.
+    fn executing_batch(&mut self, mut batch: TakenBatch<'_, Job<'j>>) {
+        let jobs: Vec<_> = batch.iter_mut().map(|(number, job)| (number, job.serial)).collect();
+        let entries = &self.model.entries;
+        let overtaken = entries.iter().any(|entry| entry.state == State::Completed);
+        let mut row: Vec<_> = entries.iter().take(2).map(|entry| (entry.number, entry.serial)).collect();
+        if overtaken || row[0].0 == self.model.max || self.model.freed.is_multiple_of(self.model.capacity) {
+            row.truncate(1);
+        }
+        row.truncate(self.model.known);
+        assert_eq!(jobs, row);
+        loop {
+            if self.is_new() {
+                self.observe();
+                assert!(batch.iter_mut().map(|(number, job)| (number, job.serial)).eq(row.iter().copied()));
+            }
+            match self.next() {
+                Some(Op::Begin | Op::BeginNewest | Op::BeginBatch) => {}
+                Some(Op::Complete) => {
+                    batch.complete();
+                    return row.iter().for_each(|(_, serial)| self.model.complete(*serial));
+                }
+                Some(Op::GiveUp) | None => return,
+                Some(op) => self.write(op),
             }
         }
     }
@@ -220,6 +296,7 @@ impl<'j> Run<'_, 'j> {
                 claim.commit_with(number, || Job { serial, drops }).unwrap();
                 self.model.queue();
             }
+            Op::Batch | Op::DropBatch => self.write_batch(op == Op::Batch),
             Op::Clear => {
                 self.writer.clear();
                 self.model.clear();
@@ -230,6 +307,30 @@ impl<'j> Run<'_, 'j> {
                 self.model.last = None;
             }
             _ => unreachable!("{op:?} is the reader's"),
+        }
+    }
+
+    fn write_batch(&mut self, publish: bool) {
+        let is_new = self.is_new();
+        let Ok(mut batch) = self.writer.claim_batch(2) else {
+            return assert!(self.model.entries.len() + 2 > self.model.capacity);
+        };
+        let (number, serial, drops) = (self.model.next(), self.model.serial, self.drops);
+        if is_new {
+            drop(batch.claim().unwrap());
+            let wrong = batch.claim().unwrap().commit_with(0, || panic!("job 0 is decoded"));
+            assert_eq!(wrong, Err(NumberError::Unexpected { expected: number, found: 0 }));
+        }
+        batch.claim().unwrap().commit_with(number, || Job { serial, drops }).unwrap();
+        batch.fill([Job { serial: serial + 1, drops }]);
+        if publish {
+            assert_eq!(batch.publish(), 2);
+            self.model.queue();
+            self.model.queue();
+        } else {
+            drop(batch);
+            self.model.dropped |= 0b11 << serial;
+            self.model.serial += 2;
         }
     }
 
@@ -272,19 +373,19 @@ fn observe_reader(model: &Model, reader: &Reader<'_, Job<'_>>) {
 }
 
 /// Runs every string in order, and checks each beginning that was not checked before.
-fn every_string<const N: usize>() {
+fn every_string<const N: usize, const DEPTH: usize>(ops: &[Op]) {
     let mut string = [0; DEPTH];
     let mut known = 0;
-    let mut strings = 0_u64;
+    let mut strings = 0;
     loop {
-        one_string::<N>(&string.map(|op| OPS[op]), known);
+        one_string::<N>(&string.map(|op: usize| ops[op]), known);
         strings += 1;
-        let Some(last) = string.iter().rposition(|op| op + 1 < OPS.len()) else { break };
+        let Some(last) = string.iter().rposition(|op| op + 1 < ops.len()) else { break };
         string[last] += 1;
         string[last + 1..].fill(0);
         known = last;
     }
-    assert_eq!(strings, 7_u64.pow(8));
+    assert_eq!(strings, ops.len().pow(DEPTH as u32));
 }
 
 fn one_string<const N: usize>(ops: &[Op], known: usize) {
@@ -304,20 +405,40 @@ const LAST_LAP: u16 = u16::MAX;
 
 #[test]
 fn every_string_of_operations_on_a_queue_of_1() {
-    every_string::<1>();
+    every_string::<1, 8>(&OPS);
+}
+
+#[test]
+fn every_string_with_batches_on_a_queue_of_1() {
+    every_string::<1, 7>(&WITH_BATCHES);
 }
 
 #[test]
 fn every_string_of_operations_on_a_queue_of_2() {
-    every_string::<2>();
+    every_string::<2, 8>(&OPS);
+}
+
+#[test]
+fn every_string_with_batches_on_a_queue_of_2() {
+    every_string::<2, 7>(&WITH_BATCHES);
 }
 
 #[test]
 fn every_string_of_operations_on_a_queue_of_3() {
-    every_string::<3>();
+    every_string::<3, 8>(&OPS);
+}
+
+#[test]
+fn every_string_with_batches_on_a_queue_of_3() {
+    every_string::<3, 7>(&WITH_BATCHES);
 }
 
 #[test]
 fn every_string_of_operations_on_a_queue_of_4() {
-    every_string::<4>();
+    every_string::<4, 8>(&OPS);
+}
+
+#[test]
+fn every_string_with_batches_on_a_queue_of_4() {
+    every_string::<4, 7>(&WITH_BATCHES);
 }

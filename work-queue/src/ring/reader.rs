@@ -42,8 +42,8 @@ impl<T, W: Wake> Reader<'_, T, W> {
         Some(Taken { hold: self.end.hold, front: &mut self.front, here, writer: &self.end.other })
     }
 
-    /// Takes the oldest jobs, at most `most`, by reference: fewer if fewer wait, or if the lap, the numbers, or a job that was
-    /// completed before its turn end the row. They are completed together.
+    /// Takes the oldest jobs, at most `most`, by reference: fewer if fewer were published when the reader last ran out of jobs, or if
+    /// the lap, the numbers, or a job that was completed before its turn end the row. They are completed together.
     #[inline(always)]
     pub fn take_batch(&mut self, most: usize) -> Option<TakenBatch<'_, T, W>> {
         if most == 0 || !self.front.find(&self.end.hold, &self.end.other, check::mark_in_batch()) {

@@ -37,6 +37,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! Jobs arrive in packets and leave one by one. So the two ends share an index each, and no slot has a stamp of its own: the jobs of a
+//! packet are published by one store ([`Writer::claim_batch`]), and a slot is as large as its job. The cost is one more cache line
+//! that goes to and fro where jobs are queued singly.
+//!
 //! Without the feature `alloc` the storage is inline, in a [`WorkQueue`]; with it, `boxed` returns ends that own their storage.
 #![no_std]
 #![deny(unsafe_code)]

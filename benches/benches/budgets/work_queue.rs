@@ -6,57 +6,81 @@ use robot_work_queue::{Reader, Writer, boxed};
 const CAPACITY: usize = 64;
 const MAX_NUMBER: u16 = 9999;
 
-/// The largest job that is in one cache line with its stamp: seven words, computed as by a decoder.
+/// How many jobs are in a batch.
+const BATCH: usize = 16;
+
+/// Seven words, computed as by a decoder.
 type Job = [u64; 7];
 
-/// Queueing a job with its number checked and completing it, in one thread, and the same with another ring.
+const fn row(what: &'static str, goal: Option<f64>, run: fn(u64)) -> Count {
+    Count { what, goal, units: 1.0, unit: "op", run }
+}
+
+const fn batch_row(what: &'static str, goal: Option<f64>, run: fn(u64)) -> Count {
+    Count { what, goal, units: BATCH as f64, unit: "job", run }
+}
+
+/// Queueing jobs and completing them, in one thread, and the same with another ring.
 pub const LINK: Link = Link {
     name: "robot-work-queue",
     counts: &[
-        // The goals are rtrb's counts.
-        Count {
-            what: "queue and complete, u64",
-            goal: Some(78.0),
-            units: 1.0,
-            unit: "op",
-            run: |rounds| words(ours(), rounds),
-        },
-        Count {
-            what: "– the same by rtrb",
-            goal: None,
-            units: 1.0,
-            unit: "op",
-            run: |rounds| words(rtrb(), rounds),
-        },
-        Count {
-            what: "queue and complete, 56 bytes",
-            goal: Some(100.0),
-            units: 1.0,
-            unit: "op",
-            run: |rounds| jobs(ours(), rounds),
-        },
-        Count {
-            what: "– the same by rtrb",
-            goal: None,
-            units: 1.0,
-            unit: "op",
-            run: |rounds| jobs(rtrb(), rounds),
-        },
+        // The goals are rtrb's counts; 1.1 of them where the number of each job is checked.
+        row("queue and complete, u64, its number checked", None, |rounds| checked::<u64>(rounds)),
+        row("– numbered by the queue", None, |rounds| singly::<u64>(ours(), rounds)),
+        row("– the same by rtrb", None, |rounds| singly::<u64>(rtrb(), rounds)),
+        row("queue and complete, 56 bytes, its number checked", None, |rounds| checked::<Job>(rounds)),
+        row("– numbered by the queue", None, |rounds| singly::<Job>(ours(), rounds)),
+        row("– the same by rtrb", None, |rounds| singly::<Job>(rtrb(), rounds)),
+        batch_row("batches of 16, u64", None, |rounds| in_batches::<u64>(ours(), rounds)),
+        batch_row("– chunks of 16 by rtrb", None, |rounds| in_batches::<u64>(rtrb(), rounds)),
+        batch_row("batches of 16, 56 bytes", None, |rounds| in_batches::<Job>(ours(), rounds)),
+        batch_row("– chunks of 16 by rtrb", None, |rounds| in_batches::<Job>(rtrb(), rounds)),
     ],
     budgets: Vec::new,
 };
 
+/// What is queued.
+trait Payload: Copy {
+    fn make(seed: u64) -> Self;
+    fn sum(&self) -> u64;
+}
+
+impl Payload for u64 {
+    #[inline(always)]
+    fn make(seed: u64) -> Self {
+        seed
+    }
+
+    #[inline(always)]
+    fn sum(&self) -> u64 {
+        *self
+    }
+}
+
+impl Payload for Job {
+    #[inline(always)]
+    fn make(seed: u64) -> Self {
+        [seed, seed + 1, seed + 2, seed + 3, seed + 4, seed + 5, seed + 6]
+    }
+
+    #[inline(always)]
+    fn sum(&self) -> u64 {
+        self.iter().fold(0, |sum, word| sum ^ word)
+    }
+}
+
 /// A ring under test. Its ends are used in other functions than the loop, as in a real program.
 trait Ring<T> {
-    fn queue(&mut self, number: u16, job: impl FnOnce() -> T);
+    fn queue(&mut self, job: impl FnOnce() -> T);
     fn complete(&mut self, execute: impl FnOnce(&T));
+    fn queue_batch(&mut self, jobs: impl Iterator<Item = T>);
+    fn complete_batch(&mut self, execute: impl FnMut(&T));
 }
 
 impl<T> Ring<T> for (Writer<'_, T>, Reader<'_, T>) {
     #[inline(never)]
-    fn queue(&mut self, number: u16, job: impl FnOnce() -> T) {
-        let claim = self.0.claim().expect("there is space");
-        claim.commit_with(number, job).expect("the next number");
+    fn queue(&mut self, job: impl FnOnce() -> T) {
+        self.0.claim().expect("there is space").push_with(job);
     }
 
     #[inline(never)]
@@ -65,17 +89,50 @@ impl<T> Ring<T> for (Writer<'_, T>, Reader<'_, T>) {
         execute(&job);
         job.complete();
     }
+
+    #[inline(never)]
+    fn queue_batch(&mut self, jobs: impl Iterator<Item = T>) {
+        let mut batch = self.0.claim_batch(BATCH).expect("there is space");
+        batch.fill(jobs.take(BATCH));
+        assert_eq!(batch.publish(), BATCH);
+    }
+
+    #[inline(never)]
+    fn complete_batch(&mut self, mut execute: impl FnMut(&T)) {
+        let mut left = BATCH;
+        while left > 0 {
+            let mut batch = self.1.take_batch(left).expect("jobs wait");
+            let jobs = batch.iter_mut();
+            left -= jobs.len();
+            jobs.for_each(|(_, job)| execute(job));
+            batch.complete();
+        }
+    }
 }
 
 impl<T> Ring<T> for (rtrb::Producer<T>, rtrb::Consumer<T>) {
     #[inline(never)]
-    fn queue(&mut self, _: u16, job: impl FnOnce() -> T) {
+    fn queue(&mut self, job: impl FnOnce() -> T) {
         assert!(self.0.push(job()).is_ok(), "there is space");
     }
 
     #[inline(never)]
     fn complete(&mut self, execute: impl FnOnce(&T)) {
         execute(&self.1.pop().expect("a job waits"));
+    }
+
+    #[inline(never)]
+    fn queue_batch(&mut self, jobs: impl Iterator<Item = T>) {
+        let chunk = self.0.write_chunk_uninit(BATCH).expect("there is space");
+        assert_eq!(chunk.fill_from_iter(jobs), BATCH);
+    }
+
+    #[inline(never)]
+    fn complete_batch(&mut self, mut execute: impl FnMut(&T)) {
+        let chunk = self.1.read_chunk(BATCH).expect("jobs wait");
+        let (first, second) = chunk.as_slices();
+        first.iter().chain(second).for_each(&mut execute);
+        chunk.commit_all();
     }
 }
 
@@ -87,25 +144,33 @@ fn rtrb<T>() -> impl Ring<T> {
     rtrb::RingBuffer::<T>::new(black_box(CAPACITY))
 }
 
-fn numbers(rounds: u64) -> impl Iterator<Item = u16> {
-    (1..=MAX_NUMBER).cycle().zip(0..rounds).map(|(number, _)| number)
+fn execute<T: Payload>(job: &T) {
+    black_box(job.sum());
 }
 
-fn words(mut ring: impl Ring<u64>, rounds: u64) {
-    for number in numbers(rounds) {
-        ring.queue(number, || u64::from(number));
-        ring.complete(|job| {
-            black_box(*job);
-        });
+fn singly<T: Payload>(mut ring: impl Ring<T>, rounds: u64) {
+    for seed in 0..rounds {
+        ring.queue(|| T::make(seed));
+        ring.complete(execute);
     }
 }
 
-fn jobs(mut ring: impl Ring<Job>, rounds: u64) {
-    for number in numbers(rounds) {
-        let seed = u64::from(number);
-        ring.queue(number, || [seed, seed + 1, seed + 2, seed + 3, seed + 4, seed + 5, seed + 6]);
-        ring.complete(|job| {
-            black_box(job.iter().fold(0, |sum, word| sum ^ word));
-        });
+fn in_batches<T: Payload>(mut ring: impl Ring<T>, rounds: u64) {
+    for seed in 0..rounds {
+        ring.queue_batch((seed..).map(T::make));
+        ring.complete_batch(execute);
+    }
+}
+
+fn checked<T: Payload>(rounds: u64) {
+    #[inline(never)]
+    fn queue<T>(writer: &mut Writer<'_, T>, number: u16, job: impl FnOnce() -> T) {
+        let claim = writer.claim().expect("there is space");
+        claim.commit_with(number, job).expect("the next number");
+    }
+    let mut ring = boxed::<T>(black_box(CAPACITY), black_box(MAX_NUMBER)).expect("a good capacity");
+    for (number, seed) in (1..=MAX_NUMBER).cycle().zip(0..rounds) {
+        queue(&mut ring.0, number, || T::make(seed));
+        ring.complete(execute);
     }
 }

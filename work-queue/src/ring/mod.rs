@@ -164,6 +164,17 @@ impl<T> Shared<T> {
         unsafe { &*self.control.0.slots.get().add(index) }
     }
 
+    /// A row of slots, to go through without looking each time where they are.
+    ///
+    /// # Safety
+    ///
+    /// As for [`slot`](Self::slot); they are on one lap.
+    #[inline(always)]
+    unsafe fn row(&self, index: usize, slots: u32) -> &[Slot<T>] {
+        // SAFETY: as in `slot`; slots hold cells, so that others may write to theirs.
+        unsafe { core::slice::from_raw_parts(self.control.0.slots.get().add(index), slots as usize) }
+    }
+
     /// Whether the job of a slot of the reader's was completed before its turn.
     ///
     /// # Safety

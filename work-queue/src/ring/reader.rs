@@ -293,13 +293,14 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
     /// The jobs with their numbers, oldest first. At least one.
     #[inline(always)]
     pub fn iter_mut(&mut self) -> impl ExactSizeIterator<Item = (u16, &mut T)> {
-        let hold = self.hold;
-        let (index, number) = (self.front.cursor.index(), self.front.cursor.number());
-        (0..self.row as usize).map(move |offset| {
+        let first = self.front.cursor.number();
+        // SAFETY: the index is the cursor's, and the row no longer than its own.
+        let slots = unsafe { self.hold.row(self.front.cursor.index(), self.row) };
+        slots.iter().enumerate().map(move |(offset, slot)| {
             #[expect(clippy::cast_possible_truncation, reason = "a row is not longer than the numbers")]
-            let number = number + offset as u16;
-            // SAFETY: the slots of a row follow one another, are ours and hold jobs; each is lent once.
-            (number, unsafe { hold.slot(index + offset).job_mut() })
+            let number = first + offset as u16;
+            // SAFETY: the slots of the row are ours and hold jobs; each is lent once.
+            (number, unsafe { slot.job_mut() })
         })
     }
 
@@ -313,9 +314,10 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
         }
         let _freed = Freed { hold, head: front.cursor.at, writer: self.writer };
         if core::mem::needs_drop::<T>() {
-            for index in index..index + self.row as usize {
+            // SAFETY: as in `iter_mut`.
+            for slot in unsafe { hold.row(index, self.row) } {
                 // SAFETY: as in `iter_mut`; the cursor is after them. Should a drop panic, the others are forgotten.
-                drop(unsafe { hold.slot(index).move_out() });
+                drop(unsafe { slot.move_out() });
             }
         }
     }

@@ -271,11 +271,11 @@ impl<T, R: Wake> Batch<'_, T, R> {
     pub fn fill(&mut self, jobs: impl IntoIterator<Item = T>) {
         let (mut jobs, limits) = (jobs.into_iter(), self.hold.limits());
         while self.cursor.is_open() {
-            let (start, row) = (self.cursor.index(), self.cursor.row(limits));
-            for index in start..start + row as usize {
+            // SAFETY: the index and the length of the row are the cursor's.
+            for slot in unsafe { self.hold.row(self.cursor.index(), self.cursor.row(limits)) } {
                 let Some(job) = jobs.next() else { return };
-                // SAFETY: the slots of a row follow one another, and are the writer's without a job.
-                unsafe { self.hold.slot(index).fill(|| job) };
+                // SAFETY: the slots of the row are the writer's without a job.
+                unsafe { slot.fill(|| job) };
                 self.cursor.at += 1;
             }
             if self.cursor.at == self.cursor.stop {

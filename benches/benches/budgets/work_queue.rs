@@ -25,10 +25,10 @@ pub const LINK: Link = Link {
     name: "robot-work-queue",
     counts: &[
         // The goals are rtrb's counts; 1.1 of them where the number of each job is checked.
-        row("queue and complete, u64, its number checked", Some(69.0), |rounds| checked::<u64>(rounds)),
+        row("queue and complete, u64, its number checked", Some(69.0), checked::<u64>),
         row("– numbered by the queue", Some(63.0), |rounds| singly::<u64>(ours(), rounds)),
         row("– the same by rtrb", None, |rounds| singly::<u64>(rtrb(), rounds)),
-        row("queue and complete, 56 bytes, its number checked", Some(93.0), |rounds| checked::<Job>(rounds)),
+        row("queue and complete, 56 bytes, its number checked", Some(93.0), checked::<Job>),
         row("– numbered by the queue", Some(85.0), |rounds| singly::<Job>(ours(), rounds)),
         row("– the same by rtrb", None, |rounds| singly::<Job>(rtrb(), rounds)),
         batch_row("batches of 16, u64", Some(16.0), |rounds| in_batches::<u64>(ours(), rounds)),

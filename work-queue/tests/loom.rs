@@ -133,7 +133,7 @@ mod models {
     use super::*;
 
     fn publish_and_release(capacity: usize, count: u16) {
-        model_with(Some(3), move || {
+        model_with((capacity > 1).then_some(3), move || {
             let jobs = Arc::new(Counter::default());
             let (mut writer, mut reader) = boxed::<Job>(capacity, 9).unwrap();
             let reader = thread::spawn(move || {
@@ -203,7 +203,7 @@ mod models {
 
     /// The second job overtakes the first; its slot is filled again only behind that of the first.
     fn out_of_order(capacity: usize, count: u16) {
-        model_with(Some(3), move || {
+        model_with((capacity > 2).then_some(3), move || {
             let jobs = Arc::new(Counter::default());
             let (mut writer, mut reader) = boxed::<Job>(capacity, 9).unwrap();
             let reader = thread::spawn(move || {

@@ -385,7 +385,7 @@ fn every_string<const N: usize, const DEPTH: usize>(ops: &[Op]) {
         string[last + 1..].fill(0);
         known = last;
     }
-    assert_eq!(strings, ops.len().pow(DEPTH as u32));
+    assert_eq!(strings, ops.len().pow(u32::try_from(DEPTH).unwrap()));
 }
 
 fn one_string<const N: usize>(ops: &[Op], known: usize) {

@@ -144,7 +144,7 @@ mod stress {
     }
 
     fn write_batch(writer: &mut Writer<'static, Job>, rng: &mut Rng, mut serials: Range<u64>) -> u64 {
-        let most = 1 + rng.next() as usize % 20;
+        let most = 1 + (rng.next() % 20) as usize;
         let Ok(mut batch) = writer.claim_batch(most.min(2)) else { return 0 };
         let publish = !rng.one_in(10);
         if publish {
@@ -186,7 +186,7 @@ mod stress {
                     continue;
                 }
                 1 => {
-                    let Some(mut batch) = reader.take_batch(1 + rng.next() as usize % 20) else { continue };
+                    let Some(mut batch) = reader.take_batch(1 + (rng.next() % 20) as usize) else { continue };
                     if rng.one_in(20) {
                         continue; // not completed: they wait again
                     }

@@ -35,7 +35,7 @@ def main():
     rows = [["", *checkers]]
     for link in links:
         cells = [columns[checker].get(link) for checker in checkers]
-        rows.append([link, *(f"{cell[0]}/{cell[1]}" if cell else "–" for cell in cells)])
+        rows.append([link, *(f"{cell[0]}/{cell[1]}" if cell and cell[1] else "–" for cell in cells)])
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     for row in rows:
         first, *rest = [cell.ljust(width) if not column else cell.rjust(width) for column, (cell, width) in enumerate(zip(row, widths))]

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 
-use super::program::Instruction;
+use super::route::Instruction;
 use super::settings::Mapping;
 
 /// Reads `WORD,FLOAT,FLOAT,…` a line; a word is `cut`, `move`, or a number such as 258 or 0x0102. Lines that begin with `#`, and a

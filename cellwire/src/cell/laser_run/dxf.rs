@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use dxf::entities::EntityType;
 use dxf::enums::Units;
 
-use super::program::{Instruction, Route};
+use super::route::{Instruction, Route};
 use super::settings::Mapping;
 
 /// Nearer than this, in mm, the next entity goes on where the last has ended.

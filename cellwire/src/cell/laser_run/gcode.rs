@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use anyhow::{Context, Result, bail, ensure};
 use gcode::{Block, Code, Value};
 
-use super::program::{Instruction, Route};
+use super::route::{Instruction, Route};
 use super::settings::Mapping;
 
 /// Reads G0 to G3, G17, G20, G21, G90, G91, G94, M2, M3, M4, M5 and M30; F, S, X, Y, Z, A, B, C, I, J, R.

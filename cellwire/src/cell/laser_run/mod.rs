@@ -5,10 +5,12 @@ mod dxf;
 mod gcode;
 mod journal;
 mod program;
+mod route;
 mod run;
 mod settings;
 
 pub use journal::{Journal, Outcome};
-pub use program::{Instruction, Program};
+pub use program::Program;
+pub use route::Instruction;
 pub use run::{Ended, Runner};
 pub use settings::{Coordinate, Mapping, Settings};

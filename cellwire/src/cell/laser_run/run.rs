@@ -9,7 +9,8 @@ use robot_session::{Driver, Session as _, Transport, now};
 use serde_json::json;
 
 use super::journal::{Journal, Outcome};
-use super::program::{Instruction, Program};
+use super::program::Program;
+use super::route::Instruction;
 use crate::cell::word::{Operator, Word};
 use crate::io::drive::{Lost, turn};
 

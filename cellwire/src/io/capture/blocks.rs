@@ -8,7 +8,7 @@ use pcap_parser::{
     PcapHeader, parse_pcap_frame, parse_pcap_frame_be, parse_pcap_frame_modified, parse_pcap_header,
 };
 
-use super::Fault;
+use super::fault::Fault;
 
 /// So much is read at once.
 const CHUNK: usize = 1 << 20;

@@ -6,7 +6,7 @@ use std::net::IpAddr;
 use etherparse::IpNumber;
 use etherparse::defrag::IpDefragBuf;
 
-use super::Fault;
+use super::fault::Fault;
 use super::network::{Fragment, Ip};
 
 /// So many packets may be incomplete at once, each of at most 64 KiB; with more, the oldest counts as lost.

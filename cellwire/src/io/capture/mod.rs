@@ -5,6 +5,7 @@
 //! rest of their packet, and what the caller keeps of each connection (see [`reassembly`]).
 
 mod blocks;
+mod fault;
 mod fragments;
 mod network;
 pub mod reassembly;
@@ -15,11 +16,12 @@ use std::net::{IpAddr, SocketAddr};
 
 use anyhow::Result;
 use etherparse::{IpNumber, TcpSlice, UdpSlice};
-use serde::Serialize;
 
 use self::blocks::{Block, Blocks};
 use self::fragments::Fragments;
 use self::network::{Network, Other};
+
+pub use self::fault::Fault;
 
 /// The two ends of a flow, the sender first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -56,56 +58,6 @@ pub struct Packet<'a> {
     pub payload: &'a [u8],
     /// How many bytes of the payload the capture has cut off.
     pub missing: u64,
-}
-
-/// Why bytes of a capture could not be read.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
-pub enum Fault {
-    /// The packets of an interface have a link type that is not known: once for each interface.
-    LinkType {
-        /// Its number in the registry of tcpdump.org.
-        number: u32,
-        /// The interface, from 0.
-        interface: usize,
-    },
-    /// A packet of an interface that the capture does not describe.
-    NoInterface {
-        /// The interface, from 0.
-        interface: usize,
-    },
-    /// A header that is none, or that the capture has cut off.
-    Unreadable {
-        /// What is wrong with it.
-        why: String,
-        /// How many bytes of the packet the capture has cut off.
-        missing: u64,
-    },
-    /// Fragments of an IP packet whose rest is not in the capture, or came too late.
-    Fragments {
-        /// The sender.
-        source: IpAddr,
-        /// The receiver.
-        destination: IpAddr,
-        /// The identification of the packet.
-        identification: u32,
-        /// The bytes of its payload that were captured.
-        captured: usize,
-        /// Why they are no packet.
-        why: &'static str,
-    },
-    /// The capture ends in the middle of a block.
-    Truncated {
-        /// The bytes of that block.
-        length: usize,
-    },
-    /// A block that is none: nothing after it can be read.
-    Corrupt {
-        /// Where it begins in the capture.
-        at: u64,
-        /// What is wrong with it.
-        why: String,
-    },
 }
 
 /// What a capture holds.

@@ -80,7 +80,7 @@ pub fn main() -> ExitCode {
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
     };
-    match outcome {
+    let status = match outcome {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),
         Err(error) if output::is_closed(&error) => ExitCode::from(4), // `cellwire decode … | head`
@@ -93,7 +93,9 @@ pub fn main() -> ExitCode {
                 () => 2,
             })
         }
-    }
+    };
+    output::finish();
+    status
 }
 
 /// The command line; the help of a command lists the settings of the link or device that is named beside it.

@@ -8,9 +8,9 @@ use serde_json::Value;
 
 use super::settings::SetArgs;
 use crate::io::input::seconds;
-use crate::io::interrupt;
 use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
+use crate::io::{interrupt, output};
 use crate::links::device::{Device, Endpoint, SimulateOptions};
 use crate::links::device_parser;
 
@@ -22,6 +22,8 @@ use crate::links::device_parser;
 /// peer is another machine. A device on a serial line serves one client at a time and refuses others; a new client of a Kawasaki PC
 /// or of an MM&A device takes the place of the one before; a FANUC controller serves a thousand at once. No client makes another
 /// wait, and what a client sends faster than the device reads, waits in the client's own socket.
+///
+/// Nor does whoever does not read the lines: up to 1 MiB of them waits, and after that a line says how many were dropped.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The device
@@ -74,6 +76,7 @@ pub fn run(args: &Args) -> Result<bool> {
             settings.insert(name.into(), Value::from(value.as_str()));
         }
     }
+    output::never_wait()?;
     interrupt::handle()?;
     let options = SimulateOptions {
         endpoint,

@@ -6,6 +6,8 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, Result};
 
+use crate::io::output;
+
 type Action = Box<dyn FnOnce() + Send>;
 
 /// `None` until [`handle`] is called.
@@ -23,6 +25,7 @@ pub fn handle() -> Result<()> {
     ctrlc::set_handler(|| {
         let actions = lock().take().unwrap_or_default();
         actions.into_iter().for_each(|action| action());
+        output::finish();
         std::process::exit(INTERRUPTED);
     })
     .context("cannot handle interrupts")

@@ -9,6 +9,7 @@ pub mod interrupt;
 pub mod journal;
 pub mod line;
 pub mod listener;
+mod outlet;
 pub mod output;
 pub mod port;
 pub mod priority;

@@ -1,11 +1,14 @@
 //! What the tool prints: JSON lines on standard output, remarks on standard error.
 
 use std::io::{self, ErrorKind, Write};
+use std::sync::OnceLock;
 
 use anyhow::Result;
 use serde::Serialize;
 use serde_json::ser::{CompactFormatter, Formatter};
 use serde_json::{Value, json};
+
+use crate::io::outlet::Outlet;
 
 /// Standard output, or what reads it, is gone: there is nobody to say anything to.
 pub fn is_closed(error: &anyhow::Error) -> bool {
@@ -40,6 +43,29 @@ impl Formatter for Escaping {
     }
 }
 
+/// Standard output and error, once nobody is waited for.
+static OUTLETS: OnceLock<[Outlet; 2]> = OnceLock::new();
+
+/// From now on whoever does not read standard output or error makes nobody wait: for a simulator, whose peers are none of their
+/// business. Up to 1 MiB waits for a reader; lines beyond that are dropped, and a line in their place says how many.
+///
+/// # Errors
+/// When the system has no room for a thread.
+pub fn never_wait() -> Result<()> {
+    let out =
+        Outlet::start(io::stdout(), |lines| format!("{{\"event\":\"lines_dropped\",\"lines\":{lines}}}\n"))?;
+    let error = Outlet::start(io::stderr(), |lines| {
+        format!("warning: {lines} lines were dropped: nobody read them\n")
+    })?;
+    OUTLETS.get_or_init(|| [out, error]);
+    Ok(())
+}
+
+/// Before the program ends: what waits is written, if it is read within a second.
+pub fn finish() {
+    OUTLETS.get().into_iter().flatten().for_each(Outlet::finish);
+}
+
 /// Prints one line of JSON and flushes it, so that a script can read it while the tool runs.
 ///
 /// # Errors
@@ -48,6 +74,9 @@ pub fn log(line: &Value) -> Result<()> {
     let mut bytes = Vec::new();
     write_json(line, &mut bytes)?;
     bytes.push(b'\n');
+    if let Some([out, _]) = OUTLETS.get() {
+        return Ok(out.put(&bytes)?);
+    }
     let mut out = io::stdout().lock();
     out.write_all(&bytes)?;
     Ok(out.flush()?)
@@ -72,6 +101,10 @@ pub fn remark(text: &str) {
         }
     }
     line.push('\n');
+    if let Some([_, error]) = OUTLETS.get() {
+        let _ = error.put(line.as_bytes());
+        return;
+    }
     let _ = io::stderr().lock().write_all(line.as_bytes());
 }
 

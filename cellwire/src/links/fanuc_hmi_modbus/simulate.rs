@@ -56,7 +56,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
             ready("fanuc", "listen", &listener.local_addr()?.to_string())?;
             let (trace, clock) = (options.trace.start("fanuc"), Clock::start());
             if runs {
-                keep_running(&controller, clock);
+                keep_running(&controller, clock)?;
             }
             let service = Service { clock, trace: &trace, idle_timeout: options.idle_timeout };
             // A script that reads no more is none of our business.
@@ -64,7 +64,7 @@ pub fn simulate(options: &SimulateOptions) -> Result<()> {
         }
         Endpoint::Pty(_) => device::serve("fanuc", "fanuc", options, settings.baud, |line, clock| {
             if runs {
-                keep_running(&controller, clock);
+                keep_running(&controller, clock)?;
             }
             serve_line(line, clock, &controller, settings.on_line())
         }),
@@ -96,9 +96,12 @@ pub fn robot(program: &Path, settings: &ProgramSettings, order: WordOrder) -> Re
 }
 
 /// Lets the program run also while no client asks, and prints what it reports.
-fn keep_running(controller: &Shared, clock: Clock) {
+///
+/// # Errors
+/// When the system has no room for a thread.
+fn keep_running(controller: &Shared, clock: Clock) -> Result<()> {
     let controller = Arc::clone(controller);
-    thread::spawn(move || {
+    let thread = thread::Builder::new().name("program".into()).spawn(move || {
         loop {
             thread::sleep(Duration::from_millis(16));
             let events = {
@@ -111,6 +114,7 @@ fn keep_running(controller: &Shared, clock: Clock) {
             }
         }
     });
+    thread.context("cannot start a thread that runs the program").map(drop)
 }
 
 /// Serves any number of clients at once until the listener fails.

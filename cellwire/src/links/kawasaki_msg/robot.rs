@@ -6,7 +6,7 @@ use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, anyhow};
+use anyhow::{Context, Result, anyhow};
 use kawasaki_msg::{Bounds, Job, Line, Robot, RobotConfig, RobotEvent, RobotStatistics, timing};
 use robot_session::{Driver, Session, Transport as _};
 use robot_work_queue::Reader;
@@ -103,11 +103,14 @@ pub fn run(
     };
     let (ended, orders, speed) = (AtomicBool::new(false), task.orders, setup.speed);
     let (outcome, work_cycle) = thread::scope(|scope| {
-        let motion = scope.spawn(|| draw(reader, speed, orders, &ended, &report, &strokes));
+        let builder = thread::Builder::new().name("motion".into());
+        let motion =
+            builder.spawn_scoped(scope, || draw(reader, speed, orders, &ended, &report, &strokes))?;
         let outcome = task.run(address, stop);
         ended.store(true, Ordering::Relaxed);
-        (outcome, motion.join())
-    });
+        anyhow::Ok((outcome, motion.join()))
+    })
+    .context("cannot start the motion task")?;
     outcome?;
     let statistics = task.session.statistics();
     let work_cycle = work_cycle.map_err(|_| anyhow!("the motion task panicked"))?;

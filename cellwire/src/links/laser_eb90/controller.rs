@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use laser_eb90::{Controller, ControllerConfig, ControllerEvent, Instruction, Item, Items, Refusal};
 use robot_session::{Driver, Received, Sent, Session as _, Transport};
 use robot_work_queue::Reader;
@@ -156,7 +156,10 @@ pub fn run(
     let controller = Controller::new(robot.config, writer)?;
     priority::raise(Rank::Hardware);
     thread::scope(|scope| {
-        let motion = scope.spawn(move || motion.run(reader));
+        let builder = thread::Builder::new().name("motion".into());
+        let motion = builder
+            .spawn_scoped(scope, move || motion.run(reader))
+            .context("cannot start a thread that executes instructions")?;
         let outcome = task.run(controller, line);
         done.store(true, Ordering::Relaxed);
         if let Err(panic) = motion.join() {

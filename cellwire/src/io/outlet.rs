@@ -1,0 +1,153 @@
+//! Standard output or error of a program that waits for nobody who reads it.
+
+use std::io::{self, ErrorKind, Write};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+
+/// So many bytes wait for a reader, beside those that the system keeps.
+const ROOM: usize = 1 << 20;
+
+/// At the end of the program a reader gets so long to take what waits.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// A thread that writes lines. What there is no room for is dropped and counted.
+#[derive(Debug)]
+pub(super) struct Outlet(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    waiting: Vec<u8>,
+    is_writing: bool,
+    /// Lines that there was no room for, after what waits.
+    dropped: u64,
+    failed: Option<ErrorKind>,
+}
+
+impl Outlet {
+    /// Writes to `out`. `note` is the line that says how many were dropped.
+    ///
+    /// # Errors
+    /// When the system has no room for a thread.
+    pub(super) fn start(mut out: impl Write + Send + 'static, note: fn(u64) -> String) -> Result<Self> {
+        let shared = Arc::new(Shared::default());
+        let of_thread = Arc::clone(&shared);
+        let thread = thread::Builder::new().name("output".into());
+        thread.spawn(move || of_thread.run(&mut out, note)).context("cannot start a thread that prints")?;
+        Ok(Self(shared))
+    }
+
+    /// Takes a line, or drops it.
+    ///
+    /// # Errors
+    /// When an earlier line could not be written.
+    pub(super) fn put(&self, line: &[u8]) -> io::Result<()> {
+        let mut state = self.0.lock();
+        if let Some(kind) = state.failed {
+            return Err(kind.into());
+        }
+        // Lines keep their order: after one that was dropped there is no room for a shorter one.
+        if state.dropped > 0 || state.waiting.len() + line.len() > ROOM {
+            state.dropped += 1;
+            return Ok(());
+        }
+        state.waiting.extend_from_slice(line);
+        self.0.changed.notify_all();
+        Ok(())
+    }
+
+    /// Waits until everything is written, or for a reader who does not come.
+    pub(super) fn finish(&self) {
+        let is_busy = |state: &mut State| state.is_writing || !state.waiting.is_empty();
+        drop(self.0.changed.wait_timeout_while(self.0.lock(), PATIENCE, is_busy));
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn run(&self, out: &mut impl Write, note: fn(u64) -> String) {
+        loop {
+            let mut state = self.lock();
+            while state.waiting.is_empty() {
+                state.is_writing = false;
+                self.changed.notify_all();
+                state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            }
+            state.is_writing = true;
+            let mut lines = core::mem::take(&mut state.waiting);
+            if state.dropped > 0 {
+                lines.extend(note(core::mem::take(&mut state.dropped)).into_bytes());
+            }
+            drop(state);
+            if let Err(error) = out.write_all(&lines).and_then(|()| out.flush()) {
+                let mut state = self.lock();
+                (state.failed, state.is_writing, state.waiting) = (Some(error.kind()), false, Vec::new());
+                self.changed.notify_all();
+                return;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::{Receiver, Sender, channel};
+
+    /// Writes nothing until it is told.
+    struct Slow(Receiver<()>, Sender<Vec<u8>>);
+
+    impl Write for Slow {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.recv().map_err(|_| ErrorKind::BrokenPipe)?;
+            let _ = self.1.send(bytes.to_vec());
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn lines_without_room_are_dropped_and_counted_in_their_place() {
+        let ((go, wait), (sender, written)) = (channel(), channel());
+        let outlet = Outlet::start(Slow(wait, sender), |count| format!("{count} dropped\n")).unwrap();
+        outlet.put(b"first\n").unwrap();
+        // The thread holds the first line; then there is room for so many.
+        while !outlet.0.lock().is_writing {
+            thread::yield_now();
+        }
+        let line = [b'x'; 1024];
+        for _ in 0..ROOM / line.len() + 7 {
+            outlet.put(&line).unwrap();
+        }
+        outlet.put(b"short\n").unwrap();
+        go.send(()).unwrap();
+        assert_eq!(written.recv().unwrap(), b"first\n");
+        go.send(()).unwrap();
+        let rest = written.recv().unwrap();
+        assert_eq!(rest.len(), ROOM + b"8 dropped\n".len());
+        assert!(rest.ends_with(b"8 dropped\n"));
+        outlet.put(b"last\n").unwrap();
+        go.send(()).unwrap();
+        assert_eq!(written.recv().unwrap(), b"last\n");
+        outlet.finish();
+        // Nobody reads any more: the next line but one is an error.
+        drop(go);
+        outlet.put(b"lost\n").unwrap();
+        outlet.finish();
+        assert_eq!(outlet.put(b"refused\n").unwrap_err().kind(), ErrorKind::BrokenPipe);
+    }
+}

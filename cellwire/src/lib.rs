@@ -23,6 +23,8 @@ use self::command::{
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
+use self::links::fanuc_hmi_modbus::options::client_settings;
+use self::links::settings::Setting;
 
 /// Tests robot links without a robot: runs them end to end, reads and writes their bytes, and simulates the devices.
 ///
@@ -105,12 +107,28 @@ fn parse() -> Cli {
     for name in ["decode", "encode", "simulate", "demo", "alter"] {
         command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
     }
-    for (name, settings) in [("laser", laser::settings()), ("mma", mma::settings())] {
-        let help = format!("Settings, for --set and --settings:\n\n{}", settings::lines(&settings));
-        command = command.mut_subcommand(name, |it| it.mut_subcommand("run", |it| it.after_long_help(help)));
+    for (name, inner, settings) in [
+        ("laser", "run", laser::settings()),
+        ("mma", "run", mma::settings()),
+        ("modbus", "scan", client_settings()),
+        ("modbus", "poll", client_settings()),
+        ("fanuc", "log", fanuc::settings()),
+        ("fanuc", "read", fanuc::settings()),
+        ("fanuc", "write", fanuc::settings()),
+    ] {
+        command =
+            command.mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, &settings)));
     }
+    command = command.mut_subcommand("modbus", |it| with_settings(it, &client_settings()));
     match Cli::from_arg_matches(&command.get_matches()) {
         Ok(cli) => cli,
         Err(error) => error.exit(),
     }
+}
+
+/// The command, whose long help ends with these settings.
+fn with_settings(command: clap::Command, settings: &[Setting]) -> clap::Command {
+    let before = command.get_after_help().map(|text| format!("{text}\n\n")).unwrap_or_default();
+    let lines = settings::lines(settings);
+    command.after_long_help(format!("{before}Settings, for --set and --settings:\n\n{lines}"))
 }

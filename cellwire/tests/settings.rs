@@ -3,8 +3,10 @@
 
 use core::fmt::Debug;
 use std::fs;
-use std::io::Write;
+use std::io::{Read, Write};
+use std::net::TcpListener;
 use std::process::{Command, Output, Stdio};
+use std::thread;
 
 use cellwire::links::settings::{Configure, list};
 use cellwire::links::{LINKS, devices};
@@ -64,7 +66,9 @@ fn every_field_of_every_configuration_can_be_set() {
     complete(val2_viewer::WorkstationConfig::default(), &[]);
     complete(isra_ball::HostConfig::default(), &[]);
     complete(isra_ball::BallConfig::default(), &[]);
-    complete(fanuc_hmi_modbus::ClientConfig::tcp(), &[("framing", "how the connection is made decides it")]);
+    const PORT: (&str, &str) = ("framing", "how the connection is made decides it");
+    const ONE: (&str, &str) = ("in_flight", "the tool's clients have a place for one request");
+    complete(fanuc_hmi_modbus::ClientConfig::tcp(), &[PORT, ONE]);
     complete(laser_eb90::Profile::default(), &[]);
     complete(laser_eb90::HostConfig::default(), &[PROFILE]);
     complete(laser_eb90::ControllerConfig::default(), &[PROFILE]);
@@ -92,7 +96,11 @@ fn settings_inside_others_are_listed() {
     let demo = |link: &str| cellwire::cell::settings(link);
     has(demo("kawasaki-msg"), &["charset", "robot.patience", "robot.recovery.pauses", "pc.silence", "port"]);
     has(demo("laser-eb90"), &["baud", "resends", "tail", "robot.queue", "robot.silence"]);
-    has(demo("val2-viewer"), &["baud", "stale_after"]);
+    has(demo("val2-viewer"), &["baud", "stale_after", "host.interval", "host.max_age"]);
+    has(
+        demo("fanuc-hmi-modbus"),
+        &["poll", "word_order", "client.settle", "server.unit", "server.broadcast"],
+    );
     has(demo("isra-ball"), &["baud", "period", "max_age", "sensor"]);
     has(demo("mmacell-proto"), &["parts", "task.grip_dwell", "task.robot_home", "central.tolerance"]);
     has(device("mma-robot"), &["accepts.itr", "writes.clos", "refusal", "speed", "drop_every"]);
@@ -127,7 +135,22 @@ fn help_lists_the_settings_with_values_and_defaults() {
     assert!(help(&["decode", "val2-alter", "--help"]).contains("  leading_dle = 2    (1, 2)"));
     assert!(help(&["encode", "mmacell-proto", "--help"]).contains("  itr = false    (true or false)"));
     assert!(help(&["demo", "kawasaki-msg", "--help"]).contains("  speed = 16000    (from 1 mm/s)"));
-    assert!(help(&["demo", "fanuc-hmi-modbus", "--help"]).contains("fanuc-hmi-modbus has no settings."));
+    assert!(
+        help(&["demo", "fanuc-hmi-modbus", "--help"])
+            .contains("  client.timeout = 1s    (a time above 0, or never)")
+    );
+    assert!(help(&["decode", "isra-ball", "--help"]).contains("isra-ball has no settings."));
+    for command in [&["modbus"][..], &["modbus", "scan"], &["modbus", "poll"]] {
+        let text = help(&[command, &["--help"]].concat());
+        for line in ["  any_unit = false    (true or false)", "  silence = ", "  stall = "] {
+            assert!(text.contains(line), "{command:?} {line}\n{text}");
+        }
+    }
+    for command in ["log", "read", "write"] {
+        assert!(help(&["fanuc", command, "--help"]).contains("  any_unit = false"), "{command}");
+    }
+    assert!(help(&["modbus", "--help"]).contains("Examples:"));
+    assert!(help(&["alter", "--help"]).contains("  viewer.max_age = 200ms    (a time above 0, or never)"));
     assert!(help(&["simulate", "--help"]).contains("`cellwire simulate DEVICE --help` lists the settings."));
 }
 
@@ -198,4 +221,58 @@ fn a_device_refuses_what_is_out_of_range_before_it_starts() {
     assert!(error.contains("stale_after=1ms: out of range, give a time from"), "{error}");
     let error = simulate("fanuc", "unit=every");
     assert!(error.contains("unit=every: not a whole number, give 0 to 255, or auto"), "{error}");
+}
+
+/// A server that replies to every request as unit 9: one register, which holds 42.
+fn unit_9() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    thread::spawn(move || {
+        for mut stream in listener.incoming().map_while(Result::ok) {
+            let mut request = [0; 12];
+            while stream.read_exact(&mut request).is_ok() {
+                let [high, low, ..] = request;
+                stream.write_all(&[high, low, 0, 0, 0, 5, 9, 3, 2, 0, 42]).unwrap();
+            }
+        }
+    });
+    address
+}
+
+#[test]
+fn the_clients_of_modbus_are_set_too() {
+    let address = unit_9();
+    let ask = |args: &[&str]| {
+        let request = r#"{"unit":1,"function":3,"address":0,"quantity":1}"#;
+        cellwire(&[&["modbus", &address], args].concat(), request)
+    };
+    let (code, out, _) = ask(&["--set", "timeout=300ms"]);
+    assert_eq!(code, Some(1), "{out}");
+    assert!(out.contains("failed"), "{out}");
+    let (code, out, said) = ask(&["--set", "any_unit=true"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(out.contains("[42]"), "{out}");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("gateway.toml");
+    fs::write(&file, "any_unit = true\n").unwrap();
+    assert_eq!(ask(&["--settings", file.to_str().unwrap()]).0, Some(0));
+    fs::write(&file, "# a gateway\nany_unit = 9\n").unwrap();
+    let (code, _, said) = ask(&["--settings", file.to_str().unwrap()]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("gateway.toml, line 2: any_unit=9: neither true nor false"), "{said}");
+    let (code, _, said) = ask(&["--set", "silence=2ms"]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("modbus has no setting `silence`: it has timeout, any_unit"), "{said}");
+
+    let read = ["fanuc", "read", &address, "int16", "--address", "0"];
+    assert_eq!(cellwire(&[&read[..], &["--set", "timeout=300ms"]].concat(), "").0, Some(1));
+    let (code, out, said) = cellwire(&[&read[..], &["--set", "any_unit=true"]].concat(), "");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(out.contains("42"), "{out}");
+    let csv = folder.path().join("run.csv");
+    let log = ["fanuc", "log", &address, "--csv", csv.to_str().unwrap(), "--set", "in_flight=2"];
+    let (code, _, said) = cellwire(&log, "");
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("fanuc log has no setting `in_flight`"), "{said}");
+    assert!(!csv.exists());
 }

@@ -18,7 +18,6 @@ pub use options::{DemoOptions, MustFail};
 
 use self::report::Report;
 use crate::links::settings::{self, Setting};
-use crate::links::val2_viewer::options::ViewerSettings;
 
 /// Runs the demo of the link of this name.
 ///
@@ -69,8 +68,9 @@ pub fn settings(link: &str) -> Vec<Setting> {
     match link {
         "kawasaki-msg" => settings::list(kawasaki_msg::Settings::default()),
         "val2-alter" => settings::list(teleop::demo::RobotSettings::default()),
-        "val2-viewer" => settings::list(ViewerSettings::default()),
+        "val2-viewer" => settings::list(teleop::demo::ViewerSettings::default()),
         "isra-ball" => settings::list(teleop::demo::BallSettings::default()),
+        "fanuc-hmi-modbus" => settings::list(fanuc_hmi_modbus::Settings::default()),
         "laser-eb90" => settings::list(laser_eb90::Settings::default()),
         "mmacell-proto" => settings::list(mmacell_proto::Settings::default()),
         _ => Vec::new(),

@@ -132,12 +132,13 @@ impl Args {
 /// When there is no terminal, a port cannot be opened, or a setting has no such value.
 pub fn run(args: &Args) -> Result<bool> {
     ensure!(std::io::stdout().is_terminal(), "the operator's screen needs a terminal");
-    let Settings { alter, polls, profile } = args.settings()?;
+    let Settings { alter, polls, viewer, profile } = args.settings()?;
     let config = TeleopConfig {
         robot: PortConfig { path: args.robot.clone(), baud: alter.baud },
         input: args.input.config(polls.baud),
         record: args.record.clone(),
         viewer: args.viewer.clone().map(|path| PortConfig { path, baud: args.viewer_baud }),
+        viewer_host: viewer,
         latch: LatchConfig {
             // Armed, the arm leaves the offset that it holds.
             confirm: args.confirm || alter.mode.accumulation() == Accumulation::NonCumulative,

@@ -7,7 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use fanuc_hmi_modbus::{ServerConfig, TelemetryBlock, WordOrder};
+use fanuc_hmi_modbus::TelemetryBlock;
 use fanuc_ls::{Program, Rules};
 use serde_json::json;
 
@@ -15,6 +15,7 @@ use super::logger::{Logger, Reading, Source};
 use super::plot;
 use super::recording::{self, Comparison, Recording};
 use super::robot::Run;
+use super::settings::Settings;
 use super::task::BackgroundTask;
 use crate::cell::options::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
@@ -41,9 +42,9 @@ const SPEED: (f64, f64) = (100.0, 20.0);
 /// Runs the controller and its client over loopback TCP.
 ///
 /// # Errors
-/// When no port is free, a file cannot be written, or a setting is given: the demo has none.
+/// When no port is free, a file cannot be written, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    settings::read("fanuc-hmi-modbus", (), &options.settings)?;
+    let settings = settings::read("fanuc-hmi-modbus", Settings::default(), &options.settings)?;
     let seconds = options.seconds.map_or(8.0, |seconds| seconds.as_secs_f64());
     let trajectory = trajectory((seconds - 2.0 * REST).max(0.5))?;
     let sampling = Sampling::Dynamic { min: 0.05, max: 0.5, by: Acceleration::Either };
@@ -60,13 +61,16 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let clock = Clock::start();
     let begins = clock.now().as_secs_f64() + REST;
     let ends = begins + run.seconds() + REST;
-    let controller =
-        Controller::new(Box::new(move |at| shown(&run, at.as_secs_f64() - begins)), WordOrder::LowFirst);
-    let (recording, turn_around, failed) = record(options, controller, clock, ends)?;
+    let shape = Box::new(move |at: Duration| shown(&run, at.as_secs_f64() - begins));
+    let controller = Controller::new(shape, settings.word_order);
+    let (recording, turn_around, failed) = record(options, &settings, controller, clock, ends)?;
 
     let states = recording.states();
     let compared = Comparison::new(recording::reference(&trajectory, &ARM), states, REST + 1.0);
-    let title = "a resampled program runs, its telemetry is logged every 8 ms over Modbus TCP and compared with the plan";
+    let every = humantime::format_duration(settings.poll);
+    let title = format!(
+        "a resampled program runs, its telemetry is logged every {every} over Modbus TCP and compared with the plan"
+    );
     let mut report = Report::new("fanuc-hmi-modbus", title);
     report.fact("planned", "samples of the trajectory", trajectory.samples().len());
     report.fact("points", "points that the program makes of them", made.moves + 1);
@@ -109,6 +113,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
 /// Serves the controller and logs it until the motion has ended.
 fn record(
     options: &DemoOptions,
+    settings: &Settings,
     controller: Controller,
     clock: Clock,
     ends: f64,
@@ -117,20 +122,21 @@ fn record(
     let address = listener.local_addr()?;
     let listener = Listener::new(listener)?;
     let trace = options.trace.start("fanuc");
-    let shared = Arc::new(Mutex::new(controller));
+    let (shared, config) = (Arc::new(Mutex::new(controller)), settings.server);
     // It ends with the process, as the listener does.
     thread::spawn(move || {
         let service = Service { clock, trace: &trace, idle_timeout: None };
-        serve_tcp(listener, &shared, ServerConfig::tcp(), &service, |_| {})
+        serve_tcp(listener, &shared, config, &service, |_| {})
     });
     let proxy = options.faults.then(|| tcp::FaultyProxy::start(address, options.seed, 0.0)).transpose()?;
     let address = proxy.as_ref().map_or(address, tcp::FaultyProxy::address);
     let source = Source {
         server: address.to_string(),
-        unit: 1,
+        unit: settings.server.unit.unwrap_or(1),
         address: TelemetryBlock::ADDRESS,
-        poll: PERIOD,
+        poll: settings.poll,
         connect_timeout: tcp::CONNECT_TIMEOUT,
+        config: settings.client,
     };
     let mut logger = Logger::connect(source, clock)?;
     let (mut recording, mut turn_around, mut failed) =
@@ -141,7 +147,7 @@ fn record(
         match reading {
             Reading::Registers(registers, took) => {
                 turn_around.add(took);
-                let mut block = TelemetryBlock::from_registers(registers, WordOrder::LowFirst);
+                let mut block = TelemetryBlock::from_registers(registers, settings.word_order);
                 if options.spoils(MustFail::Limit) {
                     block.position = block.position.map(|mm| mm + 10.0);
                 }

@@ -26,6 +26,8 @@ pub struct Source {
     pub poll: Duration,
     /// How long a connection may take to open.
     pub connect_timeout: Duration,
+    /// The session's configuration, of Modbus TCP.
+    pub config: ClientConfig,
 }
 
 /// A client of a controller's telemetry.
@@ -71,7 +73,7 @@ impl Logger {
     /// When there is none.
     pub fn connect(source: Source, clock: Clock) -> Result<Self> {
         let driver = Driver::new(tcp::connect(&source.server, source.connect_timeout)?);
-        let mut client = Client::new(ClientConfig::tcp())?;
+        let mut client = Client::new(source.config)?;
         client.handle_connected(robot_session::now());
         Ok(Self { source, driver, client, clock, wait: FIRST_WAIT })
     }

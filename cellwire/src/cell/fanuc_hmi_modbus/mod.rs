@@ -7,6 +7,8 @@ pub mod plausibility;
 pub mod plot;
 pub mod recording;
 mod robot;
+mod settings;
 pub mod task;
 
 pub use demo::demo;
+pub use settings::Settings;

@@ -12,6 +12,8 @@ pub struct Settings {
     pub alter: HostConfig,
     /// The polls of the ball.
     pub polls: isra_ball::HostConfig,
+    /// The answers to the workstation.
+    pub viewer: val2_viewer::HostConfig,
     /// What the hand's values mean.
     pub profile: Profile,
 }
@@ -21,6 +23,7 @@ impl Default for Settings {
         Self {
             alter: HostConfig { limits: LIMITS, policy: Policy::Ignore, ..host_config() },
             polls: polls(isra_ball::timing::BAUD),
+            viewer: val2_viewer::HostConfig::default(),
             profile: Profile::for_limits(LIMITS, 100),
         }
     }
@@ -28,9 +31,10 @@ impl Default for Settings {
 
 impl Configure for Settings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { alter, polls, profile } = self;
+        let Self { alter, polls, viewer, profile } = self;
         alter.configure(table);
         table.group("ball", |table| polls.configure(table));
+        table.group("viewer", |table| viewer.configure(table));
         table.group("profile", |table| profile.configure(table));
     }
 }

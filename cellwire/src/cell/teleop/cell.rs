@@ -48,6 +48,8 @@ pub struct CellConfig {
     pub ball: BallConfig,
     /// The workstation, and its line.
     pub viewer: ViewerSettings,
+    /// The host's end of that line.
+    pub viewer_host: val2_viewer::HostConfig,
     /// Whether lines corrupt bytes, and the host stalls.
     pub faults: bool,
     /// The seed of the faults.
@@ -66,6 +68,7 @@ impl CellConfig {
             polls: polls(isra_ball::timing::BAUD),
             ball: BallConfig::default(),
             viewer: ViewerSettings::default(),
+            viewer_host: val2_viewer::HostConfig::default(),
             faults: options.faults,
             seed: options.seed,
             trace: options.trace.clone(),
@@ -169,6 +172,7 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
         input: InputConfig::Ball(ball.port(polls.baud)),
         record: None,
         viewer: Some(viewer.port(viewer_baud)),
+        viewer_host: config.viewer_host,
         alter: config.alter,
         polls,
         profile: Profile::for_limits(config.alter.limits, 150),

@@ -21,6 +21,8 @@ pub struct TeleopConfig {
     pub record: Option<PathBuf>,
     /// The workstation's port.
     pub viewer: Option<PortConfig>,
+    /// The answers to it.
+    pub viewer_host: val2_viewer::HostConfig,
     /// The ALTER session.
     pub alter: HostConfig,
     /// The polls of the ball.

@@ -122,7 +122,10 @@ impl Teleop {
         )?;
         let jog = hand.jog.take();
         let viewer = match &config.viewer {
-            Some(port) => Some(viewer::Feed::open(port, context(&traces.viewer), poses_in, viewer_probe_in)?),
+            Some(port) => {
+                let context = context(&traces.viewer);
+                Some(viewer::Feed::open(port, config.viewer_host, context, poses_in, viewer_probe_in)?)
+            }
             None => None,
         };
         let mut threads = vec![thread::spawn(|| robot.run()), thread::spawn(|| hand.run())];

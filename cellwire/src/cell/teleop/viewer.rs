@@ -29,13 +29,14 @@ pub(super) struct Feed {
 
 impl Feed {
     pub(super) fn open(
-        config: &PortConfig,
+        port: &PortConfig,
+        config: HostConfig,
         context: Context,
         poses: Receiver<Transform>,
         probe: Receiver<()>,
     ) -> Result<Self> {
-        let driver = Driver::new(Port::open("viewer", config, &context)?);
-        let host = Host::new(HostConfig::default())?;
+        let driver = Driver::new(Port::open("viewer", port, &context)?);
+        let host = Host::new(config)?;
         Ok(Self { context, driver, host, poses, probe, is_connected: false })
     }
 

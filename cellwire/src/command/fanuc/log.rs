@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::{Result, ensure};
 use clap::ValueEnum;
 use fanuc_hmi_modbus::typed::OrderProbe;
-use fanuc_hmi_modbus::{TelemetryBlock, WordOrder};
+use fanuc_hmi_modbus::{ClientConfig, TelemetryBlock, WordOrder};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Value, json};
 
@@ -18,11 +18,13 @@ use crate::cell::fanuc_hmi_modbus::plausibility::{Fault, Implausible, Plausibili
 use crate::cell::fanuc_hmi_modbus::recording::{self, Recording};
 use crate::cell::report::Report;
 use crate::command::ls::{GeometryArgs, limits};
+use crate::command::settings::SetArgs;
 use crate::io::line::Clock;
 use crate::io::output::remark;
 use crate::io::samples::Samples;
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, interrupt};
+use crate::links::settings;
 
 /// Logs the telemetry block of a controller, as a table.
 ///
@@ -66,6 +68,8 @@ pub(super) struct Args {
     geometry: GeometryArgs,
     #[command(flatten)]
     connect: ConnectArgs,
+    #[command(flatten)]
+    set: SetArgs,
     /// Print one JSON object at the end instead of a table
     #[arg(long)]
     json: bool,
@@ -96,6 +100,8 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         }
         None => None,
     };
+    let config = settings::read("fanuc log", ClientConfig::tcp(), &args.set.read()?);
+    let config = config.map_err(|error| args.set.located(error))?;
     interrupt::note()?;
     let clock = Clock::start();
     let source = Source {
@@ -104,6 +110,7 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         address: args.address,
         poll,
         connect_timeout: args.connect.timeout(),
+        config,
     };
     let mut logger = Logger::connect(source, clock)?;
     let (file, csv) = files::create_new(&args.csv)?;

@@ -8,9 +8,10 @@ use std::io::Write;
 
 use anyhow::Result;
 use clap::{Subcommand, ValueEnum};
-use fanuc_hmi_modbus::WordOrder;
+use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 
 use crate::cell::report::Report;
+use crate::links::settings::{self, Setting};
 
 /// The telemetry and the registers of a FANUC controller over Modbus TCP (HMI Device Communication).
 ///
@@ -55,6 +56,11 @@ pub fn run(args: &Args) -> Result<bool> {
         Command::Read(args) => variable::read(args),
         Command::Write(args) => variable::write(args),
     }
+}
+
+/// What can be set of the session with the controller.
+pub fn settings() -> Vec<Setting> {
+    settings::list(ClientConfig::tcp())
 }
 
 /// Which word of a value comes first.

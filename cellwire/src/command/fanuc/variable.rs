@@ -9,9 +9,11 @@ use fanuc_hmi_modbus::{PositionRegister, Reply, Request, WordOrder, Words, text}
 use serde_json::{Value, json};
 
 use super::OrderArg;
+use crate::command::settings::SetArgs;
 use crate::io::output::{log, remark};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
+use crate::links::settings;
 
 /// Reads variables from holding registers, one JSON line each.
 ///
@@ -64,6 +66,8 @@ struct PlaceArgs {
     word_order: OrderArg,
     #[command(flatten)]
     connect: ConnectArgs,
+    #[command(flatten)]
+    set: SetArgs,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -110,7 +114,10 @@ pub(super) fn write(args: &WriteArgs) -> Result<bool> {
 
 impl PlaceArgs {
     fn connect(&self) -> Result<Client> {
-        Client::open(&Port::tcp(&self.server, self.connect.timeout()))
+        let mut port = Port::tcp(&self.server, self.connect.timeout());
+        let config = settings::read("fanuc", port.config, &self.set.read()?);
+        port.config = config.map_err(|error| self.set.located(error))?;
+        Client::open(&port)
     }
 
     /// The registers of a variable.

@@ -10,12 +10,15 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clap::{Subcommand, ValueEnum};
+use fanuc_hmi_modbus::ClientConfig;
 use serialport::{Parity, StopBits};
 
+use super::settings::SetArgs;
 use crate::io::input::seconds;
 use crate::io::serial;
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
+use crate::links::settings;
 
 /// Sends Modbus requests to a server and prints its replies; looks for servers and what they have; watches values.
 ///
@@ -76,6 +79,8 @@ struct PortArgs {
     timeout: Option<u64>,
     #[command(flatten)]
     connect: ConnectArgs,
+    #[command(flatten)]
+    set: SetArgs,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -108,13 +113,23 @@ pub fn run(args: &Args) -> Result<bool> {
         Some(Command::Poll(args)) => poll::poll(args),
         None => {
             let server = args.server.as_deref().context("a server is needed")?;
-            requests::run(&args.port.port(server, 1000), args.file.as_deref(), args.confirm)
+            requests::run(&args.port.port(server, 1000)?, args.file.as_deref(), args.confirm)
         }
     }
 }
 
 impl PortArgs {
-    fn port(&self, server: &str, timeout: u64) -> Port {
+    fn port(&self, server: &str, timeout: u64) -> Result<Port> {
+        self.port_with(server, timeout, |_| {})
+    }
+
+    /// With other defaults of the session.
+    fn port_with(
+        &self,
+        server: &str,
+        timeout: u64,
+        defaults: impl FnOnce(&mut ClientConfig),
+    ) -> Result<Port> {
         let is_path = server.contains('/') || !server.contains(':');
         let kind = if is_path {
             PortKind::Serial {
@@ -134,7 +149,12 @@ impl PortArgs {
                 connect_timeout: self.connect.timeout(),
             }
         };
-        Port { kind, timeout: Duration::from_millis(self.timeout.unwrap_or(timeout)) }
+        let mut port = Port::new(kind);
+        port.config.timeout = Duration::from_millis(self.timeout.unwrap_or(timeout));
+        defaults(&mut port.config);
+        let config = settings::read("modbus", port.config, &self.set.read()?);
+        port.config = config.map_err(|error| self.set.located(error))?;
+        Ok(port)
     }
 }
 

@@ -44,7 +44,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
 pub(super) fn poll(args: &Args) -> Result<bool> {
     interrupt::note()?;
-    let mut client = Client::open(&args.port.port(&args.server, 1000))?;
+    let mut client = Client::open(&args.port.port(&args.server, 1000)?)?;
     let parts = args.ranges.iter().flat_map(|range| range.parts(range.most()));
     let mut watched: Vec<Watched> = parts.map(|range| Watched { range, shown: None }).collect();
     let (clock, every) = (Clock::start(), Duration::from_millis(args.every));

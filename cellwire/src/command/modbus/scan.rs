@@ -45,9 +45,12 @@ pub(super) struct Args {
 
 pub(super) fn scan(args: &Args) -> Result<bool> {
     interrupt::note()?;
-    let port = args.port.port(&args.server, if args.ranges { 1000 } else { 200 });
+    let timeout = if args.ranges { 1000 } else { 200 };
     // A late reply names its unit: the wait for it need not be longer than the one for the reply.
-    let mut client = Client::open_with(&port, |config| config.settle = config.settle.min(config.timeout))?;
+    let port = args.port.port_with(&args.server, timeout, |config| {
+        config.settle = config.settle.min(config.timeout);
+    })?;
+    let mut client = Client::open(&port)?;
     let found = if args.ranges { ranges(args, &mut client)? } else { units_of(args, &mut client)? };
     if found == 0 {
         remark(if args.ranges { "nothing that can be read" } else { "no unit replies" });

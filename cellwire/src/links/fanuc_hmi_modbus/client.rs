@@ -18,8 +18,8 @@ use crate::io::{serial, tcp};
 pub struct Port {
     /// The connection or the line.
     pub kind: PortKind,
-    /// How long a reply may take.
-    pub timeout: Duration,
+    /// The session's configuration.
+    pub config: ClientConfig,
 }
 
 /// A connection or a line.
@@ -50,17 +50,17 @@ pub enum PortKind {
 impl Port {
     /// Modbus TCP with a timeout of a second.
     pub fn tcp(server: &str, connect_timeout: Duration) -> Self {
-        let kind = PortKind::Tcp { server: server.to_owned(), rtu: false, connect_timeout };
-        Self { kind, timeout: Duration::from_secs(1) }
+        Self::new(PortKind::Tcp { server: server.to_owned(), rtu: false, connect_timeout })
     }
 
-    fn config(&self) -> ClientConfig {
-        let config = match self.kind {
+    /// With the configuration that this kind of port needs.
+    pub fn new(kind: PortKind) -> Self {
+        let config = match kind {
             PortKind::Tcp { rtu: false, .. } => ClientConfig::tcp(),
             PortKind::Tcp { rtu: true, .. } => ClientConfig::rtu_over_tcp(),
             PortKind::Serial { baud, .. } => ClientConfig::rtu(baud),
         };
-        ClientConfig { timeout: self.timeout, ..config }
+        Self { kind, config }
     }
 
     fn open(&self) -> Result<AnyPort> {
@@ -98,19 +98,9 @@ impl Client {
     /// A client with a connection.
     ///
     /// # Errors
-    /// When there is none, or no such port.
+    /// When there is none, no such port, or the configuration cannot work.
     pub fn open(port: &Port) -> Result<Self> {
-        Self::open_with(port, |_| {})
-    }
-
-    /// The same with another configuration.
-    ///
-    /// # Errors
-    /// As [`open`](Self::open).
-    pub fn open_with(port: &Port, configure: impl FnOnce(&mut ClientConfig)) -> Result<Self> {
-        let mut config = port.config();
-        configure(&mut config);
-        let mut session = modbus::Client::new(config)?;
+        let mut session = modbus::Client::new(port.config)?;
         let driver = Driver::new(port.open()?);
         session.handle_connected(robot_session::now());
         Ok(Self { port: port.clone(), driver, session })

@@ -5,7 +5,7 @@ use std::time::Duration;
 use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig, WordOrder};
 use serde_json::Value;
 
-use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table, json as json_text};
+use crate::links::settings::{self, ANY_TIME, Configure, SOME_TIME, Setting, Table, json as json_text};
 
 /// The frames of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -184,29 +184,43 @@ impl Configure for FanucSettings {
     }
 }
 
-/// A client with the framing that it has.
+/// A client with the framing that it has. The tool's clients ask one thing at a time, and have no place for a second request.
 impl Configure for ClientConfig {
     fn configure(&mut self, table: &mut Table<'_>) {
         let about = "from a request to its reply";
         table.time("timeout", SOME_TIME, about, &mut self.timeout);
-        let about = "requests that may be in flight at once; 1 in RTU frames";
-        table.whole("in_flight", 1..=32, "requests", about, &mut self.in_flight);
         table.flag("any_unit", "take a reply from another unit than was asked", &mut self.any_unit);
-        table.flag("broadcast", "unit 0 is a broadcast that nobody answers", &mut self.broadcast);
-        let about = "how long the units of a serial line get to carry out a broadcast";
+        let about =
+            "unit 0 is a broadcast that nobody answers; in RTU frames it is unless this says otherwise";
+        table.flag("broadcast", about, &mut self.broadcast);
+        let about = "how long the units of a serial line get to carry out a broadcast; there the longest frame is added";
         table.time("turnaround", ANY_TIME, about, &mut self.turnaround);
         let about = "assumed: in RTU frames no reply comes later than this after its request has timed out";
         table.time("settle", ANY_TIME, about, &mut self.settle);
         match &mut self.framing {
             Framing::Tcp => {}
             Framing::Rtu { silence } => {
-                table.time("silence", SOME_TIME, "the silence between two frames", silence)
+                table.time("silence", SOME_TIME, "on a serial line, the silence between two frames", silence)
             }
             Framing::RtuOverTcp { stall } => {
-                table.time("stall", SOME_TIME, "without a byte for so long a frame is cut", stall)
+                let about = "in RTU over TCP, a frame is cut without a byte for so long";
+                table.time("stall", SOME_TIME, about, stall)
             }
         }
     }
+}
+
+/// What can be set of a client, on every kind of port.
+pub fn client_settings() -> Vec<Setting> {
+    let mut settings = settings::list(ClientConfig::tcp());
+    for config in [ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()] {
+        for setting in settings::list(config) {
+            if settings.iter().all(|known| known.name != setting.name) {
+                settings.push(setting);
+            }
+        }
+    }
+    settings
 }
 
 fn frames(table: &mut Table<'_>, frames: &mut Frames) {
@@ -214,7 +228,8 @@ fn frames(table: &mut Table<'_>, frames: &mut Frames) {
     table.choice("framing", &[("tcp", Frames::Tcp), ("rtu", Frames::Rtu)], about, frames);
 }
 
-fn word_order(table: &mut Table<'_>, order: &mut WordOrder) {
+/// The order of the words of wide values.
+pub fn word_order(table: &mut Table<'_>, order: &mut WordOrder) {
     let choices = [("low_first", WordOrder::LowFirst), ("high_first", WordOrder::HighFirst)];
     table.choice("word_order", &choices, "which register of a 32-bit value comes first", order);
 }

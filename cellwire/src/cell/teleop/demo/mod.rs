@@ -7,4 +7,4 @@ mod viewer;
 
 pub use ball::{Settings as BallSettings, demo as ball};
 pub use robot::{Settings as RobotSettings, demo as robot};
-pub use viewer::demo as viewer;
+pub use viewer::{Settings as ViewerSettings, demo as viewer};

@@ -237,6 +237,7 @@ mod tests {
             polls: crate::cell::teleop::polls(9600),
             ball: isra_ball::BallConfig::default(),
             viewer: crate::links::val2_viewer::options::ViewerSettings::default(),
+            viewer_host: val2_viewer::HostConfig::default(),
             faults: false,
             seed: 1,
             trace: TraceArgs::off(),

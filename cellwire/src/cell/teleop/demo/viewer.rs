@@ -6,16 +6,31 @@ use super::plot;
 use crate::cell::options::{DemoOptions, MustFail};
 use crate::cell::report::Report;
 use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
-use crate::links::settings;
+use crate::links::settings::{self, Configure, Table};
 use crate::links::val2_viewer::options::ViewerSettings;
+
+/// What can be set of the demo: the workstation, and the host that answers it.
+#[derive(Debug, Default)]
+pub struct Settings {
+    viewer: ViewerSettings,
+    host: val2_viewer::HostConfig,
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { viewer, host } = self;
+        viewer.configure(table);
+        table.group("host", |table| host.configure(table));
+    }
+}
 
 /// Runs the cell.
 ///
 /// # Errors
 /// When there are no pseudo-terminals, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let viewer = settings::read("val2-viewer", ViewerSettings::default(), &options.settings)?;
-    let config = CellConfig { viewer, ..CellConfig::of(options) };
+    let Settings { viewer, host } = settings::read("val2-viewer", Settings::default(), &options.settings)?;
+    let config = CellConfig { viewer, viewer_host: host, ..CellConfig::of(options) };
     let record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;
     let CellRecord { mut drawn, host, line_faults: [_, _, line_faults], .. } = record;

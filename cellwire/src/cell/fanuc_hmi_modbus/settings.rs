@@ -1,0 +1,44 @@
+//! What can be set of the demo.
+
+use core::ops::RangeInclusive;
+use std::time::Duration;
+
+use fanuc_hmi_modbus::{ClientConfig, ServerConfig, WordOrder};
+
+use crate::links::fanuc_hmi_modbus::controller::PERIOD;
+use crate::links::fanuc_hmi_modbus::options::word_order;
+use crate::links::settings::{Configure, Table};
+
+/// The times from one request to the next.
+const POLL: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
+
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    pub(super) poll: Duration,
+    pub(super) word_order: WordOrder,
+    pub(super) client: ClientConfig,
+    pub(super) server: ServerConfig,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let (client, server) = (ClientConfig::tcp(), ServerConfig::tcp());
+        Self { poll: PERIOD, word_order: WordOrder::default(), client, server }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { poll, word_order: order, client, server } = self;
+        table.time("poll", POLL, "the time from one request to the next", poll);
+        word_order(table, order);
+        table.group("client", |table| client.configure(table));
+        table.group("server", |table| {
+            let about = "the unit that the controller is, and is asked as; any: every one";
+            table.whole_or("unit", 0..=u8::MAX, "any", about, &mut server.unit);
+            let about = "unit 0 is a broadcast: carried out, never answered";
+            table.flag("broadcast", about, &mut server.broadcast);
+        });
+    }
+}

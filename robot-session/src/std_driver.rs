@@ -69,7 +69,7 @@ pub fn now() -> Duration {
 }
 
 /// Runs a session over a transport until `handler` breaks or the peer closes the connection. The session is connected before,
-/// and disconnected after.
+/// and disconnected after; `handler` gets the events of that too, but the first value that it breaks with is the one returned.
 ///
 /// # Errors
 /// The transport's.
@@ -88,10 +88,7 @@ pub fn drive<S: Session, B>(
         }
     };
     session.handle_disconnected(driver.transport.now());
-    match report(session, &mut handler) {
-        ControlFlow::Continue(()) => ended,
-        ControlFlow::Break(value) => ended.map(|_| Ended::ByHandler(value)),
-    }
+    wind_down(session, &mut handler, ended)
 }
 
 /// A transport and the buffers of its loop: for a caller who has something else to do between two turns.
@@ -155,6 +152,23 @@ impl<T: Transport> Driver<T> {
     /// The transport.
     pub fn transport(&mut self) -> &mut T {
         &mut self.transport
+    }
+}
+
+/// Gives the events of the end to `handler`, all of them: what ended the loop first stays its end.
+pub(crate) fn wind_down<S: Session, B>(
+    session: &mut S,
+    handler: &mut impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
+    ended: io::Result<Ended<B>>,
+) -> io::Result<Ended<B>> {
+    let mut value = None;
+    while let Some(event) = session.poll_event() {
+        let broke = handler(session, event).break_value();
+        value = value.or(broke);
+    }
+    match (ended, value) {
+        (Ok(Ended::ByPeer), Some(value)) => Ok(Ended::ByHandler(value)),
+        (ended, _) => ended,
     }
 }
 

@@ -9,7 +9,7 @@ use std::vec::Vec;
 use ::tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
 use bytes::{Buf as _, BufMut as _, BytesMut};
 
-use crate::std_driver::report;
+use crate::std_driver::{report, wind_down};
 use crate::{Decoder, Encode, Ended, Session, now};
 
 /// A decoder as a `tokio_util` codec. Corrupt bytes are an item of the stream and do not end it.
@@ -146,10 +146,7 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
             }
         };
         session.handle_disconnected(now());
-        match report(session, &mut handler) {
-            ControlFlow::Continue(()) => ended,
-            ControlFlow::Break(value) => ended.map(|_| Ended::ByHandler(value)),
-        }
+        wind_down(session, &mut handler, ended)
     }
 
     /// Writes what is left, cancel-safe: what a write has taken is gone from `out`.

@@ -64,6 +64,22 @@ fn a_session_runs_until_its_handler_breaks() {
 }
 
 #[test]
+fn what_a_handler_says_of_the_end_does_not_replace_what_ended_the_loop() {
+    let mut seen = 0;
+    let handler = |_: &mut Asker, event| match event {
+        Event::Connected => ControlFlow::Continue(()),
+        event => {
+            seen += 1;
+            ControlFlow::Break(event)
+        }
+    };
+    let mut session = Asker::new(&["one", "two"]);
+    let ended = drive(&mut session, TcpStream::connect(peer()).unwrap(), handler).unwrap();
+    assert_eq!(ended, Ended::ByHandler(answer("one")));
+    assert!(seen >= 2, "it sees the events of the end all the same");
+}
+
+#[test]
 fn a_handler_may_call_the_session() {
     let mut session = Asker::new(&["1"]);
     let handler = |session: &mut Asker, event| match event {

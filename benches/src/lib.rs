@@ -4,7 +4,7 @@
 //! A count is exact and the same on a busy machine: the bench starts itself under callgrind for N and for 2N rounds and
 //! divides the difference by N, so that start-up and preparation cancel out.
 
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use comfy_table::{CellAlignment, Table, presets::UTF8_FULL_CONDENSED};
@@ -45,41 +45,55 @@ pub struct Budget {
     pub source: &'static str,
 }
 
-/// Prints the tables of all links whose name contains the first free argument.
-pub fn main(links: &[Link]) {
-    let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+/// Prints the tables of all links whose name contains the first free argument. With `--check` a goal that is missed, or that was not
+/// measured, is a failure.
+pub fn main(links: &[Link]) -> ExitCode {
+    let mut args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    let check = args.iter().position(|a| a == "--check").map(|at| args.remove(at)).is_some();
     if let [flag, link, row, rounds] = args.as_slice()
         && flag == "--count"
     {
         let count =
             links.iter().find(|l| l.name == link).and_then(|l| l.counts.get(row.parse::<usize>().ok()?));
         let (Some(count), Ok(rounds)) = (count, rounds.parse()) else { panic!("no such row: {args:?}") };
-        return (count.run)(rounds);
+        (count.run)(rounds);
+        return ExitCode::SUCCESS;
     }
     let filter = args.first().map_or("", String::as_str);
     let chosen: Vec<&Link> = links.iter().filter(|l| l.name.contains(filter)).collect();
     if chosen.is_empty() {
         let names: Vec<_> = links.iter().map(|l| l.name).collect();
         eprintln!("no link is called {filter:?}; there are {}", names.join(", "));
-        std::process::exit(2);
+        return ExitCode::from(2);
     }
     let valgrind =
         Command::new("valgrind").arg("--version").stdout(Stdio::null()).status().is_ok_and(|s| s.success());
+    let mut missed = Vec::new();
     if valgrind {
-        println!("{}", count_table(&chosen));
+        println!("{}", count_table(&chosen, &mut missed));
     } else {
+        missed.push("nothing was counted".into());
         println!("No instruction counts: valgrind is not installed (Debian: apt-get install valgrind).");
     }
-    println!("{}", budget_table(&chosen));
+    println!("{}", budget_table(&chosen, &mut missed));
+    if check && !missed.is_empty() {
+        eprintln!("missed: {}", missed.join("; "));
+        return ExitCode::FAILURE;
+    }
+    ExitCode::SUCCESS
 }
 
-fn count_table(links: &[&Link]) -> Table {
+fn count_table(links: &[&Link], missed: &mut Vec<String>) -> Table {
     let mut table = table(["link", "instructions", "for each", "measured", "goal", ""]);
     for link in links {
         for (row, count) in link.counts.iter().enumerate() {
             let measured = measure(link.name, row) / count.units;
             let (goal, verdict) = match count.goal {
-                Some(goal) => (number(goal), if measured <= goal { "met" } else { "MISSED" }),
+                Some(goal) if measured > goal => {
+                    missed.push(format!("{}: {}", link.name, count.what));
+                    (number(goal), "MISSED")
+                }
+                Some(goal) => (number(goal), "met"),
                 None => ("–".into(), ""),
             };
             table.add_row([link.name, count.what, count.unit, &number(measured), &goal, verdict]);
@@ -89,11 +103,14 @@ fn count_table(links: &[&Link]) -> Table {
     table
 }
 
-fn budget_table(links: &[&Link]) -> Table {
+fn budget_table(links: &[&Link], missed: &mut Vec<String>) -> Table {
     let mut table = table(["link", "timing budget", "takes", "window", "margin", "source"]);
     for link in links {
         for budget in (link.budgets)() {
             let margin = budget.window.as_secs_f64() - budget.takes.as_secs_f64();
+            if margin < 0.0 {
+                missed.push(format!("{}: {}", link.name, budget.what));
+            }
             table.add_row([
                 link.name.into(),
                 budget.what,

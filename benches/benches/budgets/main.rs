@@ -1,4 +1,4 @@
-//! `cargo bench -p benches --bench budgets [-- LINK]`: instruction counts and timing budgets with their goals.
+//! `cargo bench -p benches --bench budgets [-- [LINK] [--check]]`: instruction counts and timing budgets with their goals.
 //! One file per link.
 
 mod fanuc_hmi_modbus;
@@ -11,7 +11,7 @@ mod val2_alter;
 mod val2_viewer;
 mod work_queue;
 
-fn main() {
+fn main() -> std::process::ExitCode {
     benches::main(&[
         fanuc_hmi_modbus::LINK,
         fanuc_ls::LINK,
@@ -22,5 +22,5 @@ fn main() {
         val2_alter::LINK,
         val2_viewer::LINK,
         work_queue::LINK,
-    ]);
+    ])
 }

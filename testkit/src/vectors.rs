@@ -30,6 +30,17 @@ pub struct Vector {
     pub error: Option<Value>,
     /// The section of the source, or of the project's notes on it.
     pub source: String,
+    /// The result is given only at the end of the stream: the vector is incomplete.
+    #[serde(default)]
+    pub end: bool,
+    /// The error is all that the bytes give; other errors may follow it otherwise.
+    #[serde(default)]
+    pub only: Option<bool>,
+    /// The clauses of the specification that it tests.
+    pub clauses: Vec<String>,
+    /// Who computed the result besides our own code.
+    #[serde(default)]
+    pub independent: Option<String>,
     /// Words to filter by, such as `stuffing` or `limit`.
     #[serde(default)]
     pub flags: Vec<String>,
@@ -56,6 +67,9 @@ struct File {
     #[serde(rename = "source")]
     _source: String,
     vectors: Vec<Vector>,
+    /// What an encoder refuses: `cargo run -p reference -- check` asks it.
+    #[serde(default, rename = "refused")]
+    _refused: Vec<Value>,
 }
 
 /// The vectors of a link, in the order of the file.
@@ -124,7 +138,7 @@ mod tests {
     #[test]
     fn hex_is_spaced_by_field() {
         let v: Vector = serde_json::from_value(json!({
-            "id": 1, "comment": "", "hex": "10 1002 a017", "result": "invalid", "error": {"kind": "x"}, "source": ""
+            "id": 1, "comment": "", "hex": "10 1002 a017", "result": "invalid", "error": {"kind": "x"}, "source": "", "clauses": []
         }))
         .unwrap();
         assert_eq!(v.hex, [0x10, 0x10, 0x02, 0xA0, 0x17]);

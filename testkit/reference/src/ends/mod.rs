@@ -1,0 +1,188 @@
+//! The ends of links that stories drive.
+
+mod alter_host;
+mod laser_host;
+mod mma_central;
+
+use core::time::Duration;
+
+use anyhow::{Result, bail};
+use robot_session::{Session, Unexpected};
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+
+use crate::json::{self, Object};
+
+/// An input of a session.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Do {
+    Connected,
+    Disconnected,
+    Input(Vec<u8>),
+    Timeout,
+    Transmitted,
+    Nothing,
+    Call { name: String, argument: Value },
+}
+
+/// What a session did.
+#[derive(Debug, Default)]
+pub(crate) struct Step {
+    pub(crate) refused: Option<String>,
+    pub(crate) events: Vec<String>,
+    pub(crate) transmit: Vec<Vec<u8>>,
+    /// The cells of the machine's matrix: `state: input`.
+    pub(crate) cells: Vec<String>,
+}
+
+/// A session that a story drives.
+pub(crate) trait End {
+    fn step(&mut self, now: Duration, input: &Do, hold: bool) -> Result<Step>;
+    fn deadline(&self) -> Option<Duration>;
+    fn state(&self) -> String;
+}
+
+/// A configuration's fields, and the number of the rule that is left out.
+type Make = fn(&Map<String, Value>, Option<usize>) -> Result<Box<dyn End>>;
+
+/// How to make an end, and the rules that its machine can be told to leave out, by number.
+pub(crate) struct Maker {
+    pub(crate) make: Make,
+    pub(crate) rules: &'static [&'static str],
+}
+
+/// An end of a link by its name.
+pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
+    Ok(match (link, end) {
+        ("val2-alter", "host") => alter_host::MAKER,
+        ("laser-eb90", "host") => laser_host::MAKER,
+        ("mmacell-proto", "central") => mma_central::MAKER,
+        _ => bail!("no stories drive the {end} of {link}"),
+    })
+}
+
+/// What is particular to an end.
+trait Hooks {
+    type Session: Session + Clone + 'static;
+
+    /// A call of the end's user; an error object if the session refuses it.
+    fn call(
+        session: &mut Self::Session,
+        now: Duration,
+        name: &str,
+        argument: Value,
+    ) -> Result<Result<(), String>>;
+    fn event(session: &Self::Session, event: <Self::Session as Session>::Event) -> Result<String>;
+    fn state(session: &Self::Session) -> String;
+    /// The cells that an input has reached.
+    fn cells(
+        before: &Self::Session,
+        after: &Self::Session,
+        now: Duration,
+        input: &Do,
+        refused: bool,
+    ) -> Vec<String>;
+    /// The cells that an attempt to transmit has reached.
+    fn transmit_cells(before: &Self::Session, now: Duration, sent: bool) -> Vec<String>;
+}
+
+struct Driven<H: Hooks>(H::Session);
+
+impl<H: Hooks> End for Driven<H> {
+    fn step(&mut self, now: Duration, input: &Do, hold: bool) -> Result<Step> {
+        let session = &mut self.0;
+        let before = session.clone();
+        let mut step = Step::default();
+        match input {
+            Do::Connected => session.handle_connected(now),
+            Do::Disconnected => session.handle_disconnected(now),
+            Do::Input(bytes) => session.handle_input(now, bytes),
+            Do::Timeout => session.handle_timeout(now),
+            Do::Transmitted => session.handle_transmitted(now),
+            Do::Nothing => {}
+            Do::Call { name, argument } => {
+                step.refused = H::call(session, now, name, argument.clone())?.err()
+            }
+        }
+        step.cells = H::cells(&before, session, now, input, step.refused.is_some());
+        let mut buffer = vec![0; H::Session::MAX_TRANSMIT];
+        loop {
+            let mut idle = true;
+            while let Some(event) = session.poll_event() {
+                step.events.push(H::event(session, event)?);
+                idle = false;
+            }
+            if hold && idle {
+                return Ok(step);
+            }
+            if hold {
+                continue;
+            }
+            loop {
+                let before = session.clone();
+                let sent = session.poll_transmit(now, &mut buffer);
+                step.cells.extend(H::transmit_cells(&before, now, sent.is_some()));
+                let Some(length) = sent else { break };
+                step.transmit.push(buffer.get(..length).unwrap_or_default().to_vec());
+                idle = false;
+            }
+            if idle {
+                return Ok(step);
+            }
+        }
+    }
+
+    fn deadline(&self) -> Option<Duration> {
+        self.0.poll_timeout()
+    }
+
+    fn state(&self) -> String {
+        H::state(&self.0)
+    }
+}
+
+fn event(name: &str) -> Object {
+    Object::new().raw("event", format_args!("\"{name}\""))
+}
+
+fn unexpected(what: Unexpected) -> Result<String> {
+    Ok(event("unexpected").value("state", what.state)?.value("input", what.input)?.end())
+}
+
+/// An error object without fields.
+fn kind(name: &str) -> String {
+    Object::new().raw("kind", format_args!("\"{name}\"")).end()
+}
+
+fn show(value: &impl serde::Serialize) -> String {
+    json::text(value).unwrap_or_else(|error| format!("\"{error}\""))
+}
+
+/// The fields of a configuration that a story sets.
+struct Fields(Map<String, Value>);
+
+impl Fields {
+    fn take<T: DeserializeOwned>(&mut self, name: &str, field: &mut T) -> Result<()> {
+        if let Some(value) = self.0.remove(name) {
+            *field = serde_json::from_value(value)?;
+        }
+        Ok(())
+    }
+
+    /// A time in nanoseconds; the longest is for ever.
+    fn time(&mut self, name: &str, field: &mut Duration) -> Result<()> {
+        let mut nanoseconds: Option<u64> = None;
+        self.take(name, &mut nanoseconds)?;
+        if let Some(nanoseconds) = nanoseconds {
+            *field = Duration::from_nanos(nanoseconds);
+        }
+        Ok(())
+    }
+
+    fn end(self) -> Result<()> {
+        match self.0.keys().next() {
+            Some(name) => bail!("the configuration has no field {name}"),
+            None => Ok(()),
+        }
+    }
+}

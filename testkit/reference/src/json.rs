@@ -1,0 +1,91 @@
+//! JSON with its keys in the order of writing, one object a line.
+
+use core::fmt::Write as _;
+
+use anyhow::{Context, Result};
+use serde::Serialize;
+
+/// An object that is being written.
+pub(crate) struct Object(String);
+
+impl Object {
+    pub(crate) fn new() -> Self {
+        Self("{".into())
+    }
+
+    /// A key and a value that is JSON already.
+    pub(crate) fn raw(mut self, key: &str, json: impl core::fmt::Display) -> Self {
+        let comma = if self.0.len() > 1 { ", " } else { "" };
+        // Writing to a string cannot fail.
+        let _ = write!(self.0, "{comma}\"{key}\": {json}");
+        self
+    }
+
+    pub(crate) fn value(self, key: &str, value: &(impl Serialize + ?Sized)) -> Result<Self> {
+        let json = text(value)?;
+        Ok(self.raw(key, json))
+    }
+
+    /// The key is left out when there is nothing to say.
+    pub(crate) fn optional(self, key: &str, value: Option<&(impl Serialize + ?Sized)>) -> Result<Self> {
+        match value {
+            Some(value) => self.value(key, value),
+            None => Ok(self),
+        }
+    }
+
+    /// A list of values that are JSON already; an empty one is left out.
+    pub(crate) fn list(self, key: &str, items: &[String]) -> Self {
+        if items.is_empty() { self } else { self.raw(key, format_args!("[{}]", items.join(", "))) }
+    }
+
+    pub(crate) fn end(self) -> String {
+        self.0 + "}"
+    }
+}
+
+/// A value as JSON, with a space after each comma and colon outside of its strings.
+pub(crate) fn text(value: &(impl Serialize + ?Sized)) -> Result<String> {
+    let dense = serde_json::to_string(value)?;
+    let (mut text, mut in_string, mut escaped) = (String::with_capacity(dense.len()), false, false);
+    for c in dense.chars() {
+        text.push(c);
+        match c {
+            _ if escaped => escaped = false,
+            '\\' if in_string => escaped = true,
+            '"' => in_string = !in_string,
+            ',' | ':' if !in_string => text.push(' '),
+            _ => {}
+        }
+    }
+    Ok(text)
+}
+
+/// The head of a file and its list, one item a line.
+pub(crate) fn file(schema: &str, head: &[(&str, String)], list: &str, items: &[String]) -> String {
+    let mut text = format!("{{\n  \"$schema\": \"../{schema}\",\n");
+    for (key, json) in head {
+        let _ = writeln!(text, "  \"{key}\": {json},");
+    }
+    let _ = write!(text, "  \"{list}\": [\n    {}\n  ]\n}}\n", items.join(",\n    "));
+    text
+}
+
+/// Bytes of hex digits; spaces mean nothing.
+pub(crate) fn unhex(text: &str) -> Result<Vec<u8>> {
+    let digits: Vec<u8> = text.bytes().filter(|byte| !byte.is_ascii_whitespace()).collect();
+    anyhow::ensure!(digits.len().is_multiple_of(2), "an odd number of hex digits: {text}");
+    digits
+        .chunks(2)
+        .map(|pair| {
+            u8::from_str_radix(core::str::from_utf8(pair)?, 16).with_context(|| format!("not hex: {text}"))
+        })
+        .collect()
+}
+
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02X}");
+        text
+    })
+}

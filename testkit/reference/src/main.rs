@@ -1,0 +1,127 @@
+//! Writes and checks the data of the reference for ports.
+//!
+//! ```text
+//! cargo run -p reference -- write     writes every file of `reference/` that is made from `testkit/reference/inputs`
+//! cargo run -p reference -- check     fails where a file differs, or a story or vector does not hold
+//! ```
+
+#![forbid(unsafe_code)]
+
+mod codec;
+mod ends;
+mod explore;
+mod json;
+mod states;
+mod story;
+mod streams;
+mod vectors;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clap::{Parser, Subcommand};
+
+/// Every link that has a codec, as its files are named.
+const LINKS: [&str; 7] = [
+    "fanuc-hmi-modbus",
+    "isra-ball",
+    "kawasaki-msg",
+    "laser-eb90",
+    "mmacell-proto",
+    "val2-alter",
+    "val2-viewer",
+];
+
+#[derive(Parser)]
+#[command(about = "Writes and checks the data of the reference for ports")]
+struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Writes every file
+    Write,
+    /// Fails where a file differs
+    Check,
+    /// Prints stories that reach cells which no story reaches yet, to be added to the inputs
+    Explore {
+        /// The link
+        link: String,
+        /// How many random stories are tried for each end
+        #[arg(default_value_t = 20_000)]
+        seeds: u64,
+    },
+}
+
+fn main() -> Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    match Args::parse().command {
+        Command::Explore { link, seeds } => explore::explore(&root, &link, seeds),
+        Command::Write => {
+            for (path, text) in files(&root)? {
+                if let Some(folder) = path.parent() {
+                    std::fs::create_dir_all(folder)?;
+                }
+                std::fs::write(&path, text).with_context(|| path.display().to_string())?;
+            }
+            Ok(())
+        }
+        Command::Check => check(&root),
+    }
+}
+
+fn check(root: &Path) -> Result<()> {
+    let mut differ = 0;
+    for (path, text) in files(root)? {
+        let found = std::fs::read_to_string(&path).unwrap_or_default();
+        let line = found.lines().zip(text.lines()).take_while(|(found, made)| found == made).count();
+        if found != text {
+            eprintln!("{}: line {} is not what the generator writes", path.display(), line + 1);
+            differ += 1;
+        }
+    }
+    if differ > 0 {
+        bail!("{differ} files differ: cargo run -p reference -- write, and look at the difference");
+    }
+    Ok(())
+}
+
+/// Every file and its text.
+fn files(root: &Path) -> Result<Vec<(PathBuf, String)>> {
+    let mut files = Vec::new();
+    let reference = root.join("reference");
+    for link in LINKS {
+        let file = format!("{link}.json");
+        files.push((reference.join("vectors").join(&file), vectors::file(root, link)?));
+        if let Some(text) = streams::file(root, link)? {
+            files.push((reference.join("streams").join(&file), text));
+        }
+        if let Some(text) = states::file(root, link)? {
+            files.push((reference.join("states").join(&file), text));
+        }
+        if let Some(text) = story::file(root, link)? {
+            files.push((reference.join("sessions").join(&file), text));
+        }
+    }
+    Ok(files)
+}
+
+/// An input file, if there is one.
+fn input<T: serde::de::DeserializeOwned>(root: &Path, kind: &str, link: &str) -> Result<Option<T>> {
+    let path = root.join("testkit/reference/inputs").join(kind).join(format!("{link}.json"));
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = std::fs::read_to_string(&path)?;
+    serde_json::from_str(&text).map(Some).with_context(|| path.display().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_files_are_those_that_the_generator_writes() -> anyhow::Result<()> {
+        super::check(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
+    }
+}

@@ -1,0 +1,120 @@
+//! `reference/states/<link>.json`: every cell of every machine, from the matrices that the links' own tests compare with the machines.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+
+use crate::json::{self, Object};
+
+/// What a machine does in a state with an input; no `to`: the input is not expected.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Cell {
+    pub(crate) machine: String,
+    pub(crate) state: String,
+    pub(crate) input: String,
+    pub(crate) to: Option<String>,
+    pub(crate) actions: String,
+}
+
+/// A link's matrices; where a file does not name its machines: the first one, and the state with which the second begins.
+fn matrices(link: &str) -> &'static [(&'static str, &'static str, Option<(&'static str, &'static str)>)] {
+    match link {
+        "kawasaki-msg" => &[("pc_matrix.txt", "pc", None), ("robot_matrix.txt", "robot", None)],
+        "isra-ball" => &[("state_matrix.txt", "host", Some(("DisconnectedOld", "ball")))],
+        "val2-viewer" => &[("state_matrix.txt", "host", Some(("Disconnected", "workstation")))],
+        _ => &[("state_matrix.txt", "", None)],
+    }
+}
+
+/// The text of a link's file.
+pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
+    let mut lines = Vec::new();
+    for cell in cells(root, link)? {
+        let object = Object::new()
+            .value("machine", &cell.machine)?
+            .value("state", &cell.state)?
+            .value("input", &cell.input)?;
+        let object = match &cell.to {
+            None => object.raw("unexpected", true),
+            Some(to) => object.value("to", to)?,
+        };
+        let has_actions = !matches!(cell.actions.as_str(), "" | "None" | "Nothing");
+        lines.push(object.optional("actions", has_actions.then_some(&cell.actions))?.end());
+    }
+    Ok(Some(json::file("states.schema.json", &[("link", json::text(link)?)], "cells", &lines)))
+}
+
+/// Every cell of a link.
+pub(crate) fn cells(root: &Path, link: &str) -> Result<Vec<Cell>> {
+    let mut cells = Vec::new();
+    for (file, first, second) in matrices(link) {
+        let path = root.join(link).join("tests").join(file);
+        let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        let (mut machine, mut state) = ((*first).to_owned(), String::new());
+        let lines: Vec<&str> = text.lines().collect();
+        for (index, line) in lines.iter().enumerate() {
+            let next_is_blank = lines.get(index + 1).is_some_and(|next| next.is_empty());
+            if line.is_empty() {
+                continue;
+            }
+            if let Some(cell) = line.strip_prefix("    ") {
+                cells.push(nested(&machine, &state, cell).with_context(|| format!("{file}: {line}"))?);
+            } else if let Some((place, result)) = line.split_once(" -> ") {
+                let (state, input) = place
+                    .split_once(" × ")
+                    .or_else(|| place.split_once(" + "))
+                    .with_context(|| (*line).to_owned())?;
+                if let Some((_, name)) = second.filter(|(begins, _)| *begins == state) {
+                    machine = name.to_owned();
+                }
+                cells.push(cell(&machine, state, input, result));
+            } else if next_is_blank {
+                machine = (*line).to_owned();
+            } else if let Some((name, found)) =
+                line.split_once(": ").filter(|_| machine.is_empty() || !line.contains('{'))
+            {
+                (machine, state) = (name.to_owned(), found.to_owned());
+            } else {
+                state = (*line).to_owned();
+            }
+        }
+    }
+    Ok(cells)
+}
+
+fn nested(machine: &str, state: &str, line: &str) -> Option<Cell> {
+    let (input, result) = line.split_once(" → ").or_else(|| line.split_once(": "))?;
+    Some(cell(machine, state, input, result))
+}
+
+fn cell(machine: &str, state: &str, input: &str, result: &str) -> Cell {
+    let (to, actions) = match result {
+        "unexpected" => (None, ""),
+        _ => {
+            let (to, actions) = result
+                .split_once("; ")
+                .or_else(|| result.split_once(" / "))
+                .or_else(|| {
+                    last_comma(result).and_then(|at| Some((result.get(..at)?, result.get(at + 2..)?)))
+                })
+                .unwrap_or((result, ""));
+            (Some(to.to_owned()), actions)
+        }
+    };
+    let [machine, state, input, actions] = [machine, state, input, actions].map(str::to_owned);
+    Cell { machine, state, input, to, actions }
+}
+
+/// The last comma that is in no bracket.
+fn last_comma(text: &str) -> Option<usize> {
+    let (mut depth, mut last) = (0_i32, None);
+    for (at, c) in text.char_indices() {
+        match c {
+            '{' | '(' | '[' => depth += 1,
+            '}' | ')' | ']' => depth -= 1,
+            ',' if depth == 0 => last = Some(at),
+            _ => {}
+        }
+    }
+    last
+}

@@ -1,0 +1,242 @@
+//! `reference/sessions/<link>.json`: stories of sessions, recorded from our own.
+
+use core::time::Duration;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use serde::Deserialize;
+use serde_json::{Map, Value};
+
+use crate::codec::codec;
+use crate::ends::{Do, End, Step, ends};
+use crate::json::{self, Object, hex, unhex};
+use crate::states;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Inputs {
+    /// Messages that scripts name.
+    pub(crate) words: BTreeMap<String, Word>,
+    pub(crate) ends: BTreeMap<String, EndInputs>,
+    pub(crate) stories: Vec<Story>,
+}
+
+/// A message object and who sends it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Word {
+    from: Option<String>,
+    #[serde(default)]
+    options: Map<String, Value>,
+    message: Value,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct EndInputs {
+    /// Its machines in `states/<link>.json`.
+    pub(crate) machines: Vec<String>,
+    /// What the exploration chooses from.
+    pub(crate) moves: Vec<String>,
+    pub(crate) times: Vec<String>,
+    pub(crate) configs: Vec<Map<String, Value>>,
+    /// Cells that no story reaches, and why not.
+    unreachable: BTreeMap<String, String>,
+    /// Rules that no story needs, and why not.
+    #[serde(default)]
+    unneeded: BTreeMap<String, String>,
+}
+
+#[derive(Deserialize, Clone)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Story {
+    pub(crate) id: u32,
+    pub(crate) comment: String,
+    pub(crate) end: String,
+    #[serde(default)]
+    pub(crate) config: Map<String, Value>,
+    #[serde(default)]
+    pub(crate) clauses: Vec<String>,
+    pub(crate) script: Vec<String>,
+}
+
+/// A story as it was played.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Played {
+    steps: Vec<String>,
+    pub(crate) cells: BTreeSet<String>,
+}
+
+/// The text of a link's file, if it has stories.
+pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
+    let Some(inputs) = crate::input::<Inputs>(root, "stories", link)? else { return Ok(None) };
+    let mut lines = Vec::new();
+    let mut covered: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
+    let mut needed: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    for (index, story) in inputs.stories.iter().enumerate() {
+        ensure!(story.id as usize == index + 1, "story {} of {link} is in place {}", story.id, index + 1);
+        let context = || format!("story {} of {link}", story.id);
+        let played = play(link, &inputs, story, None).with_context(context)?;
+        let before = covered.entry(&story.end).or_default();
+        let fresh: Vec<&String> = played.cells.iter().filter(|cell| !before.contains(*cell)).collect();
+        let mut needs = Vec::new();
+        for (index, rule) in ends(link, &story.end)?.rules.iter().enumerate() {
+            if play(link, &inputs, story, Some(index)).with_context(context)?.steps != played.steps {
+                needs.push(*rule);
+            }
+        }
+        lines.push(
+            Object::new()
+                .value("id", &story.id)?
+                .value("comment", &story.comment)?
+                .value("end", &story.end)?
+                .value("config", &story.config)?
+                .value("clauses", &story.clauses)?
+                .value("covers", &fresh)?
+                .value("needs", &needs)?
+                .raw("steps", format_args!("[\n      {}\n    ]", played.steps.join(",\n      ")))
+                .end(),
+        );
+        before.extend(played.cells);
+        needed.entry(&story.end).or_default().extend(needs);
+    }
+    for (end, about) in &inputs.ends {
+        let reachable = reachable(root, link, &about.machines)?;
+        let covered = covered.remove(end.as_str()).unwrap_or_default();
+        let missing: Vec<&String> =
+            reachable.difference(&covered).filter(|cell| !about.unreachable.contains_key(*cell)).collect();
+        let wrong: Vec<&String> = about
+            .unreachable
+            .keys()
+            .filter(|cell| covered.contains(*cell) || !reachable.contains(*cell))
+            .collect();
+        let count = reachable.intersection(&covered).count();
+        let needed = needed.remove(end.as_str()).unwrap_or_default();
+        let rules = ends(link, end)?.rules;
+        let unneeded: Vec<_> = rules
+            .iter()
+            .filter(|rule| !needed.contains(*rule) && !about.unneeded.contains_key(**rule))
+            .collect();
+        eprintln!(
+            "{link} {end}: {count} of {} cells covered, {} cannot be reached; {} of {} rules needed",
+            reachable.len(),
+            about.unreachable.len(),
+            needed.len(),
+            rules.len()
+        );
+        if std::env::var_os("REFERENCE_DRAFT").is_none() {
+            ensure!(missing.is_empty(), "{link} {end}: no story reaches {missing:#?}");
+            ensure!(wrong.is_empty(), "{link} {end}: is reached, or is no cell: {wrong:?}");
+            ensure!(unneeded.is_empty(), "{link} {end}: no story needs the rules {unneeded:?}");
+        } else {
+            eprintln!("missing {missing:#?}, reached {wrong:?}, unneeded {unneeded:?}");
+        }
+    }
+    Ok(Some(json::file("sessions.schema.json", &[("link", json::text(link)?)], "stories", &lines)))
+}
+
+/// The cells of machines that are defined: `state: input`.
+pub(crate) fn reachable(root: &Path, link: &str, machines: &[String]) -> Result<BTreeSet<String>> {
+    let cells = states::cells(root, link)?
+        .into_iter()
+        .filter(|cell| machines.contains(&cell.machine) && cell.to.is_some());
+    Ok(cells.map(|cell| format!("{}: {}", cell.state, cell.input)).collect())
+}
+
+/// Plays a story; `without`: the number of the rule that the machine leaves out.
+pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<usize>) -> Result<Played> {
+    let mut end = (ends(link, &story.end)?.make)(&story.config, without)?;
+    let (mut now, mut steps, mut cells) = (Duration::ZERO, Vec::new(), BTreeSet::new());
+    for line in &story.script {
+        let (at, hold, verb) = parse(&*end, now, line)?;
+        ensure!(at >= now, "{line}: the time goes back");
+        now = at;
+        let (input, json) = verb_of(link, inputs, verb).with_context(|| line.clone())?;
+        let Step { refused, events, transmit, cells: reached } = end.step(now, &input, hold)?;
+        cells.extend(reached);
+        let transmit: Vec<String> = transmit.iter().map(|bytes| format!("\"{}\"", hex(bytes))).collect();
+        let object = Object::new().raw("at", now.as_nanos()).raw("do", json);
+        let object = if hold { object.raw("hold", true) } else { object };
+        let object = if let Some(refused) = refused { object.raw("refused", refused) } else { object };
+        let deadline = end.deadline().map_or("null".to_owned(), |deadline| deadline.as_nanos().to_string());
+        let object = object.list("events", &events).list("transmit", &transmit).raw("deadline", deadline);
+        steps.push(object.value("state", &end.state())?.end());
+    }
+    Ok(Played { steps, cells })
+}
+
+/// `TIME [hold] VERB…`; the time is in milliseconds: `28.5`, after the last step `+28.5`, or the deadline `due`, `due+1`, `due-1`.
+fn parse<'a>(end: &dyn End, now: Duration, line: &'a str) -> Result<(Duration, bool, &'a str)> {
+    let (time, verb) = line.split_once(' ').with_context(|| format!("{line}: no verb"))?;
+    let due = || end.deadline().filter(|due| *due < Duration::MAX).map_or(now, |due| due.max(now));
+    let at = match (time.strip_prefix("due"), time.strip_prefix('+')) {
+        (Some(""), _) => due(),
+        (Some(offset), _) => match offset.strip_prefix('-') {
+            Some(before) => due().saturating_sub(milliseconds(before)?).max(now),
+            None => due().saturating_add(milliseconds(offset.trim_start_matches('+'))?),
+        },
+        (None, Some(later)) => now.saturating_add(milliseconds(later)?),
+        (None, None) => milliseconds(time)?,
+    };
+    Ok(match verb.strip_prefix("hold ") {
+        Some(verb) => (at, true, verb),
+        None => (at, false, verb),
+    })
+}
+
+fn milliseconds(text: &str) -> Result<Duration> {
+    let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
+    ensure!(fraction.len() <= 6, "{text}: finer than a nanosecond");
+    let fraction: u64 = format!("{fraction:0<6}").parse().with_context(|| text.to_owned())?;
+    let whole: u64 = whole.parse().with_context(|| format!("{text} is no time in milliseconds"))?;
+    Ok(Duration::from_millis(whole) + Duration::from_nanos(fraction))
+}
+
+/// The input of a step, and its JSON.
+fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<(Do, String)> {
+    let (name, rest) = verb.split_once(' ').unwrap_or((verb, ""));
+    let bytes = match name {
+        "connected" => return Ok((Do::Connected, r#"{"connected": true}"#.into())),
+        "disconnected" => return Ok((Do::Disconnected, r#"{"disconnected": true}"#.into())),
+        "timeout" => return Ok((Do::Timeout, r#"{"timeout": true}"#.into())),
+        "transmitted" => return Ok((Do::Transmitted, r#"{"transmitted": true}"#.into())),
+        "nothing" => return Ok((Do::Nothing, r#"{"nothing": true}"#.into())),
+        "call" => {
+            let call: Map<String, Value> = serde_json::from_str(rest)?;
+            let json = json::text(&call)?;
+            let (name, argument) = call.into_iter().next().context("a call has one key")?;
+            return Ok((Do::Call { name, argument }, json));
+        }
+        "in" => unhex(rest)?,
+        "say" => {
+            let mut bytes = Vec::new();
+            for word in rest.split(' ') {
+                bytes.extend(said(link, inputs, word)?);
+            }
+            bytes
+        }
+        "bad" => {
+            let mut bytes = said(link, inputs, rest)?;
+            if let Some(last) = bytes.last_mut() {
+                *last ^= 1;
+            }
+            bytes
+        }
+        "cut" => {
+            let (count, word) = rest.split_once(' ').context("cut COUNT WORD")?;
+            let mut bytes = said(link, inputs, word)?;
+            bytes.truncate(count.parse()?);
+            bytes
+        }
+        _ => bail!("no such verb"),
+    };
+    let json = format!("{{\"input\": \"{}\"}}", hex(&bytes));
+    Ok((Do::Input(bytes), json))
+}
+
+fn said(link: &str, inputs: &Inputs, word: &str) -> Result<Vec<u8>> {
+    let word = inputs.words.get(word).with_context(|| format!("no word {word}"))?;
+    let encoded = codec(link, word.from.as_deref(), &word.options)?.encode(word.message.clone())?;
+    encoded.map_err(|error| anyhow::anyhow!("{} is not written: {error}", word.message))
+}

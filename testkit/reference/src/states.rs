@@ -16,8 +16,11 @@ pub(crate) struct Cell {
     pub(crate) actions: String,
 }
 
-/// A link's matrices; where a file does not name its machines: the first one, and the state with which the second begins.
-fn matrices(link: &str) -> &'static [(&'static str, &'static str, Option<(&'static str, &'static str)>)] {
+/// A file, the machine that it begins with if the file does not name it, and the state and the name of the second one in it.
+type Matrix = (&'static str, &'static str, Option<(&'static str, &'static str)>);
+
+/// A link's matrices.
+fn matrices(link: &str) -> &'static [Matrix] {
     match link {
         "kawasaki-msg" => &[("pc_matrix.txt", "pc", None), ("robot_matrix.txt", "robot", None)],
         "isra-ball" => &[("state_matrix.txt", "host", Some(("DisconnectedOld", "ball")))],

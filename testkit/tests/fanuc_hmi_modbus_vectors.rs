@@ -116,7 +116,8 @@ fn a_valid_object_encodes_to_its_bytes() {
 
 #[test]
 fn a_neighbour_on_either_side_changes_nothing() {
-    for vector in vectors(LINK).iter().filter(|vector| !ends_with_silence(vector)) {
+    // With a neighbour behind it, what is incomplete is no longer so.
+    for vector in vectors(LINK).iter().filter(|vector| !ends_with_silence(vector) && !vector.end) {
         let good = good(vector);
         let stream = [&good[..], &vector.hex, &good].concat();
         let (framing, side) = (framing(vector), side(vector));

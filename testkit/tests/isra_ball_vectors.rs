@@ -97,8 +97,9 @@ fn a_neighbour_on_either_side_changes_nothing() {
 
 #[test]
 fn a_good_packet_after_a_cut_one_is_found_and_costs_one_error() {
-    let good: Vec<_> =
-        vectors("isra-ball").into_iter().filter(|v| v.result == Outcome::Valid).map(|v| v.hex).collect();
+    // The packets of the source's layout that the file begins with: every pair, cut at every byte.
+    let valid = vectors("isra-ball").into_iter().filter(|v| v.result == Outcome::Valid);
+    let good: Vec<_> = valid.map(|v| v.hex).take(10).collect();
     let mut unseen = 0;
     for (corrupt, bytes) in good.iter().flat_map(|c| good.iter().map(move |b| (c, b))) {
         for (stream, cut) in after_a_cut(corrupt, bytes).zip(1usize..) {

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from typing import Protocol
 
-from links import fanuc_hmi_modbus, isra_ball, laser_eb90, mmacell_proto, val2_alter, val2_viewer
+from links import fanuc_hmi_modbus, isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer
 from links.stream import Item, Json, Refused
 
 
@@ -29,6 +29,7 @@ class Link(Protocol):
 LINKS: dict[str, Link] = {
     "fanuc-hmi-modbus": fanuc_hmi_modbus,
     "isra-ball": isra_ball,
+    "kawasaki-msg": kawasaki_msg,
     "laser-eb90": laser_eb90,
     "mmacell-proto": mmacell_proto,
     "val2-alter": val2_alter,
@@ -38,7 +39,7 @@ LINKS: dict[str, Link] = {
 
 def sides(request: Json) -> Json:
     """The arguments that choose a side and its settings."""
-    return {"sender": request["from"]} | {"options": request["options"]} if "from" in request else {}
+    return {"options": request["options"]} | ({"sender": request["from"]} if "from" in request else {})
 
 
 def decode(link: Link, request: Json) -> Json:

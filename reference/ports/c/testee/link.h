@@ -8,7 +8,7 @@
 
 #include "json.h"
 
-#define MAX_FRAME 2048
+#define MAX_FRAME 4096
 
 /* Adds to the answer, as printf does. */
 void print(const char *format, ...);
@@ -40,6 +40,6 @@ void print_item(uint64_t offset, size_t length, bool ended);
 /* Reads a list of exactly `count` integers within low..=high; false: it is none. */
 bool read_list(const struct json *list, size_t count, int64_t low, int64_t high, int64_t *values);
 
-extern const struct link FANUC_HMI_MODBUS, ISRA_BALL, LASER_EB90, MMACELL_PROTO, VAL2_ALTER, VAL2_VIEWER;
+extern const struct link FANUC_HMI_MODBUS, ISRA_BALL, KAWASAKI_MSG, LASER_EB90, MMACELL_PROTO, VAL2_ALTER, VAL2_VIEWER;
 
 #endif

@@ -131,7 +131,8 @@ static bool read_controller(const struct json *object, struct val2_alter_message
     const struct json *kind = json_get(object, "kind"), *code = json_get(object, "error");
     const struct json *list = json_get(object, "data"), *transform = json_get(object, "transform");
     int64_t value = 0, status, segment, percent;
-    if (code != NULL && !json_integer(code, 0, 7, &value))
+    /* Only a start message may leave it out. */
+    if ((code != NULL || !json_is(kind, "start")) && !json_integer(code, 0, 7, &value))
         return false;
     message->code = (uint8_t)value;
     if (json_is(kind, "end")) {
@@ -157,7 +158,9 @@ static bool read_controller(const struct json *object, struct val2_alter_message
     message->status = (uint8_t)status;
     message->segment = (uint16_t)segment;
     message->percent = (uint16_t)percent;
-    message->has_transform = transform != NULL && transform->type != 'n';
+    if (transform == NULL)
+        return false;
+    message->has_transform = transform->type != 'n';
     return !message->has_transform || read_words(transform, VAL2_ALTER_TRANSFORM, message->transform);
 }
 

@@ -177,6 +177,16 @@ def encode(message: Json, sender: str = "host", options: Json | None = None) -> 
     return head + stuffed + tail + profile.check(payload).to_bytes(profile.sum_size, profile.sum_order())
 
 
+def is_finite(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise Refused("characters are a string")
+    return value
+
+
 def encode_item(item: Json, profile: Profile) -> bytes:
     """A tag, a count, and the values."""
     if len(item) != 1 or not item.keys() <= SIZES.keys():
@@ -186,12 +196,12 @@ def encode_item(item: Json, profile: Profile) -> bytes:
         raise Refused("an item has up to 255 values")
     try:
         if name == "char":
-            data = str(values).encode("latin-1")
+            data = text(values).encode("latin-1")
         elif name == "u8":
             data = bytes(integer(value, 0, 255, "u8") for value in values)
         elif name == "i16":
             data = struct.pack(profile.format(name, len(values)), *(integer(v, -0x8000, 0x7FFF, "i16") for v in values))
-        elif all(isinstance(value, int | float) and math.isfinite(value) for value in values):
+        elif all(is_finite(value) for value in values):
             data = struct.pack(profile.format(name, len(values)), *values)
         else:
             raise Refused("a float is a finite number")

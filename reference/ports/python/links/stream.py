@@ -42,6 +42,7 @@ class StreamDecoder:
 
     def __init__(self) -> None:
         self.held = bytearray()
+        self.dropped = 0  # bytes of the item that are no longer held
         self.position = 0
         self.ended = False
 
@@ -56,7 +57,7 @@ class StreamDecoder:
     def next(self) -> Item | None:
         """The next message or error; None: more bytes are needed."""
         try:
-            if not self.held:
+            if not self.held and self.dropped == 0:
                 raise Incomplete
             length, message, fault = self.take()
         except Incomplete:
@@ -64,7 +65,8 @@ class StreamDecoder:
             return None
         item = Item(self.position, length, message, fault)
         self.position += length
-        del self.held[:length]
+        del self.held[: length - self.dropped]
+        self.dropped = 0
         return item
 
     def take(self) -> tuple[int, Json | None, Json | None]:

@@ -277,7 +277,8 @@ def encode(message: Json, sender: str = "robot", options: Json | None = None) ->
 
 def encode_controller(message: Json) -> bytes:
     """The data bytes of a message from the controller."""
-    code = integer(message.get("error", 0), 0, 7, "error")
+    default = 0 if message["kind"] == "start" else None
+    code = integer(message.get("error", default), 0, 7, "error")
     if message["kind"] == "start":
         values = integers(message["data"], *WORD, range(15), "data")
         mode = integer(message["mode"], 0, 255, "mode")

@@ -16,6 +16,7 @@ from pathlib import Path
 
 REFERENCE = Path(__file__).resolve().parent.parent
 TIMEOUT = 120
+NEVER = 2**63  # nanoseconds, or more
 # How many bytes a read returns; 0: everything up to the next end.
 READS = [0, 1, 3]
 # What a side and a setting are when a file does not name them.
@@ -89,6 +90,11 @@ def refused_cases(refused, side):
     return [({"task": "encode", **side, "message": refused["message"]}, lambda answer: "refused" in answer)]
 
 
+def without_names(event):
+    """An event; the states and inputs of `unexpected` are named by our machines."""
+    return {"event": "unexpected"} if event.get("event") == "unexpected" else event
+
+
 def story_cases(story, link):
     def played(answer):
         found = answer.get("steps", [])
@@ -100,8 +106,13 @@ def story_cases(story, link):
                 value = expected.get(name, empty)
                 if name == "transmit":
                     value = [bytes.fromhex(text).hex().upper() for text in value]
+                if name == "deadline" and None not in (value, got.get(name)):
+                    got[name], value = min(got[name], NEVER), min(value, NEVER)
                 if name == "refused" and value is not None and isinstance(got.get(name), dict):
-                    continue
+                    continue  # a port may use other kinds
+                if name == "events":
+                    got[name] = [without_names(event) for event in got.get(name, empty)]
+                    value = [without_names(event) for event in value]
                 if not same(got.get(name, empty), value):
                     answer["wrong"] = f"step {number}, {step['do']}: {name} is {got.get(name, empty)}, not {value}"
                     return False

@@ -7,6 +7,10 @@ from typing import Protocol
 
 from links import fanuc_hmi_modbus, isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer
 from links.stream import Item, Json, Refused
+from sessions.alter_host import Host as AlterHost
+from sessions.laser_host import Host as LaserHost
+from sessions.mmacell_central import Central
+from sessions.session import NotTaken, Session
 
 
 class Decoder(Protocol):
@@ -77,7 +81,47 @@ def encode(link: Link, request: Json) -> Json:
         return {"refused": f"no message of this link: {wrong!r}"}
 
 
-TASKS: dict[str, Callable[[Link, Json], Json]] = {"decode": decode, "stream": decode, "encode": encode}
+ENDS: dict[tuple[str, str], Callable[[Json], Session]] = {
+    ("laser-eb90", "host"): LaserHost,
+    ("mmacell-proto", "central"): Central,
+    ("val2-alter", "host"): AlterHost,
+}
+# Inputs of every end; all others are calls of its owner.
+INPUTS = {"connected", "disconnected", "timeout", "transmitted"}
+
+
+def session(link: Link, request: Json) -> Json:
+    """What an end does at each step of a story."""
+    make = ENDS.get((request["link"], request["end"]))
+    if make is None:
+        return {"skipped": "not implemented"}
+    end = make(request["config"])
+    return {"steps": [play(end, step) for step in request["steps"]]}
+
+
+def play(end: Session, step: Json) -> Json:
+    """One step, as reference/README.md describes it."""
+    now, ((name, argument),) = step["at"], step["do"].items()
+    answer: Json = {"events": [], "transmit": []}
+    try:
+        if name in INPUTS:
+            getattr(end, name)(now)
+        elif name == "input":
+            end.input(now, bytes.fromhex(argument))
+        elif name != "nothing":
+            end.call(now, name, argument)
+    except NotTaken as not_taken:
+        answer["refused"] = not_taken.refused
+    while True:
+        answer["events"] += end.events
+        end.events.clear()
+        sent = None if step.get("hold") else end.transmit(now)
+        if sent is None:
+            return answer | {"deadline": end.deadline()}
+        answer["transmit"].append(sent.hex().upper())
+
+
+TASKS: dict[str, Callable[[Link, Json], Json]] = {"decode": decode, "stream": decode, "encode": encode, "session": session}
 
 
 def main() -> None:

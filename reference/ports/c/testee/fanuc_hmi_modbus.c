@@ -251,7 +251,8 @@ static size_t encode(const struct json *object, uint8_t *out, size_t size)
     static struct modbus_message message;
     memset(&message, 0, sizeof message);
     bool has_head = read_u8(object, "unit", &message.unit) && read_u8(object, "function", &message.function) &&
-                    (decoder.framing == MODBUS_RTU || read_u16(object, "transaction", &message.transaction));
+                    (decoder.framing == MODBUS_RTU ? json_get(object, "transaction") == NULL
+                                                   : read_u16(object, "transaction", &message.transaction));
     return has_head && read_fields(object, &message) ? modbus_encode(&message, decoder.framing, out, size) : 0;
 }
 

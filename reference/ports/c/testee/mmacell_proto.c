@@ -123,7 +123,9 @@ static bool read_number(const struct json *value, int32_t *number)
 static bool read_axes(const struct json *object, struct mmacell_proto_message *message)
 {
     const struct json *axes = json_get(object, "axes");
-    if (axes == NULL || axes->type != '[' || axes->count > MMACELL_PROTO_MAX_AXES)
+    if (axes == NULL || axes->type != '[' || axes->count > MMACELL_PROTO_MAX_AXES ||
+        (decoder.side == MMACELL_PROTO_ROBOT && axes->count != 4) ||
+        (decoder.side == MMACELL_PROTO_PLATFORM && axes->count != 2))
         return false;
     message->axes_len = axes->count;
     size_t axis = 0;

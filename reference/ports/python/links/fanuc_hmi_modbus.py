@@ -320,6 +320,8 @@ def encode(message: Json, sender: str = "client", options: Json | None = None) -
         raise Refused(f"a PDU has up to {MAX_PDU} bytes, not {len(pdu)}")
     body = bytes([integer(message["unit"], 0, 255, "unit")]) + pdu
     if (options or {}).get("framing", "tcp") == "rtu":
+        if "transaction" in message:
+            raise Refused("a frame of RTU has no transaction")
         return body + crc(body).to_bytes(2, "little")
     return struct.pack(">HHH", u16(message["transaction"]), 0, len(body)) + body
 

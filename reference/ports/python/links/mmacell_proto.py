@@ -199,7 +199,7 @@ class Line:
 def encode(message: Json, sender: str = "central", options: Json | None = None) -> bytes:
     """Section 6."""
     dialect = Dialect(**(options or {}))
-    text = encode_command(message, dialect) if sender == "central" else encode_reply(message, dialect)
+    text = encode_command(message, dialect) if sender == "central" else encode_reply(message, sender, dialect)
     return text.encode() + (b"\n" if dialect.lone_lf else b"\r\n")
 
 
@@ -216,7 +216,7 @@ def encode_command(message: Json, dialect: Dialect) -> str:
         mode = next((key for key, value in MODES.items() if value == message["mode"]), None)
         if mode is None:
             raise Refused("a mode is absolute or relative")
-        return name + mode + encode_axes(message["axes"])
+        return name + mode + encode_axes(message["axes"], "central")
     if name == "ACQ":
         return name + encode_integer(message["camera"], dialect)
     if name == "HND":
@@ -225,7 +225,7 @@ def encode_command(message: Json, dialect: Dialect) -> str:
     return name
 
 
-def encode_reply(message: Json, dialect: Dialect) -> str:
+def encode_reply(message: Json, sender: str, dialect: Dialect) -> str:
     """A line of a device, without its end."""
     name = one_of(message["reply"], {"ok", "error", "status"}, "reply")
     if name == "ok":
@@ -236,7 +236,7 @@ def encode_reply(message: Json, dialect: Dialect) -> str:
             raise Refused("ER has a number other than 0")
         return "ER" + number
     moving, servo = ("FT"[boolean(message[name], name)] for name in ("moving", "servo"))
-    return "OK" + moving + encode_axes(message["axes"]) + servo + encode_percent(message["override"], dialect) + number
+    return "OK" + moving + encode_axes(message["axes"], sender) + servo + encode_percent(message["override"], dialect) + number
 
 
 def encode_integer(value: Any, dialect: Dialect) -> str:
@@ -248,9 +248,10 @@ def encode_percent(value: Any, dialect: Dialect) -> str:
     return encode_integer(integer(value, 0, 100, "an override"), dialect)
 
 
-def encode_axes(axes: Any) -> str:
-    """Coordinates, rounded to their last digits (MM-11)."""
-    decimals = {len(ROBOT): ROBOT, len(PLATFORM): PLATFORM}.get(len(axes))
+def encode_axes(axes: Any, sender: str) -> str:
+    """Coordinates, rounded to their last digits (MM-11). A central controller moves either device."""
+    allowed: list[tuple[int, ...]] = [ROBOT] * (sender != "platform") + [PLATFORM] * (sender != "robot")
+    decimals = next((decimals for decimals in allowed if len(decimals) == len(axes)), None)
     if decimals is None:
         raise Refused("a robot has four axes, a platform two")
     return "".join(encode_coordinate(value, digits) for value, digits in zip(axes, decimals))

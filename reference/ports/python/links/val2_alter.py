@@ -53,6 +53,7 @@ class Decoder:
         self.skipped = 0
         self.lent = False
         self.error: Json | None = None
+        self.failures = 0  # how often `read` failed (AL-38)
 
     def push(self, data: bytes) -> None:
         """Takes bytes."""
@@ -61,6 +62,18 @@ class Decoder:
     def end(self) -> None:
         """The stream has ended, or the line was silent for longer than `gap`."""
         self.ended = True
+
+    def pending(self) -> int:
+        """How many bytes belong to no item yet (AL-52)."""
+        return self.skipped + self.spare + len(self.held) - self.lent
+
+    def clear(self) -> None:
+        """Forgets what belongs to no item yet; offsets count on."""
+        self.position += self.pending()
+        self.held.clear()
+        self.read_before = self.spare = self.skipped = 0
+        self.ended = self.lent = False
+        self.error = None
 
     def next(self) -> Item | None:
         """The next message or error."""
@@ -89,6 +102,7 @@ class Decoder:
             except More:
                 return None
             except Wrong as wrong:
+                self.failures += 1
                 first = self.position + self.spare - self.lent
                 self.error = wrong.error | {"offset": first + wrong.error["offset"]}
                 self.read_before = max(self.read_before, wrong.extent)

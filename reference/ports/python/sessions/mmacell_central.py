@@ -1,0 +1,218 @@
+"""The central controller of mmacell-proto (section 7 of reference/mmacell-proto.md)."""
+
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from typing import Any
+
+from links import mmacell_proto
+from links.stream import Json, Refused
+
+from .session import MS, SECOND, NotTaken, Session, after
+
+Pose = tuple[int, ...]  # in the last digit of each axis
+
+
+class Link(Enum):
+    """Section 7.1."""
+
+    DOWN = auto()
+    IDLE = auto()
+    SENDING = auto()
+    AWAITING = auto()
+    ENDED = auto()
+
+
+class Motion(Enum):
+    """Section 7.1."""
+
+    STARTING = auto()
+    MOVING = auto()
+    STOPPING = auto()
+    REST = auto()
+
+
+class Target(Enum):
+    """A target that is no pose."""
+
+    NONE = auto()
+    UNKNOWN = auto()
+
+
+@dataclass
+class Config:
+    """MM-71. Times are in nanoseconds."""
+
+    accepts: Json = field(default_factory=dict)
+    writes: Json = field(default_factory=dict)
+    timeout: int = SECOND
+    settle: int = 100 * MS
+    tolerance: int = 10
+
+
+class Central(Session):
+    """One connection to a device: a `robot` or a `platform`."""
+
+    def __init__(self, config: Json, device: str = "platform") -> None:
+        super().__init__()
+        self.config = Config(**config)
+        if self.config.timeout == 0:
+            raise ValueError("a timeout of 0")
+        self.device = device
+        self.link = Link.DOWN
+        self.command: Json = {}
+        self.until = 0
+        self.decoder = self.new_decoder()
+        self.motion = Motion.REST
+        self.target: Pose | Target = Target.NONE
+        self.believed_from = 0
+        self.pose: Pose | None = None
+
+    def new_decoder(self) -> mmacell_proto.Decoder:
+        return mmacell_proto.Decoder(self.device, self.config.accepts)
+
+    def close(self, reason: str, link: Link, **fields: Any) -> None:
+        """The connection ends; a command that was not finished is reported with it (MM-36)."""
+        unfinished = {Link.SENDING: "not_sent", Link.AWAITING: "unknown"}.get(self.link)
+        self.report("closed", reason=reason, **fields, **({unfinished: self.command} if unfinished else {}))
+        self.link = link
+
+    def connected(self, now: int) -> None:
+        if self.link not in (Link.DOWN, Link.ENDED):
+            self.close("disconnected", Link.DOWN)
+        self.link = Link.IDLE
+        self.decoder = self.new_decoder()
+        self.motion, self.target, self.pose = Motion.REST, Target.NONE, None  # MM-39
+        self.report("connected")
+
+    def disconnected(self, now: int) -> None:
+        if self.link not in (Link.DOWN, Link.ENDED):
+            self.close("disconnected", Link.DOWN)
+        self.link = Link.DOWN
+
+    def input(self, now: int, data: bytes) -> None:
+        if self.link is Link.DOWN:
+            return
+        self.decoder.push(data)
+        while (item := self.decoder.next()) is not None:
+            if self.link is Link.ENDED:  # MM-38
+                continue
+            if item.error is not None:
+                self.close("malformed", Link.ENDED, error=item.error)
+            elif item.message is not None:
+                self.reply(now, item.message)
+
+    def reply(self, now: int, message: Json) -> None:
+        """MM-33, MM-34."""
+        kind, name = message["reply"], self.command.get("command")
+        if self.link is not Link.AWAITING or (kind == "status") != (name == "STA") and kind != "error":
+            self.close("mismatch", Link.ENDED)
+            return
+        if kind == "ok" and name == "CLO":
+            self.link = Link.IDLE  # its command is finished
+            self.close("agreed", Link.ENDED)
+            return
+        self.link = Link.IDLE
+        if kind == "error":
+            self.report("refused", command=self.command, error=message["error"])
+        elif kind == "ok":
+            self.done(now)
+            self.report("done", command=self.command)
+        else:
+            motion = self.status(message)
+            status = {name: value for name, value in message.items() if name != "reply"}
+            self.report("status", status=status, motion=motion)
+
+    def done(self, now: int) -> None:
+        """What `OK` to the command means for the motion (MM-42 to MM-44)."""
+        name = self.command["command"]
+        if name == "MOV":
+            self.target = self.goal(self.counts(self.command["axes"]))
+        elif name == "RST":
+            self.target = Target.UNKNOWN
+        if name in ("MOV", "RST"):
+            self.motion, self.believed_from = Motion.STARTING, after(now, self.config.settle)
+        elif name == "STP" or (name == "SRV" and not self.command["on"]):
+            if self.motion is Motion.REST:
+                self.target = Target.NONE
+            else:
+                self.motion = Motion.STOPPING
+
+    def goal(self, axes: Pose) -> Pose | Target:
+        """Where a move ends."""
+        if self.command["mode"] == "absolute":
+            return axes
+        if self.motion is not Motion.REST or self.pose is None:
+            return Target.UNKNOWN
+        total = tuple(here + way for here, way in zip(self.pose, axes))
+        return total if all(abs(axis) <= mmacell_proto.MAX_COORDINATE for axis in total) else Target.UNKNOWN
+
+    def counts(self, axes: list[float]) -> Pose:
+        """Axes in their last digits."""
+        decimals = mmacell_proto.ROBOT if len(axes) == len(mmacell_proto.ROBOT) else mmacell_proto.PLATFORM
+        return tuple(round(axis * 10**digits) for axis, digits in zip(axes, decimals))
+
+    def status(self, message: Json) -> str:
+        """What a status means for the motion (MM-70)."""
+        pose, servo = self.counts(message["axes"]), message["servo"]
+        if message["moving"]:
+            if self.motion is Motion.STOPPING:
+                return "stopping"
+            self.motion = Motion.MOVING
+            return "moving"
+        if self.motion is Motion.STOPPING or self.target is Target.NONE:
+            self.motion, self.target, self.pose = Motion.REST, Target.NONE, pose
+            return "still"
+        is_there = isinstance(self.target, tuple) and all(
+            abs(here - there) <= self.config.tolerance for here, there in zip(pose, self.target)
+        )
+        if self.motion is Motion.STARTING and not (is_there and servo):
+            return "starting"
+        self.motion, self.pose = Motion.REST, pose
+        if not servo:
+            return "missed_servo_off"
+        if self.target is Target.UNKNOWN:
+            return "still"
+        return "arrived" if is_there else "missed_elsewhere"
+
+    def timeout(self, now: int) -> None:
+        if self.link is Link.AWAITING and now >= self.until:
+            self.close("timeout", Link.ENDED)
+
+    def call(self, now: int, name: str, argument: object) -> None:
+        if name == "abort":
+            self.abort()
+        elif name == "request" and isinstance(argument, dict):
+            self.request(argument)
+
+    def abort(self) -> None:
+        """MM-37."""
+        if self.link is Link.SENDING:
+            self.link = Link.IDLE
+            self.report("aborted", command=self.command)
+        elif self.link is Link.AWAITING:
+            self.close("aborted", Link.ENDED)
+
+    def request(self, command: Json) -> None:
+        """MM-30."""
+        if self.link in (Link.DOWN, Link.ENDED):
+            raise NotTaken("not_connected")
+        if self.link is not Link.IDLE or self.events:
+            raise NotTaken("busy")
+        try:
+            mmacell_proto.encode(command, "central", self.config.writes)
+        except Refused as refused:
+            raise NotTaken(str(refused)) from refused
+        self.command = command
+        self.link = Link.SENDING
+
+    def transmit(self, now: int) -> bytes | None:
+        if self.link is not Link.SENDING:
+            return None
+        if self.command["command"] == "STA" and self.motion is Motion.STARTING and now >= self.believed_from:
+            self.motion = Motion.MOVING  # MM-45
+        self.link = Link.AWAITING
+        self.until = after(now, self.config.timeout)
+        return mmacell_proto.encode(self.command, "central", self.config.writes)
+
+    def deadline(self) -> int | None:
+        return self.until if self.link is Link.AWAITING else None

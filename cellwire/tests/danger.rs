@@ -39,13 +39,11 @@ fn assert_stopped(stopped: Stopped, first: usize) {
 }
 
 /// Nothing moved since `since`, in so many cycles; the hand that lets go and rests moves it again.
-fn assert_still_until_rest(rig: &Rig, since: usize, cycles: usize) {
-    rig.controller.pass(cycles);
-    let log = rig.controller.log();
-    assert!(log[since..].iter().all(|cycle| x(cycle).unwrap_or(0) == 0), "{:?}", &log[since..]);
-    let replies = log[since..].iter().filter(|cycle| x(cycle).is_some()).count();
-    assert!(replies > cycles / 2, "ALTER runs: {:?}", &log[since..]);
+fn assert_still_until_rest(rig: &Rig, since: usize, cycles: usize) -> Option<Stopped> {
+    let still = rig.stays_still(since, cycles)?;
+    assert_eq!((still.first, still.zero), (0, 0), "{:?}", &rig.controller.log()[since..]);
     rig.push_until(8);
+    Some(still)
 }
 
 /// Again, where a busy machine had stopped the arm before.
@@ -79,15 +77,19 @@ fn a_ball_that_is_gone_stops_the_arm() {
     assert_stopped(tried(ball_gone), 5);
 }
 
-#[test]
-fn a_ball_that_comes_back_pushed_moves_nothing() {
+fn ball_back_pushed() -> Option<Stopped> {
     let rig = Rig::moving(23, &[], FAST);
     rig.ball.pull();
     rig.terminal.wait_for("INPUT LOST");
     rig.controller.pass(RAMP);
     let since = rig.controller.now();
     rig.ball.plug();
-    assert_still_until_rest(&rig, since, 40);
+    assert_still_until_rest(&rig, since, 40)
+}
+
+#[test]
+fn a_ball_that_comes_back_pushed_moves_nothing() {
+    assert_stopped(tried(ball_back_pushed), 0);
 }
 
 /// Comes to rest, ends ALTER with silence, writes its trace and gives the terminal back.
@@ -192,32 +194,123 @@ fn a_terminal_whose_output_blocks_delays_no_key() {
     assert_stopped(tried(terminal_blocked), SOON);
 }
 
-#[test]
-fn a_start_while_the_ball_is_pushed_moves_nothing() {
+fn start_pushed() -> Option<Stopped> {
     let rig = Rig::new(23, &[]);
     rig.ball.push(127);
     rig.controller.start(23);
     let since = rig.controller.wait("the start", 0, |cycle| *cycle == Cycle::Start(0));
-    assert_still_until_rest(&rig, since, 40);
+    assert_still_until_rest(&rig, since, 40)
+}
+
+#[test]
+fn a_start_while_the_ball_is_pushed_moves_nothing() {
+    assert_stopped(tried(start_pushed), 0);
+}
+
+/// The cause is the first cycle that the robot interrupts: its subroutine has stopped the arm.
+fn interruption_pushed() -> Option<Stopped> {
+    let rig = Rig::moving(23, &[], FAST);
+    let before = rig.controller.now();
+    rig.controller.interrupt(5);
+    let since =
+        rig.controller.wait("the interruption", before, |cycle| matches!(cycle, Cycle::Interrupted(_)));
+    rig.terminal.wait_for("ALTER was interrupted");
+    assert_still_until_rest(&rig, since, 45)
 }
 
 #[test]
 fn an_interruption_while_the_ball_is_pushed_moves_nothing_afterwards() {
-    let rig = Rig::moving(23, &[], FAST);
-    rig.controller.interrupt(5);
-    rig.terminal.wait_for("ALTER was interrupted");
-    rig.controller.pass(1);
-    let since = rig.controller.now();
-    assert_still_until_rest(&rig, since, 40);
+    assert_stopped(tried(interruption_pushed), 0);
 }
 
-#[test]
-fn another_start_while_the_ball_is_pushed_moves_nothing() {
+fn restart_pushed() -> Option<Stopped> {
     let rig = Rig::moving(23, &[], FAST);
     let before = rig.controller.now();
     rig.controller.start(23);
     let since = rig.controller.wait("the start", before, |cycle| *cycle == Cycle::Start(0));
-    assert_still_until_rest(&rig, since, 40);
+    assert_still_until_rest(&rig, since, 40)
+}
+
+#[test]
+fn another_start_while_the_ball_is_pushed_moves_nothing() {
+    assert_stopped(tried(restart_pushed), 0);
+}
+
+/// The robot is silent for more than its four cycles, and begins again: the hand has pushed all the time.
+fn robot_back_pushed() -> Option<Stopped> {
+    let rig = Rig::moving(23, &[], FAST);
+    let before = rig.controller.now();
+    rig.controller.pause(8);
+    let since = rig.controller.wait("the start", before, |cycle| *cycle == Cycle::Start(0));
+    assert_still_until_rest(&rig, since, 40)
+}
+
+#[test]
+fn a_robot_that_comes_back_while_the_ball_is_pushed_moves_nothing() {
+    assert_stopped(tried(robot_back_pushed), 0);
+}
+
+fn key_released() -> Option<Stopped> {
+    let rig = Rig::new(23, &["--hold-to-run", "--hold-key", "8"]);
+    rig.ball.hold(0x80);
+    rig.controller.start(23);
+    rig.push_until(FAST);
+    let cause = rig.controller.now();
+    rig.ball.hold(0);
+    let stopped = rig.stopped(cause);
+    rig.terminal.wait_for("the key was let go");
+    // The key alone arms nothing: the hand has to rest.
+    rig.ball.hold(0x80);
+    rig.stays_still(rig.controller.now() + 2, 20).is_some_and(|still| still.zero == 0).then_some(stopped)?
+}
+
+#[test]
+fn hold_to_run_moves_only_while_the_key_is_held() {
+    let rig = Rig::new(23, &["--hold-to-run", "--hold-key", "8"]);
+    rig.controller.start(23);
+    rig.arm();
+    let since = rig.controller.now();
+    rig.ball.push(127);
+    rig.controller.pass(20);
+    let log = rig.controller.log();
+    assert!(log[since..].iter().all(|cycle| x(cycle).unwrap_or(0) == 0), "{:?}", &log[since..]);
+    drop(rig);
+    assert_stopped(tried(key_released), SOON);
+}
+
+/// Each reply that the robot could not read is counted, with its reason.
+#[test]
+fn rejected_replies_are_counted_and_their_reasons_shown() {
+    let rig = Rig::moving(23, &[], FAST);
+    for (code, counted) in [
+        (1, "rejected 1: checksum 1  "),
+        (2, "rejected 2: checksum 1, format 1  "),
+        (5, "rejected 3: checksum 1, format 1, marks 1  "),
+        (1, "rejected 4: checksum 2, format 1, marks 1  "),
+    ] {
+        rig.controller.reject(code);
+        rig.terminal.wait_for(counted);
+    }
+    // What the arm has not done counts as rest: it goes on from there within the limits.
+    let log = rig.controller.log();
+    assert!(log.iter().filter_map(x).all(|x| x.unsigned_abs() <= 90), "{log:?}");
+}
+
+/// A window of one cell shows nothing, and harms nothing.
+#[test]
+fn a_terminal_without_room_is_no_error() {
+    let mut rig = Rig::moving(23, &[], 8);
+    for (rows, columns) in [(1, 1), (3, 200), (24, 2)] {
+        rig.terminal.resize(rows, columns);
+        rig.controller.pass(10);
+    }
+    let cause = rig.controller.now();
+    rig.terminal.press(b"q");
+    rig.controller.wait("rest", cause, |cycle| x(cycle) == Some(0) || *cycle == Cycle::Ended);
+    let (status, _) = rig.wait_for_exit();
+    assert_eq!((status.code(), rig.stderr().contains("panicked")), (Some(0), false), "{}", rig.stderr());
+    rig.terminal.resize(24, 80);
+    rig.terminal.assert_restored();
 }
 
 #[test]
@@ -235,8 +328,15 @@ fn another_mode_is_refused_and_both_are_named() {
 
 /// At 19200 baud a message with transformation leaves room for a few words: those that are zero and were zero are left out.
 #[test]
-fn mode_23_is_answered_at_19200_baud() {
-    let rig = Rig::moving(23, &["--robot-baud", "19200"], FAST);
+fn mode_23_is_answered_at_19200_baud_and_what_fits_is_said_before() {
+    let mut rig = Rig::new(23, &["--robot-baud", "19200"]);
+    // Before anything moves, in text and on the screen; there in the head, where no message takes its place.
+    let advice = "19200 baud, mode 23: 3 of 6 axes fit a reply";
+    assert!(rig.stderr().contains(&format!("warning: {advice}")), "{}", rig.stderr());
+    rig.terminal.wait_for("3 of 6 axes fit, held 0");
+    rig.terminal.wait_for("38400 baud or");
+    rig.controller.start(23);
+    rig.push_until(FAST);
     let log = rig.controller.log();
     let lengths = log.iter().filter_map(|cycle| match cycle {
         Cycle::Values(_, length) => Some(*length),
@@ -245,6 +345,42 @@ fn mode_23_is_answered_at_19200_baud() {
     // 36 bytes and more take 18.75 ms of 28: what is left holds 17 bytes at most.
     assert!(lengths.max().unwrap() <= 17, "{log:?}");
     assert!(greatest_step(&log) <= LIMIT, "{log:?}");
+    rig.terminal.press(b"q");
+    rig.wait_for_exit();
+    drop(rig);
+    // Where all fit, nothing is said.
+    let rig = Rig::new(19, &["--robot-baud", "19200", "--mode", "19"]);
+    assert!(!rig.terminal.text().contains("axes fit") && !rig.stderr().contains("axes fit"));
+}
+
+fn slow_line() -> Option<Stopped> {
+    let rig = Rig::moving(23, &["--robot-baud", "19200"], FAST);
+    let cause = rig.controller.now();
+    rig.terminal.press(b" ");
+    rig.stopped(cause)
+}
+
+/// What an offset changes in the 40 cycles after its input was lost.
+fn offset_held() -> Option<Stopped> {
+    let rig = Rig::moving(22, &["--mode", "22"], 1000);
+    let cause = rig.controller.now();
+    rig.ball.pull();
+    rig.controller.pass(60);
+    let log = rig.controller.log();
+    let held = log[cause..].iter().filter_map(x).max()?;
+    let goes_back = |cycle: &Cycle| x(cycle).is_some_and(|x| x < held);
+    assert!(!log[cause..].iter().skip_while(|cycle| x(cycle) != Some(held)).any(goes_back), "{log:?}");
+    // It comes to rest when the last change is made.
+    let zero = log[cause..].iter().position(|cycle| x(cycle) == Some(held))?;
+    let speeds: Vec<i32> =
+        log.windows(2).filter_map(|pair| Some(i32::from(x(&pair[1])?) - i32::from(x(&pair[0])?))).collect();
+    let step = speeds.windows(2).map(|pair| (pair[1] - pair[0]).unsigned_abs()).max()?;
+    let before = i32::from(x(&log[cause - 1])?) - i32::from(x(&log[cause - 2])?);
+    let slower = |pair: &[Cycle]| {
+        x(&pair[1]).zip(x(&pair[0])).is_some_and(|(b, a)| i32::from(b) - i32::from(a) < before)
+    };
+    let first = log[cause - 1..].windows(2).position(slower)?;
+    Some(Stopped { first, zero, step: u16::try_from(step).ok()?, seen: log.len() })
 }
 
 #[test]
@@ -274,7 +410,7 @@ fn an_offset_is_held_without_the_input_and_after_it_has_come_back() {
 #[ignore = "takes minutes"]
 fn table() {
     type Attempt = fn() -> Option<Stopped>;
-    let dangers: [(&str, Attempt); 9] = [
+    let dangers: [(&str, Attempt); 17] = [
         ("old data with a push", old_data),
         ("the ball's port is gone", ball_gone),
         ("SIGTERM", || signal("-TERM")),
@@ -284,6 +420,14 @@ fn table() {
         ("Esc in the options", || stop_key(b"o", b"\x1b", false)),
         ("space in the debug view", || stop_key(b"o3", b" ", false)),
         ("space, the terminal blocked", terminal_blocked),
+        ("the held key is let go", key_released),
+        ("space, 19200 baud, mode 23", slow_line),
+        ("mode 22, the ball's port is gone: zero is the last change of the offset", offset_held),
+        ("ALTER starts while the ball is pushed", start_pushed),
+        ("ALTER starts again while the ball is pushed", restart_pushed),
+        ("ALTER is back from an interruption, the ball pushed", interruption_pushed),
+        ("the robot is back, the ball pushed", robot_back_pushed),
+        ("the ball comes back pushed", ball_back_pushed),
     ];
     println!(
         "| danger | first smaller value, ms | zero, ms | greatest step, of {LIMIT} |\n| --- | --- | --- | --- |"

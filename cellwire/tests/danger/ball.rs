@@ -12,6 +12,7 @@ use super::pty::Pty;
 #[derive(Debug, Clone, Copy, Default)]
 struct Hand {
     x: i8,
+    keys: u8,
     /// The values are those of before.
     old: bool,
     /// The ball's cable is pulled.
@@ -34,6 +35,11 @@ impl Ball {
     /// Pushes along X; 0 rests.
     pub(crate) fn push(&self, x: i8) {
         self.hand.lock().unwrap().x = x;
+    }
+
+    /// Holds the keys of this mask; 0 lets them go.
+    pub(crate) fn hold(&self, keys: u8) {
+        self.hand.lock().unwrap().keys = keys;
     }
 
     /// From now on every packet says "old data".
@@ -81,7 +87,7 @@ impl Ball {
 
 fn packet(hand: Hand) -> [u8; 12] {
     let id = if hand.old { 0x80 } else { 0 };
-    let mut packet = [8, 0xF8, 0x5D, id, hand.x.to_le_bytes()[0], 0, 0, 0, 0, 0, 0, 0];
+    let mut packet = [8, 0xF8, 0x5D, id, hand.x.to_le_bytes()[0], 0, 0, 0, 0, 0, hand.keys, 0];
     let sum = packet[3..11].iter().fold(8u8, |sum, byte| sum.wrapping_add(*byte));
     packet[11] = sum.wrapping_neg();
     packet

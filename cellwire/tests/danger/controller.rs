@@ -16,6 +16,8 @@ pub(crate) const CYCLE: Duration = Duration::from_millis(28);
 pub(crate) enum Cycle {
     /// The values of a reply; those left out are zero, and the count of bytes on the line.
     Values([i16; 6], usize),
+    /// The same while the exception subroutine runs: they move nothing.
+    Interrupted([i16; 6]),
     /// No reply.
     Missed,
     /// The host has accepted (00), or refused (FF) ALTER.
@@ -29,6 +31,10 @@ enum Order {
     Start(u8),
     /// The exception subroutine runs for so many cycles.
     Interrupt(u32),
+    /// Nothing is sent for so many cycles; then the program starts again.
+    Pause(u32),
+    /// The next message says that the reply before it had this error.
+    Reject(u8),
 }
 
 /// The controller's thread, and what it saw.
@@ -52,6 +58,14 @@ impl Controller {
 
     pub(crate) fn interrupt(&self, cycles: u32) {
         self.orders.send(Order::Interrupt(cycles)).unwrap();
+    }
+
+    pub(crate) fn pause(&self, cycles: u32) {
+        self.orders.send(Order::Pause(cycles)).unwrap();
+    }
+
+    pub(crate) fn reject(&self, error: u8) {
+        self.orders.send(Order::Reject(error)).unwrap();
     }
 
     pub(crate) fn log(&self) -> Vec<Cycle> {
@@ -122,14 +136,20 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
         }
         let (mut missed, mut interrupted, mut position) = (0, 0, 0i16);
         loop {
+            let mut error = 0;
             match orders.try_recv() {
                 Ok(Order::Interrupt(cycles)) => interrupted = cycles,
+                Ok(Order::Reject(code)) => error = code,
+                Ok(Order::Pause(cycles)) => {
+                    thread::sleep(CYCLE * cycles);
+                    break;
+                }
                 // The program is started again, without a word about the ALTER before.
                 Ok(Order::Start(_)) => break,
                 Err(std::sync::mpsc::TryRecvError::Disconnected) => return,
                 Err(std::sync::mpsc::TryRecvError::Empty) => {}
             }
-            let control = if interrupted > 0 { 0xC0 } else { 0x80 };
+            let control = error | if interrupted > 0 { 0xC0 } else { 0x80 };
             let mut message = vec![control, 2, 1, 0, 0, 0x20];
             if mode & 4 != 0 {
                 let words = [16384, 0, 0, 0, -16384, 0, 0, 0, -16384, position, 0, 0];
@@ -138,11 +158,13 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
             let reply = exchange(&mut port, &message);
             match reply.as_deref().and_then(values) {
                 Some((values, length)) => {
+                    missed = 0;
                     if interrupted == 0 {
                         position = position.wrapping_add(values[0]);
+                        see(Cycle::Values(values, length));
+                    } else {
+                        see(Cycle::Interrupted(values));
                     }
-                    missed = 0;
-                    see(Cycle::Values(values, length));
                 }
                 None => {
                     missed += 1;

@@ -105,16 +105,25 @@ impl Rig {
     /// What the controller saw from `cause` on: in cycles, to the first smaller value, and to zero; and the greatest step. `None`:
     /// a busy machine had stopped the arm before.
     pub(crate) fn stopped(&self, cause: usize) -> Option<Stopped> {
-        let zero = self.controller.wait("rest", cause, |cycle| match x(cycle) {
-            Some(x) => x == 0,
-            None => *cycle == Cycle::Ended,
-        });
+        let rests = |cycle: &Cycle| matches!(cycle, Cycle::Ended | Cycle::Start(_) | Cycle::Interrupted(_));
+        let zero = self.controller.wait("rest", cause, |cycle| x(cycle).map_or(rests(cycle), |x| x == 0));
         let log = self.controller.log();
         let before = x(log[..cause].last()?)?;
-        let smaller = |cycle: &Cycle| x(cycle).map_or(*cycle == Cycle::Ended, |x| x < before);
+        let smaller = |cycle: &Cycle| x(cycle).map_or(rests(cycle), |x| x < before);
         let first = log[cause..].iter().position(smaller)?;
         let is_fast = before >= super::FAST && log[cause..=zero].iter().any(|cycle| x(cycle).is_some());
         is_fast.then_some(Stopped { first, zero: zero - cause, step: greatest_step(&log), seen: log.len() })
+    }
+
+    /// In so many cycles from `cause` on no value moves the arm; `None`: a busy machine has ended ALTER meanwhile.
+    pub(crate) fn stays_still(&self, cause: usize, cycles: usize) -> Option<Stopped> {
+        self.controller.pass((cause + cycles).saturating_sub(self.controller.now()));
+        let log = self.controller.log();
+        let moved = |cycle: &Cycle| x(cycle).is_some_and(|x| x != 0);
+        let first = log[cause..].iter().position(moved).unwrap_or(0);
+        let zero = log[cause..].iter().rposition(moved).map_or(0, |last| last + 1);
+        let answered = log[cause..].iter().filter(|cycle| x(cycle).is_some()).count();
+        (answered > cycles / 2).then_some(Stopped { first, zero, step: greatest_step(&log), seen: log.len() })
     }
 
     pub(crate) fn signal(&self, signal: &str) {
@@ -132,6 +141,11 @@ impl Rig {
             assert!(begin.elapsed() < PATIENCE, "it does not end: {}", self.terminal.text());
             thread::sleep(Duration::from_millis(5));
         }
+    }
+
+    /// What the program wrote on standard error.
+    pub(crate) fn stderr(&self) -> String {
+        std::fs::read_to_string(self.folder.path().join("stderr")).unwrap()
     }
 
     /// The traces that were written.
@@ -230,6 +244,11 @@ impl Terminal {
         self.is_blocked.store(true, Ordering::Relaxed);
         let client = File::options().read(true).write(true).open(&self.path).unwrap();
         rustix::termios::tcflow(&client, rustix::termios::Action::OOff).unwrap();
+    }
+
+    /// The window has so many rows and columns now.
+    pub(crate) fn resize(&self, rows: u16, columns: u16) {
+        stty(&self.path, &["rows", &rows.to_string(), "cols", &columns.to_string()]);
     }
 
     /// The window is closed.

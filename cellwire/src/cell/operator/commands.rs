@@ -67,6 +67,9 @@ impl Model {
                 self.policy = Policy::Accept;
                 (self.refused, self.lost) = (None, None);
                 self.show("waiting for the robot; space or Esc stops".into());
+                if let Some(advice) = self.advice.clone() {
+                    self.show(advice);
+                }
                 Some(Command::Order(Order::Policy(Policy::Accept)))
             }
             'v' => {

@@ -60,6 +60,8 @@ pub(super) struct Model {
     pub(super) mode: Mode,
     /// The axes that fit a reply.
     pub(super) axes: usize,
+    /// What to do where that is not all of them.
+    pub(super) advice: Option<String>,
     /// The mode of a start that was refused last, unless ALTER has begun since.
     pub(super) refused: Option<Mode>,
     /// Why the robot is lost.
@@ -76,6 +78,8 @@ pub(super) struct Model {
     pub(super) profile: Profile,
     pub(super) exchange: Duration,
     pub(super) ball_is_stale: bool,
+    /// The workstation holds its line.
+    pub(super) viewer_holds: bool,
     pub(super) demand: [i16; AXES],
     pub(super) values: [i16; AXES],
     pub(super) thinking: Samples,
@@ -119,7 +123,7 @@ impl Test {
 
 impl Model {
     pub(super) fn new(ports: Ports, traces: Traces, alter: &HostConfig, profile: Profile) -> Self {
-        let mut model = Self {
+        Self {
             ports,
             traces,
             view: View::Main,
@@ -127,6 +131,7 @@ impl Model {
             latch: Latch::NEW,
             mode: alter.mode,
             axes: axes_that_fit(alter),
+            advice: advice(alter),
             refused: None,
             lost: None,
             policy: Policy::Ignore,
@@ -140,6 +145,7 @@ impl Model {
             profile,
             exchange: Duration::ZERO,
             ball_is_stale: false,
+            viewer_holds: false,
             demand: [0; AXES],
             values: [0; AXES],
             thinking: Samples::default(),
@@ -150,11 +156,7 @@ impl Model {
             damage_said: Duration::ZERO,
             has_ended: false,
             now: Duration::ZERO,
-        };
-        if let Some(advice) = advice(alter) {
-            model.show(advice);
         }
-        model
     }
 
     /// Takes what the host reported.
@@ -251,6 +253,7 @@ impl Model {
             Notification::BallStale => {
                 self.ball_is_stale = true;
             }
+            Notification::ViewerHolds(holds) => self.viewer_holds = holds,
             Notification::PoseAsked => self.counts.asked += 1,
             Notification::Pose => self.counts.poses += 1,
             Notification::Probed { port, baud, good, corrupt } => {

@@ -5,17 +5,16 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph};
-use val2_alter::{
-    Accumulation, CoordinateFrame, ErrorCode, HostState, Mode, Polarity, Policy, SegmentStatus,
-};
+use val2_alter::{Accumulation, CoordinateFrame, HostState, Mode, Polarity, Policy, SegmentStatus};
 
 use super::model::{Model, View, cause_text};
 use crate::cell::teleop::input::FULL;
 use crate::cell::teleop::latch::{Cause, Latch};
 use crate::links::val2_alter::Layout as Words;
-use crate::links::val2_alter::puma::error_text;
 
 const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];
+/// Why the robot could not read a reply, from error code 1 on: three fit the line.
+const REASONS: [&str; 7] = ["checksum", "format", "overflow", "incomplete", "marks", "timeout", "code 7"];
 
 pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     let rows = Layout::vertical([
@@ -44,6 +43,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     window(frame, segment, "Segment", segment_lines(model));
     let title = match model.position_age() {
         Some(age) => format!("Transformation, OLD: {:.1} s", age.as_secs_f64()),
+        None if model.viewer_holds => "Transformation, viewer: XOFF".into(),
         None => "Transformation".into(),
     };
     window(frame, transform, &title, transform_lines(model));
@@ -65,11 +65,13 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
 fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
     let (word, why, color) = state(model);
     let counts = &model.counts;
-    let reasons: String = (1u8..)
+    let reasons: Vec<String> = REASONS
+        .iter()
         .zip(counts.rejected.iter().skip(1))
         .filter(|(_, count)| **count > 0)
-        .map(|(code, count)| format!(", {} {count}", error_text(ErrorCode::from(code))))
+        .map(|(reason, count)| format!("{reason} {count}"))
         .collect();
+    let colon = if reasons.is_empty() { "" } else { ": " };
     let limit = match model.axes {
         val2_alter::AXES => String::new(),
         axes => format!("{axes} of {} axes fit, ", val2_alter::AXES),
@@ -83,12 +85,13 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
             Span::raw(format!(" {why}")),
         ]),
         Line::from(format!(
-            "cycles {}  missed {}  {limit}held {}  p99 {:.2} ms  rejected {}{reasons}",
+            "cycles {}  missed {}  {limit}held {}  rejected {}{colon}{}  p99 {:.2} ms",
             counts.cycles,
             counts.missed,
             counts.held,
-            model.thinking.at(0.99).as_secs_f64() * 1e3,
             counts.rejected.iter().sum::<u64>(),
+            reasons.join(", "),
+            model.thinking.at(0.99).as_secs_f64() * 1e3,
         )),
     ];
     frame.render_widget(Paragraph::new(lines), area);
@@ -377,7 +380,7 @@ mod tests {
             picture(&model),
             [
                 " MOVING  Space or Esc stops                                                     ",
-                "cycles 1  missed 0  held 0  p99 1.00 ms  rejected 0                             ",
+                "cycles 1  missed 0  held 0  rejected 0  p99 1.00 ms                             ",
                 "┌ALTER mode────────────┐┌Initial data┐┌Messages────────────────────────────────┐",
                 "│23 = 10111b           ││5           ││   0.03 viewer: the port is gone, and is│",
                 "│cumulative            ││-1          ││        tried again                     │",

@@ -142,6 +142,65 @@ mod tests {
         }
     }
 
+    /// The part of the next test that panics, in a process and on a terminal of its own.
+    #[test]
+    #[ignore = "it is run by another test, on a pseudo-terminal"]
+    fn panics() {
+        let mut screen = Screen::enter().unwrap();
+        screen.draw(|frame| frame.render_widget("drawn", frame.area())).unwrap();
+        while !screen.is_free.load(Ordering::Acquire) {
+            thread::sleep(Duration::from_millis(1));
+        }
+        screen.draw(|_| panic!("a panic while it is drawn")).unwrap();
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_panic_gives_the_terminal_back() {
+        use std::io::Read;
+        use std::process::{Command, Stdio};
+        use std::time::Instant;
+
+        let (mut user, path) = crate::io::serial::pair().unwrap();
+        let open = || std::fs::File::options().read(true).write(true).open(&path).unwrap();
+        // Its settings stay as they are while somebody has it open.
+        let _client = open();
+        let stty = |args: &[&str]| {
+            let output = Command::new("stty").args(["-F", &path]).args(args).output().unwrap();
+            assert!(output.status.success(), "{output:?}");
+            String::from_utf8(output.stdout).unwrap()
+        };
+        stty(&["sane", "rows", "24", "cols", "80"]);
+        let settings = stty(&["-g"]);
+        let mut process = Command::new("setsid")
+            .arg("--ctty")
+            .arg(std::env::current_exe().unwrap())
+            .args(["--exact", "cell::operator::terminal::tests::panics", "--ignored", "--nocapture"])
+            .stdin(Stdio::from(open()))
+            .stdout(Stdio::from(open()))
+            .stderr(Stdio::from(open()))
+            .spawn()
+            .unwrap();
+        let (mut shown, end) = (Vec::new(), Instant::now() + Duration::from_secs(60));
+        let mut status = None;
+        loop {
+            let mut buffer = [0; 4096];
+            let length = user.read(&mut buffer).unwrap_or(0);
+            shown.extend_from_slice(&buffer[..length]);
+            if length == 0 && status.is_some() {
+                break;
+            }
+            status = process.try_wait().unwrap();
+            assert!(Instant::now() < end, "it does not end: {}", String::from_utf8_lossy(&shown));
+        }
+        let shown = String::from_utf8_lossy(&shown);
+        let at = |text: &str| shown.find(text).unwrap_or_else(|| panic!("no {text:?} in {shown:?}"));
+        // Entered, drawn, left, and only then the message, where it can be read.
+        let [entered, drawn, left] = ["\x1b[?1049h", "drawn", "\x1b[?1049l"].map(at);
+        assert!(entered < drawn && drawn < left && left < at("a panic while it is drawn"), "{shown:?}");
+        assert_eq!(stty(&["-g"]), settings);
+    }
+
     #[test]
     fn a_terminal_that_blocks_keeps_nobody_and_loses_no_piece_of_a_picture() {
         let (is_free, has_failed) = (Arc::new(AtomicBool::new(true)), Arc::new(AtomicBool::new(false)));

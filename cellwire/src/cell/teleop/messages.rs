@@ -102,6 +102,8 @@ pub enum Notification {
     BallCorrupt(isra_ball::DecodeError),
     /// The ball's values are too old.
     BallStale,
+    /// The workstation holds the line (XOFF), or takes packets again (XON).
+    ViewerHolds(bool),
     /// The workstation asked for a pose.
     PoseAsked,
     /// The workstation was sent a pose.

@@ -20,6 +20,7 @@ mod context;
 pub mod demo;
 mod filter;
 mod gripper;
+mod handshake;
 pub mod input;
 pub mod latch;
 mod messages;

@@ -10,6 +10,7 @@ use val2_alter::Transform;
 use val2_viewer::{ENQ, Host, HostConfig, HostEvent};
 
 use super::context::Context;
+use super::handshake::Handshake;
 use super::messages::Notification;
 use super::port::{Port, PortConfig};
 
@@ -20,11 +21,13 @@ const LISTEN: Duration = Duration::from_secs(1);
 
 pub(super) struct Feed {
     context: Context,
-    driver: Driver<Port>,
+    driver: Driver<Handshake>,
     host: Host,
     poses: Receiver<Transform>,
     probe: Receiver<()>,
     is_connected: bool,
+    /// What was reported of the handshake last.
+    is_held: bool,
 }
 
 impl Feed {
@@ -35,9 +38,9 @@ impl Feed {
         poses: Receiver<Transform>,
         probe: Receiver<()>,
     ) -> Result<Self> {
-        let driver = Driver::new(Port::open("viewer", port, &context)?);
-        let host = Host::new(config)?;
-        Ok(Self { context, driver, host, poses, probe, is_connected: false })
+        let line = Handshake::new(Port::open("viewer", port, &context)?, port.baud);
+        let (driver, host) = (Driver::new(line), Host::new(config)?);
+        Ok(Self { context, driver, host, poses, probe, is_connected: false, is_held: false })
     }
 
     pub(super) fn run(mut self) {
@@ -45,17 +48,29 @@ impl Feed {
             if self.probe.try_recv().is_ok() {
                 self.probe();
             }
-            self.driver.transport().follow(&mut self.host, &mut self.is_connected);
+            let was_connected = self.is_connected;
+            self.driver.transport().port().follow(&mut self.host, &mut self.is_connected);
+            if self.is_connected != was_connected {
+                self.driver.transport().clear();
+            }
             if let Some(pose) = self.poses.try_iter().last() {
                 self.host.set_pose(self.context.clock.now(), pose.0);
             }
             self.turn();
-            self.driver.transport().trace();
+            self.driver.transport().port().trace();
         }
         self.context.end_trace("the host ends");
     }
 
     fn turn(&mut self) {
+        let line = self.driver.transport();
+        if line.is_held() != self.is_held {
+            self.is_held = line.is_held();
+            self.context.notify(Notification::ViewerHolds(self.is_held));
+        }
+        if !line.is_free() {
+            return line.wait(IDLE);
+        }
         let context = &self.context;
         let turn = self.driver.turn(&mut self.host, Some(IDLE), |_, event| {
             match event {
@@ -71,13 +86,14 @@ impl Feed {
     /// Listens for requests at each rate. The connection is as good as lost meanwhile.
     fn probe(&mut self) {
         self.is_connected = false;
+        self.driver.transport().clear();
         self.host.handle_disconnected(self.context.clock.now());
         for baud in [9600, 19_200, 38_400] {
-            let Some(received) = self.driver.transport().listen(baud, &[], LISTEN) else { continue };
+            let Some(received) = self.driver.transport().port().listen(baud, &[], LISTEN) else { continue };
             let good = received.iter().filter(|byte| **byte == ENQ).count();
             let corrupt = received.len() - good;
             self.context.notify(Notification::Probed { port: "viewer", baud, good, corrupt });
         }
-        self.driver.transport().end_listening();
+        self.driver.transport().port().end_listening();
     }
 }

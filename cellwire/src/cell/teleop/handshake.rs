@@ -1,0 +1,132 @@
+//! The workstation's line with its software handshake (§5): XOFF holds what is sent, XON lets it go on.
+//!
+//! A packet leaves in pieces at the line's own pace, so that little follows an XOFF. Nothing is lost and nothing piles up: the rest
+//! of one packet waits, and the session makes no other before it has left. Requests that come meanwhile are given to the session
+//! together, which answers them with one packet.
+
+use std::collections::VecDeque;
+use std::io;
+use std::time::Duration;
+
+use robot_session::{Received, Sent, Transport};
+use val2_alter::timing::transmission;
+
+use super::port::Port;
+
+const XON: u8 = 0x11;
+const XOFF: u8 = 0x13;
+
+/// Bytes that are written at once: what a serial chip holds.
+const PIECE: usize = 16;
+/// Bytes of the workstation that wait for the session at most; what comes then are requests like those before.
+const REQUESTS: usize = 64;
+
+/// The port, and what its handshake holds.
+pub(super) struct Handshake {
+    port: Port,
+    baud: u32,
+    held: bool,
+    /// The rest of a packet.
+    waiting: VecDeque<u8>,
+    /// When the next piece of it may be written.
+    next_at: Duration,
+    /// What came while nothing could be sent.
+    requests: Vec<u8>,
+}
+
+impl Handshake {
+    pub(super) fn new(port: Port, baud: u32) -> Self {
+        Self {
+            port,
+            baud,
+            held: false,
+            waiting: VecDeque::new(),
+            next_at: Duration::ZERO,
+            requests: Vec::new(),
+        }
+    }
+
+    pub(super) fn port(&mut self) -> &mut Port {
+        &mut self.port
+    }
+
+    /// Whether the session may send.
+    pub(super) fn is_free(&self) -> bool {
+        !self.held && self.waiting.is_empty()
+    }
+
+    /// Whether the workstation holds the line.
+    pub(super) fn is_held(&self) -> bool {
+        self.held
+    }
+
+    /// The port is another one.
+    pub(super) fn clear(&mut self) {
+        (self.held, self.next_at) = (false, Duration::ZERO);
+        self.waiting.clear();
+        self.requests.clear();
+    }
+
+    /// Sends what may be sent, and keeps what comes.
+    pub(super) fn wait(&mut self, wait: Duration) {
+        let mut buffer = [0; REQUESTS];
+        let length = self.read(wait, &mut buffer);
+        let room = REQUESTS - self.requests.len().min(REQUESTS);
+        self.requests.extend(buffer.iter().take(length.min(room)));
+    }
+
+    /// Sends what may be sent, and takes what comes: without XON and XOFF.
+    fn read(&mut self, wait: Duration, buffer: &mut [u8]) -> usize {
+        let now = self.port.now();
+        self.write_piece(now);
+        let next = (!self.held && !self.waiting.is_empty()).then(|| self.next_at.saturating_sub(now));
+        let length = self.port.read(next.map_or(wait, |next| wait.min(next)), buffer);
+        let (mut kept, received) = (0, buffer.get(..length).unwrap_or_default().to_vec());
+        for byte in received {
+            match byte {
+                XON | XOFF => self.held = byte == XOFF,
+                _ => {
+                    if let Some(place) = buffer.get_mut(kept) {
+                        (*place, kept) = (byte, kept + 1);
+                    }
+                }
+            }
+        }
+        kept
+    }
+
+    fn write_piece(&mut self, now: Duration) {
+        if self.held || self.waiting.is_empty() || now < self.next_at {
+            return;
+        }
+        let piece: Vec<u8> = self.waiting.drain(..self.waiting.len().min(PIECE)).collect();
+        self.next_at = now + transmission(piece.len(), self.baud);
+        self.port.write(&piece);
+    }
+}
+
+impl Transport for Handshake {
+    fn now(&self) -> Duration {
+        self.port.now()
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+        if !self.requests.is_empty() {
+            let length = self.requests.len().min(buffer.len());
+            for (place, byte) in buffer.iter_mut().zip(self.requests.drain(..length)) {
+                *place = byte;
+            }
+            return Ok(Received::Bytes(length));
+        }
+        Ok(match self.read(wait.unwrap_or_default(), buffer) {
+            0 => Received::Nothing,
+            length => Received::Bytes(length),
+        })
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
+        self.waiting.extend(bytes);
+        self.write_piece(self.port.now());
+        Ok(Sent::Buffered)
+    }
+}

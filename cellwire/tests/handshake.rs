@@ -1,0 +1,142 @@
+//! The software handshake of the graphics workstation, over a real pseudo-terminal, with a reader that shares no code with the crates.
+#![cfg(target_os = "linux")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::std_instead_of_core
+)]
+#![allow(dead_code, reason = "the parts are those of the dangers")]
+
+#[path = "danger/ball.rs"]
+mod ball;
+#[path = "danger/controller.rs"]
+mod controller;
+#[path = "danger/pty.rs"]
+mod pty;
+#[path = "danger/rig.rs"]
+mod rig;
+
+use std::time::{Duration, Instant};
+
+use pty::Pty;
+use rig::Rig;
+
+const ENQ: &[u8] = &[0x05];
+const XON: &[u8] = &[0x11];
+const XOFF: &[u8] = &[0x13];
+const FAST: i16 = 72;
+/// Longer than a packet and an interval of requests take, on any machine.
+const LONG: Duration = Duration::from_millis(1500);
+
+struct Workstation {
+    port: Pty,
+    received: Vec<u8>,
+}
+
+impl Workstation {
+    /// Takes what comes in that time.
+    fn listen(&mut self, time: Duration) -> usize {
+        let (before, end) = (self.received.len(), Instant::now() + time);
+        while Instant::now() < end {
+            let mut buffer = [0; 256];
+            let length = self.port.read(Duration::from_millis(5), &mut buffer).unwrap_or(0);
+            self.received.extend_from_slice(&buffer[..length]);
+        }
+        self.received.len() - before
+    }
+
+    /// Takes what comes until it is so long; whole lines.
+    fn wait(&mut self, enough: impl Fn(&[u8]) -> bool) {
+        let end = Instant::now() + Duration::from_secs(30);
+        while !enough(&self.received) {
+            assert!(Instant::now() < end, "{:?}", String::from_utf8_lossy(&self.received));
+            self.listen(Duration::from_millis(5));
+        }
+    }
+
+    /// The counts of the lines, each with a right sum.
+    fn counts(&self) -> Vec<u16> {
+        let text = std::str::from_utf8(&self.received).unwrap();
+        let line = |line: &str| {
+            let (body, sum) = line.strip_prefix('$').unwrap().split_once('*').unwrap();
+            let found = body.bytes().fold(0, |sum, byte| sum ^ byte);
+            assert_eq!(format!("{found:02X}"), sum, "{line}");
+            body.split(',').nth(1).unwrap().parse().unwrap()
+        };
+        assert!(text.is_empty() || text.ends_with("\r\n"), "{text:?}");
+        text.split_terminator("\r\n").map(line).collect()
+    }
+}
+
+#[test]
+fn xoff_holds_a_packet_xon_lets_it_go_on_and_nothing_is_lost() {
+    let (port, path) = Pty::new();
+    let mut workstation = Workstation { port: port.raw(), received: Vec::new() };
+    let rig = Rig::with_input(23, &["--ball", "BALL"], &["--viewer", &path]);
+    rig.controller.start(23);
+    rig.arm();
+    for count in 1.. {
+        workstation.port.write(ENQ);
+        workstation.listen(Duration::from_millis(200));
+        if workstation.received.ends_with(b"\n") && count >= 3 {
+            break;
+        }
+    }
+    let before = workstation.counts();
+    assert!(before.iter().copied().eq(0..before.len() as u16), "{before:?}");
+
+    // In the middle of a packet: a chip's worth follows at most, and one that is being written.
+    let whole = workstation.received.len();
+    workstation.port.write(ENQ);
+    workstation.wait(|bytes| bytes.len() > whole);
+    workstation.port.write(XOFF);
+    let follows = workstation.listen(LONG);
+    let part = workstation.received.len() - whole;
+    rig.terminal.wait_for("viewer: XOFF");
+    // A busy machine may have let the whole packet leave before it saw the XOFF.
+    assert!(follows <= 32 || workstation.received.ends_with(b"\n"), "{follows} bytes after XOFF");
+    assert_eq!(workstation.listen(LONG), 0, "it holds for ever");
+
+    // It asks again and again meanwhile, and is given the rest and one packet.
+    for _ in 0..100 {
+        workstation.port.write(ENQ);
+        workstation.listen(Duration::from_millis(5));
+    }
+    assert_eq!(workstation.received.len(), whole + part);
+    workstation.port.write(XON);
+    workstation.listen(LONG);
+    let end = Instant::now() + Duration::from_secs(30);
+    while rig.terminal.text().contains("XOFF") {
+        assert!(Instant::now() < end, "{}", rig.terminal.text());
+        workstation.listen(Duration::from_millis(20));
+    }
+    let after = workstation.counts();
+    assert!(after.iter().copied().eq(0..after.len() as u16), "none is lost: {after:?}");
+    let more = after.len() - before.len();
+    assert!((2..=3).contains(&more), "the rest, and one for all requests: {more}");
+
+    // Bytes of the handshake around requests are none.
+    workstation.port.write(&[0x13, 0x05, 0x11]);
+    workstation.wait(|bytes| bytes.iter().filter(|byte| **byte == b'\n').count() > after.len());
+    workstation.counts();
+}
+
+/// A workstation that never lets go keeps nobody: the arm stops, and the program ends.
+#[test]
+fn a_workstation_that_holds_its_line_for_ever_delays_nothing() {
+    let (port, path) = Pty::new();
+    let mut workstation = Workstation { port: port.raw(), received: Vec::new() };
+    let mut rig = Rig::with_input(23, &["--ball", "BALL"], &["--viewer", &path]);
+    workstation.port.write(&[0x13, 0x05, 0x05]);
+    rig.controller.start(23);
+    rig.push_until(FAST);
+    rig.terminal.wait_for("viewer: XOFF");
+    rig.terminal.press(b"q");
+    let (status, took) = rig.wait_for_exit();
+    assert_eq!(status.code(), Some(0));
+    assert!(took < Duration::from_secs(10), "{took:?}");
+    rig.terminal.assert_restored();
+    assert_eq!(workstation.received, b"");
+}

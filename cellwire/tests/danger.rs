@@ -121,8 +121,8 @@ fn signals_come_to_rest_first() {
     }
 }
 
-#[test]
-fn a_second_signal_ends_at_once() {
+/// Whether it ended before the arm had come to rest.
+fn second_signal() -> bool {
     let mut rig = Rig::moving(23, &[], FAST);
     rig.signal("-TERM");
     // Two that come together are one to the system.
@@ -131,6 +131,14 @@ fn a_second_signal_ends_at_once() {
     let (status, _) = rig.wait_for_exit();
     assert_eq!(status.code(), Some(130));
     rig.terminal.assert_restored();
+    rig.controller.wait("the end of ALTER", 0, |cycle| *cycle == Cycle::Ended);
+    rig.controller.log().iter().rev().find_map(x).is_some_and(|last| last > 0)
+}
+
+#[test]
+fn a_second_signal_ends_at_once() {
+    // A busy machine may deliver it when the arm is at rest.
+    assert!((0..10).any(|_| second_signal()), "the arm came to rest first, each time");
 }
 
 fn terminal_closed() -> Option<Stopped> {

@@ -85,7 +85,7 @@ fn xoff_holds_a_packet_xon_lets_it_go_on_and_nothing_is_lost() {
         }
     }
     let before = workstation.counts();
-    assert!(before.iter().copied().eq(0..before.len() as u16), "{before:?}");
+    assert!((0..).zip(&before).all(|(count, seen)| count == *seen), "{before:?}");
 
     // In the middle of a packet: a chip's worth follows at most, and one that is being written.
     let whole = workstation.received.len();
@@ -113,7 +113,7 @@ fn xoff_holds_a_packet_xon_lets_it_go_on_and_nothing_is_lost() {
         workstation.listen(Duration::from_millis(20));
     }
     let after = workstation.counts();
-    assert!(after.iter().copied().eq(0..after.len() as u16), "none is lost: {after:?}");
+    assert!((0..).zip(&after).all(|(count, seen)| count == *seen), "none is lost: {after:?}");
     let more = after.len() - before.len();
     assert!((2..=3).contains(&more), "the rest, and one for all requests: {more}");
 

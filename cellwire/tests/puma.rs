@@ -17,6 +17,7 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use cellwire::io::priority::{self, Rank};
+use serde_json::Value;
 use tool::{DEADLINE, Running};
 
 const RUNNING: u8 = 0x80;
@@ -279,6 +280,12 @@ fn a_corrupt_message_is_sent_again_at_the_start_and_ends_a_running_alter() {
 fn a_program_that_ends_says_so_and_one_that_is_restarted_does_not() {
     let mut host = Host::new(&[&often("finish")]);
     host.until(&ONE, |message| message.control == ENDED);
+    let measured: Value = serde_json::from_str(&host.robot.line("\"measured\"")).unwrap();
+    let time = |name| measured["turn_around_ms"][name].as_f64().unwrap();
+    // Ten bytes at 38400 baud take 2.6 ms; all of them kept the window.
+    assert!(2.6 <= time("p50") && time("p50") <= time("p99") && time("p99") <= time("longest"), "{measured}");
+    assert!(time("longest") <= measured["window_ms"].as_f64().unwrap(), "{measured}");
+    assert!(measured["replies"].as_u64().unwrap() > 0, "{measured}");
     host.until(&ONE, |message| message.control == STARTING);
 
     let mut host = Host::new(&[&often("restart")]);

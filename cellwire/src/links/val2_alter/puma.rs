@@ -46,6 +46,8 @@ pub struct PumaConfig {
     pub subroutine_time: Duration,
     /// What happens besides.
     pub script: Script,
+    /// Whether the record keeps each reply: of a day they are three million.
+    pub keeps_replies: bool,
 }
 
 impl Default for PumaConfig {
@@ -59,6 +61,7 @@ impl Default for PumaConfig {
             restart: Duration::from_secs(1),
             subroutine_time: Duration::from_millis(120),
             script: Script::default(),
+            keeps_replies: true,
         }
     }
 }
@@ -78,12 +81,25 @@ pub enum PumaEvent {
     Gripper(bool),
     /// An exception that the subroutine does not know, or that nobody handles.
     Exception(u8),
+    /// What was measured since ALTER began.
+    Measured(Measured),
     /// ALTER is over; the arm stands there.
     Ended(ErrorCode, Pose),
     /// A client has the port open, or none has.
     Connected(bool),
     /// What the script says has happened.
     Incident(Incident),
+}
+
+/// How the replies of an ALTER came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Measured {
+    /// How many came in time.
+    pub replies: u64,
+    /// From the last byte of a request to the last byte of its reply: half of them at most, 99 % at most, the longest.
+    pub turn_around: [Duration; 3],
+    /// The shortest window.
+    pub window: Duration,
 }
 
 /// A reply as it arrived.
@@ -139,7 +155,8 @@ pub struct PumaRecord {
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let config = settings::read("puma", PumaConfig::default(), &options.settings)?;
+    let config = PumaConfig { keeps_replies: false, ..PumaConfig::default() };
+    let config = settings::read("puma", config, &options.settings)?;
     serve("puma", "robot", options, config.controller.baud, |line, _| {
         run(line, config, &AtomicBool::new(false), |at, event| log(&to_json(at, event)))?;
         Ok(())
@@ -198,6 +215,8 @@ struct Puma {
     stands_at: Option<Pose>,
     /// When the first ALTER began.
     begun_at: Option<Duration>,
+    /// The turn-arounds of this ALTER.
+    turn_around: Samples,
     /// Cycles in which the program of this ALTER went on along its path.
     path_cycles: u64,
     segment_status: SegmentStatus,
@@ -215,6 +234,7 @@ impl Puma {
             resume_at: None,
             stands_at: None,
             begun_at: None,
+            turn_around: Samples::default(),
             path_cycles: 0,
             segment_status: SegmentStatus::Normal,
         }
@@ -301,7 +321,7 @@ impl Puma {
             match event {
                 ControllerEvent::Started => {
                     self.begun_at.get_or_insert(robot.now);
-                    self.path_cycles = 0;
+                    (self.path_cycles, self.turn_around) = (0, Samples::default());
                     self.arm.begin();
                     let pose = self.arm.pose();
                     if let Some(stood) = self.stands_at.take() {
@@ -315,7 +335,9 @@ impl Puma {
                     self.measure(values, controller, robot.request.take())
                 }
                 ControllerEvent::BadReply(code) => {
-                    if !matches!(controller.state(), ControllerState::Starting | ControllerState::Off) {
+                    let runs =
+                        !matches!(controller.state(), ControllerState::Starting | ControllerState::Off);
+                    if runs && self.config.keeps_replies {
                         self.record.without.push(robot.now + robot.stood);
                     }
                     self.events.push(PumaEvent::BadReply(code));
@@ -340,7 +362,10 @@ impl Puma {
                 ControllerEvent::Ended(error) => {
                     let pose = self.arm.pose();
                     self.stands_at = Some(pose);
-                    self.record.ends.push((robot.now + robot.stood, error));
+                    if self.config.keeps_replies {
+                        self.record.ends.push((robot.now + robot.stood, error));
+                    }
+                    self.events.extend(self.measured().map(PumaEvent::Measured));
                     self.off(arrived, PumaEvent::Ended(error, pose));
                 }
                 _ => {}
@@ -365,6 +390,7 @@ impl Puma {
         let turn_around = last_byte.saturating_sub(arrived);
         let byte_time = timing::transmission(1, config.baud);
         let record = &mut self.record;
+        self.turn_around.add(turn_around);
         record.turn_around.add(turn_around);
         record.thinking.add(first.saturating_sub(byte_time).saturating_sub(arrived));
         record.margin.add(window.saturating_sub(turn_around));
@@ -375,11 +401,22 @@ impl Puma {
         }
         self.path_cycles += 1;
         let stats = controller.statistics();
-        record.replies.push(Taken { at: last_byte, session: stats.starts, cycle: stats.cycles, values });
+        if self.config.keeps_replies {
+            record.replies.push(Taken { at: last_byte, session: stats.starts, cycle: stats.cycles, values });
+        }
+    }
+
+    /// What was measured since ALTER began.
+    fn measured(&self) -> Option<Measured> {
+        let times = &self.turn_around;
+        let turn_around = [times.at(0.5), times.at(0.99), times.max()];
+        self.record.window.map(|window| Measured { replies: times.count(), turn_around, window })
     }
 
     fn grip(&mut self, closes: bool) {
-        self.record.gripper.push(closes);
+        if self.config.keeps_replies {
+            self.record.gripper.push(closes);
+        }
         self.events.push(PumaEvent::Gripper(closes));
     }
 
@@ -408,6 +445,14 @@ fn to_json(at: Duration, event: PumaEvent) -> Value {
             json!({"ms": ms, "event": "gripper", "state": if closes { "closed" } else { "open" }})
         }
         PumaEvent::Exception(code) => json!({"ms": ms, "event": "exception", "code": code}),
+        PumaEvent::Measured(Measured { replies, turn_around, window }) => {
+            let tenths = |time: Duration| (time.as_secs_f64() * 1e4).round() / 10.0;
+            let [half, most, longest] = turn_around.map(tenths);
+            json!({
+                "ms": ms, "event": "measured", "replies": replies, "window_ms": tenths(window),
+                "turn_around_ms": {"p50": half, "p99": most, "longest": longest}
+            })
+        }
         PumaEvent::Ended(error, pose) => json!({
             "ms": ms, "event": "ended", "error": u8::from(error), "why": error_text(error), "position_mm": position(&pose)
         }),

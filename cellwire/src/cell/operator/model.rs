@@ -284,6 +284,15 @@ impl Model {
         (age > timing::CYCLE * 3 / 2).then_some(age)
     }
 
+    /// What the input's values are, if they are not live.
+    pub(super) fn input_age(&self) -> Option<&'static str> {
+        if matches!(self.latch, Latch::Disarmed(Cause::InputLost)) {
+            return Some("GONE");
+        }
+        let fresh = self.hand.is_none_or(|hand| self.now < hand.fresh_until);
+        (self.ball_is_stale || !fresh).then_some("OLD")
+    }
+
     /// The line that a debug view shows.
     pub(super) fn debugged(&self, line: usize) -> (&'static str, &Trace) {
         match line {

@@ -58,6 +58,7 @@ fn name(color: Color) -> &'static str {
         Color::Green => "#40b060",
         Color::LightGreen => "#70e080",
         Color::Yellow => "#e0b040",
+        Color::DarkGray => "#686868",
         _ => "#909090",
     }
 }

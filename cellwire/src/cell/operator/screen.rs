@@ -13,6 +13,8 @@ use crate::cell::teleop::latch::{Cause, Latch};
 use crate::links::val2_alter::Layout as Words;
 
 const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];
+/// What is not live.
+const OLD: Style = Style::new().fg(Color::DarkGray);
 /// Why the robot could not read a reply, from error code 1 on: three fit the line.
 const REASONS: [&str; 7] = ["checksum", "format", "overflow", "incomplete", "marks", "timeout", "code 7"];
 
@@ -38,19 +40,32 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
         Constraint::Min(33),
     ]);
     let [alter, control, segment, transform] = columns.areas(middle);
-    window(frame, alter, "Alter byte", alter_lines(model));
-    window(frame, control, "Control byte", control_lines(model));
-    window(frame, segment, "Segment", segment_lines(model));
-    let title = match model.position_age() {
+    // What no message has confirmed is not shown as if it was so now.
+    let age = model.position_age();
+    let dim = |lines: Vec<Line<'static>>| match age {
+        None => lines,
+        Some(_) => lines.into_iter().map(|line| line.style(OLD)).collect(),
+    };
+    window(frame, alter, "Alter byte", dim(alter_lines(model)));
+    window(frame, control, "Control byte", dim(control_lines(model)));
+    window(frame, segment, "Segment", dim(segment_lines(model)));
+    let title = match age {
         Some(age) => format!("Transformation, OLD: {:.1} s", age.as_secs_f64()),
         None if model.viewer_holds => "Transformation, viewer: XOFF".into(),
         None => "Transformation".into(),
     };
-    window(frame, transform, &title, transform_lines(model));
+    window(frame, transform, &title, dim(transform_lines(model)));
     match model.view {
         View::Debug(line) => draw_debug(frame, lower, model, line),
         View::Main | View::Options => {
-            window(frame, lower, "Input: deflection, asked → sent", ball_lines(model))
+            let lines = ball_lines(model);
+            match model.input_age() {
+                None => window(frame, lower, "Input: deflection, asked → sent", lines),
+                Some(what) => {
+                    let lines = lines.into_iter().map(|line| line.style(OLD)).collect();
+                    window(frame, lower, &format!("Input, {what}: the last values are shown"), lines);
+                }
+            }
         }
     }
     let text = match model.view {
@@ -100,11 +115,16 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
 /// The state in a word, why, and what the operator can do.
 fn state(model: &Model) -> (&'static str, String, Color) {
     if let (Some(mode), true) = (model.refused, model.state == HostState::Idle) {
-        let why = format!("the robot has mode {}, expected {}", mode.0, model.mode.0);
+        let (mode, expected) = (mode.0, model.mode.0);
+        let why = format!("the robot has mode {mode}, expected {expected}: change it, or --mode {mode}");
         return ("START REFUSED", why, Color::Red);
     }
     if let Some(why) = model.lost.filter(|_| matches!(model.latch, Latch::Off(_))) {
-        return ("ROBOT LOST", why.into(), Color::Red);
+        let answered = match model.policy {
+            Policy::Accept => "its next start is answered",
+            Policy::Refuse | Policy::Ignore => "A answers it again",
+        };
+        return ("ROBOT LOST", format!("{why}; {answered}"), Color::Red);
     }
     let rest = |cause| format!("{}: let go for 0.3 s", cause_text(cause));
     match model.latch {
@@ -278,14 +298,13 @@ fn ball_lines(model: &Model) -> Vec<Line<'static>> {
     let keys: String = (0..8).map(|key| if hand.buttons >> key & 1 != 0 { '●' } else { '·' }).collect();
     let head = match &model.ball {
         Some(packet) => format!(
-            "type {} sensor {} {:?}  keys {keys}  {:.1} ms  missed {} corrupt {}{}",
+            "type {} sensor {} {:?}  keys {keys}  {:.1} ms  missed {} corrupt {}",
             packet.sensor_type,
             packet.sensor,
             packet.status,
             model.exchange.as_secs_f64() * 1e3,
             model.counts.ball_missed,
             model.counts.ball_corrupt,
-            if model.ball_is_stale { "  STALE" } else { "" }
         ),
         None => format!("{}  buttons {keys}", model.ports.input.name()),
     };

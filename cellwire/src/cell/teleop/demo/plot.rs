@@ -113,11 +113,17 @@ impl Panel {
             .draw()?;
         for limit in [self.limit, -self.limit] {
             let ends = [(span.start, limit), (span.end, limit)];
-            chart.draw_series(DashedLineSeries::new(ends, 6, 4, LIMIT.stroke_width(1)))?;
+            let series = chart.draw_series(DashedLineSeries::new(ends, 6, 4, LIMIT.stroke_width(1)))?;
+            if limit > 0.0 {
+                let dash = |x, y| PathElement::new([(x, y), (x + 6, y)], LIMIT.stroke_width(1));
+                series
+                    .label("limit")
+                    .legend(move |(x, y)| EmptyElement::at((x, y)) + dash(0, 0) + dash(8, 0) + dash(16, 0));
+            }
         }
         for (curve, style, label) in [
-            (&self.asked, ASKED.stroke_width(1), "asked for"),
-            (&self.limited, LIMITED.stroke_width(2), "limited"),
+            (&self.asked, ASKED.stroke_width(1), "target"),
+            (&self.limited, LIMITED.stroke_width(2), "reply"),
         ] {
             let mut labelled = false;
             for piece in curve {

@@ -19,7 +19,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::fanuc_hmi_modbus::plausibility::Implausible;
 use self::command::{
-    alter, decode, demo, encode, fanuc, laser, ls, mma, modbus, settings, simulate, vectors,
+    alter, decode, demo, encode, fanuc, kawasaki, laser, ls, mma, modbus, settings, simulate, vectors,
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -59,6 +59,7 @@ enum Command {
     Simulate(simulate::Args),
     Modbus(modbus::Args),
     Fanuc(fanuc::Args),
+    Kawasaki(kawasaki::Args),
     Laser(laser::Args),
     Ls(ls::Args),
     Mma(mma::Args),
@@ -76,6 +77,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => simulate::run(&args),
         Command::Modbus(args) => modbus::run(&args),
         Command::Fanuc(args) => fanuc::run(&args),
+        Command::Kawasaki(args) => kawasaki::run(&args),
         Command::Laser(args) => laser::run(&args),
         Command::Ls(args) => ls::run(&args),
         Command::Mma(args) => mma::run(&args),
@@ -108,6 +110,8 @@ fn parse() -> Cli {
         command = command.mut_subcommand(name, |it| it.after_long_help(settings::help(name, &arguments)));
     }
     for (name, inner, settings) in [
+        ("kawasaki", "draw", kawasaki::settings()),
+        ("kawasaki", "run", kawasaki::settings()),
         ("laser", "run", laser::settings()),
         ("mma", "run", mma::settings()),
         ("modbus", "scan", client_settings()),

@@ -62,7 +62,10 @@ fn wrong_arguments_are_an_error_of_two_that_says_what_to_do() {
         ("simulate ball --listen 0 --pty x", "cannot be used with"),
         ("simulate ball --connect 127.0.0.1:9", "use --pty or --listen"),
         ("simulate fanuc --connect 127.0.0.1:9", "use --listen, or --pty"),
-        ("simulate kawasaki-robot --listen 0", "use --connect"),
+        (
+            "simulate kawasaki-robot --listen 0 --set udp=true",
+            "over UDP the robot sends first: use --connect",
+        ),
         ("simulate mma-robot --pty x", "use --listen"),
         ("simulate ball --listen 0 --idle-timeout NaN", "give between 0 and 1000000 seconds"),
         ("simulate ball --listen 0 --idle-timeout -1", "-1"),

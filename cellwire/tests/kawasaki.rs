@@ -71,7 +71,8 @@ fn the_error_of_a_wrong_endpoint_names_the_right_one() {
         [("kawasaki-pc", "--connect", "--listen"), ("kawasaki-robot", "--listen", "--connect")]
     {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire"));
-        let output = command.args(["simulate", device, wrong, "127.0.0.1:0"]).output().unwrap();
+        let args = ["simulate", device, wrong, "127.0.0.1:0", "--set", "udp=true"];
+        let output = command.args(args).output().unwrap();
         assert_eq!(output.status.code(), Some(2));
         let error = String::from_utf8(output.stderr).unwrap();
         assert!(error.contains(&format!("use {right}")), "{error}");

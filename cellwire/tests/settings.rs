@@ -52,10 +52,28 @@ fn complete(config: impl Configure + Debug, exempt: &[(&str, &str)]) {
 fn every_field_of_every_configuration_can_be_set() {
     const FRAMES: (&str, &str) = ("framing", "its fields are settings themselves");
     const PROFILE: (&str, &str) = ("profile", "its fields are settings themselves");
-    const DATAGRAMS: (&str, &str) = ("datagrams", "the tool's connections are TCP");
-    const DIALECT: (&str, &str) = ("dialect", "the setting charset, and the plant's table");
-    complete(kawasaki_msg::RobotConfig::TCP, &[DIALECT, DATAGRAMS]);
-    complete(kawasaki_msg::PcConfig::TCP, &[DIALECT, DATAGRAMS]);
+    const AGREED: [(&str, &str); 4] = [
+        ("dialect", "the plant's table of messages"),
+        ("datagrams", "of the plant: udp"),
+        ("limits", "of the plant"),
+        ("max_number", "of the plant"),
+    ];
+    let and = |more: (&'static str, &'static str)| [&AGREED[..], &[more]].concat();
+    complete(kawasaki_msg::RobotConfig::TCP, &and(("acks", "of the plant")));
+    complete(kawasaki_msg::PcConfig::TCP, &and(("cumulative_acks", "of the plant: acks")));
+    let plant = list(cellwire::links::kawasaki_msg::plant::Plant::default());
+    for name in [
+        "charset",
+        "udp",
+        "limits.packet",
+        "max_number",
+        "acks",
+        "job",
+        "bounds.max.x",
+        "messages.job.fields",
+    ] {
+        assert!(plant.iter().any(|setting| setting.name == name), "{name}");
+    }
     complete(kawasaki_msg::Limits::TCP, &[]);
     complete(kawasaki_msg::Bounds::WIDEST, &[]);
     complete(val2_alter::Framing::DEFAULT, &[]);

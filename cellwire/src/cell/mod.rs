@@ -2,6 +2,7 @@
 
 pub mod fanuc_hmi_modbus;
 pub mod kawasaki_msg;
+pub mod kawasaki_run;
 pub mod laser_eb90;
 pub mod laser_run;
 pub mod mma_run;

@@ -6,6 +6,7 @@ pub mod decode;
 pub mod demo;
 pub mod encode;
 pub mod fanuc;
+pub mod kawasaki;
 pub mod laser;
 pub mod ls;
 pub mod mma;

@@ -60,6 +60,14 @@ pub struct Picture {
     pub sheet: Point,
 }
 
+impl Line {
+    /// Its length in mm.
+    pub fn length(&self) -> f64 {
+        let way = |from: i32, to: i32| f64::from(to) - f64::from(from);
+        way(self.from.x, self.to.x).hypot(way(self.from.y, self.to.y)) / 100.0
+    }
+}
+
 impl Picture {
     /// The built-in picture on a sheet of this size.
     ///

@@ -19,3 +19,4 @@ pub mod serve;
 pub mod stream;
 pub mod tcp;
 pub mod trace;
+pub mod udp;

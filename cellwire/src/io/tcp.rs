@@ -23,27 +23,34 @@ pub fn listen(address: &str) -> Result<TcpListener> {
         Some(port) => TcpListener::bind((Ipv4Addr::LOCALHOST, port)),
         None => TcpListener::bind(address),
     };
-    let listener = bound.map_err(|error| {
-        let advice = match error.kind() {
-            ErrorKind::AddrInUse => "the port is in use; choose another, or port 0 for any free one",
-            ErrorKind::PermissionDenied => "ports below 1024 need more rights; choose a higher one",
-            ErrorKind::AddrNotAvailable => "the address is not this machine's; use 127.0.0.1 or 0.0.0.0",
-            ErrorKind::InvalidInput => "give an address and a port, such as 127.0.0.1:9105",
-            _ => "",
-        };
-        let context = format!("cannot listen on {address}");
-        match advice {
-            "" => anyhow::Error::new(error).context(context),
-            advice => anyhow::anyhow!("{context}: {advice}"),
-        }
-    })?;
-    let place = listener.local_addr()?;
+    let listener = bound.map_err(|error| advise(address, error))?;
+    warn_unless_loopback(listener.local_addr()?);
+    Ok(listener)
+}
+
+/// The error of an address that cannot be listened on, with advice.
+pub(super) fn advise(address: &str, error: io::Error) -> anyhow::Error {
+    let advice = match error.kind() {
+        ErrorKind::AddrInUse => "the port is in use; choose another, or port 0 for any free one",
+        ErrorKind::PermissionDenied => "ports below 1024 need more rights; choose a higher one",
+        ErrorKind::AddrNotAvailable => "the address is not this machine's; use 127.0.0.1 or 0.0.0.0",
+        ErrorKind::InvalidInput => "give an address and a port, such as 127.0.0.1:9105",
+        _ => "",
+    };
+    let context = format!("cannot listen on {address}");
+    match advice {
+        "" => anyhow::Error::new(error).context(context),
+        advice => anyhow!("{context}: {advice}"),
+    }
+}
+
+/// Remarks who else can reach a place that is listened on.
+pub(super) fn warn_unless_loopback(place: SocketAddr) {
     if !place.ip().is_loopback() {
         remark(&format!(
             "warning: whoever reaches {place} can connect: the protocol has no authentication; 127.0.0.1 is for this machine alone"
         ));
     }
-    Ok(listener)
 }
 
 /// How long a connection may take to open.

@@ -7,17 +7,20 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow, bail, ensure};
 use indicatif::ProgressBar;
-use kawasaki_msg::{Bounds, Line, Pc, PcConfig, PcEvent, Point, RobotConfig, timing};
+use kawasaki_msg::{Bounds, Pc, PcConfig, PcEvent, Point, RobotConfig, timing};
 
 use super::tally::{Ledger, Outcome};
 use crate::cell::options::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Picture};
 use crate::io::tcp::{self, FaultyProxy};
+use crate::links::device::Endpoint;
+use crate::links::kawasaki_msg::layout::AnyWork;
+use crate::links::kawasaki_msg::meeting::Meeting;
 use crate::links::kawasaki_msg::pc::{self, Packets, Program};
 use crate::links::kawasaki_msg::plant::Plant;
 use crate::links::kawasaki_msg::robot::{self, Setup, Stroke};
-use crate::links::kawasaki_msg::sheet::{SHEET, drawn, jobs};
+use crate::links::kawasaki_msg::sheet::{Lines, SHEET};
 use crate::links::settings::{self, Configure, Table};
 
 /// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
@@ -53,7 +56,8 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         let robot = RobotConfig { reconnect_delay: RECONNECT, ..RobotConfig::TCP };
-        let (plant, pc) = (Plant::default(), PcConfig::TCP);
+        let (mut plant, pc) = (Plant::default(), PcConfig::TCP);
+        plant.bounds = Bounds { min: Point::new(0, 0), max: Point::new(SHEET.x, SHEET.y) };
         Self { port: 0, queue: QUEUE, speed: SPEED, plant, robot, pc }
     }
 }
@@ -61,7 +65,7 @@ impl Default for Settings {
 impl Configure for Settings {
     fn configure(&mut self, table: &mut Table<'_>) {
         let Self { port, queue, speed, plant, robot, pc } = self;
-        table.whole("port", 0..=u16::MAX, "", "the PC's TCP port; 0: any free one", port);
+        table.whole("port", 0..=u16::MAX, "", "the PC's port; 0: any free one", port);
         table.whole("queue", 1..=9998, "jobs", "how many jobs the robot's queue holds", queue);
         table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
         plant.configure(table);
@@ -81,19 +85,23 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         Some(file) => Picture::from_file(file, SHEET)?,
         None => Picture::built_in(SHEET)?,
     };
-    let lines = jobs(&picture);
-    let bounds = Bounds { min: Point::new(0, 0), max: Point::new(SHEET.x, SHEET.y) };
-    let dialect = plant.dialect()?;
-    let config = RobotConfig { dialect, ..robot };
-    let setup =
-        Setup { config, bounds, queue, speed: f64::from(speed), connect_timeout: tcp::CONNECT_TIMEOUT };
-    let listener = tcp::listen(&format!("127.0.0.1:{port}"))?;
-    let server = listener.local_addr()?;
+    let layout = plant.layout()?;
+    let board = Lines::of(&layout)?;
+    let lines = board.jobs(&picture);
+    let (config, pc) = (plant.robot(robot)?, plant.pc(pc)?);
+    let session = Pc::new(pc)?.with_ranges(layout.clone())?;
+    // No job is anything else than a line.
+    let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time: Duration::ZERO };
+    let (udp, timeout) = (plant.udp, tcp::CONNECT_TIMEOUT);
+    ensure!(!(udp && options.faults), "--faults breaks TCP connections: with udp there are none");
+    let place = Endpoint::Listen(format!("127.0.0.1:{port}"));
+    let (mut meeting, _, server) = Meeting::of_pc(&place, udp, pc.dialect, timeout)?;
     let proxy = match options.faults {
-        true => Some(FaultyProxy::start(server, options.seed, BREAKS)?),
+        true => Some(FaultyProxy::start(server.parse()?, options.seed, BREAKS)?),
         false => None,
     };
-    let address = proxy.as_ref().map_or(server, FaultyProxy::address).to_string();
+    let address = proxy.as_ref().map_or(server, |proxy| proxy.address().to_string());
+    let (mut robot_meeting, ..) = Meeting::of_robot(&Endpoint::Connect(address), udp, timeout)?;
     let longest = f64::from(SHEET.x).hypot(f64::from(SHEET.y)) / 100.0;
     let patience = PATIENCE + Duration::from_secs_f64(longest / setup.speed);
 
@@ -103,12 +111,19 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let (robot, packets) = thread::scope(|scope| {
         let robot = scope.spawn(|| {
             let trace = options.trace.start("kawasaki-robot");
-            let run = robot::run(&setup, &address, &trace, &stop, sender, |_| Ok(()));
+            let run = robot::run(
+                &setup,
+                &mut robot_meeting,
+                &trace,
+                &stop,
+                |stroke| sender.send(stroke).unwrap_or_default(),
+                |_| Ok(()),
+            );
             robot_is_off.store(true, Ordering::Relaxed);
             run
         });
         let trace = options.trace.start("kawasaki-pc");
-        let packets = pc::run(&listener, PcConfig { dialect, ..pc }, &trace, &mut program);
+        let packets = pc::run(&mut meeting, session, &trace, &mut program);
         stop.store(true, Ordering::Relaxed);
         (robot.join(), packets)
     });
@@ -116,14 +131,15 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     program.ledger.end();
     let seen = Seen { packets: packets?, ledger: program.ledger, robot, time: program.start.elapsed() };
     if let Some(file) = &options.out {
-        drawing::write_svg(file, SHEET, &drawn(seen.ledger.longest().iter().map(|stroke| stroke.job.work)))?;
+        let drawn = seen.ledger.longest().iter().map(|stroke| board.line(&stroke.job.work));
+        drawing::write_svg(file, SHEET, &drawn.collect::<Vec<_>>())?;
     }
     Ok(report(&picture, &lines, &seen, proxy.as_ref()))
 }
 
 /// The PC's program: one order after another, each the whole picture.
 struct Repeat<'a> {
-    lines: &'a [Line],
+    lines: &'a [AnyWork],
     start: Instant,
     seconds: Option<Duration>,
     patience: Duration,
@@ -136,7 +152,7 @@ struct Repeat<'a> {
 
 impl<'a> Repeat<'a> {
     fn new(
-        lines: &'a [Line],
+        lines: &'a [AnyWork],
         options: &'a DemoOptions,
         patience: Duration,
         robot_is_off: &'a AtomicBool,
@@ -157,8 +173,10 @@ impl<'a> Repeat<'a> {
     }
 }
 
-impl<'a> Program<'a> for Repeat<'a> {
-    fn step(&mut self, pc: &mut Pc<'static, &'a [Line]>) -> Result<bool> {
+impl<'a> Program for Repeat<'a> {
+    type Session = Pc<'static, &'a [AnyWork]>;
+
+    fn step(&mut self, pc: &mut Self::Session) -> Result<bool> {
         let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);
         if let Some(executed) = self.over.take() {
             self.ledger.over(Outcome { sent: pc.sent(), executed });
@@ -184,7 +202,7 @@ impl<'a> Program<'a> for Repeat<'a> {
         Ok(true)
     }
 
-    fn notify(&mut self, notification: pc::Notification<'_>) -> Result<()> {
+    fn notify(&mut self, _: &mut Self::Session, notification: pc::Notification<'_>) -> Result<()> {
         let pc::Notification::Event(event) = notification else { return Ok(()) };
         match event {
             PcEvent::Progress { executed, queued } => {
@@ -210,7 +228,7 @@ struct Seen<'a> {
     time: Duration,
 }
 
-fn report(picture: &Picture, lines: &[Line], seen: &Seen<'_>, proxy: Option<&FaultyProxy>) -> Report {
+fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&FaultyProxy>) -> Report {
     let Seen { packets, ledger, robot, time } = seen;
     let tally = ledger.tally();
     let statistics = robot.statistics;
@@ -316,7 +334,7 @@ mod tests {
         let mut options = options(&[("speed", 1_000_000)]);
         options.faults = true;
         let object = demo(&options).unwrap().to_json();
-        let lines = jobs(&Picture::built_in(SHEET).unwrap()).len();
+        let lines = Picture::built_in(SHEET).unwrap().lines.len();
         assert_eq!((&object["ok"], &object["executed_once"]), (&true.into(), &lines.into()), "{object}");
         assert!(object["disconnects"].as_u64() > Some(0), "{object}");
     }

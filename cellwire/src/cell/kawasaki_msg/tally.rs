@@ -2,10 +2,11 @@
 
 use std::sync::mpsc::Receiver;
 
-use kawasaki_msg::{Dialect, Line};
+use kawasaki_msg::Dialect;
 
 use crate::cell::options::DemoOptions;
 use crate::cell::report::Jobs;
+use crate::links::kawasaki_msg::layout::AnyWork;
 use crate::links::kawasaki_msg::robot::Stroke;
 
 /// How an order has ended, as the PC knows it.
@@ -41,7 +42,7 @@ pub struct Tally {
 /// The orders of a run, counted as they end. It keeps the strokes of two orders, and those of the longest, however long the run is.
 #[derive(Debug)]
 pub struct Ledger<'a> {
-    picture: &'a [Line],
+    picture: &'a [AnyWork],
     options: &'a DemoOptions,
     strokes: Receiver<Stroke>,
     /// Strokes of orders that are not counted yet.
@@ -58,7 +59,7 @@ pub struct Ledger<'a> {
 
 impl<'a> Ledger<'a> {
     /// Nothing was drawn yet. Each order draws the picture from its first line on; `strokes` are what the pen does.
-    pub fn new(picture: &'a [Line], options: &'a DemoOptions, strokes: Receiver<Stroke>) -> Self {
+    pub fn new(picture: &'a [AnyWork], options: &'a DemoOptions, strokes: Receiver<Stroke>) -> Self {
         Self {
             picture,
             options,
@@ -126,7 +127,7 @@ impl<'a> Ledger<'a> {
 
 impl Tally {
     /// Adds an order by its number, counted from 1, and what the pen did until it was counted.
-    fn add(&mut self, picture: &[Line], outcome: Outcome, order: u32, strokes: &[Stroke]) {
+    fn add(&mut self, picture: &[AnyWork], outcome: Outcome, order: u32, strokes: &[Stroke]) {
         let (sent, executed) = (outcome.sent as usize, outcome.executed as usize);
         let (mut times, mut next) = (vec![0u32; sent], 0);
         for stroke in strokes {
@@ -174,10 +175,16 @@ mod tests {
     use std::sync::mpsc::channel;
 
     use super::*;
-    use kawasaki_msg::{Job, JobKind, Point};
+    use crate::links::kawasaki_msg::layout::AnyValue;
+    use kawasaki_msg::Job;
 
-    fn line(x: i32) -> Line {
-        Line { kind: JobKind::Draw, start: Point::new(x, 0), end: Point::new(x + 1, 0) }
+    fn line(x: i32) -> AnyWork {
+        let mut work = AnyWork::default();
+        [1, x, 0, x + 1, 0]
+            .into_iter()
+            .enumerate()
+            .for_each(|(place, value)| work.set(place, AnyValue::Number(value)));
+        work
     }
 
     fn stroke(order: u32, number: u16) -> Stroke {
@@ -185,7 +192,7 @@ mod tests {
     }
 
     /// The picture whose job of number n is `line(n)`.
-    fn picture(jobs: i32) -> Vec<Line> {
+    fn picture(jobs: i32) -> Vec<AnyWork> {
         (1..=jobs).map(line).collect()
     }
 
@@ -193,7 +200,7 @@ mod tests {
     fn each_fate_is_counted() {
         let outcome = Outcome { sent: 6, executed: 4 };
         let mut altered = stroke(1, 4);
-        altered.job.work.end.y = 7;
+        altered.job.work.set(4, AnyValue::Number(7));
         // 2 is lost, 3 comes twice, 4 is another line (and so lost), 5 was not to be executed, 6 is taken back.
         let strokes = [stroke(1, 1), stroke(1, 3), stroke(1, 3), altered, stroke(1, 5)];
         let mut tally = Tally::default();

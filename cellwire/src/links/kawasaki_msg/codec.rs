@@ -1,5 +1,5 @@
 use anyhow::{Context, Result};
-use kawasaki_msg::{Charset, Decoder, Message, Value as Field, Values};
+use kawasaki_msg::{Charset, Decoder, Message, PcConfig, Takeover, Value as Field, Values};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
@@ -14,7 +14,8 @@ use crate::links::settings;
 /// When a setting is another.
 pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     let CodecSettings { plant, roles } = settings::read("kawasaki-msg", CodecSettings::default(), settings)?;
-    let (charset, dialect) = (plant.charset, plant.dialect()?);
+    let (charset, dialect) =
+        (plant.charset, plant.pc(PcConfig { takeover: Takeover::Never, ..PcConfig::TCP })?.dialect);
     Ok(match roles {
         true => codec(Decoder::new(charset), Roles(dialect)),
         false => codec(Decoder::new(charset), Messages { charset }),

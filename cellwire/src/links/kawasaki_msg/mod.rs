@@ -1,6 +1,8 @@
 //! kawasaki-msg in the tool: its codec, both ends simulated, and a picture to draw.
 
 mod codec;
+pub mod layout;
+pub mod meeting;
 pub mod options;
 pub mod pc;
 mod peer;

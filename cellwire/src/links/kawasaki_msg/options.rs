@@ -1,11 +1,11 @@
 //! The settings of the link: of both ends, and of what is simulated around them.
 
-use core::num::NonZeroU16;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use super::plant::Plant;
 use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table};
-use kawasaki_msg::{Acks, Bounds, Limits, Message, PcConfig, RobotConfig, Takeover};
+use kawasaki_msg::{Bounds, Limits, Message, PcConfig, RobotConfig, Takeover};
 
 /// What `decode` and `encode` are set to.
 #[derive(Debug, Clone, Default)]
@@ -27,36 +27,41 @@ impl Configure for CodecSettings {
 /// The simulated robot.
 #[derive(Debug, Clone)]
 pub struct RobotSettings {
-    /// Its messages.
+    /// The plant.
     pub plant: Plant,
     /// Its session.
     pub config: RobotConfig<'static>,
-    /// The coordinates that it can reach.
-    pub bounds: Bounds,
     /// How many jobs its queue holds.
     pub queue: usize,
     /// How fast the pen goes, in mm/s.
     pub speed: u32,
+    /// How long a job takes that is no line.
+    pub job_time: Duration,
     /// Where the drawn picture is written.
     pub out: Option<String>,
+    /// Where the executed jobs are written.
+    pub record: Option<String>,
 }
 
 impl Default for RobotSettings {
     fn default() -> Self {
-        let (plant, bounds) = (Plant::default(), Bounds::WIDEST);
-        Self { plant, config: RobotConfig::TCP, bounds, queue: 256, speed: 250, out: None }
+        let (config, job_time) = (RobotConfig::TCP, Duration::from_secs(1));
+        Self { plant: Plant::default(), config, queue: 256, speed: 250, job_time, out: None, record: None }
     }
 }
 
 impl Configure for RobotSettings {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { plant, config, bounds, queue, speed, out } = self;
-        table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
+        let Self { plant, config, queue, speed, job_time, out, record } = self;
+        table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves, where a job is a line", speed);
+        let about = "how long a job takes that is no line";
+        table.time("job_time", Duration::ZERO..=Duration::from_secs(86_400), about, job_time);
         table.whole("queue", 1..=9998, "jobs", "how many jobs the queue holds: less than max_number", queue);
         let about = "an SVG file that is written whenever an order is over";
         table.text("out", "a file", "none is written", about, out);
+        let about = "a CSV file that every executed job is appended to: order, number, fields";
+        table.text("record", "a file", "none is written", about, record);
         plant.configure(table);
-        table.group("bounds", |table| bounds.configure(table));
         config.configure(table);
     }
 }
@@ -64,7 +69,7 @@ impl Configure for RobotSettings {
 /// The simulated PC.
 #[derive(Debug, Clone)]
 pub struct PcSettings {
-    /// Its messages.
+    /// The plant.
     pub plant: Plant,
     /// Its session.
     pub config: PcConfig<'static>,
@@ -138,19 +143,6 @@ impl Configure for Bounds {
 
 impl Configure for RobotConfig<'_> {
     fn configure(&mut self, table: &mut Table<'_>) {
-        table.group("limits", |table| self.limits.configure(table));
-        let about = "the highest job number, which both ends have agreed on";
-        table.whole("max_number", 2..=9999, "", about, &mut self.max_number);
-        let mut every = match self.acks {
-            Acks::Cumulative { every } => Some(every.get()),
-            Acks::Individual => None,
-        };
-        let about = "acknowledge every so many-th job, which covers those before it, or each job by itself";
-        table.whole_or("acks", 1..=u16::MAX, "individual", about, &mut every);
-        self.acks = match every.and_then(NonZeroU16::new) {
-            Some(every) => Acks::Cumulative { every },
-            None => Acks::Individual,
-        };
         let about = "after a full queue, jobs are asked for when at most so many are left";
         table.whole_or("low_water", 0..=9998, "half", about, &mut self.low_water);
         table.group("recovery", |table| {
@@ -198,11 +190,6 @@ impl Configure for RobotConfig<'_> {
 
 impl Configure for PcConfig<'_> {
     fn configure(&mut self, table: &mut Table<'_>) {
-        table.group("limits", |table| self.limits.configure(table));
-        let about = "the highest job number, which both ends have agreed on; above the robot's queue";
-        table.whole("max_number", 2..=9999, "", about, &mut self.max_number);
-        let about = "an acknowledgement covers all jobs before it";
-        table.flag("cumulative_acks", about, &mut self.cumulative_acks);
         let about = "the wait between the robot's last byte and the answer";
         table.time("reply_delay", ANY_TIME, about, &mut self.reply_delay);
         let about = "without a message for so long the connection is given up";

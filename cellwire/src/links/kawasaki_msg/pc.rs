@@ -1,32 +1,34 @@
-//! The PC: listens, and answers the robot.
+//! The PC: what it does between two looks at the connection is its program's.
 
-use std::net::{TcpListener, TcpStream};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::time::Duration;
 
-use anyhow::{Context, Result};
-use kawasaki_msg::{Line, Pc, PcConfig, PcEvent, timing};
-use robot_session::{Driver, Session as _, Transport as _};
+use anyhow::Result;
+use kawasaki_msg::{PcEvent, timing};
+use robot_session::{Driver, Session, Transport as _};
 
+use super::meeting::Meeting;
 pub use super::peer::Packets;
 use super::peer::{Peer, outcome};
-use crate::io::listener::{Arrival, Listener};
-use crate::io::output::remark;
 use crate::io::trace::Trace;
 
-/// The program of a PC: what it does between two looks at the connection.
-pub trait Program<'a> {
+/// The program of a PC.
+pub trait Program {
+    /// Its session.
+    type Session: Session<Event = PcEvent>;
+
     /// Acts on the session once everything that has happened was reported; false ends the run.
     ///
     /// # Errors
     /// Whatever ends the run as a failure.
-    fn step(&mut self, pc: &mut Pc<'static, &'a [Line]>) -> Result<bool>;
+    fn step(&mut self, session: &mut Self::Session) -> Result<bool>;
 
     /// Something has happened.
     ///
     /// # Errors
     /// Whatever ends the run as a failure.
-    fn notify(&mut self, notification: Notification<'_>) -> Result<()>;
+    fn notify(&mut self, session: &mut Self::Session, notification: Notification<'_>) -> Result<()>;
 }
 
 /// What a PC reports while it runs.
@@ -36,67 +38,80 @@ pub enum Notification<'a> {
     Event(PcEvent),
     /// A robot has connected.
     Connected(String),
-    /// The connection has ended.
+    /// The connection has ended, or cannot be opened.
     Disconnected(&'a str),
     /// The session's bytes were written there.
     Traced(PathBuf),
 }
 
-/// Runs until the program ends it. One robot at a time: a new connection takes the place of the one before it.
+/// Runs until the program ends it. One robot at a time: over TCP a new connection takes the place of the one before it, over UDP
+/// another robot is answered when the one before is silent.
 ///
 /// # Errors
-/// What the program returns, and a listener that fails.
-pub fn run<'a>(
-    listener: &TcpListener,
-    config: PcConfig<'static>,
+/// What the program returns, and an endpoint that fails.
+pub fn run<P: Program>(
+    meeting: &mut Meeting,
+    session: P::Session,
     trace: &Trace,
-    program: &mut impl Program<'a>,
+    program: &mut P,
 ) -> Result<Packets> {
-    let mut listener = Listener::new(listener.try_clone().context("cannot listen")?)?;
+    let driver = Driver::new(Peer::new(trace));
     let mut server =
-        Server { session: Pc::new(config)?, driver: Driver::new(Peer::new(trace)), trace, program };
+        Server { session, driver, trace, program, retry_at: Duration::ZERO, reported: String::new() };
     loop {
-        server.accept(&mut listener)?;
+        server.meet(meeting)?;
         match server.turn()? {
-            Err(why) => server.disconnected(&why)?,
+            Err(why) => server.disconnected(meeting, &why)?,
             Ok(()) if server.program.step(&mut server.session)? => {}
             Ok(()) => break,
         }
     }
-    server.disconnected("the PC has ended")?;
+    server.disconnected(meeting, "the PC has ended")?;
     Ok(server.driver.transport().packets)
 }
 
-struct Server<'r, 'a, P> {
-    session: Pc<'static, &'a [Line]>,
+struct Server<'r, P: Program> {
+    session: P::Session,
     driver: Driver<Peer<'r>>,
     trace: &'r Trace,
     program: &'r mut P,
+    /// When a connection is looked for again.
+    retry_at: Duration,
+    /// Why none could be opened.
+    reported: String,
 }
 
-impl<'a, P: Program<'a>> Server<'_, 'a, P> {
-    fn accept(&mut self, listener: &mut Listener) -> Result<()> {
-        let (stream, peer) = match listener.accept() {
-            Ok(Arrival::Client(stream, peer)) => (TcpStream::from(stream), peer),
-            Ok(Arrival::Refused(peer)) => {
-                remark(&format!("refused the robot {peer}: no descriptor is free, see ulimit -n"));
+impl<P: Program> Server<'_, P> {
+    fn meet(&mut self, meeting: &mut Meeting) -> Result<()> {
+        let now = self.driver.transport().now();
+        let is_open = self.driver.transport().is_connected();
+        if now < self.retry_at || is_open && !meeting.takes_another() {
+            return Ok(());
+        }
+        let (carrier, peer) = match meeting.meet()? {
+            Ok(Some(found)) => found,
+            Ok(None) => return Ok(()),
+            Err(why) => {
+                self.retry_at = now.saturating_add(meeting.pause());
+                if self.reported != why {
+                    self.program.notify(&mut self.session, Notification::Disconnected(&why))?;
+                    self.reported = why;
+                }
                 return Ok(());
             }
-            // Who waits may be accepted at the next turn.
-            Ok(Arrival::Nobody) | Err(_) => return Ok(()),
         };
-        stream.set_nonblocking(false)?;
-        self.disconnected("another robot has connected")?;
-        self.driver.transport().connect(stream);
+        self.disconnected(meeting, "another robot has connected")?;
+        self.reported.clear();
+        self.driver.transport().connect(carrier);
         self.session.handle_connected(self.driver.transport().now());
-        self.program.notify(Notification::Connected(peer.to_string()))
+        self.program.notify(&mut self.session, Notification::Connected(peer))
     }
 
     /// The inner error is why the connection is to be closed.
     fn turn(&mut self) -> Result<Result<(), String>> {
         let Self { session, driver, program, .. } = self;
-        let turn = driver.turn(session, Some(timing::CPU_CYCLE), |_, event| {
-            match program.notify(Notification::Event(event)) {
+        let turn = driver.turn(session, Some(timing::CPU_CYCLE), |session, event| {
+            match program.notify(session, Notification::Event(event)) {
                 Err(error) => ControlFlow::Break(Some(error)),
                 Ok(()) if event == PcEvent::Disconnect => ControlFlow::Break(None),
                 Ok(()) => ControlFlow::Continue(()),
@@ -109,14 +124,16 @@ impl<'a, P: Program<'a>> Server<'_, 'a, P> {
         }
     }
 
-    fn disconnected(&mut self, why: &str) -> Result<()> {
+    fn disconnected(&mut self, meeting: &Meeting, why: &str) -> Result<()> {
         if !self.driver.transport().disconnect() {
             return Ok(());
         }
-        self.session.handle_disconnected(self.driver.transport().now());
-        self.program.notify(Notification::Disconnected(why))?;
+        let now = self.driver.transport().now();
+        self.retry_at = now.saturating_add(meeting.pause());
+        self.session.handle_disconnected(now);
+        self.program.notify(&mut self.session, Notification::Disconnected(why))?;
         match self.trace.finish(why) {
-            Some(path) => self.program.notify(Notification::Traced(path)),
+            Some(path) => self.program.notify(&mut self.session, Notification::Traced(path)),
             None => Ok(()),
         }
     }

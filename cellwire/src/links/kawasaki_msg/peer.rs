@@ -1,7 +1,6 @@
 //! The connection of one end to the other, which may be missing.
 
 use std::io::{self, ErrorKind};
-use std::net::TcpStream;
 use std::ops::ControlFlow;
 use std::thread;
 use std::time::Duration;
@@ -9,9 +8,9 @@ use std::time::Duration;
 use kawasaki_msg::{START, timing};
 use robot_session::{Ended, Received, Sent, Transport};
 
+use super::meeting::Carrier;
 use crate::io::drive::Traced;
 use crate::io::line::Clock;
-use crate::io::stream::Stream;
 use crate::io::trace::Trace;
 
 /// What an end has sent.
@@ -42,22 +41,26 @@ impl Packets {
 pub(super) struct Peer<'a> {
     clock: Clock,
     trace: &'a Trace,
-    stream: Option<Traced<'a, Stream>>,
+    carrier: Option<Traced<'a, Carrier>>,
     pub(super) packets: Packets,
 }
 
 impl<'a> Peer<'a> {
     pub(super) fn new(trace: &'a Trace) -> Self {
-        Self { clock: Clock::start(), trace, stream: None, packets: Packets::default() }
+        Self { clock: Clock::start(), trace, carrier: None, packets: Packets::default() }
     }
 
-    pub(super) fn connect(&mut self, stream: TcpStream) {
-        self.stream = Some(Traced::new(Stream::new(stream), self.trace, self.clock));
+    pub(super) fn connect(&mut self, carrier: Carrier) {
+        self.carrier = Some(Traced::new(carrier, self.trace, self.clock));
+    }
+
+    pub(super) fn is_connected(&self) -> bool {
+        self.carrier.is_some()
     }
 
     /// Whether there was a connection.
     pub(super) fn disconnect(&mut self) -> bool {
-        self.stream.take().is_some()
+        self.carrier.take().is_some()
     }
 }
 
@@ -67,8 +70,8 @@ impl Transport for Peer<'_> {
     }
 
     fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        if let Some(stream) = &mut self.stream {
-            return stream.receive(buffer, wait);
+        if let Some(carrier) = &mut self.carrier {
+            return carrier.receive(buffer, wait);
         }
         thread::sleep(wait.unwrap_or(timing::CPU_CYCLE).min(timing::CPU_CYCLE));
         Ok(Received::Nothing)
@@ -76,7 +79,7 @@ impl Transport for Peer<'_> {
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         self.packets.add(bytes);
-        self.stream.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)
+        self.carrier.as_mut().ok_or(ErrorKind::NotConnected)?.send(bytes)
     }
 }
 

@@ -1,18 +1,36 @@
-//! The plant's table of messages as settings: in a file they are the tables `[messages.ROLE]`.
+//! What both ends of a plant have agreed on, as settings: the table of messages, in a file the tables `[messages.ROLE]`, what a
+//! job is, in a file the tables `[[job]]`, and how packets are carried and acknowledged.
 
+use core::num::NonZeroU16;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use kawasaki_msg::{Charset, ConfigError, Dialect, Entry, Field, Role};
+use kawasaki_msg::{
+    Acks, Bounds, Charset, ConfigError, Dialect, Entry, Field, Limits, Pc, PcConfig, RobotConfig, Role,
+};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
+use super::layout::{AnyWork, Layout};
 use crate::links::settings::{Configure, Refused, Table, json};
 
-/// The plant's messages.
+/// What both ends have agreed on.
 #[derive(Debug, Clone)]
 pub struct Plant {
     /// The character set of names and fields.
     pub charset: Charset,
+    /// Packets are datagrams.
+    pub udp: bool,
+    /// The limits of a packet in bytes.
+    pub limits: Limits,
+    /// The highest job number.
+    pub max_number: u16,
+    /// How executed jobs are acknowledged.
+    pub acks: Acks,
+    /// The coordinates of the drawing's lines, where a job is one.
+    pub bounds: Bounds,
+    /// The fields of a job; without them it is a line of a drawing.
+    job: Option<Vec<Value>>,
     /// The messages, by the names of their roles.
     messages: BTreeMap<String, Message>,
 }
@@ -35,7 +53,18 @@ impl Default for Plant {
             let message = Message { default: *entry, sent: true, name: entry.name.into(), header, fields };
             (role_name(entry.role), message)
         });
-        Self { charset: Charset::Ascii, messages: messages.collect() }
+        let RobotConfig { limits, max_number, acks, .. } = RobotConfig::TCP;
+        let (charset, bounds) = (Charset::Ascii, Bounds::WIDEST);
+        Self {
+            charset,
+            udp: false,
+            limits,
+            max_number,
+            acks,
+            bounds,
+            job: None,
+            messages: messages.collect(),
+        }
     }
 }
 
@@ -43,6 +72,30 @@ impl Configure for Plant {
     fn configure(&mut self, table: &mut Table<'_>) {
         let choices = [("ascii", Charset::Ascii), ("latin1", Charset::Latin1)];
         table.choice("charset", &choices, "the characters of names and fields", &mut self.charset);
+        let about = "packets are datagrams, which may be lost, repeated and late; the source has chosen TCP";
+        table.flag("udp", about, &mut self.udp);
+        if self.udp {
+            self.limits = Limits::UDP;
+        }
+        table.group("limits", |table| self.limits.configure(table));
+        let about = "the highest job number; above the jobs of the robot's queue";
+        table.whole("max_number", 2..=Dialect::MAX_NUMBER, "", about, &mut self.max_number);
+        let mut every = match self.acks {
+            Acks::Cumulative { every } => Some(every.get()),
+            Acks::Individual => None,
+        };
+        let about = "every so many-th job is acknowledged, which covers those before it; or each job by itself, as it must be \
+                     where jobs may overtake one another";
+        table.whole_or("acks", 1..=u16::MAX, "individual", about, &mut every);
+        self.acks = match every.and_then(NonZeroU16::new) {
+            Some(every) => Acks::Cumulative { every },
+            None => Acks::Individual,
+        };
+        const SHAPE: &str =
+            "tables [[job]]: name; kind: whole, decimal with places, or text; range or length; default";
+        let about = "a job's own fields in order; without them it is a line of a drawing";
+        table.parsed("job", SHAPE, json(&Layout::default().given()), about, &mut self.job);
+        table.group("bounds", |table| self.bounds.configure(table));
         table.group("messages", |table| {
             for (role, message) in &mut self.messages {
                 table.group(role, |table| message.configure(table));
@@ -77,12 +130,66 @@ impl Plant {
             let message = self.messages.get(&role_name(default.role))?;
             message.sent.then(|| message.entry())
         });
-        let dialect = Dialect::new(entries.collect::<Vec<_>>().leak()).map_err(|error| {
-            let name = role(&error).map_or("messages".into(), |role| format!("messages.{}", role_name(role)));
-            Refused { text: format!("{name}: {error}"), name }
-        })?;
+        let dialect = Dialect::new(entries.collect::<Vec<_>>().leak()).map_err(refused)?;
         Ok(dialect.with_charset(self.charset))
     }
+
+    /// What a job is.
+    ///
+    /// # Errors
+    /// When a field contradicts itself or another one.
+    pub fn layout(&self) -> Result<Layout> {
+        match &self.job {
+            None => Ok(Layout::line(self.bounds)),
+            Some(given) => Ok(Layout::read(given, self.charset)?),
+        }
+    }
+
+    /// A PC's configuration in this plant.
+    ///
+    /// # Errors
+    /// When it cannot work.
+    pub fn pc(&self, config: PcConfig<'static>) -> Result<PcConfig<'static>> {
+        let config = PcConfig {
+            dialect: self.dialect()?,
+            limits: self.limits,
+            datagrams: self.udp,
+            max_number: self.max_number,
+            cumulative_acks: self.acks != Acks::Individual,
+            ..config
+        };
+        let pc = Pc::<&[AnyWork]>::new(config).map_err(refused)?;
+        pc.with_ranges(self.layout()?).map_err(refused)?;
+        Ok(config)
+    }
+
+    /// A robot's configuration in this plant.
+    ///
+    /// # Errors
+    /// When it cannot work.
+    pub fn robot(&self, config: RobotConfig<'static>) -> Result<RobotConfig<'static>> {
+        // What the plant contradicts itself in, a PC refuses, too: but for what a plant may lack and only a PC needs.
+        let takeover = kawasaki_msg::Takeover::Never;
+        let PcConfig { dialect, limits, datagrams, max_number, .. } =
+            self.pc(PcConfig { takeover, ..PcConfig::TCP })?;
+        Ok(RobotConfig { dialect, limits, datagrams, max_number, acks: self.acks, ..config })
+    }
+}
+
+/// The setting that cannot be.
+fn refused(error: ConfigError) -> Refused {
+    let name = match error {
+        ConfigError::MaxNumber { .. } => "max_number".into(),
+        ConfigError::Limits { .. } => "limits".into(),
+        ConfigError::EmptyRange { .. } | ConfigError::JobTooLong { .. } => "job".into(),
+        error => role(&error).map_or("messages".into(), |role| format!("messages.{}", role_name(role))),
+    };
+    let advice = match error {
+        ConfigError::Lacks { role: Role::OrderInterrupt } => "; with takeover=end or never it does not",
+        ConfigError::Lacks { role: Role::JobAck } => "; with acks=1 it does not",
+        _ => "",
+    };
+    Refused { text: format!("{name}: {error}{advice}"), name }
 }
 
 impl Message {
@@ -151,6 +258,9 @@ fn role(error: &ConfigError) -> Option<Role> {
         | ConfigError::MissingField { role, .. }
         | ConfigError::Fields { role }
         | ConfigError::TooManyFields { role, .. }
+        | ConfigError::Constant { role, .. }
+        | ConfigError::Lacks { role }
+        | ConfigError::LateMessages { role }
         | ConfigError::Name { role } => Some(role),
         _ => None,
     }

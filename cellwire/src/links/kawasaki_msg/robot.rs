@@ -7,38 +7,38 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
-use kawasaki_msg::{Bounds, Job, Line, Robot, RobotConfig, RobotEvent, RobotStatistics, timing};
+use kawasaki_msg::{Job, Robot, RobotConfig, RobotEvent, RobotStatistics, timing};
 use robot_session::{Driver, Session, Transport as _};
 use robot_work_queue::Reader;
 
+use super::layout::{AnyWork, Layout};
+use super::meeting::Meeting;
 use super::peer::{Peer, outcome};
+use super::sheet::Lines;
 use crate::io::samples::Samples;
-use crate::io::tcp;
 use crate::io::trace::Trace;
 
 /// The motion task looks at its switch at least so often.
 const LONGEST_SLEEP: Duration = Duration::from_millis(50);
 
 /// How the simulated robot is made.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Setup {
     /// The session's configuration.
     pub config: RobotConfig<'static>,
-    /// The coordinates that it can reach.
-    pub bounds: Bounds,
+    /// What a job is.
+    pub layout: Layout,
     /// How many jobs its queue holds.
     pub queue: usize,
-    /// How fast the pen goes, in mm/s.
+    /// How fast the pen goes, in mm/s, where a job is a line.
     pub speed: f64,
-    /// How long a connection may take to open.
-    pub connect_timeout: Duration,
+    /// How long a job takes that is none.
+    pub job_time: Duration,
 }
 
 /// What a run has shown.
 #[derive(Debug, Default)]
 pub struct Run {
-    /// What the pen did, in its order.
-    pub strokes: Vec<Stroke>,
     /// From the end of a job to the beginning of the next one of the order, without the motion.
     pub work_cycle: Samples,
     /// From sending a packet to having received its answer.
@@ -57,7 +57,7 @@ pub struct Stroke {
     /// Which order it was of, counted from 1.
     pub order: u32,
     /// The job.
-    pub job: Job<Line>,
+    pub job: Job<AnyWork>,
 }
 
 /// What the robot reports while it runs.
@@ -66,30 +66,31 @@ pub enum Notification<'a> {
     /// An event of the session.
     Event(RobotEvent),
     /// A connection is open.
-    Connected(&'a str),
+    Connected(String),
     /// No connection could be opened, or one has ended.
     Disconnected(&'a str),
     /// The session's bytes were written there.
     Traced(std::path::PathBuf),
 }
 
-/// Runs until `stop`: connects to the PC at `address`, again whenever the connection is lost.
+/// Runs until `stop`: meets the PC, again whenever the connection is lost. The motion task gives each job that is executed to
+/// `stroke`.
 ///
 /// # Errors
 /// What `notify` returns; a queue that cannot be made.
 pub fn run(
     setup: &Setup,
-    address: &str,
+    meeting: &mut Meeting,
     trace: &Trace,
     stop: &AtomicBool,
-    strokes: Sender<Stroke>,
+    stroke: impl FnMut(Stroke) + Send,
     notify: impl FnMut(Notification<'_>) -> Result<()>,
 ) -> Result<Run> {
-    let (writer, reader) = robot_work_queue::boxed::<Job<Line>>(setup.queue, setup.config.max_number)?;
+    let (writer, reader) = robot_work_queue::boxed::<Job<AnyWork>>(setup.queue, setup.config.max_number)?;
     let (report, reports) = mpsc::channel();
     let mut task = Communication {
         session: Unpacking {
-            robot: Robot::new(setup.config, writer)?.with_ranges(setup.bounds)?,
+            robot: Robot::new(setup.config, writer)?.with_ranges(setup.layout.clone())?,
             times: Samples::default(),
         },
         reports,
@@ -99,14 +100,17 @@ pub fn run(
         run: Run::default(),
         notify,
         reported: String::new(),
-        connect_timeout: setup.connect_timeout,
     };
-    let (ended, orders, speed) = (AtomicBool::new(false), task.orders, setup.speed);
+    let (ended, orders, lines) = (AtomicBool::new(false), task.orders, Lines::of(&setup.layout).ok());
+    let time_of = |work: &AnyWork| match &lines {
+        Some(lines) => Duration::from_secs_f64(lines.line(work).length() / setup.speed),
+        None => setup.job_time,
+    };
     let (outcome, work_cycle) = thread::scope(|scope| {
         let builder = thread::Builder::new().name("motion".into());
         let motion =
-            builder.spawn_scoped(scope, || draw(reader, speed, orders, &ended, &report, &strokes))?;
-        let outcome = task.run(address, stop);
+            builder.spawn_scoped(scope, || execute(reader, &time_of, orders, &ended, &report, stroke))?;
+        let outcome = task.run(meeting, stop);
         ended.store(true, Ordering::Relaxed);
         anyhow::Ok((outcome, motion.join()))
     })
@@ -127,7 +131,6 @@ struct Communication<'a, T> {
     run: Run,
     notify: T,
     reported: String,
-    connect_timeout: Duration,
 }
 
 /// Why the handler ends a turn.
@@ -138,12 +141,12 @@ enum Break {
 }
 
 impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
-    fn run(&mut self, address: &str, stop: &AtomicBool) -> Result<()> {
+    fn run(&mut self, meeting: &mut Meeting, stop: &AtomicBool) -> Result<()> {
         while !stop.load(Ordering::Relaxed) {
             for number in self.reports.try_iter() {
                 self.session.robot.job_done(self.driver.transport().now(), number)?;
             }
-            if let Err(why) = self.turn(address)? {
+            if let Err(why) = self.turn(meeting)? {
                 self.disconnected(&why)?;
             }
         }
@@ -151,7 +154,7 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
     }
 
     /// The inner error is why there is no connection.
-    fn turn(&mut self, address: &str) -> Result<Result<(), String>> {
+    fn turn(&mut self, meeting: &mut Meeting) -> Result<Result<(), String>> {
         let Self { session, driver, orders, notify, .. } = self;
         let exchanges = session.robot.statistics().exchange.count();
         // The reports do not wait for long.
@@ -174,22 +177,23 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
         }
         match outcome(turn, "the PC closed the connection") {
             ControlFlow::Continue(lost) => Ok(lost),
-            ControlFlow::Break(Break::Connect) => self.connect(address),
+            ControlFlow::Break(Break::Connect) => self.connect(meeting),
             ControlFlow::Break(Break::Silent) => Ok(Err("the PC is silent".into())),
             ControlFlow::Break(Break::Failed(error)) => Err(error),
         }
     }
 
-    fn connect(&mut self, address: &str) -> Result<Result<(), String>> {
-        let stream = match tcp::connect(address, self.connect_timeout) {
-            Ok(stream) => stream,
-            Err(error) => return Ok(Err(format!("{error:#}"))),
+    fn connect(&mut self, meeting: &mut Meeting) -> Result<Result<(), String>> {
+        let (carrier, peer) = match meeting.meet()? {
+            Ok(Some(found)) => found,
+            Ok(None) => return Ok(Err("no PC has connected".into())),
+            Err(why) => return Ok(Err(why)),
         };
-        self.driver.transport().connect(stream);
+        self.driver.transport().connect(carrier);
         self.session.handle_connected(self.driver.transport().now());
         self.run.connections += 1;
         self.reported.clear();
-        (self.notify)(Notification::Connected(address)).map(Ok)
+        (self.notify)(Notification::Connected(peer)).map(Ok)
     }
 
     fn disconnected(&mut self, why: &str) -> Result<()> {
@@ -207,14 +211,14 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
 
 /// A session that measures how long it unpacks a packet.
 struct Unpacking<'a> {
-    robot: Robot<'a, Line>,
+    robot: Robot<'a, AnyWork>,
     times: Samples,
 }
 
 impl Session for Unpacking<'_> {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
-    const MAX_TRANSMIT: usize = Robot::<Line>::MAX_TRANSMIT;
+    const MAX_TRANSMIT: usize = Robot::<AnyWork>::MAX_TRANSMIT;
 
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
         let begin = Instant::now();
@@ -253,14 +257,14 @@ impl Session for Unpacking<'_> {
     }
 }
 
-/// The motion task: takes jobs until it is stopped, and moves the pen along each. Returns the work cycles.
-fn draw(
-    mut queue: Reader<'_, Job<Line>>,
-    speed: f64,
+/// The motion task: takes jobs until it is stopped, and takes the time of each. Returns the work cycles.
+fn execute(
+    mut queue: Reader<'_, Job<AnyWork>>,
+    time_of: &impl Fn(&AnyWork) -> Duration,
     orders: &AtomicU32,
     stop: &AtomicBool,
     report: &Sender<u16>,
-    strokes: &Sender<Stroke>,
+    mut stroke: impl FnMut(Stroke),
 ) -> Samples {
     let mut cycles = Samples::default();
     let (mut before, mut arrival): (Option<(u32, Instant)>, _) = (None, Instant::now());
@@ -275,7 +279,7 @@ fn draw(
             cycles.add(taken - end);
         }
         // Many jobs are shorter than a sleep can be: the pen waits when it is ahead of its plan.
-        arrival += time_of(&job, speed);
+        arrival += time_of(&job.work);
         while let Some(ahead) = arrival.checked_duration_since(Instant::now())
             && ahead > timing::CPU_CYCLE
             && !stop.load(Ordering::Relaxed)
@@ -286,16 +290,10 @@ fn draw(
             break; // switched off in the middle of the job
         }
         // Reported before it is complete, it is never asked for again. At the end of a run nobody listens.
-        let _ = strokes.send(Stroke { order, job: *job });
+        stroke(Stroke { order, job: *job });
         let _ = report.send(job.number);
         job.complete();
         before = Some((order, Instant::now()));
     }
     cycles
-}
-
-fn time_of(job: &Job<Line>, speed: f64) -> Duration {
-    let way =
-        f64::from(job.work.end.x - job.work.start.x).hypot(f64::from(job.work.end.y - job.work.start.y));
-    Duration::from_secs_f64(way / 100.0 / speed)
 }

@@ -1,21 +1,24 @@
 //! `cellwire simulate kawasaki-pc` and `kawasaki-robot`: an end to test the other one against.
 
-use std::path::PathBuf;
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 
-use anyhow::{Result, bail};
-use kawasaki_msg::{Line, Pc, PcConfig, PcEvent, RobotConfig, RobotEvent};
+use anyhow::{Context as _, Result};
+use kawasaki_msg::{Pc, PcEvent, RobotEvent};
 use serde_json::json;
 
+use super::layout::{AnyWork, Layout};
+use super::meeting::Meeting;
 use super::options::{PcSettings, RobotSettings};
 use super::pc::{self, Program};
 use super::robot::{self, Setup, Stroke};
-use super::sheet::{SHEET, drawn, jobs};
+use super::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
-use crate::io::output::{log, ready};
-use crate::io::tcp;
-use crate::links::device::{Endpoint, SimulateOptions};
+use crate::io::output::{log, ready, remark};
+use crate::links::device::SimulateOptions;
 use crate::links::settings;
 
 /// The PC until interrupted: a robot that connects gets the picture as an order.
@@ -28,15 +31,15 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
         Some(file) => Picture::from_file(&file, SHEET)?,
         None => Picture::built_in(SHEET)?,
     };
-    let Endpoint::Listen(address) = &options.endpoint else {
-        bail!("kawasaki-pc is a TCP server: use --listen")
-    };
-    let listener = tcp::listen(address)?;
-    let lines = jobs(&picture);
-    ready("kawasaki-pc", "listen", &listener.local_addr()?.to_string())?;
-    let mut program = Orders { lines: &lines, next: settings.order, wanted: false, repeat: settings.repeat };
-    let config = PcConfig { dialect: settings.plant.dialect()?, ..settings.config };
-    pc::run(&listener, config, &options.trace.start("kawasaki-pc"), &mut program)?;
+    let layout = settings.plant.layout()?;
+    let jobs = Lines::of(&layout)?.jobs(&picture);
+    let config = settings.plant.pc(settings.config)?;
+    let session = Pc::new(config)?.with_ranges(layout)?;
+    let (mut meeting, kind, place) =
+        Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.connect_timeout)?;
+    ready("kawasaki-pc", kind, &place)?;
+    let mut program = Orders { jobs: &jobs, next: settings.order, wanted: false, repeat: settings.repeat };
+    pc::run(&mut meeting, session, &options.trace.start("kawasaki-pc"), &mut program)?;
     Ok(())
 }
 
@@ -45,33 +48,39 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
 /// # Errors
 /// When a setting is none of this device's.
 pub fn robot(options: &SimulateOptions) -> Result<()> {
-    let RobotSettings { plant, config, bounds, queue, speed, out } =
+    let RobotSettings { plant, config, queue, speed, job_time, out, record } =
         settings::read("kawasaki-robot", RobotSettings::default(), &options.settings)?;
-    let config = RobotConfig { dialect: plant.dialect()?, ..config };
-    let connect_timeout = options.connect_timeout;
-    let setup = Setup { config, bounds, queue, speed: f64::from(speed), connect_timeout };
+    let (config, layout) = (plant.robot(config)?, plant.layout()?);
+    let lines = Lines::of(&layout).ok();
+    let mut record = record.map(|file| Record::open(Path::new(&file), &layout)).transpose()?;
+    let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time };
     let out = out.map(PathBuf::from);
-    let Endpoint::Connect(address) = &options.endpoint else {
-        bail!("kawasaki-robot is a TCP client, it opens the connection: use --connect")
-    };
-    ready("kawasaki-robot", "connect", address)?;
+    let (mut meeting, kind, place) =
+        Meeting::of_robot(&options.endpoint, config.datagrams, options.connect_timeout)?;
+    ready("kawasaki-robot", kind, &place)?;
     let (sender, strokes) = mpsc::channel::<Stroke>();
     let trace = options.trace.start("kawasaki-robot");
-    robot::run(
-        &setup,
-        address,
-        &trace,
-        &AtomicBool::new(false),
-        sender,
-        |notification| match notification {
+    let mut order = Vec::new();
+    let executed = |stroke: Stroke| {
+        if let Some(record) = &mut record
+            && let Err(error) = record.add(&stroke)
+        {
+            remark(&format!("warning: {error:#}"));
+        }
+        let _ = sender.send(stroke);
+    };
+    robot::run(&setup, &mut meeting, &trace, &AtomicBool::new(false), executed, |notification| {
+        match notification {
             robot::Notification::Event(event) => {
-                if let RobotEvent::OrderOver { .. } = event {
-                    let lines: Vec<drawing::Line> = drawn(strokes.try_iter().map(|stroke| stroke.job.work));
+                let executed = strokes.try_iter();
+                order.extend(executed.filter_map(|stroke| Some(lines.as_ref()?.line(&stroke.job.work))));
+                if let (RobotEvent::OrderOver { .. }, Some(_)) = (event, &lines) {
+                    let drawn: Vec<drawing::Line> = core::mem::take(&mut order);
                     log(
-                        &json!({"event": "drawn", "strokes": lines.iter().filter(|line| line.draws).count()}),
+                        &json!({"event": "drawn", "strokes": drawn.iter().filter(|line| line.draws).count()}),
                     )?;
                     if let Some(file) = &out {
-                        drawing::write_svg(file, SHEET, &lines)?;
+                        drawing::write_svg(file, SHEET, &drawn)?;
                     }
                 }
                 log(&serde_json::to_value(event)?)
@@ -79,29 +88,59 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
             robot::Notification::Connected(peer) => log(&json!({"event": "connected", "peer": peer})),
             robot::Notification::Disconnected(why) => log(&json!({"event": "disconnected", "why": why})),
             robot::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
-        },
-    )?;
+        }
+    })?;
     Ok(())
+}
+
+/// Every job that was executed, in a table.
+struct Record {
+    file: File,
+    layout: Layout,
+}
+
+impl Record {
+    fn open(path: &Path, layout: &Layout) -> Result<Self> {
+        let what = || format!("cannot write {}", path.display());
+        let mut file = OpenOptions::new().append(true).create(true).open(path).with_context(what)?;
+        if file.metadata()?.len() == 0 {
+            let names = layout.fields().iter().map(|field| field.name.as_str());
+            let names = ["order", "number"].into_iter().chain(names).collect::<Vec<_>>();
+            writeln!(file, "{}", names.join(",")).with_context(what)?;
+        }
+        Ok(Self { file, layout: layout.clone() })
+    }
+
+    fn add(&mut self, Stroke { job, .. }: &Stroke) -> Result<()> {
+        let fields = (0..self.layout.fields().len()).map(|place| self.layout.show(place, &job.work));
+        let cells: Vec<String> =
+            [job.order, job.number].map(|number| number.to_string()).into_iter().chain(fields).collect();
+        let mut row = csv::Writer::from_writer(Vec::new());
+        row.write_record(&cells)?;
+        self.file.write_all(&row.into_inner().unwrap_or_default()).context("cannot write the record of jobs")
+    }
 }
 
 /// The simulated PC's program: an order for each robot that connects without one.
 struct Orders<'a> {
-    lines: &'a [Line],
+    jobs: &'a [AnyWork],
     next: u16,
     wanted: bool,
     repeat: bool,
 }
 
-impl<'a> Program<'a> for Orders<'a> {
-    fn step(&mut self, pc: &mut Pc<&'a [Line]>) -> Result<bool> {
+impl<'a> Program for Orders<'a> {
+    type Session = Pc<'static, &'a [AnyWork]>;
+
+    fn step(&mut self, pc: &mut Self::Session) -> Result<bool> {
         if std::mem::take(&mut self.wanted) && pc.order().is_none() {
-            pc.start(self.next, self.lines)?;
+            pc.start(self.next, self.jobs)?;
             self.next = self.next.checked_add(1).unwrap_or(1);
         }
         Ok(true)
     }
 
-    fn notify(&mut self, notification: pc::Notification<'_>) -> Result<()> {
+    fn notify(&mut self, _: &mut Self::Session, notification: pc::Notification<'_>) -> Result<()> {
         let line = match notification {
             pc::Notification::Event(event) => {
                 self.wanted |= match event {

@@ -1,0 +1,50 @@
+//! What can be set of a run.
+
+use kawasaki_msg::PcConfig;
+
+use crate::io::drawing::Point;
+use crate::links::kawasaki_msg::plant::Plant;
+use crate::links::settings::{Configure, Table};
+
+/// The PC's end, and the board that is drawn on.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// The plant.
+    pub plant: Plant,
+    /// The session.
+    pub config: PcConfig<'static>,
+    /// The number of the next order.
+    pub order: Option<u16>,
+    board: [u32; 2],
+}
+
+impl Settings {
+    /// The board's size in hundredths of a millimetre.
+    pub fn sheet(&self) -> Point {
+        let [x, y] = self.board.map(|mm| i32::try_from(mm * 100).unwrap_or(i32::MAX));
+        Point { x, y }
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { plant: Plant::default(), config: PcConfig::TCP, order: None, board: [420, 297] }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { plant, config, order, board } = self;
+        let about = "the number of the next order; over UDP each needs one that no order before it had";
+        table.whole_or("order", 1..=u16::MAX, "any", about, order);
+        table.wholes(
+            "board",
+            1..=10_000,
+            "mm",
+            "the sheet that a picture is fitted into: its width and height",
+            board,
+        );
+        plant.configure(table);
+        config.configure(table);
+    }
+}

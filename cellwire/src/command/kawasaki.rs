@@ -1,0 +1,245 @@
+//! `cellwire kawasaki`: the PC's end of a Kawasaki robot.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Result, ensure};
+use clap::Subcommand;
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use serde_json::json;
+
+use super::settings::SetArgs;
+use crate::cell::kawasaki_run::{Ended, Jobs, Journal, Outcome, Runner, Settings};
+use crate::cell::word::Operator;
+use crate::io::input::seconds;
+use crate::io::output::{log, ready};
+use crate::io::tcp::ConnectArgs;
+use crate::io::trace::TraceArgs;
+use crate::io::{files, input, journal};
+use crate::links::device::Endpoint;
+use crate::links::kawasaki_msg::meeting::Meeting;
+use crate::links::settings;
+
+/// Has a Kawasaki robot execute orders: drawings, and jobs of any kind.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire kawasaki draw logo.svg --dry-run --draw plan.svg        what would be drawn
+  cellwire kawasaki draw logo.svg --listen 192.168.0.2:9105
+  cellwire kawasaki run pallet.csv --settings plant.toml --listen 192.168.0.2:9105
+  cellwire simulate kawasaki-robot --connect 127.0.0.1:9105        a robot to try it on";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Draw(DrawArgs),
+    Run(TableArgs),
+}
+
+const DRAW: &str = concat!(
+    "\
+Has a robot draw the outlines of an SVG file, each line once.
+
+The picture is fitted into the setting `board`; a point of it is a point of the board, Y down from
+the upper left corner.
+
+",
+    include_str!("kawasaki.txt")
+);
+
+const TABLE: &str = concat!(
+    "\
+Has a robot execute the jobs of a table, each once.
+
+The first line of JOBS.csv names fields of a job, in any order, each other line is a job. What the
+fields are is a matter of the plant: the tables [[job]] of its settings, in the order of the wire.
+
+  [[job]]
+  name = \"j1\"
+  kind = \"decimal\"         # or \"whole\", or \"text\" with length = [LEAST, MOST]
+  places = 3
+  range = [-180.0, 180.0]
+  default = 0.0            # where the table has no such column, or an empty cell
+
+Without them a job is a line of a drawing: kind (1 draws, 2 moves), x1, y1, x2, y2 in hundredths of
+a millimetre. Every line that does not fit is named before anything is sent.
+
+",
+    include_str!("kawasaki.txt")
+);
+
+/// Has a robot draw the outlines of an SVG file, each line once.
+#[derive(Debug, clap::Args)]
+#[command(long_about = DRAW)]
+struct DrawArgs {
+    /// The picture
+    #[arg(value_name = "FILE.svg")]
+    file: PathBuf,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+/// Has a robot execute the jobs of a table, each once.
+#[derive(Debug, clap::Args)]
+#[command(long_about = TABLE)]
+struct TableArgs {
+    /// The table
+    #[arg(value_name = "JOBS.csv")]
+    file: PathBuf,
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+#[derive(Debug, clap::Args)]
+struct RunArgs {
+    /// Listen on this address, where the robot connects; a port alone is one of this machine's loopback address
+    #[arg(long, value_name = "ADDR", conflicts_with = "connect_to", required_unless_present_any = ["connect_to", "dry_run"])]
+    listen: Option<String>,
+    /// Connect to this address, where a robot listens
+    #[arg(long = "connect", value_name = "ADDR")]
+    connect_to: Option<String>,
+    /// Send nothing: print what would be executed
+    #[arg(long)]
+    dry_run: bool,
+    /// Draw what the robot would do into this SVG file
+    #[arg(long, value_name = "FILE")]
+    draw: Option<PathBuf>,
+    /// The journal [default: the file's name with .journal]
+    #[arg(long, value_name = "FILE")]
+    journal: Option<PathBuf>,
+    /// Begin at the first job whatever the journal says: what was done is done again
+    #[arg(long)]
+    again: bool,
+    /// Write the outcome of every job into this CSV file at the end
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// End when no robot is connected for so many seconds; 0: never
+    #[arg(long, value_name = "N", default_value = "60", value_parser = seconds(0.0..=1e6))]
+    robot_timeout: Duration,
+    #[command(flatten)]
+    connect: ConnectArgs,
+    #[command(flatten)]
+    trace: TraceArgs,
+    #[command(flatten)]
+    set: SetArgs,
+}
+
+/// Returns true when every job is done.
+pub fn run(args: &Args) -> Result<bool> {
+    match &args.command {
+        Command::Draw(DrawArgs { file, run }) => {
+            execute(file, run, |settings| Jobs::from_picture(file, &settings.plant, settings.sheet()))
+        }
+        Command::Run(TableArgs { file, run }) => {
+            execute(file, run, |settings| Jobs::from_table(file, &settings.plant))
+        }
+    }
+    .map_err(|error| args.command.set().located(error))
+}
+
+impl Command {
+    fn set(&self) -> &SetArgs {
+        match self {
+            Self::Draw(args) => &args.run.set,
+            Self::Run(args) => &args.run.set,
+        }
+    }
+}
+
+fn execute(file: &Path, args: &RunArgs, read: impl FnOnce(&Settings) -> Result<Jobs>) -> Result<bool> {
+    let settings = settings::read("kawasaki", Settings::default(), &args.set.read()?)?;
+    let config = settings.plant.pc(settings.config)?;
+    let jobs = read(&settings)?;
+    if let Some(file) = &args.draw {
+        jobs.draw(file, settings.sheet())?;
+    }
+    if args.dry_run {
+        if file.extension().is_some_and(|it| it.eq_ignore_ascii_case("csv")) {
+            writeln!(std::io::stdout().lock(), "{}", jobs.table())?;
+        }
+        log(&jobs.summary(config.limits.packet))?;
+        return Ok(true);
+    }
+    let path = args.journal.clone().unwrap_or_else(|| journal::beside(file));
+    let mut journal = Journal::open(&path, &jobs, args.again)?;
+    let ended = serve(args, &settings, config, &jobs, &mut journal);
+    if let Some(file) = &args.out {
+        files::write(file, outcomes(&jobs, &journal).as_bytes())?;
+    }
+    let ended = ended?;
+    let count = |outcome| journal.count(outcome);
+    let active = if let Ended::Refused { active } = ended { Some(active) } else { None };
+    log(&json!({
+        "event": "ended", "why": match ended {
+            Ended::Complete => "complete",
+            Ended::Stopped => "stopped",
+            Ended::Refused { .. } => "refused",
+        },
+        "done": count(Outcome::Done), "unknown": count(Outcome::Unknown), "not_sent": count(Outcome::NotSent),
+        "active_order": active, "journal": journal.path(),
+    }))?;
+    Ok(ended == Ended::Complete)
+}
+
+fn serve(
+    args: &RunArgs,
+    settings: &Settings,
+    config: kawasaki_msg::PcConfig<'static>,
+    jobs: &Jobs,
+    journal: &mut Journal,
+) -> Result<Ended> {
+    let (all, before) = (jobs.work.len(), journal.count(Outcome::Done));
+    ensure!(
+        before < all || journal.flight().is_some(),
+        "these jobs were run to their end, as {} says; --again runs them again",
+        journal.path().display()
+    );
+    let endpoint = match (&args.listen, &args.connect_to) {
+        (Some(address), _) => Endpoint::Listen(address.clone()),
+        (None, address) => Endpoint::Connect(address.clone().unwrap_or_default()),
+    };
+    let timeout = args.connect.timeout();
+    let (mut meeting, kind, place) = Meeting::of_pc(&endpoint, config.datagrams, config.dialect, timeout)?;
+    ready("kawasaki", kind, &place)?;
+    if before > 0 {
+        log(&json!({"event": "goes_on", "after": before, "of": all}))?;
+    }
+    let trace = args.trace.start("kawasaki-pc");
+    let progress = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+    progress.set_position(before as u64);
+    let operator = Operator {
+        words: input::lines(),
+        notify: &mut |event| log(&event),
+        progress: &mut |done| progress.set_position(done as u64),
+    };
+    let absence = (!args.robot_timeout.is_zero()).then_some(args.robot_timeout);
+    let runner = Runner::new(jobs, config, settings.order, absence, operator);
+    let ended = runner.run(journal, &mut meeting, &trace);
+    progress.finish_and_clear();
+    ended
+}
+
+/// `number,line,outcome` of every job.
+fn outcomes(jobs: &Jobs, journal: &Journal) -> String {
+    let mut text = String::from("number,line,outcome\n");
+    for (number, (line, outcome)) in (1..).zip(jobs.lines.iter().zip(journal.outcomes())) {
+        let outcome = match outcome {
+            Outcome::NotSent => "not_sent",
+            Outcome::Done => "done",
+            Outcome::Unknown => "unknown",
+        };
+        text.push_str(&format!("{number},{line},{outcome}\n"));
+    }
+    text
+}
+
+/// What can be set.
+pub fn settings() -> Vec<settings::Setting> {
+    settings::list(Settings::default())
+}

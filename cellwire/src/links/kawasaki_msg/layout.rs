@@ -1,0 +1,347 @@
+//! What a job is in a plant, as data: its fields in the order of the wire, in a file the tables `[[job]]`.
+
+use std::sync::Arc;
+
+use kawasaki_msg::{
+    Bounds, Charset, DATA, Decimal, Dialect, END, FieldError, FieldFault, Fields, MessageError, Name,
+    SEPARATOR, START, Text, Unfit, Value as Wire, Values, Work,
+};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::links::settings::Refused;
+
+/// The most fields of a job.
+pub const MAX_FIELDS: usize = 24;
+
+/// The most characters of a text in a job.
+pub const MAX_TEXT: usize = 32;
+
+/// The range of a number that has none: whole numbers that a real of an AS program holds exactly.
+const WIDEST: i32 = 9_999_999;
+
+/// The fields of a job. They are shared by whoever reads and writes jobs.
+#[derive(Debug, Clone)]
+pub struct Layout(Arc<[Field]>);
+
+/// One field.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Field {
+    /// What people call it; not on the wire.
+    pub name: String,
+    /// What it holds.
+    pub holds: Holds,
+    /// Its value where none is given.
+    pub default: Option<AnyValue>,
+}
+
+/// What a field holds. The ranges include both ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Holds {
+    /// A number, in units of its last decimal.
+    #[allow(missing_docs, reason = "the names say it")]
+    Number { places: u8, min: i32, max: i32 },
+    /// Text of so many characters.
+    #[allow(missing_docs, reason = "the names say it")]
+    Text { min: usize, max: usize },
+}
+
+/// A job of any layout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AnyWork {
+    values: [AnyValue; MAX_FIELDS],
+}
+
+/// A value of a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AnyValue {
+    /// In units of its last decimal.
+    Number(i32),
+    /// As it is on the wire.
+    Text(Text<MAX_TEXT>),
+}
+
+/// The field as it is in a file of settings.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+struct Given {
+    name: String,
+    kind: Kind,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    places: Option<u8>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    range: Option<[Value; 2]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    length: Option<[usize; 2]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    default: Option<Value>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Whole,
+    Decimal,
+    Text,
+}
+
+impl Layout {
+    /// The drawing's lines within these bounds: the layout of a plant that names none.
+    pub fn line(Bounds { min, max }: Bounds) -> Self {
+        let number = |name: &str, min, max| Field {
+            name: name.into(),
+            holds: Holds::Number { places: 0, min, max },
+            default: None,
+        };
+        let (x, y) = (|name| number(name, min.x, max.x), |name| number(name, min.y, max.y));
+        Self([number("kind", 1, 2), x("x1"), y("y1"), x("x2"), y("y2")].into())
+    }
+
+    /// The layout of the tables `[[job]]`.
+    ///
+    /// # Errors
+    /// What contradicts itself, with the name of the setting.
+    pub fn read(given: &[Value], charset: Charset) -> Result<Self, Refused> {
+        let mut fields: Vec<Field> = Vec::new();
+        if given.is_empty() || given.len() > MAX_FIELDS {
+            return Err(refused("job", &format!("a job has 1 to {MAX_FIELDS} fields, not {}", given.len())));
+        }
+        for (place, value) in given.iter().enumerate() {
+            let table = format!("job.{place}");
+            let title =
+                value.get("name").and_then(Value::as_str).map(|name| format!(" `{}`", name.escape_debug()));
+            let what = format!("field {}{} of a job", place + 1, title.unwrap_or_default());
+            let found = Given::deserialize(value)
+                .map_err(|error| (String::new(), error.to_string()))
+                .and_then(|given| given.field(charset).map_err(|(key, why)| (key.to_owned(), why)))
+                .map_err(|(key, why)| {
+                    refused(format!("{table}.{key}").trim_end_matches('.'), &format!("{what}: {why}"))
+                })?;
+            if fields.iter().any(|field| field.name == found.name) {
+                return Err(refused(
+                    &format!("{table}.name"),
+                    &format!("{what}: there are two of this name"),
+                ));
+            }
+            fields.push(found);
+        }
+        Ok(Self(fields.into()))
+    }
+
+    /// As it would be in a file of settings.
+    pub fn given(&self) -> Vec<Value> {
+        let field = |(place, field): (usize, &Field)| {
+            let default = field.default.map(|value| {
+                let mut work = AnyWork::default();
+                work.set(place, value);
+                self.show(place, &work)
+            });
+            let number = |units, places| Value::from(Decimal { units, places }.to_string());
+            let (kind, places, range, length) = match field.holds {
+                Holds::Number { places: 0, min, max } => {
+                    (Kind::Whole, None, Some([min.into(), max.into()]), None)
+                }
+                Holds::Number { places, min, max } => {
+                    (Kind::Decimal, Some(places), Some([number(min, places), number(max, places)]), None)
+                }
+                Holds::Text { min, max } => (Kind::Text, None, None, Some([min, max])),
+            };
+            let default = default.map(Value::from);
+            serde_json::to_value(Given { name: field.name.clone(), kind, places, range, length, default })
+        };
+        self.0.iter().enumerate().filter_map(|field_at| field(field_at).ok()).collect()
+    }
+
+    /// In the order of the wire.
+    pub fn fields(&self) -> &[Field] {
+        &self.0
+    }
+
+    /// The place of a field.
+    pub fn place(&self, name: &str) -> Option<usize> {
+        self.0.iter().position(|field| field.name == name)
+    }
+
+    /// The job whose fields have these texts, as they would be read from the wire.
+    ///
+    /// # Errors
+    /// The first field that does not fit.
+    pub fn job(&self, texts: &[&str], charset: Charset) -> Result<AnyWork, FieldError> {
+        for (field, text) in self.0.iter().zip(texts) {
+            // A mark would end the field, and is no part of a number either.
+            let fault = text.chars().find_map(|c| match u8::try_from(c) {
+                Err(_) => Some(FieldFault::Character { found: c }),
+                Ok(found) if [START, END, SEPARATOR, DATA].contains(&found) => {
+                    Some(FieldFault::Reserved { found })
+                }
+                Ok(_) => None,
+            });
+            if let Some(fault) = fault {
+                return Err(FieldError { field: Name::of(&field.name), fault });
+            }
+        }
+        let values: Vec<Wire<'_>> = [Wire::Number(1), Wire::Number(1)]
+            .into_iter()
+            .chain(texts.iter().map(|text| Wire::Text(text)))
+            .collect();
+        let message = kawasaki_msg::Message {
+            name: Wire::Text(NAME),
+            header: Values::NONE,
+            fields: Values::List(&values),
+        };
+        let read = Dialect::DEFAULT.with_charset(charset).read_job::<AnyWork>(&message, self);
+        read.map(|job| job.work).map_err(|error| match error {
+            MessageError::Field(error) => error,
+            _ => FieldError { field: Name::of("job"), fault: FieldFault::Missing },
+        })
+    }
+
+    /// A value as it is on the wire.
+    pub fn show(&self, place: usize, work: &AnyWork) -> String {
+        match (self.0.get(place).map(|field| field.holds), work.get(place)) {
+            (Some(Holds::Number { places, .. }), AnyValue::Number(units)) => {
+                Decimal { units, places }.to_string()
+            }
+            (_, AnyValue::Number(units)) => units.to_string(),
+            (_, AnyValue::Text(text)) => text.to_string(),
+        }
+    }
+}
+
+/// What the default table calls a job.
+const NAME: &str = "Tyo";
+
+impl Default for Layout {
+    fn default() -> Self {
+        Self::line(Bounds::WIDEST)
+    }
+}
+
+impl Given {
+    /// The field; or the key that is wrong, and why.
+    fn field(self, charset: Charset) -> Result<Field, (&'static str, String)> {
+        let Self { name, kind, places, range, length, default } = self;
+        let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+        if !(1..=15).contains(&name.len()) || !name.chars().all(is_word) {
+            return Err(("name", "a name has 1 to 15 letters, digits and _".into()));
+        }
+        let only = |key: &'static str, is_given: bool, of: Kind| match is_given && kind != of {
+            true => Err((key, format!("`{key}` is of a field of the kind {}", name_of(of)))),
+            false => Ok(()),
+        };
+        only("places", places.is_some(), Kind::Decimal)?;
+        only("length", length.is_some(), Kind::Text)?;
+        let holds = if kind == Kind::Text {
+            if range.is_some() {
+                return Err(("range", "a text has a `length`, such as [1, 8], and no range".into()));
+            }
+            let [min, max] = length.unwrap_or([0, MAX_TEXT]);
+            if min > max || max > MAX_TEXT {
+                return Err(("length", format!("give [LEAST, MOST] characters, of 0 to {MAX_TEXT}")));
+            }
+            Holds::Text { min, max }
+        } else {
+            let places = match (kind, places) {
+                (Kind::Whole, _) => 0,
+                (_, Some(places @ 1..=Decimal::MAX_PLACES)) => places,
+                (_, Some(_)) => return Err(("places", format!("give 1 to {}", Decimal::MAX_PLACES))),
+                (_, None) => return Err(("kind", "a decimal has `places`, such as 3".into())),
+            };
+            let [min, max] = match &range {
+                None => [-WIDEST, WIDEST],
+                Some([min, max]) => [units(min, places)?, units(max, places)?],
+            };
+            if min > max {
+                return Err(("range", "the range is empty: give [LEAST, MOST]".into()));
+            }
+            Holds::Number { places, min, max }
+        };
+        let field = Field { name, holds, default: None };
+        let Some(default) = default else { return Ok(field) };
+        let alone = Layout([field.clone()].into());
+        let value = alone.job(&[&plain(&default)], charset).map_err(|error| {
+            ("default", format!("its default {} {}", plain(&default).escape_debug(), error.fault))
+        })?;
+        Ok(Field { default: Some(value.get(0)), ..field })
+    }
+}
+
+/// The end of a range, in units of the last decimal.
+fn units(value: &Value, places: u8) -> Result<i32, (&'static str, String)> {
+    let holds = Holds::Number { places, min: i32::MIN, max: i32::MAX };
+    let any = Layout([Field { name: "range".into(), holds, default: None }].into());
+    match any.job(&[&plain(value)], Charset::Ascii).map(|job| job.get(0)) {
+        Ok(AnyValue::Number(units)) => Ok(units),
+        Ok(AnyValue::Text(_)) => Ok(0),
+        Err(error) => Err(("range", format!("its end {} {}", plain(value).escape_debug(), error.fault))),
+    }
+}
+
+fn name_of(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Whole => "whole",
+        Kind::Decimal => "decimal",
+        Kind::Text => "text",
+    }
+}
+
+fn plain(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+fn refused(name: &str, text: &str) -> Refused {
+    Refused { name: name.into(), text: text.into() }
+}
+
+impl AnyWork {
+    /// The value of a field by its place.
+    pub fn get(&self, place: usize) -> AnyValue {
+        self.values.get(place).copied().unwrap_or_default()
+    }
+
+    /// Sets the value of a field by its place.
+    pub fn set(&mut self, place: usize, value: AnyValue) {
+        if let Some(known) = self.values.get_mut(place) {
+            *known = value;
+        }
+    }
+
+    /// The number of a field by its place; 0 where it is a text.
+    pub fn number(&self, place: usize) -> i32 {
+        if let AnyValue::Number(units) = self.get(place) { units } else { 0 }
+    }
+}
+
+impl Work for AnyWork {
+    type Ranges = Layout;
+
+    fn fields<F: Fields>(&mut self, layout: &Layout, fields: &mut F) -> Result<(), Unfit> {
+        for (Field { name, holds, .. }, value) in layout.fields().iter().zip(&mut self.values) {
+            match *holds {
+                Holds::Number { places, min, max } => {
+                    let mut units = if let AnyValue::Number(units) = value { *units } else { 0 };
+                    fields.decimal(name, &mut units, places, min..=max)?;
+                    *value = AnyValue::Number(units);
+                }
+                Holds::Text { min, max } => {
+                    let mut text = if let AnyValue::Text(text) = value { *text } else { Text::EMPTY };
+                    fields.text(name, &mut text, min..=max)?;
+                    *value = AnyValue::Text(text);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Default for AnyWork {
+    fn default() -> Self {
+        Self { values: [AnyValue::default(); MAX_FIELDS] }
+    }
+}
+
+impl Default for AnyValue {
+    fn default() -> Self {
+        Self::Number(0)
+    }
+}

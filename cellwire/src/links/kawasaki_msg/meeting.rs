@@ -1,0 +1,187 @@
+//! How the two ends meet: over TCP one of them listens, by default the PC (thesis, section 10.4); over UDP the robot sends first.
+
+use std::io::ErrorKind;
+use std::net::{SocketAddr, TcpStream, UdpSocket};
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use kawasaki_msg::{Dialect, Message};
+use robot_session::{Received, Sent, Transport};
+
+use crate::io::listener::{Arrival, Listener};
+use crate::io::output::remark;
+use crate::io::stream::Stream;
+use crate::io::udp::{self, Datagrams};
+use crate::io::{drive::Lost, tcp};
+use crate::links::device::Endpoint;
+
+/// A PC that connects tries it again so often.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// The longest datagram.
+const LONGEST: usize = 65536;
+
+/// How the other end is met.
+#[derive(Debug)]
+pub enum Meeting {
+    /// It connects.
+    Listen(Listener),
+    /// It listens there.
+    Connect {
+        /// Where.
+        address: String,
+        /// How long a connection may take to open.
+        timeout: Duration,
+    },
+    /// It sends datagrams; what it sends has to be a message of this table.
+    Datagrams(UdpSocket, Dialect<'static>),
+    /// It is sent datagrams.
+    Peer(UdpSocket, String),
+}
+
+/// What carries the bytes of a connection.
+#[derive(Debug)]
+pub enum Carrier {
+    /// A TCP connection.
+    Tcp(Stream),
+    /// Datagrams.
+    Udp(Datagrams),
+}
+
+impl Meeting {
+    /// Opens a PC's endpoint; where it is reached, or reaches the robot.
+    ///
+    /// # Errors
+    /// When it cannot be opened.
+    pub fn of_pc(
+        endpoint: &Endpoint,
+        datagrams: bool,
+        dialect: Dialect<'static>,
+        timeout: Duration,
+    ) -> Result<(Self, &'static str, String)> {
+        match endpoint {
+            Endpoint::Listen(address) if datagrams => {
+                let socket = udp::bind(address)?;
+                socket.set_nonblocking(true)?;
+                let place = socket.local_addr()?.to_string();
+                Ok((Self::Datagrams(socket, dialect), "listen", place))
+            }
+            Endpoint::Connect(_) if datagrams => bail!("over UDP the robot sends first: use --listen"),
+            endpoint => Self::tcp(endpoint, timeout),
+        }
+    }
+
+    /// Opens a robot's endpoint; where it is reached, or reaches the PC.
+    ///
+    /// # Errors
+    /// When it cannot be opened.
+    pub fn of_robot(
+        endpoint: &Endpoint,
+        datagrams: bool,
+        timeout: Duration,
+    ) -> Result<(Self, &'static str, String)> {
+        match endpoint {
+            Endpoint::Connect(address) if datagrams => {
+                Ok((Self::Peer(udp::connect(address)?, address.clone()), "connect", address.clone()))
+            }
+            Endpoint::Listen(_) if datagrams => bail!("over UDP the robot sends first: use --connect"),
+            endpoint => Self::tcp(endpoint, timeout),
+        }
+    }
+
+    fn tcp(endpoint: &Endpoint, timeout: Duration) -> Result<(Self, &'static str, String)> {
+        match endpoint {
+            Endpoint::Listen(address) => {
+                let listener = tcp::listen(address)?;
+                let place = listener.local_addr()?.to_string();
+                Ok((Self::Listen(Listener::new(listener)?), "listen", place))
+            }
+            Endpoint::Connect(address) => {
+                Ok((Self::Connect { address: address.clone(), timeout }, "connect", address.clone()))
+            }
+            Endpoint::Pty(_) => bail!("the link is TCP or UDP: use --listen or --connect"),
+        }
+    }
+
+    /// A connection that was made without waiting for one; nothing where nobody has come.
+    ///
+    /// # Errors
+    /// What a person has to change; that a connection cannot be opened now is the inner error.
+    pub fn meet(&mut self) -> Result<Result<Option<(Carrier, String)>, String>> {
+        let stream = |stream| Carrier::Tcp(Stream::new(stream));
+        Ok(match self {
+            Self::Listen(listener) => match listener.accept() {
+                Ok(Arrival::Client(client, peer)) => {
+                    let client = TcpStream::from(client);
+                    client.set_nonblocking(false)?;
+                    Ok(Some((stream(client), peer.to_string())))
+                }
+                Ok(Arrival::Refused(peer)) => {
+                    remark(&format!("refused {peer}: no descriptor is free, see ulimit -n"));
+                    Ok(None)
+                }
+                // Who waits may be accepted at the next turn.
+                Ok(Arrival::Nobody) | Err(_) => Ok(None),
+            },
+            Self::Connect { address, timeout } => match tcp::connect(address, *timeout) {
+                Ok(client) => Ok(Some((stream(client), address.clone()))),
+                Err(error) => Err(format!("{error:#}")),
+            },
+            Self::Datagrams(socket, dialect) => Ok(first(socket, *dialect)?.map(|(socket, peer, first)| {
+                (Carrier::Udp(Datagrams::of(socket, peer, first)), peer.to_string())
+            })),
+            Self::Peer(socket, address) => {
+                Ok(Some((Carrier::Udp(Datagrams::connected(socket.try_clone()?)), address.clone())))
+            }
+        })
+    }
+
+    /// Whether another peer may take the place of one that is connected: it is nobody else's connection that ends then.
+    pub fn takes_another(&self) -> bool {
+        matches!(self, Self::Listen(_))
+    }
+
+    /// How long to wait after a connection that could not be opened, or has ended.
+    pub fn pause(&self) -> Duration {
+        if matches!(self, Self::Connect { .. }) { RETRY } else { Duration::ZERO }
+    }
+}
+
+/// The first datagram that a robot can have sent: whoever sends anything else is not answered.
+fn first(socket: &UdpSocket, dialect: Dialect<'static>) -> Result<Option<(UdpSocket, SocketAddr, Vec<u8>)>> {
+    let mut buffer = vec![0; LONGEST];
+    // A flood of others does not keep the caller.
+    for _ in 0..64 {
+        match socket.recv_from(&mut buffer) {
+            Ok((length, peer)) => {
+                let bytes = buffer.get(..length).unwrap_or_default();
+                let message = Message::decode(bytes, dialect.charset());
+                if let Ok(Some((message, _))) = message
+                    && dialect.read(&message).is_ok()
+                {
+                    return Ok(Some((socket.try_clone()?, peer, bytes.to_vec())));
+                }
+            }
+            Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(None),
+            Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
+            Err(error) => return Err(Lost(format!("the socket: {error}")).into()),
+        }
+    }
+    Ok(None)
+}
+
+impl Transport for Carrier {
+    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> std::io::Result<Received> {
+        match self {
+            Self::Tcp(stream) => stream.receive(buffer, wait),
+            Self::Udp(datagrams) => datagrams.receive(buffer, wait),
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> std::io::Result<Sent> {
+        match self {
+            Self::Tcp(stream) => stream.send(bytes),
+            Self::Udp(datagrams) => datagrams.send(bytes),
+        }
+    }
+}

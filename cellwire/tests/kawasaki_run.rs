@@ -113,10 +113,12 @@ fn a_table_is_executed_once() {
         assert_eq!(code, Some(2));
         assert!(said.contains("these jobs were run to their end") && said.contains("--again"), "{said}");
         // A table that was changed is another one.
-        fs::write(cell.path("pallet.csv"), "j1,j2,j3\n1,2,3\n").unwrap();
+        let table = fs::read_to_string(cell.path("pallet.csv")).unwrap();
+        fs::write(cell.path("pallet.csv"), table.replacen(",open,", ",closed,", 1)).unwrap();
         let (code, said) = cell.run_refused(&[]);
         assert_eq!(code, Some(2));
         assert!(said.contains("it is of another file of jobs"), "{said}");
+        fs::write(cell.path("pallet.csv"), "j1,j2,j3\n1,2,3\n").unwrap();
         cell.rows.push("1.000,2.000,3.000,0.000,0.000,0.000,open,50".into());
         finish(cell.run(&["--again"]), 1);
         cell.assert_executed_once();
@@ -281,17 +283,13 @@ fn foreign_datagrams_hurt_nobody() {
     let _robot = cell.robot(&["job_time=2ms", "queue=50"]);
     let order = run.event("order_started")["order"].to_string();
     run.event("done");
-    // As if the robot had executed all and left the order.
+    // As if the robot had executed more and left the order.
     let message = |name: &str, data: String| format!("<{name}${}#{data}#>", data.len());
-    let lies = [
-        message("TyoKuittaus", format!("{order}$60")),
-        message("LoppuKuittaus", format!("{order}$0$60")),
-        message("Tila", format!("0$0$60$60${order}")),
-        "<<<".into(),
-        "\u{0}".into(),
-    ];
-    for _ in 0..200 {
-        lies.iter().for_each(|text| send(text));
+    for number in 1..=400 {
+        send(&message("TyoKuittaus", format!("{order}${number}")));
+        send(&message("LoppuKuittaus", format!("{order}$0${number}")));
+        send(&message("Tila", format!("0$0${number}${number}${order}")));
+        send("<<<\u{0}");
     }
     assert!(other.recv(&mut [0; 4096]).is_err(), "it is answered");
     finish(run, 400);

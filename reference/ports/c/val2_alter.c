@@ -300,6 +300,18 @@ size_t val2_alter_push(struct val2_alter_decoder *decoder, const uint8_t *data, 
 
 void val2_alter_end(struct val2_alter_decoder *decoder) { decoder->ended = true; }
 
+size_t val2_alter_pending(const struct val2_alter_decoder *decoder)
+{
+    return decoder->skipped + decoder->spare + decoder->length - decoder->lent;
+}
+
+void val2_alter_clear(struct val2_alter_decoder *decoder)
+{
+    decoder->position += val2_alter_pending(decoder);
+    decoder->length = decoder->read_before = decoder->spare = decoder->skipped = 0;
+    decoder->ended = decoder->lent = decoder->has_error = false;
+}
+
 bool val2_alter_next(struct val2_alter_decoder *decoder, struct val2_alter_item *item)
 {
     for (;;) {
@@ -330,6 +342,7 @@ bool val2_alter_next(struct val2_alter_decoder *decoder, struct val2_alter_item 
         decoder->error = reading.error;
         decoder->error.offset += decoder->position + decoder->spare - decoder->lent;
         decoder->has_error = true;
+        decoder->failures++;
         if (decoder->read_before < reading.size)
             decoder->read_before = reading.size;
         skip(decoder, 1);

@@ -79,6 +79,7 @@ struct val2_alter_decoder {
     bool ended, lent, has_error;
     size_t read_before, spare, skipped;
     struct val2_alter_error error;
+    unsigned failures; /* how often a frame was found corrupt (AL-38) */
 };
 
 /* Reads the bytes of one side. */
@@ -92,6 +93,12 @@ void val2_alter_end(struct val2_alter_decoder *decoder);
 
 /* The next message or error; false: more bytes are needed. */
 bool val2_alter_next(struct val2_alter_decoder *decoder, struct val2_alter_item *item);
+
+/* How many bytes belong to no item yet (AL-52). */
+size_t val2_alter_pending(const struct val2_alter_decoder *decoder);
+
+/* Forgets what belongs to no item yet; offsets count on. */
+void val2_alter_clear(struct val2_alter_decoder *decoder);
 
 /* Writes a message, and returns its length; 0: refused (AL-40), nothing is written. */
 size_t val2_alter_encode(const struct val2_alter_message *message, struct val2_alter_framing framing, uint8_t *out,

@@ -34,57 +34,57 @@ static size_t push(const uint8_t *data, size_t size) { return laser_eb90_push(&d
 
 static void end(void) { laser_eb90_end(&decoder); }
 
-static void print_value(const struct laser_eb90_item *item, size_t index)
+static void print_value(const struct laser_eb90_profile *profile, const struct laser_eb90_item *item, size_t index)
 {
     if (item->type == LASER_EB90_I16) {
-        print("%d", laser_eb90_get_i16(&decoder.profile, item, index));
+        print("%d", laser_eb90_get_i16(profile, item, index));
     } else if (item->type == LASER_EB90_U8) {
         print("%d", item->values[index]);
     } else if (item->type == LASER_EB90_CHAR) {
         print("\\u%04x", item->values[index]);
     } else {
-        double value = laser_eb90_get_f32(&decoder.profile, item, index);
-        if (isfinite(value))
+        double value = laser_eb90_get_f32(profile, item, index);
+        if (value == 0)
+            print(signbit(value) ? "-0.0" : "0.0"); /* -0 alone is an integer for some readers */
+        else if (isfinite(value))
             print("%.9g", value);
         else
             print("null");
     }
 }
 
-static void print_items(const struct laser_eb90_result *result)
+void print_laser_items(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t at)
 {
     struct laser_eb90_item item;
-    size_t at = 0;
-    print("\"message\":{\"items\":[");
-    for (int number = 0; laser_eb90_item(&decoder.profile, result->payload, result->payload_len, &at, &item); number++) {
+    print("\"items\":[");
+    for (int number = 0; laser_eb90_item(profile, payload, length, &at, &item); number++) {
         bool is_char = item.type == LASER_EB90_CHAR;
         print("%s{\"%s\":%s", number > 0 ? "," : "", TYPES[item.type], is_char ? "\"" : "[");
         for (size_t index = 0; index < item.count; index++) {
             if (!is_char && index > 0)
                 print(",");
-            print_value(&item, index);
+            print_value(profile, &item, index);
         }
         print("%s}", is_char ? "\"" : "]");
     }
-    print("]}");
+    print("]");
 }
 
-static void print_error(const struct laser_eb90_result *result)
+void print_laser_error(enum laser_eb90_kind kind, size_t error_offset, size_t expected, size_t found)
 {
     static const char *const KINDS[] = {"",         "no_head",  "flag", "tag",       "stuffing",
                                         "too_long", "checksum", "item", "incomplete"};
-    enum laser_eb90_kind kind = result->kind;
-    print("\"error\":{\"kind\":\"%s\"", KINDS[kind]);
+    print("{\"kind\":\"%s\"", KINDS[kind]);
     if (kind != LASER_EB90_NO_HEAD && kind != LASER_EB90_INCOMPLETE)
-        print(",\"offset\":%zu", result->error_offset);
+        print(",\"offset\":%zu", error_offset);
     if (kind == LASER_EB90_FLAG || kind == LASER_EB90_BAD_CHECK || kind == LASER_EB90_ITEM)
-        print(",\"%s\":%zu", kind == LASER_EB90_ITEM ? "needed" : "expected", result->expected);
+        print(",\"%s\":%zu", kind == LASER_EB90_ITEM ? "needed" : "expected", expected);
     if (kind == LASER_EB90_TOO_LONG)
         print(",\"limit\":%d}", LASER_EB90_MAX_PAYLOAD);
     else if (kind == LASER_EB90_NO_HEAD)
-        print(",\"skipped\":%zu}", result->found);
+        print(",\"skipped\":%zu}", found);
     else
-        print(",\"%s\":%zu}", kind == LASER_EB90_INCOMPLETE ? "held" : "found", result->found);
+        print(",\"%s\":%zu}", kind == LASER_EB90_INCOMPLETE ? "held" : "found", found);
 }
 
 static bool next(bool ended)
@@ -93,14 +93,18 @@ static bool next(bool ended)
     if (!laser_eb90_next(&decoder, &result))
         return false;
     print_item(result.offset, result.length, ended);
-    if (result.kind == LASER_EB90_FRAME)
-        print_items(&result);
-    else
-        print_error(&result);
+    if (result.kind == LASER_EB90_FRAME) {
+        print("\"message\":{");
+        print_laser_items(&decoder.profile, result.payload, result.payload_len, 0);
+        print("}");
+    } else {
+        print("\"error\":");
+        print_laser_error(result.kind, result.error_offset, result.expected, result.found);
+    }
     return true;
 }
 
-static bool put_item(struct laser_eb90_payload *payload, const struct json *item)
+bool put_laser_item(struct laser_eb90_payload *payload, const struct json *item)
 {
     static uint8_t characters[2048];
     const struct json *values = item->child;
@@ -144,7 +148,7 @@ static size_t encode(const struct json *message, uint8_t *out, size_t size)
     const struct json *items = json_get(message, "items");
     payload = (struct laser_eb90_payload){.profile = &decoder.profile};
     for (const struct json *item = items == NULL ? NULL : items->child; item != NULL; item = item->next)
-        if (!put_item(&payload, item))
+        if (!put_laser_item(&payload, item))
             return 0;
     return laser_eb90_encode(&payload, out, size);
 }

@@ -6,6 +6,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "../laser_eb90.h"
+#include "../mmacell_proto.h"
+#include "../val2_alter.h"
 #include "json.h"
 
 #define MAX_FRAME 4096
@@ -41,5 +44,38 @@ void print_item(uint64_t offset, size_t length, bool ended);
 bool read_list(const struct json *list, size_t count, int64_t low, int64_t high, int64_t *values);
 
 extern const struct link FANUC_HMI_MODBUS, ISRA_BALL, KAWASAKI_MSG, LASER_EB90, MMACELL_PROTO, VAL2_ALTER, VAL2_VIEWER;
+
+/* What the testee needs of an end's session. */
+struct end {
+    const char *link, *name;
+    /* Begins with the `config` of a request; false: it is not implemented. */
+    bool (*begin)(const struct json *config);
+    void (*connected)(uint64_t now);
+    void (*disconnected)(uint64_t now);
+    size_t (*input)(uint64_t now, const uint8_t *data, size_t size);
+    void (*timeout)(uint64_t now);
+    void (*transmitted)(uint64_t now);
+    /* A call of the owner; false: refused. */
+    bool (*call)(uint64_t now, const char *name, const struct json *argument);
+    /* Prints the next event; false: there is none. */
+    bool (*event)(bool is_first);
+    size_t (*transmit)(uint64_t now, uint8_t *out, size_t size);
+    bool (*deadline)(uint64_t *deadline);
+};
+
+extern const struct end ALTER_HOST, LASER_HOST, MMACELL_CENTRAL;
+
+/* Shared by a link's codec and its sessions. */
+void print_alter_message(const struct val2_alter_message *message);
+void print_alter_error(const struct val2_alter_error *error);
+void print_laser_items(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t at);
+void print_laser_error(enum laser_eb90_kind kind, size_t error_offset, size_t expected, size_t found);
+bool put_laser_item(struct laser_eb90_payload *payload, const struct json *item);
+void print_mmacell_status(const struct mmacell_proto_message *message); /* its fields */
+void print_mmacell_message(const struct mmacell_proto_message *message);
+void print_mmacell_error(const struct mmacell_proto_item *item);
+bool read_mmacell_command(const struct json *object, struct mmacell_proto_message *message);
+void read_mmacell_dialect(const struct json *options, struct mmacell_proto_dialect *dialect);
+struct val2_alter_framing read_alter_framing(const struct json *options);
 
 #endif

@@ -10,6 +10,7 @@
 
 static const struct link *const LINKS[] = {&FANUC_HMI_MODBUS, &ISRA_BALL, &KAWASAKI_MSG, &LASER_EB90,
                                            &MMACELL_PROTO,    &VAL2_ALTER, &VAL2_VIEWER};
+static const struct end *const ENDS[] = {&ALTER_HOST, &LASER_HOST, &MMACELL_CENTRAL};
 static char line[MAX_LINE];
 static bool is_first; /* of the items of an answer */
 
@@ -118,6 +119,87 @@ static void encode(const struct link *link, const struct json *request)
     print("\"}\n");
 }
 
+static void print_events(const struct end *end, bool *is_first_event)
+{
+    while (end->event(*is_first_event))
+        *is_first_event = false;
+}
+
+/* Gives bytes in pieces; their events stay in the session. */
+static void give_input(const struct end *end, uint64_t now, const struct json *hex)
+{
+    static uint8_t data[MAX_LINE / 2];
+    size_t length = 0;
+    const char *at = hex->text, *stop = hex->text + hex->length;
+    for (int byte = next_byte(&at, stop); byte >= 0; byte = next_byte(&at, stop))
+        data[length++] = (uint8_t)byte;
+    for (size_t given = 0; given < length;)
+        given += end->input(now, data + given, length - given);
+}
+
+/* One step of a story, as reference/README.md describes it. */
+static void play(const struct end *end, const struct json *step)
+{
+    static uint8_t out[MAX_FRAME];
+    static char sent[8 * MAX_FRAME];
+    const struct json *input = json_get(step, "do")->child;
+    char name[32] = "";
+    int64_t now = 0;
+    uint64_t deadline;
+    bool is_taken = true, is_first_event = true;
+    size_t sent_len = 0;
+    json_integer(json_get(step, "at"), 0, INT64_MAX, &now);
+    memcpy(name, input->key, input->key_length < sizeof name ? input->key_length : 0);
+    if (strcmp(name, "connected") == 0)
+        end->connected((uint64_t)now);
+    else if (strcmp(name, "disconnected") == 0)
+        end->disconnected((uint64_t)now);
+    else if (strcmp(name, "input") == 0)
+        give_input(end, (uint64_t)now, input);
+    else if (strcmp(name, "timeout") == 0)
+        end->timeout((uint64_t)now);
+    else if (strcmp(name, "transmitted") == 0)
+        end->transmitted((uint64_t)now);
+    else if (strcmp(name, "nothing") != 0)
+        is_taken = end->call((uint64_t)now, name, input);
+    print("{%s\"events\":[", is_taken ? "" : "\"refused\":{\"kind\":\"refused\"},");
+    print_events(end, &is_first_event);
+    while (!json_true(json_get(step, "hold"))) {
+        size_t length = end->transmit((uint64_t)now, out, sizeof out);
+        if (length == 0 || sent_len + 2 * length + 4 > sizeof sent)
+            break;
+        sent_len += (size_t)sprintf(sent + sent_len, "%s\"", sent_len > 0 ? "," : "");
+        for (size_t i = 0; i < length; i++)
+            sent_len += (size_t)sprintf(sent + sent_len, "%02X", out[i]);
+        sent_len += (size_t)sprintf(sent + sent_len, "\"");
+        print_events(end, &is_first_event);
+    }
+    print("],\"transmit\":[%.*s],\"deadline\":", (int)sent_len, sent);
+    if (end->deadline(&deadline))
+        print("%llu}", (unsigned long long)deadline);
+    else
+        print("null}");
+}
+
+static void session(const struct end *end, const struct json *request)
+{
+    const struct json *steps = json_get(request, "steps");
+    print("{\"steps\":[");
+    for (const struct json *step = steps->child; step != NULL; step = step->next) {
+        print(step == steps->child ? "" : ",");
+        play(end, step);
+    }
+    print("]}\n");
+}
+
+static const struct end *find_end(const struct json *request)
+{
+    for (size_t i = 0; i < sizeof ENDS / sizeof *ENDS; i++)
+        if (json_is(json_get(request, "link"), ENDS[i]->link) && json_is(json_get(request, "end"), ENDS[i]->name))
+            return ENDS[i];
+    return NULL;
+}
+
 static const struct link *find_link(const struct json *name)
 {
     for (size_t i = 0; i < sizeof LINKS / sizeof *LINKS; i++)
@@ -132,7 +214,10 @@ int main(void)
         const struct json *request = json_parse(line), *task = json_get(request, "task");
         const struct link *link = find_link(json_get(request, "link"));
         bool decodes = json_is(task, "decode") || json_is(task, "stream");
-        if (link == NULL || !(decodes || json_is(task, "encode")) || !link->begin(request))
+        const struct end *end = find_end(request);
+        if (json_is(task, "session") && end != NULL && end->begin(json_get(request, "config")))
+            session(end, request);
+        else if (link == NULL || !(decodes || json_is(task, "encode")) || !link->begin(request))
             print("{\"skipped\":\"not implemented\"}\n");
         else if (decodes)
             decode(link, request);

@@ -5,10 +5,9 @@
 static const char *const COMMANDS[] = {"STA", "STP", "RST", "CLO", "SRV", "OVR", "MOV", "ACQ", "HND"};
 static struct mmacell_proto_decoder decoder;
 
-static bool begin(const struct json *request)
+void read_mmacell_dialect(const struct json *options, struct mmacell_proto_dialect *dialect)
 {
-    const struct json *options = json_get(request, "options"), *from = json_get(request, "from");
-    struct mmacell_proto_dialect dialect = {
+    *dialect = (struct mmacell_proto_dialect){
         .itr = json_true(json_get(options, "itr")),
         .ovrd = json_true(json_get(options, "ovrd")),
         .clos = json_true(json_get(options, "clos")),
@@ -17,6 +16,13 @@ static bool begin(const struct json *request)
         .blank = json_true(json_get(options, "blank")),
         .wide_integers = json_true(json_get(options, "wide_integers")),
     };
+}
+
+static bool begin(const struct json *request)
+{
+    const struct json *from = json_get(request, "from");
+    struct mmacell_proto_dialect dialect;
+    read_mmacell_dialect(json_get(request, "options"), &dialect);
     mmacell_proto_init(&decoder,
                        json_is(from, "central")  ? MMACELL_PROTO_CENTRAL
                        : json_is(from, "robot") ? MMACELL_PROTO_ROBOT
@@ -42,7 +48,14 @@ static void print_axes(const struct mmacell_proto_message *message)
     print("]");
 }
 
-static void print_message(const struct mmacell_proto_message *message)
+void print_mmacell_status(const struct mmacell_proto_message *message)
+{
+    print("\"moving\":%s,\"servo\":%s", truth(message->flag), truth(message->servo));
+    print_axes(message);
+    print(",\"override\":%d,\"error\":%d", (int)message->override, (int)message->number);
+}
+
+void print_mmacell_message(const struct mmacell_proto_message *message)
 {
     switch (message->kind) {
     case MMACELL_PROTO_OK:
@@ -52,9 +65,9 @@ static void print_message(const struct mmacell_proto_message *message)
         print("{\"reply\":\"error\",\"error\":%d}", (int)message->number);
         return;
     case MMACELL_PROTO_STATUS:
-        print("{\"reply\":\"status\",\"moving\":%s,\"servo\":%s", truth(message->flag), truth(message->servo));
-        print_axes(message);
-        print(",\"override\":%d,\"error\":%d}", (int)message->override, (int)message->number);
+        print("{\"reply\":\"status\",");
+        print_mmacell_status(message);
+        print("}");
         return;
     default:
         break;
@@ -75,7 +88,7 @@ static void print_message(const struct mmacell_proto_message *message)
     print("}");
 }
 
-static void print_error(const struct mmacell_proto_item *item)
+void print_mmacell_error(const struct mmacell_proto_item *item)
 {
     static const char *const KINDS[] = {"too_long", "incomplete", "unknown_command", "unknown_reply", "unexpected",
                                         "short",    "trailing",   "integer_range",   "percent",       "error_zero"};
@@ -105,9 +118,9 @@ static bool next(bool ended)
     bool is_error = item.message.kind >= MMACELL_PROTO_TOO_LONG;
     print(is_error ? "\"error\":" : "\"message\":");
     if (is_error)
-        print_error(&item);
+        print_mmacell_error(&item);
     else
-        print_message(&item.message);
+        print_mmacell_message(&item.message);
     return true;
 }
 
@@ -124,8 +137,7 @@ static bool read_axes(const struct json *object, struct mmacell_proto_message *m
 {
     const struct json *axes = json_get(object, "axes");
     if (axes == NULL || axes->type != '[' || axes->count > MMACELL_PROTO_MAX_AXES ||
-        (decoder.side == MMACELL_PROTO_ROBOT && axes->count != 4) ||
-        (decoder.side == MMACELL_PROTO_PLATFORM && axes->count != 2))
+        !(axes->count == 4 || axes->count == 2))
         return false;
     message->axes_len = axes->count;
     size_t axis = 0;
@@ -138,7 +150,7 @@ static bool read_axes(const struct json *object, struct mmacell_proto_message *m
     return true;
 }
 
-static bool read_command(const struct json *object, struct mmacell_proto_message *message)
+bool read_mmacell_command(const struct json *object, struct mmacell_proto_message *message)
 {
     const struct json *name = json_get(object, "command"), *mode = json_get(object, "mode");
     size_t kind = 0, count = sizeof COMMANDS / sizeof *COMMANDS;
@@ -163,6 +175,12 @@ static bool read_command(const struct json *object, struct mmacell_proto_message
     }
 }
 
+/* A device has its own axes; a central controller moves either. */
+static bool has_own_axes(const struct mmacell_proto_message *message)
+{
+    return message->axes_len == (decoder.side == MMACELL_PROTO_ROBOT ? 4 : 2);
+}
+
 static bool read_reply(const struct json *object, struct mmacell_proto_message *message)
 {
     const struct json *name = json_get(object, "reply"), *number = json_get(object, "error");
@@ -174,7 +192,7 @@ static bool read_reply(const struct json *object, struct mmacell_proto_message *
         return read_number(number, &message->number);
     message->kind = MMACELL_PROTO_STATUS;
     return json_is(name, "status") && read_number(number, &message->number) && read_axes(object, message) &&
-           json_boolean(json_get(object, "moving"), &message->flag) &&
+           has_own_axes(message) && json_boolean(json_get(object, "moving"), &message->flag) &&
            json_boolean(json_get(object, "servo"), &message->servo) &&
            read_number(json_get(object, "override"), &message->override);
 }
@@ -182,7 +200,7 @@ static bool read_reply(const struct json *object, struct mmacell_proto_message *
 static size_t encode(const struct json *object, uint8_t *out, size_t size)
 {
     struct mmacell_proto_message message = {0};
-    bool is_read = decoder.side == MMACELL_PROTO_CENTRAL ? read_command(object, &message) : read_reply(object, &message);
+    bool is_read = decoder.side == MMACELL_PROTO_CENTRAL ? read_mmacell_command(object, &message) : read_reply(object, &message);
     return is_read ? mmacell_proto_encode(&message, decoder.dialect, out, size) : 0;
 }
 

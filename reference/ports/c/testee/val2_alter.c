@@ -6,15 +6,21 @@ static struct val2_alter_decoder decoder;
 static struct val2_alter_framing framing;
 static bool is_robot;
 
-static bool begin(const struct json *request)
+struct val2_alter_framing read_alter_framing(const struct json *options)
 {
-    const struct json *options = json_get(request, "options");
     int64_t leading_dle = 2;
     json_integer(json_get(options, "leading_dle"), 1, 2, &leading_dle);
-    framing.leading_dle = (uint8_t)leading_dle;
-    framing.negated_sum = json_true(json_get(options, "negated_sum"));
-    framing.stuffed_checksum = json_true(json_get(options, "stuffed_checksum"));
-    framing.ignore_spare_select = json_true(json_get(options, "ignore_spare_select"));
+    return (struct val2_alter_framing){
+        .leading_dle = (uint8_t)leading_dle,
+        .negated_sum = json_true(json_get(options, "negated_sum")),
+        .stuffed_checksum = json_true(json_get(options, "stuffed_checksum")),
+        .ignore_spare_select = json_true(json_get(options, "ignore_spare_select")),
+    };
+}
+
+static bool begin(const struct json *request)
+{
+    framing = read_alter_framing(json_get(request, "options"));
     is_robot = json_is(json_get(request, "from"), "robot");
     val2_alter_init(&decoder, is_robot ? VAL2_ALTER_CONTROLLER : VAL2_ALTER_HOST, framing);
     return true;
@@ -24,7 +30,7 @@ static size_t push(const uint8_t *data, size_t size) { return val2_alter_push(&d
 
 static void end(void) { val2_alter_end(&decoder); }
 
-static void print_message(const struct val2_alter_message *message)
+void print_alter_message(const struct val2_alter_message *message)
 {
     switch (message->kind) {
     case VAL2_ALTER_START:
@@ -64,7 +70,7 @@ static void print_message(const struct val2_alter_message *message)
     }
 }
 
-static void print_error(const struct val2_alter_error *error)
+void print_alter_error(const struct val2_alter_error *error)
 {
     static const char *const KINDS[] = {"start_mark", "end_mark", "checksum",    "too_long", "incomplete",
                                         "control",    "length",   "start_reply", "select",   "reply_length"};
@@ -84,9 +90,9 @@ static bool next(bool ended)
     print_item(item.offset, item.length, ended);
     print(item.is_error ? "\"error\":" : "\"message\":");
     if (item.is_error)
-        print_error(&item.error);
+        print_alter_error(&item.error);
     else
-        print_message(&item.message);
+        print_alter_message(&item.message);
     return true;
 }
 

@@ -31,9 +31,17 @@ def load(kind, link):
 def same(found, expected, name=None):
     """Whether two JSON values are equal; `f32` values need the precision of a float only."""
     if isinstance(expected, dict):
-        return isinstance(found, dict) and found.keys() == expected.keys() and all(same(found[k], v, k) for k, v in expected.items())
+        return (
+            isinstance(found, dict)
+            and found.keys() == expected.keys()
+            and all(same(found[k], v, k) for k, v in expected.items())
+        )
     if isinstance(expected, list):
-        return isinstance(found, list) and len(found) == len(expected) and all(same(f, e, name) for f, e in zip(found, expected))
+        return (
+            isinstance(found, list)
+            and len(found) == len(expected)
+            and all(same(f, e, name) for f, e in zip(found, expected))
+        )
     if name == "f32" and isinstance(found, float | int) and isinstance(expected, float | int):
         return struct.pack("<f", found) == struct.pack("<f", expected)
     if isinstance(expected, float | int) and isinstance(found, float | int):
@@ -43,7 +51,9 @@ def same(found, expected, name=None):
 
 def covers(found, expected):
     """Whether an error has the fields that a vector gives."""
-    return isinstance(found, dict) and all(name in found and same(found[name], value) for name, value in expected.items())
+    return isinstance(found, dict) and all(
+        name in found and same(found[name], value) for name, value in expected.items()
+    )
 
 
 def vector_cases(vector, side):

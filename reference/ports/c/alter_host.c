@@ -390,8 +390,8 @@ static void next_values(const struct alter_host *host, struct alter_limiter *lim
 }
 
 /* The length of the reply with these axes, if it ends `reserve` before the window does; else 0. */
-static size_t encode_reply(const struct alter_host *host, uint64_t now, struct val2_alter_message *reply, uint8_t select,
-                           uint64_t reserve, uint8_t *out, size_t size)
+static size_t encode_reply(const struct alter_host *host, uint64_t now, struct val2_alter_message *reply,
+                           uint8_t select, uint64_t reserve, uint8_t *out, size_t size)
 {
     reply->select = select;
     size_t length = val2_alter_encode(reply, host->config.framing, out, size);

@@ -69,7 +69,7 @@ struct alter_host {
     bool has_gap;
     uint64_t gap_at;
     enum alter_host_phase phase;
-    bool is_due; /* an answer is */
+    bool is_due;                        /* an answer is */
     uint64_t arrival, begin_by, end_by; /* of the answer that is due */
     unsigned asked;
     uint64_t forget_at, lost_at;

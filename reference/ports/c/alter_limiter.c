@@ -60,10 +60,7 @@ void alter_limiter_missed(struct alter_limiter *limiter)
         limiter->speed[axis] = 0;
 }
 
-void alter_limiter_hold(struct alter_limiter *limiter, int axis)
-{
-    limiter->speed[axis] = limiter->position[axis] = 0;
-}
+void alter_limiter_hold(struct alter_limiter *limiter, int axis) { limiter->speed[axis] = limiter->position[axis] = 0; }
 
 bool alter_limiter_is_at_rest(const struct alter_limiter *limiter)
 {

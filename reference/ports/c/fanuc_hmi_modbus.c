@@ -12,7 +12,6 @@
 #define COIL_ON 0xFF00
 #define EXCEPTION 0x80
 #define MAX_REPLY_BYTES 250
-#define MAX_PDU 253
 #define NO_FRAME SIZE_MAX
 
 uint16_t modbus_crc(const uint8_t *data, size_t length)
@@ -26,14 +25,12 @@ uint16_t modbus_crc(const uint8_t *data, size_t length)
     return crc;
 }
 
-/* The most that one request reads; 0: the function reads nothing. */
-static uint16_t max_read(uint8_t function)
+uint16_t modbus_max_read(uint8_t function)
 {
     return function == 1 || function == 2 ? 2000 : function == 3 || function == 4 || function == 23 ? 125 : 0;
 }
 
-/* The most that one request writes. */
-static uint16_t max_write(uint8_t function) { return function == 15 ? 1968 : function == 16 ? 123 : 121; }
+uint16_t modbus_max_write(uint8_t function) { return function == 15 ? 1968 : function == 16 ? 123 : 121; }
 
 enum length_by { BY_BEGINNING, BY_SILENCE, NOT_KNOWN_YET };
 
@@ -55,7 +52,7 @@ static enum length_by rtu_length(const uint8_t *frame, size_t length, enum modbu
         base = is_client ? 13 : 5, count_at = is_client ? 10 : 2;
     } else if (function == 5 || function == 6) {
         *size = 8;
-    } else if (max_read(function) > 0) {
+    } else if (modbus_max_read(function) > 0) {
         *size = 8;
         base = 5, count_at = is_client ? 0 : 2;
     } else if (!is_client && function > EXCEPTION) {
@@ -289,7 +286,7 @@ static bool decode_request(struct pdu *pdu)
     case 4:
         message->shape = MODBUS_READ;
         return exactly(pdu, 5) && get_u16(pdu, &message->address) &&
-               get_quantity(pdu, max_read(function), &message->quantity);
+               get_quantity(pdu, modbus_max_read(function), &message->quantity);
     case 5:
     case 6:
     case 22:
@@ -297,7 +294,7 @@ static bool decode_request(struct pdu *pdu)
     case 15:
     case 16:
         message->shape = function == 15 ? MODBUS_WRITE_COILS : MODBUS_WRITE_WORDS;
-        return get_u16(pdu, &message->address) && get_quantity(pdu, max_write(function), &message->quantity) &&
+        return get_u16(pdu, &message->address) && get_quantity(pdu, modbus_max_write(function), &message->quantity) &&
                get_written_values(pdu);
     case 23:
         message->shape = MODBUS_READ_WRITE;
@@ -305,8 +302,9 @@ static bool decode_request(struct pdu *pdu)
             !get_u16(pdu, &message->write_address))
             return false;
         pdu->at = 3; /* only now is the first quantity looked at */
-        return get_quantity(pdu, max_read(function), &message->read_quantity) && get_u16(pdu, &message->write_address) &&
-               get_quantity(pdu, max_write(function), &message->quantity) && get_written_values(pdu);
+        return get_quantity(pdu, modbus_max_read(function), &message->read_quantity) &&
+               get_u16(pdu, &message->write_address) &&
+               get_quantity(pdu, modbus_max_write(function), &message->quantity) && get_written_values(pdu);
     default:
         return decode_raw(pdu);
     }
@@ -324,7 +322,7 @@ static bool decode_reply(struct pdu *pdu)
         message->function = function - EXCEPTION;
         return exactly(pdu, 2) && get_u8(pdu, &message->exception);
     }
-    if (max_read(function) > 0) {
+    if (modbus_max_read(function) > 0) {
         bool is_bits = function <= 2;
         pdu->item->function = function;
         if (!get_u8(pdu, &count))
@@ -343,7 +341,7 @@ static bool decode_reply(struct pdu *pdu)
     if (function == 15 || function == 16) {
         message->shape = MODBUS_WRITTEN;
         return exactly(pdu, 5) && get_u16(pdu, &message->address) &&
-               get_quantity(pdu, max_write(function), &message->quantity);
+               get_quantity(pdu, modbus_max_write(function), &message->quantity);
     }
     return decode_raw(pdu);
 }
@@ -422,131 +420,4 @@ bool modbus_next(struct modbus_decoder *decoder, struct modbus_item *item)
     bytes_remove(decoder->held, &decoder->length, item->length);
     decoder->position += item->length;
     return true;
-}
-
-/* A run of addresses that the function allows (FM-36). */
-static bool is_run(uint16_t address, uint16_t quantity, uint16_t most)
-{
-    return quantity >= 1 && quantity <= most && (uint32_t)address + quantity <= 0x10000;
-}
-
-static size_t put_u16(uint8_t *pdu, size_t at, uint16_t value)
-{
-    put_u16_be(pdu + at, value);
-    return at + 2;
-}
-
-/* A byte count and bits; the unused ones are 0 (FM-8). */
-static size_t put_bits(uint8_t *pdu, size_t at, const struct modbus_message *message)
-{
-    size_t count = (message->quantity + 7u) / 8u;
-    pdu[at++] = (uint8_t)count;
-    memcpy(pdu + at, message->bytes, count);
-    at += count;
-    if (message->quantity % 8 != 0)
-        pdu[at - 1] &= (uint8_t)((1u << message->quantity % 8) - 1);
-    return at;
-}
-
-static size_t put_registers(uint8_t *pdu, size_t at, const struct modbus_message *message)
-{
-    pdu[at++] = (uint8_t)(2 * message->quantity);
-    for (size_t i = 0; i < message->quantity; i++)
-        at = put_u16(pdu, at, message->registers[i]);
-    return at;
-}
-
-static bool is_shape(const struct modbus_message *message)
-{
-    uint8_t function = message->function;
-    bool is_bits = function == 1 || function == 2, reads = max_read(function) > 0;
-    bool is_run_of_15_16 = (function == 15 || function == 16) && is_run(message->address, message->quantity, max_write(function));
-    switch (message->shape) {
-    case MODBUS_READ:
-        return reads && function != 23 && is_run(message->address, message->quantity, max_read(function));
-    case MODBUS_WRITE_COIL:
-        return function == 5;
-    case MODBUS_WRITE_REGISTER:
-        return function == 6;
-    case MODBUS_WRITE_COILS:
-        return function == 15 && is_run_of_15_16;
-    case MODBUS_WRITE_WORDS:
-        return function == 16 && is_run_of_15_16;
-    case MODBUS_MASK:
-        return function == 22;
-    case MODBUS_READ_WRITE:
-        return function == 23 && is_run(message->address, message->read_quantity, max_read(function)) &&
-               is_run(message->write_address, message->quantity, max_write(function));
-    case MODBUS_BITS:
-        return is_bits && is_run(0, message->quantity, max_read(function));
-    case MODBUS_REGISTERS:
-        return reads && !is_bits && is_run(0, message->quantity, max_read(function));
-    case MODBUS_WRITTEN:
-        return is_run_of_15_16;
-    case MODBUS_EXCEPTION:
-        return function >= 1 && function < EXCEPTION;
-    case MODBUS_RAW:
-        return function >= 1 && function < EXCEPTION && !reads && function != 5 && function != 6 && function != 15 &&
-               function != 16 && function != 22 && message->quantity <= MODBUS_MAX_DATA;
-    }
-    return false;
-}
-
-/* The PDU of a message that is_shape. */
-static size_t put_pdu(uint8_t *pdu, const struct modbus_message *message)
-{
-    size_t at = 1;
-    pdu[0] = message->function;
-    switch (message->shape) {
-    case MODBUS_EXCEPTION:
-        pdu[0] = (uint8_t)(message->function + EXCEPTION);
-        pdu[at++] = message->exception;
-        return at;
-    case MODBUS_RAW:
-        memcpy(pdu + at, message->bytes, message->quantity);
-        return at + message->quantity;
-    case MODBUS_BITS:
-        return put_bits(pdu, at, message);
-    case MODBUS_REGISTERS:
-        return put_registers(pdu, at, message);
-    case MODBUS_READ:
-    case MODBUS_WRITTEN:
-        return put_u16(pdu, put_u16(pdu, at, message->address), message->quantity);
-    case MODBUS_WRITE_COIL:
-        return put_u16(pdu, put_u16(pdu, at, message->address), message->coil ? COIL_ON : 0);
-    case MODBUS_WRITE_REGISTER:
-        return put_u16(pdu, put_u16(pdu, at, message->address), message->value);
-    case MODBUS_MASK:
-        return put_u16(pdu, put_u16(pdu, put_u16(pdu, at, message->address), message->and_mask), message->or_mask);
-    case MODBUS_WRITE_COILS:
-        return put_bits(pdu, put_u16(pdu, put_u16(pdu, at, message->address), message->quantity), message);
-    case MODBUS_WRITE_WORDS:
-        return put_registers(pdu, put_u16(pdu, put_u16(pdu, at, message->address), message->quantity), message);
-    case MODBUS_READ_WRITE:
-        at = put_u16(pdu, put_u16(pdu, at, message->address), message->read_quantity);
-        return put_registers(pdu, put_u16(pdu, put_u16(pdu, at, message->write_address), message->quantity), message);
-    }
-    return 0;
-}
-
-size_t modbus_encode(const struct modbus_message *message, enum modbus_framing framing, uint8_t *out, size_t size)
-{
-    uint8_t body[1 + MAX_PDU];
-    if (!is_shape(message))
-        return 0;
-    body[0] = message->unit;
-    size_t length = 1 + put_pdu(body + 1, message);
-    size_t head = framing == MODBUS_TCP ? MBAP_LEN - 1 : 0;
-    if (head + length + (head > 0 ? 0 : 2) > size)
-        return 0;
-    if (head > 0) {
-        put_u16_be(out, message->transaction);
-        put_u16_be(out + 2, 0);
-        put_u16_be(out + 4, (uint16_t)length);
-    }
-    memcpy(out + head, body, length);
-    if (head > 0)
-        return head + length;
-    put_u16_le(out + length, modbus_crc(body, length));
-    return length + 2;
 }

@@ -6,10 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define MODBUS_MAX_LEN 260      /* FM-6 */
-#define MODBUS_MAX_DATA 252     /* bytes of a PDU after its function code */
+#define MODBUS_MAX_LEN 260  /* FM-6 */
+#define MODBUS_MAX_DATA 252 /* bytes of a PDU after its function code */
 #define MODBUS_MAX_REGISTERS 125
-#define MODBUS_LOOKED_AT 520    /* bytes that are searched for the next frame */
+#define MODBUS_LOOKED_AT 520 /* bytes that are searched for the next frame */
 
 enum modbus_side { MODBUS_CLIENT, MODBUS_SERVER };
 enum modbus_framing { MODBUS_TCP, MODBUS_RTU };
@@ -95,6 +95,12 @@ bool modbus_next(struct modbus_decoder *decoder, struct modbus_item *item);
 
 /* Writes a message, and returns its length; 0: refused (FM-36), nothing is written. */
 size_t modbus_encode(const struct modbus_message *message, enum modbus_framing framing, uint8_t *out, size_t size);
+
+/* The most bits or registers that one request reads; 0: the function reads nothing. */
+uint16_t modbus_max_read(uint8_t function);
+
+/* The most that one request of function 15, 16 or 23 writes. */
+uint16_t modbus_max_write(uint8_t function);
 
 /* FM-9 */
 uint16_t modbus_crc(const uint8_t *data, size_t length);

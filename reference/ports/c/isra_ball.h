@@ -21,7 +21,7 @@ struct isra_ball_packet {
 
 enum isra_ball_kind {
     ISRA_BALL_PACKET,
-    ISRA_BALL_RAW,        /* IB-13: raw_len data bytes */
+    ISRA_BALL_RAW, /* IB-13: raw_len data bytes */
     ISRA_BALL_NOISE,
     ISRA_BALL_CHECKSUM,   /* error_offset, expected, found */
     ISRA_BALL_INCOMPLETE, /* expected, found */

@@ -17,9 +17,9 @@ struct kawasaki_msg_text {
 
 enum kawasaki_msg_kind {
     KAWASAKI_MSG_MESSAGE,
-    KAWASAKI_MSG_GARBAGE,     /* item.length */
-    KAWASAKI_MSG_MARK,        /* found */
-    KAWASAKI_MSG_NOT_ASCII,   /* found */
+    KAWASAKI_MSG_GARBAGE,   /* item.length */
+    KAWASAKI_MSG_MARK,      /* found */
+    KAWASAKI_MSG_NOT_ASCII, /* found */
     KAWASAKI_MSG_NO_LENGTH,
     KAWASAKI_MSG_NO_NAME,
     KAWASAKI_MSG_TOO_LONG,    /* the limit is KAWASAKI_MSG_MAX_LEN */
@@ -37,8 +37,8 @@ struct kawasaki_msg_error {
 struct kawasaki_msg_item {
     uint64_t offset; /* in the stream */
     size_t length;
-    struct kawasaki_msg_error error; /* its kind is KAWASAKI_MSG_MESSAGE if there is none */
-    uint8_t bytes[KAWASAKI_MSG_MAX_LEN]; /* the message; the texts are parts of it */
+    struct kawasaki_msg_error error;               /* its kind is KAWASAKI_MSG_MESSAGE if there is none */
+    uint8_t bytes[KAWASAKI_MSG_MAX_LEN];           /* the message; the texts are parts of it */
     struct kawasaki_msg_text name, header, fields; /* the values of header and fields have a `$` between them */
     bool has_header;                               /* one empty value, or none */
 };

@@ -154,7 +154,9 @@ static bool take(const struct laser_eb90_decoder *decoder, struct laser_eb90_res
     if (length < end)
         return incomplete(decoder, result);
     bool is_big = profile->checksum == LASER_EB90_SUM_U16_BE;
-    result->found = end - check_at == 1 ? held[check_at] : is_big ? get_u16_be(held + check_at) : get_u16_le(held + check_at);
+    result->found = end - check_at == 1 ? held[check_at]
+                    : is_big            ? get_u16_be(held + check_at)
+                                        : get_u16_le(held + check_at);
     result->expected = check_of(profile, result->payload, result->payload_len);
     if (result->found != result->expected)
         return fail(held, result, LASER_EB90_BAD_CHECK, check_at, end);

@@ -73,7 +73,8 @@ void laser_eb90_end(struct laser_eb90_decoder *decoder);
 /* The next frame or error; false: more bytes are needed. */
 bool laser_eb90_next(struct laser_eb90_decoder *decoder, struct laser_eb90_result *result);
 
-/* The item at `*at` of a payload of `length` bytes, and moves `*at` behind it; false at the end, and where no item is. */
+/* The item at `*at` of a payload of `length` bytes, and moves `*at` behind it; false at the end, and where no item is.
+ */
 bool laser_eb90_item(const struct laser_eb90_profile *profile, const uint8_t *payload, size_t length, size_t *at,
                      struct laser_eb90_item *item);
 

@@ -187,7 +187,7 @@ static void take_answer(struct laser_host *host, uint64_t now, uint16_t word, co
     } else if (code_name(word) == NULL) {
         uint16_t expected = host->batch.word;
         uint64_t quiet_until = host->state == LASER_HOST_AWAITING ? settled_if_taken(host, now)
-                                                                 : later(host->until, after(now, host->config.settle));
+                                                                  : later(host->until, after(now, host->config.settle));
         struct laser_host_event *event = finish(host, LASER_HOST_UNKNOWN, "other_word", quiet_until);
         event->expected = expected;
         event->word = word;
@@ -280,7 +280,8 @@ void laser_host_resume(struct laser_host *host)
 void laser_host_take_back(struct laser_host *host) { host->next.count = 0; }
 
 /* Whether the parameters of a word keep LE-23 and LE-24. */
-static bool keeps_words(const struct laser_host *host, enum word_class class, const struct laser_eb90_payload *parameters)
+static bool keeps_words(const struct laser_host *host, enum word_class class,
+                        const struct laser_eb90_payload *parameters)
 {
     struct laser_eb90_item item;
     size_t at = 0;

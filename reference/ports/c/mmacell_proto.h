@@ -48,7 +48,7 @@ struct mmacell_proto_message {
     enum mmacell_proto_kind kind;
     bool flag, servo;
     int32_t number, override;
-    size_t axes_len;                       /* 4: robot, 2: platform */
+    size_t axes_len;                      /* 4: robot, 2: platform */
     int32_t axes[MMACELL_PROTO_MAX_AXES]; /* in the last digit: 1 µm, 0.1 mrad (MM-9) */
 };
 

@@ -141,7 +141,8 @@ static struct reading wrong_at(struct reading *reading, enum val2_alter_kind kin
 }
 
 /* The frame whose start mark is at the beginning of `frame`. */
-static struct reading read_frame(const struct val2_alter_decoder *decoder, const uint8_t *frame, size_t length, bool ended)
+static struct reading read_frame(const struct val2_alter_decoder *decoder, const uint8_t *frame, size_t length,
+                                 bool ended)
 {
     struct reading reading = {.outcome = MORE};
     uint8_t data[CONTROLLER_LIMIT];
@@ -266,7 +267,8 @@ static void give_error(struct val2_alter_decoder *decoder, struct val2_alter_ite
     decoder->skipped = 0;
 }
 
-static void give_message(struct val2_alter_decoder *decoder, const struct reading *reading, struct val2_alter_item *item)
+static void give_message(struct val2_alter_decoder *decoder, const struct reading *reading,
+                         struct val2_alter_item *item)
 {
     item->offset = decoder->position;
     item->length = decoder->spare + reading->size - decoder->lent;

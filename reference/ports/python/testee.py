@@ -121,7 +121,12 @@ def play(end: Session, step: Json) -> Json:
         answer["transmit"].append(sent.hex().upper())
 
 
-TASKS: dict[str, Callable[[Link, Json], Json]] = {"decode": decode, "stream": decode, "encode": encode, "session": session}
+TASKS: dict[str, Callable[[Link, Json], Json]] = {
+    "decode": decode,
+    "stream": decode,
+    "encode": encode,
+    "session": session,
+}
 
 
 def main() -> None:

@@ -83,11 +83,12 @@ static void print_message(const struct modbus_message *message)
 
 static void print_error(const struct modbus_item *item)
 {
-    static const char *const KINDS[] = {"",           "protocol",         "mbap_length", "crc",      "cut",
-                                        "too_long",   "noise",            "function",    "pdu_length", "quantity",
-                                        "byte_count", "reply_byte_count", "coil_value"};
+    static const char *const KINDS[] = {
+        "",         "protocol",   "mbap_length",      "crc",       "cut", "too_long", "noise", "function", "pdu_length",
+        "quantity", "byte_count", "reply_byte_count", "coil_value"};
     enum modbus_error_kind kind = item->error;
-    bool has_expected = kind == MODBUS_CRC || kind == MODBUS_CUT || kind == MODBUS_PDU_LENGTH || kind == MODBUS_BYTE_COUNT;
+    bool has_expected =
+        kind == MODBUS_CRC || kind == MODBUS_CUT || kind == MODBUS_PDU_LENGTH || kind == MODBUS_BYTE_COUNT;
     bool has_function = kind >= MODBUS_PDU_LENGTH && kind <= MODBUS_REPLY_BYTE_COUNT;
     print("\"error\":{\"kind\":\"%s\"", KINDS[kind]);
     if (has_function)

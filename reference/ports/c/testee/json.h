@@ -23,11 +23,12 @@ const struct json *json_parse(const char *text);
 /* A value of an object; NULL: it is not there. NULL has none. */
 const struct json *json_get(const struct json *object, const char *key);
 
-bool json_is(const struct json *value, const char *text);      /* a string */
-bool json_true(const struct json *value);                      /* true; anything else is not */
-bool json_boolean(const struct json *value, bool *result);     /* false: no truth value */
-bool json_number(const struct json *value, double *result);    /* false: no number */
-bool json_integer(const struct json *value, int64_t low, int64_t high, int64_t *result); /* false: none within low..=high */
+bool json_is(const struct json *value, const char *text);   /* a string */
+bool json_true(const struct json *value);                   /* true; anything else is not */
+bool json_boolean(const struct json *value, bool *result);  /* false: no truth value */
+bool json_number(const struct json *value, double *result); /* false: no number */
+bool json_integer(const struct json *value, int64_t low, int64_t high,
+                  int64_t *result); /* false: none within low..=high */
 
 /* A string whose characters are U+0000 to U+00FF, as bytes of the same numbers; -1: it has others, or does not fit. */
 long json_latin1(const struct json *value, uint8_t *out, size_t size);

@@ -38,8 +38,8 @@ static void print_values(const struct kawasaki_msg_text *values, bool is_there)
 
 static void print_error(const struct kawasaki_msg_error *error, size_t length)
 {
-    static const char *const KINDS[] = {"",         "garbage", "mark",   "not_ascii",   "no_length",
-                                        "no_name",  "too_long", "length", "no_end_mark", "incomplete"};
+    static const char *const KINDS[] = {"",        "garbage",  "mark",   "not_ascii",   "no_length",
+                                        "no_name", "too_long", "length", "no_end_mark", "incomplete"};
     print("\"error\":{\"kind\":\"%s\",\"offset\":%llu", KINDS[error->kind], (unsigned long long)error->offset);
     switch (error->kind) {
     case KAWASAKI_MSG_GARBAGE:

@@ -12,7 +12,9 @@ static bool begin(const struct json *request)
     const struct json *options = json_get(request, "options"), *tags = json_get(options, "tags");
     const struct json *tail = json_get(options, "tail"), *checksum = json_get(options, "checksum");
     struct laser_eb90_profile profile = LASER_EB90_DEFAULT;
-    profile.tail = json_is(tail, "etx") ? LASER_EB90_ETX : json_is(tail, "either") ? LASER_EB90_EITHER : LASER_EB90_PRINTED;
+    profile.tail = json_is(tail, "etx")      ? LASER_EB90_ETX
+                   : json_is(tail, "either") ? LASER_EB90_EITHER
+                                             : LASER_EB90_PRINTED;
     profile.first_tag = json_is(json_get(options, "flag"), "first_tag");
     for (int type = 0; type < LASER_EB90_TYPES; type++) {
         int64_t tag = profile.tags[type];

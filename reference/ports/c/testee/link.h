@@ -32,12 +32,12 @@ struct link {
 void print_item(uint64_t offset, size_t length, bool ended);
 
 /* Prints a list of integers. */
-#define PRINT_LIST(values, count)                             \
-    do {                                                      \
-        print("[");                                           \
-        for (size_t i_ = 0; i_ < (size_t)(count); i_++)       \
-            print("%s%ld", i_ > 0 ? "," : "", (long)(values)[i_]); \
-        print("]");                                           \
+#define PRINT_LIST(values, count)                                                                                      \
+    do {                                                                                                               \
+        print("[");                                                                                                    \
+        for (size_t i_ = 0; i_ < (size_t)(count); i_++)                                                                \
+            print("%s%ld", i_ > 0 ? "," : "", (long)(values)[i_]);                                                     \
+        print("]");                                                                                                    \
     } while (0)
 
 /* Reads a list of exactly `count` integers within low..=high; false: it is none. */

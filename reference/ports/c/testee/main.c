@@ -8,7 +8,7 @@
 
 #define MAX_LINE (1 << 22)
 
-static const struct link *const LINKS[] = {&FANUC_HMI_MODBUS, &ISRA_BALL, &KAWASAKI_MSG, &LASER_EB90,
+static const struct link *const LINKS[] = {&FANUC_HMI_MODBUS, &ISRA_BALL,  &KAWASAKI_MSG, &LASER_EB90,
                                            &MMACELL_PROTO,    &VAL2_ALTER, &VAL2_VIEWER};
 static const struct end *const ENDS[] = {&ALTER_HOST, &LASER_HOST, &MMACELL_CENTRAL};
 static char line[MAX_LINE];

@@ -24,7 +24,7 @@ static bool begin(const struct json *request)
     struct mmacell_proto_dialect dialect;
     read_mmacell_dialect(json_get(request, "options"), &dialect);
     mmacell_proto_init(&decoder,
-                       json_is(from, "central")  ? MMACELL_PROTO_CENTRAL
+                       json_is(from, "central") ? MMACELL_PROTO_CENTRAL
                        : json_is(from, "robot") ? MMACELL_PROTO_ROBOT
                                                 : MMACELL_PROTO_PLATFORM,
                        dialect);
@@ -200,7 +200,8 @@ static bool read_reply(const struct json *object, struct mmacell_proto_message *
 static size_t encode(const struct json *object, uint8_t *out, size_t size)
 {
     struct mmacell_proto_message message = {0};
-    bool is_read = decoder.side == MMACELL_PROTO_CENTRAL ? read_mmacell_command(object, &message) : read_reply(object, &message);
+    bool is_read =
+        decoder.side == MMACELL_PROTO_CENTRAL ? read_mmacell_command(object, &message) : read_reply(object, &message);
     return is_read ? mmacell_proto_encode(&message, decoder.dialect, out, size) : 0;
 }
 

@@ -105,9 +105,9 @@ static size_t central_transmit(uint64_t now, uint8_t *out, size_t size)
 
 static bool central_deadline(uint64_t *deadline) { return mmacell_central_deadline(&central, deadline); }
 
-const struct end MMACELL_CENTRAL = {"mmacell-proto",     "central",       central_begin,   central_connected,
-                                    central_disconnected, central_input,  central_timeout, central_transmitted,
-                                    central_call,         central_event,  central_transmit, central_deadline};
+const struct end MMACELL_CENTRAL = {"mmacell-proto",      "central",     central_begin,    central_connected,
+                                    central_disconnected, central_input, central_timeout,  central_transmitted,
+                                    central_call,         central_event, central_transmit, central_deadline};
 
 /* laser-eb90, host */
 
@@ -219,12 +219,15 @@ static bool laser_event(bool is_first)
     return true;
 }
 
-static size_t laser_transmit(uint64_t now, uint8_t *out, size_t size) { return laser_host_transmit(&laser, now, out, size); }
+static size_t laser_transmit(uint64_t now, uint8_t *out, size_t size)
+{
+    return laser_host_transmit(&laser, now, out, size);
+}
 
 static bool laser_deadline(uint64_t *deadline) { return laser_host_deadline(&laser, deadline); }
 
-const struct end LASER_HOST = {"laser-eb90",       "host",      laser_begin,   laser_connected,
-                               laser_disconnected, laser_input, laser_timeout, laser_transmitted,
+const struct end LASER_HOST = {"laser-eb90",       "host",      laser_begin,    laser_connected,
+                               laser_disconnected, laser_input, laser_timeout,  laser_transmitted,
                                laser_call,         laser_event, laser_transmit, laser_deadline};
 
 /* val2-alter, host */
@@ -234,7 +237,9 @@ static struct alter_host alter;
 static void read_policy(const struct json *value, enum alter_host_policy *policy)
 {
     if (value != NULL)
-        *policy = json_is(value, "refuse") ? ALTER_HOST_REFUSE : json_is(value, "ignore") ? ALTER_HOST_IGNORE : ALTER_HOST_ACCEPT;
+        *policy = json_is(value, "refuse")   ? ALTER_HOST_REFUSE
+                  : json_is(value, "ignore") ? ALTER_HOST_IGNORE
+                                             : ALTER_HOST_ACCEPT;
 }
 
 static void read_limit(const struct json *list, int16_t *limit)
@@ -276,7 +281,10 @@ static void alter_connected(uint64_t now) { alter_host_connected(&alter, now); }
 
 static void alter_disconnected(uint64_t now) { alter_host_disconnected(&alter, now); }
 
-static size_t alter_input(uint64_t now, const uint8_t *data, size_t size) { return alter_host_input(&alter, now, data, size); }
+static size_t alter_input(uint64_t now, const uint8_t *data, size_t size)
+{
+    return alter_host_input(&alter, now, data, size);
+}
 
 static void alter_timeout(uint64_t now) { alter_host_timeout(&alter, now); }
 
@@ -308,13 +316,16 @@ static bool alter_call(uint64_t now, const char *name, const struct json *argume
 
 static bool alter_event(bool is_first)
 {
-    static const char *const NAMES[] = {"", "corrupt", "lost", "exception", "stopped", "missed", "target_stale", "rejected"};
+    static const char *const NAMES[] = {"",        "corrupt", "lost",         "exception",
+                                        "stopped", "missed",  "target_stale", "rejected"};
     struct alter_host_event event;
     if (!alter_host_event(&alter, &event))
         return false;
     const char *name = NAMES[event.kind];
     if (event.kind == ALTER_HOST_MESSAGE)
-        name = event.message.kind == VAL2_ALTER_START ? "start" : event.message.kind == VAL2_ALTER_END ? "end" : "motion";
+        name = event.message.kind == VAL2_ALTER_START ? "start"
+               : event.message.kind == VAL2_ALTER_END ? "end"
+                                                      : "motion";
     begin_event(is_first, name);
     if (event.kind == ALTER_HOST_MESSAGE) {
         print(",\"message\":");
@@ -335,10 +346,13 @@ static bool alter_event(bool is_first)
     return true;
 }
 
-static size_t alter_transmit(uint64_t now, uint8_t *out, size_t size) { return alter_host_transmit(&alter, now, out, size); }
+static size_t alter_transmit(uint64_t now, uint8_t *out, size_t size)
+{
+    return alter_host_transmit(&alter, now, out, size);
+}
 
 static bool alter_deadline(uint64_t *deadline) { return alter_host_deadline(&alter, deadline); }
 
-const struct end ALTER_HOST = {"val2-alter",       "host",      alter_begin,   alter_connected,
-                               alter_disconnected, alter_input, alter_timeout, alter_transmitted,
+const struct end ALTER_HOST = {"val2-alter",       "host",      alter_begin,    alter_connected,
+                               alter_disconnected, alter_input, alter_timeout,  alter_transmitted,
                                alter_call,         alter_event, alter_transmit, alter_deadline};

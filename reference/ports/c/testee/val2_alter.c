@@ -44,8 +44,9 @@ void print_alter_message(const struct val2_alter_message *message)
         print("{\"kind\":\"end\",\"error\":%d}", message->code);
         return;
     case VAL2_ALTER_START_REPLY:
-        print("{\"kind\":\"start_reply\",\"reply\":\"%s\"}",
-              message->answer == 0 ? "accept" : message->answer == 1 ? "repeat" : "refuse");
+        print("{\"kind\":\"start_reply\",\"reply\":\"%s\"}", message->answer == 0   ? "accept"
+                                                             : message->answer == 1 ? "repeat"
+                                                                                    : "refuse");
         return;
     case VAL2_ALTER_REPLY:
         print("{\"kind\":\"reply\",\"exception\":%d,\"values\":[", message->exception);
@@ -59,7 +60,8 @@ void print_alter_message(const struct val2_alter_message *message)
         print("]}");
         return;
     default:
-        print("{\"kind\":\"motion\",\"phase\":\"%s\",", message->kind == VAL2_ALTER_RUNNING ? "running" : "interrupted");
+        print("{\"kind\":\"motion\",\"phase\":\"%s\",",
+              message->kind == VAL2_ALTER_RUNNING ? "running" : "interrupted");
         print("\"error\":%d,\"segment_status\":%d,", message->code, message->status);
         print("\"segment\":%d,\"percent\":%d,\"transform\":", message->segment, message->percent);
         if (message->has_transform)

@@ -273,7 +273,11 @@ def decode_request(data: bytes) -> Json:
         return decode_single(pdu)
     if function in (15, 16):
         address = pdu.u16()
-        return {"function": function, "address": address, "values": pdu.written_values(pdu.quantity(MAX_WRITE[function]))}
+        return {
+            "function": function,
+            "address": address,
+            "values": pdu.written_values(pdu.quantity(MAX_WRITE[function])),
+        }
     if function == 23:
         # All of the first three are there before the first quantity is looked at.
         if len(data) < 7:
@@ -304,7 +308,11 @@ def decode_reply(data: bytes) -> Json:
         if not 1 <= found <= MAX_REPLY_BYTES or (function > 2 and found % 2):
             raise Wrong("reply_byte_count", function=function, found=found)
         pdu.exactly(2 + found)
-        return {"function": function, "bits": pdu.bits()} if function <= 2 else {"function": function, "registers": pdu.registers()}
+        return (
+            {"function": function, "bits": pdu.bits()}
+            if function <= 2
+            else {"function": function, "registers": pdu.registers()}
+        )
     if function in (5, 6, 22):
         return decode_single(pdu)
     if function in (15, 16):

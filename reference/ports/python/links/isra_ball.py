@@ -78,9 +78,14 @@ def encode(message: Json, sender: str | None = None, options: Json | None = None
         raise Refused("only packets with eight data bytes are written")
     status = one_of(message["status"], set(STATUSES.values()), "status")
     ab1, ab0 = next(bits for bits, name in STATUSES.items() if name == status)
-    sensor_type, sensor = integer(message["sensor_type"], 0, 7, "sensor_type"), integer(message["sensor"], 0, 7, "sensor")
+    sensor_type, sensor = (
+        integer(message["sensor_type"], 0, 7, "sensor_type"),
+        integer(message["sensor"], 0, 7, "sensor"),
+    )
     three = range(3, 4)
-    values = integers(message["force"], -128, 127, three, "force") + integers(message["moment"], -128, 127, three, "moment")
+    values = integers(message["force"], -128, 127, three, "force") + integers(
+        message["moment"], -128, 127, three, "moment"
+    )
     keys = integer(message["keys"], 0, 255, "keys")
     data = bytes([ab1 << 7 | sensor_type << 4 | ab0 << 3 | sensor, *(value & 0xFF for value in values), keys])
     return header(DATA_LEN) + data + bytes([checksum(DATA_LEN, data)])

@@ -236,7 +236,14 @@ def encode_reply(message: Json, sender: str, dialect: Dialect) -> str:
             raise Refused("ER has a number other than 0")
         return "ER" + number
     moving, servo = ("FT"[boolean(message[name], name)] for name in ("moving", "servo"))
-    return "OK" + moving + encode_axes(message["axes"], sender) + servo + encode_percent(message["override"], dialect) + number
+    return (
+        "OK"
+        + moving
+        + encode_axes(message["axes"], sender)
+        + servo
+        + encode_percent(message["override"], dialect)
+        + number
+    )
 
 
 def encode_integer(value: Any, dialect: Dialect) -> str:

@@ -36,20 +36,27 @@ pub(crate) fn envelope(data: &[u8; DATA_LEN]) -> [u8; DATA_LEN + OVERHEAD] {
     [n, minus_n, xor_n, id, fx, fy, fz, mx, my, mz, keys, checksum(data)]
 }
 
+/// The data of a packet with a right envelope.
+#[inline]
+pub(crate) fn open(packet: &[u8; DATA_LEN + OVERHEAD]) -> Option<&[u8]> {
+    let (head, rest) = packet.split_first_chunk()?;
+    let (data, found) = rest.split_first_chunk::<DATA_LEN>()?;
+    (*head == header(8) && [checksum_of_packet(data)] == *found).then_some(data)
+}
+
 /// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).
 #[inline]
 pub(crate) fn checksum(data: &[u8]) -> u8 {
+    let n = data.len().to_le_bytes()[0];
+    data.iter().fold(n, |sum, byte| sum.wrapping_add(*byte)).wrapping_neg()
+}
+
+/// The same of eight bytes at once: four lanes of 16 bits, which the product adds up in its topmost.
+#[inline]
+fn checksum_of_packet(data: &[u8; DATA_LEN]) -> u8 {
     const EVEN: u64 = 0x00FF_00FF_00FF_00FF;
     const ONES: u64 = 0x0001_0001_0001_0001;
-    let n = data.len().to_le_bytes()[0];
-    let sum = match data.try_into() {
-        // The eight bytes at once: four lanes of 16 bits, which the product adds up in its topmost.
-        Ok(word) => {
-            let word = u64::from_le_bytes(word);
-            let lanes = (word & EVEN) + (word >> 8 & EVEN);
-            lanes.wrapping_mul(ONES).to_be_bytes()[1]
-        }
-        Err(_) => data.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte)),
-    };
-    n.wrapping_add(sum).wrapping_neg()
+    let word = u64::from_le_bytes(*data);
+    let lanes = (word & EVEN) + (word >> 8 & EVEN);
+    lanes.wrapping_mul(ONES).to_be_bytes()[1].wrapping_add(8).wrapping_neg()
 }

@@ -1,6 +1,6 @@
 use robot_session::Encode;
 
-use crate::envelope::{OVERHEAD, check_header, checksum, envelope, header};
+use crate::envelope::{OVERHEAD, check_header, checksum, envelope, header, open};
 use crate::error::{DecodeError, EncodeError};
 use crate::message::Packet;
 
@@ -25,6 +25,17 @@ impl<'a> Frame<'a> {
     /// [`DecodeError::Header`] as soon as one of the first three bytes is wrong, [`DecodeError::Checksum`].
     #[inline]
     pub fn decode(bytes: &'a [u8]) -> Result<Option<(Self, usize)>, DecodeError> {
+        // The packets of the source, that is nearly all: their header and length are constants.
+        if let Some(packet) = bytes.first_chunk()
+            && let Some(data) = open(packet)
+        {
+            return Ok(Some((Self { data }, Packet::LEN)));
+        }
+        Self::decode_any(bytes)
+    }
+
+    #[cold]
+    fn decode_any(bytes: &'a [u8]) -> Result<Option<(Self, usize)>, DecodeError> {
         let Some((head, rest)) = bytes.split_first_chunk::<3>() else {
             return check_header(bytes).map(|()| None);
         };

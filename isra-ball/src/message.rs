@@ -110,10 +110,10 @@ impl Encode for Packet {
 pub enum Status {
     /// 00: asked for correctly, and the values are new.
     Fresh,
-    /// 10: the ball's processor was not ready with new values and sends the ones before.
-    Old,
     /// 01: the source gives it no meaning.
     Reserved,
+    /// 10: the ball's processor was not ready with new values and sends the ones before.
+    Old,
     /// 11: the source gives it no meaning. Its `serde` form is `"reserved"` too, which reads back as 01.
     #[cfg_attr(feature = "serde", serde(rename(serialize = "reserved", deserialize = "reserved_11")))]
     Reserved11,
@@ -126,10 +126,10 @@ impl Status {
     }
 
     fn from_id(id: u8) -> Self {
-        match id & 0x88 {
-            0x00 => Self::Fresh,
-            0x80 => Self::Old,
-            0x08 => Self::Reserved,
+        match (id >> 6 & 2) | (id >> 3 & 1) {
+            0 => Self::Fresh,
+            1 => Self::Reserved,
+            2 => Self::Old,
             _ => Self::Reserved11,
         }
     }

@@ -13,13 +13,13 @@ use fanuc_hmi_modbus::{TelemetryBlock, timing};
 pub const LINK: Link = Link {
     name: "fanuc-hmi-modbus",
     counts: &[
-        row("decode a reply of 38 registers, copy them", Some(150.0), work::decode),
+        row("decode a reply of 38 registers, copy them", Some(115.0), work::decode),
         row("– modbus-core 0.2", None, work::decode_modbus_core),
         row("– rmodbus 0.13", None, work::decode_rmodbus),
-        row("serve a read of 38 registers", Some(200.0), work::serve),
+        row("serve a read of 38 registers", Some(120.0), work::serve),
         row("– modbus-core 0.2, copying by hand", None, work::serve_modbus_core),
         row("– rmodbus 0.13", None, work::serve_rmodbus),
-        row("encode the request", Some(40.0), work::encode),
+        row("encode the request", Some(32.0), work::encode),
         row("– modbus-core 0.2", None, work::encode_modbus_core),
         row("– rmodbus 0.13", None, work::encode_rmodbus),
         row("the client session: request, transmit, input, event, copy", None, work::exchange),

@@ -13,13 +13,13 @@ pub const LINK: Link = Link {
     counts: &[
         Count {
             what: "read the source's listing as it is",
-            goal: None,
+            goal: Some(25.0),
             units: BYTES,
             unit: "byte",
             run: document,
         },
-        Count { what: "read it as values", goal: None, units: BYTES, unit: "byte", run: read },
-        Count { what: "write the values", goal: None, units: BYTES, unit: "byte", run: write },
+        Count { what: "read it as values", goal: Some(25.0), units: BYTES, unit: "byte", run: read },
+        Count { what: "write the values", goal: Some(25.0), units: BYTES, unit: "byte", run: write },
         Count { what: "forward kinematics", goal: None, units: 1.0, unit: "op", run: forward },
     ],
     budgets: || -> Vec<Budget> { Vec::new() },

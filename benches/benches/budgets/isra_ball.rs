@@ -10,7 +10,7 @@ const BYTES: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0
 pub const LINK: Link = Link {
     name: "isra-ball",
     counts: &[
-        Count { what: "decode a packet", goal: Some(80.0), units: 1.0, unit: "op", run: decode },
+        Count { what: "decode a packet", goal: Some(40.0), units: 1.0, unit: "op", run: decode },
         Count { what: "decode a packet from the stream", goal: None, units: 1.0, unit: "op", run: stream },
         Count { what: "encode a packet", goal: None, units: 1.0, unit: "op", run: encode },
     ],

@@ -16,7 +16,7 @@ pub const LINK: Link = Link {
     counts: &[
         Count {
             what: "50 characters: the end found, the status read",
-            goal: Some(250.0),
+            goal: Some(220.0),
             units: 1.0,
             unit: "op",
             run: find_and_parse,

@@ -15,14 +15,14 @@ pub const LINK: Link = Link { name: "val2-alter", counts: COUNTS, budgets };
 const COUNTS: &[Count] = &[
     Count {
         what: "turn-around: decode a 36-byte request, limit six axes, encode six values",
-        goal: Some(600.0),
+        goal: Some(350.0),
         units: 1.0,
         unit: "op",
         run: turn_around,
     },
     Count {
         what: "the same with every DLE that can be: 64 bytes in, 33 out",
-        goal: None,
+        goal: Some(900.0),
         units: 1.0,
         unit: "op",
         run: worst_turn_around,

@@ -370,7 +370,8 @@ fn slow_line() -> Option<Stopped> {
 
 /// What an offset changes in the 40 cycles after its input was lost.
 fn offset_held() -> Option<Stopped> {
-    let rig = Rig::moving(22, &["--mode", "22"], 1000);
+    // At full speed, and far from where the hand is.
+    let rig = Rig::moving(22, &["--mode", "22"], 500);
     let cause = rig.controller.now();
     rig.ball.pull();
     rig.controller.pass(60);

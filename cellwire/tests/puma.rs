@@ -318,7 +318,7 @@ fn the_segment_begins_with_1_and_has_the_status_that_is_set() {
 fn a_value_of_the_non_cumulative_mode_is_an_offset_from_the_path() {
     let mut host = Host::new(&["mode=22", &often("interrupt 150ms")]);
     // The path of an ALTER is where the arm was at its start.
-    let (mut path, mut offset, mut held) = (0, 0, 0);
+    let (mut path, mut offset, mut held, mut kept) = (0, 0, 0, 0);
     let mut seen = [false; 4];
     let mut replies = [[0, 1, 64, 1].as_slice(), &[0, 0], &[0, 1, 0, 0]].into_iter().cycle();
     let mut reply: &[u8] = &[0, 0];
@@ -333,12 +333,14 @@ fn a_value_of_the_non_cumulative_mode_is_an_offset_from_the_path() {
                 let interrupted = message.control == INTERRUPTED;
                 seen[3] |= interrupted && offset == 320;
                 // Some cycles with each reply: to the offset, nothing selected, back.
-                held += 1;
+                held += i32::from(!interrupted);
                 if held % 5 == 0 {
                     reply = replies.next().unwrap();
                 }
                 seen[0] |= offset == 320;
-                seen[1] |= offset == 320 && sent == [0, 0];
+                // The second such message is after a reply that selects nothing.
+                kept = if !interrupted && offset == 320 && sent == [0, 0] { kept + 1 } else { 0 };
+                seen[1] |= kept == 2;
                 seen[2] |= seen[1] && offset == 0;
             }
             _ => {}

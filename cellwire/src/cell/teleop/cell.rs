@@ -8,7 +8,7 @@ use anyhow::{Context as _, Result, anyhow};
 use indicatif::ProgressBar;
 use isra_ball::{BallConfig, BallStatistics, Status};
 use val2_alter::timing;
-use val2_alter::{AXES, Accumulation, ControllerConfig, Exception, HostConfig, HostState};
+use val2_alter::{AXES, Accumulation, ControllerConfig, Exception, HostConfig, HostState, MotionPhase};
 
 use super::input::InputConfig;
 use super::latch::{Latch, LatchConfig};
@@ -138,6 +138,8 @@ pub struct HostRecord {
     pub stalls: u64,
     /// Whether ALTER runs, as far as the host knows.
     pub runs: bool,
+    /// Whether the robot's subroutine runs.
+    pub interrupted: bool,
 }
 
 /// One reply of the host.
@@ -149,6 +151,8 @@ pub struct Cycle {
     pub session: u32,
     /// [`HostRecord::stood`] by then: after such a cycle the arm begins from rest.
     pub stood: u64,
+    /// The robot's subroutine runs: it has stopped the arm, and the reply moves nothing.
+    pub interrupted: bool,
     /// What the ball asked for, in units a cycle.
     pub demand: [i16; AXES],
     /// What the limits made of it.
@@ -285,10 +289,13 @@ impl HostRecord {
                 self.starts += 1;
                 self.runs = false;
             }
-            Notification::Motion(_) => self.runs = true,
+            Notification::Motion(motion) => {
+                self.runs = true;
+                self.interrupted = motion.phase == MotionPhase::Interrupted;
+            }
             Notification::Reply { demand, values, thinking, held: _ } => {
-                let (session, stood) = (self.starts, self.stood);
-                self.cycles.push(Cycle { at, session, stood, demand: *demand, values: *values });
+                let Self { starts: session, stood, interrupted, .. } = *self;
+                self.cycles.push(Cycle { at, session, stood, interrupted, demand: *demand, values: *values });
                 self.thinking.add(*thinking);
                 progress.inc(1);
             }

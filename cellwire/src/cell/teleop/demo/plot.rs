@@ -18,7 +18,8 @@ const LIMIT: RGBColor = RGBColor(130, 130, 130);
 
 const AXES: [&str; 6] = ["along X", "along Y", "along Z", "about X", "about Y", "about Z"];
 
-/// One curve: a time in seconds and a value; a new piece from rest for each ALTER, and after each cycle in which the arm stood.
+/// One curve: a time in seconds and a value; a new piece from rest for each ALTER, after each cycle in which the
+/// arm stood, and where the robot's subroutine has stopped it.
 type Curve = Vec<Vec<(f64, f64)>>;
 
 /// Draws the run of a cell where the options name a file.
@@ -145,7 +146,8 @@ impl Panel {
 }
 
 fn curve(cycles: &[Cycle], value: impl Fn(&Cycle) -> i16) -> Curve {
-    let pieces = cycles.chunk_by(|a, b| (a.session, a.stood) == (b.session, b.stood));
+    let pieces =
+        cycles.chunk_by(|a, b| (a.session, a.stood, a.interrupted) == (b.session, b.stood, b.interrupted));
     pieces.map(|piece| piece.iter().map(|c| (c.at.as_secs_f64(), value(c).into())).collect()).collect()
 }
 

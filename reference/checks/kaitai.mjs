@@ -16,6 +16,10 @@ const require = createRequire(new URL("../target/reference/", reference));
 const compiler = require("kaitai-struct-compiler");
 const { KaitaiStream } = require("kaitai-struct");
 const yaml = require("js-yaml");
+// `TextDecoder` takes ISO 8859-1 for windows-1252, as browsers do: 80h to 9Fh would be other characters.
+const { bytesToStr } = KaitaiStream;
+KaitaiStream.bytesToStr = (bytes, encoding) =>
+  encoding === "ISO-8859-1" ? Buffer.from(bytes).toString("latin1") : bytesToStr(bytes, encoding);
 const read = (path) => readFileSync(new URL(path, reference), "utf8");
 
 /** What is around the described bytes: [vector] → bytes. A link without an entry has none. */

@@ -122,6 +122,7 @@ types:
         repeat-expr: count
         if: tag == _root.tags_u8
       - id: char
+        doc: The byte is the character of the same number. JavaScript's TextDecoder has others for 80h to 9Fh.
         type: str
         size: count
         encoding: ISO-8859-1

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from jsonschema import Draft202012Validator
+from referencing import Registry, Resource
 
 REFERENCE = Path(__file__).resolve().parent.parent
 
@@ -20,6 +21,11 @@ def entries(document):
     return lists or {"": 1}
 
 
+def retrieve(name):
+    """A schema that another one refers to, by the name of its file."""
+    return Resource.from_contents(json.loads((REFERENCE / name).read_text()))
+
+
 def check(path, document):
     """How many entries a file has, and what is wrong with which of them."""
     schema = (path.parent / document["$schema"]).resolve()
@@ -27,7 +33,8 @@ def check(path, document):
     if not schema.is_file():
         return sum(counts.values()), {("schema",): f"there is no {document['$schema']}"}
     wrong = {}
-    for error in Draft202012Validator(json.loads(schema.read_text())).iter_errors(document):
+    validator = Draft202012Validator(json.loads(schema.read_text()), registry=Registry(retrieve=retrieve))
+    for error in validator.iter_errors(document):
         place = tuple(error.absolute_path)[:2]
         wrong.setdefault(place, f"{'/'.join(map(str, error.absolute_path))}: {error.message[:200]}")
     return sum(counts.values()), wrong

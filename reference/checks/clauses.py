@@ -75,6 +75,9 @@ def main():
         for name, text in sorted(wrong.items()):
             print(f"{link}: {name} {text}")
         bare = [name for name in names if name not in data and not reasons.get(name)]
+        both = [name for name in names if name in data and name in reasons]
+        if both:
+            print(f"{link}: tested now, to be struck out of untested.txt: {', '.join(both)}")
         if bare:
             print(f"{link}: tested by nothing, and without a reason: {', '.join(bare)}")
         wrong |= dict.fromkeys(bare, "is tested by nothing")

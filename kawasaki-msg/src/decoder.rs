@@ -51,16 +51,20 @@ impl Decoder {
         &mut self,
         expected: &mut Expected,
         ranges: &W::Ranges,
-        mut take: impl FnMut(Job<W>) -> bool,
+        mut take: impl FnMut(&Job<W>) -> bool,
     ) {
         let Self { buffer, cursor, .. } = self;
         if cursor.position != cursor.offset {
             return;
         }
+        // No more is ever filled: it only shows the bound of every place.
+        let end = cursor.end.min(Message::MAX_LEN);
+        let swar = expected.swar();
         let mut at = cursor.start;
-        while at < cursor.end {
-            let Some((job, after)) = expected.read(buffer, at, cursor.end, ranges) else { break };
-            if !take(job) {
+        while at < end {
+            let mut job = Job { order: 0, number: 0, work: W::default() };
+            let Some(after) = expected.read(&swar, buffer, (at, end), ranges, &mut job) else { break };
+            if !take(&job) {
                 break;
             }
             at = after;

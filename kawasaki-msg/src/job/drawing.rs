@@ -34,25 +34,21 @@ impl Work for Line {
 pub enum JobKind {
     /// Draw the line: 1.
     #[default]
-    Draw,
+    Draw = 1,
     /// Move along the line off the board: 2.
-    Move,
+    Move = 2,
 }
 
 impl JobKind {
     /// The code on the wire.
     pub const fn code(self) -> i32 {
-        match self {
-            JobKind::Draw => 1,
-            JobKind::Move => 2,
-        }
+        self as i32
     }
 
     /// The kind of a code on the wire. A job of any other kind cannot be executed.
     pub const fn from_code(code: i32) -> Option<Self> {
         match code {
-            1 => Some(JobKind::Draw),
-            2 => Some(JobKind::Move),
+            1 | 2 => Some(if code == 1 { JobKind::Draw } else { JobKind::Move }),
             _ => None,
         }
     }

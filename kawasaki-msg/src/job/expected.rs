@@ -19,8 +19,8 @@ pub(crate) struct Expected {
     /// `<name$header$`
     prefix: Text,
     /// What is between the first `#` and the number, and from the number to the mark before the job's own fields.
-    before: Text,
-    after: Text,
+    before: Bytes,
+    after: Bytes,
     /// `before`, number, `after`
     lead: Text,
     /// From the mark after the job's own fields to the end.
@@ -28,10 +28,13 @@ pub(crate) struct Expected {
     order: u16,
     number: u16,
     max: u16,
-    /// One more in the last digit of the number.
-    one: [u64; Text::WORDS],
+    /// Where the last digit of the number is in `lead`: its word, and 1 in it.
+    last_word: usize,
+    one: u64,
     /// The number after which the last digit is carried, or 1 follows.
     stop: u16,
+    /// A text has more than one word.
+    is_long: bool,
 }
 
 impl Expected {
@@ -40,104 +43,137 @@ impl Expected {
     pub(crate) fn new(dialect: &Dialect<'_>, order: u16, number: u16, max: u16) -> Option<Self> {
         let entry = dialect.entry(Role::Job)?;
         let charset = dialect.charset();
-        let mut begin = Known { charset, order, text: Text::EMPTY };
-        begin.push(START)?;
-        begin.text(entry.name)?;
-        begin.push(SEPARATOR)?;
+        let mut prefix = Known { charset, order, bytes: Bytes::EMPTY };
+        prefix.push(START)?;
+        prefix.text(entry.name)?;
+        prefix.push(SEPARATOR)?;
         for field in entry.header {
-            begin.field(field)?;
-            begin.push(SEPARATOR)?;
+            prefix.field(field)?;
+            prefix.push(SEPARATOR)?;
         }
         let (before, after, tail) = Self::around(entry, charset, order)?;
+        let longest = before.length + Digits::new(i32::from(max)).count() + after.length;
         let mut expected = Self {
             charset,
-            swar: Swar::CONSTANTS,
-            prefix: begin.text,
+            swar: Swar::new(charset),
+            prefix: prefix.bytes.compared(),
+            lead: before.compared(),
             before,
             after,
-            lead: before,
-            tail,
+            tail: tail.compared(),
             order,
             number,
             max,
-            one: [0; Text::WORDS],
+            last_word: 0,
+            one: 0,
             stop: 0,
+            is_long: prefix.bytes.length.max(longest).max(tail.length) > 8,
         };
-        let longest = before.length + Digits::new(i32::from(max)).count() + after.length;
         expected.set(number);
-        (longest <= Text::MAX).then_some(expected)
+        (longest <= Bytes::MAX).then_some(expected)
     }
 
     /// What is before the number, between it and the job's own fields, and after them.
-    fn around(entry: &Entry<'_>, charset: Charset, order: u16) -> Option<(Text, Text, Text)> {
-        let known = || Known { charset, order, text: Text::EMPTY };
+    fn around(entry: &Entry<'_>, charset: Charset, order: u16) -> Option<(Bytes, Bytes, Bytes)> {
+        let known = || Known { charset, order, bytes: Bytes::EMPTY };
         let (mut before, mut after, mut tail) = (known(), known(), known());
-        let mut part = &mut before;
+        let (mut part, mut number, mut work) = (&mut before, false, false);
         for (place, field) in entry.fields.iter().enumerate() {
             if place > 0 {
                 part.push(SEPARATOR)?;
             }
             match field {
-                Field::Number => part = &mut after,
-                Field::Work => part = &mut tail,
+                Field::Number if !work => (part, number) = (&mut after, true),
+                Field::Work if number => (part, work) = (&mut tail, true),
                 field => part.field(field)?,
             }
         }
         tail.push(DATA)?;
         tail.push(END)?;
-        let place = |wanted| entry.fields.iter().position(|field| *field == wanted);
-        (place(Field::Number)? < place(Field::Work)?).then_some((before.text, after.text, tail.text))
+        work.then_some((before.bytes, after.bytes, tail.bytes))
     }
 
-    /// The job that begins at a place, and the place after it. No byte from `end` on is part of it.
+    /// Reads the job that begins at a place, and gives the place after it. No byte from `end` on is part of it.
     #[inline(always)]
     pub(crate) fn read<W: Work>(
         &self,
+        swar: &Swar,
         buffer: &[u8; BUFFER],
-        at: usize,
-        end: usize,
+        (at, end): (usize, usize),
         ranges: &W::Ranges,
-    ) -> Option<(Job<W>, usize)> {
+        job: &mut Job<W>,
+    ) -> Option<usize> {
         let window: &Window = buffer.get(at..)?.first_chunk()?;
         let length_at = self.prefix.skip(window, 0)?;
-        let length = u32::from_le_bytes(*chunk(window, length_at)?);
-        let data_at = match length.to_le_bytes() {
+        let data_at = match chunk(window, length_at)? {
             [_, _, DATA, _] => length_at + 3,
+            [_, DATA, ..] => length_at + 2,
             [_, _, _, DATA] => length_at + 4,
-            [_, DATA, _, _] => length_at + 2,
             _ => return None,
         };
         let work_at = self.lead.skip(window, data_at)? - 1;
-        let (work, tail_at) = Reader::read::<W>(window, work_at, (self.charset, &self.swar), ranges)?;
+        let tail_at = Reader::read(window, work_at, self.charset, swar, ranges, &mut job.work)?;
         let after = self.tail.skip(window, tail_at)?;
-        let is_whole = at + after <= end && length_is(length, data_at - length_at - 1, after - data_at - 2)?;
-        is_whole.then_some((Job { order: self.order, number: self.number, work }, at + after))
+        (job.order, job.number) = (self.order, self.number);
+        let is_whole = at + after <= end
+            && length_is(window, data_at, after - data_at - 2)?
+            && !(self.is_long && self.differs(window, data_at, tail_at));
+        is_whole.then_some(at + after)
+    }
+
+    /// What its jobs are read with.
+    pub(crate) const fn swar(&self) -> Swar {
+        self.swar
+    }
+
+    /// Whether what is after the first word of each text is another.
+    #[inline(never)]
+    fn differs(&self, window: &Window, data_at: usize, tail_at: usize) -> bool {
+        let parts = [(&self.prefix, 0), (&self.lead, data_at), (&self.tail, tail_at)];
+        !parts.into_iter().all(|(text, at)| text.rest_is_at(window, at))
     }
 
     /// Goes on to the next number.
     #[inline(always)]
     pub(crate) fn advance(&mut self) {
         if self.number == self.stop {
-            self.set(if self.number >= self.max { 1 } else { self.number + 1 });
+            self.carry();
         } else {
             self.number += 1;
-            self.lead.words.iter_mut().zip(self.one).for_each(|(word, one)| *word += one);
+            if let Some(word) = self.lead.words.get_mut(self.last_word % Text::WORDS) {
+                *word += self.one;
+            }
+        }
+    }
+
+    /// Goes on to a number that differs in more than its last digit.
+    #[inline(never)]
+    fn carry(&mut self) {
+        let word = self.lead.words.get_mut(self.last_word % Text::WORDS);
+        match (self.number / 10 % 10, word) {
+            (1..=8, Some(word)) if self.one > 0xFF && self.number < self.max => {
+                // From 9 to 0, and one more in the digit before it.
+                *word = word.wrapping_sub(9 * self.one).wrapping_add(self.one >> 8);
+                self.number += 1;
+                self.stop = self.last_of_ten(self.number);
+            }
+            _ => self.set(if self.number >= self.max { 1 } else { self.number + 1 }),
         }
     }
 
     #[cold]
     fn set(&mut self, number: u16) {
-        (self.number, self.lead) = (number, self.before);
-        for byte in Digits::new(i32::from(number)) {
-            self.lead.append(byte);
-        }
-        let last = self.lead.length.saturating_sub(1);
-        self.one = [0; Text::WORDS];
-        if let Some(word) = self.one.get_mut(last / 8) {
-            *word = 1 << (8 * (last % 8));
-        }
-        self.after.bytes().for_each(|byte| self.lead.append(byte));
-        self.stop = (number - number % 10 + 9).min(self.max);
+        let mut lead = self.before;
+        Digits::new(i32::from(number)).for_each(|byte| lead.append(byte));
+        let last = lead.length.saturating_sub(1);
+        self.after.as_slice().iter().for_each(|byte| lead.append(*byte));
+        (self.number, self.lead) = (number, lead.compared());
+        (self.last_word, self.one) = (last / 8, 1 << (8 * (last % 8)));
+        self.stop = self.last_of_ten(number);
+    }
+
+    fn last_of_ten(&self, number: u16) -> u16 {
+        (number - number % 10 + 9).min(self.max)
     }
 
     #[cfg(test)]
@@ -146,30 +182,37 @@ impl Expected {
     }
 }
 
-/// Whether the first digits of four bytes, so many of them, are this length as we write it; `None` for a length of four digits.
+/// Whether the length before the data part is this one, as we write it.
 #[inline(always)]
-fn length_is(text: u32, digits: usize, length: usize) -> Option<bool> {
-    let two = |length: usize| LENGTHS.get(length % 128).copied().unwrap_or_default();
-    Some(match digits {
-        2 => (10..100).contains(&length) && text & 0xFFFF == two(length),
-        3 => {
-            let (hundreds, rest) = (length / 100, length % 100);
-            (1..10).contains(&hundreds)
-                && (text & 0xFF) as usize == usize::from(b'0') + hundreds
-                && (text >> 8) & 0xFFFF == two(rest)
-        }
-        1 => length < 10 && (text & 0xFF) as usize == usize::from(b'0') + length,
-        _ => return None,
-    })
+fn length_is(window: &Window, data_at: usize, length: usize) -> Option<bool> {
+    let text = u32::from_le_bytes(*chunk(window, data_at.checked_sub(4)?)?);
+    match TWO_DIGITS.get(length) {
+        Some(expected) if length >= 10 => Some(text == *expected),
+        Some(expected) => Some(text >> 8 == *expected),
+        None => long_length_is(window, data_at, length),
+    }
 }
 
-/// Every number below 100 as two digits of the wire.
-const LENGTHS: [u32; 128] = {
-    let mut table = [0; 128];
+#[cold]
+#[inline(never)]
+fn long_length_is(window: &Window, data_at: usize, length: usize) -> Option<bool> {
+    let digits = Digits::new(i32::try_from(length).ok()?);
+    let mark = data_at.checked_sub(2 + digits.as_bytes().len())?;
+    let [SEPARATOR, text @ ..] = window.get(mark..data_at - 1)? else { return Some(false) };
+    Some(text == digits.as_bytes())
+}
+
+/// The lengths of most jobs as they are on the wire, with the marks around them.
+const TWO_DIGITS: [u32; 100] = {
+    let mut table = [0; 100];
     let mut rest: &mut [u32] = &mut table;
     let (mut tens, mut ones) = (b'0', b'0');
-    while let ([first, others @ ..], b'0'..=b'9') = (rest, tens) {
-        *first = u32::from_le_bytes([tens, ones, 0, 0]);
+    while let [first, others @ ..] = rest {
+        let bytes = match tens {
+            b'0' => [SEPARATOR, ones, DATA, 0],
+            _ => [SEPARATOR, tens, ones, DATA],
+        };
+        *first = u32::from_le_bytes(bytes);
         rest = others;
         (tens, ones) = if ones == b'9' { (tens + 1, b'0') } else { (tens, ones + 1) };
     }
@@ -180,12 +223,12 @@ const LENGTHS: [u32; 128] = {
 struct Known {
     charset: Charset,
     order: u16,
-    text: Text,
+    bytes: Bytes,
 }
 
 impl Known {
     fn push(&mut self, byte: u8) -> Option<()> {
-        (self.text.length < Text::MAX).then(|| self.text.append(byte))
+        (self.bytes.length < Bytes::MAX).then(|| self.bytes.append(byte))
     }
 
     fn text(&mut self, text: &str) -> Option<()> {
@@ -202,47 +245,67 @@ impl Known {
     }
 }
 
+/// Up to 32 bytes.
+#[derive(Debug, Clone, Copy)]
+struct Bytes {
+    bytes: [u8; Self::MAX],
+    length: usize,
+}
+
+impl Bytes {
+    const MAX: usize = 8 * Text::WORDS;
+    const EMPTY: Self = Self { bytes: [0; Self::MAX], length: 0 };
+
+    /// Nothing where it is full.
+    fn append(&mut self, byte: u8) {
+        if let Some(place) = self.bytes.get_mut(self.length) {
+            *place = byte;
+            self.length += 1;
+        }
+    }
+
+    fn as_slice(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or_default()
+    }
+
+    /// As they are compared.
+    fn compared(&self) -> Text {
+        let mut text = Text { words: [0; Text::WORDS], masks: [0; Text::WORDS], length: 0 };
+        let mut left = self.length;
+        let places = text.words.iter_mut().zip(&mut text.masks);
+        for ((word, mask), bytes) in places.zip(self.bytes.as_chunks().0) {
+            *word = u64::from_le_bytes(*bytes);
+            *mask = if left >= 8 { u64::MAX } else { (1 << (8 * left)) - 1 };
+            left = left.saturating_sub(8);
+        }
+        // At most 32.
+        text.length = u8::try_from(self.length).unwrap_or(0);
+        text
+    }
+}
+
 /// Up to 32 bytes that are compared eight at a time.
 #[derive(Debug, Clone, Copy)]
 struct Text {
     words: [u64; Self::WORDS],
     masks: [u64; Self::WORDS],
-    length: usize,
+    length: u8,
 }
 
 impl Text {
     const WORDS: usize = 4;
-    const MAX: usize = 8 * Self::WORDS;
-    const EMPTY: Self = Self { words: [0; Self::WORDS], masks: [0; Self::WORDS], length: 0 };
 
-    /// Nothing where it is full.
-    fn append(&mut self, byte: u8) {
-        let (place, shift) = (self.length / 8, 8 * (self.length % 8));
-        if let (Some(word), Some(mask)) = (self.words.get_mut(place), self.masks.get_mut(place)) {
-            *word |= u64::from(byte) << shift;
-            *mask |= 0xFF << shift;
-            self.length += 1;
-        }
-    }
-
-    fn bytes(&self) -> impl Iterator<Item = u8> {
-        self.words.into_iter().flat_map(u64::to_le_bytes).take(self.length)
-    }
-
-    /// The place after this text, if it is here.
+    /// The place after this text, if its first word is here.
     #[inline(always)]
     fn skip(&self, window: &Window, at: usize) -> Option<usize> {
         let [first, ..] = self.words;
         let [mask, ..] = self.masks;
-        let same = word(window, at)? & mask == first && (self.length <= 8 || self.rest_is_at(window, at));
-        // The remainder is the length itself: it only shows its bound.
-        same.then_some(at + self.length % 64)
+        (word(window, at)? & mask == first).then_some(at + usize::from(self.length))
     }
 
-    #[inline(never)]
     fn rest_is_at(&self, window: &Window, at: usize) -> bool {
         let words = self.words.iter().zip(&self.masks).enumerate().skip(1);
-        let mut words = words.take_while(|(place, _)| 8 * place < self.length);
+        let mut words = words.take_while(|(place, _)| 8 * place < usize::from(self.length));
         words.all(|(place, (expected, mask))| {
             word(window, at + 8 * place).is_some_and(|found| found & mask == *expected)
         })

@@ -58,7 +58,8 @@ pub(crate) fn read_values<'v, W: Work>(
     if end > WINDOW {
         return Err(MessageError::JobTooLong { found: end, limit: WINDOW });
     }
-    let mut reader = Reader::<true>::new(&window, 0, charset, &Swar::CONSTANTS);
+    let swar = Swar::new(charset);
+    let mut reader = Reader::<true>::new(&window, 0, charset, &swar);
     let mut work = W::default();
     match (work.fields(ranges, &mut reader), reader.error) {
         (Ok(()), _) if reader.at + 2 == end => Ok(work),
@@ -75,22 +76,23 @@ pub(super) struct Reader<'a, const EXPLAINS: bool> {
     at: usize,
     charset: Charset,
     swar: &'a Swar,
-    not_ascii: u64,
     error: Option<FieldError>,
 }
 
 impl<'a> Reader<'a, false> {
-    /// The job whose first field is after the mark at a place, and the place of the mark after its last one.
+    /// Reads the job whose first field is after the mark at a place, and gives the place of the mark after its last one.
     #[inline(always)]
     pub(super) fn read<W: Work>(
         window: &'a Window,
         at: usize,
-        (charset, swar): (Charset, &'a Swar),
+        charset: Charset,
+        swar: &'a Swar,
         ranges: &W::Ranges,
-    ) -> Option<(W, usize)> {
-        let (mut reader, mut work) = (Self::new(window, at, charset, swar), W::default());
+        work: &mut W,
+    ) -> Option<usize> {
+        let mut reader = Self::new(window, at, charset, swar);
         work.fields(ranges, &mut reader).ok()?;
-        Some((work, reader.at))
+        Some(reader.at)
     }
 }
 
@@ -116,7 +118,7 @@ impl<const EXPLAINS: bool> Fields for Reader<'_, EXPLAINS> {
         Ok(())
     }
 
-    /// A code or a percentage is most often a single digit.
+    /// A code is most often a single digit.
     #[inline(always)]
     fn whole<T: Copy + Into<i32> + TryFrom<i32>>(
         &mut self,
@@ -126,15 +128,18 @@ impl<const EXPLAINS: bool> Fields for Reader<'_, EXPLAINS> {
     ) -> Result<(), Unfit> {
         let (min, max) = range.into_inner();
         let (min, max) = (min.into(), max.into());
-        let mut number = 0;
-        match chunk(self.window, self.at + 1) {
-            Some([digit @ b'0'..=b'9', SEPARATOR])
-                if size_of::<T>() == 1 && (min..=max).contains(&i32::from(digit - b'0')) =>
-            {
-                (number, self.at) = (i32::from(digit - b'0'), self.at + 2);
-            }
-            _ => self.decimal(name, &mut number, 0, min..=max)?,
+        if size_of::<T>() == 1
+            && max <= 9
+            && let Some(digit @ b'0'..=b'9') = self.window.get(self.at + 1)
+            && is_mark(self.window, self.at + 2)
+            && (min..=max).contains(&i32::from(digit - b'0'))
+            && let Ok(number) = T::try_from(i32::from(digit - b'0'))
+        {
+            (*value, self.at) = (number, self.at + 2);
+            return Ok(());
         }
+        let mut number = 0;
+        self.decimal(name, &mut number, 0, min..=max)?;
         match T::try_from(number) {
             Ok(number) => *value = number,
             Err(_) => return Err(self.unfit(name, FieldFault::Value { found: number })),
@@ -173,8 +178,7 @@ impl<const EXPLAINS: bool> Fields for Reader<'_, EXPLAINS> {
 impl<'a, const EXPLAINS: bool> Reader<'a, EXPLAINS> {
     #[inline(always)]
     fn new(window: &'a Window, at: usize, charset: Charset, swar: &'a Swar) -> Self {
-        let not_ascii = if charset == Charset::Ascii { swar.tops } else { 0 };
-        Self { window, at, charset, swar, not_ascii, error: None }
+        Self { window, at, charset, swar, error: None }
     }
 
     #[inline(always)]
@@ -188,91 +192,77 @@ impl<'a, const EXPLAINS: bool> Reader<'a, EXPLAINS> {
     /// A number as we write it, and the place of the mark after it.
     #[inline(always)]
     fn quick_decimal(&self, places: u8) -> Option<(i32, usize)> {
-        // All that is looked at here: every place below is seen to be within.
-        let field: &[u8; 20] = chunk(self.window, self.at)?;
-        let [_, sign, ..] = field;
-        let negative = usize::from(*sign == b'-');
-        let first = u64::from_le_bytes(*field.get(1 + negative..)?.first_chunk()?);
-        let short = if places == 0 { self.swar.whole(first) } else { self.swar.decimal(first, places) };
-        let Some((number, length)) = short else {
-            return self.long_decimal(negative, places);
+        let (window, swar) = (self.window, self.swar);
+        // One check for every place below.
+        if self.at > WINDOW - 32 {
+            return None;
+        }
+        // -1 where a minus is, else 0.
+        let minus = ((isize::from(*window.get(self.at + 1)?) ^ isize::from(b'-')) - 1) >> (isize::BITS - 1);
+        let at = (self.at + 1).wrapping_sub(minus.cast_unsigned());
+        let first = word(window, at)?;
+        let short = if places == 0 { swar.whole(first) } else { swar.decimal(first, places) };
+        let (number, length) = match short {
+            Some(read) => read,
+            // The remainder is the length itself: it only shows its bound.
+            None => long_decimal(window, at, places).map(|(number, length)| (number, length % 16))?,
         };
-        let mark = negative + length % 8 + 1;
-        let has_point = places == 0 || field.get(mark.wrapping_sub(usize::from(places) + 1)) == Some(&b'.');
-        let sign = if negative == 1 { -1 } else { 0 };
-        (has_point && is_mark(field.get(mark..)?)).then_some(((number ^ sign) - sign, self.at + mark))
-    }
-
-    /// A number of more than seven bytes.
-    #[inline(always)]
-    fn long_decimal(&self, negative: usize, places: u8) -> Option<(i32, usize)> {
-        let (number, mark) = long_decimal(self.window, self.at + 1 + negative, places)?;
-        let number = if negative == 1 { -number } else { number };
-        is_mark(self.window.get(mark..)?).then_some((i32::try_from(number).ok()?, mark))
+        let mark = at + length;
+        #[expect(clippy::cast_possible_truncation, reason = "it is 0 or -1")]
+        let minus = minus as i32;
+        is_mark(window, mark).then_some(((number ^ minus) - minus, mark))
     }
 
     /// Text without a byte that it cannot hold; the place of the mark after it.
     #[inline(always)]
     fn quick_text<const N: usize>(&self, text: &mut Text<N>) -> Option<usize> {
-        let (swar, mut length) = (self.swar, 0);
+        let mut length = 0;
         *text = Text::EMPTY;
-        loop {
-            let next = word(self.window, self.at + 1 + length)?;
-            let marks = swar.equal(next, swar.separators) | swar.equal(next, swar.data);
-            // What is before the mark.
-            let (kept, taken) = match marks {
-                0 => (next, 8),
-                _ => {
-                    let bits = marks.trailing_zeros() & 0x38;
-                    (next & !(u64::MAX << bits), bits as usize / 8)
-                }
-            };
-            // The begin and the end mark differ in one bit.
-            let bad = swar.equal(kept & !(swar.ones << 1), swar.starts) | kept & self.not_ascii;
-            if bad != 0 {
-                return None;
+        while length <= N {
+            let at = self.at + 1 + length;
+            let next = word(self.window, at)?;
+            let ends = self.swar.marks(next) | next & self.swar.not_characters;
+            if ends == 0 {
+                text.put(length, next);
+                length += 8;
+                continue;
             }
-            text.put(length, kept);
-            length += taken;
-            if taken < 8 || length > N {
-                break;
-            }
+            let bits = ends.trailing_zeros() & 0x38;
+            text.put(length, next & !(u64::MAX << bits));
+            length += bits as usize / 8;
+            text.set_length(length)?;
+            let mark = at + bits as usize / 8;
+            return is_mark(self.window, mark).then_some(mark);
         }
-        text.set_length(length)?;
-        let at = self.at + 1 + length;
-        is_mark(self.window.get(at..)?).then_some(at)
+        None
     }
 }
 
 /// Whether another field follows, or nothing.
 #[inline(always)]
-fn is_mark(bytes: &[u8]) -> bool {
-    matches!(bytes, [SEPARATOR, ..] | [DATA, END, ..])
+fn is_mark(window: &Window, at: usize) -> bool {
+    window.get(at) == Some(&SEPARATOR) || chunk(window, at) == Some(&[DATA, END])
 }
 
-/// A number of more than seven bytes, without its sign, and the place after it.
+/// A number of more than seven bytes, without its sign, and how many bytes it is.
 #[cold]
 #[inline(never)]
-fn long_decimal(window: &Window, at: usize, places: u8) -> Option<(i64, usize)> {
-    let swar = Swar::CONSTANTS;
-    let first = word(window, at)?;
-    let ten = |count: usize| Some(10i64.pow(u32::try_from(count).ok()?));
-    match swar.whole(first) {
-        // Eight digits, and more in the next word.
-        None if places == 0 => {
-            let (others, values) = swar.others(first);
-            let (rest, length) = swar.whole(word(window, at + 8)?).unwrap_or((0, 0));
-            let number = i64::from(swar.join(values)) * ten(length)? + i64::from(rest);
-            (others == 0).then_some((number, at + 8 + length))
+fn long_decimal(window: &Window, at: usize, places: u8) -> Option<(i32, usize)> {
+    let (mut number, mut point) = (0i32, None);
+    for (length, byte) in chunk::<12>(window, at)?.iter().enumerate() {
+        match (byte, point) {
+            (b'0'..=b'9', _) => {
+                number = number.checked_mul(10)?.checked_add(i32::from(byte - b'0'))?;
+            }
+            (b'.', None) => point = Some(length),
+            _ => {
+                let decimals = point.map(|point| length - point - 1);
+                let as_written = (places > 0).then_some(usize::from(places));
+                return (length > 0 && decimals == as_written).then_some((number, length));
+            }
         }
-        Some((whole, length)) if chunk(window, at + length) == Some(b".") => {
-            let decimals_at = at + length + 1;
-            let (decimals, count) = swar.whole(word(window, decimals_at)?)?;
-            let number = i64::from(whole) * ten(count)? + i64::from(decimals);
-            (count == usize::from(places)).then_some((number, decimals_at + count))
-        }
-        _ => None,
     }
+    None
 }
 
 /// The bytes between the mark at a place and the next one; `None` when no field is there.
@@ -332,7 +322,7 @@ fn slow_text(window: &Window, at: usize, charset: Charset, (min, max): (usize, u
 
 /// What eight bytes are calculated with, as data: every one of these as an immediate would take an instruction more.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Swar {
+pub(crate) struct Swar {
     ones: u64,
     zeros: u64,
     above_nine: u64,
@@ -340,24 +330,34 @@ pub(super) struct Swar {
     pairs: u64,
     fours: u64,
     eights: u64,
+    sevens: u64,
     separators: u64,
     data: u64,
     starts: u64,
+    not_characters: u64,
+    point: u64,
+    byte: u64,
 }
 
 impl Swar {
-    pub(super) const CONSTANTS: Self = Self {
-        ones: ONES,
-        zeros: 0x30 * ONES,
-        above_nine: 0x76 * ONES,
-        tops: 0x80 * ONES,
-        pairs: 0x00FF_00FF_00FF_00FF,
-        fours: 0x0000_FFFF_0000_FFFF,
-        eights: (10_000 << 32) + 1,
-        separators: SEPARATOR as u64 * ONES,
-        data: DATA as u64 * ONES,
-        starts: START as u64 * ONES,
-    };
+    pub(super) const fn new(charset: Charset) -> Self {
+        Self {
+            ones: ONES,
+            zeros: 0x30 * ONES,
+            above_nine: 0x76 * ONES,
+            tops: 0x80 * ONES,
+            pairs: 0x00FF_00FF_00FF_00FF,
+            fours: 0x0000_FFFF_0000_FFFF,
+            eights: (10_000 << 32) + 1,
+            sevens: (1_000 << 32) + 1,
+            separators: SEPARATOR as u64 * ONES,
+            data: DATA as u64 * ONES,
+            starts: START as u64 * ONES,
+            not_characters: if matches!(charset, Charset::Ascii) { 0x80 * ONES } else { 0 },
+            point: (b'.' ^ b'0') as u64,
+            byte: 0xFF,
+        }
+    }
 
     /// The top bit of each byte that is no digit, and the digits' values.
     #[inline(always)]
@@ -374,12 +374,13 @@ impl Swar {
         if others == 0 {
             return None;
         }
-        let bits = others.trailing_zeros() & 0x38;
-        // Zeros before the first digit.
-        (bits != 0).then(|| (self.join(values << (64 - bits)), bits as usize / 8))
+        let top_bit = others.trailing_zeros();
+        // Modulo 64: what moves the last digit to the highest byte; zeros are then before the first one.
+        let shift = 7u32.wrapping_sub(top_bit);
+        (shift != 0).then(|| (self.join(values.wrapping_shl(shift), 4), top_bit as usize / 8))
     }
 
-    /// Digits, another byte, and so many digits, seven bytes at most: the value of the digits, and how many bytes they are.
+    /// Digits, a point, and so many digits, seven bytes at most: their value, and how many bytes they are.
     #[inline(always)]
     fn decimal(&self, word: u64, places: u8) -> Option<(i32, usize)> {
         let (others, values) = self.others(word);
@@ -387,29 +388,40 @@ impl Swar {
         if after_point == 0 {
             return None;
         }
-        let end = after_point.trailing_zeros() & 0x38;
-        // The last byte highest: then the point has its place, and is left out.
-        let aligned = values << (64 - end);
-        let point = 56u32.checked_sub(8 * u32::from(places))?;
-        let decimals = aligned >> point >> 8 << point << 8;
-        let digits = decimals | (aligned & !(u64::MAX << point)) << 8;
-        Some((self.join(digits), end as usize / 8))
+        let top_bit = after_point.trailing_zeros();
+        // The last byte highest: then the point has its place, where it becomes 0.
+        let aligned = values.wrapping_shl(7u32.wrapping_sub(top_bit));
+        let place = 56u32.checked_sub(8 * u32::from(places))?;
+        let digits = aligned ^ self.point << place;
+        if digits & self.byte << place != 0 {
+            return None;
+        }
+        let number = if places == 3 {
+            self.join(digits, 3)
+        } else {
+            let (whole, decimals) = (digits & !(u64::MAX << place), digits & u64::MAX << place);
+            self.join(decimals | whole << 8, 4)
+        };
+        Some((number, top_bit as usize / 8))
     }
 
-    /// The number of eight digits, the first one lowest.
+    /// The number of eight digits, the first one lowest; of the last four so many count, the one before them being 0.
     #[inline(always)]
-    fn join(&self, digits: u64) -> i32 {
+    fn join(&self, digits: u64, last: u8) -> i32 {
         // Pairs, fours and eights are joined.
         let pairs = (digits.wrapping_mul((10 << 8) + 1) >> 8) & self.pairs;
         let fours = (pairs.wrapping_mul((100 << 16) + 1) >> 16) & self.fours;
-        ((fours.wrapping_mul(self.eights) >> 32) as u32).cast_signed()
+        let eights = if last == 4 { self.eights } else { self.sevens };
+        ((fours.wrapping_mul(eights) >> 32) as u32).cast_signed()
     }
 
-    /// The top bit of each byte that is as in `bytes`, up to the first; above it there may be others.
+    /// The top bit of each byte that is a mark, up to the first; above it there may be others.
     #[inline(always)]
-    fn equal(&self, word: u64, bytes: u64) -> u64 {
-        let different = word ^ bytes;
-        different.wrapping_sub(self.ones) & !different & self.tops
+    fn marks(&self, word: u64) -> u64 {
+        let equal = |different: u64| different.wrapping_sub(self.ones) & !different;
+        // The begin and the end mark differ in one bit.
+        let ends = (word & !(self.ones << 1)) ^ self.starts;
+        (equal(word ^ self.separators) | equal(word ^ self.data) | equal(ends)) & self.tops
     }
 }
 

@@ -267,7 +267,7 @@ fn queue_jobs<W: Work>(
     let mut queued = 0;
     decoder.expected_jobs::<W>(expected, ranges, |job| {
         let Ok(claim) = writer.claim() else { return false };
-        claim.push(job);
+        claim.push(*job);
         queued += 1;
         true
     });

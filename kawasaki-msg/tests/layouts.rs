@@ -49,8 +49,17 @@ fn wire(fields: &str) -> Vec<u8> {
 
 /// The job that a robot queues, and what it reports otherwise.
 fn queued(dialect: Dialect<'_>, wire: &[u8]) -> Result<Job<Mixed>, MessageError> {
+    queued_within(dialect, (), wire)
+}
+
+fn queued_within<W: Work>(
+    dialect: Dialect<'_>,
+    ranges: W::Ranges,
+    wire: &[u8],
+) -> Result<Job<W>, MessageError> {
     let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = Robot::<Mixed>::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+    let mut robot = Robot::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+    robot = robot.with_ranges(ranges).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");
@@ -327,5 +336,37 @@ proptest! {
         if changes.is_empty() {
             prop_assert_eq!(short, Some(Ok(job)));
         }
+    }
+
+    /// The same, of a number with any count of decimals in any form.
+    #[test]
+    fn both_ways_of_reading_a_number_are_one(
+        places in 0u8..=9,
+        text in prop_oneof!["-?[0-9]{0,8}\\.[0-9]{0,9}", "-?[0-9]{0,12}", "[-0-9. $#<>e+]{0,12}"],
+    ) {
+        let wires = ["Tyo", LONG_NAME].map(|name| {
+            let data = format!("50$1${text}$0");
+            format!("<{name}${}#{data}#>", data.len()).into_bytes()
+        });
+        let mut table = Dialect::DEFAULT.entries().to_vec();
+        table[0].name = LONG_NAME;
+        let dialect = Dialect::new(&table).unwrap();
+        let [short, long] = [(Dialect::DEFAULT, &wires[0]), (dialect, &wires[1])].map(|(dialect, wire)| {
+            std::panic::catch_unwind(|| queued_within::<Numbers>(dialect, places, wire)).ok()
+        });
+        prop_assert_eq!(short, long);
+    }
+}
+
+/// A number with so many decimals, and one without.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Numbers(i32, i32);
+
+impl Work for Numbers {
+    type Ranges = u8;
+
+    fn fields<F: Fields>(&mut self, places: &u8, fields: &mut F) -> Result<(), Unfit> {
+        fields.decimal("decimal", &mut self.0, *places, -1_000_000_000..=1_000_000_000)?;
+        fields.whole("whole", &mut self.1, 0..=9)
     }
 }

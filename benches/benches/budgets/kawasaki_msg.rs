@@ -1,4 +1,6 @@
-//! Kawasaki: a packet of 4096 bytes full of jobs, parsed, checked and queued; and built.
+//! Kawasaki: a packet of 4096 bytes full of jobs, parsed, checked and queued; and built; each also by hand, for one layout.
+
+mod by_hand;
 
 use core::hint::black_box;
 use core::time::Duration;
@@ -20,56 +22,38 @@ const PALLET_BYTES: f64 = 4052.0;
 const SHORT_BYTES: f64 = 4091.0;
 
 const COUNTS: &[Count] = &[
-    Count {
-        what: "a packet of lines: parsed, checked, queued",
-        goal: Some(7.0),
-        units: BYTES,
-        unit: "byte",
-        run: queue_lines,
-    },
-    Count {
-        what: "a packet of pallet moves: six decimals, a text, a number",
-        goal: Some(7.0),
-        units: PALLET_BYTES,
-        unit: "byte",
-        run: queue_pallets,
-    },
-    Count {
-        what: "a packet of the shortest jobs: one digit",
-        goal: None,
-        units: SHORT_BYTES,
-        unit: "byte",
-        run: queue_short,
-    },
-    Count {
-        what: "the same packet: messages found and checked only",
-        goal: None,
-        units: BYTES,
-        unit: "byte",
-        run: find_messages,
-    },
-    Count {
-        what: "the longest message, which comes byte by byte",
-        goal: Some(200.0),
-        units: 4096.0,
-        unit: "byte",
-        run: grow_a_message,
-    },
-    Count {
-        what: "a packet of lines, built",
-        goal: Some(14.0),
-        units: BYTES,
-        unit: "byte",
-        run: build_lines,
-    },
-    Count {
-        what: "a packet of pallet moves, built",
-        goal: Some(20.0),
-        units: PALLET_BYTES,
-        unit: "byte",
-        run: build_pallets,
-    },
+    per_byte("a packet of lines: parsed, checked, queued", Some(7.0), BYTES, queue_lines),
+    per_byte("… by a loop by hand", None, BYTES, |rounds| by_hand::queue::<Line>(rounds, packet(line))),
+    per_byte(
+        "a packet of pallet moves: six decimals, a text, a number",
+        Some(7.0),
+        PALLET_BYTES,
+        queue_pallets,
+    ),
+    per_byte("… by a loop by hand", None, PALLET_BYTES, |rounds| {
+        by_hand::queue::<PalletMove>(rounds, packet(pallet_move));
+    }),
+    per_byte("a packet of the shortest jobs: one digit", Some(7.0), SHORT_BYTES, queue_short),
+    per_byte("… by a loop by hand", None, SHORT_BYTES, |rounds| {
+        by_hand::queue::<Short>(rounds, packet(short))
+    }),
+    per_byte("a packet of lines: messages found and checked only", None, BYTES, find_messages),
+    per_byte("the longest message, which comes byte by byte", Some(200.0), 4096.0, grow_a_message),
+    per_byte("a packet of lines, built", Some(18.0), BYTES, |rounds| build_packets(rounds, line)),
+    per_byte("… by a loop by hand", None, BYTES, |rounds| build_by_hand(rounds, line)),
+    per_byte("a packet of pallet moves, built", Some(18.0), PALLET_BYTES, |rounds| {
+        build_packets(rounds, pallet_move);
+    }),
+    per_byte("… by a loop by hand", None, PALLET_BYTES, |rounds| build_by_hand(rounds, pallet_move)),
+    per_byte("a packet of the shortest jobs, built", Some(13.0), SHORT_BYTES, |rounds| {
+        build_packets(rounds, short)
+    }),
+    per_byte("… by a loop by hand", None, SHORT_BYTES, |rounds| build_by_hand(rounds, short)),
 ];
+
+const fn per_byte(what: &'static str, goal: Option<f64>, units: f64, run: fn(u64)) -> Count {
+    Count { what, goal, units, unit: "byte", run }
+}
 
 fn budgets() -> Vec<Budget> {
     let job = BYTES as usize / usize::from(JOBS);
@@ -98,7 +82,7 @@ fn queue_pallets(rounds: u64) {
 }
 
 fn queue_short(rounds: u64) {
-    queue(rounds, |number| Short((number % 10) as u8), SHORT_BYTES);
+    queue(rounds, short, SHORT_BYTES);
 }
 
 /// Robots in an order, each with an empty queue: a packet is the same for all, whatever its numbers.
@@ -150,20 +134,16 @@ fn grow_a_message(rounds: u64) {
     }
 }
 
-fn build_lines(rounds: u64) {
-    build_packets(rounds, line);
-}
-
-fn build_pallets(rounds: u64) {
-    build_packets(rounds, pallet_move);
-}
-
 fn build_packets<W: Work>(rounds: u64, work: impl Fn(u16) -> W) {
     let mut buffer = [0; 4096];
     for _ in 0..rounds {
         let mut packet = Packet::new(black_box(&mut buffer), Limits::TCP, Charset::Ascii);
         black_box(build(&mut packet, &work));
     }
+}
+
+fn build_by_hand<W: Work + by_hand::Layout>(rounds: u64, work: impl Fn(u16) -> W + Copy) {
+    assert_eq!(by_hand::build(rounds, work), packet(work).0);
 }
 
 /// A packet full of jobs, and how many they are.
@@ -234,6 +214,10 @@ impl Work for Short {
     fn fields<F: Fields>(&mut self, (): &(), fields: &mut F) -> Result<(), Unfit> {
         fields.whole("digit", &mut self.0, 0..=9)
     }
+}
+
+fn short(number: u16) -> Short {
+    Short((number % 10) as u8)
 }
 
 fn robot<W: Work + Send + 'static>() -> (Robot<'static, W>, Reader<'static, Job<W>>) {

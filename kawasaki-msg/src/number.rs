@@ -28,6 +28,20 @@ pub(crate) fn len(number: i32) -> usize {
     digits as usize + 1 + usize::from(number < 0)
 }
 
+/// Eight digits of a number below 100 000 000, a byte each, the first one lowest, zeros before the number's own. `None`: it has more.
+#[inline(always)]
+pub(crate) fn eight_digits(number: u32) -> Option<u64> {
+    let fours = match number {
+        0..100_000_000 => u64::from(number / 10_000) | u64::from(number % 10_000) << 32,
+        _ => return None,
+    };
+    // Fours are parted into pairs, and these into digits; each product is a division by 100, or by 10.
+    let hundreds = ((fours * 5243) >> 19) & 0x0000_007F_0000_007F;
+    let pairs = hundreds | (fours - 100 * hundreds) << 16;
+    let tens = ((pairs * 103) >> 10) & 0x000F_000F_000F_000F;
+    Some(tens | (pairs - 10 * tens) << 8)
+}
+
 /// The decimal digits of a number, first to last.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Digits {
@@ -38,8 +52,15 @@ pub(crate) struct Digits {
 
 impl Digits {
     pub(crate) fn new(number: i32) -> Self {
+        let mut digits = Self::unsigned(number.unsigned_abs());
+        if number < 0 {
+            digits.push_front(b'-');
+        }
+        digits
+    }
+
+    pub(crate) fn unsigned(mut rest: u32) -> Self {
         let mut digits = Self { text: [0; 11], start: 11 };
-        let mut rest = number.unsigned_abs();
         loop {
             // A digit is below 10.
             digits.push_front(b'0' + u8::try_from(rest % 10).unwrap_or(0));
@@ -47,9 +68,6 @@ impl Digits {
             if rest == 0 {
                 break;
             }
-        }
-        if number < 0 {
-            digits.push_front(b'-');
         }
         digits
     }
@@ -94,6 +112,16 @@ mod tests {
         {
             assert_eq!(parse(wrong.as_bytes()), None, "{wrong:?}");
         }
+    }
+
+    #[test]
+    fn eight_digits_are_the_number() {
+        let every = (0..100_000_000).step_by(997).chain(0..20_000).chain([99_999_999]);
+        for number in every {
+            let digits = eight_digits(number).unwrap().to_le_bytes().map(|digit| digit + b'0');
+            assert_eq!(digits.as_slice(), std::format!("{number:08}").as_bytes());
+        }
+        assert_eq!([eight_digits(100_000_000), eight_digits(u32::MAX)], [None, None]);
     }
 
     #[test]

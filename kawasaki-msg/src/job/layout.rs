@@ -42,7 +42,9 @@ impl FieldType {
     fn longest(&self) -> usize {
         match *self {
             FieldType::Number { min, max } => {
-                let length = |d: Decimal| writer::digits(d.units, d.places).count();
+                let length = |d: Decimal| {
+                    usize::from(d.units < 0) + writer::digits(d.units.unsigned_abs(), d.places).count()
+                };
                 length(min).max(length(max))
             }
             FieldType::Text { max, .. } => max,

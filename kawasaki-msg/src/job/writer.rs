@@ -7,7 +7,7 @@ use super::{Job, Text};
 use crate::dialect::Dialect;
 use crate::error::{EncodeError, FieldError, FieldFault, Name};
 use crate::message::Message;
-use crate::number::{self, Digits};
+use crate::number::{Digits, eight_digits};
 use crate::role::{Field, Role};
 use crate::value::{Charset, DATA, END, SEPARATOR, START, is_mark};
 
@@ -30,7 +30,7 @@ pub(crate) fn encode<W: Work>(
     writer.push(SEPARATOR);
     let length_at = writer.length;
     // The length of most jobs has two digits.
-    writer.put(&[b'0', b'0', DATA]);
+    writer.word(u64::from_le_bytes([b'0', b'0', DATA, 0, 0, 0, 0, 0]), 3);
     let data_at = writer.length;
     for (place, field) in entry.fields.iter().enumerate() {
         if place > 0 {
@@ -39,10 +39,10 @@ pub(crate) fn encode<W: Work>(
         writer.field(field, job, ranges)?;
     }
     let data = writer.length - data_at;
-    writer.put(&[DATA, END]);
-    let digits = Digits::new(i32::try_from(data).unwrap_or(i32::MAX));
-    let digits = digits.as_bytes();
-    let needed = writer.length + digits.len() - 2;
+    writer.word(u64::from_le_bytes([DATA, END, 0, 0, 0, 0, 0, 0]), 2);
+    // A job that is longer than a packet has a length of four digits.
+    let (digits, count) = text_of(u32::try_from(data).unwrap_or(u32::MAX)).unwrap_or((0, 8));
+    let needed = writer.length + count - 2;
     if needed > Message::MAX_LEN {
         return Err(EncodeError::TooLong { length: needed, limit: Message::MAX_LEN });
     }
@@ -50,11 +50,21 @@ pub(crate) fn encode<W: Work>(
     if needed.max(writer.length) > available {
         return Err(EncodeError::BufferTooSmall { needed: needed.max(writer.length), available });
     }
-    writer.out.copy_within(length_at + 2..writer.length, length_at + digits.len());
-    if let Some(place) = writer.out.get_mut(length_at..length_at + digits.len()) {
-        place.copy_from_slice(digits);
+    if count != 2 {
+        writer.out.copy_within(length_at + 2..writer.length, length_at + count);
     }
+    let places = writer.out.get_mut(length_at..length_at + count).unwrap_or_default();
+    places.iter_mut().zip(digits.to_le_bytes()).for_each(|(place, digit)| *place = digit);
     Ok(needed)
+}
+
+/// A number below 100 000 000 as it is written, the first digit lowest, and how many they are.
+#[inline(always)]
+fn text_of(number: u32) -> Option<(u64, usize)> {
+    let digits = eight_digits(number)?;
+    // The last digit is there in any case.
+    let zeros = (digits | 1 << 56).trailing_zeros() / 8;
+    Some(((digits | ZEROS) >> (8 * zeros), 8 - zeros as usize))
 }
 
 /// Counts what it has no room for.
@@ -73,8 +83,8 @@ impl Writer<'_> {
         ranges: &W::Ranges,
     ) -> Result<(), EncodeError> {
         match field {
-            Field::Order => self.put(Digits::new(i32::from(job.order)).as_bytes()),
-            Field::Number => self.put(Digits::new(i32::from(job.number)).as_bytes()),
+            Field::Order => self.number(u32::from(job.order)),
+            Field::Number => self.number(u32::from(job.number)),
             Field::Constant(text) => self.characters(text)?,
             Field::Work => {
                 let mut work = job.work;
@@ -88,6 +98,7 @@ impl Writer<'_> {
         Ok(())
     }
 
+    #[inline]
     fn characters(&mut self, text: &str) -> Result<(), EncodeError> {
         text.chars().try_for_each(|c| {
             self.push(self.charset.byte(c)?);
@@ -95,8 +106,12 @@ impl Writer<'_> {
         })
     }
 
+    #[inline(always)]
     fn push(&mut self, byte: u8) {
-        self.put(&[byte]);
+        if let Some(place) = self.out.get_mut(self.length) {
+            *place = byte;
+        }
+        self.length += 1;
     }
 
     #[inline]
@@ -106,7 +121,53 @@ impl Writer<'_> {
         }
         self.length += bytes.len();
     }
+
+    /// So many of eight bytes, the lowest first. What is after them is written next.
+    #[inline(always)]
+    fn word(&mut self, word: u64, length: usize) {
+        match self.out.get_mut(self.length..).and_then(<[u8]>::first_chunk_mut) {
+            Some(place) => *place = word.to_le_bytes(),
+            None => self.short_word(word, length),
+        }
+        self.length += length;
+    }
+
+    #[cold]
+    fn short_word(&mut self, word: u64, length: usize) {
+        let places = self.out.get_mut(self.length..).unwrap_or_default();
+        places.iter_mut().zip(word.to_le_bytes()).take(length).for_each(|(place, byte)| *place = byte);
+    }
+
+    /// A number without decimals.
+    #[inline(always)]
+    fn number(&mut self, number: u32) {
+        match text_of(number) {
+            Some((text, length)) => self.word(text, length),
+            None => digits(number, 0).for_each(|byte| self.push(byte)),
+        }
+    }
+
+    /// A number with one decimal or more.
+    #[inline(always)]
+    fn decimal(&mut self, number: u32, places: u8) {
+        match eight_digits(number) {
+            Some(digits) if places < 8 => {
+                let whole = 8 * (8 - u32::from(places));
+                // One digit is before the point in any case.
+                let zeros = (digits | 1 << (whole - 8)).trailing_zeros() & 0x38;
+                let text = digits | ZEROS;
+                let before = (text & !(u64::MAX << whole)) >> zeros;
+                let point = whole - zeros;
+                self.word(before | u64::from(b'.') << point, point as usize / 8 + 1);
+                self.word(text >> whole, usize::from(places));
+            }
+            _ => digits(number, places).for_each(|byte| self.push(byte)),
+        }
+    }
 }
+
+/// A zero in each of eight bytes.
+const ZEROS: u64 = u64::from_le_bytes([b'0'; 8]);
 
 /// A separator before each field but the first.
 struct Separated<'w, 'o> {
@@ -115,6 +176,7 @@ struct Separated<'w, 'o> {
 }
 
 impl Separated<'_, '_> {
+    #[inline(always)]
     fn separate(&mut self) {
         if !core::mem::take(&mut self.is_first) {
             self.writer.push(SEPARATOR);
@@ -127,6 +189,7 @@ impl Separated<'_, '_> {
 }
 
 impl Fields for Separated<'_, '_> {
+    #[inline]
     fn decimal(
         &mut self,
         name: &str,
@@ -140,10 +203,12 @@ impl Fields for Separated<'_, '_> {
             return self.fail(name, FieldFault::OutOfRange { found, min, max });
         }
         self.separate();
-        if places == 0 {
-            self.writer.put(Digits::new(*value).as_bytes());
-        } else {
-            digits(*value, places).for_each(|byte| self.writer.push(byte));
+        if *value < 0 {
+            self.writer.push(b'-');
+        }
+        match places {
+            0 => self.writer.number(value.unsigned_abs()),
+            _ => self.writer.decimal(value.unsigned_abs(), places),
         }
         Ok(())
     }
@@ -177,16 +242,14 @@ impl Fields for Separated<'_, '_> {
 }
 
 /// The digits of a number with a point before the last `places`.
-pub(super) fn digits(units: i32, places: u8) -> impl Iterator<Item = u8> {
+pub(super) fn digits(units: u32, places: u8) -> impl Iterator<Item = u8> {
     let places = usize::from(places);
-    let (sign, length) = (units < 0, number::len(units) - usize::from(units < 0));
-    let zeros = (places + 1).saturating_sub(length);
-    let whole = length + zeros - places;
-    let digits = Digits::new(units).skip(usize::from(sign));
+    let digits = Digits::unsigned(units);
+    let zeros = (places + 1).saturating_sub(digits.count());
+    let whole = digits.count() + zeros - places;
     let digits = core::iter::repeat_n(b'0', zeros).chain(digits).enumerate();
-    let with_point = digits.flat_map(move |(at, digit)| {
+    digits.flat_map(move |(at, digit)| {
         let point = (at == whole && places > 0).then_some(b'.');
         point.into_iter().chain(Some(digit))
-    });
-    sign.then_some(b'-').into_iter().chain(with_point)
+    })
 }

@@ -5,9 +5,9 @@ use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    Bounds, Charset, ConfigError, Decimal, Dialect, EncodeError, FieldError, FieldFault, FieldType, Fields,
-    Job, JobKind, Line, Message, MessageError, Name, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig,
-    RobotEvent, Text, Unfit, Work, each_field,
+    Bounds, Charset, ConfigError, Decimal, DecodeError, Dialect, EncodeError, FieldError, FieldFault,
+    FieldType, Fields, Job, JobKind, Line, Message, MessageError, Name, Pc, PcConfig, PcEvent, Point, Robot,
+    RobotConfig, RobotEvent, Text, Unfit, Work, each_field,
 };
 use proptest::prelude::*;
 
@@ -171,33 +171,81 @@ fn a_job_has_all_its_fields_and_no_more() {
     assert_eq!(read(&long), Err(MessageError::JobTooLong { found: 1118, limit: 1024 }));
 }
 
-/// Nothing of a job that does not fit is queued, and nothing before it is lost.
-#[test]
-fn a_robot_keeps_what_is_before_a_job_that_does_not_fit() {
+/// Jobs 1 to 3, the second one wrong: what a robot reports of it. Nothing of it is queued, what is before it is not lost, and what
+/// follows it comes again.
+fn report_of(bad: &[u8]) -> RobotEvent {
     let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
     let mut robot = Robot::<Mixed>::new(RobotConfig::TCP, writer).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);
     robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");
-    let job = |number: u16, fields: &str| {
-        let data = format!("50${number}${fields}");
-        format!("<Tyo${}#{data}#>", data.len())
+    while robot.poll_event().is_some() {}
+    let good = |number: u16| {
+        let data = format!("50${number}${}", GOOD.join("$"));
+        format!("<Tyo${}#{data}#>", data.len()).into_bytes()
     };
-    let good = GOOD.join("$");
-    let packet = [job(1, &good), job(2, &with(2, "101")), job(3, &good)].concat();
-    robot.handle_input(Duration::ZERO, packet.as_bytes());
-    assert_eq!((robot.queued(), robot.statistics().discarded), (1, 2));
-    let packet = [job(2, &good), job(3, &good)].concat();
+    robot.handle_input(Duration::ZERO, &[&good(1), bad, &good(3)].concat());
+    let wrong = bad.escape_ascii();
+    assert_eq!(robot.queued(), 1, "{wrong}");
+    let report = robot.poll_event().expect("a report");
+    let packet = [good(2), good(3)].concat();
     for cycle in 1..=3 {
         let now = Duration::from_secs(cycle);
         robot.handle_timeout(now);
         let mut out = [0; 4096];
         let length = robot.poll_transmit(now, &mut out).unwrap();
         let asks = out[..length].ends_with(b"<TyoPyynto$4#50$2#>");
-        robot.handle_input(now, if asks { packet.as_bytes() } else { b"<Huuhaa$0##>" });
+        robot.handle_input(now, if asks { &packet } else { b"<Huuhaa$0##>" });
     }
     let numbers: Vec<_> = reader.iter().map(|(_, job)| job.number).collect();
-    assert_eq!(numbers, [1, 2, 3], "it is asked for again with what follows it");
+    assert_eq!(numbers, [1, 2, 3], "after {wrong} the jobs are asked for again");
+    report
+}
+
+#[test]
+fn a_job_that_is_wrong_is_reported_and_costs_nothing_else() {
+    let job = |fields: &str| {
+        let data = format!("50$2${fields}");
+        format!("<Tyo${}#{data}#>", data.len()).into_bytes()
+    };
+    let of_field =
+        |name, fault| RobotEvent::Rejected(MessageError::Field(FieldError { field: Name::of(name), fault }));
+    let number = |units, places| Decimal { units, places };
+    let [min, max] = [-2_000_000, 2_000_000].map(|units| number(units, 3));
+    let speed = |found| {
+        let [found, min, max] = [found, 1, 100].map(|units| number(units, 0));
+        FieldFault::OutOfRange { found, min, max }
+    };
+    let found = number(2_000_001, 3);
+    for (fields, report) in [
+        (with(1, "2000.001"), of_field("angle", FieldFault::OutOfRange { found, min, max })),
+        (with(1, "1.5001"), of_field("angle", FieldFault::TooPrecise { places: 3 })),
+        (with(1, "1,5"), of_field("angle", FieldFault::NotANumber { min, max })),
+        (with(2, "101"), of_field("speed", speed(101))),
+        (with(2, "0"), of_field("speed", speed(0))),
+        (with(3, "123456789"), of_field("tool", FieldFault::Length { found: 9, min: 1, max: 8 })),
+        (with(3, ""), of_field("tool", FieldFault::Length { found: 0, min: 1, max: 8 })),
+        ("-5$1.500$7$grip".into(), of_field("kind", FieldFault::Missing)),
+        (GOOD.join("$") + "$1", RobotEvent::Rejected(MessageError::FieldCount { expected: 7, found: 8 })),
+        // A separator in a text makes two fields of it: the next one is no number.
+        (with(3, "gr$ip"), of_field("kind", FieldFault::NotANumber { min: number(1, 0), max: number(2, 0) })),
+    ] {
+        assert_eq!(report_of(&job(&fields)), report, "{fields}");
+    }
+    // Other marks, and what is no character: no message is whole.
+    for (text, is_it) in [
+        (&b"gr<ip"[..], |error| matches!(error, DecodeError::Mark { found: b'<', .. })),
+        (b"gr>ip", |error| matches!(error, DecodeError::Mark { found: b'>', .. })),
+        (b"gr#ip", |error| matches!(error, DecodeError::Length { .. })),
+        (b"gr\xE9ip", |error| matches!(error, DecodeError::NotAscii { found: 0xE9, .. })),
+    ] as [(&[u8], fn(DecodeError) -> bool); 4]
+    {
+        let mut wire = job(&with(3, "gr-ip"));
+        let at = wire.windows(5).position(|five| five == b"gr-ip").unwrap();
+        wire[at..at + 5].copy_from_slice(text);
+        let report = report_of(&wire);
+        assert!(matches!(report, RobotEvent::Corrupt(error) if is_it(error)), "{report:?}");
+    }
 }
 
 /// A PC sends nothing of a job that does not fit, and all before it.

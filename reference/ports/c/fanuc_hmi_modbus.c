@@ -135,7 +135,7 @@ static enum outcome take_rtu(const struct modbus_decoder *decoder, struct modbus
 /* Where the next frame is, from `start` on; NO_FRAME: nowhere; `*wait`: that is not known yet. */
 static size_t find_tcp(const struct modbus_decoder *decoder, size_t start, bool *wait)
 {
-    for (size_t at = start; at < TCP_EXTENT && at + MBAP_LEN - 1 <= decoder->length; at++) {
+    for (size_t at = start; at + MBAP_LEN - 1 <= decoder->length; at++) {
         const uint8_t *header = decoder->held + at;
         uint16_t length = get_u16_be(header + 4);
         size_t size;
@@ -146,7 +146,8 @@ static size_t find_tcp(const struct modbus_decoder *decoder, size_t start, bool 
         enum length_by by = rtu_length(header + 6, decoder->length - at - 6, decoder->side, &size);
         if (by == BY_BEGINNING && size == (size_t)length + 2)
             return at;
-        *wait = by == NOT_KNOWN_YET && !decoder->ended;
+        /* What 520 bytes do not decide is no frame. */
+        *wait = by == NOT_KNOWN_YET && !decoder->ended && decoder->length < MODBUS_LOOKED_AT;
         if (*wait)
             return NO_FRAME;
     }

@@ -125,7 +125,8 @@ class Decoder(StreamDecoder):
 
     def extent_tcp(self, held: bytes, start: int) -> int:
         """How many bytes are before the next frame."""
-        for at in range(start, TCP_EXTENT):
+        held = held[:LOOKED_AT]
+        for at in range(start, len(held)):
             header = held[at : at + 6]
             if len(header) < 6:
                 break
@@ -138,7 +139,8 @@ class Decoder(StreamDecoder):
                 if rtu_length(held[at + 6 :], self.sender) == length + 2:
                     return at
             except Incomplete:
-                if not self.ended:
+                # What 520 bytes do not decide is no frame.
+                if not self.ended and len(held) < LOOKED_AT:
                     raise
         return self.extent_without_frame(held, TCP_EXTENT)
 

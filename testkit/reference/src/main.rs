@@ -8,6 +8,7 @@
 #![forbid(unsafe_code)]
 
 mod codec;
+mod defaults;
 mod ends;
 mod explore;
 mod json;
@@ -90,8 +91,8 @@ fn check(root: &Path) -> Result<()> {
 
 /// Every file and its text.
 fn files(root: &Path) -> Result<Vec<(PathBuf, String)>> {
-    let mut files = Vec::new();
     let reference = root.join("reference");
+    let mut files = vec![(reference.join("defaults.json"), defaults::file()?)];
     for link in LINKS {
         let file = format!("{link}.json");
         files.push((reference.join("vectors").join(&file), vectors::file(root, link)?));

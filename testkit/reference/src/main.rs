@@ -109,6 +109,10 @@ fn files(root: &Path) -> Result<Vec<(PathBuf, String)>> {
     Ok(files)
 }
 
+/// Who has computed the results besides our decoders: `reference/checks/ports.py` compares them.
+const INDEPENDENT: &str =
+    "\"every result is also that of ports/python and ports/c, written from the specification alone\"";
+
 /// An input file, if there is one.
 fn input<T: serde::de::DeserializeOwned>(root: &Path, kind: &str, link: &str) -> Result<Option<T>> {
     let path = root.join("testkit/reference/inputs").join(kind).join(format!("{link}.json"));

@@ -42,7 +42,7 @@ pub(crate) struct EndInputs {
     pub(crate) times: Vec<String>,
     pub(crate) configs: Vec<Map<String, Value>>,
     /// Cells that no story reaches, and why not.
-    unreachable: BTreeMap<String, String>,
+    pub(crate) unreachable: BTreeMap<String, String>,
     /// Rules that no story needs, and why not.
     #[serde(default)]
     unneeded: BTreeMap<String, String>,

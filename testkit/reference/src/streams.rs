@@ -26,8 +26,6 @@ struct Stream {
     /// `|` is an end.
     hex: String,
     clauses: Vec<String>,
-    /// Who computed the result besides our decoder.
-    independent: Option<String>,
 }
 
 /// The text of a link's file, if it has streams.
@@ -38,7 +36,12 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
         ensure!(stream.id as usize == index + 1, "stream {} of {link} is in place {}", stream.id, index + 1);
         lines.push(line(link, stream).with_context(|| format!("stream {} of {link}", stream.id))?);
     }
-    Ok(Some(json::file("streams.schema.json", &[("link", json::text(link)?)], "streams", &lines)))
+    Ok(Some(json::file(
+        "streams.schema.json",
+        &[("link", json::text(link)?), ("independent", crate::INDEPENDENT.into())],
+        "streams",
+        &lines,
+    )))
 }
 
 fn line(link: &str, stream: &Stream) -> Result<String> {
@@ -53,7 +56,6 @@ fn line(link: &str, stream: &Stream) -> Result<String> {
         .optional("options", options)?
         .value("hex", &stream.hex)?
         .value("clauses", &stream.clauses)?
-        .optional("independent", stream.independent.as_ref())?
         .raw("items", format_args!("[\n      {}\n    ]", items.join(",\n      ")))
         .end())
 }

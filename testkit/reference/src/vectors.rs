@@ -34,7 +34,6 @@ struct Vector {
     #[serde(default)]
     flags: Vec<String>,
     clauses: Vec<String>,
-    independent: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -61,7 +60,11 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<String> {
     for vector in &inputs.refused {
         refused.push(refuse(link, vector).with_context(|| format!("refused {} of {link}", vector.id))?);
     }
-    let mut head = vec![("link", json::text(link)?), ("source", json::text(&inputs.source)?)];
+    let mut head = vec![
+        ("link", json::text(link)?),
+        ("source", json::text(&inputs.source)?),
+        ("independent", crate::INDEPENDENT.into()),
+    ];
     if !refused.is_empty() {
         head.push(("refused", format!("[\n    {}\n  ]", refused.join(",\n    "))));
     }
@@ -111,7 +114,6 @@ fn line(link: &str, vector: &Vector) -> Result<String> {
         .value("source", &vector.source)?
         .optional("flags", (!vector.flags.is_empty()).then_some(&vector.flags))?
         .value("clauses", &vector.clauses)?
-        .optional("independent", vector.independent.as_ref())?
         .end())
 }
 

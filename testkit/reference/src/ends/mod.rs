@@ -1,5 +1,6 @@
 //! The ends of links that stories drive.
 
+mod alter_controller;
 mod alter_host;
 mod laser_host;
 mod mma_central;
@@ -55,6 +56,7 @@ pub(crate) struct Maker {
 pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
     Ok(match (link, end) {
         ("val2-alter", "host") => alter_host::MAKER,
+        ("val2-alter", "controller") => alter_controller::MAKER,
         ("laser-eb90", "host") => laser_host::MAKER,
         ("mmacell-proto", "central") => mma_central::MAKER,
         _ => bail!("no stories drive the {end} of {link}"),

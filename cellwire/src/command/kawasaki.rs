@@ -16,7 +16,7 @@ use crate::io::input::seconds;
 use crate::io::output::{log, ready};
 use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
-use crate::io::{files, input, journal};
+use crate::io::{files, input, interrupt, journal};
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
 use crate::links::settings;
@@ -200,6 +200,8 @@ fn serve(
         "these jobs were run to their end, as {} says; --again runs them again",
         journal.path().display()
     );
+    // Whatever ends it, the journal is whole.
+    interrupt::handle()?;
     let endpoint = match (&args.listen, &args.connect_to) {
         (Some(address), _) => Endpoint::Listen(address.clone()),
         (None, address) => Endpoint::Connect(address.clone().unwrap_or_default()),

@@ -51,10 +51,10 @@ pub struct Args {
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct EndpointArgs {
-    /// Listen on this TCP address; a port alone is one of this machine's loopback address, and port 0 any free one
+    /// Listen on this address; a port alone is one of this machine's loopback address, and port 0 any free one
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
-    /// Connect to this TCP address, for a device that is a TCP client
+    /// Connect to this address, for a device that is a client
     #[arg(long, value_name = "ADDR")]
     connect: Option<String>,
     /// Create a pseudo-terminal and a link to it at this path

@@ -129,7 +129,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     });
     let robot = robot.map_err(|_| anyhow!("the simulated robot panicked"))??;
     program.ledger.end();
-    let seen = Seen { packets: packets?, ledger: program.ledger, robot, time: program.start.elapsed() };
+    let (limit, time) = (pc.limits.packet, program.start.elapsed());
+    let seen = Seen { packets: packets?, limit, ledger: program.ledger, robot, time };
     if let Some(file) = &options.out {
         let drawn = seen.ledger.longest().iter().map(|stroke| board.line(&stroke.job.work));
         drawing::write_svg(file, SHEET, &drawn.collect::<Vec<_>>())?;
@@ -223,13 +224,15 @@ impl<'a> Program for Repeat<'a> {
 /// What the run has shown.
 struct Seen<'a> {
     packets: Packets,
+    /// The most bytes of one.
+    limit: usize,
     ledger: Ledger<'a>,
     robot: robot::Run,
     time: Duration,
 }
 
 fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&FaultyProxy>) -> Report {
-    let Seen { packets, ledger, robot, time } = seen;
+    let Seen { packets, limit, ledger, robot, time } = seen;
     let tally = ledger.tally();
     let statistics = robot.statistics;
     let title = format!(
@@ -248,7 +251,8 @@ fn report(picture: &Picture, lines: &[AnyWork], seen: &Seen<'_>, proxy: Option<&
     report.fact("packets", "packets of the PC", packets.count);
     report.fact("messages_mean", "messages a packet, mean", tenths(packets.messages, packets.count));
     report.fact("messages_most", "messages a packet, most", packets.most_messages);
-    report.fact("longest_packet", "bytes of the longest packet, at most 4096 (§9.5)", packets.longest);
+    let label = format!("bytes of the longest packet, at most {limit} (§9.5)");
+    report.fact("longest_packet", &label, packets.longest);
     let a_second = tenths(robot.exchange.count(), 1) / time.as_secs_f64();
     report.fact("exchanges_a_second", "exchanges a second, in the source 31 (§9.4)", round(a_second));
     if let Some(faults) = proxy.map(FaultyProxy::faults) {

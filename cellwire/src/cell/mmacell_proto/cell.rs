@@ -7,7 +7,7 @@ use mmacell_proto::{DeviceConfig, PlatformPose, RobotPose};
 use mmacell_task::Device;
 
 use super::periphery::Periphery;
-use super::workpiece::Workpieces;
+use super::workpiece::{Record, Workpieces};
 use crate::links::mmacell_proto::station::{Fate, MotionFaults, Station};
 
 /// The connections of the central controller.
@@ -107,6 +107,11 @@ impl Cell {
     /// The parts.
     pub fn parts(&self) -> &Workpieces {
         &self.parts
+    }
+
+    /// What happened to the parts, for a judge who forgets it.
+    pub(super) fn record_mut(&mut self) -> &mut Record {
+        &mut self.parts.record
     }
 
     #[cfg(test)]

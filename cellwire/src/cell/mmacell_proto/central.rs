@@ -9,7 +9,7 @@ use mmacell_proto::{
     Central as Session, CentralConfig, CentralEvent, Closing, Command, NoPose, PlatformPose, Pose, RobotPose,
     Session as _, Unfinished,
 };
-use mmacell_task::{Device, Event, Failure, Fault, Output, Step, Task, TaskConfig};
+use mmacell_task::{Device, Event, Failure, Output, Step, Task, TaskConfig};
 use robot_session::{Output as Settled, settle};
 
 use super::cell::{Cell, Which};
@@ -55,12 +55,12 @@ pub struct Central {
 /// What a run did.
 #[derive(Debug, Default)]
 pub struct Log {
-    /// Each step and when it began, in cell time.
+    /// Each step and when it began, in cell time; a long run forgets those that have been judged.
     pub steps: Vec<(Duration, Step)>,
     /// Parts that the task believes in their place.
     pub placed: u64,
-    /// Faults, and what they were.
-    pub faults: Vec<Fault>,
+    /// Faults.
+    pub faults: u64,
     /// Parts that were missed or lost as often as they may be.
     pub unpicked: u64,
     /// Steps 7 that began with the vacuum on.
@@ -265,7 +265,7 @@ impl Central {
                 Event::Next
             }
             Step::Faulted => {
-                self.log.faults.extend(self.task.fault());
+                self.log.faults += u64::from(self.task.fault().is_some());
                 Event::Recover
             }
             _ => return,

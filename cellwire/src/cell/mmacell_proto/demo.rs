@@ -12,14 +12,12 @@ use mmacell_proto::CentralConfig;
 use mmacell_task::{Step, TaskConfig};
 
 use super::cell::{Cell, Which};
-use super::central::{Central, Now};
+use super::central::{Central, Log, Now};
+use super::judged::Judged;
 use super::settings::Settings;
 use super::timeline;
-use super::verdict::{End, attempts, is_in_order, leaves_open};
-use super::workpiece::Outcome;
 use crate::cell::options::DemoOptions;
 use crate::cell::report::{Jobs, Report};
-use crate::io::samples::Samples;
 use crate::io::tcp::{self, FaultyProxy};
 use crate::io::trace::{Trace, Way};
 use crate::links::mmacell_proto::connections::{Connections, Stop};
@@ -42,11 +40,13 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
     let stalls = MotionFaults { stall_every, ..MotionFaults::default() };
     let run = Run::start(options, speed, stalls)?;
-    let (log, cell) = run.place((!until_limit).then_some(parts), task, central, options)?;
+    let (mut log, mut cell, mut judged) =
+        run.place((!until_limit).then_some(parts), task, central, options)?;
+    let shown = judged.finish(&mut log, cell.record_mut());
     if let Some(path) = &options.out {
-        timeline::draw(path, &log, &cell)?;
+        timeline::draw(path, &shown)?;
     }
-    let mut report = report(&log, &cell, options, stalls.stall_every > 0, speed);
+    let mut report = report(&log, &cell, &judged, options, stalls.stall_every > 0, speed);
     report.require(until_limit || options.seconds.is_some() || log.placed == parts, || {
         format!("{} of {parts} parts were placed", log.placed)
     });
@@ -113,7 +113,8 @@ impl Run {
         task: TaskConfig,
         central: CentralConfig,
         options: &DemoOptions,
-    ) -> Result<(super::central::Log, Cell)> {
+    ) -> Result<(Log, Cell, Judged)> {
+        let mut judged = Judged::default();
         let (sender, inbox) = channel();
         let mut central = Central::new(parts, self.clock.speed, task, central)?;
         let mut connections = Vec::new();
@@ -129,6 +130,7 @@ impl Run {
                 let mut cell = lock(&self.cell);
                 cell.advance(now.cell);
                 central.run(now, &cell);
+                judged.go_on(&mut central.log, cell.record_mut());
             }
             for connection in &mut connections {
                 connection.write(&central.transmit(connection.which));
@@ -159,7 +161,7 @@ impl Run {
         }
         let rest = Cell::new(0, false, MotionFaults::default())?;
         let cell = core::mem::replace(&mut *lock(&self.cell), rest);
-        Ok((central.log, cell))
+        Ok((central.log, cell, judged))
     }
 
     /// Waits until something arrives, or until the time at which something is due.
@@ -270,34 +272,39 @@ fn lock(cell: &Mutex<Cell>) -> MutexGuard<'_, Cell> {
     cell.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn report(log: &super::central::Log, cell: &Cell, options: &DemoOptions, stalls: bool, speed: u32) -> Report {
+fn report(
+    log: &Log,
+    cell: &Cell,
+    judged: &Judged,
+    options: &DemoOptions,
+    stalls: bool,
+    speed: u32,
+) -> Report {
     let record = &cell.parts().record;
-    let tries = attempts(log.steps.iter().map(|(_, step)| *step));
     let title = format!(
         "pick and place over three TCP connections, robot, platform, and cameras with valves; the axes run {speed} times faster than life"
     );
     let mut report = Report::new("mmacell-proto", title);
-    let ended = |wanted: End| tries.iter().filter(|(_, end)| *end == wanted).count();
     report.fact("parts_placed", "parts placed", log.placed);
-    report.fact("attempts", "attempts", tries.len());
+    report.fact("attempts", "attempts", judged.attempts);
     report.fact("missed", "parts missed and tried again", record.missed);
     report.fact("fallen", "parts lost in flight and tried again", record.lost);
-    let elsewhere = let_go_elsewhere(log, cell);
+    let elsewhere = judged.let_go_elsewhere;
     report.fact("let_go_in_place", "parts let go in the right place", record.placed);
     report.fact("let_go_elsewhere", "parts let go elsewhere", elsewhere);
     report.fact("unpicked", "parts missed or lost as often as they may be", log.unpicked);
     report.fact("exchanges", "commands answered", log.exchanges);
     if options.faults || stalls {
-        report.fact("faults", "faults that a reset led out of", log.faults.len());
+        report.fact("faults", "faults that a reset led out of", log.faults);
         report.fact("reconnections", "connections opened again", log.reconnections);
-        report.fact("broken_off", "attempts that a fault broke off", ended(End::Fault));
+        report.fact("broken_off", "attempts that a fault broke off", judged.broken_off);
         report.fact("dropped", "parts let go at a fault", record.dropped);
     }
     report.fact("vacuum_left_on", "attempts begun with the vacuum on", log.vacuum_left_on);
     let after_loss = u64::try_from(record.vacuum_after_fall.as_millis()).unwrap_or(u64::MAX);
     report.fact("vacuum_after_loss_ms", "longest vacuum after a loss, ms of the cell's time", after_loss);
     report.jobs(motions(log, cell, options));
-    let open = tries.iter().filter(|(steps, end)| leaves_open(steps, *end)).count() as u64;
+    let open = judged.open;
     report.require(record.carried_off <= open, || {
         format!("{} parts were not blown off and left their place again", record.carried_off)
     });
@@ -306,33 +313,23 @@ fn report(log: &super::central::Log, cell: &Cell, options: &DemoOptions, stalls:
     });
     report.require(elsewhere == 0, || format!("{elsewhere} parts were let go in the wrong place"));
     report.require(log.vacuum_left_on == 0 && !cell.parts().vacuum(), || "the vacuum was left on".into());
-    for (number, (steps, end)) in tries.iter().enumerate() {
-        report.require(is_in_order(steps, *end), || {
-            format!("attempt {}: steps out of order: {steps:?}, ended {end:?}", number + 1)
-        });
-    }
+    let (words, count) = &judged.failures;
+    words.iter().for_each(|words| report.require(false, || words.clone()));
+    let more = count - words.len() as u64;
+    report.require(more == 0, || format!("{more} more attempts with steps out of order"));
     report.timing("turn_around", "command to reply", &log.turn_around, None);
-    let mut cycles = Samples::default();
-    placed_in(log).into_iter().for_each(|time| cycles.add(time));
-    report.timing("cycle", "cycle of a part, in the cell's time", &cycles, None);
-    for (step, samples) in durations(log) {
+    report.timing("cycle", "cycle of a part, in the cell's time", &judged.cycles, None);
+    let of = |step| judged.steps.iter().find(|(known, _)| *known == step);
+    for (step, samples) in Step::ALL.into_iter().filter_map(of) {
         let number = step.number().map_or_else(|| "–".into(), |number| number.to_string());
         let key = format!("step_{}", step.label().replace(' ', "_"));
-        report.timing(&key, &format!("  {number:>2} {}", step.label()), &samples, None);
+        report.timing(&key, &format!("  {number:>2} {}", step.label()), samples, None);
     }
     report
 }
 
-/// Parts that the task let go elsewhere than in their place, without a fault that made it close the valves.
-fn let_go_elsewhere(log: &super::central::Log, cell: &Cell) -> usize {
-    let outcomes = cell.parts().record.outcomes.iter();
-    let dropped = outcomes.filter(|(_, outcome)| *outcome == Outcome::Dropped);
-    let step = |at: Duration| log.steps.iter().rev().find(|(begin, _)| *begin <= at).map(|(_, step)| *step);
-    dropped.filter(|(at, _)| !matches!(step(*at), Some(Step::Faulted | Step::Resetting))).count()
-}
-
 /// Motions as jobs: what was agreed to was executed once; what was executed was agreed to, or its reply was lost.
-fn motions(log: &super::central::Log, cell: &Cell, options: &DemoOptions) -> Jobs {
+fn motions(log: &Log, cell: &Cell, options: &DemoOptions) -> Jobs {
     let executed = [options.spoilt(cell.robot().motions()), cell.platform().motions()];
     let mut jobs = Jobs::default();
     for ((agreed, unknown), executed) in log.agreed.iter().zip(log.unknown).zip(executed) {
@@ -343,36 +340,6 @@ fn motions(log: &super::central::Log, cell: &Cell, options: &DemoOptions) -> Job
         jobs.unknown += unknown;
     }
     jobs
-}
-
-/// The time that each part took, from step 7 of its first attempt until it was placed.
-fn placed_in(log: &super::central::Log) -> Vec<Duration> {
-    let mut begun = None;
-    let mut times = Vec::new();
-    for (at, step) in &log.steps {
-        match step {
-            Step::GoCamera1 => begun = begun.or(Some(*at)),
-            Step::Placed => times.extend(begun.take().map(|begun| *at - begun)),
-            _ => {}
-        }
-    }
-    times
-}
-
-/// How long each step of the cycle took each time, in the order of the steps.
-fn durations(log: &super::central::Log) -> Vec<(Step, Samples)> {
-    let cycle = |step: &Step| step.number().is_some_and(|number| number >= 7) || *step == Step::Resetting;
-    let mut all: Vec<(Step, Samples)> =
-        Step::ALL.into_iter().filter(cycle).map(|step| (step, Samples::default())).collect();
-    for pair in log.steps.windows(2) {
-        if let [(begin, step), (end, _)] = pair
-            && let Some((_, samples)) = all.iter_mut().find(|(known, _)| known == step)
-        {
-            samples.add(*end - *begin);
-        }
-    }
-    all.retain(|(_, samples)| samples.count() > 0);
-    all
 }
 
 #[cfg(test)]
@@ -440,12 +407,18 @@ mod tests {
         let at = Duration::from_secs;
         cell.drop_part(at(3));
         let steps = vec![(at(1), Step::AwaitPlace), (at(2), Step::Release), (at(4), Step::Blow)];
-        let mut log = super::super::central::Log { steps, ..Default::default() };
-        let report = report(&log, &cell, &options(false, &[]), false, 1);
+        let mut log = Log { steps, ..Log::default() };
+        let mut faulted = Log { steps: log.steps.clone(), ..Log::default() };
+        let mut judged = Judged::default();
+        judged.finish(&mut log, cell.record_mut());
+        let report = report(&log, &cell, &judged, &options(false, &[]), false, 1);
         assert!(!report.is_good());
         assert_eq!(report.to_json()["let_go_elsewhere"], 1);
-        log.steps.insert(2, (at(2), Step::Faulted));
-        assert_eq!(let_go_elsewhere(&log, &cell), 0, "a fault closes the valves");
+        faulted.steps.insert(2, (at(2), Step::Faulted));
+        cell.drop_part(at(3));
+        let mut judged = Judged::default();
+        judged.finish(&mut faulted, cell.record_mut());
+        assert_eq!(judged.let_go_elsewhere, 0, "a fault closes the valves");
     }
 
     /// Long traces, too, are whole when the demo ends.

@@ -3,6 +3,7 @@
 pub mod cell;
 pub mod central;
 mod demo;
+mod judged;
 mod periphery;
 mod settings;
 mod timeline;

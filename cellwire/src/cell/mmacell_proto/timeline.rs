@@ -9,17 +9,16 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::cell::Cell;
 use super::central::Log;
-use super::workpiece::Outcome;
+use super::workpiece::{Outcome, Record};
 use crate::io::files;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-const SIZE: (i32, i32) = (1600, 575);
+const SIZE: (i32, i32) = (1600, 603);
 const LEFT: i32 = 150;
 const RIGHT: i32 = 30;
-const TOP: i32 = 96;
+const TOP: i32 = 124;
 const LANE: i32 = 52;
 const LANES: i32 = 8;
 const BAR: i32 = 30;
@@ -36,6 +35,24 @@ const AIR: RGBColor = RGBColor(120, 170, 210);
 const GOOD: RGBColor = RGBColor(58, 145, 84);
 const BAD: RGBColor = RGBColor(198, 66, 60);
 
+/// What the picture is drawn from.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Shown {
+    pub(super) steps: Vec<(Duration, Step)>,
+    vacuum: Vec<(Duration, bool)>,
+    blow: Vec<(Duration, bool)>,
+    switch: Vec<(Duration, bool)>,
+    outcomes: Vec<(Duration, Outcome)>,
+}
+
+impl Shown {
+    pub(super) fn of(log: &Log, record: &Record) -> Self {
+        let Record { vacuum, blow, switch, outcomes, .. } = record;
+        let [vacuum, blow, switch] = [vacuum, blow, switch].map(Clone::clone);
+        Self { steps: log.steps.clone(), vacuum, blow, switch, outcomes: outcomes.clone() }
+    }
+}
+
 /// A bar in a lane.
 struct Span {
     from: Duration,
@@ -45,29 +62,29 @@ struct Span {
 }
 
 /// Draws the run from its beginning until one part was placed, one missed and one lost, or as far as is readable.
-pub(super) fn draw(path: &Path, log: &Log, cell: &Cell) -> Result<()> {
+pub(super) fn draw(path: &Path, shown: &Shown) -> Result<()> {
     let (from, to) =
-        window(log, cell).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
+        window(shown).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
     let mut drawn = String::new();
     let size = (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs());
     let root = SVGBackend::with_string(&mut drawn, size).into_drawing_area();
     let picture = Picture { area: &root, from, to };
-    picture.draw(log, cell).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
+    picture.draw(shown).map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
     root.present().map_err(|error| anyhow!("cannot draw {}: {error}", path.display()))?;
     drop(root);
     files::write(path, drawn.as_bytes())
 }
 
 /// Six attempts: the first in which one part is placed, one missed and one lost, if there are any.
-fn window(log: &Log, cell: &Cell) -> Option<(Duration, Duration)> {
+fn window(shown: &Shown) -> Option<(Duration, Duration)> {
     const SHOWN: usize = 6;
-    let begins = log.steps.iter().filter(|(_, step)| *step == Step::GoCamera1).map(|(at, _)| *at);
-    let begins: Vec<Duration> = begins.chain([log.steps.last()?.0]).collect();
+    let begins = shown.steps.iter().filter(|(_, step)| *step == Step::GoCamera1).map(|(at, _)| *at);
+    let begins: Vec<Duration> = begins.chain([shown.steps.last()?.0]).collect();
     let mut windows =
         begins.windows(SHOWN.min(begins.len() - 1) + 1).filter_map(|w| Some((*w.first()?, *w.last()?)));
     let first = windows.clone().next()?;
     let holds = |(from, to): &(Duration, Duration), fate: Outcome| {
-        cell.parts().record.outcomes.iter().any(|(at, outcome)| *outcome == fate && (from..=to).contains(&at))
+        shown.outcomes.iter().any(|(at, outcome)| *outcome == fate && (from..=to).contains(&at))
     };
     let fates = [Outcome::Placed, Outcome::Missed, Outcome::Lost];
     Some(windows.find(|window| fates.into_iter().all(|fate| holds(window, fate))).unwrap_or(first))
@@ -82,32 +99,54 @@ struct Picture<'a, 'b> {
 type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 impl Picture<'_, '_> {
-    fn draw(&self, log: &Log, cell: &Cell) -> Drawn {
-        let record = &cell.parts().record;
+    fn draw(&self, shown: &Shown) -> Drawn {
         self.area.fill(&WHITE)?;
         self.text((LEFT, 30), "Pick and place: what each device of the cell does", 22, INK, HPos::Left)?;
         let legend =
             "one attempt from line to line; a part that is missed or lost is tried again from step 7";
         self.text((LEFT, 56), legend, 14, INK, HPos::Left)?;
-        self.attempts(log)?;
+        self.legend()?;
+        self.attempts(shown)?;
         self.axis()?;
         let lanes = [
-            ("Step", spans(log, numbers)),
-            ("Robot", spans(log, robot)),
-            ("Platform", platform(log)),
-            ("Cameras", spans(log, cameras)),
-            ("Vacuum", levels(&record.vacuum, self.to, AIR)),
-            ("Vacuum switch", levels(&record.switch, self.to, CARRY)),
-            ("Blow", levels(&record.blow, self.to, EYES)),
+            ("Step", spans(shown, numbers)),
+            ("Robot", spans(shown, robot)),
+            ("Platform", platform(shown)),
+            ("Cameras", spans(shown, cameras)),
+            ("Vacuum", levels(&shown.vacuum, self.to, AIR)),
+            ("Vacuum switch", levels(&shown.switch, self.to, CARRY)),
+            ("Blow", levels(&shown.blow, self.to, EYES)),
         ];
         for (row, (name, spans)) in lanes.iter().enumerate() {
             self.lane(i32::try_from(row).unwrap_or_default(), name, spans)?;
         }
-        self.outcomes(&record.outcomes)
+        self.outcomes(&shown.outcomes)
     }
 
-    fn attempts(&self, log: &Log) -> Drawn {
-        for (at, _) in log.steps.iter().filter(|(at, step)| *step == Step::GoCamera1 && self.shows(*at)) {
+    /// What the colours mean, beside the labels of the bars.
+    fn legend(&self) -> Drawn {
+        let mut left = LEFT;
+        for (color, text) in [
+            (ROBOT, "robot without a part"),
+            (TO_PART, "robot at the part"),
+            (CARRY, "robot with the part, part on the gripper"),
+            (PLATFORM, "platform turns"),
+            (EYES, "camera looks, valve blows"),
+            (AIR, "vacuum on"),
+            (STEP, "other steps"),
+            (GOOD, "placed"),
+            (BAD, "missed, lost, dropped, given up"),
+        ] {
+            let corners = [(left, 73), (left + 14, 87)];
+            self.area.draw(&Rectangle::new(corners, color.filled()))?;
+            self.text((left + 20, 80), text, 13, INK, HPos::Left)?;
+            left += 44 + i32::try_from(text.len()).unwrap_or_default() * 13 / 2;
+        }
+        Ok(())
+    }
+
+    fn attempts(&self, shown: &Shown) -> Drawn {
+        for (at, _) in shown.steps.iter().filter(|(at, step)| *step == Step::GoCamera1 && self.shows(*at)) {
             let x = self.x(*at);
             self.area.draw(&PathElement::new([(x, TOP - 14), (x, TOP + LANES * LANE)], FAINT))?;
         }
@@ -182,9 +221,9 @@ impl Picture<'_, '_> {
 }
 
 /// The spans of the steps that a device has something to do in; neighbours of one label are one.
-fn spans(log: &Log, of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
+fn spans(shown: &Shown, of: impl Fn(Step) -> Option<(RGBColor, &'static str)>) -> Vec<Span> {
     let mut spans: Vec<Span> = Vec::new();
-    for pair in log.steps.windows(2) {
+    for pair in shown.steps.windows(2) {
         let [(from, step), (to, _)] = pair else { continue };
         let Some((color, label)) = of(*step) else { continue };
         match spans.last_mut().filter(|last| last.to == *from && last.label == label) {
@@ -233,8 +272,8 @@ fn cameras(step: Step) -> Option<(RGBColor, &'static str)> {
 }
 
 /// The platform turns from step 10 on, and stands at the latest at the end of step 12.
-fn platform(log: &Log) -> Vec<Span> {
-    spans(log, |step| match step {
+fn platform(shown: &Shown) -> Vec<Span> {
+    spans(shown, |step| match step {
         Step::GoHome | Step::AwaitHome | Step::Resetting => Some((PLATFORM, "home")),
         Step::TurnPlatform | Step::GoCamera2 | Step::AwaitCamera2 => Some((PLATFORM, "turn")),
         _ => None,

@@ -20,60 +20,81 @@ pub use options::{DemoOptions, MustFail};
 use self::report::Report;
 use crate::links::settings::{self, Setting};
 
+/// The demo of a link.
+struct Demo {
+    link: &'static str,
+    /// How its record can be spoilt.
+    must_fail: &'static [MustFail],
+    run: fn(&DemoOptions) -> Result<Report>,
+    settings: fn() -> Vec<Setting>,
+}
+
+/// Every demo, one for each link.
+static DEMOS: [Demo; 7] = [
+    Demo {
+        link: "kawasaki-msg",
+        must_fail: &[MustFail::Lost, MustFail::Repeated, MustFail::Late],
+        run: kawasaki_msg::demo,
+        settings: || settings::list(kawasaki_msg::Settings::default()),
+    },
+    Demo {
+        link: "val2-alter",
+        must_fail: &[MustFail::Lost, MustFail::Limit, MustFail::Late],
+        run: teleop::demo::robot,
+        settings: || settings::list(teleop::demo::RobotSettings::default()),
+    },
+    Demo {
+        link: "val2-viewer",
+        must_fail: &[MustFail::Repeated],
+        run: teleop::demo::viewer,
+        settings: || settings::list(teleop::demo::ViewerSettings::default()),
+    },
+    Demo {
+        link: "isra-ball",
+        must_fail: &[MustFail::Lost, MustFail::Late],
+        run: teleop::demo::ball,
+        settings: || settings::list(teleop::demo::BallSettings::default()),
+    },
+    Demo {
+        link: "fanuc-hmi-modbus",
+        must_fail: &[MustFail::Lost, MustFail::Limit, MustFail::Late],
+        run: fanuc_hmi_modbus::demo,
+        settings: || settings::list(fanuc_hmi_modbus::Settings::default()),
+    },
+    Demo {
+        link: "laser-eb90",
+        must_fail: &[MustFail::Lost, MustFail::Repeated, MustFail::Late],
+        run: laser_eb90::demo,
+        settings: || settings::list(laser_eb90::Settings::default()),
+    },
+    Demo {
+        link: "mmacell-proto",
+        must_fail: &[MustFail::Lost, MustFail::Repeated],
+        run: mmacell_proto::demo,
+        settings: || settings::list(mmacell_proto::Settings::default()),
+    },
+];
+
 /// Runs the demo of the link of this name.
 ///
 /// # Errors
 /// When it cannot be set up: a port in use, a file that does not exist.
 pub fn demo(link: &str, options: &DemoOptions) -> Result<Report> {
-    let known = must_fail(link);
+    let Some(demo) = DEMOS.iter().find(|demo| demo.link == link) else { bail!("{link} has no demo") };
+    let known = demo.must_fail;
     if let Some(how) = options.must_fail.filter(|how| !known.contains(how)) {
         let name = |how: &MustFail| format!("{how:?}").to_lowercase();
         let known: Vec<_> = known.iter().map(name).collect();
         bail!("the demo of {link} has no --must-fail {}: it has {}", name(&how), known.join(", "));
     }
-    let mut report = run(link, options)?;
+    let mut report = (demo.run)(options)?;
     if options.spoils(MustFail::Late) {
         report.allow_no_time();
     }
     Ok(report)
 }
 
-/// How the record of the link's demo can be spoilt.
-fn must_fail(link: &str) -> &'static [MustFail] {
-    use MustFail::{Late, Limit, Lost, Repeated};
-    match link {
-        "kawasaki-msg" | "laser-eb90" => &[Lost, Repeated, Late],
-        "val2-alter" | "fanuc-hmi-modbus" => &[Lost, Limit, Late],
-        "val2-viewer" => &[Repeated],
-        "isra-ball" => &[Lost, Late],
-        "mmacell-proto" => &[Lost, Repeated],
-        _ => &[],
-    }
-}
-
-fn run(link: &str, options: &DemoOptions) -> Result<Report> {
-    match link {
-        "kawasaki-msg" => kawasaki_msg::demo(options),
-        "val2-alter" => teleop::demo::robot(options),
-        "val2-viewer" => teleop::demo::viewer(options),
-        "isra-ball" => teleop::demo::ball(options),
-        "fanuc-hmi-modbus" => fanuc_hmi_modbus::demo(options),
-        "laser-eb90" => laser_eb90::demo(options),
-        "mmacell-proto" => mmacell_proto::demo(options),
-        _ => bail!("{link} has no demo"),
-    }
-}
-
 /// What can be set of the demo of the link of this name.
 pub fn settings(link: &str) -> Vec<Setting> {
-    match link {
-        "kawasaki-msg" => settings::list(kawasaki_msg::Settings::default()),
-        "val2-alter" => settings::list(teleop::demo::RobotSettings::default()),
-        "val2-viewer" => settings::list(teleop::demo::ViewerSettings::default()),
-        "isra-ball" => settings::list(teleop::demo::BallSettings::default()),
-        "fanuc-hmi-modbus" => settings::list(fanuc_hmi_modbus::Settings::default()),
-        "laser-eb90" => settings::list(laser_eb90::Settings::default()),
-        "mmacell-proto" => settings::list(mmacell_proto::Settings::default()),
-        _ => Vec::new(),
-    }
+    DEMOS.iter().find(|demo| demo.link == link).map_or_else(Vec::new, |demo| (demo.settings)())
 }

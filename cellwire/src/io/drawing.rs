@@ -196,7 +196,7 @@ fn document(sheet: Point) -> svg::Document {
         .set("viewBox", (0, 0, mm(sheet.x), mm(sheet.y)))
 }
 
-fn strokes(lines: &[Line], draws: bool, color: &str, width: f64) -> svg::node::element::Path {
+pub(super) fn strokes(lines: &[Line], draws: bool, color: &str, width: f64) -> svg::node::element::Path {
     let mut data = svg::node::element::path::Data::new();
     let mut at = None;
     for line in lines.iter().filter(|line| line.draws == draws) {
@@ -215,7 +215,7 @@ fn strokes(lines: &[Line], draws: bool, color: &str, width: f64) -> svg::node::e
         .set("d", data)
 }
 
-fn mm(hundredths: i32) -> f64 {
+pub(super) fn mm(hundredths: i32) -> f64 {
     f64::from(hundredths) / 100.0
 }
 

@@ -16,6 +16,7 @@ pub mod priority;
 pub mod samples;
 pub mod serial;
 pub mod serve;
+pub mod sheet;
 pub mod stream;
 pub mod tcp;
 pub mod trace;

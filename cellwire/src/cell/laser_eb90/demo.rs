@@ -14,7 +14,7 @@ use crate::cell::options::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Point};
 use crate::io::line::{Clock, Line, LineFaults};
-use crate::io::serial;
+use crate::io::{serial, sheet};
 use crate::links::laser_eb90::controller::{self, Job, Robot, RobotCounts, Switch};
 use crate::links::settings::{self, Configure, Table};
 
@@ -125,7 +125,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let cutter = cutter.plan;
     let tally = Tally::new(&path, &cutter.known, &cuts);
     if let Some(file) = &options.out {
-        drawing::write_svg(file, SHEET, &lines(&cuts))?;
+        sheet::write(file, SHEET, &lines(&cuts), ["laser on", "laser off"])?;
     }
     Ok(report((options, baud), path.len(), &line, &cutter, &robot, tally, rates))
 }

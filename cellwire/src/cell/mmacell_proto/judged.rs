@@ -83,8 +83,7 @@ impl Judged {
                 _ => {}
             }
         }
-        let step =
-            |at: Duration| steps.iter().rev().find(|(begin, _)| *begin <= at).map(|(_, step)| *step);
+        let step = |at: Duration| steps.iter().rev().find(|(begin, _)| *begin <= at).map(|(_, step)| *step);
         let count_outcomes = record.outcomes.partition_point(|(at, _)| *at < end);
         for (at, outcome) in record.outcomes.drain(..count_outcomes) {
             let by_fault = matches!(step(at), Some(Step::Faulted | Step::Resetting));

@@ -63,8 +63,7 @@ struct Span {
 
 /// Draws the run from its beginning until one part was placed, one missed and one lost, or as far as is readable.
 pub(super) fn draw(path: &Path, shown: &Shown) -> Result<()> {
-    let (from, to) =
-        window(shown).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
+    let (from, to) = window(shown).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
     let mut drawn = String::new();
     let size = (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs());
     let root = SVGBackend::with_string(&mut drawn, size).into_drawing_area();

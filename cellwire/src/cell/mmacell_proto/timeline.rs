@@ -139,7 +139,7 @@ impl Picture<'_, '_> {
             let corners = [(left, 73), (left + 14, 87)];
             self.area.draw(&Rectangle::new(corners, color.filled()))?;
             self.text((left + 20, 80), text, 13, INK, HPos::Left)?;
-            left += 44 + i32::try_from(text.len()).unwrap_or_default() * 13 / 2;
+            left += 44 + i32::try_from(text.len()).unwrap_or_default() * 28 / 5;
         }
         Ok(())
     }

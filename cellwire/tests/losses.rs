@@ -72,7 +72,7 @@ fn a_server_that_vanishes_is_an_error_of_its_own() {
     let folder = tempfile::tempdir().unwrap();
     let csv = folder.path().join("run.csv");
     fs::write(&csv, "an earlier run\n").unwrap();
-    let args = ["fanuc", "log", &address, "--csv", csv.to_str().unwrap(), "--seconds", "20"];
+    let args = ["fanuc", "log", &address, "--csv", csv.to_str().unwrap(), "--seconds", "4"];
     let (code, _, said) = run(&mut cellwire(&args));
     assert_eq!(code, Some(3), "{said}");
     assert_eq!(fs::read_to_string(&csv).unwrap(), "an earlier run\n");

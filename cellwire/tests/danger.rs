@@ -244,11 +244,11 @@ fn another_start_while_the_ball_is_pushed_moves_nothing() {
     assert_stopped(tried(restart_pushed), 0);
 }
 
-/// The robot is silent for more than its four cycles, and begins again: the hand has pushed all the time.
+/// The robot is silent for more than twenty cycles, and begins again: the hand has pushed all the time.
 fn robot_back_pushed() -> Option<Stopped> {
     let rig = Rig::moving(23, &[], FAST);
     let before = rig.controller.now();
-    rig.controller.pause(8);
+    rig.controller.pause(25);
     let since = rig.controller.wait("the start", before, |cycle| *cycle == Cycle::Start(0));
     assert_still_until_rest(&rig, since, 40)
 }

@@ -41,7 +41,8 @@ impl Rig {
         let process = Command::new("setsid")
             .args(["--ctty", env!("CARGO_BIN_EXE_cellwire"), "alter", "--robot", &robot_path])
             .args(input.iter().map(|arg| if *arg == "BALL" { ball_path.as_os_str() } else { arg.as_ref() }))
-            .args(["--trace", "--trace-dir"])
+            // A busy machine keeps the test's own robot silent for longer than four cycles: that alone ends no ALTER.
+            .args(["--set", "silence_cycles=20", "--trace", "--trace-dir"])
             .arg(folder.path())
             .args(args)
             .stdin(end())

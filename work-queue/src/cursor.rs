@@ -35,11 +35,6 @@ impl Limits {
         let after = position + jobs;
         if after < self.wrap() { after } else { after - self.wrap() }
     }
-
-    /// The slot of a position.
-    pub(crate) const fn index(self, position: u32) -> usize {
-        (position % self.capacity) as usize
-    }
 }
 
 /// The place of one end. Until `stop` a step is one addition and one comparison.
@@ -173,8 +168,8 @@ impl Mark {
         ((self.0 >> 16) as u16).wrapping_sub((at & 0xFFFF) as u16).cast_signed()
     }
 
-    /// Whether a mark at `position` is old enough to be renewed. Asked once a lap at least, of at most 9999 jobs.
-    pub(crate) const fn is_stale(position: u32, head: u32, limits: Limits) -> bool {
-        limits.is_before(position, head) && limits.distance(position, head) > 1 << 14
+    /// Whether it is so far behind `at` that it must be renewed. Asked once a lap at least, of at most 9999 jobs.
+    pub(crate) const fn is_stale(self, at: u32) -> bool {
+        self.ahead_of(at) < -(1 << 14)
     }
 }

@@ -12,7 +12,8 @@
 //! 2. Slots from `tail` to `head + capacity` are the writer's and hold no job.
 //! 3. Only the writer stores `tail`: the release store hands the slots before it to the reader, whose acquire load takes them over.
 //!    Only the reader stores `head`, and hands slots back in the same way.
-//! 4. An end keeps what it saw of the other one as its cursor's `end`: slots from `at` to `end` are its own.
+//! 4. An end keeps what it saw of the other one as its cursor's `end`: slots from `at` to `end` are its own. They are on one lap up to
+//!    `stop`. Cursors are made here alone, of the ring's own limits: their index is below the capacity.
 //! 5. Only the writer stores the mark, which hands nothing over: the reader discards no slots but its own. A job is published after
 //!    the marks before it: an end that has acquired a tail finds the mark from which the jobs before it are numbered.
 //! 6. There is one writer and one reader. The end that leaves second drops what is left between `head` and `tail`, where the storage
@@ -32,7 +33,7 @@ pub use storage::{Ends, WorkQueue};
 pub use storage::{boxed, boxed_with};
 pub use writer::{Batch, Claim, Writer};
 
-use crate::cursor::{Limits, Mark};
+use crate::cursor::{Cursor, Limits, Mark};
 use crate::sync::{AtomicBool, AtomicU32, Ordering, UnsafeCell, order};
 use crate::wake::Wake;
 
@@ -79,40 +80,10 @@ enum Owner {
 struct Slot<T>(UnsafeCell<MaybeUninit<T>>);
 
 impl<T> Slot<T> {
-    /// # Safety
-    ///
-    /// The slot is the caller's.
+    /// The place of a job: for who owns the slot alone, so that loom may take each access for a write.
     #[inline(always)]
-    unsafe fn fill(&self, job: impl FnOnce() -> T) {
-        // SAFETY: as above.
-        self.0.with_mut(|place| unsafe { (*place).write(job()) });
-    }
-
-    /// # Safety
-    ///
-    /// The slot is the caller's and holds a job for as long as the reference lives.
-    #[inline(always)]
-    unsafe fn job<'a>(&self) -> &'a T {
-        // SAFETY: as above.
-        self.0.with(|job| unsafe { (*job).assume_init_ref() })
-    }
-
-    /// # Safety
-    ///
-    /// As for [`job`](Self::job), and there is no other reference to the job.
-    #[inline(always)]
-    unsafe fn job_mut<'a>(&self) -> &'a mut T {
-        // SAFETY: as above.
-        self.0.with_mut(|job| unsafe { (*job).assume_init_mut() })
-    }
-
-    /// # Safety
-    ///
-    /// The slot is the caller's and holds a job, which the caller does not find there again.
-    #[inline(always)]
-    unsafe fn move_out(&self) -> T {
-        // SAFETY: as above.
-        self.0.with(|job| unsafe { (*job).assume_init_read() })
+    fn place(&self) -> *mut T {
+        self.0.with_mut(|place| place.cast())
     }
 }
 
@@ -155,34 +126,21 @@ impl<T> Shared<T> {
         self.control.0.abandoned.load(order::observe_leave())
     }
 
-    /// # Safety
-    ///
-    /// `index` is below the capacity: it comes from a cursor, or from [`Limits::index`].
     #[inline(always)]
-    unsafe fn slot(&self, index: usize) -> &Slot<T> {
-        // SAFETY: as above, and there are ends: they have set the pointer, and the storage outlives them.
-        unsafe { &*self.control.0.slots.get().add(index) }
-    }
-
-    /// A row of slots, to go through without looking each time where they are.
-    ///
-    /// # Safety
-    ///
-    /// As for [`slot`](Self::slot); they are on one lap.
-    #[inline(always)]
-    unsafe fn row(&self, index: usize, slots: u32) -> &[Slot<T>] {
-        // SAFETY: as in `slot`; slots hold cells, so that others may write to theirs.
-        unsafe { core::slice::from_raw_parts(self.control.0.slots.get().add(index), slots as usize) }
+    fn slot(&self, cursor: &Cursor) -> &Slot<T> {
+        at(&self.control.0.slots, cursor)
     }
 
     /// Whether the job of a slot of the reader's was completed before its turn.
-    ///
-    /// # Safety
-    ///
-    /// As for [`slot`](Self::slot).
-    unsafe fn done(&self, index: usize) -> &AtomicBool {
-        // SAFETY: as above.
-        unsafe { &*self.control.0.done.get().add(index) }
+    fn done(&self, cursor: &Cursor) -> &AtomicBool {
+        at(&self.control.0.done, cursor)
+    }
+
+    /// The slots of a row, to go through without looking each time where they are.
+    #[inline(always)]
+    fn row(&self, cursor: &Cursor, slots: u32) -> &[Slot<T>] {
+        // SAFETY: as in `at`, up to the stop of the cursor; slots hold cells, so that others may write to theirs.
+        unsafe { core::slice::from_raw_parts(self.control.0.slots.get().add(cursor.index()), slots as usize) }
     }
 
     /// Drops the jobs that are left.
@@ -197,16 +155,21 @@ impl<T> Shared<T> {
             if head == tail {
                 return;
             }
-            let index = self.limits().index(head);
+            let cursor = Cursor::new(head, 1, self.limits());
             // SAFETY: the slot is nobody else's, and by 1 holds a job if its flag does not say otherwise; the head moves over it.
-            let job = unsafe {
-                let done = self.done(index).load(Ordering::Relaxed);
-                (!done).then(|| self.slot(index).move_out())
-            };
+            let job = (!self.done(&cursor).load(Ordering::Relaxed))
+                .then(|| unsafe { self.slot(&cursor).place().read() });
             self.head.0.store(self.limits().after(head, 1), Ordering::Relaxed);
             drop(job); // last: should it panic, it has been dropped once
         }
     }
+}
+
+/// What is at a cursor in one of the two arrays. There are ends, which have noted where it is.
+#[inline(always)]
+fn at<'a, E>(array: &'a Cell<*const E>, cursor: &Cursor) -> &'a E {
+    // SAFETY: by 4 the index is below the capacity, and the arrays outlive the ends.
+    unsafe { &*array.get().add(cursor.index()) }
 }
 
 /// An end's hold on the ring: one pointer, so that what is seldom called takes it in a register.
@@ -245,11 +208,12 @@ impl<T> Hold<T> {
         #[cfg(target_has_atomic = "8")]
         if control.abandoned.swap(true, order::leave_second()) {
             // SAFETY: the other end has left before, which was its last access, and all that it did is visible here.
-            unsafe { self.drop_jobs() };
-            #[cfg(feature = "alloc")]
-            if control.owner.get() == Owner::Ends {
-                // SAFETY: as above; the ends were the owners.
-                return unsafe { storage::free(self.0) };
+            unsafe {
+                self.drop_jobs();
+                #[cfg(feature = "alloc")]
+                if control.owner.get() == Owner::Ends {
+                    return storage::free(self.0);
+                }
             }
             control.in_use.store(false, order::publish_free());
         }

@@ -27,8 +27,8 @@ struct Front {
 }
 
 impl<T, W: Wake> Reader<'_, T, W> {
-    pub(super) fn new(hold: Hold<T>, cursor: Cursor, mark: Mark, writer: W) -> Self {
-        let front = Front { cursor, mark, ahead: 0 };
+    pub(super) fn new(hold: Hold<T>, cursor: Cursor, writer: W) -> Self {
+        let front = Front { cursor, mark: hold.mark(), ahead: 0 };
         Reader { end: End { hold, other: writer }, front, storage: PhantomData }
     }
 
@@ -147,8 +147,7 @@ impl Front {
 
     /// Whether the job at the cursor was completed before its turn, which is now.
     fn passes<T>(&mut self, hold: Hold<T>) -> bool {
-        // SAFETY: the index comes from a cursor.
-        let done = unsafe { hold.done(self.cursor.index()) };
+        let done = hold.done(&self.cursor);
         let passes = self.ahead > 0 && done.load(Relaxed);
         if passes {
             done.store(false, Relaxed);
@@ -182,7 +181,7 @@ impl Front {
         if ahead > 0 {
             if !self.passes(hold) {
                 // SAFETY: the cursor is open, so the slot is ours, and by 1 it holds a job; the cursor moves over it.
-                job = Some(unsafe { hold.slot(self.cursor.index()).move_out() });
+                job = Some(unsafe { hold.slot(&self.cursor).place().read() });
             }
             self.cursor.step(hold.limits());
         } else {
@@ -236,7 +235,7 @@ impl<T, W: Wake> Taken<'_, T, W> {
     pub fn complete(self) -> T {
         let (hold, front) = (self.hold, self.front);
         // SAFETY: as in `deref`; below, the cursor moves over the slot or its flag is set.
-        let job = unsafe { hold.slot(self.here.index()).move_out() };
+        let job = unsafe { hold.slot(&self.here).place().read() };
         if self.here.at == front.cursor.at {
             if front.cursor.advance(1) {
                 *front = front.turn(hold);
@@ -244,8 +243,7 @@ impl<T, W: Wake> Taken<'_, T, W> {
             hold.set_head(front.cursor.at);
             self.writer.wake();
         } else {
-            // SAFETY: the index comes from a cursor.
-            unsafe { hold.done(self.here.index()) }.store(true, Relaxed);
+            hold.done(&self.here).store(true, Relaxed);
             front.ahead += 1;
             front.cursor.stop = front.cursor.at + 1;
         }
@@ -259,7 +257,7 @@ impl<T, W: Wake> Deref for Taken<'_, T, W> {
     #[inline(always)]
     fn deref(&self) -> &T {
         // SAFETY: a job was found there, and only `complete`, which takes `self`, moves it out.
-        unsafe { self.hold.slot(self.here.index()).job() }
+        unsafe { &*self.hold.slot(&self.here).place() }
     }
 }
 
@@ -267,7 +265,7 @@ impl<T, W: Wake> DerefMut for Taken<'_, T, W> {
     #[inline(always)]
     fn deref_mut(&mut self) -> &mut T {
         // SAFETY: as in `deref`.
-        unsafe { self.hold.slot(self.here.index()).job_mut() }
+        unsafe { &mut *self.hold.slot(&self.here).place() }
     }
 }
 
@@ -294,13 +292,12 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
     #[inline(always)]
     pub fn iter_mut(&mut self) -> impl ExactSizeIterator<Item = (u16, &mut T)> {
         let first = self.front.cursor.number();
-        // SAFETY: the index is the cursor's, and the row no longer than its own.
-        let slots = unsafe { self.hold.row(self.front.cursor.index(), self.row) };
+        let slots = self.hold.row(&self.front.cursor, self.row);
         slots.iter().enumerate().map(move |(offset, slot)| {
             #[expect(clippy::cast_possible_truncation, reason = "a row is not longer than the numbers")]
             let number = first + offset as u16;
             // SAFETY: the slots of the row are ours and hold jobs; each is lent once.
-            (number, unsafe { slot.job_mut() })
+            (number, unsafe { &mut *slot.place() })
         })
     }
 
@@ -308,16 +305,15 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
     #[inline(always)]
     pub fn complete(self) {
         let (hold, front) = (self.hold, self.front);
-        let index = front.cursor.index();
+        let first = front.cursor;
         if front.cursor.advance(self.row) {
             *front = front.turn(hold);
         }
         let _freed = Freed { hold, head: front.cursor.at, writer: self.writer };
         if core::mem::needs_drop::<T>() {
-            // SAFETY: as in `iter_mut`.
-            for slot in unsafe { hold.row(index, self.row) } {
+            for slot in hold.row(&first, self.row) {
                 // SAFETY: as in `iter_mut`; the cursor is after them. Should a drop panic, the others are forgotten.
-                drop(unsafe { slot.move_out() });
+                drop(unsafe { slot.place().read() });
             }
         }
     }
@@ -357,8 +353,7 @@ impl<'a, T> Iter<'a, T> {
         while self.cursor.is_open() {
             let here = self.cursor;
             self.cursor.step(self.hold.limits());
-            // SAFETY: the index comes from a cursor.
-            if !self.skips || !unsafe { self.hold.done(here.index()) }.load(Relaxed) {
+            if !self.skips || !self.hold.done(&here).load(Relaxed) {
                 return Some(here);
             }
         }
@@ -367,7 +362,7 @@ impl<'a, T> Iter<'a, T> {
 
     fn job(&self, here: Cursor) -> &'a T {
         // SAFETY: by 1 and 4 the slot is the reader's and holds a job; to move it out takes the reader as `&mut`.
-        unsafe { self.hold.slot(here.index()).job() }
+        unsafe { &*self.hold.slot(&here).place() }
     }
 }
 

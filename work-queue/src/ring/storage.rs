@@ -137,16 +137,19 @@ impl<T, const N: usize> WorkQueue<T, N> {
 
     /// As [`split`](Self::split), for ends that sleep: `reader` wakes the reader, `writer` the writer.
     pub fn split_with<R: Wake, W: Wake>(&mut self, reader: R, writer: W) -> Ends<'_, T, R, W> {
-        self.drop_jobs();
-        Ring::ends(NonNull::from(&mut self.0), Owner::Caller, 0, reader, writer)
+        self.split_at(0, reader, writer)
     }
 
     /// As [`split`](Self::split), beginning at a given lap, for tests in which laps wrap around.
     #[doc(hidden)]
     pub fn split_at_lap(&mut self, lap: u16) -> Ends<'_, T> {
+        self.split_at(u32::from(lap) * self.0.shared.limits().capacity, NoWake, NoWake)
+    }
+
+    fn split_at<R: Wake, W: Wake>(&mut self, start: u32, reader: R, writer: W) -> Ends<'_, T, R, W> {
         self.drop_jobs();
-        let start = u32::from(lap) * self.0.shared.limits().capacity;
-        Ring::ends(NonNull::from(&mut self.0), Owner::Caller, start, NoWake, NoWake)
+        self.0.begin(Owner::Caller, start);
+        Hold(NonNull::from(&self.0).cast()).ends(start, reader, writer)
     }
 
     /// The two ends of a queue in a `static`, as [`split_with`](Self::split_with); `None` while it has ends. The end that is dropped
@@ -159,7 +162,8 @@ impl<T, const N: usize> WorkQueue<T, N> {
     ) -> Option<Ends<'static, T, R, W>> {
         let in_use = &self.0.shared.control.0.in_use;
         in_use.compare_exchange(false, true, order::split(), Ordering::Relaxed).ok()?;
-        Some(Ring::ends(NonNull::from(&self.0), Owner::Nobody, 0, reader, writer))
+        self.0.begin(Owner::Nobody, 0);
+        Some(Hold(NonNull::from(&self.0).cast()).ends(0, reader, writer))
     }
 
     fn drop_jobs(&mut self) {
@@ -214,8 +218,9 @@ pub fn boxed_with<T, R: Wake, W: Wake>(
     let done = (0..capacity).map(|_| AtomicBool::new(false)).collect();
     let slots = (0..capacity).map(|_| Slot::new()).collect();
     let ring: BoxedRing<T> = Ring { shared: Shared::new(capacity, max_number), done, slots };
-    let ring = NonNull::from(alloc::boxed::Box::leak(alloc::boxed::Box::new(ring)));
-    Ok(Ring::ends(ring, Owner::Ends, 0, reader, writer))
+    let ring = alloc::boxed::Box::new(ring);
+    ring.begin(Owner::Ends, 0);
+    Ok(Hold(NonNull::from(alloc::boxed::Box::leak(ring)).cast()).ends(0, reader, writer))
 }
 
 #[cfg(all(feature = "alloc", target_has_atomic = "8"))]
@@ -233,31 +238,29 @@ pub(super) unsafe fn free<T>(ring: NonNull<Shared<T>>) {
 }
 
 impl<T, S: AsRef<[Slot<T>]>, D: AsRef<[AtomicBool]>> Ring<T, S, D> {
-    /// Two ends that begin at `start`. There are no others, and no jobs.
-    fn ends<'q, R: Wake, W: Wake>(
-        ring: NonNull<Self>,
-        owner: Owner,
-        start: u32,
-        reader: R,
-        writer: W,
-    ) -> Ends<'q, T, R, W> {
-        // SAFETY: it was made from a reference.
-        let this = unsafe { ring.as_ref() };
-        this.locate();
-        this.done.as_ref().iter().for_each(|done| done.store(false, Ordering::Relaxed));
-        let (shared, mark) = (&this.shared, Mark::new(start, 1));
+    /// Sets up what is shared, for ends that begin at `start`. There are none, and no jobs.
+    fn begin(&self, owner: Owner, start: u32) {
+        self.locate();
+        self.done.as_ref().iter().for_each(|done| done.store(false, Ordering::Relaxed));
+        let shared = &self.shared;
         shared.control.0.owner.set(owner);
         shared.control.0.abandoned.store(false, Ordering::Relaxed);
         shared.tail.0.store(start, Ordering::Relaxed);
         shared.head.0.store(start, Ordering::Relaxed);
-        shared.set_mark(mark);
-        let (hold, cursor) = (Hold(ring.cast()), Cursor::new(start, 1, shared.limits()));
-        (Writer::new(hold, cursor, reader), Reader::new(hold, cursor, mark, writer))
+        shared.set_mark(Mark::new(start, 1));
     }
 
     /// Notes where the slots are.
     fn locate(&self) {
         self.shared.control.0.slots.set(self.slots.as_ref().as_ptr());
         self.shared.control.0.done.set(self.done.as_ref().as_ptr());
+    }
+}
+
+impl<T> Hold<T> {
+    /// The two ends of a ring that begins at `start`.
+    fn ends<'q, R: Wake, W: Wake>(self, start: u32, reader: R, writer: W) -> Ends<'q, T, R, W> {
+        let cursor = Cursor::new(start, 1, self.limits());
+        (Writer::new(self, cursor, reader), Reader::new(self, cursor, writer))
     }
 }

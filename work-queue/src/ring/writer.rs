@@ -16,8 +16,6 @@ use crate::wake::{NoWake, Wake};
 pub struct Writer<'q, T, R: Wake = NoWake> {
     end: End<T, R>,
     cursor: Cursor,
-    /// The position before which the last reset discards.
-    mark: u32,
     storage: PhantomData<&'q mut ()>,
 }
 
@@ -25,7 +23,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
     pub(super) fn new(hold: Hold<T>, mut cursor: Cursor, reader: R) -> Self {
         let limits = hold.limits();
         cursor.end = limits.after(cursor.at, limits.capacity);
-        Writer { end: End { hold, other: reader }, cursor, mark: cursor.at, storage: PhantomData }
+        Writer { end: End { hold, other: reader }, cursor, storage: PhantomData }
     }
 
     /// Claims the next slot. A full queue is reported here, before a job is decoded and before its number is checked.
@@ -60,10 +58,6 @@ impl<T, R: Wake> Writer<'_, T, R> {
     #[inline]
     fn look(&mut self) -> usize {
         let (head, limits) = (self.end.hold.head(), self.end.hold.limits());
-        if Mark::is_stale(self.mark, head, limits) {
-            self.mark = head; // discards nothing
-            renew_mark(self.end.hold, self.cursor, head);
-        }
         self.cursor.end = limits.after(head, limits.capacity);
         (limits.capacity - limits.distance(head, self.cursor.at)) as usize
     }
@@ -73,8 +67,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
     /// The reader discards them when it next takes a job. A job that it is executing is not discarded, and one more may still
     /// start until the writer [`is_settled`](Self::is_settled). Jobs queued from now on are kept.
     pub fn clear(&mut self) {
-        self.mark = self.cursor.at;
-        self.end.hold.set_mark(Mark::new(self.mark, self.cursor.number()));
+        self.end.hold.set_mark(Mark::new(self.cursor.at, self.cursor.number()));
         self.end.other.wake();
     }
 
@@ -87,7 +80,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
     /// Whether the last [`clear`](Self::clear) or [`reset`](Self::reset) has taken effect: no job from before it is
     /// queued or being executed any more. Also true if neither was ever called.
     pub fn is_settled(&self) -> bool {
-        !self.end.hold.limits().is_before(self.end.hold.head(), self.mark)
+        self.end.hold.mark().ahead_of(self.end.hold.head()) <= 0
     }
 
     /// The number that the next job must have: `1..=max_number`.
@@ -145,20 +138,20 @@ impl<T, R: Wake> Writer<'_, T, R> {
     }
 }
 
-// What is seldom called takes no reference to the writer, so that it stays in registers.
+/// Turns a cursor of the writer's, and renews an old mark. Takes no reference to the writer, so that it stays in registers.
 #[cold]
 #[inline(never)]
-fn renew_mark<T>(hold: Hold<T>, cursor: Cursor, head: u32) {
-    let number = cursor.moved_to(head, hold.limits()).number();
-    hold.set_mark(Mark::new(head, number));
+fn turn<T>(hold: Hold<T>, cursor: Cursor) -> Cursor {
+    if hold.mark().is_stale(cursor.at) {
+        let head = hold.head(); // a mark there discards nothing
+        hold.set_mark(Mark::new(head, cursor.moved_to(head, hold.limits()).number()));
+    }
+    cursor.turn(hold.limits())
 }
 
 impl<T, R: Wake> fmt::Debug for Writer<'_, T, R> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Writer")
-            .field("cursor", &self.cursor)
-            .field("mark", &self.mark)
-            .finish_non_exhaustive()
+        f.debug_struct("Writer").field("cursor", &self.cursor).finish_non_exhaustive()
     }
 }
 
@@ -215,8 +208,10 @@ impl<T, R: Wake> Claim<'_, T, R> {
     pub fn push_with(self, job: impl FnOnce() -> T) -> u16 {
         let number = self.number();
         // SAFETY: the cursor is open, so by 2 and 4 the slot is the writer's and holds no job.
-        unsafe { self.hold.slot(self.cursor.index()).fill(job) };
-        self.cursor.step(self.hold.limits());
+        unsafe { self.hold.slot(self.cursor).place().write(job()) };
+        if self.cursor.advance(1) {
+            *self.cursor = turn(self.hold, *self.cursor);
+        }
         if let Some(reader) = self.publish {
             self.hold.set_tail(self.cursor.at);
             reader.wake();
@@ -271,15 +266,14 @@ impl<T, R: Wake> Batch<'_, T, R> {
     pub fn fill(&mut self, jobs: impl IntoIterator<Item = T>) {
         let (mut jobs, limits) = (jobs.into_iter(), self.hold.limits());
         while self.cursor.is_open() {
-            // SAFETY: the index and the length of the row are the cursor's.
-            for slot in unsafe { self.hold.row(self.cursor.index(), self.cursor.row(limits)) } {
+            for slot in self.hold.row(&self.cursor, self.cursor.row(limits)) {
                 let Some(job) = jobs.next() else { return };
                 // SAFETY: the slots of the row are the writer's without a job.
-                unsafe { slot.fill(|| job) };
+                unsafe { slot.place().write(job) };
                 self.cursor.at += 1;
             }
             if self.cursor.at == self.cursor.stop {
-                self.cursor = self.cursor.turn(limits);
+                self.cursor = turn(self.hold, self.cursor);
             }
         }
     }
@@ -313,7 +307,7 @@ fn drop_unpublished<T>(hold: Hold<T>, mut cursor: Cursor, end: u32) {
     cursor.end = end;
     while cursor.is_open() {
         // SAFETY: the slot is the writer's and was filled.
-        let job = unsafe { hold.slot(cursor.index()).move_out() };
+        let job = unsafe { hold.slot(&cursor).place().read() };
         cursor.step(hold.limits());
         drop(job); // should it panic, the others are forgotten
     }

@@ -123,13 +123,8 @@ impl Front {
     /// that were stored before it.
     #[inline(always)]
     fn find<T>(&mut self, hold: &Hold<T>, writer: &impl Wake, obeys: bool) -> bool {
-        loop {
-            if !self.cursor.is_open() {
-                self.cursor.end = hold.tail();
-                if !self.cursor.is_open() {
-                    return false;
-                }
-            }
+        self.look(hold);
+        while self.cursor.is_open() {
             let mark = hold.mark();
             if mark == self.mark || !obeys {
                 return true;
@@ -138,6 +133,15 @@ impl Front {
             (*self, job) = self.obey(*hold, mark);
             writer.wake();
             drop(job); // last: should it panic, it has been dropped once and the queue can be used on
+            self.look(hold);
+        }
+        false
+    }
+
+    #[inline(always)]
+    fn look<T>(&mut self, hold: &Hold<T>) {
+        if !self.cursor.is_open() {
+            self.cursor.end = hold.tail();
         }
     }
 

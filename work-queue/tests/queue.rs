@@ -478,6 +478,34 @@ fn resets_far_apart_are_told_apart() {
     }
 }
 
+/// A mark is renewed before half of a position cannot say any more how old it is, however far behind the reader is.
+#[test]
+fn a_reset_of_long_ago_stays_settled() {
+    for capacity in [1, 2, 9999] {
+        let (mut writer, mut reader) = boxed::<u32>(capacity, u16::MAX).unwrap();
+        let (mut queued, mut executed) = (0.., 0..);
+        let number = |serial: u32| u16::try_from(serial % u32::from(u16::MAX)).unwrap() + 1;
+        for round in 0..200_000 {
+            if round % 2 == 0 {
+                let mut batch = writer.claim_batch(1).unwrap();
+                batch.fill(queued.by_ref().take(1));
+                assert_eq!(batch.publish(), 1);
+            } else {
+                let serial = queued.next().unwrap();
+                assert_eq!(writer.claim().unwrap().push(serial), number(serial));
+            }
+            if writer.is_full() {
+                let (job, serial) = (reader.take().unwrap(), executed.next().unwrap());
+                assert_eq!((job.number(), job.complete()), (number(serial), serial));
+            }
+            assert!(writer.is_settled(), "capacity {capacity}, round {round}");
+        }
+        writer.clear();
+        assert_eq!(writer.is_settled(), capacity == 1, "all but one are queued");
+        assert!(reader.take().is_none() && writer.is_settled());
+    }
+}
+
 static QUEUE: WorkQueue<Counted, 3> = WorkQueue::numbered::<9>();
 
 static DROPPED: AtomicUsize = AtomicUsize::new(0);
@@ -488,6 +516,17 @@ impl Drop for Counted {
     fn drop(&mut self) {
         DROPPED.fetch_add(1, Relaxed);
     }
+}
+
+#[test]
+fn a_queue_that_becomes_static_drops_its_jobs() {
+    let count = Rc::new(());
+    let queue: &'static mut WorkQueue<Rc<()>, 2> = Box::leak(Box::new(WorkQueue::numbered::<9>()));
+    queue.split().0.claim().unwrap().push(count.clone());
+    let shared: &'static WorkQueue<Rc<()>, 2> = queue;
+    let (writer, mut reader) = shared.split_static(NoWake, NoWake).unwrap();
+    assert_eq!((Rc::strong_count(&count), writer.free()), (1, 2));
+    assert!(reader.take().is_none());
 }
 
 #[test]

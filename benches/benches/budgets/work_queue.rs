@@ -1,4 +1,5 @@
 use std::hint::black_box;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use benches::{Count, Link};
 use robot_work_queue::{Reader, Writer, boxed};
@@ -28,13 +29,17 @@ pub const LINK: Link = Link {
         row("queue and complete, u64, its number checked", Some(69.0), checked::<u64>),
         row("– numbered by the queue", Some(63.0), |rounds| singly::<u64>(ours(), rounds)),
         row("– the same by rtrb", None, |rounds| singly::<u64>(rtrb(), rounds)),
+        row("– the limit: a bare ring with the same checks", None, |rounds| singly::<u64>(bare(), rounds)),
         row("queue and complete, 56 bytes, its number checked", Some(93.0), checked::<Job>),
         row("– numbered by the queue", Some(85.0), |rounds| singly::<Job>(ours(), rounds)),
         row("– the same by rtrb", None, |rounds| singly::<Job>(rtrb(), rounds)),
+        row("– the limit: a bare ring with the same checks", None, |rounds| singly::<Job>(bare(), rounds)),
         batch_row("batches of 16, u64", Some(16.0), |rounds| in_batches::<u64>(ours(), rounds)),
         batch_row("– chunks of 16 by rtrb", None, |rounds| in_batches::<u64>(rtrb(), rounds)),
+        batch_row("– the limit: a bare ring", None, |rounds| in_batches::<u64>(bare(), rounds)),
         batch_row("batches of 16, 56 bytes", Some(37.0), |rounds| in_batches::<Job>(ours(), rounds)),
         batch_row("– chunks of 16 by rtrb", None, |rounds| in_batches::<Job>(rtrb(), rounds)),
+        batch_row("– the limit: a bare ring", None, |rounds| in_batches::<Job>(bare(), rounds)),
     ],
     budgets: Vec::new,
 };
@@ -134,6 +139,86 @@ impl<T> Ring<T> for (rtrb::Producer<T>, rtrb::Consumer<T>) {
         first.iter().chain(second).for_each(&mut execute);
         chunk.commit_all();
     }
+}
+
+/// What no ring of two indices can do without: the place of each end, and what they share.
+struct Bare<T> {
+    slots: Box<[T]>,
+    tail: AtomicU32,
+    head: AtomicU32,
+    mark: AtomicU32,
+    writer: Place,
+    reader: Place,
+}
+
+#[derive(Default)]
+struct Place {
+    at: u32,
+    end: u32,
+    index: usize,
+}
+
+impl Place {
+    /// Moves on by a job. The slots are a power of two here.
+    #[inline(always)]
+    fn step(&mut self, slots: usize) {
+        self.at = self.at.wrapping_add(1);
+        self.index = (self.index + 1) & (slots - 1);
+    }
+}
+
+impl<T: Copy> Ring<T> for Bare<T> {
+    #[inline(never)]
+    fn queue(&mut self, job: impl FnOnce() -> T) {
+        if self.writer.at == self.writer.end {
+            self.writer.end = self.head.load(Ordering::Acquire).wrapping_add(self.slots.len() as u32);
+            assert!(self.writer.at != self.writer.end, "there is space");
+        }
+        self.slots[self.writer.index] = job();
+        self.writer.step(self.slots.len());
+        self.tail.store(self.writer.at, Ordering::Release);
+    }
+
+    #[inline(never)]
+    fn complete(&mut self, execute: impl FnOnce(&T)) {
+        if self.reader.at == self.reader.end {
+            self.reader.end = self.tail.load(Ordering::Acquire);
+            assert!(self.reader.at != self.reader.end, "a job waits");
+        }
+        assert!(self.mark.load(Ordering::Relaxed) == 0, "there was no reset");
+        execute(&self.slots[self.reader.index]);
+        self.reader.step(self.slots.len());
+        self.head.store(self.reader.at, Ordering::Release);
+    }
+
+    #[inline(never)]
+    fn queue_batch(&mut self, jobs: impl Iterator<Item = T>) {
+        let head = self.head.load(Ordering::Acquire);
+        assert!(self.writer.at.wrapping_sub(head) as usize + BATCH <= self.slots.len(), "there is space");
+        for (slot, job) in self.slots[self.writer.index..][..BATCH].iter_mut().zip(jobs) {
+            *slot = job;
+        }
+        self.writer.at = self.writer.at.wrapping_add(BATCH as u32);
+        self.writer.index = (self.writer.index + BATCH) & (self.slots.len() - 1);
+        self.tail.store(self.writer.at, Ordering::Release);
+    }
+
+    #[inline(never)]
+    fn complete_batch(&mut self, execute: impl FnMut(&T)) {
+        let tail = self.tail.load(Ordering::Acquire);
+        assert!(tail.wrapping_sub(self.reader.at) as usize >= BATCH, "jobs wait");
+        assert!(self.mark.load(Ordering::Relaxed) == 0, "there was no reset");
+        self.slots[self.reader.index..][..BATCH].iter().for_each(execute);
+        self.reader.at = self.reader.at.wrapping_add(BATCH as u32);
+        self.reader.index = (self.reader.index + BATCH) & (self.slots.len() - 1);
+        self.head.store(self.reader.at, Ordering::Release);
+    }
+}
+
+fn bare<T: Payload>() -> impl Ring<T> {
+    let [tail, head, mark] = [const { AtomicU32::new(0) }; 3];
+    let slots = vec![T::make(0); black_box(CAPACITY)].into();
+    Bare { slots, tail, head, mark: black_box(mark), writer: Place::default(), reader: Place::default() }
 }
 
 fn ours<T>() -> impl Ring<T> {

@@ -147,7 +147,7 @@ impl<T> Shared<T> {
     ///
     /// # Safety
     ///
-    /// There were ends, and nobody uses them any more.
+    /// Nobody uses an end any more, and it is known where the slots are.
     unsafe fn drop_jobs(&self) {
         let tail = self.tail.0.load(Ordering::Relaxed);
         loop {

@@ -147,7 +147,6 @@ impl<T, const N: usize> WorkQueue<T, N> {
     }
 
     fn split_at<R: Wake, W: Wake>(&mut self, start: u32, reader: R, writer: W) -> Ends<'_, T, R, W> {
-        self.drop_jobs();
         self.0.begin(Owner::Caller, start);
         Hold(NonNull::from(&self.0).cast()).ends(start, reader, writer)
     }
@@ -165,17 +164,11 @@ impl<T, const N: usize> WorkQueue<T, N> {
         self.0.begin(Owner::Nobody, 0);
         Some(Hold(NonNull::from(&self.0).cast()).ends(0, reader, writer))
     }
-
-    fn drop_jobs(&mut self) {
-        self.0.locate(); // it may have moved
-        // SAFETY: the queue is borrowed as a whole, so there are no ends. Without any before, there are no jobs.
-        unsafe { self.0.shared.drop_jobs() };
-    }
 }
 
 impl<T, const N: usize> Drop for WorkQueue<T, N> {
     fn drop(&mut self) {
-        self.drop_jobs();
+        self.0.begin(Owner::Caller, 0);
     }
 }
 
@@ -238,9 +231,13 @@ pub(super) unsafe fn free<T>(ring: NonNull<Shared<T>>) {
 }
 
 impl<T, S: AsRef<[Slot<T>]>, D: AsRef<[AtomicBool]>> Ring<T, S, D> {
-    /// Sets up what is shared, for ends that begin at `start`. There are none, and no jobs.
+    /// Drops the jobs that are left, and sets up what is shared for ends that begin at `start`. There are none: the ring is borrowed
+    /// as a whole, new, or a static's that is not in use.
     fn begin(&self, owner: Owner, start: u32) {
-        self.locate();
+        self.shared.control.0.slots.set(self.slots.as_ref().as_ptr()); // it may have moved
+        self.shared.control.0.done.set(self.done.as_ref().as_ptr());
+        // SAFETY: as above. A new ring has no jobs.
+        unsafe { self.shared.drop_jobs() };
         self.done.as_ref().iter().for_each(|done| done.store(false, Ordering::Relaxed));
         let shared = &self.shared;
         shared.control.0.owner.set(owner);
@@ -248,12 +245,6 @@ impl<T, S: AsRef<[Slot<T>]>, D: AsRef<[AtomicBool]>> Ring<T, S, D> {
         shared.tail.0.store(start, Ordering::Relaxed);
         shared.head.0.store(start, Ordering::Relaxed);
         shared.set_mark(Mark::new(start, 1));
-    }
-
-    /// Notes where the slots are.
-    fn locate(&self) {
-        self.shared.control.0.slots.set(self.slots.as_ref().as_ptr());
-        self.shared.control.0.done.set(self.done.as_ref().as_ptr());
     }
 }
 

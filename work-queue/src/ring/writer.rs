@@ -142,11 +142,12 @@ impl<T, R: Wake> Writer<'_, T, R> {
 #[cold]
 #[inline(never)]
 fn turn<T>(hold: Hold<T>, cursor: Cursor) -> Cursor {
+    let cursor = cursor.turn(hold.limits());
     if hold.mark().is_stale(cursor.at) {
         let head = hold.head(); // a mark there discards nothing
         hold.set_mark(Mark::new(head, cursor.moved_to(head, hold.limits()).number()));
     }
-    cursor.turn(hold.limits())
+    cursor
 }
 
 impl<T, R: Wake> fmt::Debug for Writer<'_, T, R> {

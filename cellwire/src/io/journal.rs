@@ -40,6 +40,11 @@ impl Journal {
     {
         let what = || format!("the journal {}", path.display());
         let file = OpenOptions::new().read(true).append(true).create(true).open(path).with_context(what)?;
+        ensure!(
+            file.metadata().with_context(what)?.is_file(),
+            "{} is no file: a journal is read again",
+            path.display()
+        );
         if FileExt::try_lock(&file).is_err() {
             bail!("another process runs this {work}: it holds {}", path.display());
         }

@@ -14,9 +14,12 @@ pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Vec<Instruction>> {
     let mut reader = csv::ReaderBuilder::new();
     let reader = reader.has_headers(false).flexible(true).comment(Some(b'#')).trim(csv::Trim::All);
     let mut instructions = Vec::new();
-    for record in reader.from_reader(text.as_bytes()).records() {
+    let text = format!("{text}\n");
+    let mut records = reader.from_reader(text.as_bytes()).into_records();
+    while let Some(record) = records.next() {
         let record = record.context("no table")?;
-        let line = record.position().map_or(0, csv::Position::line);
+        // The line before the one that is read next: a record's own position is that of the remarks before it.
+        let line = records.reader().position().line() - 1;
         let mut cells = record.iter();
         let first = cells.next().unwrap_or_default();
         if instructions.is_empty() && first.eq_ignore_ascii_case("word") {
@@ -46,5 +49,17 @@ fn word(text: &str, mapping: &Mapping) -> Option<u16> {
             Some(digits) => u16::from_str_radix(digits, 16).ok(),
             None => text.parse().ok(),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_count_remarks_and_empty_lines() {
+        let text = "word,x\n# a square\n\ncut,1\n# the last\n\nmove,2";
+        let instructions = read(text, &Mapping::default()).unwrap();
+        assert_eq!(instructions.iter().map(|it| it.line).collect::<Vec<_>>(), [4, 7]);
     }
 }

@@ -4,6 +4,7 @@ mod alter_controller;
 mod alter_host;
 mod laser_host;
 mod mma_central;
+mod mma_device;
 
 use core::time::Duration;
 
@@ -59,6 +60,7 @@ pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
         ("val2-alter", "controller") => alter_controller::MAKER,
         ("laser-eb90", "host") => laser_host::MAKER,
         ("mmacell-proto", "central") => mma_central::MAKER,
+        ("mmacell-proto", "device") => mma_device::MAKER,
         _ => bail!("no stories drive the {end} of {link}"),
     })
 }

@@ -17,7 +17,6 @@ use std::time::Duration;
 use cellwire::cell::teleop::cell::{self, CellConfig};
 use cellwire::cell::teleop::input::InputConfig;
 use cellwire::cell::teleop::latch::LatchConfig;
-use cellwire::cell::teleop::verdict::Extremes;
 use cellwire::cell::teleop::{
     LIMITS, Notification, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config, polls,
 };
@@ -146,7 +145,7 @@ fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
     };
     let record = cell::run(&config, &ProgressBar::hidden()).unwrap();
     assert!(record.puma.starts > 0 && record.host.stalls > 0, "{record:?}");
-    let sent = Extremes::of(&record.puma.replies);
+    let sent = record.puma.judge.extremes;
     assert!(sent.keeps(&LIMITS), "{sent:?}");
     assert_eq!((record.puma.drift, record.drawn.most_at_once <= 1), (0.0, true));
 }

@@ -8,8 +8,9 @@ use anyhow::{Context as _, Result, anyhow};
 use indicatif::ProgressBar;
 use isra_ball::{BallConfig, BallStatistics, Status};
 use val2_alter::timing;
-use val2_alter::{AXES, Accumulation, ControllerConfig, Exception, HostConfig, HostState, MotionPhase};
+use val2_alter::{Accumulation, ControllerConfig, Exception, HostConfig, HostState, MotionPhase};
 
+use super::cycles::{Cycle, Cycles};
 use super::input::InputConfig;
 use super::latch::{Latch, LatchConfig};
 use super::{LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, polls};
@@ -98,8 +99,8 @@ pub struct CellRecord {
 /// What the host reported.
 #[derive(Debug, Default)]
 pub struct HostRecord {
-    /// Each reply that the robot has not rejected.
-    pub cycles: Vec<Cycle>,
+    /// The replies that the robot has not rejected.
+    pub cycles: Cycles,
     /// Cycles in which the arm stood for want of a good reply, as far as the host knows.
     pub stood: u64,
     /// From the last byte read to the reply written, by the host's own clock.
@@ -140,23 +141,6 @@ pub struct HostRecord {
     pub runs: bool,
     /// Whether the robot's subroutine runs.
     pub interrupted: bool,
-}
-
-/// One reply of the host.
-#[derive(Debug, Clone, Copy)]
-pub struct Cycle {
-    /// When it left.
-    pub at: Duration,
-    /// The how many-th ALTER, from 1.
-    pub session: u32,
-    /// [`HostRecord::stood`] by then: after such a cycle the arm begins from rest.
-    pub stood: u64,
-    /// The robot's subroutine runs: it has stopped the arm, and the reply moves nothing.
-    pub interrupted: bool,
-    /// What the ball asked for, in units a cycle.
-    pub demand: [i16; AXES],
-    /// What the limits made of it.
-    pub values: [i16; AXES],
 }
 
 /// Runs the cell.
@@ -251,7 +235,8 @@ fn drive(
     let off = TraceArgs::off();
     let traces = Traces { robot: off.start("robot"), ball: off.start("ball"), viewer: off.start("viewer") };
     let host = Teleop::start(teleop, clock, &traces)?;
-    let mut record = HostRecord::default();
+    let cycles = Cycles::new(config.alter.mode.accumulation());
+    let mut record = HostRecord { cycles, ..HostRecord::default() };
     progress.set_length(u64::try_from(config.time.as_millis() / timing::CYCLE.as_millis())?);
     let end = clock.now() + config.time;
     let mut next_stall = clock.now() + STALL_EVERY;
@@ -295,7 +280,7 @@ impl HostRecord {
             }
             Notification::Reply { demand, values, thinking, held: _ } => {
                 let Self { starts: session, stood, interrupted, .. } = *self;
-                self.cycles.push(Cycle { at, session, stood, interrupted, demand: *demand, values: *values });
+                self.cycles.add(Cycle { at, session, stood, interrupted, demand: *demand, values: *values });
                 self.thinking.add(*thinking);
                 progress.inc(1);
             }
@@ -309,7 +294,7 @@ impl HostRecord {
                 self.stood += 1;
             }
             Notification::Rejected(_) => {
-                self.cycles.pop();
+                self.cycles.reject();
                 self.stood += 1;
             }
             Notification::Corrupt(_) => self.corrupt += 1,

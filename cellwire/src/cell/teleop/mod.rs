@@ -17,6 +17,7 @@
 pub mod cell;
 mod config;
 mod context;
+pub mod cycles;
 pub mod demo;
 mod filter;
 mod gripper;
@@ -28,7 +29,7 @@ mod port;
 mod profile;
 mod robot;
 mod sample;
-pub mod verdict;
+
 mod viewer;
 pub mod window;
 

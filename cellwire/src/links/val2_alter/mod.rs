@@ -2,6 +2,7 @@
 
 mod arm;
 mod codec;
+pub mod judge;
 mod layout;
 pub mod options;
 mod pose;

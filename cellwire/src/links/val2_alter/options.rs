@@ -95,7 +95,7 @@ impl Configure for HostConfig {
 
 impl Configure for PumaConfig {
     fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { controller, arm, restart, subroutine_time, script, keeps_replies: _ } = self;
+        let Self { controller, arm, restart, subroutine_time, script, keeps_all: _ } = self;
         controller.configure(table);
         let about = "the wait until the operator starts the program again";
         table.time("restart", ANY_TIME, about, restart);

@@ -14,6 +14,7 @@ use val2_alter::{
 };
 
 use super::arm::{Arm, ArmConfig};
+use super::judge::{Judge, Taken};
 use super::pose::Pose;
 use super::robot_line::{Request, RobotLine};
 use super::script::{Incident, Script};
@@ -46,8 +47,8 @@ pub struct PumaConfig {
     pub subroutine_time: Duration,
     /// What happens besides.
     pub script: Script,
-    /// Whether the record keeps each reply: of a day they are three million.
-    pub keeps_replies: bool,
+    /// Whether the record keeps each end, each cycle without a reply and each move of the gripper.
+    pub keeps_all: bool,
 }
 
 impl Default for PumaConfig {
@@ -61,7 +62,7 @@ impl Default for PumaConfig {
             restart: Duration::from_secs(1),
             subroutine_time: Duration::from_millis(120),
             script: Script::default(),
-            keeps_replies: true,
+            keeps_all: true,
         }
     }
 }
@@ -102,19 +103,6 @@ pub struct Measured {
     pub window: Duration,
 }
 
-/// A reply as it arrived.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Taken {
-    /// When its last byte arrived.
-    pub at: Duration,
-    /// The how many-th ALTER it belongs to, from 1.
-    pub session: u64,
-    /// The how many-th cycle of the robot it answers.
-    pub cycle: u64,
-    /// Its values.
-    pub values: [i16; AXES],
-}
-
 /// What the simulated robot measured and counted.
 #[derive(Debug, Clone, Default)]
 pub struct PumaRecord {
@@ -128,8 +116,8 @@ pub struct PumaRecord {
     pub margin: Samples,
     /// The shortest window.
     pub window: Option<Duration>,
-    /// Every reply that was taken.
-    pub replies: Vec<Taken>,
+    /// The speeds of the replies that were taken.
+    pub judge: Judge,
     /// Standard messages sent.
     pub cycles: u64,
     /// Cycles without a reply.
@@ -155,7 +143,7 @@ pub struct PumaRecord {
 /// # Errors
 /// When the endpoint cannot be opened, or a setting is none of this device's.
 pub fn simulate(options: &SimulateOptions) -> Result<()> {
-    let config = PumaConfig { keeps_replies: false, ..PumaConfig::default() };
+    let config = PumaConfig { keeps_all: false, ..PumaConfig::default() };
     let config = settings::read("puma", config, &options.settings)?;
     serve("puma", "robot", options, config.controller.baud, |line, _| {
         run(line, config, &AtomicBool::new(false), |at, event| log(&to_json(at, event)))?;
@@ -337,7 +325,7 @@ impl Puma {
                 ControllerEvent::BadReply(code) => {
                     let runs =
                         !matches!(controller.state(), ControllerState::Starting | ControllerState::Off);
-                    if runs && self.config.keeps_replies {
+                    if runs && self.config.keeps_all {
                         self.record.without.push(robot.now + robot.stood);
                     }
                     self.events.push(PumaEvent::BadReply(code));
@@ -362,7 +350,7 @@ impl Puma {
                 ControllerEvent::Ended(error) => {
                     let pose = self.arm.pose();
                     self.stands_at = Some(pose);
-                    if self.config.keeps_replies {
+                    if self.config.keeps_all {
                         self.record.ends.push((robot.now + robot.stood, error));
                     }
                     self.events.extend(self.measured().map(PumaEvent::Measured));
@@ -401,9 +389,8 @@ impl Puma {
         }
         self.path_cycles += 1;
         let stats = controller.statistics();
-        if self.config.keeps_replies {
-            record.replies.push(Taken { at: last_byte, session: stats.starts, cycle: stats.cycles, values });
-        }
+        let taken = Taken { session: stats.starts, cycle: stats.cycles, values };
+        record.judge.add(taken, config.mode.accumulation());
     }
 
     /// What was measured since ALTER began.
@@ -414,7 +401,7 @@ impl Puma {
     }
 
     fn grip(&mut self, closes: bool) {
-        if self.config.keeps_replies {
+        if self.config.keeps_all {
             self.record.gripper.push(closes);
         }
         self.events.push(PumaEvent::Gripper(closes));

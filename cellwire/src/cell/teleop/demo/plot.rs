@@ -8,8 +8,8 @@ use plotters::prelude::*;
 use val2_alter::{Limits, Scale, timing};
 
 use crate::cell::options::DemoOptions;
-use crate::cell::teleop::cell::{CellConfig, CellRecord, Cycle};
-use crate::cell::teleop::verdict::speeds;
+use crate::cell::teleop::cell::{CellConfig, CellRecord};
+use crate::cell::teleop::cycles::Cycle;
 use crate::io::files;
 
 const ASKED: RGBColor = RGBColor(200, 90, 40);
@@ -28,8 +28,7 @@ type Curve = Vec<Vec<(f64, f64)>>;
 /// Those of [`draw`].
 pub(super) fn write(options: &DemoOptions, config: &CellConfig, record: &CellRecord) -> Result<()> {
     let Some(path) = &options.out else { return Ok(()) };
-    let cycles = speeds(&record.host.cycles, config.alter.mode.accumulation());
-    draw(path, &cycles, &config.alter.limits)
+    draw(path, &record.host.cycles.last(), &config.alter.limits)
 }
 
 /// Draws the velocity in each axis, and the acceleration along X.

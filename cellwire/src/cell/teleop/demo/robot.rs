@@ -10,7 +10,6 @@ use super::plot;
 use crate::cell::options::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
 use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
-use crate::cell::teleop::verdict::{Extremes, speeds};
 use crate::cell::teleop::{LIMITS, host_config};
 use crate::links::settings::{self, Configure, Table};
 use crate::links::val2_alter::puma::{PumaConfig, error_text};
@@ -59,9 +58,8 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
         record.puma.ends.insert(0, (Duration::ZERO, ErrorCode::Timeout));
         record.ends_before_stop += 1;
     }
-    let middle = record.puma.replies.len() / 2;
-    if let (true, Some(taken)) = (options.spoils(MustFail::Limit), record.puma.replies.get_mut(middle)) {
-        taken.values = [i16::MAX; AXES];
+    if options.spoils(MustFail::Limit) {
+        record.puma.judge.extremes.add([0; AXES], [i16::MAX; AXES]);
     }
     Ok(report(&config, &record))
 }
@@ -184,17 +182,9 @@ fn ends(record: &CellRecord) -> String {
 
 /// What the hand asked for, what the robot got, and the limits, along X in physical units; judged in every axis.
 fn judge_limits(report: &mut Report, config: &CellConfig, record: &CellRecord) {
-    let HostConfig { mode, limits, .. } = config.alter;
-    let accumulation = mode.accumulation();
-    let mut asked = Extremes::default();
-    for pair in speeds(&record.host.cycles, accumulation).windows(2) {
-        if let [before, after] = pair
-            && before.session == after.session
-        {
-            asked.add(before.demand, after.demand);
-        }
-    }
-    let sent = Extremes::of(&speeds(&record.puma.replies, accumulation));
+    let limits = config.alter.limits;
+    let asked = record.host.cycles.asked();
+    let sent = record.puma.judge.extremes;
     let cycle = timing::CYCLE.as_secs_f64();
     let mm = |units: u32, per: f64| (f64::from(units) / Scale::PUMA_562.per_mm / per).round();
     let row = |asked: u32, sent: u32, limit: u16, per: f64| {
@@ -217,7 +207,7 @@ mod tests {
     use super::*;
     use crate::io::samples::Samples;
     use crate::io::trace::TraceArgs;
-    use crate::links::val2_alter::puma::Taken;
+    use crate::links::val2_alter::judge::Taken;
 
     const MS: Duration = Duration::from_millis(1);
 
@@ -245,9 +235,9 @@ mod tests {
         let mut record = CellRecord { stopped_at: 10_000 * MS, ..CellRecord::default() };
         record.puma.starts = 1;
         for cycle in 1..=100u8 {
-            let at = u32::from(cycle) * timing::CYCLE;
             let values = [8, 0, 0, 0, 0, 0];
-            record.puma.replies.push(Taken { at, session: 1, cycle: cycle.into(), values });
+            let taken = Taken { session: 1, cycle: cycle.into(), values };
+            record.puma.judge.add(taken, val2_alter::Accumulation::Cumulative);
             record.puma.turn_around.add(6 * MS);
             record.host.thinking.add(MS / 20);
         }
@@ -289,7 +279,7 @@ mod tests {
 
     #[test]
     fn limits_gripper_and_kept_cycles_are_judged() {
-        let fast = |record: &mut CellRecord| record.puma.replies[50].values[0] = 17;
+        let fast = |record: &mut CellRecord| record.puma.judge.extremes.add([8, 0, 0, 0, 0, 0], [17; AXES]);
         assert!(failures(fast)[0].starts_with("the robot got Extremes"));
         let press = |at| move |record: &mut CellRecord| record.host.gripper_keys.push((at * MS, true));
         assert_eq!(failures(press(5000)), ["the gripper moved [], its keys were pressed [true]"]);

@@ -54,9 +54,11 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let mut record = cell::run(&config, &options.progress)?;
     plot::write(options, &config, &record)?;
     if options.spoils(MustFail::Lost) {
-        // An end of ALTER that the host has not taken up.
-        record.puma.ends.insert(0, (Duration::ZERO, ErrorCode::Timeout));
-        record.ends_before_stop += 1;
+        // One end of ALTER more than the host has taken up.
+        for _ in 0..record.puma.starts {
+            record.puma.ends.insert(0, (Duration::ZERO, ErrorCode::Timeout));
+            record.ends_before_stop += 1;
+        }
     }
     if options.spoils(MustFail::Limit) {
         record.puma.judge.extremes.add([0; AXES], [i16::MAX; AXES]);

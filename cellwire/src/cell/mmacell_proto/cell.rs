@@ -4,11 +4,22 @@ use std::time::Duration;
 
 use anyhow::Result;
 use mmacell_proto::{DeviceConfig, PlatformPose, RobotPose};
-use mmacell_task::Device;
+use mmacell_task::{Device, TaskConfig};
 
 use super::periphery::Periphery;
 use super::workpiece::{Record, Workpieces};
+use crate::links::mmacell_proto::axes::{PLATFORM_HOME, ROBOT_HOME};
 use crate::links::mmacell_proto::station::{Fate, MotionFaults, Station};
+
+/// The set-up of the simulated cell. Its times are those of the cell.
+pub const CONFIG: TaskConfig = TaskConfig {
+    robot_home: ROBOT_HOME,
+    platform_home: PLATFORM_HOME,
+    camera_1: Some(RobotPose::from_units([-120_000, 0, 60_000, 0])),
+    camera_2: Some(RobotPose::from_units([120_000, 0, 60_000, 0])),
+    percent: 80,
+    ..TaskConfig::DEFAULT
+};
 
 /// The connections of the central controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,7 +63,7 @@ impl Cell {
     /// # Errors
     /// Never, with the defaults of the protocol.
     pub fn new(seed: u64, errors: bool, robot: MotionFaults) -> Result<Self> {
-        let config = super::central::CONFIG;
+        let config = CONFIG;
         let device = DeviceConfig::DEFAULT;
         Ok(Self {
             robot: Station::new(config.robot_home, device, robot)?,

@@ -14,17 +14,6 @@ use robot_session::{Output as Settled, settle};
 
 use super::cell::{Cell, Which};
 use crate::io::samples::Samples;
-use crate::links::mmacell_proto::axes::{PLATFORM_HOME, ROBOT_HOME};
-
-/// The set-up of the simulated cell. Its times are those of the cell.
-pub const CONFIG: TaskConfig = TaskConfig {
-    robot_home: ROBOT_HOME,
-    platform_home: PLATFORM_HOME,
-    camera_1: Some(RobotPose::from_units([-120_000, 0, 60_000, 0])),
-    camera_2: Some(RobotPose::from_units([120_000, 0, 60_000, 0])),
-    percent: 80,
-    ..TaskConfig::DEFAULT
-};
 
 /// The two times of a run: the cell may run faster than the clock on the wall, the protocol's deadlines do not.
 #[derive(Debug, Clone, Copy)]

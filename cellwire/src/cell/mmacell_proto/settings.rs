@@ -3,7 +3,7 @@
 use mmacell_proto::CentralConfig;
 use mmacell_task::TaskConfig;
 
-use super::central::CONFIG;
+use super::cell::CONFIG;
 use crate::links::mmacell_proto::options::speed_of_axes;
 use crate::links::settings::{Configure, Table};
 

@@ -29,7 +29,7 @@ fn judged_run(
     mut judge: impl FnMut(&mut Log, &mut Record),
 ) -> (Central, Cell) {
     let mut central =
-        Central::new(Some(parts), 1, super::central::CONFIG, mmacell_proto::CentralConfig::DEFAULT).unwrap();
+        Central::new(Some(parts), 1, super::cell::CONFIG, mmacell_proto::CentralConfig::DEFAULT).unwrap();
     let mut cell = Cell::new(seed, errors, MotionFaults::default()).unwrap();
     let mut links = [0, 1, 2].map(|n| Link::new(seed + n, faults));
     let mut time = Duration::ZERO;

@@ -14,7 +14,11 @@ const BAUD: u32 = 19_200;
 
 pub fn decoder() {
     for (from, side) in [("client", Side::Client), ("server", Side::Server)] {
-        let frames = super::frames(LINK, Some(from));
+        // After corruption nothing says where a frame begins whose function has no length, or another one than its own.
+        let mut frames = vectors(LINK);
+        frames.retain(|v| v.result == Outcome::Valid && v.options.is_empty());
+        frames.retain(|v| v.from.as_deref() == Some(from) && !v.flags.iter().any(|flag| flag == "other"));
+        let frames: Vec<_> = frames.into_iter().map(|v| v.hex).collect();
         contract::decoder_where("modbus, TCP", || Decoder::new(Framing::Tcp, side), &frames, tcp_spread);
         let rtu = Framing::Rtu { silence: Duration::from_millis(4) };
         let mut frames = vectors(LINK);

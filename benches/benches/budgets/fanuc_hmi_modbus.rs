@@ -19,7 +19,7 @@ pub const LINK: Link = Link {
         row("serve a read of 38 registers", Some(120.0), work::serve),
         row("– modbus-core 0.2, copying by hand", None, work::serve_modbus_core),
         row("– rmodbus 0.13", None, work::serve_rmodbus),
-        row("encode the request", Some(32.0), work::encode),
+        row("encode the request", Some(32.5), work::encode),
         row("– modbus-core 0.2", None, work::encode_modbus_core),
         row("– rmodbus 0.13", None, work::encode_rmodbus),
         row("the client session: request, transmit, input, event, copy", None, work::exchange),

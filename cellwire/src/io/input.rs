@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Read as _};
 use std::path::Path;
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
@@ -32,6 +32,19 @@ pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead + Send>> {
             Box::new(BufReader::new(file))
         }
         None => Box::new(BufReader::new(io::stdin())),
+    })
+}
+
+/// The rows of a table, each with its line. Lines that begin with `#` are remarks.
+pub fn rows(text: &str) -> impl Iterator<Item = Result<(u64, csv::StringRecord)>> {
+    let mut reader = csv::ReaderBuilder::new();
+    reader.has_headers(false).flexible(true).comment(Some(b'#')).trim(csv::Trim::All);
+    let mut records = reader.from_reader(text.as_bytes().chain(&b"\n"[..])).into_records();
+    core::iter::from_fn(move || {
+        let record = records.next()?.context("no table");
+        // The line before the one that is read next: a record's own position is that of the remarks before it.
+        let line = records.reader().position().line() - 1;
+        Some(record.map(|record| (line, record)))
     })
 }
 

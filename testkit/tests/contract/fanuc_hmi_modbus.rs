@@ -7,24 +7,23 @@ use fanuc_hmi_modbus::{
 use serde_json::json;
 use testkit::contract::{self, End};
 use testkit::rng::Rng;
-use testkit::vectors::{Outcome, vectors};
+use testkit::vectors::{Outcome, Vector, vectors};
 
 const LINK: &str = "fanuc-hmi-modbus";
 const BAUD: u32 = 19_200;
 
 pub fn decoder() {
     for (from, side) in [("client", Side::Client), ("server", Side::Server)] {
+        let valid = |is_one: fn(&Vector) -> bool| -> Vec<Vec<u8>> {
+            let mut all = vectors(LINK);
+            all.retain(|v| v.result == Outcome::Valid && v.from.as_deref() == Some(from) && is_one(v));
+            all.into_iter().map(|v| v.hex).collect()
+        };
         // After corruption nothing says where a frame begins whose function has no length, or another one than its own.
-        let mut frames = vectors(LINK);
-        frames.retain(|v| v.result == Outcome::Valid && v.options.is_empty());
-        frames.retain(|v| v.from.as_deref() == Some(from) && !v.flags.iter().any(|flag| flag == "other"));
-        let frames: Vec<_> = frames.into_iter().map(|v| v.hex).collect();
+        let frames = valid(|v| v.options.is_empty() && !v.flags.iter().any(|flag| flag == "other"));
         contract::decoder_where("modbus, TCP", || Decoder::new(Framing::Tcp, side), &frames, tcp_spread);
         let rtu = Framing::Rtu { silence: Duration::from_millis(4) };
-        let mut frames = vectors(LINK);
-        frames.retain(|v| v.result == Outcome::Valid && v.from.as_deref() == Some(from));
-        frames.retain(|v| v.options.len() == 1 && v.options.get("framing") == Some(&json!("rtu")));
-        let frames: Vec<_> = frames.into_iter().map(|v| v.hex).collect();
+        let frames = valid(|v| v.options.len() == 1 && v.options.get("framing") == Some(&json!("rtu")));
         contract::decoder("modbus, RTU", || Decoder::new(rtu, side), &frames, 1);
     }
 }

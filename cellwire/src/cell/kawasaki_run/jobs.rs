@@ -1,6 +1,5 @@
 //! The jobs of a file.
 
-use std::io::Read as _;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
@@ -127,13 +126,8 @@ impl Jobs {
 
 /// The jobs of a table, with their lines.
 fn rows(text: &str, layout: &Layout, charset: Charset) -> Result<Vec<(u64, AnyWork)>> {
-    let mut builder = csv::ReaderBuilder::new();
-    builder.has_headers(false).flexible(true).comment(Some(b'#')).trim(csv::Trim::All);
-    // A record is in the line before the one that is read next: its own position is that of the remarks before it.
-    let mut reader = builder.from_reader(text.as_bytes().chain(&b"\n"[..]));
-    let mut record = csv::StringRecord::new();
-    ensure!(reader.read_record(&mut record).context("no table")?, "it has no jobs");
-    let header = record.clone();
+    let mut table = input::rows(text);
+    let (_, header) = table.next().context("it has no jobs")??;
     let columns = columns(&header, layout)?;
     let (mut rows, mut bad) = (Vec::new(), Vec::new());
     let defaults: Vec<Option<String>> = (0..)
@@ -144,8 +138,8 @@ fn rows(text: &str, layout: &Layout, charset: Charset) -> Result<Vec<(u64, AnyWo
             Some(layout.show(place, &work))
         })
         .collect();
-    while reader.read_record(&mut record).context("no table")? {
-        let line = reader.position().line() - 1;
+    for row in table {
+        let (line, record) = row?;
         if record.len() > columns.len() {
             bad.push(format!("line {line}: {} cells, and {} fields are named", record.len(), columns.len()));
             continue;

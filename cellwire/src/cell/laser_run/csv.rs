@@ -4,6 +4,7 @@ use anyhow::{Context, Result};
 
 use super::route::Instruction;
 use super::settings::Mapping;
+use crate::io::input::rows;
 
 /// Reads `WORD,FLOAT,FLOAT,…` a line; a word is `cut`, `move`, or a number such as 258 or 0x0102. Lines that begin with `#`, and a
 /// first line that begins with `word`, are passed over.
@@ -11,15 +12,9 @@ use super::settings::Mapping;
 /// # Errors
 /// When a cell is none of these, with the line.
 pub(super) fn read(text: &str, mapping: &Mapping) -> Result<Vec<Instruction>> {
-    let mut reader = csv::ReaderBuilder::new();
-    let reader = reader.has_headers(false).flexible(true).comment(Some(b'#')).trim(csv::Trim::All);
     let mut instructions = Vec::new();
-    let text = format!("{text}\n");
-    let mut records = reader.from_reader(text.as_bytes()).into_records();
-    while let Some(record) = records.next() {
-        let record = record.context("no table")?;
-        // The line before the one that is read next: a record's own position is that of the remarks before it.
-        let line = records.reader().position().line() - 1;
+    for row in rows(text) {
+        let (line, record) = row?;
         let mut cells = record.iter();
         let first = cells.next().unwrap_or_default();
         if instructions.is_empty() && first.eq_ignore_ascii_case("word") {

@@ -15,6 +15,8 @@ pub struct Link {
     pub name: &'static str,
     /// Instruction counts.
     pub counts: &'static [Count],
+    /// Goals that follow from other rows.
+    pub ratios: &'static [Ratio],
     /// Timing budgets, from the crate's `timing` functions.
     pub budgets: fn() -> Vec<Budget>,
 }
@@ -31,6 +33,16 @@ pub struct Count {
     pub unit: &'static str,
     /// Prepares, then does the work `rounds` times; all input and output passes `black_box`.
     pub run: fn(rounds: u64),
+}
+
+/// The goal of a row that is so many times the sum of other rows of its link, as they were counted in the same run.
+pub struct Ratio {
+    /// What the row counts.
+    pub what: &'static str,
+    /// How many times.
+    pub times: f64,
+    /// What the others count.
+    pub of: &'static [&'static str],
 }
 
 /// One row of timing budgets.
@@ -83,20 +95,34 @@ pub fn main(links: &[Link]) -> ExitCode {
     ExitCode::SUCCESS
 }
 
+impl Ratio {
+    fn goal(&self, rows: &[(&Count, f64)]) -> f64 {
+        let counted =
+            |what: &&str| rows.iter().find(|(count, _)| count.what == *what).map(|(_, measured)| measured);
+        let of =
+            self.of.iter().map(|what| counted(what).unwrap_or_else(|| panic!("no row is called {what:?}")));
+        self.times * of.sum::<f64>()
+    }
+}
+
 fn count_table(links: &[&Link], missed: &mut Vec<String>) -> Table {
     let mut table = table(["link", "instructions", "for each", "measured", "goal", ""]);
     for link in links {
-        for (row, count) in link.counts.iter().enumerate() {
-            let measured = measure(link.name, row) / count.units;
-            let (goal, verdict) = match count.goal {
-                Some(goal) if measured > goal => {
+        let rows = link.counts.iter().enumerate();
+        let rows: Vec<(&Count, f64)> =
+            rows.map(|(row, count)| (count, measure(link.name, row) / count.units)).collect();
+        for (count, measured) in &rows {
+            let goal =
+                link.ratios.iter().find(|ratio| ratio.what == count.what).map(|ratio| ratio.goal(&rows));
+            let (goal, verdict) = match goal.or(count.goal) {
+                Some(goal) if *measured > goal => {
                     missed.push(format!("{}: {}", link.name, count.what));
                     (number(goal), "MISSED")
                 }
                 Some(goal) => (number(goal), "met"),
                 None => ("–".into(), ""),
             };
-            table.add_row([link.name, count.what, count.unit, &number(measured), &goal, verdict]);
+            table.add_row([link.name, count.what, count.unit, &number(*measured), &goal, verdict]);
         }
     }
     right_align(&mut table, &[3, 4]);

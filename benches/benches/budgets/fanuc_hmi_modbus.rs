@@ -29,6 +29,7 @@ pub const LINK: Link = Link {
         row("a sample of the motion from a block", None, track),
         row("DPM offsets of six axes for a period", None, offsets),
     ],
+    ratios: &[],
     budgets,
 };
 

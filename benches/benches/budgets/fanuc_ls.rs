@@ -22,6 +22,7 @@ pub const LINK: Link = Link {
         Count { what: "write the values", goal: Some(25.0), units: BYTES, unit: "byte", run: write },
         Count { what: "forward kinematics", goal: None, units: 1.0, unit: "op", run: forward },
     ],
+    ratios: &[],
     budgets: || -> Vec<Budget> { Vec::new() },
 };
 

@@ -5,7 +5,12 @@ use benches::{Budget, Count, Link};
 use isra_ball::robot_session::{Decoder as _, Encode as _};
 use isra_ball::{Decoder, Frame, Packet, timing};
 
+use crate::streams;
+
 const BYTES: [u8; 12] = [0x08, 0xF8, 0x5D, 0x00, 0x01, 0xFE, 0x03, 0xFC, 0x05, 0xFA, 0x81, 0x7A];
+
+/// Heads of packets of 255 bytes, and nothing else.
+const WORST: &[u8] = &[0xFF, 0x01, 0xAA];
 
 pub const LINK: Link = Link {
     name: "isra-ball",
@@ -13,7 +18,21 @@ pub const LINK: Link = Link {
         Count { what: "decode a packet", goal: Some(40.0), units: 1.0, unit: "op", run: decode },
         Count { what: "decode a packet from the stream", goal: None, units: 1.0, unit: "op", run: stream },
         Count { what: "encode a packet", goal: None, units: 1.0, unit: "op", run: encode },
+        streams::valid(Packet::LEN as f64, |rounds| streams::push(rounds, Decoder::new(), &BYTES, 1, 1)),
+        streams::noisy(streams::RANDOM_WHOLE, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::noise(), streams::NOISE)
+        }),
+        streams::noisy(streams::RANDOM, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::noise(), 1)
+        }),
+        streams::noisy(streams::WORST_WHOLE, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::repeated(WORST), streams::NOISE)
+        }),
+        streams::noisy(streams::WORST, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::repeated(WORST), 1)
+        }),
     ],
+    ratios: streams::RATIOS,
     budgets,
 };
 

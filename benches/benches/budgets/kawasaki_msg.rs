@@ -13,7 +13,9 @@ use kawasaki_msg::{
 };
 use robot_work_queue::Reader;
 
-pub const LINK: Link = Link { name: "kawasaki-msg", counts: COUNTS, budgets };
+use crate::streams;
+
+pub const LINK: Link = Link { name: "kawasaki-msg", counts: COUNTS, ratios: streams::RATIOS, budgets };
 
 /// The jobs that fit a packet of 4096 bytes, and its bytes: see `the_packet`.
 const JOBS: u16 = 98;
@@ -51,10 +53,32 @@ const COUNTS: &[Count] = &[
         build_packets(rounds, short)
     }),
     per_byte("… by a loop by hand", None, SHORT_BYTES, |rounds| build_by_hand(rounds, short)),
+    streams::valid(BYTES, |rounds| {
+        streams::push(rounds, Decoder::new(Charset::Ascii), &packet(line).0, 1, JOBS.into())
+    }),
+    streams::noisy(streams::RANDOM_WHOLE, |rounds| {
+        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &streams::noise(), streams::NOISE)
+    }),
+    streams::noisy(streams::RANDOM, |rounds| {
+        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &streams::noise(), 1)
+    }),
+    streams::noisy(streams::WORST_WHOLE, |rounds| {
+        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &worst(), streams::NOISE)
+    }),
+    streams::noisy(streams::WORST, |rounds| {
+        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &worst(), 1)
+    }),
 ];
 
 const fn per_byte(what: &'static str, goal: Option<f64>, units: f64, run: fn(u64)) -> Count {
     Count { what, goal, units, unit: "byte", run }
+}
+
+/// The longest message, all of it marks, but for its last byte.
+fn worst() -> Vec<u8> {
+    let mut noise = b"<X$1015#".to_vec();
+    noise.resize(streams::NOISE, b'$');
+    noise
 }
 
 fn budgets() -> Vec<Budget> {

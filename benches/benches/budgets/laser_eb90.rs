@@ -6,7 +6,9 @@ use benches::{Budget, Count, Link};
 use laser_eb90::robot_session::{Decoder as _, Encode as _};
 use laser_eb90::{Decoder, Frame, Item, MAX_PAYLOAD, Payload, Profile, timing};
 
-pub const LINK: Link = Link { name: "laser-eb90", counts: COUNTS, budgets };
+use crate::streams;
+
+pub const LINK: Link = Link { name: "laser-eb90", counts: COUNTS, ratios: streams::RATIOS, budgets };
 
 const MOVE: u16 = 0x0160;
 const AXES: [f32; 6] = [100.0, -50.5, 250.0, 0.0, 90.0, -45.25];
@@ -14,6 +16,9 @@ const AXES: [f32; 6] = [100.0, -50.5, 250.0, 0.0, 90.0, -45.25];
 const STUFFED: [f32; 6] = [100.0, -50.5, 18.0, 0.0, 90.0, -45.25];
 const BATCH_LEN: usize = 217;
 const ECHO_LEN: usize = 11;
+
+/// Heads, each with a tag and a byte that is not doubled.
+const WORST: &[u8] = &[0xEB, 0x90, 0x82, 0xF0, 0xF1, 0x90, 0x00];
 
 const COUNTS: &[Count] = &[
     Count {
@@ -45,6 +50,26 @@ const COUNTS: &[Count] = &[
         run: stream,
     },
     Count { what: "217-byte batch: write", goal: None, units: BATCH_LEN as f64, unit: "byte", run: encode },
+    streams::valid(BATCH_LEN as f64, |rounds| {
+        streams::push(rounds, Decoder::new(&Profile::default()), &batch(&AXES), 1, 1)
+    }),
+    streams::noisy(streams::RANDOM_WHOLE, |rounds| {
+        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::noise(), streams::NOISE)
+    }),
+    streams::noisy(streams::RANDOM, |rounds| {
+        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::noise(), 1)
+    }),
+    streams::noisy(streams::WORST_WHOLE, |rounds| {
+        streams::push_noise(
+            rounds,
+            Decoder::new(&Profile::default()),
+            &streams::repeated(WORST),
+            streams::NOISE,
+        )
+    }),
+    streams::noisy(streams::WORST, |rounds| {
+        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::repeated(WORST), 1)
+    }),
 ];
 
 fn batch(axes: &[f32; 6]) -> Vec<u8> {

@@ -7,6 +7,7 @@ mod isra_ball;
 mod kawasaki_msg;
 mod laser_eb90;
 mod mmacell_proto;
+mod streams;
 mod val2_alter;
 mod val2_viewer;
 mod work_queue;

@@ -8,6 +8,8 @@ use mmacell_proto::{
     RobotPose, Session,
 };
 
+use crate::streams;
+
 const STATUS: &[u8; 50] = b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n";
 const MOVE: &[u8; 38] = b"MOVA+010.000-002.000+005.999-01.2322\r\n";
 
@@ -39,7 +41,28 @@ pub const LINK: Link = Link {
             run: serve,
         },
         Count { what: "central: send STA, receive the status", goal: None, units: 1.0, unit: "op", run: ask },
+        streams::valid(STATUS.len() as f64, |rounds| {
+            streams::push(rounds, Decoder::new(Dialect::STRICT), STATUS, 1, 1)
+        }),
+        streams::noisy(streams::RANDOM_WHOLE, |rounds| {
+            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::noise(), streams::NOISE)
+        }),
+        streams::noisy(streams::RANDOM, |rounds| {
+            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::noise(), 1)
+        }),
+        streams::noisy(streams::WORST_WHOLE, |rounds| {
+            streams::push_noise(
+                rounds,
+                Decoder::new(Dialect::STRICT),
+                &streams::repeated(b"\r"),
+                streams::NOISE,
+            )
+        }),
+        streams::noisy(streams::WORST, |rounds| {
+            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::repeated(b"\r"), 1)
+        }),
     ],
+    ratios: streams::RATIOS,
     // The source gives no figure to keep: a reply comes "immediately" (§3).
     budgets: Vec::new,
 };

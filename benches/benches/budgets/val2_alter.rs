@@ -10,7 +10,7 @@ use val2_alter::{
     Message, Motion, MotionPhase, Reply, RobotMessage, SegmentStatus, Transform, timing,
 };
 
-pub const LINK: Link = Link { name: "val2-alter", counts: COUNTS, budgets };
+pub const LINK: Link = Link { name: "val2-alter", counts: COUNTS, ratios: &[], budgets };
 
 const COUNTS: &[Count] = &[
     Count {

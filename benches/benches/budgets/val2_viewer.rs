@@ -4,6 +4,8 @@ use benches::{Budget, Count, Link};
 use val2_viewer::robot_session::{Decoder as _, Encode as _};
 use val2_viewer::{Decoder, PosePacket, timing};
 
+use crate::streams;
+
 const LINE: &[u8] = b"$POSE,7,16384,0,0,0,-16384,0,0,0,-16384,12800,-4816,16*30\r\n";
 
 pub const LINK: Link = Link {
@@ -12,7 +14,21 @@ pub const LINK: Link = Link {
         Count { what: "decode a pose", goal: None, units: 1.0, unit: "op", run: decode },
         Count { what: "decode a pose from the stream", goal: None, units: 1.0, unit: "op", run: stream },
         Count { what: "encode a pose", goal: None, units: 1.0, unit: "op", run: encode },
+        streams::valid(LINE.len() as f64, |rounds| streams::push(rounds, Decoder::new(), LINE, 1, 1)),
+        streams::noisy(streams::RANDOM_WHOLE, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::noise(), streams::NOISE)
+        }),
+        streams::noisy(streams::RANDOM, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::noise(), 1)
+        }),
+        streams::noisy(streams::WORST_WHOLE, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::repeated(b"$"), streams::NOISE)
+        }),
+        streams::noisy(streams::WORST, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::repeated(b"$"), 1)
+        }),
     ],
+    ratios: streams::RATIOS,
     budgets,
 };
 

@@ -41,6 +41,7 @@ pub const LINK: Link = Link {
         batch_row("– chunks of 16 by rtrb", None, |rounds| in_batches::<Job>(rtrb(), rounds)),
         batch_row("– the limit: a bare ring", None, |rounds| in_batches::<Job>(bare(), rounds)),
     ],
+    ratios: &[],
     budgets: Vec::new,
 };
 

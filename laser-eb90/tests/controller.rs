@@ -160,6 +160,19 @@ fn an_execution_outlasts_its_connection_and_its_answer_does_not() {
     assert_eq!(controller.poll_transmit(MS * 3000, &mut out), None, "queued, and its answer is gone");
 }
 
+/// Whoever passes in bytes of no connection is told so, and no instruction comes of them.
+#[test]
+fn a_frame_without_a_connection_is_not_queued() {
+    let (mut controller, mut reader) = controller(ControllerConfig::default(), 21);
+    controller.handle_disconnected(MS);
+    controller.handle_input(MS, &frame(&[1, 2], |_| ()));
+    let unexpected = Unexpected { state: "Disconnected", input: "Bytes" };
+    assert_eq!(controller.poll_event(), Some(ControllerEvent::Unexpected(unexpected)));
+    assert_eq!((controller.poll_event(), reader.take().is_none()), (None, true));
+    controller.handle_connected(MS);
+    assert_eq!((controller.poll_timeout(), controller.poll_event()), (None, None));
+}
+
 /// The host has stopped waiting for the first answer: it would take it for the second's.
 #[test]
 fn a_frame_withdraws_the_answer_that_it_overtakes() {

@@ -220,8 +220,10 @@ where
         }
     }
 
-    fn advance(&mut self, now: Duration, input: ControllerInput) {
-        match self.machine.on(now, input, &self.config) {
+    /// Whether the state allows the input.
+    fn advance(&mut self, now: Duration, input: ControllerInput) -> bool {
+        let result = self.machine.on(now, input, &self.config);
+        match result {
             Ok(ControllerAction::Nothing | ControllerAction::Execute) => {}
             Ok(ControllerAction::Answer(Answer::Error(refusal))) => {
                 self.len = 0;
@@ -238,6 +240,7 @@ where
                 self.events.push_notice(ControllerEvent::Unexpected(unexpected));
             }
         }
+        result.is_ok()
     }
 
     fn values(&self) -> &[u8] {
@@ -277,8 +280,9 @@ where
     }
 
     fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        if !bytes.is_empty() {
-            self.advance(now, ControllerInput::Bytes);
+        // Without a connection nothing is queued.
+        if bytes.is_empty() || !self.advance(now, ControllerInput::Bytes) {
+            return;
         }
         while !bytes.is_empty() {
             let taken = self.decoder.push(bytes);

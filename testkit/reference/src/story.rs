@@ -229,6 +229,10 @@ fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<(Do, String)> {
             bytes.truncate(count.parse()?);
             bytes
         }
+        "rest" => {
+            let (count, word) = rest.split_once(' ').context("rest COUNT WORD")?;
+            said(link, inputs, word)?.split_off(count.parse()?)
+        }
         _ => bail!("no such verb"),
     };
     let json = format!("{{\"input\": \"{}\"}}", hex(&bytes));

@@ -159,7 +159,7 @@ impl Hooks for LaserHost {
 }
 
 /// The parameters of an instruction, as the items of a message object.
-fn write(payload: &mut Payload<'_>, items: &[Value]) -> Result<(), EncodeError> {
+pub(super) fn write(payload: &mut Payload<'_>, items: &[Value]) -> Result<(), EncodeError> {
     fn numbers<T: serde::de::DeserializeOwned>(values: &Value) -> Vec<T> {
         serde_json::from_value(values.clone()).unwrap_or_default()
     }

@@ -2,6 +2,7 @@
 
 mod alter_controller;
 mod alter_host;
+mod laser_controller;
 mod laser_host;
 mod mma_central;
 mod mma_device;
@@ -59,15 +60,30 @@ pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
         ("val2-alter", "host") => alter_host::MAKER,
         ("val2-alter", "controller") => alter_controller::MAKER,
         ("laser-eb90", "host") => laser_host::MAKER,
+        ("laser-eb90", "controller") => laser_controller::MAKER,
         ("mmacell-proto", "central") => mma_central::MAKER,
         ("mmacell-proto", "device") => mma_device::MAKER,
         _ => bail!("no stories drive the {end} of {link}"),
     })
 }
 
+/// What the cells of a step are computed from: the session as it was before.
+trait Before {
+    type Before;
+    fn before(&self) -> Self::Before;
+}
+
+impl<S: Clone> Before for S {
+    type Before = S;
+
+    fn before(&self) -> S {
+        self.clone()
+    }
+}
+
 /// What is particular to an end.
 trait Hooks {
-    type Session: Session + Clone + 'static;
+    type Session: Session + Before + 'static;
 
     /// A call of the end's user; an error object if the session refuses it.
     fn call(
@@ -80,14 +96,14 @@ trait Hooks {
     fn state(session: &Self::Session) -> String;
     /// The cells that an input has reached.
     fn cells(
-        before: &Self::Session,
+        before: &<Self::Session as Before>::Before,
         after: &Self::Session,
         now: Duration,
         input: &Do,
         refused: bool,
     ) -> Vec<String>;
     /// The cells that an attempt to transmit has reached.
-    fn transmit_cells(before: &Self::Session, now: Duration, sent: bool) -> Vec<String>;
+    fn transmit_cells(before: &<Self::Session as Before>::Before, now: Duration, sent: bool) -> Vec<String>;
 }
 
 struct Driven<H: Hooks>(H::Session);
@@ -95,7 +111,7 @@ struct Driven<H: Hooks>(H::Session);
 impl<H: Hooks> End for Driven<H> {
     fn step(&mut self, now: Duration, input: &Do, hold: bool) -> Result<Step> {
         let session = &mut self.0;
-        let before = session.clone();
+        let before = session.before();
         let mut step = Step::default();
         match input {
             Do::Connected => session.handle_connected(now),
@@ -123,7 +139,7 @@ impl<H: Hooks> End for Driven<H> {
                 continue;
             }
             loop {
-                let before = session.clone();
+                let before = session.before();
                 let sent = session.poll_transmit(now, &mut buffer);
                 step.cells.extend(H::transmit_cells(&before, now, sent.is_some()));
                 let Some(length) = sent else { break };

@@ -2,7 +2,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
 use crate::error::{EncodeError, Reason};
-use crate::text::{Read, expect, fail, space};
+use crate::text::{Read, expect, fail, is_letter, space};
 
 /// One entry of `/ATTR`, kept as it stands: `OWNER = MNEDITOR;`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -173,6 +173,5 @@ fn decode_value<'a>(input: &'a str, ends: &[char]) -> Read<'a, String> {
 
 /// An attribute without its `;` ends where the next one begins, rather than swallow it.
 fn begins_another(rest: &str) -> bool {
-    rest.starts_with(|c: char| c.is_alphabetic())
-        && rest.lines().next().is_some_and(|line| line.contains(['=', ':']))
+    rest.starts_with(is_letter) && rest.lines().next().is_some_and(|line| line.contains(['=', ':']))
 }

@@ -4,6 +4,7 @@ use alloc::vec::Vec;
 use core::fmt;
 
 use crate::attribute::Attribute;
+use crate::entry::{self, Entry};
 use crate::error::DecodeError;
 use crate::finding::{self, Finding};
 use crate::instruction::Instruction;
@@ -105,6 +106,23 @@ impl Document {
         finding::find(&self.text, &self.parts, rules)
     }
 
+    /// What there is in it, each with its place and its findings, in the order of the text.
+    ///
+    /// ```
+    /// use fanuc_ls::{Content, Document, Rules};
+    ///
+    /// let document = Document::decode("/PROG A\n/MN\n1:J P[1] 5 FINE;\n2: CALL X;\n/END\n")?;
+    /// let entries = document.entries(&Rules::default());
+    /// assert_eq!(entries.len(), 3); // the head and two statements
+    /// assert_eq!((entries[1].content.is_none(), entries[1].findings.len()), (true, 1)); // a speed without a unit
+    /// assert!(matches!(entries[2].content, Some(Content::Statement { number: Some(2), .. })));
+    /// assert_eq!(&document.as_str()[entries[2].place.clone()], "2: CALL X;");
+    /// # Ok::<(), fanuc_ls::DecodeError>(())
+    /// ```
+    pub fn entries(&self, rules: &Rules) -> Vec<Entry<'_>> {
+        entry::find(&self.text, &self.parts, self.findings(rules))
+    }
+
     /// The program's name.
     pub fn name(&self) -> &str {
         at(&self.text, &self.parts.name)
@@ -117,9 +135,7 @@ impl Document {
 
     /// The attributes that are understood, in their order.
     pub fn attributes(&self) -> impl Iterator<Item = Attribute> {
-        self.parts
-            .attributes(&self.text)
-            .filter_map(|attribute| attribute.ok().map(|(_, attribute)| attribute))
+        self.parts.attributes(&self.text).filter_map(|(_, attribute)| attribute.ok())
     }
 
     /// The statements of `/MN`, in their order.

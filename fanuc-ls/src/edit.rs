@@ -14,7 +14,7 @@ use crate::parts::{at, offset};
 use crate::position::Position;
 use crate::program::check_name;
 use crate::statement::Statement;
-use crate::text::joint;
+use crate::text::{Fault, joint};
 
 impl Document {
     /// Sets the name; the file's must be the same.
@@ -33,8 +33,9 @@ impl Document {
     /// When it would be read as something else, is a list, or there is no `/ATTR`.
     pub fn set_attribute(&mut self, name: &str, value: &str) -> Result<(), EncodeError> {
         let new = Attribute::text(name, value);
-        let found =
-            self.parts.attributes(&self.text).flatten().zip(1..).find(|((_, old), _)| old.name == name);
+        let read =
+            self.parts.attributes(&self.text).map(|(place, old)| Ok::<_, Fault<'_>>((place.start, old?)));
+        let found = read.flatten().zip(1..).find(|((_, old), _)| old.name == name);
         let index = found.as_ref().map_or(0, |(_, index)| *index);
         let mut line = String::new();
         new.encode(&mut line);

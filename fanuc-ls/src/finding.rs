@@ -9,6 +9,7 @@ use crate::motion::{Motion, Speed, Target};
 use crate::parts::{Parts, at, offset};
 use crate::program::{COMMENT_LENGTH, Rules, check_name};
 use crate::statement::Statement;
+use crate::text::is_letter_or_digit;
 
 /// Something in a file that its author should look at, and where.
 ///
@@ -110,18 +111,18 @@ impl<'a> Check<'a> {
     /// Where LINE_COUNT is, and what it says.
     fn attributes(&mut self) -> Option<(usize, usize)> {
         let mut line_count = None;
-        for attribute in self.parts.attributes(self.text) {
+        for (place, attribute) in self.parts.attributes(self.text) {
             match attribute {
                 Err(fault) => self.error(fault.at, fault.reason),
-                Ok((offset, attribute)) => {
+                Ok(attribute) => {
                     let found = attribute.comment().map_or(0, |comment| comment.chars().count());
                     if found > COMMENT_LENGTH {
-                        self.warn(offset, Warning::CommentLength { found });
+                        self.warn(place.start, Warning::CommentLength { found });
                     }
                     if let AttributeValue::Text(count) = attribute.value
                         && matches!(attribute.name.as_str(), "LINE_COUNT" | "ZEILEN")
                     {
-                        line_count = Some(offset).zip(count.parse().ok());
+                        line_count = Some(place.start).zip(count.parse().ok());
                     }
                 }
             }
@@ -222,7 +223,7 @@ impl Used<'_> {
         for (at, _) in text.match_indices("P[") {
             let before = text.get(..at).and_then(|head| head.chars().next_back());
             // The motion letter may be right after a number and its colon.
-            if before.is_some_and(|c| c.is_alphanumeric() || c == '_') {
+            if before.is_some_and(|c| is_letter_or_digit(c) || c == '_') {
                 continue;
             }
             match leading_number(text.get(at + 2..).unwrap_or("")) {

@@ -4,8 +4,8 @@ use core::fmt;
 
 use crate::error::{EncodeError, Reason};
 use crate::text::{
-    Read, Reference, decimal, fail, is_plain, join_lines, joint, or_fail, push_number, push_shortest,
-    reference, unsigned,
+    Read, Reference, decimal, fail, is_letter_or_digit, is_plain, join_lines, joint, or_fail, push_number,
+    push_shortest, reference, unsigned,
 };
 
 /// A motion instruction, such as `S P[2] 10mm/sec CNT100`.
@@ -356,7 +356,7 @@ impl SpeedUnit {
     fn decode(input: &str) -> Read<'_, Self> {
         for (unit, text) in Self::ALL {
             if let Some(rest) = input.strip_prefix(text)
-                && (unit == Self::Percent || !rest.starts_with(|c: char| c.is_alphanumeric() || c == '/'))
+                && (unit == Self::Percent || !rest.starts_with(|c| is_letter_or_digit(c) || c == '/'))
             {
                 return Ok((rest, unit));
             }
@@ -390,7 +390,7 @@ pub enum Termination {
 impl Termination {
     /// None when something else follows, which is then an option.
     fn decode(input: &str) -> Read<'_, Option<Self>> {
-        let ends = |rest: &str| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_');
+        let ends = |rest: &str| !rest.starts_with(|c| is_letter_or_digit(c) || c == '_');
         if let Some(rest) = input.strip_prefix("FINE").filter(|rest| ends(rest)) {
             return Ok((rest, Some(Self::Fine)));
         }

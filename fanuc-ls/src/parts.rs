@@ -9,7 +9,7 @@ use crate::attribute::Attribute;
 use crate::error::{DecodeError, Reason};
 use crate::position::Position;
 use crate::statement::Statement;
-use crate::text::{Fault, after_blanks, indent, is_nested};
+use crate::text::{Fault, after_blanks, indent, is_letter_or_digit, is_nested};
 
 /// The places of what a text holds. It refers to the text by bytes and copies nothing of it.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -93,7 +93,7 @@ impl Parts {
     pub(crate) fn attributes<'a>(
         &self,
         text: &'a str,
-    ) -> impl Iterator<Item = Result<(usize, Attribute), Fault<'a>>> + use<'a> {
+    ) -> impl Iterator<Item = (Range<usize>, Result<Attribute, Fault<'a>>)> + use<'a> {
         let mut rest = self.attributes.clone().map_or("", |range| at(text, &range));
         core::iter::from_fn(move || {
             rest = rest.trim_start();
@@ -101,23 +101,23 @@ impl Parts {
                 return None;
             }
             let start = offset(text, rest);
-            match Attribute::decode(rest) {
-                Ok((after, attribute)) => {
-                    rest = after;
-                    Some(Ok((start, attribute)))
-                }
+            let (after, attribute) = match Attribute::decode(rest) {
+                Ok((after, attribute)) => (after, Ok(attribute)),
                 Err(error) => {
                     // What is not closed ends where the next attribute begins, at the left edge; items of a list are indented.
                     let blank = |c: char| c.is_whitespace();
                     let next = rest.match_indices('\n').map(|(at, _)| rest.get(at + 1..).unwrap_or(""));
-                    rest = { next }.find(|line| !line.starts_with(blank)).unwrap_or("");
-                    Some(Err(Fault::of(error)))
+                    let after = { next }.find(|line| !line.starts_with(blank)).unwrap_or("");
+                    (after, Err(Fault::of(error)))
                 }
-            }
+            };
+            let length = rest.get(..rest.len() - after.len()).unwrap_or(rest).trim_end().len();
+            rest = after;
+            Some((start..start + length, attribute))
         })
     }
 
-    /// The lines of `/APPL`.
+    /// The lines of `/APPL`, without the blanks at their ends.
     pub(crate) fn application<'a>(&self, text: &'a str) -> Option<impl Iterator<Item = &'a str> + use<'a>> {
         let range = self.application.clone()?;
         Some(Lines::new(text, range).map(|line| line.text.trim_end()))
@@ -275,7 +275,7 @@ pub(crate) fn offset(text: &str, part: &str) -> usize {
 fn section(line: &str) -> Option<(usize, &str)> {
     (0..).zip(SECTIONS).find_map(|(index, section)| {
         let rest = line.strip_prefix(section)?;
-        (!rest.starts_with(|c: char| c.is_alphanumeric())).then_some((index, rest))
+        (!rest.starts_with(is_letter_or_digit)).then_some((index, rest))
     })
 }
 

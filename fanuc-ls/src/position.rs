@@ -288,9 +288,8 @@ impl Axis {
     }
 }
 
-/// The name of a coordinate.
+/// The name of a coordinate. With `serde` it is its text: `X`, `RX`, `J1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[allow(missing_docs, reason = "they are what they say")]
 pub enum AxisName {
     X,
@@ -358,6 +357,25 @@ impl AxisName {
             Self::J(number) => of(&J, number),
             Self::E(number) => of(&E, number),
         }
+    }
+}
+
+#[cfg(feature = "serde")]
+impl serde::Serialize for AxisName {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.text().trim_end_matches([' ', '=']))
+    }
+}
+
+#[cfg(feature = "serde")]
+impl<'de> serde::Deserialize<'de> for AxisName {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let mut cursor = Cursor::new(&text);
+        let name = Self::decode(&mut cursor).ok().filter(|_| cursor.rest().is_empty());
+        name.ok_or_else(|| {
+            serde::de::Error::custom("no axis: X, Y, Z, W, P, R, RX to RR, J1 to J9, E1 to E9")
+        })
     }
 }
 

@@ -73,7 +73,7 @@ impl Program {
 
     pub(crate) fn from_parts(text: &str, parts: &Parts) -> Result<Self, DecodeError> {
         let fault = |fault: Fault<'_>| DecodeError::new(text, offset(text, fault.at), fault.reason);
-        let attributes = parts.attributes(text).map(|attribute| attribute.map(|(_, attribute)| attribute));
+        let attributes = parts.attributes(text).map(|(_, attribute)| attribute);
         let attributes = attributes.collect::<Result<_, _>>().map_err(fault)?;
         Ok(Self {
             name: at(text, &parts.name).to_owned(),

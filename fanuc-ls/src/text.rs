@@ -97,9 +97,18 @@ pub(crate) fn expect<'a>(
     input.strip_prefix(word).ok_or(nom::Err::Failure(Fault { at: input, reason }))
 }
 
+/// A letter: of ASCII, or whatever is beyond it and no white space, so that no table is needed to read a file.
+pub(crate) fn is_letter(c: char) -> bool {
+    if c.is_ascii() { c.is_ascii_alphabetic() } else { !c.is_whitespace() }
+}
+
+pub(crate) fn is_letter_or_digit(c: char) -> bool {
+    is_letter(c) || c.is_ascii_digit()
+}
+
 /// A word of letters, digits and `_`.
 pub(crate) fn word(input: &str) -> Read<'_, &str> {
-    take_while1(|c: char| c.is_alphanumeric() || c == '_').parse(input)
+    take_while1(|c: char| is_letter_or_digit(c) || c == '_').parse(input)
 }
 
 /// How many bytes of the beginning are digits.

@@ -115,7 +115,7 @@ def main():
     parser.add_argument("--count", type=int, default=100, help="streams of each link, and as many stories")
     parser.add_argument("--link", action="append", help="only this link")
     args = parser.parse_args()
-    links = args.link or sorted(path.stem for path in (REFERENCE / "vectors").glob("*.json"))
+    links = args.link or sorted(path.stem for path in (REFERENCE / "vectors").glob("*.json") if path.stem != "fanuc-ls")
     results = [run(link, args.count, args.seed) for link in links]
     sys.exit(not all(results))
 

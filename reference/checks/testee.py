@@ -14,6 +14,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import programs
+
 REFERENCE = Path(__file__).resolve().parent.parent
 TIMEOUT = 120
 NEVER = 2**63  # nanoseconds, or more
@@ -135,6 +137,9 @@ def story_cases(story, link):
 
 def cases(link):
     """The name of each case, and its requests."""
+    if link == "fanuc-ls":
+        yield from programs.cases(load("vectors", link), load("streams", link), same)
+        return
     for kind, make in (("vectors", vector_cases), ("refused", refused_cases), ("streams", stream_cases)):
         folder = "streams" if kind == "streams" else "vectors"
         for entry in load(folder, link).get(kind, []):

@@ -164,9 +164,10 @@ fn a_controllers_own_style_reads_whole() {
 
 #[test]
 fn a_damaged_text_is_refused_with_its_line_and_column() {
-    let path = format!("{}/../reference/ls/invalid.json", env!("CARGO_MANIFEST_DIR"));
-    let cases: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
-    let cases = cases.as_array().unwrap();
+    let path = format!("{}/../reference/vectors/fanuc-ls.json", env!("CARGO_MANIFEST_DIR"));
+    let file: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let vectors = file["vectors"].as_array().unwrap().iter();
+    let cases: Vec<_> = vectors.filter(|v| v["result"] == "invalid" && v["part"].is_null()).collect();
     assert!(cases.len() >= 37);
     for case in cases {
         let error = Program::decode(case["text"].as_str().unwrap()).expect_err(&case["comment"].to_string());

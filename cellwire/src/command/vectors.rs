@@ -1,5 +1,7 @@
 //! `cellwire vectors check`: checks the tool's codecs against the reference vectors.
 
+mod programs;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -67,8 +69,12 @@ pub fn run(args: &Args) -> Result<bool> {
 
 fn check_file(path: &Path) -> Result<bool> {
     let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
+    let text = std::fs::read_to_string(path)?;
+    if name == "fanuc-ls" {
+        return programs::check_file(name, &text);
+    }
     let link = by_name(name)?;
-    let file: File = serde_json::from_str(&std::fs::read_to_string(path)?)?;
+    let file: File = serde_json::from_str(&text)?;
     let (mut disagree, mut out) = (0, std::io::stdout());
     for vector in &file.vectors {
         if let Err(error) = check(link, vector) {

@@ -4,6 +4,7 @@ use core::time::Duration;
 
 use anyhow::Result;
 use fanuc_hmi_modbus::{ClientConfig, Framing as ModbusFraming, ServerConfig};
+use fanuc_ls::{CommentRule, Rules};
 use isra_ball::{BallConfig, HostConfig as BallHostConfig};
 use kawasaki_msg::{Acks, Limits as PacketLimits, PcConfig, RecoveryLimits, RobotConfig, Takeover};
 use laser_eb90::{
@@ -31,6 +32,8 @@ macro_rules! rows {
     (@counted $type:ident, $value:expr, $($field:ident)*) => {
         let $type { $($field,)* transactions: _, without: _ } = $value;
     };
+    // Its fields may become more.
+    (@open $type:ident, $value:expr, $($field:ident)*) => { let $type { $($field,)* .. } = $value; };
     (@plain $type:ident, $value:expr, $($field:ident)*) => { let $type { $($field,)* } = $value; };
 }
 
@@ -61,6 +64,7 @@ pub(crate) fn file() -> Result<String> {
     mma(&mut rows)?;
     modbus(&mut rows)?;
     kawasaki(&mut rows)?;
+    programs(&mut rows)?;
     Ok(json::file("defaults.schema.json", &[], "fields", &rows).replacen("../", "", 1))
 }
 
@@ -266,6 +270,14 @@ fn kawasaki(rows: &mut Vec<String>) -> Result<()> {
         takeover: match takeover { Takeover::Never => "never", Takeover::End => "end", Takeover::Interrupt => "interrupt" }, "word", "never, end, interrupt", "ours";
         start_retries: start_retries, "number", "0 to 65535", "ours";
         end_when_done: end_when_done, "bool", "true or false", "ours";
+    }
+    Ok(())
+}
+
+fn programs(rows: &mut Vec<String>) -> Result<()> {
+    rows! { rows, "fanuc-ls", "Rules", Rules = Rules::default(); open
+        name_limit: name_limit, "characters", "from 0; 8 on old controllers", "ours";
+        comment: match comment { CommentRule::Refuse => "refuse", CommentRule::Truncate => "truncate" }, "word", "refuse, truncate", "ours";
     }
     Ok(())
 }

@@ -12,6 +12,7 @@ mod defaults;
 mod ends;
 mod explore;
 mod json;
+mod programs;
 mod states;
 mod story;
 mod streams;
@@ -106,6 +107,9 @@ fn files(root: &Path) -> Result<Vec<(PathBuf, String)>> {
             files.push((reference.join("sessions").join(&file), text));
         }
     }
+    let file = format!("{}.json", programs::LINK);
+    files.push((reference.join("vectors").join(&file), programs::vectors(root)?));
+    files.push((reference.join("streams").join(&file), programs::streams(root)?));
     Ok(files)
 }
 

@@ -233,7 +233,7 @@ fn modbus(rows: &mut Vec<String>) -> Result<()> {
 
 fn kawasaki(rows: &mut Vec<String>) -> Result<()> {
     rows! { rows, "kawasaki-msg", "Limits", PacketLimits = PacketLimits::TCP; plain
-        element: element, "bytes", "1 to 255", "§9.5";
+        element: element, "bytes", "1 to 4096", "§7.4";
         packet: packet, "bytes", "1 to 4096; over UDP 1472", "§9.5";
     }
     rows! { rows, "kawasaki-msg", "RecoveryLimits", RecoveryLimits = RecoveryLimits::default(); plain
@@ -246,13 +246,13 @@ fn kawasaki(rows: &mut Vec<String>) -> Result<()> {
         limits: limits, "object", "Limits", "§9.5";
         datagrams: datagrams, "bool", "true or false", "ours";
         max_number: max_number, "number", "2 to 9999", "ours";
-        acks: if matches!(acks, Acks::Cumulative { .. }) { "cumulative" } else { "individual" }, "word", "cumulative (of every job, or every k-th), individual", "§11.2";
+        acks: if let Acks::Cumulative { every } = acks { every.get().into() } else { serde_json::Value::from("individual") }, "jobs", "1 to 65535: every so many-th job, for all before it; or individual", "§11.2";
         low_water: low_water, "jobs", "null: half of the queue", "§7";
         recovery: serde_json::json!({"resends": recovery.resends, "pauses": recovery.pauses, "clears": recovery.clears}), "object", "RecoveryLimits", "§6.3";
         patience: time(patience), "ns", "from 0; null: for ever", "ours";
         pause: time(pause), "ns", "from 0", "ours";
         reply_timeout: time(reply_timeout), "ns", "from 0", "ours";
-        exchange: time(exchange), "ns", "from 0", "§12.2";
+        exchange: time(exchange), "ns", "from 0", "§9.4";
         silent_cycles: silent_cycles, "cycles", "0 to 65535; 0: never", "ours";
         reconnect_delay: time(reconnect_delay), "ns", "from 0", "ours";
         status_period: time(status_period), "ns", "from 0; null: for ever", "ours";
@@ -265,7 +265,7 @@ fn kawasaki(rows: &mut Vec<String>) -> Result<()> {
         datagrams: datagrams, "bool", "true or false", "ours";
         max_number: max_number, "number", "2 to 9999", "ours";
         cumulative_acks: cumulative_acks, "bool", "true or false", "§11.2";
-        reply_delay: time(reply_delay), "ns", "from 0", "§12.2";
+        reply_delay: time(reply_delay), "ns", "from 0", "§7.1";
         silence: time(silence), "ns", "from 0; null: for ever", "ours";
         takeover: match takeover { Takeover::Never => "never", Takeover::End => "end", Takeover::Interrupt => "interrupt" }, "word", "never, end, interrupt", "ours";
         start_retries: start_retries, "number", "0 to 65535", "ours";

@@ -33,7 +33,7 @@ pub(crate) fn explore(root: &Path, link: &str, seeds: u64) -> Result<()> {
             let played = play(link, &inputs, story, None)?;
             let mut needs = BTreeSet::new();
             for (index, rule) in rules.iter().enumerate() {
-                if play(link, &inputs, story, Some(index))? != played {
+                if play(link, &inputs, story, Some(index)).map_or(true, |other| other != played) {
                     needs.insert(format!("rule {rule}"));
                 }
             }

@@ -1,8 +1,8 @@
 //! Writes and checks the data of the reference for ports.
 //!
 //! ```text
-//! cargo run -p reference -- write     writes every file of `reference/` that is made from `testkit/reference/inputs`
-//! cargo run -p reference -- check     fails where a file differs, or a story or vector does not hold
+//! cargo run -p reference -- write [LINK]     writes every file of `reference/` that is made from `testkit/reference/inputs`
+//! cargo run -p reference -- check [LINK]     fails where a file differs, or a story or vector does not hold
 //! ```
 
 #![forbid(unsafe_code)]
@@ -20,7 +20,7 @@ mod vectors;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, Subcommand};
 
 /// Every link that has a codec, as its files are named.
@@ -44,9 +44,15 @@ struct Args {
 #[derive(Subcommand)]
 enum Command {
     /// Writes every file
-    Write,
+    Write {
+        /// Only the files of this link
+        link: Option<String>,
+    },
     /// Fails where a file differs
-    Check,
+    Check {
+        /// Only the files of this link
+        link: Option<String>,
+    },
     /// Prints stories that reach cells which no story reaches yet, to be added to the inputs
     Explore {
         /// The link
@@ -61,8 +67,8 @@ fn main() -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     match Args::parse().command {
         Command::Explore { link, seeds } => explore::explore(&root, &link, seeds),
-        Command::Write => {
-            for (path, text) in files(&root)? {
+        Command::Write { link } => {
+            for (path, text) in files(&root, link.as_deref())? {
                 if let Some(folder) = path.parent() {
                     std::fs::create_dir_all(folder)?;
                 }
@@ -70,13 +76,13 @@ fn main() -> Result<()> {
             }
             Ok(())
         }
-        Command::Check => check(&root),
+        Command::Check { link } => check(&root, link.as_deref()),
     }
 }
 
-fn check(root: &Path) -> Result<()> {
+fn check(root: &Path, link: Option<&str>) -> Result<()> {
     let mut differ = 0;
-    for (path, text) in files(root)? {
+    for (path, text) in files(root, link)? {
         let found = std::fs::read_to_string(&path).unwrap_or_default();
         let line = found.lines().zip(text.lines()).take_while(|(found, made)| found == made).count();
         if found != text {
@@ -90,11 +96,13 @@ fn check(root: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Every file and its text.
-fn files(root: &Path) -> Result<Vec<(PathBuf, String)>> {
+/// Every file, or those of one link, and its text.
+fn files(root: &Path, only: Option<&str>) -> Result<Vec<(PathBuf, String)>> {
     let reference = root.join("reference");
     let mut files = vec![(reference.join("defaults.json"), defaults::file()?)];
-    for link in LINKS {
+    let links: Vec<&str> = LINKS.into_iter().filter(|link| only.is_none_or(|only| only == *link)).collect();
+    ensure!(!links.is_empty(), "the links are {}", LINKS.join(", "));
+    for link in links {
         let file = format!("{link}.json");
         files.push((reference.join("vectors").join(&file), vectors::file(root, link)?));
         if let Some(text) = streams::file(root, link)? {
@@ -131,6 +139,6 @@ fn input<T: serde::de::DeserializeOwned>(root: &Path, kind: &str, link: &str) ->
 mod tests {
     #[test]
     fn the_files_are_those_that_the_generator_writes() -> anyhow::Result<()> {
-        super::check(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
+        super::check(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."), None)
     }
 }

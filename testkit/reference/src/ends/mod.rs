@@ -2,6 +2,9 @@
 
 mod alter_controller;
 mod alter_host;
+mod kawasaki;
+mod kawasaki_pc;
+mod kawasaki_robot;
 mod laser_controller;
 mod laser_host;
 mod mma_central;
@@ -59,6 +62,8 @@ pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
     Ok(match (link, end) {
         ("val2-alter", "host") => alter_host::MAKER,
         ("val2-alter", "controller") => alter_controller::MAKER,
+        ("kawasaki-msg", "pc") => kawasaki_pc::MAKER,
+        ("kawasaki-msg", "robot") => kawasaki_robot::MAKER,
         ("laser-eb90", "host") => laser_host::MAKER,
         ("laser-eb90", "controller") => laser_controller::MAKER,
         ("mmacell-proto", "central") => mma_central::MAKER,

@@ -35,7 +35,8 @@ pub struct Count {
     pub run: fn(rounds: u64),
 }
 
-/// The goal of a row that is so many times the sum of other rows of its link, as they were counted in the same run.
+/// The goal of a row that is so many times the sum of other rows of its link, as they were counted in the same run; if the row has
+/// a goal of its own, the greater of the two.
 pub struct Ratio {
     /// What the row counts.
     pub what: &'static str,
@@ -112,9 +113,9 @@ fn count_table(links: &[&Link], missed: &mut Vec<String>) -> Table {
         let rows: Vec<(&Count, f64)> =
             rows.map(|(row, count)| (count, measure(link.name, row) / count.units)).collect();
         for (count, measured) in &rows {
-            let goal =
-                link.ratios.iter().find(|ratio| ratio.what == count.what).map(|ratio| ratio.goal(&rows));
-            let (goal, verdict) = match goal.or(count.goal) {
+            let ratios = link.ratios.iter().filter(|ratio| ratio.what == count.what);
+            let goal = ratios.map(|ratio| ratio.goal(&rows)).chain(count.goal).reduce(f64::max);
+            let (goal, verdict) = match goal {
                 Some(goal) if *measured > goal => {
                     missed.push(format!("{}: {}", link.name, count.what));
                     (number(goal), "MISSED")

@@ -1,4 +1,6 @@
-use crate::envelope::check_header;
+use robot_session::StreamBuffer;
+
+use crate::envelope::find_header;
 use crate::error::DecodeError;
 use crate::frame::Frame;
 
@@ -9,21 +11,76 @@ use crate::frame::Frame;
 /// come, or after `finish`.
 #[derive(Debug, Clone)]
 pub struct Decoder {
-    buffer: [u8; Self::CAPACITY],
-    start: usize,
-    end: usize,
-    position: u64,
+    buffer: StreamBuffer<512>,
+    /// With fewer bytes there is nothing to give yet.
+    needed: usize,
+    /// Why the first bytes are no packet.
+    corruption: Option<DecodeError>,
+    /// So many of those bytes begin no header.
+    searched: usize,
     finished: bool,
 }
 
 impl Decoder {
-    const CAPACITY: usize = 512;
     /// The longest run of bytes that one error covers: a header after it must fit the buffer.
     const MAX_SKIP: usize = Frame::MAX_LEN;
 
     /// An empty decoder.
     pub const fn new() -> Self {
-        Self { buffer: [0; Self::CAPACITY], start: 0, end: 0, position: 0, finished: false }
+        let buffer = StreamBuffer::new();
+        Self { buffer, needed: Frame::OVERHEAD, corruption: None, searched: 0, finished: false }
+    }
+
+    #[inline(never)]
+    fn next_item(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
+        let bytes = self.buffer.bytes();
+        if self.corruption.is_none() {
+            let error = match Frame::decode(bytes) {
+                Ok(Some((_, length))) => {
+                    self.needed = Frame::OVERHEAD;
+                    let data = self.buffer.take(length).get(3..length - 1)?;
+                    return Frame::new(data).map(Ok);
+                }
+                Ok(None) => {
+                    let n = *bytes.first()?;
+                    let (expected, found) = (usize::from(n) + Frame::OVERHEAD, bytes.len());
+                    if !self.finished {
+                        self.needed = expected;
+                        return None;
+                    }
+                    DecodeError::Incomplete { expected, found }
+                }
+                Err(error) => error,
+            };
+            (self.corruption, self.searched, self.needed) = (Some(error), 1, 0);
+        }
+        let length = self.corrupt_length()?;
+        self.buffer.take(length);
+        self.needed = Frame::OVERHEAD;
+        self.corruption.take().map(|error| {
+            Err(match error {
+                DecodeError::Header { .. } => DecodeError::Noise { length },
+                DecodeError::Incomplete { expected, .. } => {
+                    DecodeError::Incomplete { expected, found: length }
+                }
+                error => error,
+            })
+        })
+    }
+
+    /// How far the corruption reaches: to the next whole header, or to the end of a finished stream.
+    fn corrupt_length(&mut self) -> Option<usize> {
+        let bytes = self.buffer.bytes();
+        let rest = bytes.get(self.searched..).unwrap_or_default();
+        match find_header(rest) {
+            Some(at) => Some((self.searched + at).min(Self::MAX_SKIP)),
+            None if bytes.len() >= Self::MAX_SKIP + 3 => Some(Self::MAX_SKIP),
+            None if self.finished => Some(bytes.len().min(Self::MAX_SKIP)),
+            None => {
+                self.searched += rest.len().saturating_sub(2);
+                None
+            }
+        }
     }
 }
 
@@ -31,33 +88,17 @@ impl robot_session::Decoder for Decoder {
     type Frame<'a> = Frame<'a>;
     type Error = DecodeError;
 
+    #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        if bytes.len() > Self::CAPACITY - self.end {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
-            self.start = 0;
-        }
-        let free = self.buffer.get_mut(self.end..).unwrap_or_default();
-        let taken = bytes.len().min(free.len());
-        if let (Some(to), Some(from)) = (free.get_mut(..taken), bytes.get(..taken)) {
-            to.copy_from_slice(from);
-        }
-        self.end += taken;
+        let taken = self.buffer.push(bytes);
         self.finished &= taken == 0;
         taken
     }
 
+    #[inline]
     fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
-        let pending = self.buffer.get(self.start..self.end)?;
-        let (length, error) = next_item(pending, self.finished)?;
-        let from = self.start;
-        self.start += length;
-        self.position += length as u64;
-        if let Some(error) = error {
-            return Some(Err(error));
-        }
-        let bytes = self.buffer.get(from..self.start)?;
-        Frame::new(bytes.get(3..length - 1)?).map(Ok)
+        let has_enough = self.buffer.len() >= self.needed || self.finished;
+        if has_enough { self.next_item() } else { None }
     }
 
     fn finish(&mut self) {
@@ -65,51 +106,17 @@ impl robot_session::Decoder for Decoder {
     }
 
     fn position(&self) -> u64 {
-        self.position
+        self.buffer.position()
     }
 
     fn clear(&mut self) {
-        self.position += (self.end - self.start) as u64;
-        self.start = self.end;
-        self.finished = false;
+        self.buffer.clear();
+        (self.needed, self.corruption, self.finished) = (Frame::OVERHEAD, None, false);
     }
 }
 
 impl Default for Decoder {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-/// The length of the first frame (without error) or of the corrupt bytes before the next header.
-fn next_item(bytes: &[u8], finished: bool) -> Option<(usize, Option<DecodeError>)> {
-    let error = match Frame::decode(bytes) {
-        Ok(Some((_, length))) => return Some((length, None)),
-        Ok(None) if !finished || bytes.is_empty() => return None,
-        Ok(None) => {
-            let n = bytes.first().copied().unwrap_or_default();
-            DecodeError::Incomplete { expected: usize::from(n) + Frame::OVERHEAD, found: bytes.len() }
-        }
-        Err(error) => error,
-    };
-    let length = corrupt_len(bytes, finished)?;
-    Some((
-        length,
-        Some(match error {
-            DecodeError::Header { .. } => DecodeError::Noise { length },
-            DecodeError::Incomplete { expected, .. } => DecodeError::Incomplete { expected, found: length },
-            error => error,
-        }),
-    ))
-}
-
-/// How far the corruption at the first byte reaches: to the next whole header, or to the end of a finished stream.
-fn corrupt_len(bytes: &[u8], finished: bool) -> Option<usize> {
-    let next = bytes.windows(3).skip(1).position(|header| check_header(header).is_ok()).map(|at| at + 1);
-    match next {
-        Some(length) => Some(length.min(Decoder::MAX_SKIP)),
-        None if bytes.len() >= Decoder::MAX_SKIP + 3 => Some(Decoder::MAX_SKIP),
-        None if finished => Some(bytes.len().min(Decoder::MAX_SKIP)),
-        None => None,
     }
 }

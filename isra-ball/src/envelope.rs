@@ -24,6 +24,13 @@ pub(crate) fn check_header(bytes: &[u8]) -> Result<(), DecodeError> {
     Ok(())
 }
 
+/// Where the first whole header is.
+#[inline]
+pub(crate) fn find_header(bytes: &[u8]) -> Option<usize> {
+    let is_header = |head: &[u8]| matches!(head, [n, minus_n, xor_n] if [*n, *minus_n, *xor_n] == header(*n));
+    bytes.windows(3).position(is_header)
+}
+
 #[inline]
 pub(crate) const fn header(n: u8) -> [u8; 3] {
     [n, n.wrapping_neg(), n ^ XOR]

@@ -78,42 +78,15 @@ impl Decoder {
     pub fn is_inside_message(&self) -> bool {
         self.cursor.end > self.cursor.start
     }
-}
 
-impl robot_session::Decoder for Decoder {
-    type Frame<'a> = Message<'a>;
-    type Error = DecodeError;
-
-    fn push(&mut self, bytes: &[u8]) -> usize {
-        let Self { buffer, cursor, .. } = self;
-        if cursor.end + bytes.len() > Message::MAX_LEN {
-            buffer.copy_within(cursor.start..cursor.end, 0);
-            cursor.end -= cursor.start;
-            cursor.start = 0;
-        }
-        let taken = bytes.len().min(Message::MAX_LEN - cursor.end);
-        let place = buffer.get_mut(cursor.end..cursor.end + taken);
-        if let (Some(place), Some(bytes)) = (place, bytes.get(..taken)) {
-            place.copy_from_slice(bytes);
-            cursor.end += taken;
-        }
-        taken
-    }
-
-    fn next_frame(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
+    /// What the bytes begin with, from the first one on.
+    #[inline(never)]
+    fn next_item(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
         let Self { buffer, charset, cursor } = self;
         if let Some(error) = cursor.find_start(buffer)? {
             return Some(Err(error));
         }
         let bytes = buffer.get(cursor.start..cursor.end)?;
-        if let Some(new) = bytes.get(cursor.scanned..)
-            && cursor.scanned > 0
-            && !(cursor.finished || bytes.len() == Message::MAX_LEN)
-            && !new.iter().any(|byte| charset.ends_text(*byte))
-        {
-            cursor.scanned = bytes.len();
-            return None;
-        }
         match Message::decode(bytes, *charset) {
             Ok(Some((message, used))) => {
                 cursor.advance(used);
@@ -133,6 +106,63 @@ impl robot_session::Decoder for Decoder {
         }
         cursor.advance(1);
         cursor.find_start(buffer).flatten().map(Err)
+    }
+}
+
+impl robot_session::Decoder for Decoder {
+    type Frame<'a> = Message<'a>;
+    type Error = DecodeError;
+
+    #[inline]
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        let Self { buffer, cursor, .. } = self;
+        if cursor.end + bytes.len() > Message::MAX_LEN {
+            buffer.copy_within(cursor.start..cursor.end, 0);
+            cursor.end -= cursor.start;
+            cursor.start = 0;
+        }
+        // A serial line brings its bytes one by one: a copy of one is no call.
+        if let ([byte], true, Some(place)) =
+            (bytes, cursor.end < Message::MAX_LEN, buffer.get_mut(cursor.end))
+        {
+            *place = *byte;
+            cursor.end += 1;
+            return 1;
+        }
+        let taken = bytes.len().min(Message::MAX_LEN - cursor.end);
+        let place = buffer.get_mut(cursor.end..cursor.end + taken);
+        if let (Some(place), Some(bytes)) = (place, bytes.get(..taken)) {
+            place.copy_from_slice(bytes);
+            cursor.end += taken;
+        }
+        taken
+    }
+
+    #[inline]
+    fn next_frame(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
+        let Self { buffer, charset, cursor } = self;
+        // A byte that came alone, and ends nothing.
+        let last = cursor.start + cursor.scanned;
+        if last + 1 == cursor.end
+            && let Some(byte) = buffer.get(last)
+            && !cursor.finished
+            && cursor.scanned + 1 < Message::MAX_LEN
+        {
+            if cursor.scanned == 0 && *byte != START {
+                cursor.advance(1);
+                return None;
+            }
+            if cursor.scanned > 0 && !charset.ends_text(*byte) {
+                cursor.scanned += 1;
+                return None;
+            }
+            // What comes after it may end the message.
+            if cursor.scanned > 0 && *byte == DATA {
+                cursor.scanned = 0;
+                return None;
+            }
+        }
+        self.next_item()
     }
 
     fn finish(&mut self) {

@@ -1,7 +1,9 @@
 //! Bytes in, frames out; resynchronises after corruption.
 
+use robot_session::StreamBuffer;
+
 use crate::error::DecodeError;
-use crate::frame::{Body, Corrupt, Frame, MAX_PAYLOAD, Scan, find_head, has_head};
+use crate::frame::{Corrupt, Frame, HEAD, MAX_PAYLOAD, Scan, find_head, has_head};
 use crate::items::Items;
 use crate::profile::Profile;
 
@@ -13,109 +15,95 @@ use crate::profile::Profile;
 #[derive(Debug, Clone)]
 pub struct Decoder {
     profile: Profile,
-    raw: [u8; Frame::MAX_LEN],
-    held: Held,
+    raw: StreamBuffer<{ Frame::MAX_LEN }>,
+    state: State,
     payload: [u8; MAX_PAYLOAD],
 }
 
-/// Which of the raw bytes are held, and what is known of them.
+/// What is known of the bytes that are held.
 #[derive(Debug, Clone, Copy, Default)]
-struct Held {
-    start: usize,
-    end: usize,
-    /// Bytes from `start` on that begin no head.
+struct State {
+    /// So many of them begin no head.
     hunted: usize,
     scan: Scan,
-    /// The stream offset of `start`.
-    position: u64,
     /// No more bytes will come.
     finished: bool,
+}
+
+impl State {
+    /// The bytes that need not be looked at again.
+    #[inline]
+    fn read(&self) -> usize {
+        if self.scan.is_new() { self.hunted } else { self.scan.read() }
+    }
+
+    /// A byte that came alone: whether it is only one more of a payload, or of what has no head.
+    #[inline]
+    fn passes(&mut self, byte: u8, payload: &mut [u8; MAX_PAYLOAD]) -> bool {
+        if !self.scan.is_new() {
+            return self.scan.take_byte(byte, payload);
+        }
+        let passes = byte != HEAD[0] && self.hunted + 1 < MAX_PAYLOAD;
+        self.hunted += usize::from(passes);
+        passes
+    }
 }
 
 impl Decoder {
     /// A decoder at offset 0 of a stream.
     pub fn new(profile: &Profile) -> Self {
-        Self { profile: *profile, raw: [0; Frame::MAX_LEN], held: Held::default(), payload: [0; MAX_PAYLOAD] }
+        let (raw, state) = (StreamBuffer::new(), State::default());
+        Self { profile: *profile, raw, state, payload: [0; MAX_PAYLOAD] }
     }
 
     /// Whether no byte waits for the rest of a frame.
     pub fn is_empty(&self) -> bool {
-        self.held.len() == 0
-    }
-}
-
-impl robot_session::Decoder for Decoder {
-    type Frame<'a> = Frame<'a>;
-    type Error = DecodeError;
-
-    fn push(&mut self, bytes: &[u8]) -> usize {
-        let held = &mut self.held;
-        if self.raw.len() - held.end < bytes.len() {
-            self.raw.copy_within(held.start..held.end, 0);
-            held.end -= held.start;
-            held.start = 0;
-        }
-        let room = self.raw.get_mut(held.end..).unwrap_or_default();
-        let taken = room.len().min(bytes.len());
-        if let (Some(slot), Some(bytes)) = (room.get_mut(..taken), bytes.get(..taken)) {
-            slot.copy_from_slice(bytes);
-        }
-        held.end += taken;
-        held.finished = false;
-        taken
+        self.raw.is_empty()
     }
 
-    fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
-        let held = &mut self.held;
-        let raw = self.raw.get(held.start..held.end).unwrap_or_default();
-        if held.scan.is_new() && !has_head(raw) {
-            let begin = held.hunted + find_head(raw.get(held.hunted..).unwrap_or_default());
-            if begin < MAX_PAYLOAD && !has_head(raw.get(begin..).unwrap_or_default()) {
-                held.hunted = begin;
-                return held.incomplete().map(Err);
-            }
-            let skipped = begin.min(MAX_PAYLOAD);
-            held.consume(skipped);
-            return Some(Err(DecodeError::NoHead { skipped }));
+    #[inline(never)]
+    fn next_item(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
+        if self.state.scan.is_new() && !has_head(self.raw.bytes()) {
+            return self.hunt().map(Err);
         }
-        let corrupt = match held.scan.advance(raw, &mut self.payload, &self.profile) {
-            Ok(None) => return held.incomplete().map(Err),
-            Ok(Some(body)) => match check(body, raw, &self.payload, &self.profile) {
-                Ok(frame) => {
-                    held.consume(body.used);
-                    return Some(Ok(frame));
+        let raw = self.raw.bytes();
+        let corrupt = match self.state.scan.advance(raw, &mut self.payload, &self.profile) {
+            Ok(None) => return self.incomplete().map(Err),
+            Ok(Some(body)) => match Items::new(body.payload(raw, &self.payload), &self.profile).check() {
+                Ok(()) => {
+                    (self.state.hunted, self.state.scan) = (0, Scan::default());
+                    let payload = body.payload(self.raw.take(body.used), &self.payload);
+                    return Some(Ok(Frame::new(payload, &self.profile)));
                 }
-                Err(corrupt) => corrupt,
+                // A false head can be followed by the right checksum, but hardly by whole items as well.
+                Err(error) => Corrupt { error, examined: body.used },
             },
             Err(corrupt) => corrupt,
         };
         let next = find_head(raw.get(1..corrupt.examined).unwrap_or_default());
-        held.consume(1 + next);
+        self.consume(1 + next);
         Some(Err(corrupt.error))
     }
 
-    fn finish(&mut self) {
-        self.held.finished = true;
-    }
-
-    fn position(&self) -> u64 {
-        self.held.position
-    }
-
-    fn clear(&mut self) {
-        self.held.consume(self.held.len());
-    }
-}
-
-impl Held {
-    fn len(&self) -> usize {
-        self.end - self.start
+    /// Looks for a head, where none is yet.
+    fn hunt(&mut self) -> Option<DecodeError> {
+        let raw = self.raw.bytes();
+        let hunted = self.state.hunted;
+        let begin = hunted + find_head(raw.get(hunted..).unwrap_or_default());
+        if begin < MAX_PAYLOAD && !has_head(raw.get(begin..).unwrap_or_default()) {
+            self.state.hunted = begin;
+            return self.incomplete();
+        }
+        let skipped = begin.min(MAX_PAYLOAD);
+        self.consume(skipped);
+        Some(DecodeError::NoHead { skipped })
     }
 
     /// What is held, when no more will come.
+    #[inline]
     fn incomplete(&mut self) -> Option<DecodeError> {
-        let held = self.len();
-        if !self.finished || held == 0 {
+        let held = self.raw.len();
+        if !self.state.finished || held == 0 {
             return None;
         }
         self.consume(held);
@@ -123,18 +111,39 @@ impl Held {
     }
 
     fn consume(&mut self, bytes: usize) {
-        self.start += bytes;
-        self.position += bytes as u64;
-        self.hunted = 0;
-        self.scan = Scan::default();
+        self.raw.take(bytes);
+        (self.state.hunted, self.state.scan) = (0, Scan::default());
     }
 }
 
-/// The frame, if it has whole items: a false head can be followed by the right checksum, but hardly by both.
-fn check<'a>(body: Body, raw: &'a [u8], copied: &'a [u8], profile: &Profile) -> Result<Frame<'a>, Corrupt> {
-    let payload = body.payload(raw, copied);
-    match Items::new(payload, profile).check() {
-        Ok(()) => Ok(Frame::new(payload, profile)),
-        Err(error) => Err(Corrupt { error, examined: body.used }),
+impl robot_session::Decoder for Decoder {
+    type Frame<'a> = Frame<'a>;
+    type Error = DecodeError;
+
+    #[inline]
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        self.state.finished = false;
+        self.raw.push(bytes)
+    }
+
+    #[inline]
+    fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
+        let Self { raw, state, payload, .. } = self;
+        if !state.finished && raw.byte_after(state.read()).is_some_and(|byte| state.passes(byte, payload)) {
+            return None;
+        }
+        self.next_item()
+    }
+
+    fn finish(&mut self) {
+        self.state.finished = true;
+    }
+
+    fn position(&self) -> u64 {
+        self.raw.position()
+    }
+
+    fn clear(&mut self) {
+        self.consume(self.raw.len());
     }
 }

@@ -9,7 +9,7 @@ use crate::profile::{Flag, Profile, Width};
 /// The longest payload, unstuffed. The source gives no limit: this is twice its batch of seven six-axis moves.
 pub const MAX_PAYLOAD: usize = 512;
 
-const HEAD: [u8; 3] = [0xEB, 0x90, 0x82];
+pub(crate) const HEAD: [u8; 3] = [0xEB, 0x90, 0x82];
 const FLAG: u8 = 0xF0;
 /// The byte that begins the tail, and is doubled in the payload.
 const MARK: u8 = 0x90;
@@ -175,6 +175,23 @@ impl Scan {
     /// Nothing has been read yet.
     pub(crate) fn is_new(&self) -> bool {
         self.begin == 0
+    }
+
+    /// The bytes of the frame that are done with.
+    #[inline]
+    pub(crate) fn read(&self) -> usize {
+        self.read
+    }
+
+    /// Takes a byte that came alone, if it is one of the payload and nothing more.
+    #[inline]
+    pub(crate) fn take_byte(&mut self, byte: u8, payload: &mut [u8]) -> bool {
+        let Some(slot) = payload.get_mut(self.len).filter(|_| byte != MARK) else { return false };
+        // Nobody reads it if the payload is not copied.
+        *slot = byte;
+        self.len += 1;
+        self.read += 1;
+        true
     }
 
     /// Reads on in `raw`, which begins with the frame: `None` when more bytes are needed.

@@ -1,3 +1,5 @@
+use robot_session::StreamBuffer;
+
 use crate::dialect::Dialect;
 use crate::error::DecodeError;
 use crate::frame::{Line, find_end};
@@ -11,11 +13,10 @@ use crate::frame::{Line, find_end};
 #[derive(Debug, Clone)]
 pub struct Decoder {
     dialect: Dialect,
-    buffer: [u8; Line::MAX_LEN],
-    start: usize,
-    end: usize,
-    /// Bytes of a line that is too long, before those in the buffer.
-    dropped: u64,
+    buffer: StreamBuffer<{ Line::MAX_LEN }>,
+    /// So many of the bytes hold no end of a line.
+    searched: usize,
+    /// The stream offset after what was given last: what is between it and the buffer is the beginning of a line that is too long.
     position: u64,
     finished: bool,
 }
@@ -23,33 +24,63 @@ pub struct Decoder {
 impl Decoder {
     /// A decoder at the beginning of a stream.
     pub const fn new(dialect: Dialect) -> Self {
-        let buffer = [0; Line::MAX_LEN];
-        Self { dialect, buffer, start: 0, end: 0, dropped: 0, position: 0, finished: false }
+        let buffer = StreamBuffer::new();
+        Self { dialect, buffer, searched: 0, position: 0, finished: false }
     }
 
     /// Bytes that are held and not looked at yet, but for those of a line that is too long.
     pub(crate) const fn held(&self) -> usize {
-        self.end - self.start
+        self.buffer.len()
     }
 
+    #[inline]
+    fn next_line(&mut self) -> Option<Result<Line<'_>, DecodeError>> {
+        let Some((content, used)) = find_end(self.buffer.bytes(), self.searched, &self.dialect) else {
+            return self.without_end().map(Err);
+        };
+        let (length, is_too_long) = (content.len(), self.is_too_long());
+        self.searched = 0;
+        self.position = self.buffer.position() + used as u64;
+        if is_too_long {
+            self.buffer.take(used);
+            return Some(Err(DecodeError::TooLong { limit: Line::MAX_LEN }));
+        }
+        let line = self.buffer.take(used);
+        Some(Ok(Line::new(line.get(..length)?)))
+    }
+
+    #[inline]
     fn without_end(&mut self) -> Option<DecodeError> {
-        let waiting = self.end - self.start;
-        if waiting == Line::MAX_LEN {
-            // The end of the line may be cut in two: keep its first half.
-            let kept = self.buffer.get(self.start..self.end).is_some_and(|bytes| bytes.ends_with(b"\r"));
-            self.start = self.end - usize::from(kept);
-            self.dropped += (waiting - usize::from(kept)) as u64;
+        self.searched = self.buffer.len();
+        if self.searched == Line::MAX_LEN {
+            self.drop_line();
         }
-        let unread = (self.end - self.start) as u64 + self.dropped;
-        if !self.finished || unread == 0 {
-            return None;
+        if self.finished { self.incomplete() } else { None }
+    }
+
+    #[cold]
+    fn drop_line(&mut self) {
+        // The end of the line may be cut in two: keep its first half.
+        let kept = usize::from(self.buffer.bytes().ends_with(b"\r"));
+        self.buffer.take(Line::MAX_LEN - kept);
+        self.searched = kept;
+    }
+
+    #[cold]
+    fn incomplete(&mut self) -> Option<DecodeError> {
+        let is_too_long = self.is_too_long();
+        self.buffer.clear();
+        self.searched = 0;
+        let before = core::mem::replace(&mut self.position, self.buffer.position());
+        match is_too_long {
+            _ if before == self.position => None,
+            true => Some(DecodeError::TooLong { limit: Line::MAX_LEN }),
+            false => Some(DecodeError::Incomplete),
         }
-        self.start = self.end;
-        self.position += unread;
-        Some(match core::mem::take(&mut self.dropped) {
-            0 => DecodeError::Incomplete,
-            _ => DecodeError::TooLong { limit: Line::MAX_LEN },
-        })
+    }
+
+    const fn is_too_long(&self) -> bool {
+        self.position != self.buffer.position()
     }
 }
 
@@ -59,38 +90,24 @@ impl robot_session::Decoder for Decoder {
 
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        if self.start > 0 {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
-            self.start = 0;
-        }
         // What ends here is not whole: `next_frame` reports that first.
-        if self.finished && self.end as u64 + self.dropped > 0 {
+        if self.finished && (!self.buffer.is_empty() || self.is_too_long()) {
             return 0;
         }
         self.finished = false;
-        let Some(room) = self.buffer.get_mut(self.end..) else { return 0 };
-        let taken = room.len().min(bytes.len());
-        if let (Some(to), Some(from)) = (room.get_mut(..taken), bytes.get(..taken)) {
-            to.copy_from_slice(from);
-        }
-        self.end += taken;
-        taken
+        self.buffer.push(bytes)
     }
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Line<'_>, DecodeError>> {
-        let waiting = self.buffer.get(self.start..self.end)?;
-        let Some((content, used)) = find_end(waiting, &self.dialect) else {
-            return self.without_end().map(Err);
-        };
-        let content = self.start..self.start + content.len();
-        self.start += used;
-        self.position += used as u64 + self.dropped;
-        if core::mem::take(&mut self.dropped) > 0 {
-            return Some(Err(DecodeError::TooLong { limit: Line::MAX_LEN }));
+        // A byte that came alone, and ends nothing.
+        match self.buffer.byte_after(self.searched) {
+            Some(byte) if byte != b'\n' && !self.finished && self.searched + 1 < Line::MAX_LEN => {
+                self.searched += 1;
+                None
+            }
+            _ => self.next_line(),
         }
-        Some(Ok(Line::new(self.buffer.get(content)?)))
     }
 
     fn finish(&mut self) {
@@ -102,8 +119,8 @@ impl robot_session::Decoder for Decoder {
     }
 
     fn clear(&mut self) {
-        self.position += (self.end - self.start) as u64 + self.dropped;
-        (self.start, self.end, self.dropped, self.finished) = (0, 0, 0, false);
+        self.buffer.clear();
+        (self.position, self.searched, self.finished) = (self.buffer.position(), 0, false);
     }
 }
 

@@ -21,7 +21,7 @@ impl<'a> Line<'a> {
     #[inline]
     pub fn decode(bytes: &'a [u8], dialect: &Dialect) -> Result<Option<(Self, usize)>, DecodeError> {
         let window = bytes.get(..Self::MAX_LEN).unwrap_or(bytes);
-        match find_end(window, dialect) {
+        match find_end(window, 0, dialect) {
             Some((content, used)) => Ok(Some((Self(content), used))),
             None if window.len() < Self::MAX_LEN => Ok(None),
             None => Err(DecodeError::TooLong { limit: Self::MAX_LEN }),
@@ -34,20 +34,23 @@ impl<'a> Line<'a> {
     }
 }
 
-/// What precedes the first end of a line, and the bytes up to and with that end.
+/// What precedes the first end of a line, and the bytes up to and with that end; the first `searched` bytes hold none.
 ///
 /// Question and answer: what has arrived is mostly one line and no more.
 #[inline(always)]
-pub(crate) fn find_end<'a>(bytes: &'a [u8], dialect: &Dialect) -> Option<(&'a [u8], usize)> {
+pub(crate) fn find_end<'a>(bytes: &'a [u8], searched: usize, dialect: &Dialect) -> Option<(&'a [u8], usize)> {
     match bytes.strip_suffix(b"\r\n") {
-        Some(content) if !has_line_feed(content) => Some((content, bytes.len())),
-        _ => find_end_within(bytes, dialect),
+        Some(content) if !has_line_feed(content.get(searched..).unwrap_or_default()) => {
+            Some((content, bytes.len()))
+        }
+        None if !has_line_feed(bytes.get(searched..).unwrap_or_default()) => None,
+        _ => find_end_within(bytes, searched, dialect),
     }
 }
 
 #[cold]
-fn find_end_within<'a>(bytes: &'a [u8], dialect: &Dialect) -> Option<(&'a [u8], usize)> {
-    let mut feeds = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n');
+fn find_end_within<'a>(bytes: &'a [u8], searched: usize, dialect: &Dialect) -> Option<(&'a [u8], usize)> {
+    let mut feeds = bytes.iter().enumerate().skip(searched).filter(|(_, byte)| **byte == b'\n');
     feeds.find_map(|(at, _)| {
         let before = bytes.get(..at)?;
         let content = before.strip_suffix(b"\r").or(dialect.lone_lf.then_some(before))?;
@@ -75,14 +78,14 @@ mod tests {
             for at in 1..len {
                 for filler in [0u8, 0x0B, 0x8A, 0xFF] {
                     let mut bytes = vec![filler; len];
-                    assert_eq!(find_end(&bytes, &Dialect::STRICT), None);
+                    assert_eq!(find_end(&bytes, 0, &Dialect::STRICT), None);
                     bytes[at] = b'\n';
-                    assert_eq!(find_end(&bytes, &Dialect::STRICT), None);
-                    assert_eq!(find_end(&bytes, &Dialect::TOLERANT), Some((&bytes[..at], at + 1)));
+                    assert_eq!(find_end(&bytes, 0, &Dialect::STRICT), None);
+                    assert_eq!(find_end(&bytes, 0, &Dialect::TOLERANT), Some((&bytes[..at], at + 1)));
                     bytes[at - 1] = b'\r';
                     for _ in 0..2 {
-                        assert_eq!(find_end(&bytes, &Dialect::STRICT), Some((&bytes[..at - 1], at + 1)));
-                        assert_eq!(find_end(&bytes, &Dialect::TOLERANT), Some((&bytes[..at - 1], at + 1)));
+                        assert_eq!(find_end(&bytes, 0, &Dialect::STRICT), Some((&bytes[..at - 1], at + 1)));
+                        assert_eq!(find_end(&bytes, 0, &Dialect::TOLERANT), Some((&bytes[..at - 1], at + 1)));
                         bytes.extend_from_slice(b"\r\n");
                     }
                 }

@@ -5,6 +5,7 @@
 #[cfg(feature = "std")]
 extern crate std;
 
+mod buffer;
 mod decoder;
 mod encode;
 mod event;
@@ -16,6 +17,7 @@ mod std_driver;
 pub mod tokio;
 mod unexpected;
 
+pub use buffer::StreamBuffer;
 pub use decoder::Decoder;
 pub use encode::Encode;
 pub use event::EventQueue;

@@ -1,3 +1,5 @@
+use robot_session::StreamBuffer;
+
 use crate::error::DecodeError;
 use crate::message::PosePacket;
 
@@ -7,19 +9,34 @@ use crate::message::PosePacket;
 /// up to the next `$`: corruption costs no packet but those it touched.
 #[derive(Debug, Clone)]
 pub struct Decoder {
-    buffer: [u8; Self::CAPACITY],
-    start: usize,
-    end: usize,
-    position: u64,
+    buffer: StreamBuffer<256>,
+    /// So many of the bytes neither end what the first one begins, nor begin a line after it.
+    searched: usize,
     finished: bool,
 }
 
 impl Decoder {
-    const CAPACITY: usize = 256;
-
     /// An empty decoder.
     pub const fn new() -> Self {
-        Self { buffer: [0; Self::CAPACITY], start: 0, end: 0, position: 0, finished: false }
+        Self { buffer: StreamBuffer::new(), searched: 0, finished: false }
+    }
+
+    #[inline(never)]
+    fn next_item(&mut self) -> Option<Result<PosePacket, DecodeError>> {
+        let bytes = self.buffer.bytes();
+        let window = bytes.get(..PosePacket::MAX_LEN).unwrap_or(bytes);
+        let is_end = |(at, byte): (usize, &u8)| *byte == b'\n' || *byte == b'$' && at > 0;
+        let end = window.iter().enumerate().skip(self.searched).position(is_end);
+        let end = end.map(|at| self.searched + at);
+        let is_open = !self.finished || window.is_empty();
+        if end.is_none() && window.len() < PosePacket::MAX_LEN && is_open {
+            self.searched = window.len();
+            return None;
+        }
+        let (length, item) = item(window, end);
+        self.searched = 0;
+        self.buffer.take(length);
+        Some(item)
     }
 }
 
@@ -27,28 +44,27 @@ impl robot_session::Decoder for Decoder {
     type Frame<'a> = PosePacket;
     type Error = DecodeError;
 
+    #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        if bytes.len() > Self::CAPACITY - self.end {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
-            self.start = 0;
-        }
-        let free = self.buffer.get_mut(self.end..).unwrap_or_default();
-        let taken = bytes.len().min(free.len());
-        if let (Some(to), Some(from)) = (free.get_mut(..taken), bytes.get(..taken)) {
-            to.copy_from_slice(from);
-        }
-        self.end += taken;
+        let taken = self.buffer.push(bytes);
         self.finished &= taken == 0;
         taken
     }
 
+    #[inline]
     fn next_frame(&mut self) -> Option<Result<PosePacket, DecodeError>> {
-        let pending = self.buffer.get(self.start..self.end)?;
-        let (length, item) = next_item(pending, self.finished)?;
-        self.start += length;
-        self.position += length as u64;
-        Some(item)
+        // A byte that came alone, and neither ends nor begins anything.
+        match self.buffer.byte_after(self.searched) {
+            Some(byte)
+                if !matches!(byte, b'\n' | b'$')
+                    && !self.finished
+                    && self.searched + 1 < PosePacket::MAX_LEN =>
+            {
+                self.searched += 1;
+                None
+            }
+            _ => self.next_item(),
+        }
     }
 
     fn finish(&mut self) {
@@ -56,13 +72,12 @@ impl robot_session::Decoder for Decoder {
     }
 
     fn position(&self) -> u64 {
-        self.position
+        self.buffer.position()
     }
 
     fn clear(&mut self) {
-        self.position += (self.end - self.start) as u64;
-        self.start = self.end;
-        self.finished = false;
+        self.buffer.clear();
+        (self.searched, self.finished) = (0, false);
     }
 }
 
@@ -72,29 +87,26 @@ impl Default for Decoder {
     }
 }
 
-/// The first line, or what there is instead up to where one may begin, and its length.
-fn next_item(bytes: &[u8], finished: bool) -> Option<(usize, Result<PosePacket, DecodeError>)> {
-    let is_line = *bytes.first()? == b'$';
-    let window = bytes.get(..PosePacket::MAX_LEN).unwrap_or(bytes);
-    let is_end = |(at, byte): (usize, &u8)| *byte == b'\n' || *byte == b'$' && at > 0;
-    let length = match window.iter().enumerate().position(is_end) {
+/// The first line, or what there is instead up to where one may begin, and its length. `end` is where it ends or another begins.
+fn item(window: &[u8], end: Option<usize>) -> (usize, Result<PosePacket, DecodeError>) {
+    let is_line = window.first() == Some(&b'$');
+    let length = match end {
         Some(at) if window.get(at) == Some(&b'\n') => {
             let length = at + 1;
-            let item = match PosePacket::decode(window.get(..length)?) {
+            let item = match PosePacket::decode(window.get(..length).unwrap_or_default()) {
                 Ok(Some((packet, _))) => Ok(packet),
                 Ok(None) => Err(DecodeError::Format { offset: length }),
                 Err(error) => Err(error),
             };
-            return Some((length, item));
+            return (length, item);
         }
         Some(at) => at,
         None if window.len() == PosePacket::MAX_LEN && is_line => {
             let limit = PosePacket::MAX_LEN;
-            return Some((limit, Err(DecodeError::TooLong { limit })));
+            return (limit, Err(DecodeError::TooLong { limit }));
         }
-        None if window.len() == PosePacket::MAX_LEN || finished => window.len(),
-        None => return None,
+        None => window.len(),
     };
     let error = if is_line { DecodeError::Incomplete { length } } else { DecodeError::Noise { length } };
-    Some((length, Err(error)))
+    (length, Err(error))
 }

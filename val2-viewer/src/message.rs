@@ -142,24 +142,22 @@ impl Line<'_> {
     /// Up to five digits, after a minus sign or not, written in the one way that `encode` has.
     fn number(&mut self) -> Result<i32, DecodeError> {
         let offset = self.at;
-        let rest = self.bytes.get(self.at..).unwrap_or_default();
-        let (negative, digits) = match rest {
-            [b'-', digits @ ..] => (true, digits),
-            digits => (false, digits),
-        };
-        let count = digits.iter().take_while(|byte| byte.is_ascii_digit()).count();
-        let digits = digits.get(..count).unwrap_or_default();
-        let plain = match digits {
-            [] => false,
-            [b'0'] => !negative,
-            [b'0', ..] => false,
-            _ => count <= 5,
-        };
-        if !plain {
+        let negative = self.bytes.get(offset) == Some(&b'-');
+        let first = offset + usize::from(negative);
+        let (mut at, mut number) = (first, 0);
+        while let Some(digit @ b'0'..=b'9') = self.bytes.get(at)
+            && at <= first + 5
+        {
+            number = 10 * number + i32::from(digit - b'0');
+            at += 1;
+        }
+        let count = at - first;
+        let is_plain =
+            if self.bytes.get(first) == Some(&b'0') { count == 1 && !negative } else { count <= 5 };
+        if count == 0 || !is_plain {
             return Err(DecodeError::Number { offset });
         }
-        self.at += count + usize::from(negative);
-        let number = digits.iter().fold(0, |number, digit| 10 * number + i32::from(digit - b'0'));
+        self.at = at;
         Ok(if negative { -number } else { number })
     }
 

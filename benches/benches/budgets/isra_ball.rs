@@ -18,19 +18,20 @@ pub const LINK: Link = Link {
         Count { what: "decode a packet", goal: Some(40.0), units: 1.0, unit: "op", run: decode },
         Count { what: "decode a packet from the stream", goal: None, units: 1.0, unit: "op", run: stream },
         Count { what: "encode a packet", goal: None, units: 1.0, unit: "op", run: encode },
-        streams::valid(Packet::LEN as f64, |rounds| streams::push(rounds, Decoder::new(), &BYTES, 1, 1)),
+        streams::valid(Packet::LEN as f64, |rounds| streams::push(rounds, Decoder::new(), &BYTES, 1)),
         streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::noise(), streams::NOISE)
+            streams::push_whole(rounds, Decoder::new(), &streams::noise())
         }),
-        streams::noisy(streams::RANDOM, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::noise(), 1)
+        streams::noisy_bytes(streams::RANDOM, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::noise())
         }),
         streams::noisy(streams::WORST_WHOLE, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::repeated(WORST), streams::NOISE)
+            streams::push_whole(rounds, Decoder::new(), &streams::repeated(WORST))
         }),
-        streams::noisy(streams::WORST, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::repeated(WORST), 1)
+        streams::noisy_bytes(streams::WORST, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::repeated(WORST))
         }),
+        streams::LIMIT,
     ],
     ratios: streams::RATIOS,
     budgets,

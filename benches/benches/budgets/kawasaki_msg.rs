@@ -54,20 +54,21 @@ const COUNTS: &[Count] = &[
     }),
     per_byte("… by a loop by hand", None, SHORT_BYTES, |rounds| build_by_hand(rounds, short)),
     streams::valid(BYTES, |rounds| {
-        streams::push(rounds, Decoder::new(Charset::Ascii), &packet(line).0, 1, JOBS.into())
+        streams::push(rounds, Decoder::new(Charset::Ascii), &packet(line).0, JOBS.into())
     }),
     streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &streams::noise(), streams::NOISE)
+        streams::push_whole(rounds, Decoder::new(Charset::Ascii), &streams::noise())
     }),
-    streams::noisy(streams::RANDOM, |rounds| {
-        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &streams::noise(), 1)
+    streams::noisy_bytes(streams::RANDOM, |rounds| {
+        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &streams::noise())
     }),
     streams::noisy(streams::WORST_WHOLE, |rounds| {
-        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &worst(), streams::NOISE)
+        streams::push_whole(rounds, Decoder::new(Charset::Ascii), &worst())
     }),
-    streams::noisy(streams::WORST, |rounds| {
-        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &worst(), 1)
+    streams::noisy_bytes(streams::WORST, |rounds| {
+        streams::push_noise(rounds, Decoder::new(Charset::Ascii), &worst())
     }),
+    streams::LIMIT,
 ];
 
 const fn per_byte(what: &'static str, goal: Option<f64>, units: f64, run: fn(u64)) -> Count {

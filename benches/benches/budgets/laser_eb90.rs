@@ -51,25 +51,21 @@ const COUNTS: &[Count] = &[
     },
     Count { what: "217-byte batch: write", goal: None, units: BATCH_LEN as f64, unit: "byte", run: encode },
     streams::valid(BATCH_LEN as f64, |rounds| {
-        streams::push(rounds, Decoder::new(&Profile::default()), &batch(&AXES), 1, 1)
+        streams::push(rounds, Decoder::new(&Profile::default()), &batch(&AXES), 1)
     }),
     streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::noise(), streams::NOISE)
+        streams::push_whole(rounds, Decoder::new(&Profile::default()), &streams::noise())
     }),
-    streams::noisy(streams::RANDOM, |rounds| {
-        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::noise(), 1)
+    streams::noisy_bytes(streams::RANDOM, |rounds| {
+        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::noise())
     }),
     streams::noisy(streams::WORST_WHOLE, |rounds| {
-        streams::push_noise(
-            rounds,
-            Decoder::new(&Profile::default()),
-            &streams::repeated(WORST),
-            streams::NOISE,
-        )
+        streams::push_whole(rounds, Decoder::new(&Profile::default()), &streams::repeated(WORST))
     }),
-    streams::noisy(streams::WORST, |rounds| {
-        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::repeated(WORST), 1)
+    streams::noisy_bytes(streams::WORST, |rounds| {
+        streams::push_noise(rounds, Decoder::new(&Profile::default()), &streams::repeated(WORST))
     }),
+    streams::LIMIT,
 ];
 
 fn batch(axes: &[f32; 6]) -> Vec<u8> {

@@ -42,25 +42,21 @@ pub const LINK: Link = Link {
         },
         Count { what: "central: send STA, receive the status", goal: None, units: 1.0, unit: "op", run: ask },
         streams::valid(STATUS.len() as f64, |rounds| {
-            streams::push(rounds, Decoder::new(Dialect::STRICT), STATUS, 1, 1)
+            streams::push(rounds, Decoder::new(Dialect::STRICT), STATUS, 1)
         }),
         streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::noise(), streams::NOISE)
+            streams::push_whole(rounds, Decoder::new(Dialect::STRICT), &streams::noise())
         }),
-        streams::noisy(streams::RANDOM, |rounds| {
-            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::noise(), 1)
+        streams::noisy_bytes(streams::RANDOM, |rounds| {
+            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::noise())
         }),
         streams::noisy(streams::WORST_WHOLE, |rounds| {
-            streams::push_noise(
-                rounds,
-                Decoder::new(Dialect::STRICT),
-                &streams::repeated(b"\r"),
-                streams::NOISE,
-            )
+            streams::push_whole(rounds, Decoder::new(Dialect::STRICT), &streams::repeated(b"\r"))
         }),
-        streams::noisy(streams::WORST, |rounds| {
-            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::repeated(b"\r"), 1)
+        streams::noisy_bytes(streams::WORST, |rounds| {
+            streams::push_noise(rounds, Decoder::new(Dialect::STRICT), &streams::repeated(b"\r"))
         }),
+        streams::LIMIT,
     ],
     ratios: streams::RATIOS,
     // The source gives no figure to keep: a reply comes "immediately" (§3).

@@ -1,6 +1,7 @@
 //! Streams through a decoder, whole or one byte a push.
 
 use std::hint::black_box;
+use std::slice;
 
 use benches::{Count, Ratio};
 use robot_session::Decoder;
@@ -27,6 +28,11 @@ pub const fn noisy(what: &'static str, run: fn(u64)) -> Count {
     Count { what, goal: None, units: NOISE as f64, unit: "byte", run }
 }
 
+/// The same, one byte a push: three times as much, or as much as a valid stream where that is more.
+pub const fn noisy_bytes(what: &'static str, run: fn(u64)) -> Count {
+    Count { goal: Some(60.0), ..noisy(what, run) }
+}
+
 /// The bytes of a stream of noise.
 pub const NOISE: usize = 1024;
 
@@ -43,16 +49,31 @@ pub fn noise() -> Vec<u8> {
     (0..NOISE).map(|_| byte()).collect()
 }
 
-/// Gives a decoder the same stream again and again, in pieces of this length; `frames` is how many each of them holds.
-pub fn push<D: Decoder>(rounds: u64, mut decoder: D, stream: &[u8], piece: usize, frames: usize) {
+/// Gives a decoder the same stream again and again, one byte a push; `frames` is how many each of them holds.
+pub fn push<D: Decoder>(rounds: u64, mut decoder: D, stream: &[u8], frames: usize) {
     for _ in 0..rounds {
-        assert_eq!(feed(&mut decoder, stream, piece), frames);
+        assert_eq!(feed(&mut decoder, stream.iter().map(slice::from_ref)), frames);
     }
 }
 
-fn feed<D: Decoder>(decoder: &mut D, stream: &[u8], piece: usize) -> usize {
+/// Gives a decoder noise, one byte a push, whatever it finds in it.
+pub fn push_noise<D: Decoder>(rounds: u64, mut decoder: D, noise: &[u8]) {
+    assert_eq!(noise.len(), NOISE);
+    for _ in 0..rounds {
+        black_box(feed(&mut decoder, noise.iter().map(slice::from_ref)));
+    }
+}
+
+/// The same, but as much of it a push as the decoder takes.
+pub fn push_whole<D: Decoder>(rounds: u64, mut decoder: D, noise: &[u8]) {
+    for _ in 0..rounds {
+        black_box(feed(&mut decoder, [noise].into_iter()));
+    }
+}
+
+fn feed<'a, D: Decoder>(decoder: &mut D, pieces: impl Iterator<Item = &'a [u8]>) -> usize {
     let mut found = 0;
-    for mut rest in black_box(stream).chunks(piece) {
+    for mut rest in black_box(pieces) {
         while !rest.is_empty() {
             rest = &rest[decoder.push(rest)..];
             while let Some(frame) = decoder.next_frame() {
@@ -63,15 +84,51 @@ fn feed<D: Decoder>(decoder: &mut D, stream: &[u8], piece: usize) -> usize {
     found
 }
 
-/// Gives a decoder noise, in pieces of this length, whatever it finds in it.
-pub fn push_noise<D: Decoder>(rounds: u64, mut decoder: D, noise: &[u8], piece: usize) {
-    assert_eq!(noise.len(), NOISE);
-    for _ in 0..rounds {
-        black_box(feed(&mut decoder, noise, piece));
-    }
-}
-
 /// This, over and over.
 pub fn repeated(pattern: &[u8]) -> Vec<u8> {
     pattern.iter().copied().cycle().take(NOISE).collect()
+}
+
+/// The least that a byte a push can cost: what `push` and `next_frame` take of a decoder that only keeps the byte and looks at it.
+pub const LIMIT: Count = noisy("… by hand: each byte kept and compared", |rounds| {
+    push_noise(rounds, ByHand { bytes: [0; 64], length: 0 }, &noise());
+});
+
+struct ByHand {
+    bytes: [u8; 64],
+    length: usize,
+}
+
+impl Decoder for ByHand {
+    type Frame<'a> = &'a [u8];
+    type Error = ();
+
+    fn push(&mut self, bytes: &[u8]) -> usize {
+        match (bytes, self.bytes.get_mut(self.length)) {
+            ([byte, ..], Some(slot)) => {
+                *slot = *byte;
+                self.length += 1;
+                1
+            }
+            _ => 0,
+        }
+    }
+
+    fn next_frame(&mut self) -> Option<Result<&[u8], ()>> {
+        let last = self.bytes.get(self.length.checked_sub(1)?)?;
+        let is_whole = *last == b'\n';
+        if !is_whole && self.length < self.bytes.len() {
+            return None;
+        }
+        let length = core::mem::take(&mut self.length);
+        Some(if is_whole { Ok(&self.bytes[..length]) } else { Err(()) })
+    }
+
+    fn finish(&mut self) {}
+
+    fn position(&self) -> u64 {
+        0
+    }
+
+    fn clear(&mut self) {}
 }

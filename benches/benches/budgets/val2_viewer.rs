@@ -14,19 +14,20 @@ pub const LINK: Link = Link {
         Count { what: "decode a pose", goal: None, units: 1.0, unit: "op", run: decode },
         Count { what: "decode a pose from the stream", goal: None, units: 1.0, unit: "op", run: stream },
         Count { what: "encode a pose", goal: None, units: 1.0, unit: "op", run: encode },
-        streams::valid(LINE.len() as f64, |rounds| streams::push(rounds, Decoder::new(), LINE, 1, 1)),
+        streams::valid(LINE.len() as f64, |rounds| streams::push(rounds, Decoder::new(), LINE, 1)),
         streams::noisy(streams::RANDOM_WHOLE, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::noise(), streams::NOISE)
+            streams::push_whole(rounds, Decoder::new(), &streams::noise())
         }),
-        streams::noisy(streams::RANDOM, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::noise(), 1)
+        streams::noisy_bytes(streams::RANDOM, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::noise())
         }),
         streams::noisy(streams::WORST_WHOLE, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::repeated(b"$"), streams::NOISE)
+            streams::push_whole(rounds, Decoder::new(), &streams::repeated(b"$"))
         }),
-        streams::noisy(streams::WORST, |rounds| {
-            streams::push_noise(rounds, Decoder::new(), &streams::repeated(b"$"), 1)
+        streams::noisy_bytes(streams::WORST, |rounds| {
+            streams::push_noise(rounds, Decoder::new(), &streams::repeated(b"$"))
         }),
+        streams::LIMIT,
     ],
     ratios: streams::RATIOS,
     budgets,

@@ -1,0 +1,118 @@
+//! What a decoder holds of its stream.
+
+/// The bytes of a stream that a [`Decoder`](crate::Decoder) holds, at most `N`, and where they are in it.
+#[derive(Debug, Clone)]
+pub struct StreamBuffer<const N: usize> {
+    bytes: [u8; N],
+    start: usize,
+    end: usize,
+    position: u64,
+}
+
+impl<const N: usize> StreamBuffer<N> {
+    /// An empty buffer at the beginning of a stream.
+    pub const fn new() -> Self {
+        Self { bytes: [0; N], start: 0, end: 0, position: 0 }
+    }
+
+    /// Takes as many bytes as there is room for; returns how many.
+    #[inline]
+    pub fn push(&mut self, bytes: &[u8]) -> usize {
+        if bytes.len() > N - self.end {
+            self.move_to_front();
+        }
+        // A serial line brings its bytes one by one: a copy of one is no call.
+        if let ([byte], Some(slot)) = (bytes, self.bytes.get_mut(self.end)) {
+            *slot = *byte;
+            self.end += 1;
+            return 1;
+        }
+        let room = self.bytes.get_mut(self.end..).unwrap_or_default();
+        let taken = room.len().min(bytes.len());
+        if let (Some(room), Some(bytes)) = (room.get_mut(..taken), bytes.get(..taken)) {
+            room.copy_from_slice(bytes);
+        }
+        self.end += taken;
+        taken
+    }
+
+    /// What is held.
+    #[inline]
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get(self.start..self.end).unwrap_or_default()
+    }
+
+    /// The byte that came alone after the first `searched` ones.
+    #[inline]
+    pub fn byte_after(&self, searched: usize) -> Option<u8> {
+        let is_alone = self.start + searched + 1 == self.end;
+        if is_alone { self.bytes.get(self.end - 1).copied() } else { None }
+    }
+
+    /// How many bytes are held.
+    #[inline]
+    pub const fn len(&self) -> usize {
+        self.end - self.start
+    }
+
+    /// No byte is held.
+    pub const fn is_empty(&self) -> bool {
+        self.start == self.end
+    }
+
+    /// Gives the first bytes away, `length` of those that are held.
+    #[inline]
+    pub fn take(&mut self, length: usize) -> &[u8] {
+        let first = self.start;
+        self.start = self.end.min(first + length);
+        self.position += (self.start - first) as u64;
+        self.bytes.get(first..self.start).unwrap_or_default()
+    }
+
+    /// The stream offset of the first byte that is held, or of the next one that comes.
+    pub const fn position(&self) -> u64 {
+        self.position
+    }
+
+    /// Gives all bytes away.
+    pub const fn clear(&mut self) {
+        self.position += self.len() as u64;
+        self.start = self.end;
+    }
+
+    fn move_to_front(&mut self) {
+        self.bytes.copy_within(self.start..self.end, 0);
+        self.end -= self.start;
+        self.start = 0;
+    }
+}
+
+impl<const N: usize> Default for StreamBuffer<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn takes_what_has_room_and_gives_it_in_order() {
+        let mut buffer = StreamBuffer::<4>::new();
+        assert_eq!(
+            (buffer.push(b"ab"), buffer.push(b"cde"), buffer.push(b"e"), buffer.push(b"")),
+            (2, 2, 0, 0)
+        );
+        assert_eq!(buffer.bytes(), b"abcd");
+        assert_eq!(buffer.take(3), b"abc");
+        assert_eq!((buffer.byte_after(0), buffer.byte_after(1)), (Some(b'd'), None));
+        assert_eq!((buffer.position(), buffer.len()), (3, 1));
+        assert_eq!((buffer.push(b"e"), buffer.push(b"fghi")), (1, 2));
+        assert_eq!(buffer.take(9), b"defg");
+        assert_eq!((buffer.position(), buffer.is_empty()), (7, true));
+        assert_eq!((buffer.push(b"h"), buffer.bytes()), (1, &b"h"[..]));
+        buffer.clear();
+        assert_eq!((buffer.position(), buffer.is_empty(), buffer.push(b"ijkl")), (8, true, 4));
+    }
+}

@@ -19,7 +19,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::fanuc_hmi_modbus::plausibility::Implausible;
 use self::command::{
-    alter, decode, demo, encode, fanuc, kawasaki, laser, ls, mma, modbus, settings, simulate, vectors,
+    alter, bridge, decode, demo, encode, fanuc, kawasaki, laser, ls, mma, modbus, settings, simulate, vectors,
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -45,6 +45,7 @@ Examples:
   cellwire ls make path.csv --mode dynamic             a robot program of spline moves from a trajectory
   cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell
   cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against
+  cellwire bridge hall-3.toml                          many cells to one MQTT broker
 
 Exit status:
   0 success   1 corrupt input, or a broken promise   2 the command could not be run
@@ -65,6 +66,7 @@ enum Command {
     Mma(mma::Args),
     Vectors(vectors::Args),
     Alter(alter::Args),
+    Bridge(bridge::Args),
 }
 
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run, 3 a connection was
@@ -83,6 +85,7 @@ pub fn main() -> ExitCode {
         Command::Mma(args) => mma::run(&args),
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
+        Command::Bridge(args) => bridge::run(&args),
     };
     let status = match outcome {
         Ok(true) => ExitCode::SUCCESS,
@@ -124,6 +127,10 @@ fn parse() -> Cli {
             command.mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, &settings)));
     }
     command = command.mut_subcommand("modbus", |it| with_settings(it, &client_settings()));
+    command = command.mut_subcommand("bridge", |it| {
+        let before = it.get_after_help().map(ToString::to_string).unwrap_or_default();
+        it.after_long_help(format!("{before}\n\n{}", bridge::help()))
+    });
     match Cli::from_arg_matches(&command.get_matches()) {
         Ok(cli) => cli,
         Err(error) => error.exit(),

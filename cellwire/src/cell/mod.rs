@@ -1,5 +1,6 @@
 //! Scenarios: simulated devices and clients put together, with what is measured and drawn.
 
+pub mod bridge;
 pub mod fanuc_hmi_modbus;
 pub mod kawasaki_msg;
 pub mod kawasaki_run;

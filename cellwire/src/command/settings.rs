@@ -63,33 +63,12 @@ impl SetArgs {
         };
         // What the command line sets is before what the file does.
         let in_file = !self.set.iter().any(|(set, _)| set == name);
-        let line = input::text(file).ok().filter(|_| in_file).and_then(|text| line_of(&text, name));
+        let line = input::text(file).ok().filter(|_| in_file).and_then(|text| settings::line_of(&text, name));
         match line {
             Some(line) => anyhow!("{}, line {line}: {error:#}", file.display()),
             None => error,
         }
     }
-}
-
-/// The line of a TOML text in which a setting is, or else the table that it would be in.
-fn line_of(text: &str, name: &str) -> Option<usize> {
-    let document = toml::de::DeTable::parse(text).ok()?;
-    let (mut table, mut at) = (document.get_ref(), None);
-    let mut parts = name.split('.');
-    while let Some(part) = parts.next() {
-        let Some((key, mut value)) = table.iter().find(|(key, _)| key.get_ref() == part) else { break };
-        at = Some(key.span().start);
-        if let toml::de::DeValue::Array(array) = value.get_ref() {
-            let Some(found) = parts.next().and_then(|place| array.get(place.parse::<usize>().ok()?)) else {
-                break;
-            };
-            at = Some(found.span().start);
-            value = found;
-        }
-        let toml::de::DeValue::Table(inner) = value.get_ref() else { break };
-        table = inner;
-    }
-    Some(text.get(..at?)?.matches('\n').count() + 1)
 }
 
 /// The settings of what the command line names, for the end of its `--help`: those of a device after `simulate`, of a link after

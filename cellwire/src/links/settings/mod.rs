@@ -5,6 +5,7 @@
 //! configuration itself.
 
 mod kinds;
+mod line;
 #[cfg(test)]
 mod tests;
 
@@ -14,6 +15,7 @@ use anyhow::{Result, bail};
 use serde_json::{Map, Value};
 
 pub use kinds::{ANY_TIME, SOME_TIME, json};
+pub use line::line_of;
 
 /// A configuration whose settings have names.
 pub trait Configure {

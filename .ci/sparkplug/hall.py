@@ -1,0 +1,294 @@
+"""A hall: simulated cells, the bridge, a broker that is killed, and a consumer that counts."""
+import argparse
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+from consumer import STATEMENTS, Consumer
+from links import LINKS
+
+parser = argparse.ArgumentParser()
+parser.add_argument("cellwire")
+parser.add_argument("place", type=Path)
+parser.add_argument("--cells", type=int, default=7)
+parser.add_argument("--minutes", type=float, default=1 / 3)
+parser.add_argument("--qos", type=int, default=1, help="0: Sparkplug's statements to the letter; then a killed broker loses records")
+parser.add_argument("--calm", action="store_true", help="kill nobody")
+args = parser.parse_args()
+LOGIN, GROUP, NODE, HOST = ("bridge", "correct horse"), "hall", "bridge-1", "scada"
+folder = args.place / "run"
+subprocess.run(["rm", "-rf", folder], check=True)
+folder.mkdir(parents=True)
+processes = []
+
+
+def free_port():
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+def wait(what, condition, seconds=60):
+    end = time.time() + seconds
+    while time.time() < end:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.1)
+    fail(f"{what}: not within {seconds} s")
+
+
+def fail(why):
+    print(f"FAILED: {why}", flush=True)
+    for name in ("bridge.log", "bridge.err", "broker.log"):
+        path = folder / name
+        if path.exists():
+            print(f"-- {name}\n" + "\n".join(path.read_text().splitlines()[-15:]))
+    stop_all()
+    sys.exit(1)
+
+
+def spawn(command, log, **options):
+    process = subprocess.Popen(command, stdout=open(folder / log, "a"), **options)
+    processes.append(process)
+    return process
+
+
+def stop_all():
+    for process in processes:
+        if process.poll() is None:
+            process.kill()
+    for process in processes:
+        process.wait()
+
+
+def certificates():
+    run = lambda *command: subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    run("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=hall authority",
+        "-keyout", "ca.key", "-out", "ca.pem")
+    run("openssl", "req", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost", "-keyout", "broker.key", "-out", "broker.csr")
+    (folder / "names").write_text("subjectAltName=DNS:localhost\n")
+    run("openssl", "x509", "-req", "-in", "broker.csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial", "-days", "2",
+        "-extfile", "names", "-out", "broker.pem")
+    run("mosquitto_passwd", "-b", "-c", str(folder / "passwords"), *LOGIN)
+    (folder / "bridge.password").write_text(LOGIN[1] + "\n")
+
+
+os.environ["PATH"] += ":/usr/sbin"
+tls_port, plain_port = free_port(), free_port()
+certificates()
+(folder / "mosquitto.conf").write_text(f"""\
+user root
+listener {tls_port} 127.0.0.1
+cafile {folder}/ca.pem
+certfile {folder}/broker.pem
+keyfile {folder}/broker.key
+listener {plain_port} 127.0.0.1
+allow_anonymous false
+password_file {folder}/passwords
+max_inflight_messages 0
+max_queued_messages 0
+""")
+
+
+def start_broker():
+    broker = spawn(["mosquitto", "-c", str(folder / "mosquitto.conf")], "broker.log", stderr=subprocess.STDOUT)
+
+    def answers():
+        try:
+            socket.create_connection(("127.0.0.1", plain_port), 1).close()
+            return True
+        except OSError:
+            return False
+
+    wait("the broker", answers)
+    return broker
+
+
+class Bridge:
+    def __init__(self, hall):
+        self.hall, self.cpu, self.most = hall, 0.0, 0
+        self.start()
+
+    def start(self):
+        self.began = time.time()
+        self.process = spawn([args.cellwire, "bridge", str(self.hall)], "bridge.log", stderr=open(folder / "bridge.err", "a"))
+
+    def look(self):
+        try:
+            stat = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+            status = Path(f"/proc/{self.process.pid}/status").read_text()
+        except OSError:
+            return 0.0
+        memory = re.search(r"VmHWM:\s+(\d+)", status)
+        self.most = max(self.most, int(memory.group(1)) if memory else 0)
+        return (int(stat[11]) + int(stat[12])) / os.sysconf("SC_CLK_TCK")
+
+    def kill(self, number):
+        self.cpu += self.look()
+        self.process.send_signal(number)
+        self.process.wait()
+
+
+def metrics():
+    try:
+        text = urllib.request.urlopen(f"http://127.0.0.1:{health_port}/metrics", timeout=5).read().decode()
+    except OSError:
+        return None
+    return {line.rsplit(" ", 1)[0]: float(line.rsplit(" ", 1)[1]) for line in text.splitlines() if not line.startswith("#")}
+
+
+def figure(name):
+    return (metrics() or {}).get(f"cellwire_bridge_{name}", -1)
+
+
+health_port = free_port()
+cells = []
+for index in range(args.cells):
+    link = LINKS[index % len(LINKS)]
+    cells.append(link(f"{link.NAME}-{index // len(LINKS) + 1}", args.cellwire, folder, spawn))
+for cell in cells:
+    wait(f"the simulator of {cell.name}", cell.ready)
+hall = folder / "hall.toml"
+hall.write_text(f"""\
+[broker]
+address = "localhost:{tls_port}"
+group = "{GROUP}"
+node = "{NODE}"
+user = "{LOGIN[0]}"
+password_file = "bridge.password"
+tls = {{ ca = "ca.pem" }}
+primary_host = "{HOST}"
+qos = {args.qos}
+
+[store]
+file = "hall.redb"
+
+[health]
+listen = "127.0.0.1:{health_port}"
+
+""" + "\n".join(cell.table() for cell in cells))
+checked = subprocess.run([args.cellwire, "bridge", str(hall), "--check"], capture_output=True, text=True)
+if checked.returncode != 0:
+    fail(checked.stderr)
+
+broker = start_broker()
+bridge = Bridge(hall)
+consumer = Consumer("127.0.0.1", plain_port, LOGIN, GROUP, NODE, HOST, args.qos)
+started = time.time()
+# Without the host application nothing is sent.
+wait("records in the store", lambda: figure("store_records") > args.cells)
+if figure("published_total") != 0:
+    fail("records were published without the host application")
+consumer.start()
+wait("online", lambda: figure("online") == 1)
+wait("a record of every cell", lambda: len(consumer.accepted) == args.cells)
+
+end = started + args.minutes * 60
+length = args.minutes * 60
+
+
+def commands(round):
+    """Orders something from each cell that takes commands, each id twice."""
+    sent = {}
+    for cell in cells:
+        for id, order, wanted in cell.orders(round):
+            consumer.command(cell.name, {"id": id, **order})
+            consumer.command(cell.name, {"id": id, **order})
+            sent[id] = (cell, wanted)
+    final = lambda id: [it for it in consumer.outcome(id) if it != "accepted"]
+    wait("outcomes of commands", lambda: all(final(id) for id in sent), 60)
+    time.sleep(1)
+    for id, (cell, wanted) in sent.items():
+        found = final(id)
+        if set(found) != {wanted}:
+            fail(f"command {id} of {cell.name}: {consumer.outcome(id)} ({consumer.values.get(id)}), expected {wanted}")
+    return len(sent)
+
+
+ordered = commands(1)
+consumer.ask_rebirth()
+wait("a rebirth", lambda: consumer.rebirth is None)
+consumer.go_offline()
+wait("offline with the host application", lambda: figure("online") == 0)
+consumer.go_online()
+wait("online again", lambda: figure("online") == 1)
+outages = 0
+if not args.calm:
+    for outage in range(3):
+        broker.kill()
+        broker.wait()
+        outages += 1
+        time.sleep(min(10, length / 15))
+        if outage == 1:
+            bridge.kill(signal.SIGKILL)
+            time.sleep(0.5)
+            bridge.start()
+            time.sleep(1)
+        broker = start_broker()
+        wait("online again", lambda: figure("online") == 1)
+        time.sleep(max(1.0, (end - time.time()) / (4 - outage) - 10 if length > 60 else 1.0))
+    ordered += commands(2)
+time.sleep(max(0.0, end - time.time()))
+# No new records, then everything that waits.
+for cell in cells:
+    cell.stop()
+wait("every link down", lambda: all(value == 0 for name, value in (metrics() or {"x": 1}).items() if "link_connected" in name))
+wait("an empty store", lambda: figure("store_records") == 0)
+seconds = time.time() - started
+last = metrics()
+cpu = bridge.cpu + bridge.look()
+bridge.kill(signal.SIGINT)
+if bridge.process.returncode != 0:
+    fail(f"the bridge ended with {bridge.process.returncode}")
+wait("the death of the node", lambda: consumer.bd is None)
+consumer.stop()
+for cell in cells:
+    cell.verify(fail)
+stop_all()
+
+print(f"{args.cells} cells, {seconds:.0f} s, QoS {args.qos}, TLS; the broker was killed {outages} times, the bridge "
+      f"{0 if args.calm else 1} times; {ordered} commands, each sent twice\n")
+row = "{:<18} {:>9} {:>9} {:>6}".format
+print(row("cell", "out", "in", "lost"))
+out_all = in_all = lost_all = 0
+kinds = {}
+for cell in cells:
+    out = int(last[f'cellwire_bridge_record_number{{cell="{cell.name}"}}'])
+    got = consumer.accepted[cell.name]
+    total = kinds.setdefault(cell.NAME, [0, 0, 0])
+    total[0] += out
+    total[1] += got
+    total[2] += out - got
+for name, (out, got, lost) in kinds.items():
+    print(row(name, out, got, lost))
+    out_all, in_all, lost_all = out_all + out, in_all + got, lost_all + lost
+print(row("all", out_all, in_all, lost_all))
+delays = sorted(consumer.delays)
+at = lambda part: f"{delays[int(len(delays) * part)]:.0f}" if delays else "-"
+print(f"\nrepeated by the sequence: 0 (the rule of Record/Number; {consumer.repeated} copies that QoS 1 or a crash made were dropped)")
+print(f"kept while away (is_historical): {consumer.historical}; delay of the others: median {at(0.5)} ms, 99 % {at(0.99)} ms")
+print(f"messages {consumer.messages}, NBIRTH {consumer.nbirths}, DBIRTH {consumer.dbirths}, NDEATH {consumer.deaths}")
+print(f"the bridge: {cpu:.1f} s of CPU, {100 * cpu / seconds:.1f} % of one core, {bridge.most / 1024:.1f} MiB at most, "
+      f"{out_all / seconds:.0f} records/s\n")
+bad = 0
+for statement, what in STATEMENTS.items():
+    failures = consumer.failures.get(statement, [])
+    bad += len(failures)
+    print(f"{'fails' if failures else 'holds':<6} {consumer.counts[statement]:>7}  tck-id-{statement}: {what}")
+    for failure in failures[:3]:
+        print(f"         {failure}")
+unchecked = [statement for statement in STATEMENTS if not consumer.counts[statement]]
+gaps = {key: gaps for key, gaps in consumer.gaps.items() if gaps}
+if args.qos == 1 and (lost_all or gaps):
+    fail(f"lost: {gaps}")
+if bad or [it for it in unchecked if it != "topics-ndeath-payload"]:
+    fail(f"{bad} breaches of the specification; never checked: {unchecked}")
+print("\ndone")

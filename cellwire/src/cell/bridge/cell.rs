@@ -1,0 +1,29 @@
+//! A cell, as the hub and the connection to the broker know it.
+
+use std::collections::HashMap;
+use std::sync::mpsc::Sender;
+
+use super::metric::Definition;
+use super::payload::Value;
+use super::report::Command;
+
+/// A cell, as the hub knows it.
+#[derive(Debug)]
+pub struct Cell {
+    /// Its name: Sparkplug's device.
+    pub name: String,
+    /// Every metric that it may report.
+    pub definitions: Vec<Definition>,
+    /// The values that it has reported last, and when.
+    pub values: HashMap<&'static str, (u64, Value)>,
+    /// Whether its link is connected.
+    pub is_connected: bool,
+    /// Whether the broker has its birth.
+    pub is_born: bool,
+    /// The number of its last record.
+    pub number: u64,
+    /// Whether the hall's file allows commands to it.
+    pub takes_commands: bool,
+    /// Where its thread takes them.
+    pub commands: Sender<Command>,
+}

@@ -1,0 +1,123 @@
+//! The cell's end of the channels between the thread of a cell and the hub.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError};
+use std::time::Duration;
+
+use serde::Serialize;
+use serde_json::Value as Json;
+
+use super::metric::{self, CONNECTED, EVENT, Named};
+use super::payload::Value;
+use super::report::{Command, Input, Outcome, Report, What};
+
+/// The end of a cell's thread.
+#[derive(Debug)]
+pub struct End {
+    cell: usize,
+    hub: SyncSender<Input>,
+    commands: Receiver<Command>,
+    stop: Arc<AtomicBool>,
+    dropped: Arc<AtomicU64>,
+    /// The command that has no outcome yet.
+    current: Option<String>,
+    /// Why there was no connection when that was reported last.
+    reported: Option<String>,
+}
+
+impl End {
+    /// The end of the cell of this number.
+    pub fn new(
+        cell: usize,
+        hub: SyncSender<Input>,
+        commands: Receiver<Command>,
+        stop: Arc<AtomicBool>,
+        dropped: Arc<AtomicU64>,
+    ) -> Self {
+        Self { cell, hub, commands, stop, dropped, current: None, reported: None }
+    }
+
+    /// Whether the bridge ends.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Reports values. The link waits for nobody: what there is no room for is dropped and counted.
+    pub fn values(&self, values: Vec<Named>) {
+        let report = Report { at: metric::now(), what: What::Values(values) };
+        if let Err(TrySendError::Full(_)) = self.hub.try_send(Input::Cell(self.cell, report)) {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Reports an event, as an object of JSON.
+    pub fn event(&self, event: &impl Serialize) {
+        let text = serde_json::to_string(event).unwrap_or_default();
+        self.values(vec![(EVENT, Value::String(text))]);
+    }
+
+    /// The link is connected.
+    pub fn connected(&mut self, place: &str) {
+        self.reported = None;
+        self.link(true, &serde_json::json!({"event": "connected", "place": place}));
+    }
+
+    /// The link is not connected, and why: once for each reason.
+    pub fn disconnected(&mut self, why: &str) {
+        if self.reported.as_deref() != Some(why) {
+            self.reported = Some(why.to_owned());
+            self.link(false, &serde_json::json!({"event": "disconnected", "why": why}));
+        }
+    }
+
+    fn link(&self, is_connected: bool, event: &Json) {
+        let values =
+            vec![(CONNECTED, Value::Boolean(is_connected)), (EVENT, Value::String(event.to_string()))];
+        self.send(What::Values(values));
+    }
+
+    /// The next command, one at a time.
+    pub fn command(&mut self) -> Option<Command> {
+        if self.current.is_some() {
+            return None;
+        }
+        let command = self.commands.try_recv().ok()?;
+        self.current = Some(command.id.clone());
+        Some(command)
+    }
+
+    /// Whether a command has no outcome yet.
+    pub fn is_busy(&self) -> bool {
+        self.current.is_some()
+    }
+
+    /// The outcome of the command that had none.
+    pub fn finish(&mut self, outcome: Outcome, detail: impl Into<String>) {
+        if let Some(id) = self.current.take() {
+            self.send(What::Outcome { id, outcome, detail: detail.into() });
+        }
+    }
+
+    /// Waits while there is no connection; commands are refused meanwhile. False when the bridge ends.
+    pub fn wait(&mut self, time: Duration) -> bool {
+        let until = std::time::Instant::now() + time;
+        loop {
+            let left = until.saturating_duration_since(std::time::Instant::now());
+            match self.commands.recv_timeout(left.min(Duration::from_millis(100))) {
+                Ok(Command { id, .. }) => {
+                    self.current = Some(id);
+                    self.finish(Outcome::Refused, "the link is not connected");
+                }
+                Err(RecvTimeoutError::Timeout) if left.is_zero() => return !self.is_stopped(),
+                Err(RecvTimeoutError::Timeout) if !self.is_stopped() => {}
+                Err(_) => return false,
+            }
+        }
+    }
+
+    /// What must not be lost waits for the hub.
+    fn send(&self, what: What) {
+        let _ = self.hub.send(Input::Cell(self.cell, Report { at: metric::now(), what }));
+    }
+}

@@ -1,0 +1,68 @@
+//! The metrics of a cell: what it may ever report has a name and a kind from its birth on.
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use super::payload::{Kind, Value};
+
+/// A metric that a cell has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Definition {
+    /// Its name; folders are separated by a slash.
+    pub name: &'static str,
+    /// What its values are.
+    pub kind: Kind,
+}
+
+/// A value of a metric, by its name.
+pub type Named = (&'static str, Value);
+
+/// The number of a record: each record of a cell has one more than the one before, also after a restart.
+pub const NUMBER: &str = "Record/Number";
+/// The store that numbers the records: another one begins at 1 again.
+pub const STORE: &str = "Record/Store";
+/// Whether the link to the device is connected.
+pub const CONNECTED: &str = "Link/Connected";
+/// Something has happened: an object of JSON.
+pub const EVENT: &str = "Event";
+/// To be written: a command, an object of JSON.
+pub const REQUEST: &str = "Command/Request";
+/// The command that the outcome is of.
+pub const COMMAND: &str = "Command/Id";
+/// What became of it.
+pub const OUTCOME: &str = "Command/Outcome";
+/// And why.
+pub const DETAIL: &str = "Command/Detail";
+
+/// The metrics of every cell.
+pub const COMMON: [Definition; 8] = [
+    define(NUMBER, Kind::Int64),
+    define(STORE, Kind::String),
+    define(CONNECTED, Kind::Boolean),
+    define(EVENT, Kind::String),
+    define(REQUEST, Kind::String),
+    define(COMMAND, Kind::String),
+    define(OUTCOME, Kind::String),
+    define(DETAIL, Kind::String),
+];
+
+/// A definition.
+pub const fn define(name: &'static str, kind: Kind) -> Definition {
+    Definition { name, kind }
+}
+
+/// Milliseconds since 1970 UTC.
+pub fn now() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
+}
+
+/// A whole number.
+pub fn whole(number: impl Into<i64>) -> Value {
+    // Two's complement, as Sparkplug has it.
+    Value::Long(number.into().cast_unsigned())
+}
+
+/// A text.
+pub fn text(text: impl Into<String>) -> Value {
+    Value::String(text.into())
+}

@@ -1,0 +1,243 @@
+//! The edge node of Sparkplug B: topics, births, deaths and the numbers of messages. It sends nothing itself.
+
+use prost::Message;
+
+use super::metric::{self, Definition, text, whole};
+use super::payload::{Kind, Metric, Payload, Value};
+
+/// Where every topic of Sparkplug B begins.
+const NAMESPACE: &str = "spBv1.0";
+/// The metric whose writing asks for all births anew.
+const REBIRTH: &str = "Node Control/Rebirth";
+/// The metric that ties a death to its birth.
+const BD_SEQ: &str = "bdSeq";
+
+/// The edge node during one connection.
+#[derive(Debug)]
+pub struct Node {
+    group: String,
+    node: String,
+    /// The number of the connection, 0 to 255.
+    bd_seq: u8,
+    /// The number of the next message.
+    seq: u8,
+}
+
+/// A message to publish. Its number is used up by [`Node::published`].
+#[derive(Debug, PartialEq)]
+pub struct Publication {
+    /// Its topic.
+    pub topic: String,
+    /// Its content.
+    pub payload: Vec<u8>,
+}
+
+/// What a message of the broker is to the node.
+#[derive(Debug, PartialEq)]
+pub enum Received {
+    /// All births are wanted anew.
+    Rebirth,
+    /// Metrics of a device are to be written.
+    Write {
+        /// The device.
+        device: String,
+        /// The metrics.
+        payload: Payload,
+    },
+    /// Whether a host application is online, and since when it is so, in milliseconds since 1970 UTC.
+    State {
+        /// The host application.
+        host: String,
+        /// It is.
+        online: bool,
+        /// Since then.
+        timestamp: u64,
+    },
+    /// Nothing that it understands, and why.
+    Strange(String),
+}
+
+impl Node {
+    /// A node at the beginning of the connection of this number.
+    pub fn new(group: &str, node: &str, bd_seq: u8) -> Self {
+        Self { group: group.into(), node: node.into(), bd_seq, seq: 0 }
+    }
+
+    fn topic(&self, kind: &str, device: Option<&str>) -> String {
+        let Self { group, node, .. } = self;
+        let device = device.map(|device| format!("/{device}")).unwrap_or_default();
+        format!("{NAMESPACE}/{group}/{kind}/{node}{device}")
+    }
+
+    /// The topics that it listens to; `host` is the primary host application.
+    pub fn subscriptions(&self, host: Option<&str>) -> Vec<String> {
+        let state = host.map(|host| format!("{NAMESPACE}/STATE/{host}"));
+        [self.topic("NCMD", None), self.topic("DCMD", Some("+"))].into_iter().chain(state).collect()
+    }
+
+    /// The death of the node: the connection's will, or said at its intended end. It has no number.
+    pub fn death(&self) -> Publication {
+        let payload = Payload { timestamp: Some(metric::now()), metrics: vec![self.bd_seq()], seq: None };
+        Publication { topic: self.topic("NDEATH", None), payload: payload.encode_to_vec() }
+    }
+
+    /// The birth of the node. It begins the numbers of messages anew.
+    pub fn birth(&mut self, cells: usize) -> Publication {
+        self.seq = 0;
+        let now = metric::now();
+        let cells = i64::try_from(cells).unwrap_or(i64::MAX);
+        let metrics = vec![
+            self.bd_seq(),
+            Metric::new(REBIRTH, Kind::Boolean, now, Some(Value::Boolean(false))),
+            Metric::new("Bridge/Version", Kind::String, now, Some(text(env!("CARGO_PKG_VERSION")))),
+            Metric::new("Bridge/Cells", Kind::Int64, now, Some(whole(cells))),
+        ];
+        self.numbered("NBIRTH", None, metrics)
+    }
+
+    /// The birth of a device: all its metrics, with the values of now. What has none is null.
+    pub fn device_birth<'a>(
+        &self,
+        device: &str,
+        definitions: &[Definition],
+        value: impl Fn(&str) -> Option<(u64, &'a Value)>,
+    ) -> Publication {
+        let now = metric::now();
+        let metrics = definitions.iter().map(|Definition { name, kind }| {
+            let (at, value) = value(name).map_or((now, None), |(at, value)| (at, Some(value.clone())));
+            Metric::new(name, *kind, at, value)
+        });
+        self.numbered("DBIRTH", Some(device), metrics.collect())
+    }
+
+    /// The death of a device.
+    pub fn device_death(&self, device: &str) -> Publication {
+        self.numbered("DDEATH", Some(device), Vec::new())
+    }
+
+    /// Values of a device.
+    pub fn data(&self, device: &str, metrics: Vec<Metric>) -> Publication {
+        self.numbered("DDATA", Some(device), metrics)
+    }
+
+    /// The message was published: the next one has the next number.
+    pub fn published(&mut self) {
+        self.seq = self.seq.wrapping_add(1);
+    }
+
+    fn numbered(&self, kind: &str, device: Option<&str>, metrics: Vec<Metric>) -> Publication {
+        let payload = Payload { timestamp: Some(metric::now()), metrics, seq: Some(self.seq.into()) };
+        Publication { topic: self.topic(kind, device), payload: payload.encode_to_vec() }
+    }
+
+    fn bd_seq(&self) -> Metric {
+        Metric::new(BD_SEQ, Kind::Int64, metric::now(), Some(whole(self.bd_seq)))
+    }
+
+    /// Understands a message.
+    pub fn receive(&self, topic: &str, payload: &[u8]) -> Received {
+        if let Some(host) = topic.strip_prefix(NAMESPACE).and_then(|rest| rest.strip_prefix("/STATE/")) {
+            return state(host, payload);
+        }
+        let strange = |why: &str| Received::Strange(format!("{topic}: {why}"));
+        let Ok(payload) = Payload::decode(payload) else { return strange("no payload of Sparkplug B") };
+        if topic == self.topic("NCMD", None) {
+            let asks = |metric: &Metric| {
+                metric.name.as_deref() == Some(REBIRTH) && metric.value == Some(Value::Boolean(true))
+            };
+            return match payload.metrics.iter().any(asks) {
+                true => Received::Rebirth,
+                false => strange("the only command to the node is Node Control/Rebirth = true"),
+            };
+        }
+        match topic.strip_prefix(&self.topic("DCMD", Some(""))) {
+            Some(device) => Received::Write { device: device.into(), payload },
+            None => strange("not a topic of this node"),
+        }
+    }
+}
+
+fn state(host: &str, payload: &[u8]) -> Received {
+    #[derive(serde::Deserialize)]
+    struct State {
+        online: bool,
+        timestamp: u64,
+    }
+    match serde_json::from_slice(payload) {
+        Ok(State { online, timestamp }) => Received::State { host: host.into(), online, timestamp },
+        Err(error) => Received::Strange(format!("the STATE of {host}: {error}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::metric::define;
+    use super::*;
+
+    fn read(message: &Publication) -> Payload {
+        Payload::decode(&message.payload[..]).unwrap()
+    }
+
+    #[test]
+    fn numbers_begin_with_the_birth_and_go_from_255_to_0() {
+        let mut node = Node::new("g", "n", 7);
+        node.seq = 9;
+        assert_eq!(node.birth(1).topic, "spBv1.0/g/NBIRTH/n");
+        let seqs: Vec<Option<u64>> = (0..258)
+            .map(|_| {
+                let seq = read(&node.data("d", Vec::new())).seq;
+                node.published();
+                seq
+            })
+            .collect();
+        let numbers = (0..=255).chain([0, 1]).map(Some);
+        assert_eq!(seqs, numbers.collect::<Vec<_>>());
+        assert_eq!(read(&node.birth(1)).seq, Some(0));
+    }
+
+    #[test]
+    fn the_death_has_the_number_of_the_birth_and_no_other() {
+        let mut node = Node::new("g", "n", 7);
+        let (birth, death) = (read(&node.birth(1)), node.death());
+        assert_eq!((death.topic.as_str(), read(&death).seq), ("spBv1.0/g/NDEATH/n", None));
+        let number = |payload: &Payload| (payload.metrics[0].name.clone(), payload.metrics[0].value.clone());
+        assert_eq!(number(&birth), (Some("bdSeq".into()), Some(Value::Long(7))));
+        assert_eq!(number(&read(&death)), number(&birth));
+    }
+
+    #[test]
+    fn a_device_is_born_with_every_metric() {
+        let node = Node::new("g", "n", 0);
+        let value = Value::Boolean(true);
+        let definitions = [define("a", Kind::Boolean), define("b", Kind::String)];
+        let birth = node.device_birth("d", &definitions, |name| (name == "a").then_some((5, &value)));
+        assert_eq!(birth.topic, "spBv1.0/g/DBIRTH/n/d");
+        let [a, b] = &read(&birth).metrics[..] else { panic!("two metrics") };
+        assert_eq!(a, &Metric::new("a", Kind::Boolean, 5, Some(Value::Boolean(true))));
+        assert_eq!((b.is_null, b.value.clone(), b.datatype), (Some(true), None, Some(12)));
+    }
+
+    #[test]
+    fn what_the_broker_sends_is_understood() {
+        let node = Node::new("g", "n", 0);
+        let rebirth = |value| {
+            let metric = Metric::new("Node Control/Rebirth", Kind::Boolean, 1, Some(Value::Boolean(value)));
+            Payload { timestamp: Some(1), metrics: vec![metric], seq: None }.encode_to_vec()
+        };
+        assert_eq!(node.receive("spBv1.0/g/NCMD/n", &rebirth(true)), Received::Rebirth);
+        assert!(matches!(node.receive("spBv1.0/g/NCMD/n", &rebirth(false)), Received::Strange(_)));
+        assert!(matches!(node.receive("spBv1.0/g/NCMD/n", b"\xff"), Received::Strange(_)));
+        assert!(matches!(node.receive("spBv1.0/x/DCMD/n/d", &rebirth(true)), Received::Strange(_)));
+        let Received::Write { device, .. } = node.receive("spBv1.0/g/DCMD/n/d", &rebirth(true)) else {
+            panic!("a write")
+        };
+        assert_eq!(device, "d");
+        let state = Received::State { host: "h".into(), online: true, timestamp: 9 };
+        assert_eq!(node.receive("spBv1.0/STATE/h", br#"{"online":true,"timestamp":9}"#), state);
+        assert!(matches!(node.receive("spBv1.0/STATE/h", b"ONLINE"), Received::Strange(_)));
+        assert_eq!(
+            node.subscriptions(Some("h")),
+            ["spBv1.0/g/NCMD/n", "spBv1.0/g/DCMD/n/+", "spBv1.0/STATE/h"]
+        );
+    }
+}

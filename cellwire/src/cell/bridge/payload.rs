@@ -1,0 +1,136 @@
+//! The payload of Sparkplug B, `sparkplug_b.proto`, as far as the bridge writes and reads it: fields that are not here are skipped
+//! when a payload is read.
+
+use prost::{Message, Oneof};
+
+/// A message's payload.
+#[derive(Clone, PartialEq, Message)]
+pub struct Payload {
+    /// When it was sent, in milliseconds since 1970 UTC.
+    #[prost(uint64, optional, tag = "1")]
+    pub timestamp: Option<u64>,
+    /// What it says.
+    #[prost(message, repeated, tag = "2")]
+    pub metrics: Vec<Metric>,
+    /// The number of the message, 0 to 255.
+    #[prost(uint64, optional, tag = "3")]
+    pub seq: Option<u64>,
+}
+
+/// A named value.
+#[derive(Clone, PartialEq, Message)]
+pub struct Metric {
+    /// Its name; in a command it may be missing where an alias is given, and the bridge gives no aliases.
+    #[prost(string, optional, tag = "1")]
+    pub name: Option<String>,
+    /// When the value was read, in milliseconds since 1970 UTC.
+    #[prost(uint64, optional, tag = "3")]
+    pub timestamp: Option<u64>,
+    /// A [`Kind`].
+    #[prost(uint32, optional, tag = "4")]
+    pub datatype: Option<u32>,
+    /// It was kept while nobody could take it: it is not the value of now.
+    #[prost(bool, optional, tag = "5")]
+    pub is_historical: Option<bool>,
+    /// There is no value.
+    #[prost(bool, optional, tag = "7")]
+    pub is_null: Option<bool>,
+    /// The value.
+    #[prost(oneof = "Value", tags = "10, 11, 12, 13, 14, 15")]
+    pub value: Option<Value>,
+}
+
+/// The value of a metric.
+#[derive(Clone, PartialEq, Oneof)]
+pub enum Value {
+    /// 32 bits and less.
+    #[prost(uint32, tag = "10")]
+    Int(u32),
+    /// 64 bits.
+    #[prost(uint64, tag = "11")]
+    Long(u64),
+    /// Single precision.
+    #[prost(float, tag = "12")]
+    Float(f32),
+    /// Double precision.
+    #[prost(double, tag = "13")]
+    Double(f64),
+    /// True or false.
+    #[prost(bool, tag = "14")]
+    Boolean(bool),
+    /// A text.
+    #[prost(string, tag = "15")]
+    String(String),
+}
+
+/// The data types that the bridge uses, with Sparkplug's numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Kind {
+    /// A signed number of 64 bits, as [`Value::Long`] in two's complement.
+    Int64 = 4,
+    /// As [`Value::Float`].
+    Float = 9,
+    /// As [`Value::Double`].
+    Double = 10,
+    /// As [`Value::Boolean`].
+    Boolean = 11,
+    /// As [`Value::String`].
+    String = 12,
+}
+
+impl Kind {
+    /// Sparkplug's number.
+    pub fn number(self) -> u32 {
+        self as u32
+    }
+}
+
+impl Metric {
+    /// A metric with its name, kind and value; without one it is null.
+    pub fn new(name: &str, kind: Kind, timestamp: u64, value: Option<Value>) -> Self {
+        Self {
+            name: Some(name.to_owned()),
+            timestamp: Some(timestamp),
+            datatype: Some(kind.number()),
+            is_historical: None,
+            is_null: value.is_none().then_some(true),
+            value,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The bytes by hand, from the numbers of the fields in the specification's section 6.4.
+    #[test]
+    fn a_payload_has_the_bytes_of_the_specification() {
+        let metric = Metric::new("a", Kind::Int64, 5, Some(Value::Long(7)));
+        let payload = Payload { timestamp: Some(300), metrics: vec![metric], seq: Some(255) };
+        let bytes = [
+            0x08, 0xAC, 0x02, // 1: timestamp 300
+            0x12, 0x09, // 2: a metric of 9 bytes
+            0x0A, 0x01, b'a', // 1: name
+            0x18, 0x05, // 3: timestamp
+            0x20, 0x04, // 4: datatype Int64
+            0x58, 0x07, // 11: long_value
+            0x18, 0xFF, 0x01, // 3: seq 255
+        ];
+        assert_eq!(payload.encode_to_vec(), bytes);
+        assert_eq!(Payload::decode(&bytes[..]).unwrap(), payload);
+    }
+
+    #[test]
+    fn what_the_bridge_does_not_know_is_skipped() {
+        // uuid (4) and a metric with an alias (2) and a value of bytes (16).
+        let bytes = [0x12, 0x07, 0x10, 0x09, 0x82, 0x01, 0x02, 1, 2, 0x22, 0x01, b'u', 0x18, 0x03];
+        let payload = Payload::decode(&bytes[..]).unwrap();
+        assert_eq!(
+            (payload.seq, payload.metrics.len(), payload.metrics[0].value.clone()),
+            (Some(3), 1, None)
+        );
+        assert!(Payload::decode(&[0x12, 0x7F][..]).is_err());
+    }
+}

@@ -1,0 +1,402 @@
+//! The connection to the broker: births, deaths, and the records of the store in their order.
+
+use std::collections::{HashMap, HashSet};
+use std::sync::mpsc::SyncSender;
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use prost::Message;
+
+use super::cell::Cell;
+use super::hall::Broker;
+use super::metric::whole;
+use super::node::{Node, Publication, Received};
+use super::payload::{Payload, Value};
+use super::report::Input;
+use crate::io::broker::{Happened, Options, Session};
+use crate::io::store::{Batch, Store};
+
+/// So many records are on their way.
+const IN_FLIGHT: usize = 500;
+/// So many are read at once.
+const CHUNK: usize = 100;
+/// The wait before the first attempt to connect again; each one after it waits twice as long, up to the longest.
+const FIRST_WAIT: Duration = Duration::from_millis(500);
+const LONGEST_WAIT: Duration = Duration::from_secs(10);
+/// An attempt that has come to nothing for so long is given up.
+const PATIENCE: Duration = Duration::from_secs(15);
+
+/// A record as it is in the store.
+#[derive(Clone, PartialEq, Message)]
+pub struct Record {
+    /// The cell's name.
+    #[prost(string, tag = "1")]
+    pub cell: String,
+    /// What it reports.
+    #[prost(message, optional, tag = "2")]
+    pub payload: Option<Payload>,
+}
+
+/// The connection.
+#[allow(missing_debug_implementations, reason = "it holds a session with the broker")]
+pub struct Uplink {
+    options: Options,
+    group: String,
+    name: String,
+    host: Option<String>,
+    acknowledged: bool,
+    hub: SyncSender<Input>,
+    node: Node,
+    /// The number of the connection: what an earlier one reports later is nobody's.
+    generation: u64,
+    phase: Phase,
+    wait: Duration,
+    /// When the host application has been online last.
+    host_at: u64,
+    is_born: bool,
+    /// The first record that was not published on this connection.
+    next: u64,
+    /// Records from this one on were made on this connection, and are not historical.
+    live: u64,
+    flight: HashSet<u64>,
+    /// Records of cells that are no more.
+    orphans: Vec<u64>,
+    /// What was counted.
+    pub counts: Counts,
+}
+
+/// What an uplink counts.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Counts {
+    /// Connections that the broker has accepted.
+    pub connections: u64,
+    /// Records that were published, again or for the first time.
+    pub published: u64,
+    /// Records that the broker has.
+    pub acknowledged: u64,
+    /// Records that the broker has not taken.
+    pub rejected: u64,
+}
+
+enum Phase {
+    /// Until the next attempt.
+    Offline { until: Instant },
+    /// Until the broker has accepted connection and subscriptions.
+    Opening { session: Session, until: Instant },
+    /// Until the host application is online.
+    Waiting { session: Session },
+    /// Records are published.
+    Online { session: Session },
+    /// A death was said; until the broker closes the connection.
+    Leaving { _session: Session, until: Instant },
+}
+
+impl Uplink {
+    /// A connection that is opened at the first turn.
+    ///
+    /// # Errors
+    /// When a file of the broker's settings cannot be read.
+    pub fn new(broker: &Broker, hub: SyncSender<Input>) -> Result<Self> {
+        let (host, port) = broker.place()?;
+        let client = broker.client.clone().unwrap_or_else(|| format!("{}-{}", broker.group, broker.node));
+        let (login, tls, will) = (broker.login()?, broker.tls()?, (String::new(), Vec::new()));
+        let options = Options { host, port, client, login, tls, keep_alive: broker.keep_alive, will };
+        Ok(Self {
+            options,
+            group: broker.group.clone(),
+            name: broker.node.clone(),
+            host: broker.primary_host.clone(),
+            acknowledged: broker.qos == 1,
+            hub,
+            node: Node::new(&broker.group, &broker.node, 0),
+            generation: 0,
+            phase: Phase::Offline { until: Instant::now() },
+            wait: FIRST_WAIT,
+            host_at: 0,
+            is_born: false,
+            next: 0,
+            live: 0,
+            flight: HashSet::new(),
+            orphans: Vec::new(),
+            counts: Counts::default(),
+        })
+    }
+
+    /// Whether records are published.
+    pub fn is_online(&self) -> bool {
+        matches!(self.phase, Phase::Online { .. })
+    }
+
+    /// Whether there is no connection.
+    pub fn is_offline(&self) -> bool {
+        matches!(self.phase, Phase::Offline { .. })
+    }
+
+    /// How many records are on their way.
+    pub fn in_flight(&self) -> usize {
+        self.flight.len()
+    }
+
+    /// When [`turn`](Self::turn) has something to do at the latest.
+    pub fn due(&self) -> Option<Instant> {
+        match self.phase {
+            Phase::Offline { until } | Phase::Opening { until, .. } | Phase::Leaving { until, .. } => {
+                Some(until)
+            }
+            Phase::Waiting { .. } | Phase::Online { .. } => None,
+        }
+    }
+
+    /// Something has happened on the connection of this number; what it means for the hub. Records that are done with go into the
+    /// batch.
+    pub fn happened(&mut self, generation: u64, happened: Happened, batch: &mut Batch) -> Event {
+        if generation != self.generation {
+            return Event::None;
+        }
+        match happened {
+            Happened::Connected => {
+                self.counts.connections += 1;
+                let topics = self.node.subscriptions(self.host.as_deref());
+                if let Phase::Opening { session, .. } = &self.phase {
+                    session.subscribe(&topics);
+                }
+                Event::None
+            }
+            Happened::Subscribed => {
+                self.advance(|session| Phase::Waiting { session });
+                if self.host.is_none() {
+                    self.go_online();
+                }
+                Event::Connected
+            }
+            Happened::Message { topic, payload } => self.received(self.node.receive(&topic, &payload)),
+            Happened::Published(key) => {
+                if self.flight.remove(&key) {
+                    self.wait = FIRST_WAIT;
+                    self.counts.acknowledged += 1;
+                    batch.remove.push(key);
+                }
+                Event::None
+            }
+            Happened::Rejected(key, why) => {
+                self.counts.rejected += 1;
+                self.disconnect();
+                Event::Lost(format!("the broker does not take record {key}: {why}"))
+            }
+            Happened::Closed(why) => {
+                self.closed();
+                Event::Lost(why)
+            }
+        }
+    }
+
+    fn received(&mut self, received: Received) -> Event {
+        match received {
+            Received::Rebirth => {
+                self.is_born = false;
+                Event::Rebirth
+            }
+            Received::Write { device, payload } => Event::Write { device, payload },
+            Received::State { host, online, timestamp } => {
+                if self.host.as_deref() != Some(host.as_str()) || timestamp < self.host_at {
+                    return Event::Strange(format!("a STATE of {host} at {timestamp}, older than the last"));
+                }
+                self.host_at = timestamp;
+                match (online, &self.phase) {
+                    (true, Phase::Waiting { .. }) => self.go_online(),
+                    (false, Phase::Online { .. }) => {
+                        self.disconnect();
+                        return Event::Lost(format!("the host application {host} is offline"));
+                    }
+                    _ => {}
+                }
+                Event::None
+            }
+            Received::Strange(why) => Event::Strange(why),
+        }
+    }
+
+    /// Births follow, then every record from the oldest on.
+    fn go_online(&mut self) {
+        self.advance(|session| Phase::Online { session });
+        (self.is_born, self.next, self.live) = (false, 0, u64::MAX);
+        self.flight.clear();
+    }
+
+    fn advance(&mut self, next: impl FnOnce(Session) -> Phase) {
+        let offline = Phase::Offline { until: Instant::now() };
+        self.phase = match core::mem::replace(&mut self.phase, offline) {
+            Phase::Opening { session, .. } | Phase::Waiting { session } | Phase::Online { session } => {
+                next(session)
+            }
+            other => other,
+        };
+    }
+
+    /// Says the node's death, and ends the connection.
+    pub fn disconnect(&mut self) {
+        if let Phase::Online { session } = &self.phase {
+            let Publication { topic, payload } = self.node.death();
+            session.publish(&topic, payload, true, None);
+        }
+        let until = Instant::now() + Duration::from_secs(1);
+        self.advance(|session| {
+            session.close();
+            Phase::Leaving { _session: session, until }
+        });
+    }
+
+    fn closed(&mut self) {
+        self.generation += 1;
+        self.flight.clear();
+        // Not all bridges of a hall at once.
+        let wait = self.wait.mul_f64(0.5 + fastrand::f64());
+        self.wait = (self.wait * 2).min(LONGEST_WAIT);
+        self.phase = Phase::Offline { until: Instant::now() + wait };
+    }
+
+    /// Does what is due: connects, and publishes what there is.
+    ///
+    /// # Errors
+    /// When the store cannot be read or written.
+    pub fn turn(&mut self, store: &mut Store, cells: &mut [Cell], ends: bool) -> Result<()> {
+        let is_due = self.due().is_some_and(|due| due <= Instant::now());
+        match &self.phase {
+            Phase::Offline { .. } if is_due && !ends => self.open(store)?,
+            Phase::Opening { .. } | Phase::Leaving { .. } if is_due => self.closed(),
+            Phase::Online { .. } => self.publish(store, cells)?,
+            _ => {}
+        }
+        if !self.orphans.is_empty() {
+            store.write(&Batch { remove: core::mem::take(&mut self.orphans), ..Batch::default() })?;
+        }
+        Ok(())
+    }
+
+    fn open(&mut self, store: &mut Store) -> Result<()> {
+        const NAME: &str = "bdseq";
+        let number: u8 = store.get(NAME)?.and_then(|text| text.parse().ok()).unwrap_or_default();
+        let following = number.wrapping_add(1).to_string();
+        store.write(&Batch { names: vec![(NAME.into(), Some(following))], ..Batch::default() })?;
+        self.node = Node::new(&self.group, &self.name, number);
+        let Publication { topic, payload } = self.node.death();
+        self.options.will = (topic, payload);
+        let (hub, generation) = (self.hub.clone(), self.generation);
+        let session = Session::open(&self.options, move |happened| {
+            let _ = hub.send(Input::Broker(generation, happened));
+        })?;
+        self.phase = Phase::Opening { session, until: Instant::now() + PATIENCE };
+        Ok(())
+    }
+
+    /// Publishes births, records and deaths, as long as there is room.
+    fn publish(&mut self, store: &Store, cells: &mut [Cell]) -> Result<()> {
+        let Phase::Online { session } = &self.phase else { return Ok(()) };
+        if !self.is_born {
+            if self.live == u64::MAX {
+                self.live = store.next();
+            }
+            if !say(session, &self.node.birth(cells.len())) {
+                return Ok(());
+            }
+            self.node.published();
+            self.is_born = true;
+            cells.iter_mut().for_each(|cell| cell.is_born = false);
+        }
+        for cell in cells.iter_mut().filter(|cell| cell.is_connected && !cell.is_born) {
+            if !bear(session, &mut self.node, cell) {
+                return Ok(());
+            }
+        }
+        let places: HashMap<String, usize> =
+            cells.iter().enumerate().map(|(place, cell)| (cell.name.clone(), place)).collect();
+        while self.flight.len() < IN_FLIGHT {
+            let records = store.records(self.next, CHUNK)?;
+            if records.is_empty() {
+                break;
+            }
+            for (key, bytes) in records {
+                let record = Record::decode(bytes.as_slice()).unwrap_or_default();
+                let cell = places.get(&record.cell).and_then(|place| cells.get_mut(*place));
+                let (Some(cell), Some(payload)) = (cell, record.payload) else {
+                    self.orphans.push(key);
+                    self.next = key + 1;
+                    continue;
+                };
+                if !cell.is_born && !bear(session, &mut self.node, cell) {
+                    return Ok(());
+                }
+                let mut metrics = payload.metrics;
+                if key < self.live {
+                    metrics.iter_mut().for_each(|metric| metric.is_historical = Some(true));
+                }
+                let Publication { topic, payload } = self.node.data(&cell.name, metrics);
+                if !session.publish(&topic, payload, self.acknowledged, Some(key)) {
+                    return Ok(());
+                }
+                self.node.published();
+                self.counts.published += 1;
+                self.flight.insert(key);
+                self.next = key + 1;
+            }
+        }
+        if self.next >= store.next() {
+            for cell in cells.iter_mut().filter(|cell| cell.is_born && !cell.is_connected) {
+                if !say(session, &self.node.device_death(&cell.name)) {
+                    return Ok(());
+                }
+                self.node.published();
+                cell.is_born = false;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What something that has happened means for the hub.
+#[derive(Debug)]
+pub enum Event {
+    /// Nothing.
+    None,
+    /// The broker has accepted connection and subscriptions.
+    Connected,
+    /// The connection is over, and why.
+    Lost(String),
+    /// All births follow once more.
+    Rebirth,
+    /// Metrics of a cell are to be written.
+    Write {
+        /// The cell.
+        device: String,
+        /// The metrics.
+        payload: Payload,
+    },
+    /// Nothing that is understood, and why.
+    Strange(String),
+}
+
+/// Publishes as Sparkplug has births and deaths: with QoS 0.
+fn say(session: &Session, Publication { topic, payload }: &Publication) -> bool {
+    session.publish(topic, payload.clone(), false, None)
+}
+
+/// Publishes the birth of a cell.
+fn bear(session: &Session, node: &mut Node, cell: &mut Cell) -> bool {
+    let value = |name: &str| cell.values.get(name).map(|(at, value)| (*at, value));
+    let is_said = say(session, &node.device_birth(&cell.name, &cell.definitions, value));
+    if is_said {
+        node.published();
+        cell.is_born = true;
+    }
+    is_said
+}
+
+/// A record of a cell.
+pub fn record(cell: &str, payload: Payload) -> Vec<u8> {
+    Record { cell: cell.into(), payload: Some(payload) }.encode_to_vec()
+}
+
+/// The number of a record, as a value.
+pub fn number(number: u64) -> Value {
+    whole(i64::try_from(number).unwrap_or(i64::MAX))
+}

@@ -1,0 +1,198 @@
+//! A connection to an MQTT 5 broker: one attempt, one session, one end.
+//!
+//! A new connection never sends again what an earlier one has not had acknowledged: the caller does, who knows whether it is still
+//! wanted.
+
+use std::collections::{HashMap, VecDeque};
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use rumqttc::v5::mqttbytes::QoS;
+use rumqttc::v5::mqttbytes::v5::{Filter, LastWill, PubAckReason, SubscribeReasonCode};
+use rumqttc::v5::{Client, ClientError, Connection, ConnectionError, Event, Incoming, MqttOptions};
+use rumqttc::{Outgoing, TlsConfiguration, Transport};
+
+/// So many messages wait for the socket.
+const ROOM: usize = 256;
+/// The longest message that is read: a command is short.
+const LONGEST: u32 = 256 * 1024;
+/// So many messages are in flight; a broker may ask for fewer.
+const IN_FLIGHT: u16 = 1000;
+
+/// Where the broker is, and who connects.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Its name or address, which its certificate has to show.
+    pub host: String,
+    /// Its port.
+    pub port: u16,
+    /// The client's name: a broker ends the connection of another client that has it.
+    pub client: String,
+    /// Name and password.
+    pub login: Option<(String, Password)>,
+    /// Without it everybody on the way reads along.
+    pub tls: Option<Tls>,
+    /// Without a message for one and a half times so long the broker counts the client as gone.
+    pub keep_alive: Duration,
+    /// What the broker publishes then: a topic and its message, with QoS 1.
+    pub will: (String, Vec<u8>),
+}
+
+/// A password, which nothing prints.
+#[derive(Clone)]
+pub struct Password(pub String);
+
+/// PEM texts.
+#[derive(Debug, Clone)]
+pub struct Tls {
+    /// The certificates of the authorities that may vouch for the broker.
+    pub authorities: Vec<u8>,
+    /// The client's own certificate, and its key.
+    pub client: Option<(Vec<u8>, Password)>,
+}
+
+/// What has happened on a connection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Happened {
+    /// The broker has accepted it.
+    Connected,
+    /// The broker has accepted every subscription.
+    Subscribed,
+    /// A message.
+    Message {
+        /// Its topic.
+        topic: String,
+        /// Its content.
+        payload: Vec<u8>,
+    },
+    /// The broker has this message; with QoS 0, the socket has.
+    Published(u64),
+    /// The broker does not take this message, and why.
+    Rejected(u64, String),
+    /// It has ended, and why. Nothing follows.
+    Closed(String),
+}
+
+/// A connection; its end is [`Happened::Closed`].
+#[allow(missing_debug_implementations, reason = "rumqttc's client has none")]
+pub struct Session {
+    client: Client,
+    sent: Arc<Mutex<VecDeque<Option<u64>>>>,
+}
+
+impl Session {
+    /// Begins to connect. `report` is called by a thread of the connection.
+    ///
+    /// # Errors
+    /// When the system has no room for a thread.
+    pub fn open(options: &Options, report: impl Fn(Happened) + Send + 'static) -> Result<Self> {
+        let mut mqtt = MqttOptions::new(&options.client, &options.host, options.port);
+        mqtt.set_clean_start(true);
+        mqtt.set_keep_alive(options.keep_alive);
+        mqtt.set_max_packet_size(Some(LONGEST));
+        mqtt.set_outgoing_inflight_upper_limit(IN_FLIGHT);
+        let (topic, message) = options.will.clone();
+        mqtt.set_last_will(LastWill::new(topic, message, QoS::AtLeastOnce, false, None));
+        if let Some((name, Password(password))) = &options.login {
+            mqtt.set_credentials(name, password);
+        }
+        if let Some(Tls { authorities, client }) = &options.tls {
+            let client_auth = client.clone().map(|(certificate, key)| (certificate, key.0.into_bytes()));
+            let configuration = TlsConfiguration::Simple { ca: authorities.clone(), alpn: None, client_auth };
+            mqtt.set_transport(Transport::Tls(configuration));
+        }
+        let (client, connection) = Client::new(mqtt, ROOM);
+        let sent = Arc::new(Mutex::new(VecDeque::new()));
+        let shared = Arc::clone(&sent);
+        let thread = thread::Builder::new().name("broker".into());
+        thread.spawn(move || run(connection, &shared, report)).context("cannot start the broker's thread")?;
+        Ok(Self { client, sent })
+    }
+
+    /// Asks for messages of these topics, with QoS 1.
+    pub fn subscribe(&self, topics: &[String]) {
+        let filters = topics.iter().map(|topic| Filter::new(topic.as_str(), QoS::AtLeastOnce));
+        // A connection that has ended has reported it.
+        let _ = self.client.try_subscribe_many(filters);
+    }
+
+    /// Publishes a message: with QoS 0, or with QoS 1. What has a token is reported. False when there is no room yet.
+    pub fn publish(&self, topic: &str, payload: Vec<u8>, acknowledged: bool, token: Option<u64>) -> bool {
+        let qos = if acknowledged { QoS::AtLeastOnce } else { QoS::AtMostOnce };
+        // The connection's thread takes the tokens in the order of its publications: that is the order of these calls.
+        let mut sent = lock(&self.sent);
+        sent.push_back(token);
+        match self.client.try_publish(topic, qos, false, payload) {
+            Ok(()) => true,
+            Err(ClientError::Request(_) | ClientError::TryRequest(_)) => {
+                sent.pop_back();
+                false
+            }
+        }
+    }
+
+    /// Ends it after what was published: the broker keeps the will to itself.
+    pub fn close(&self) {
+        let _ = self.client.try_disconnect();
+    }
+}
+
+impl fmt::Debug for Password {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Password")
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn run(mut connection: Connection, sent: &Mutex<VecDeque<Option<u64>>>, report: impl Fn(Happened)) {
+    let mut flight: HashMap<u16, u64> = HashMap::new();
+    let why = loop {
+        let event = match connection.recv() {
+            Ok(Ok(event)) => event,
+            Ok(Err(error)) => break explain(&error),
+            Err(_) => break "closed".into(),
+        };
+        match event {
+            Event::Incoming(Incoming::ConnAck(_)) => report(Happened::Connected),
+            Event::Incoming(Incoming::SubAck(ack)) => {
+                let granted = |code: &SubscribeReasonCode| matches!(code, SubscribeReasonCode::Success(_));
+                match ack.return_codes.iter().find(|code| !granted(code)) {
+                    None => report(Happened::Subscribed),
+                    Some(code) => break format!("the broker refuses a subscription: {code:?}"),
+                }
+            }
+            Event::Incoming(Incoming::Publish(message)) => report(Happened::Message {
+                topic: String::from_utf8_lossy(&message.topic).into_owned(),
+                payload: message.payload.to_vec(),
+            }),
+            Event::Outgoing(Outgoing::Publish(number)) => match (lock(sent).pop_front().flatten(), number) {
+                (Some(token), 0) => report(Happened::Published(token)),
+                (Some(token), number) => drop(flight.insert(number, token)),
+                (None, _) => {}
+            },
+            Event::Incoming(Incoming::PubAck(ack)) => {
+                let Some(token) = flight.remove(&ack.pkid) else { continue };
+                report(match ack.reason {
+                    PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Happened::Published(token),
+                    reason => Happened::Rejected(token, format!("{reason:?}")),
+                });
+            }
+            _ => {}
+        }
+    };
+    report(Happened::Closed(why));
+}
+
+fn explain(error: &ConnectionError) -> String {
+    match error {
+        ConnectionError::ConnectionRefused(code) => format!("the broker refuses the connection: {code:?}"),
+        ConnectionError::Timeout(_) => "the broker does not answer".into(),
+        error => error.to_string(),
+    }
+}

@@ -1,0 +1,215 @@
+//! A file that outlives the process: records in their order until they are removed, numbers and texts by their names.
+//!
+//! What a [`Batch`] holds is in the file as a whole once [`Store::write`] returns, also if the power fails then, or not at all.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use redb::{Database, DatabaseError, ReadableTable, ReadableTableMetadata, TableDefinition};
+
+const RECORDS: TableDefinition<u64, &[u8]> = TableDefinition::new("records");
+const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
+
+/// What the file is read through, in bytes.
+const CACHE: usize = 16 << 20;
+
+/// Records and names in a file.
+#[allow(missing_debug_implementations, reason = "redb's tables have none")]
+pub struct Store {
+    path: PathBuf,
+    database: Database,
+    /// The key of the next record.
+    next: u64,
+    length: u64,
+    most: u64,
+}
+
+/// What is written at once.
+#[derive(Debug, Default)]
+pub struct Batch {
+    /// Records to append.
+    pub append: Vec<Vec<u8>>,
+    /// The keys of records to remove.
+    pub remove: Vec<u64>,
+    /// Names and their new values; without one the name is removed.
+    pub names: Vec<(String, Option<String>)>,
+}
+
+impl Store {
+    /// Opens the file or makes it. It holds up to `most` records: the oldest make room for more.
+    ///
+    /// # Errors
+    /// When another process has it open, or it is no such file.
+    pub fn open(path: &Path, most: u64) -> Result<Self> {
+        let what = || format!("the store {}", path.display());
+        let database = match Database::builder().set_cache_size(CACHE).create(path) {
+            Err(DatabaseError::DatabaseAlreadyOpen) => {
+                bail!("{} is open in another process: one bridge, one store", what())
+            }
+            outcome => outcome.with_context(what)?,
+        };
+        let transaction = database.begin_write().with_context(what)?;
+        let (next, length) = {
+            let records = transaction.open_table(RECORDS).with_context(what)?;
+            transaction.open_table(NAMES).with_context(what)?;
+            let last = records.last().with_context(what)?.map(|(key, _)| key.value());
+            (last.map_or(0, |last| last + 1), records.len().with_context(what)?)
+        };
+        transaction.commit().with_context(what)?;
+        Ok(Self { path: path.to_owned(), database, next, length, most: most.max(1) })
+    }
+
+    /// The key that the next record gets: each is one more than the one before.
+    pub fn next(&self) -> u64 {
+        self.next
+    }
+
+    /// How many records there are.
+    pub fn len(&self) -> u64 {
+        self.length
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+
+    /// Writes all of it. Returns how many old records had to make room.
+    ///
+    /// # Errors
+    /// When the disk does not take it: then nothing has changed.
+    pub fn write(&mut self, batch: &Batch) -> Result<u64> {
+        let (next, length, dropped) =
+            self.write_all(batch).with_context(|| format!("the store {}", self.path.display()))?;
+        (self.next, self.length) = (next, length);
+        Ok(dropped)
+    }
+
+    fn write_all(&self, batch: &Batch) -> Result<(u64, u64, u64)> {
+        let (mut next, mut length, mut dropped) = (self.next, self.length, 0);
+        let transaction = self.database.begin_write()?;
+        {
+            let mut records = transaction.open_table(RECORDS)?;
+            for key in &batch.remove {
+                length -= u64::from(records.remove(key)?.is_some());
+            }
+            for record in &batch.append {
+                records.insert(next, record.as_slice())?;
+                (next, length) = (next + 1, length + 1);
+            }
+            while length > self.most && records.pop_first()?.is_some() {
+                (length, dropped) = (length - 1, dropped + 1);
+            }
+            let mut names = transaction.open_table(NAMES)?;
+            for (name, value) in &batch.names {
+                match value {
+                    Some(value) => names.insert(name.as_str(), value.as_str())?,
+                    None => names.remove(name.as_str())?,
+                };
+            }
+        }
+        transaction.commit()?;
+        Ok((next, length, dropped))
+    }
+
+    /// Up to `count` records from this key on, with their keys.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn records(&self, from: u64, count: usize) -> Result<Vec<(u64, Vec<u8>)>> {
+        let read = || -> Result<_> {
+            let records = self.database.begin_read()?.open_table(RECORDS)?;
+            let range = records.range(from..)?.take(count);
+            range
+                .map(|record| record.map(|(key, value)| (key.value(), value.value().to_vec())))
+                .collect::<Result<_, _>>()
+                .map_err(Into::into)
+        };
+        read().with_context(|| format!("the store {}", self.path.display()))
+    }
+
+    /// The value of a name.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn get(&self, name: &str) -> Result<Option<String>> {
+        let read = || -> Result<_> {
+            let names = self.database.begin_read()?.open_table(NAMES)?;
+            Ok(names.get(name)?.map(|value| value.value().to_owned()))
+        };
+        read().with_context(|| format!("the store {}", self.path.display()))
+    }
+
+    /// Every name that begins so, with its value, in order.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn names(&self, prefix: &str) -> Result<Vec<(String, String)>> {
+        let read = || -> Result<_> {
+            let names = self.database.begin_read()?.open_table(NAMES)?;
+            let mut found = Vec::new();
+            for entry in names.range(prefix..)? {
+                let (name, value) = entry?;
+                if !name.value().starts_with(prefix) {
+                    break;
+                }
+                found.push((name.value().to_owned(), value.value().to_owned()));
+            }
+            Ok(found)
+        };
+        read().with_context(|| format!("the store {}", self.path.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn append(records: &[&str]) -> Batch {
+        Batch { append: records.iter().map(|text| text.as_bytes().to_vec()).collect(), ..Batch::default() }
+    }
+
+    fn texts(store: &Store, from: u64) -> Vec<(u64, String)> {
+        let text = |(key, bytes)| (key, String::from_utf8(bytes).unwrap());
+        store.records(from, 100).unwrap().into_iter().map(text).collect()
+    }
+
+    #[test]
+    fn the_oldest_make_room_and_keys_are_not_used_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("store");
+        let mut store = Store::open(&path, 3).unwrap();
+        assert_eq!(store.write(&append(&["a", "b"])).unwrap(), 0);
+        assert_eq!(store.write(&append(&["c", "d", "e"])).unwrap(), 2);
+        assert_eq!(texts(&store, 0), [(2, "c".into()), (3, "d".into()), (4, "e".into())]);
+        store.write(&Batch { remove: vec![3, 3, 99], ..Batch::default() }).unwrap();
+        assert_eq!((store.len(), texts(&store, 3)), (2, vec![(4, "e".into())]));
+        let busy = Store::open(&path, 3).err().unwrap().to_string();
+        assert!(busy.ends_with("is open in another process: one bridge, one store"), "{busy}");
+        drop(store);
+        let mut store = Store::open(&path, 3).unwrap();
+        store.write(&append(&["f"])).unwrap();
+        assert_eq!(texts(&store, 0), [(2, "c".into()), (4, "e".into()), (5, "f".into())]);
+    }
+
+    #[test]
+    fn names_are_found_by_how_they_begin() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut store = Store::open(&folder.path().join("store"), 3).unwrap();
+        let names = [("a/1", "x"), ("b/1", "y"), ("b/2", "z"), ("c", "w")];
+        let names = names.map(|(name, value)| (name.to_owned(), Some(value.to_owned()))).to_vec();
+        store.write(&Batch { names, ..Batch::default() }).unwrap();
+        store.write(&Batch { names: vec![("b/1".into(), None)], ..Batch::default() }).unwrap();
+        assert_eq!(store.names("b/").unwrap(), [("b/2".to_owned(), "z".to_owned())]);
+        assert_eq!((store.get("c").unwrap().as_deref(), store.get("d").unwrap()), (Some("w"), None));
+    }
+
+    #[test]
+    fn what_is_no_store_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("store");
+        std::fs::write(&path, "a file of somebody else, longer than the header of a database is").unwrap();
+        let error = format!("{:#}", Store::open(&path, 3).err().unwrap());
+        assert!(error.starts_with(&format!("the store {}: ", path.display())), "{error}");
+    }
+}

@@ -1,0 +1,22 @@
+//! Where a setting is in its file.
+
+/// The line of a TOML text in which a setting is, or else the table that it would be in.
+pub fn line_of(text: &str, name: &str) -> Option<usize> {
+    let document = toml::de::DeTable::parse(text).ok()?;
+    let (mut table, mut at) = (document.get_ref(), None);
+    let mut parts = name.split('.');
+    while let Some(part) = parts.next() {
+        let Some((key, mut value)) = table.iter().find(|(key, _)| key.get_ref() == part) else { break };
+        at = Some(key.span().start);
+        if let toml::de::DeValue::Array(array) = value.get_ref() {
+            let Some(found) = parts.next().and_then(|place| array.get(place.parse::<usize>().ok()?)) else {
+                break;
+            };
+            at = Some(found.span().start);
+            value = found;
+        }
+        let toml::de::DeValue::Table(inner) = value.get_ref() else { break };
+        table = inner;
+    }
+    Some(text.get(..at?)?.matches('\n').count() + 1)
+}

@@ -109,7 +109,7 @@ fn alter(rows: &mut Vec<String>) -> Result<()> {
 fn others(rows: &mut Vec<String>) -> Result<()> {
     rows! { rows, "isra-ball", "HostConfig", BallHostConfig = BallHostConfig::default(); model
         baud: baud, "baud", "from 1", "§4.1";
-        period: time(period), "ns", "from an exchange, rounded up to a millisecond", "ours";
+        period: time(period), "ns", "from an exchange, rounded up to a millisecond", "§3.4";
         max_delay: time(max_delay), "ns", "from 0", "ours";
         max_age: time(max_age), "ns", "above 2 · max(period, window) + window; null: for ever", "ours";
     }
@@ -118,7 +118,7 @@ fn others(rows: &mut Vec<String>) -> Result<()> {
         sensor: sensor, "number", "0 to 7", "§4.2";
     }
     rows! { rows, "val2-viewer", "HostConfig", ViewerHostConfig = ViewerHostConfig::default(); model
-        interval: time(interval), "ns", "above 0", "ours";
+        interval: time(interval), "ns", "above 0; null: for ever", "ours";
         max_age: time(max_age), "ns", "above 0; null: for ever", "ours";
         format: { let _ = format; "pose" }, "word", "pose, or a format of the caller's", "§5";
     }
@@ -177,7 +177,7 @@ fn laser(rows: &mut Vec<String>) -> Result<()> {
         profile: profile, "object", "Profile", "§3(2)";
         words: words, "object", "Words", "§2; the numbers ours";
         batch: batch, "instructions", "1 to 255", "§3(6)";
-        tick: time(tick), "ns", "from 0", "§3(1)";
+        tick: time(tick), "ns", "from 0", "§4.1";
         silence: time(silence), "ns", "from 0", "ours";
     }
     Ok(())

@@ -2,6 +2,8 @@
 
 mod alter_controller;
 mod alter_host;
+mod ball;
+mod ball_host;
 mod kawasaki;
 mod kawasaki_pc;
 mod kawasaki_robot;
@@ -9,6 +11,8 @@ mod laser_controller;
 mod laser_host;
 mod mma_central;
 mod mma_device;
+mod viewer_host;
+mod viewer_workstation;
 
 use core::time::Duration;
 
@@ -64,6 +68,10 @@ pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
         ("val2-alter", "controller") => alter_controller::MAKER,
         ("kawasaki-msg", "pc") => kawasaki_pc::MAKER,
         ("kawasaki-msg", "robot") => kawasaki_robot::MAKER,
+        ("val2-viewer", "host") => viewer_host::MAKER,
+        ("val2-viewer", "workstation") => viewer_workstation::MAKER,
+        ("isra-ball", "host") => ball_host::MAKER,
+        ("isra-ball", "ball") => ball::MAKER,
         ("laser-eb90", "host") => laser_host::MAKER,
         ("laser-eb90", "controller") => laser_controller::MAKER,
         ("mmacell-proto", "central") => mma_central::MAKER,
@@ -174,6 +182,11 @@ fn unexpected(what: Unexpected) -> Result<String> {
     Ok(event("unexpected").value("state", what.state)?.value("input", what.input)?.end())
 }
 
+/// Until when something may be used, in nanoseconds; nothing if it is for ever.
+fn live_until(until: Option<Duration>) -> Option<u128> {
+    until.filter(|until| *until < Duration::MAX).map(|until| until.as_nanos())
+}
+
 /// An error object without fields.
 fn kind(name: &str) -> String {
     Object::new().raw("kind", format_args!("\"{name}\"")).end()
@@ -194,12 +207,11 @@ impl Fields {
         Ok(())
     }
 
-    /// A time in nanoseconds; the longest is for ever.
+    /// A time in nanoseconds; `null` is for ever.
     fn time(&mut self, name: &str, field: &mut Duration) -> Result<()> {
-        let mut nanoseconds: Option<u64> = None;
-        self.take(name, &mut nanoseconds)?;
-        if let Some(nanoseconds) = nanoseconds {
-            *field = Duration::from_nanos(nanoseconds);
+        if let Some(value) = self.0.remove(name) {
+            let nanoseconds: Option<u64> = serde_json::from_value(value)?;
+            *field = nanoseconds.map_or(Duration::MAX, Duration::from_nanos);
         }
         Ok(())
     }

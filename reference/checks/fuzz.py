@@ -64,6 +64,15 @@ def story(link, stories, rng):
     return {"task": "session", "link": link, "end": model["end"], "config": model.get("config", {}), "steps": changed}
 
 
+def claimed(link, stories):
+    """The stories of the ends that both ports have."""
+    ends = {story["end"]: story for story in stories}
+    requests = [{"task": "session", "link": link, "end": end, "config": ends[end].get("config", {}), "steps": []} for end in ends]
+    answers = [ask(port, requests) for port in PORTS]
+    have = {end for end, *pair in zip(ends, *answers) if not any("skipped" in answer for answer in pair)}
+    return [story for story in stories if story["end"] in have]
+
+
 def tool(request):
     """What the tool makes of a stream."""
     command = [CELLWIRE, "decode", request["link"], "--format", "raw"]
@@ -90,7 +99,7 @@ def comparable(answer):
 
 def run(link, count, seed):
     rng = random.Random(seed)
-    vectors, stories = load("vectors", link)["vectors"], load("sessions", link).get("stories", [])
+    vectors, stories = load("vectors", link)["vectors"], claimed(link, load("sessions", link).get("stories", []))
     requests = [stream(link, vectors, rng) for _ in range(count)]
     requests += [story(link, stories, rng) for _ in range(count if stories else 0)]
     requests = [request for request in requests if request.get("hex") != "|"]

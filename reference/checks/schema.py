@@ -13,6 +13,8 @@ from jsonschema import Draft202012Validator
 from referencing import Registry, Resource
 
 REFERENCE = Path(__file__).resolve().parent.parent
+# What tells one shape from another.
+OTHER = ("const", "enum", "type")
 
 
 def entries(document):
@@ -26,6 +28,16 @@ def retrieve(name):
     return Resource.from_contents(json.loads((REFERENCE / name).read_text()))
 
 
+def nearest(error):
+    """What is wrong by the one of several allowed shapes that a value nearly has."""
+    while error.context:
+        shapes = {}
+        for inner in error.context:
+            shapes.setdefault(inner.schema_path[0], []).append(inner)
+        error = min(shapes.values(), key=lambda wrong: (sum(e.validator in OTHER for e in wrong), len(wrong)))[0]
+    return error
+
+
 def check(path, document):
     """How many entries a file has, and what is wrong with which of them."""
     schema = (path.parent / document["$schema"]).resolve()
@@ -36,6 +48,7 @@ def check(path, document):
     validator = Draft202012Validator(json.loads(schema.read_text()), registry=Registry(retrieve=retrieve))
     for error in validator.iter_errors(document):
         place = tuple(error.absolute_path)[:2]
+        error = nearest(error)
         wrong.setdefault(place, f"{'/'.join(map(str, error.absolute_path))}: {error.message[:200]}")
     return sum(counts.values()), wrong
 

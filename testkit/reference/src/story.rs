@@ -102,6 +102,7 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
         before.extend(played.cells);
         needed.entry(&story.end).or_default().extend(needs);
     }
+    let mut counts = Object::new();
     for (end, about) in &inputs.ends {
         let reachable = reachable(root, link, &about.machines)?;
         let covered = covered.remove(end.as_str()).unwrap_or_default();
@@ -126,6 +127,16 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
             needed.len(),
             rules.len()
         );
+        counts = counts.raw(
+            end,
+            Object::new()
+                .raw("cells", reachable.len())
+                .raw("unreachable", about.unreachable.len())
+                .raw("reached", count)
+                .raw("rules", rules.len())
+                .raw("needed", needed.len())
+                .end(),
+        );
         if std::env::var_os("REFERENCE_DRAFT").is_none() {
             ensure!(missing.is_empty(), "{link} {end}: no story reaches {missing:#?}");
             ensure!(wrong.is_empty(), "{link} {end}: is reached, or is no cell: {wrong:?}");
@@ -134,7 +145,8 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
             eprintln!("missing {missing:#?}, reached {wrong:?}, unneeded {unneeded:?}");
         }
     }
-    Ok(Some(json::file("sessions.schema.json", &[("link", json::text(link)?)], "stories", &lines)))
+    let head = [("link", json::text(link)?), ("ends", counts.end())];
+    Ok(Some(json::file("sessions.schema.json", &head, "stories", &lines)))
 }
 
 /// The cells of machines that are defined: `state: input`.

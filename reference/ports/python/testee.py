@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 from typing import Protocol
 
-from links import fanuc_hmi_modbus, isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer
+from links import fanuc_hmi_modbus, fanuc_ls, fanuc_ls_write, isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer
 from links.stream import Item, Json, Refused
 from sessions.alter_host import Host as AlterHost
 from sessions.laser_host import Host as LaserHost
@@ -121,6 +121,22 @@ def play(end: Session, step: Json) -> Json:
         answer["transmit"].append(sent.hex().upper())
 
 
+def programs(request: Json) -> Json:
+    """The answers of fanuc-ls: texts in the place of frames."""
+    task, options = request["task"], request["options"]
+    if task == "encode":
+        try:
+            return {"hex": fanuc_ls_write.encode(request["message"], options).encode().hex().upper()}
+        except (Refused, AttributeError, KeyError, TypeError) as wrong:
+            return {"refused": repr(wrong)}
+    text = fanuc_ls.decode(bytes.fromhex(request["hex"].removesuffix("|")))
+    if task == "stream":
+        return {"items": fanuc_ls.Document(text, options).items}
+    program, fault = fanuc_ls.read_program(text)
+    item = {"offset": 0, "length": len(text.encode())}
+    return {"items": [item | ({"error": fault} if program is None else {"message": program})]}
+
+
 TASKS: dict[str, Callable[[Link, Json], Json]] = {
     "decode": decode,
     "stream": decode,
@@ -133,7 +149,9 @@ def main() -> None:
     for line in sys.stdin:
         request = json.loads(line)
         link, task = LINKS.get(request["link"]), TASKS.get(request["task"])
-        if link is None or task is None:
+        if request["link"] == "fanuc-ls" and request["task"] != "session":
+            answer = programs(request)
+        elif link is None or task is None:
             answer = {"skipped": "not implemented"}
         else:
             answer = task(link, request)

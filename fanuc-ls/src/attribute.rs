@@ -87,7 +87,7 @@ impl Attribute {
         out.push_str(&self.name);
         match &self.value {
             AttributeValue::Text(text) => {
-                out.push_str(if self.name.len() < 8 { "\t\t" } else { "\t" });
+                out.push_str(if self.name.chars().count() < 8 { "\t\t" } else { "\t" });
                 out.push_str("= ");
                 out.push_str(text);
                 out.push(';');

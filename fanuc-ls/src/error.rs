@@ -146,7 +146,7 @@ pub enum EncodeError {
         index: usize,
     },
     /// A line of `/APPL` would be read as something else.
-    #[error("line {index} of /APPL cannot be written: it begins with `/MN` or holds a line end")]
+    #[error("line {index} of /APPL cannot be written: it begins a section or holds a line end")]
     Application {
         /// Its place in the section, from 1.
         index: usize,

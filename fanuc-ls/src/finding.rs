@@ -9,7 +9,7 @@ use crate::motion::{Motion, Speed, Target};
 use crate::parts::{Parts, at, offset};
 use crate::program::{COMMENT_LENGTH, Rules, check_name};
 use crate::statement::Statement;
-use crate::text::is_letter_or_digit;
+use crate::text::{is_letter_or_digit, plain_number};
 
 /// Something in a file that its author should look at, and where.
 ///
@@ -122,7 +122,7 @@ impl<'a> Check<'a> {
                     if let AttributeValue::Text(count) = attribute.value
                         && matches!(attribute.name.as_str(), "LINE_COUNT" | "ZEILEN")
                     {
-                        line_count = Some(place.start).zip(count.parse().ok());
+                        line_count = Some(place.start).zip(plain_number(&count));
                     }
                 }
             }
@@ -190,7 +190,7 @@ impl<'a> Check<'a> {
                 Err(fault) => {
                     self.error(fault.at, fault.reason);
                     // It is there, whatever is wrong with it.
-                    let words = at(self.text, block).get(2..).unwrap_or("");
+                    let words = at(self.text, block).strip_prefix("P[").unwrap_or("");
                     defined.extend(leading_number(words).map(|number| (number, 1)));
                     continue;
                 }

@@ -2,7 +2,7 @@ use alloc::string::String;
 
 use crate::error::EncodeError;
 use crate::motion::{Motion, MotionKind};
-use crate::text::{Fault, is_nested, is_plain, join_lines, push_number};
+use crate::text::{Fault, indent, is_nested, is_plain, join_lines, plain_number, push_number};
 
 /// One instruction of `/MN`. The writer numbers them; a TP program jumps to labels, never to numbers.
 ///
@@ -48,7 +48,7 @@ impl Instruction {
         if is_motion(body) {
             return Motion::decode(body).map(|(_, motion)| Self::Motion(motion)).map_err(Fault::of);
         }
-        let number = |name| body.strip_prefix(name).and_then(|rest: &str| plain_number(rest));
+        let number = |name| body.strip_prefix(name).and_then(|rest: &str| plain_number(indent(rest)));
         Ok(match (number("UFRAME_NUM="), number("UTOOL_NUM=")) {
             (Some(frame), _) => Self::UserFrame(frame),
             (_, Some(tool)) => Self::UserTool(tool),
@@ -102,11 +102,6 @@ fn is_motion(body: &str) -> bool {
     let mut chars = body.chars();
     let letter = chars.next().is_some_and(|c| MotionKind::from_letter(c).is_some());
     letter && chars.next().is_some_and(|c| c == ' ' || c == '\t')
-}
-
-fn plain_number(text: &str) -> Option<u16> {
-    let text = text.trim_start_matches([' ', '\t']);
-    text.chars().all(|c| c.is_ascii_digit()).then(|| text.parse().ok()).flatten()
 }
 
 fn encode_number(out: &mut String, before: &str, number: u16) {

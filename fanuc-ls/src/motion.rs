@@ -4,8 +4,8 @@ use core::fmt;
 
 use crate::error::{EncodeError, Reason};
 use crate::text::{
-    Read, Reference, decimal, fail, is_letter_or_digit, is_plain, join_lines, joint, or_fail, push_number,
-    push_shortest, reference, unsigned,
+    Read, Reference, decimal, fail, is_letter_or_digit, is_plain, join_lines, joint, or_fail, plain_number,
+    push_number, push_shortest, reference, unsigned,
 };
 
 /// A motion instruction, such as `S P[2] 10mm/sec CNT100`.
@@ -196,9 +196,9 @@ impl Target {
             Some((number, name)) => (number, Some(name.trim().to_string())),
             None => (inside, None),
         };
-        let target = match (letters, number.trim().parse::<u32>()) {
-            ("P", Ok(number)) => Self::Position { number, name },
-            ("PR", Ok(number)) => Self::Register { number, name },
+        let target = match (letters, plain_number(number.trim())) {
+            ("P", Some(number)) => Self::Position { number, name },
+            ("PR", Some(number)) => Self::Register { number, name },
             _ => Self::Other(format!("{letters}[{inside}]")),
         };
         Ok((rest, target))

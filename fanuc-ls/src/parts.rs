@@ -271,6 +271,11 @@ pub(crate) fn offset(text: &str, part: &str) -> usize {
     (part.as_ptr() as usize).saturating_sub(text.as_ptr() as usize).min(text.len())
 }
 
+/// Whether a line of `/APPL` would end it.
+pub(crate) fn ends_application(line: &str) -> bool {
+    section(after_blanks(line)).is_some_and(|(section, _)| ![0, 2].contains(&section))
+}
+
 /// Which of the sections a line that begins with `/` begins, and what follows on it.
 fn section(line: &str) -> Option<(usize, &str)> {
     (0..).zip(SECTIONS).find_map(|(index, section)| {

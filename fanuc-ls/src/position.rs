@@ -161,7 +161,7 @@ impl Group {
         cursor.space();
         let mut configuration = None;
         if let Ok((_, keyword)) = word(cursor.rest())
-            && keyword.len() > 2
+            && keyword.chars().count() > 2
         {
             cursor.advance(keyword.len());
             cursor.expect(":", Reason::Configuration)?;
@@ -210,7 +210,7 @@ impl Group {
     fn is_writable(&self) -> bool {
         let configuration = self.configuration.as_ref().is_none_or(|c| {
             let plain = !c.text.contains(|c: char| c.is_control() || c == '\'');
-            plain && c.keyword.len() > 2 && word(&c.keyword).is_ok_and(|(rest, _)| rest.is_empty())
+            plain && c.keyword.chars().count() > 2 && word(&c.keyword).is_ok_and(|(rest, _)| rest.is_empty())
         });
         configuration && !self.axes.is_empty() && self.axes.iter().all(Axis::is_writable)
     }

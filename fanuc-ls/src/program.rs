@@ -8,7 +8,7 @@ use crate::attribute::{Attribute, AttributeValue};
 use crate::error::{DecodeError, EncodeError};
 use crate::instruction::Instruction;
 use crate::motion::MotionKind;
-use crate::parts::{Parts, at, offset};
+use crate::parts::{Parts, at, ends_application, offset};
 use crate::position::Position;
 use crate::text::{Fault, push_number, word};
 
@@ -138,8 +138,9 @@ impl Program {
         if self.kind.as_deref().is_some_and(|kind| kind.trim() != kind || kind.is_empty() || !is_line(kind)) {
             return Err(EncodeError::Name);
         }
-        let found = self.comment().map_or(0, |comment| comment.chars().count());
-        if found > COMMENT_LENGTH && rules.comment == CommentRule::Refuse {
+        let comments = self.attributes.iter().flatten().filter_map(Attribute::comment);
+        let too_long = comments.map(|comment| comment.chars().count()).find(|found| *found > COMMENT_LENGTH);
+        if let Some(found) = too_long.filter(|_| rules.comment == CommentRule::Refuse) {
             return Err(EncodeError::CommentLength { found });
         }
         out.push_str("/PROG  ");
@@ -153,7 +154,7 @@ impl Program {
             out.push_str("/ATTR\r\n");
             for (index, attribute) in (1..).zip(attributes) {
                 // A comment that was cut may have lost one of its quotes.
-                let attribute = self.fitting(attribute);
+                let attribute = fitting(attribute);
                 let start = out.len();
                 attribute.encode(out);
                 attribute.check(index, out.get(start..).unwrap_or(""))?;
@@ -163,7 +164,7 @@ impl Program {
         if let Some(application) = &self.application {
             out.push_str("/APPL\r\n");
             for (index, line) in (1..).zip(application) {
-                if !is_line(line) || line.starts_with("/MN") {
+                if !is_line(line) || ends_application(line) {
                     return Err(EncodeError::Application { index });
                 }
                 out.push_str(line.trim_end());
@@ -221,18 +222,6 @@ impl Program {
     pub fn position(&self, number: u32) -> Option<&Position> {
         self.positions.iter().find(|position| position.number == number)
     }
-
-    /// The comment cut to its length; `check` has refused it where it must not be cut.
-    fn fitting<'a>(&self, attribute: &'a Attribute) -> Cow<'a, Attribute> {
-        if attribute.name == "COMMENT" {
-            let comment = self.comment().unwrap_or_default();
-            if let Some((end, _)) = comment.char_indices().nth(COMMENT_LENGTH) {
-                let cut = comment.get(..end).unwrap_or(comment).trim_end();
-                return Cow::Owned(Attribute::text("COMMENT", &format!("\"{cut}\"")));
-            }
-        }
-        Cow::Borrowed(attribute)
-    }
 }
 
 impl core::str::FromStr for Program {
@@ -241,6 +230,14 @@ impl core::str::FromStr for Program {
     fn from_str(text: &str) -> Result<Self, DecodeError> {
         Self::decode(text)
     }
+}
+
+/// A comment cut to its length; it has been refused where it must not be cut.
+fn fitting(attribute: &Attribute) -> Cow<'_, Attribute> {
+    let comment = attribute.comment().unwrap_or_default();
+    let Some((end, _)) = comment.char_indices().nth(COMMENT_LENGTH) else { return Cow::Borrowed(attribute) };
+    let cut = comment.get(..end).unwrap_or(comment).trim_end();
+    Cow::Owned(Attribute::text(&attribute.name, &format!("\"{cut}\"")))
 }
 
 /// As `collect`, which would not know how many there are.

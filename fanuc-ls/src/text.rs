@@ -127,6 +127,11 @@ pub(crate) fn unsigned<N: core::str::FromStr>(input: &str) -> Read<'_, N> {
     }
 }
 
+/// A text that is digits alone, as a number.
+pub(crate) fn plain_number<N: core::str::FromStr>(text: &str) -> Option<N> {
+    if digits(text) == text.len() { text.parse().ok() } else { None }
+}
+
 /// A decimal number; the zero before the point may be missing, the point as well.
 pub(crate) fn decimal(input: &str) -> Read<'_, f64> {
     let number = decimal_prefix(input.as_bytes());

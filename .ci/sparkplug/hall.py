@@ -223,6 +223,11 @@ wait("online again", lambda: figure("online") == 1)
 outages = 0
 if not args.calm:
     for outage in range(3):
+        if outage == 1:
+            slow = [(cell, *cell.slow_order()) for cell in cells if cell.slow_order()]
+            for cell, id, order in slow:
+                consumer.command(cell.name, {"id": id, **order})
+            wait("slow commands", lambda: all(consumer.outcome(id) == ["accepted"] for _, id, _ in slow), 20)
         broker.kill()
         broker.wait()
         outages += 1
@@ -234,6 +239,13 @@ if not args.calm:
             time.sleep(1)
         broker = start_broker()
         wait("online again", lambda: figure("online") == 1)
+        if outage == 1:
+            # What the bridge was killed over is unknown, and is not executed by being asked for again.
+            wait("unknown outcomes", lambda: all(consumer.outcome(id)[-1] == "unknown" for _, id, _ in slow))
+            for cell, id, order in slow:
+                consumer.command(cell.name, {"id": id, **order})
+            wait("the same outcomes", lambda: all(consumer.outcome(id)[-2:] == ["unknown"] * 2 for _, id, _ in slow))
+            ordered += len(slow)
         time.sleep(max(1.0, (end - time.time()) / (4 - outage) - 10 if length > 60 else 1.0))
     ordered += commands(2)
 time.sleep(max(0.0, end - time.time()))
@@ -282,7 +294,9 @@ bad = 0
 for statement, what in STATEMENTS.items():
     failures = consumer.failures.get(statement, [])
     bad += len(failures)
-    print(f"{'fails' if failures else 'holds':<6} {consumer.counts[statement]:>7}  tck-id-{statement}: {what}")
+    differs = statement == "topics-ddata-mqtt" and args.qos == 1
+    word = "fails" if failures else "differs" if differs else "holds"
+    print(f"{word:<7} {consumer.counts[statement]:>7}  tck-id-{statement}: {what}")
     for failure in failures[:3]:
         print(f"         {failure}")
 unchecked = [statement for statement in STATEMENTS if not consumer.counts[statement]]

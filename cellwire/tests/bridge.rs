@@ -75,3 +75,15 @@ fn what_is_wrong_has_its_line() {
     assert_eq!(status, Some(2));
     assert!(error.contains("at line 10, column 1") && error.contains("unknown field `links`"), "{error}");
 }
+
+#[test]
+fn the_hall_of_the_page_is_right() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("ca.pem"), "-----BEGIN CERTIFICATE-----").unwrap();
+    std::fs::write(folder.path().join("bridge.password"), "correct horse\n").unwrap();
+    let page = include_str!("../../docs/bridge.md");
+    let hall = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let cells = r#"["arm","assembly","ball","cutter","handling","painter","screen"]"#;
+    let line = format!("{{\"hall\":\"hall.toml\",\"broker\":\"broker.example:8883\",\"cells\":{cells}}}\n");
+    assert_eq!(check(folder.path(), hall), (Some(0), line));
+}

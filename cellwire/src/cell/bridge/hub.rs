@@ -9,7 +9,6 @@
 //! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
 //! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
@@ -28,7 +27,7 @@ use super::links::Client;
 use super::metric::{self, CONNECTED, EVENT, NUMBER, Named, STORE};
 use super::payload::{Metric, Payload, Value};
 use super::report::{Command, Input, Outcome, Report, What};
-use super::uplink::{self, Event, Uplink};
+use super::uplink::{self, Event, Places, Uplink};
 use crate::io::interrupt;
 use crate::io::store::{Batch, Store};
 
@@ -49,7 +48,7 @@ const FAREWELL: Duration = Duration::from_secs(2);
 #[allow(missing_debug_implementations, reason = "it holds a store")]
 pub struct Hub<'a> {
     cells: Vec<Cell>,
-    places: HashMap<String, usize>,
+    places: Places,
     store: Store,
     uplink: Uplink,
     commands: Commands,
@@ -60,6 +59,7 @@ pub struct Hub<'a> {
     figures: Figures,
     log: &'a mut dyn FnMut(Json) -> Result<()>,
     forget_at: Instant,
+    show_at: Instant,
 }
 
 /// What a turn is to do when everything is written.
@@ -123,7 +123,7 @@ impl<'a> Hub<'a> {
         }
         let places = cells.iter().enumerate().map(|(place, cell)| (cell.name.clone(), place)).collect();
         let uplink = Uplink::new(&hall.broker, sender)?;
-        let (figures, forget_at) = (Figures::default(), Instant::now());
+        let (figures, forget_at, show_at) = (Figures::default(), Instant::now(), Instant::now());
         let mut hub = Self {
             cells,
             places,
@@ -137,6 +137,7 @@ impl<'a> Hub<'a> {
             figures,
             log,
             forget_at,
+            show_at,
         };
         for Interrupted { cell, report } in unknown {
             let Some(&place) = hub.places.get(&cell) else { continue };
@@ -193,8 +194,11 @@ impl<'a> Hub<'a> {
                 let _ = cell.commands.send(command);
             }
         }
-        self.uplink.turn(&mut self.store, &mut self.cells, ends)?;
-        self.show();
+        self.uplink.turn(&mut self.store, &mut self.cells, &self.places, ends)?;
+        if now >= self.show_at {
+            self.show_at = now + TICK;
+            self.show();
+        }
         Ok(())
     }
 

@@ -59,6 +59,8 @@ pub enum Outcome {
     Done,
     /// It was not executed.
     Refused,
+    /// Some of it was executed, and the rest will not be.
+    Partial,
     /// Nobody knows: it may have been executed or not, but not twice.
     Unknown,
 }
@@ -70,6 +72,7 @@ impl Outcome {
             Self::Accepted => "accepted",
             Self::Done => "done",
             Self::Refused => "refused",
+            Self::Partial => "partial",
             Self::Unknown => "unknown",
         }
     }

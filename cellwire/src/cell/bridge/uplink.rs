@@ -26,6 +26,9 @@ const LONGEST_WAIT: Duration = Duration::from_secs(10);
 /// An attempt that has come to nothing for so long is given up.
 const PATIENCE: Duration = Duration::from_secs(15);
 
+/// The places of the cells, by their names.
+pub type Places = HashMap<String, usize>;
+
 /// A record as it is in the store.
 #[derive(Clone, PartialEq, Message)]
 pub struct Record {
@@ -259,12 +262,12 @@ impl Uplink {
     ///
     /// # Errors
     /// When the store cannot be read or written.
-    pub fn turn(&mut self, store: &mut Store, cells: &mut [Cell], ends: bool) -> Result<()> {
+    pub fn turn(&mut self, store: &mut Store, cells: &mut [Cell], places: &Places, ends: bool) -> Result<()> {
         let is_due = self.due().is_some_and(|due| due <= Instant::now());
         match &self.phase {
             Phase::Offline { .. } if is_due && !ends => self.open(store)?,
             Phase::Opening { .. } | Phase::Leaving { .. } if is_due => self.closed(),
-            Phase::Online { .. } => self.publish(store, cells)?,
+            Phase::Online { .. } => self.publish(store, cells, places)?,
             _ => {}
         }
         if !self.orphans.is_empty() {
@@ -290,7 +293,7 @@ impl Uplink {
     }
 
     /// Publishes births, records and deaths, as long as there is room.
-    fn publish(&mut self, store: &Store, cells: &mut [Cell]) -> Result<()> {
+    fn publish(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<()> {
         let Phase::Online { session } = &self.phase else { return Ok(()) };
         if !self.is_born {
             if self.live == u64::MAX {
@@ -308,8 +311,6 @@ impl Uplink {
                 return Ok(());
             }
         }
-        let places: HashMap<String, usize> =
-            cells.iter().enumerate().map(|(place, cell)| (cell.name.clone(), place)).collect();
         while self.flight.len() < IN_FLIGHT {
             let records = store.records(self.next, CHUNK)?;
             if records.is_empty() {

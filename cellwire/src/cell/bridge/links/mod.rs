@@ -1,7 +1,13 @@
 //! The bridge's client of each link.
 
+mod alter;
+mod ball;
 mod client;
+mod kawasaki;
+mod laser;
+mod mma;
 mod modbus;
+mod viewer;
 
 use anyhow::{Context, Result, bail, ensure};
 use serde::de::DeserializeOwned;
@@ -65,13 +71,27 @@ fn client(cell: &Cell) -> Result<Client> {
     );
     match by_name(&cell.link)?.name() {
         "fanuc-hmi-modbus" => modbus::client(cell),
-        name => bail!("{name} is not bridged yet"),
+        "isra-ball" => ball::client(cell),
+        "kawasaki-msg" => kawasaki::client(cell),
+        "laser-eb90" => laser::client(cell),
+        "mmacell-proto" => mma::client(cell),
+        "val2-alter" => alter::client(cell),
+        "val2-viewer" => viewer::client(cell),
+        name => bail!("{name} has no client of the bridge"),
     }
 }
 
 /// What can be set of each link's client, by the name of the link.
 pub fn settings() -> Vec<(&'static str, Vec<Setting>)> {
-    vec![("fanuc-hmi-modbus", modbus::settings())]
+    vec![
+        ("kawasaki-msg", kawasaki::settings()),
+        ("val2-alter", alter::settings()),
+        ("val2-viewer", viewer::settings()),
+        ("isra-ball", ball::settings()),
+        ("fanuc-hmi-modbus", modbus::settings()),
+        ("laser-eb90", laser::settings()),
+        ("mmacell-proto", mma::settings()),
+    ]
 }
 
 /// The address of a device that does not connect by itself.

@@ -11,7 +11,7 @@ use crate::cell::bridge::{Hall, Health, Hub, links};
 use crate::io::output::log;
 use crate::io::{http, interrupt, output, tcp};
 
-/// Connects every cell of a hall to an MQTT 5 broker: telemetry, events and outcomes as Sparkplug B, and commands back.
+/// Connects the cells of a hall to an MQTT 5 broker: Sparkplug B, through a store, commands back.
 ///
 /// HALL.toml has the broker, a store, and a table for each cell:
 ///
@@ -34,19 +34,22 @@ use crate::io::{http, interrupt, output, tcp};
 ///   commands = true                    # obey the broker; by default a cell only reports
 ///   settings = { poll = "500ms" }      # as --set takes them, see below
 ///
-/// Every report is a record with a number, on the disk before it is published with QoS 1, and removed when the broker has
-/// acknowledged it. While there is no broker, records are kept; then they are sent in their order, marked as historical. A record
-/// may be published twice after a lost connection or a crash: a consumer drops every record whose Record/Number is not higher than
-/// the last of the same cell and Record/Store.
+/// Every report is a record with a number, on the disk before it is published with QoS 1, and
+/// removed when the broker has acknowledged it. While there is no broker, records are kept; then
+/// they are sent in their order, marked as historical. A record may be published twice after a
+/// lost connection or a crash: a consumer drops every record whose Record/Number is not higher
+/// than the last of the same cell and Record/Store.
 ///
-/// A command is a write of the metric Command/Request: an object of JSON with an id that is used once, and the order, such as
-/// {"id":"7f3a","write_register":{"address":40,"value":1}}. The outcome (accepted, then done, refused or unknown) is reported as
-/// Command/Id and Command/Outcome. The same id again is not executed again; what had no outcome when the bridge ended is reported
-/// as unknown, and not repeated.
+/// A command is a write of the metric Command/Request: an object of JSON with an id that is used
+/// once, and the order, such as {"id":"7f3a","write_register":{"address":40,"value":1}}. The
+/// outcome (accepted; then done, refused, partial or unknown) is reported as Command/Id and
+/// Command/Outcome. The same id again is not executed again; what had no outcome when the bridge
+/// ended is reported as unknown, and not repeated.
 ///
 /// Prints one line of JSON for what happens to the broker, the links and the commands.
 ///
-/// Exit status: 0 ended by an interrupt, or --check found nothing; 2 the file is wrong, or the store cannot be written.
+/// Exit status: 0 ended by an interrupt, or --check found nothing; 2 the file is wrong, or the
+/// store cannot be opened or written.
 #[derive(Debug, clap::Args)]
 #[command(verbatim_doc_comment, after_help = EXAMPLES)]
 pub struct Args {
@@ -62,7 +65,7 @@ Examples:
   cellwire bridge hall-3.toml --check
   cellwire bridge hall-3.toml
   curl http://127.0.0.1:9464/metrics
-  mosquitto_sub -V 5 -t 'spBv1.0/#' -v       # see that something comes; payloads are Protocol Buffers
+  mosquitto_sub -V 5 -t 'spBv1.0/#' -F '%t'   # see that something comes
 
 docs/bridge.md has a whole hall, the metrics of every link, and the commands.";
 
@@ -85,7 +88,8 @@ pub fn run(args: &Args) -> Result<bool> {
         }
         None => None,
     };
-    let mut print = |line| log(&line);
+    // The cells are not stopped by whoever has read the lines and reads no more.
+    let mut print = |line| drop(log(&line));
     let hub = Hub::start(&hall, clients, health, &mut print)?;
     log(&json!({"ready": "bridge", "cells": hall.cell.len(), "health": place}))?;
     hub.run()?;

@@ -57,7 +57,7 @@ pub struct Hub<'a> {
     busy: Arc<AtomicU64>,
     health: Arc<Health>,
     figures: Figures,
-    log: &'a mut dyn FnMut(Json) -> Result<()>,
+    log: &'a mut dyn FnMut(Json),
     forget_at: Instant,
     show_at: Instant,
 }
@@ -78,7 +78,7 @@ impl<'a> Hub<'a> {
         hall: &Hall,
         clients: Vec<Client>,
         health: Arc<Health>,
-        log: &'a mut dyn FnMut(Json) -> Result<()>,
+        log: &'a mut dyn FnMut(Json),
     ) -> Result<Self> {
         let store = Store::open(&hall.store.file, hall.store.records)?;
         let mut turn = Turn::default();
@@ -171,12 +171,12 @@ impl<'a> Hub<'a> {
         let due = self.uplink.due().map_or(TICK, |due| due.saturating_duration_since(now).min(TICK));
         match self.inbox.recv_timeout(due) {
             Ok(input) => {
-                self.take(input, &mut turn)?;
+                self.take(input, &mut turn);
                 let gathered = Instant::now() + GATHER;
                 for _ in 0..MOST {
                     let left = gathered.saturating_duration_since(Instant::now());
                     match self.inbox.recv_timeout(left) {
-                        Ok(input) => self.take(input, &mut turn)?,
+                        Ok(input) => self.take(input, &mut turn),
                         Err(_) => break,
                     }
                 }
@@ -202,7 +202,7 @@ impl<'a> Hub<'a> {
         Ok(())
     }
 
-    fn take(&mut self, input: Input, turn: &mut Turn) -> Result<()> {
+    fn take(&mut self, input: Input, turn: &mut Turn) {
         match input {
             Input::Cell(place, Report { at, what: What::Values(named) }) => {
                 let is_connected = named.iter().find_map(|(name, value)| match value {
@@ -215,13 +215,13 @@ impl<'a> Hub<'a> {
                         Value::String(text) if *name == EVENT => serde_json::from_str(text).ok(),
                         _ => None,
                     });
-                    (self.log)(json!({"cell": cell.name, "link": event.unwrap_or(Json::Null)}))?;
+                    (self.log)(json!({"cell": cell.name, "link": event.unwrap_or(Json::Null)}));
                 }
                 self.record(place, at, named, &mut turn.batch);
             }
             Input::Cell(place, Report { at, what: What::Outcome { id, outcome, detail } }) => {
-                let Some(cell) = self.cells.get(place) else { return Ok(()) };
-                (self.log)(json!({"cell": cell.name, "command": id, "outcome": outcome, "detail": detail}))?;
+                let Some(cell) = self.cells.get(place) else { return };
+                (self.log)(json!({"cell": cell.name, "command": id, "outcome": outcome, "detail": detail}));
                 let named = self.commands.finish(&cell.name, &id, outcome, detail, &mut turn.batch);
                 self.count(outcome.name());
                 self.record(place, at, named, &mut turn.batch);
@@ -229,18 +229,17 @@ impl<'a> Hub<'a> {
             Input::Broker(generation, happened) => {
                 match self.uplink.happened(generation, happened, &mut turn.batch) {
                     Event::None => {}
-                    Event::Connected => (self.log)(json!({"broker": "connected"}))?,
-                    Event::Rebirth => (self.log)(json!({"broker": "rebirth"}))?,
-                    Event::Lost(why) => (self.log)(json!({"broker": "disconnected", "why": why}))?,
-                    Event::Strange(why) => (self.log)(json!({"broker": "strange", "why": why}))?,
-                    Event::Write { device, payload } => self.command(&device, &payload, turn)?,
+                    Event::Connected => (self.log)(json!({"broker": "connected"})),
+                    Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
+                    Event::Lost(why) => (self.log)(json!({"broker": "disconnected", "why": why})),
+                    Event::Strange(why) => (self.log)(json!({"broker": "strange", "why": why})),
+                    Event::Write { device, payload } => self.command(&device, &payload, turn),
                 }
             }
         }
-        Ok(())
     }
 
-    fn command(&mut self, device: &str, payload: &Payload, turn: &mut Turn) -> Result<()> {
+    fn command(&mut self, device: &str, payload: &Payload, turn: &mut Turn) {
         let Some((place, cell)) =
             self.places.get(device).and_then(|place| Some((*place, self.cells.get(*place)?)))
         else {
@@ -251,7 +250,7 @@ impl<'a> Hub<'a> {
         let now = metric::now();
         match self.commands.decide(device, cell.takes_commands, payload, now, &mut turn.batch) {
             Decision::Give(command, named) => {
-                (self.log)(json!({"cell": device, "command": command.id, "outcome": Outcome::Accepted}))?;
+                (self.log)(json!({"cell": device, "command": command.id, "outcome": Outcome::Accepted}));
                 self.record(place, now, named, &mut turn.batch);
                 self.count("accepted");
                 turn.give.push((place, command));
@@ -262,12 +261,11 @@ impl<'a> Hub<'a> {
             }
             Decision::Strange(why) => {
                 let event = json!({"event": "command_refused", "why": why});
-                (self.log)(json!({"cell": device, "command": event}))?;
+                (self.log)(json!({"cell": device, "command": event}));
                 self.count("not_given");
                 self.record(place, now, vec![(EVENT, metric::text(event.to_string()))], &mut turn.batch);
             }
         }
-        Ok(())
     }
 
     /// Gives a report its number, and puts it into the batch.
@@ -297,7 +295,7 @@ impl<'a> Hub<'a> {
         }
         let dropped = self.store.write(batch)?;
         if dropped > 0 && self.figures.dropped_full == 0 {
-            (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.records"}))?;
+            (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.records"}));
         }
         self.figures.dropped_full += dropped;
         Ok(())

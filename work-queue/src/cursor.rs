@@ -57,32 +57,30 @@ impl Cursor {
     /// At this position, where the job has this number. None is queued before it.
     pub(crate) const fn new(at: u32, number: u16, limits: Limits) -> Self {
         let lap = at - at % limits.capacity;
-        Cursor { at, end: at, stop: at, lap, zero: 0, wrapped: false }.numbered(number, limits)
+        let mut cursor = Cursor { at, end: at, stop: at, lap, zero: 0, wrapped: false };
+        cursor.number_from(number, limits);
+        cursor
     }
 
     /// The job here has this number, and none is before the first.
-    pub(crate) const fn numbered(mut self, number: u16, limits: Limits) -> Self {
+    pub(crate) const fn number_from(&mut self, number: u16, limits: Limits) {
         self.zero = self.at.wrapping_sub(number as u32);
         self.wrapped = false;
-        self.turn(limits)
+        self.turn(limits);
     }
 
-    /// The same end, one lap or less ahead or behind, without a reset in between.
-    pub(crate) const fn moved_to(self, position: u32, limits: Limits) -> Self {
+    /// The same end one lap or less before, without a reset in between.
+    pub(crate) const fn back_at(self, position: u32, limits: Limits) -> Self {
         let max = limits.max as u32;
-        let behind = limits.is_before(position, self.at);
-        let distance = if behind {
-            max - limits.distance(position, self.at) % max
-        } else {
-            limits.distance(self.at, position)
-        };
-        let number = (self.number() as u32 - 1 + distance) % max + 1;
-        Self::new(position, (number & 0xFFFF) as u16, limits)
+        let back = limits.distance(position, self.at) % max;
+        let number = (self.number() as u32 - 1 + max - back) % max + 1;
+        let cursor = Self::new(position, (number & 0xFFFF) as u16, limits);
+        Cursor { end: self.end, wrapped: self.wrapped, ..cursor }
     }
 
     /// Begins the lap and the numbers anew where they have ended, and finds the next stop.
     #[inline]
-    pub(crate) const fn turn(mut self, limits: Limits) -> Self {
+    pub(crate) const fn turn(&mut self, limits: Limits) {
         if self.at == limits.wrap() {
             self.zero = self.zero.wrapping_sub(self.at);
             (self.at, self.lap) = (0, 0);
@@ -96,7 +94,6 @@ impl Cursor {
         let slots = limits.capacity - (self.at - self.lap);
         let numbers = limits.max as u32 + 1 - self.at.wrapping_sub(self.zero);
         self.stop = self.at + if slots < numbers { slots } else { numbers };
-        self
     }
 
     /// Whether the slot here is this end's.
@@ -143,7 +140,7 @@ impl Cursor {
     #[inline(always)]
     pub(crate) const fn step(&mut self, limits: Limits) {
         if self.advance(1) {
-            *self = self.turn(limits);
+            self.turn(limits);
         }
     }
 }

@@ -49,8 +49,8 @@ impl<T, W: Wake> Reader<'_, T, W> {
         if most == 0 || !self.front.find(&self.end.hold, &self.end.other, check::mark_in_batch()) {
             return None;
         }
-        let most = u32::try_from(most).unwrap_or(u32::MAX);
-        let row = self.front.cursor.row(self.end.hold.limits()).min(most);
+        let row = self.front.cursor.row(self.end.hold.limits());
+        let row = u32::try_from(most).map_or(row, |most| row.min(most));
         Some(TakenBatch { hold: self.end.hold, front: &mut self.front, row, writer: &self.end.other })
     }
 
@@ -124,18 +124,11 @@ impl Front {
     #[inline(always)]
     fn find<T>(&mut self, hold: &Hold<T>, writer: &impl Wake, obeys: bool) -> bool {
         self.look(hold);
-        while self.cursor.is_open() {
-            let mark = hold.mark();
-            if mark == self.mark || !obeys {
-                return true;
-            }
-            let job;
-            (*self, job) = self.obey(*hold, mark);
-            writer.wake();
-            drop(job); // last: should it panic, it has been dropped once and the queue can be used on
-            self.look(hold);
+        if !self.cursor.is_open() {
+            return false;
         }
-        false
+        let mark = hold.mark();
+        mark == self.mark || !obeys || self.obey(*hold, mark, writer)
     }
 
     #[inline(always)]
@@ -160,43 +153,60 @@ impl Front {
         passes
     }
 
-    // What is seldom called takes no reference to the reader, so that it stays in registers.
+    /// Frees the slots of executed jobs.
+    #[inline(always)]
+    fn free<T>(&mut self, hold: Hold<T>, jobs: u32) {
+        if self.cursor.advance(jobs) {
+            self.turn(hold);
+        } else {
+            hold.set_head(self.cursor.at);
+        }
+    }
 
-    /// Turns, and passes the slots that were completed before their turn. While there are any, each step turns.
+    /// Turns, passes the slots that were completed before their turn, and frees them. While there are any, each step turns.
     #[cold]
     #[inline(never)]
-    fn turn<T>(mut self, hold: Hold<T>) -> Self {
-        self.cursor = self.cursor.turn(hold.limits());
+    fn turn<T>(&mut self, hold: Hold<T>) {
+        self.cursor.turn(hold.limits());
         while self.cursor.is_open() && self.passes(hold) {
             self.cursor.step(hold.limits());
         }
         if self.ahead > 0 {
             self.cursor.stop = self.cursor.at + 1;
         }
-        self
+        hold.set_head(self.cursor.at);
     }
 
-    /// Discards the oldest job if it is before the mark; else numbers the jobs after the mark.
+    /// Discards the jobs before the mark, numbers those after it, and returns whether one waits. The cursor is open.
     #[cold]
     #[inline(never)]
-    fn obey<T>(mut self, hold: Hold<T>, mark: Mark) -> (Self, Option<T>) {
-        let ahead = mark.ahead_of(self.cursor.at);
-        let mut job = None;
-        if ahead > 0 {
-            if !self.passes(hold) {
-                // SAFETY: the cursor is open, so the slot is ours, and by 1 it holds a job; the cursor moves over it.
-                job = Some(unsafe { hold.slot(&self.cursor).place().read() });
+    fn obey<T>(&mut self, hold: Hold<T>, mut mark: Mark, writer: &impl Wake) -> bool {
+        while mark != self.mark {
+            let ahead = mark.ahead_of(self.cursor.at);
+            let mut job = None;
+            if ahead > 0 {
+                if !self.passes(hold) {
+                    // SAFETY: the cursor is open, so the slot is ours, and by 1 it holds a job; the cursor moves over it.
+                    job = Some(unsafe { hold.slot(&self.cursor).place().read() });
+                }
+                self.cursor.step(hold.limits());
+                hold.set_head(self.cursor.at);
+            } else {
+                self.mark = mark;
+                if ahead == 0 {
+                    self.cursor.number_from(mark.number(), hold.limits());
+                }
+                self.turn(hold);
             }
-            self.cursor.step(hold.limits());
-        } else {
-            self.mark = mark;
-            if ahead == 0 {
-                self.cursor = self.cursor.numbered(mark.number(), hold.limits());
+            writer.wake();
+            drop(job); // last: should it panic, it has been dropped once and the queue can be used on
+            self.look(&hold);
+            if !self.cursor.is_open() {
+                return false;
             }
-            self = self.turn(hold);
+            mark = hold.mark();
         }
-        hold.set_head(self.cursor.at);
-        (self, job)
+        true
     }
 }
 
@@ -241,10 +251,7 @@ impl<T, W: Wake> Taken<'_, T, W> {
         // SAFETY: as in `deref`; below, the cursor moves over the slot or its flag is set.
         let job = unsafe { hold.slot(&self.here).place().read() };
         if self.here.at == front.cursor.at {
-            if front.cursor.advance(1) {
-                *front = front.turn(hold);
-            }
-            hold.set_head(front.cursor.at);
+            front.free(hold, 1);
             self.writer.wake();
         } else {
             hold.done(&self.here).store(true, Relaxed);
@@ -308,33 +315,24 @@ impl<T, W: Wake> TakenBatch<'_, T, W> {
     /// Frees the slots of the executed jobs at once, and drops the jobs.
     #[inline(always)]
     pub fn complete(self) {
-        let (hold, front) = (self.hold, self.front);
-        let first = front.cursor;
-        if front.cursor.advance(self.row) {
-            *front = front.turn(hold);
-        }
-        let _freed = Freed { hold, head: front.cursor.at, writer: self.writer };
+        let Freed(batch) = &Freed(self);
         if core::mem::needs_drop::<T>() {
-            for slot in hold.row(&first, self.row) {
-                // SAFETY: as in `iter_mut`; the cursor is after them. Should a drop panic, the others are forgotten.
+            for slot in batch.hold.row(&batch.front.cursor, batch.row) {
+                // SAFETY: as in `iter_mut`; they are freed then. Should a drop panic, the others are forgotten.
                 drop(unsafe { slot.place().read() });
             }
         }
     }
 }
 
-/// Stores the head when it is dropped, also where the drop of a job panics: nobody finds the jobs before it again.
-struct Freed<'a, T, W: Wake> {
-    hold: Hold<T>,
-    head: u32,
-    writer: &'a W,
-}
+/// Frees the slots when it is dropped, also where the drop of a job panics: nobody finds these jobs again.
+struct Freed<'a, T, W: Wake>(TakenBatch<'a, T, W>);
 
 impl<T, W: Wake> Drop for Freed<'_, T, W> {
     #[inline(always)]
     fn drop(&mut self) {
-        self.hold.set_head(self.head);
-        self.writer.wake();
+        self.0.front.free(self.0.hold, self.0.row);
+        self.0.writer.wake();
     }
 }
 

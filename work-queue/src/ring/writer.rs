@@ -1,5 +1,6 @@
 use core::fmt;
 use core::marker::PhantomData;
+use core::mem::ManuallyDrop;
 
 use super::{End, Hold};
 use crate::cursor::{Cursor, Mark};
@@ -50,8 +51,8 @@ impl<T, R: Wake> Writer<'_, T, R> {
         if known < least && self.look() < least {
             return Err(Full);
         }
-        let cursor = self.cursor;
-        Ok(Batch { hold: self.end.hold, published: &mut self.cursor, cursor, reader: &self.end.other })
+        let start = self.cursor.at;
+        Ok(Batch { hold: self.end.hold, cursor: &mut self.cursor, start, reader: &self.end.other })
     }
 
     /// Looks how many slots are free.
@@ -73,7 +74,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
 
     /// Discards every job that is queued now, as [`clear`](Self::clear) does, and restarts the numbering: the next job is 1.
     pub fn reset(&mut self) {
-        self.cursor = self.cursor.numbered(1, self.end.hold.limits());
+        self.cursor.number_from(1, self.end.hold.limits());
         self.clear();
     }
 
@@ -138,16 +139,18 @@ impl<T, R: Wake> Writer<'_, T, R> {
     }
 }
 
-/// Turns a cursor of the writer's, and renews an old mark. Takes no reference to the writer, so that it stays in registers.
+/// Turns a cursor of the writer's, renews an old mark, and publishes the jobs before the cursor.
 #[cold]
 #[inline(never)]
-fn turn<T>(hold: Hold<T>, cursor: Cursor) -> Cursor {
-    let cursor = cursor.turn(hold.limits());
+fn turn<T>(hold: Hold<T>, cursor: &mut Cursor, publish: bool) {
+    cursor.turn(hold.limits());
     if hold.mark().is_stale(cursor.at) {
         let head = hold.head(); // a mark there discards nothing
-        hold.set_mark(Mark::new(head, cursor.moved_to(head, hold.limits()).number()));
+        hold.set_mark(Mark::new(head, cursor.back_at(head, hold.limits()).number()));
     }
-    cursor
+    if publish {
+        hold.set_tail(cursor.at);
+    }
 }
 
 impl<T, R: Wake> fmt::Debug for Writer<'_, T, R> {
@@ -160,7 +163,7 @@ impl<T, R: Wake> fmt::Debug for Writer<'_, T, R> {
 #[must_use = "a claim that is not committed queues nothing"]
 pub struct Claim<'a, T, R: Wake = NoWake> {
     hold: Hold<T>,
-    /// The writer's, or its batch's; open.
+    /// The writer's; open.
     cursor: &'a mut Cursor,
     /// Whom to wake; none in a batch.
     publish: Option<&'a R>,
@@ -211,10 +214,11 @@ impl<T, R: Wake> Claim<'_, T, R> {
         // SAFETY: the cursor is open, so by 2 and 4 the slot is the writer's and holds no job.
         unsafe { self.hold.slot(self.cursor).place().write(job()) };
         if self.cursor.advance(1) {
-            *self.cursor = turn(self.hold, *self.cursor);
+            turn(self.hold, self.cursor, self.publish.is_some());
+        } else if self.publish.is_some() {
+            self.hold.set_tail(self.cursor.at);
         }
         if let Some(reader) = self.publish {
-            self.hold.set_tail(self.cursor.at);
             reader.wake();
         }
         number
@@ -241,10 +245,10 @@ impl<T, R: Wake> fmt::Debug for Claim<'_, T, R> {
 #[must_use = "a batch that is not published queues nothing"]
 pub struct Batch<'a, T, R: Wake = NoWake> {
     hold: Hold<T>,
-    /// The writer's.
-    published: &'a mut Cursor,
-    /// Ahead of it by the jobs that are not published yet.
-    cursor: Cursor,
+    /// The writer's, ahead of the tail.
+    cursor: &'a mut Cursor,
+    /// Where the tail is.
+    start: u32,
     reader: &'a R,
 }
 
@@ -259,7 +263,7 @@ impl<T, R: Wake> Batch<'_, T, R> {
         if !self.cursor.is_open() {
             return Err(Full);
         }
-        Ok(Claim { hold: self.hold, cursor: &mut self.cursor, publish: None })
+        Ok(Claim { hold: self.hold, cursor: self.cursor, publish: None })
     }
 
     /// Fills the slots with `jobs` under the next numbers, as far as both reach.
@@ -267,14 +271,14 @@ impl<T, R: Wake> Batch<'_, T, R> {
     pub fn fill(&mut self, jobs: impl IntoIterator<Item = T>) {
         let (mut jobs, limits) = (jobs.into_iter(), self.hold.limits());
         while self.cursor.is_open() {
-            for slot in self.hold.row(&self.cursor, self.cursor.row(limits)) {
+            for slot in self.hold.row(self.cursor, self.cursor.row(limits)) {
                 let Some(job) = jobs.next() else { return };
                 // SAFETY: the slots of the row are the writer's without a job.
                 unsafe { slot.place().write(job) };
                 self.cursor.at += 1;
             }
             if self.cursor.at == self.cursor.stop {
-                self.cursor = turn(self.hold, self.cursor);
+                turn(self.hold, self.cursor, false);
             }
         }
     }
@@ -282,11 +286,11 @@ impl<T, R: Wake> Batch<'_, T, R> {
     /// Queues the jobs that were committed, and returns how many.
     #[inline(always)]
     pub fn publish(self) -> usize {
-        let count = self.hold.limits().distance(self.published.at, self.cursor.at);
-        *self.published = self.cursor;
+        let batch = ManuallyDrop::new(self);
+        let count = batch.hold.limits().distance(batch.start, batch.cursor.at);
         if count > 0 {
-            self.hold.set_tail(self.cursor.at);
-            self.reader.wake();
+            batch.hold.set_tail(batch.cursor.at);
+            batch.reader.wake();
         }
         count as usize
     }
@@ -295,21 +299,24 @@ impl<T, R: Wake> Batch<'_, T, R> {
 impl<T, R: Wake> Drop for Batch<'_, T, R> {
     #[inline(always)]
     fn drop(&mut self) {
-        if self.published.at != self.cursor.at {
-            drop_unpublished(self.hold, *self.published, self.cursor.at);
+        if self.start != self.cursor.at {
+            drop_unpublished(self.hold, self.cursor, self.start);
         }
     }
 }
 
-/// Drops jobs that were filled and not published.
+/// Moves back to where a batch began, and drops the jobs that were filled from there on.
 #[cold]
 #[inline(never)]
-fn drop_unpublished<T>(hold: Hold<T>, mut cursor: Cursor, end: u32) {
-    cursor.end = end;
-    while cursor.is_open() {
+fn drop_unpublished<T>(hold: Hold<T>, cursor: &mut Cursor, start: u32) {
+    let end = cursor.at;
+    *cursor = cursor.back_at(start, hold.limits());
+    let mut filled = *cursor;
+    filled.end = end;
+    while filled.is_open() {
         // SAFETY: the slot is the writer's and was filled.
-        let job = unsafe { hold.slot(&cursor).place().read() };
-        cursor.step(hold.limits());
+        let job = unsafe { hold.slot(&filled).place().read() };
+        filled.step(hold.limits());
         drop(job); // should it panic, the others are forgotten
     }
 }

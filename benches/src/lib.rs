@@ -37,6 +37,7 @@ pub struct Count {
 
 /// The goal of a row that is so many times the sum of other rows of its link, as they were counted in the same run; if the row has
 /// a goal of its own, the greater of the two.
+#[derive(Clone, Copy)]
 pub struct Ratio {
     /// What the row counts.
     pub what: &'static str,

@@ -1,11 +1,12 @@
 //! Kawasaki: a packet of 4096 bytes full of jobs, parsed, checked and queued; and built; each also by hand, for one layout.
 
 mod by_hand;
+mod exchange;
 
 use core::hint::black_box;
 use core::time::Duration;
 
-use benches::{Budget, Count, Link};
+use benches::{Budget, Count, Link, Ratio};
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
     Charset, Decoder, Dialect, Fields, Job, JobKind, Limits, Line, Message, Packet, Point, Robot,
@@ -15,7 +16,13 @@ use robot_work_queue::Reader;
 
 use crate::streams;
 
-pub const LINK: Link = Link { name: "kawasaki-msg", counts: COUNTS, ratios: streams::RATIOS, budgets };
+pub const LINK: Link = Link { name: "kawasaki-msg", counts: COUNTS, ratios: RATIOS, budgets };
+
+const RATIOS: &[Ratio] = &[
+    streams::RATIOS[0],
+    streams::RATIOS[1],
+    Ratio { what: exchange::BY_SESSION, times: 2.0, of: &[exchange::BY_CODEC] },
+];
 
 /// The jobs that fit a packet of 4096 bytes, and its bytes: see `the_packet`.
 const JOBS: u16 = 98;
@@ -69,7 +76,13 @@ const COUNTS: &[Count] = &[
         streams::push_noise(rounds, Decoder::new(Charset::Ascii), &worst())
     }),
     streams::LIMIT,
+    per_exchange(exchange::BY_SESSION, exchange::by_session),
+    per_exchange(exchange::BY_CODEC, exchange::by_codec),
 ];
+
+const fn per_exchange(what: &'static str, run: fn(u64)) -> Count {
+    Count { what, goal: None, units: 1.0 / exchange::ROUNDS, unit: "op", run }
+}
 
 const fn per_byte(what: &'static str, goal: Option<f64>, units: f64, run: fn(u64)) -> Count {
     Count { what, goal, units, unit: "byte", run }

@@ -205,7 +205,7 @@ impl<'a, W: Work> Robot<'a, W> {
         }
     }
 
-    /// Queues the expected jobs that come next, as far as there is room. The next message, whatever it is, is read the general way.
+    /// Queues the expected jobs that come next, as far as there is room, and publishes them at once. The next message, whatever it is, is read the general way.
     fn read_expected_jobs(&mut self, now: Duration) {
         let Some((order, number)) = self.machine.fast_path(&self.config) else { return };
         debug_assert_eq!(order, self.machine.order.number());
@@ -264,13 +264,15 @@ fn queue_jobs<W: Work>(
     expected: &mut Expected,
     ranges: &W::Ranges,
 ) -> u32 {
+    let Ok(mut batch) = writer.claim_batch(writer.free()) else { return 0 };
     let mut queued = 0;
     decoder.expected_jobs::<W>(expected, ranges, |job| {
-        let Ok(claim) = writer.claim() else { return false };
+        let Ok(claim) = batch.claim() else { return false };
         claim.push(*job);
         queued += 1;
         true
     });
+    batch.publish();
     queued
 }
 

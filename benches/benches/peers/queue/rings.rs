@@ -9,6 +9,14 @@ pub(super) const MAX_NUMBER: u16 = 9999;
 /// How many jobs are in a batch.
 const BATCH: usize = 16;
 
+/// Between two attempts.
+#[inline(always)]
+pub(super) fn wait(pause: bool) {
+    if pause {
+        spin_loop();
+    }
+}
+
 /// The end that queues what `job` returns. `write` returns whether there was space.
 pub(super) trait Write<T>: Send + 'static {
     fn write(&mut self, job: impl FnOnce() -> T) -> bool;
@@ -21,8 +29,8 @@ pub(super) trait Write<T>: Send + 'static {
 
     /// Called before the next attempt if there was no space.
     #[inline(always)]
-    fn wait(&mut self) {
-        spin_loop();
+    fn wait(&mut self, pause: bool) {
+        wait(pause);
     }
 }
 
@@ -74,7 +82,7 @@ impl<T: Send + 'static> Write<T> for LowWater<T> {
         self.0.write(job)
     }
 
-    fn wait(&mut self) {
+    fn wait(&mut self, _: bool) {
         while !self.0.drained(self.0.capacity() / 2) {
             for _ in 0..20 {
                 spin_loop();

@@ -85,7 +85,11 @@ pub enum Writing {
         filled: u8,
     },
     /// It has looked at the head, and stores a mark in place of one of long ago.
-    Renewing(Mark),
+    Renewing {
+        mark: Mark,
+        /// How many jobs are in its batch, if it is within one.
+        batch: Option<u8>,
+    },
     /// Only where the tail is stored before the job.
     Storing,
     /// Only where a mark is two words.
@@ -323,7 +327,7 @@ impl State {
         for mark in [mark, obeyed] {
             mark.at = (mark.at - 1).max(-1);
         }
-        if let Writing::Renewing(mark) = &mut self.writer.phase {
+        if let Writing::Renewing { mark, .. } = &mut self.writer.phase {
             mark.at = -1;
         }
     }
@@ -432,7 +436,7 @@ impl Writing {
             Self::Ready => "Ready",
             Self::Claimed => "Claimed",
             Self::Batch { .. } => "Batch",
-            Self::Renewing(_) => "Renewing",
+            Self::Renewing { .. } => "Renewing",
             Self::Storing => "Storing",
             Self::Marking => "Marking",
             Self::Leaving { .. } => "Leaving",

@@ -24,8 +24,11 @@ impl Queue {
                     acts.push(Act::Fill);
                 }
                 acts.extend([Act::Publish, Act::DropBatch]);
+                if !self.single && state.mark.at < 0 {
+                    acts.push(Act::Renew);
+                }
             }
-            Writing::Renewing(_) => acts.push(Act::Renew),
+            Writing::Renewing { .. } => acts.push(Act::Renew),
             Writing::Storing => acts.push(Act::Commit),
             Writing::Marking => acts.push(Act::Clear),
             Writing::Leaving { .. } => acts.push(Act::WriterLeaves),
@@ -92,15 +95,16 @@ impl Queue {
                 state.fill(tail, number);
                 state.publish(1, self.max);
             }
-            (Act::Renew, Writing::Renewing(mark)) => {
+            (Act::Renew, Writing::Renewing { mark, batch }) => {
                 state.mark = mark;
-                state.writer.phase = Writing::Ready;
+                state.writer.phase = batch.map_or(Writing::Ready, |filled| Writing::Batch { filled });
             }
-            (Act::Renew, _) => {
+            (Act::Renew, phase) => {
                 // As many numbers before the next one as jobs are queued, none of which a reset came after.
                 let queued = if self.keeps(Rule::RenewedMarkNumbersHead) { tail } else { 0 };
                 let number = after(next, self.max * self.capacity - queued, self.max);
-                state.writer.phase = Writing::Renewing(Mark { at: 0, number });
+                let batch = if let Writing::Batch { filled } = phase { Some(filled) } else { None };
+                state.writer.phase = Writing::Renewing { mark: Mark { at: 0, number }, batch };
             }
             (Act::Clear | Act::Reset, phase) => {
                 if act == Act::Reset {

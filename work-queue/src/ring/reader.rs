@@ -123,8 +123,7 @@ impl Front {
     /// that were stored before it.
     #[inline(always)]
     fn find<T>(&mut self, hold: &Hold<T>, writer: &impl Wake, obeys: bool) -> bool {
-        self.look(hold);
-        if !self.cursor.is_open() {
+        if !self.look(hold) {
             return false;
         }
         let mark = hold.mark();
@@ -132,10 +131,11 @@ impl Front {
     }
 
     #[inline(always)]
-    fn look<T>(&mut self, hold: &Hold<T>) {
+    fn look<T>(&mut self, hold: &Hold<T>) -> bool {
         if !self.cursor.is_open() {
             self.cursor.end = hold.tail();
         }
+        self.cursor.is_open()
     }
 
     fn waiting<'a, T>(&self, hold: &'a Hold<T>) -> Iter<'a, T> {
@@ -200,8 +200,7 @@ impl Front {
             }
             writer.wake();
             drop(job); // last: should it panic, it has been dropped once and the queue can be used on
-            self.look(&hold);
-            if !self.cursor.is_open() {
+            if !self.look(&hold) {
                 return false;
             }
             mark = hold.mark();

@@ -1,6 +1,5 @@
 use core::fmt;
 use core::marker::PhantomData;
-use core::mem::ManuallyDrop;
 
 use super::{End, Hold};
 use crate::cursor::{Cursor, Mark};
@@ -286,7 +285,7 @@ impl<T, R: Wake> Batch<'_, T, R> {
     /// Queues the jobs that were committed, and returns how many.
     #[inline(always)]
     pub fn publish(self) -> usize {
-        let batch = ManuallyDrop::new(self);
+        let batch = core::mem::ManuallyDrop::new(self);
         let count = batch.hold.limits().distance(batch.start, batch.cursor.at);
         if count > 0 {
             batch.hold.set_tail(batch.cursor.at);

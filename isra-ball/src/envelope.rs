@@ -46,9 +46,15 @@ pub(crate) fn envelope(data: &[u8; DATA_LEN]) -> [u8; DATA_LEN + OVERHEAD] {
 /// The data of a packet with a right envelope.
 #[inline]
 pub(crate) fn open(packet: &[u8; DATA_LEN + OVERHEAD]) -> Option<&[u8]> {
-    let (head, rest) = packet.split_first_chunk()?;
-    let (data, found) = rest.split_first_chunk::<DATA_LEN>()?;
-    (*head == header(8) && [checksum_of_packet(data)] == *found).then_some(data)
+    const HEADER: [u8; 3] = header(8);
+    let [n, minus_n, xor_n] = HEADER;
+    let (data, _) = packet.get(3..)?.split_first_chunk::<DATA_LEN>()?;
+    let [.., found] = packet;
+    // Four bytes are one comparison, three are two: the fourth is shifted out.
+    let head = u32::from_le_bytes(*packet.first_chunk()?) << 8;
+    let sum = data.iter().fold(*found, |sum, byte| sum.wrapping_add(*byte));
+    let is_good = head == u32::from_le_bytes([0, n, minus_n, xor_n]) && sum == n.wrapping_neg();
+    is_good.then_some(data)
 }
 
 /// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).
@@ -56,14 +62,4 @@ pub(crate) fn open(packet: &[u8; DATA_LEN + OVERHEAD]) -> Option<&[u8]> {
 pub(crate) fn checksum(data: &[u8]) -> u8 {
     let n = data.len().to_le_bytes()[0];
     data.iter().fold(n, |sum, byte| sum.wrapping_add(*byte)).wrapping_neg()
-}
-
-/// The same of eight bytes at once: four lanes of 16 bits, which the product adds up in its topmost.
-#[inline]
-fn checksum_of_packet(data: &[u8; DATA_LEN]) -> u8 {
-    const EVEN: u64 = 0x00FF_00FF_00FF_00FF;
-    const ONES: u64 = 0x0001_0001_0001_0001;
-    let word = u64::from_le_bytes(*data);
-    let lanes = (word & EVEN) + (word >> 8 & EVEN);
-    lanes.wrapping_mul(ONES).to_be_bytes()[1].wrapping_add(8).wrapping_neg()
 }

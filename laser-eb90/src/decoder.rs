@@ -3,7 +3,7 @@
 use robot_session::StreamBuffer;
 
 use crate::error::DecodeError;
-use crate::frame::{Corrupt, Frame, HEAD, MAX_PAYLOAD, Scan, find_head, has_head};
+use crate::frame::{Corrupt, Frame, HEAD, MAX_PAYLOAD, Scan, find_head, has_head, in_place, prefix_len};
 use crate::items::Items;
 use crate::profile::Profile;
 
@@ -67,13 +67,22 @@ impl Decoder {
             return self.hunt().map(Err);
         }
         let raw = self.raw.bytes();
+        // Most frames come whole, and without a doubled byte.
+        if self.state.scan.is_new()
+            && raw.len() >= Frame::MIN_LEN
+            && let Some((payload, used)) = in_place(raw, MAX_PAYLOAD, &self.profile)
+            && Items::new(payload, &self.profile).check().is_ok()
+        {
+            let (begin, end) = (prefix_len(&self.profile), payload.len());
+            self.state.hunted = 0;
+            return Some(Ok(Frame::new(self.raw.take(used).get(begin..begin + end)?, &self.profile)));
+        }
         let corrupt = match self.state.scan.advance(raw, &mut self.payload, &self.profile) {
             Ok(None) => return self.incomplete().map(Err),
-            Ok(Some(body)) => match Items::new(body.payload(raw, &self.payload), &self.profile).check() {
+            Ok(Some(body)) => match Items::new(body.payload(&self.payload), &self.profile).check() {
                 Ok(()) => {
-                    (self.state.hunted, self.state.scan) = (0, Scan::default());
-                    let payload = body.payload(self.raw.take(body.used), &self.payload);
-                    return Some(Ok(Frame::new(payload, &self.profile)));
+                    self.consume(body.used);
+                    return Some(Ok(Frame::new(body.payload(&self.payload), &self.profile)));
                 }
                 // A false head can be followed by the right checksum, but hardly by whole items as well.
                 Err(error) => Corrupt { error, examined: body.used },

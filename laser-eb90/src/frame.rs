@@ -60,7 +60,7 @@ impl<'a> Frame<'a> {
     ) -> Result<Option<(Self, usize)>, DecodeError> {
         match Scan::default().advance(bytes, payload, profile) {
             Ok(None) => Ok(None),
-            Ok(Some(body)) => Ok(Some((Self::new(body.payload(bytes, payload), profile), body.used))),
+            Ok(Some(body)) => Ok(Some((Self::new(body.payload(payload), profile), body.used))),
             Err(damage) => Err(damage.error),
         }
     }
@@ -107,9 +107,11 @@ impl Encode for Frame<'_> {
     type Error = EncodeError;
 
     fn encoded_len(&self) -> usize {
-        let mut len = 0;
-        self.write(|bytes| len += bytes.len());
-        len
+        let (mut rest, mut doubled) = (self.payload, 0);
+        while let Some(after) = rest.get(find_mark(rest) + 1..) {
+            (rest, doubled) = (after, doubled + 1);
+        }
+        prefix_len(&self.profile) + self.payload.len() + doubled + 2 + self.profile.checksum.len()
     }
 
     fn encode(&self, out: &mut [u8]) -> Result<usize, EncodeError> {
@@ -131,35 +133,34 @@ impl Encode for Frame<'_> {
 /// The payload and the length of a whole frame without fault and without doubled bytes, as most are. Any other is looked at a
 /// second time, in steps.
 #[inline]
-fn in_place<'a>(bytes: &'a [u8], limit: usize, profile: &Profile) -> Option<(&'a [u8], usize)> {
+pub(crate) fn in_place<'a>(bytes: &'a [u8], limit: usize, profile: &Profile) -> Option<(&'a [u8], usize)> {
     let mut rest = bytes.strip_prefix(&HEAD)?;
     if profile.flag == Flag::Separate {
         rest = rest.strip_prefix(&[FLAG])?;
     }
-    let (payload, end) = rest.split_at_checked(find_mark(rest))?;
+    let (length, sum) = sum_to_mark(rest);
+    let (payload, end) = rest.split_at_checked(length)?;
     let [_, tail, check @ ..] = end else { return None };
     let good = is_tag(*payload.first()?, &profile.tags)
         && payload.len() <= limit
         && profile.tail.ends_with(*tail)
-        && check_word(check, profile)? == checksum(payload, profile);
+        && check_word(check, profile)? == checksum_of(sum, profile);
     good.then_some((payload, bytes.len() - check.len() + profile.checksum.len()))
 }
 
-/// How far a frame has been read; goes on where it stopped when more bytes come.
+/// How far a frame has been read and its payload copied; goes on where it stopped when more bytes come.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Scan {
-    /// Where the payload begins; 0 as long as nothing has been read.
-    begin: usize,
-    /// Bytes of the frame that are done with.
+    /// Bytes of the frame that are done with; 0 as long as nothing has been read.
     read: usize,
-    /// Bytes of the payload, unstuffed. They are copied from the first doubled byte on.
+    /// Bytes of the payload, unstuffed.
     len: usize,
 }
 
-/// Where a whole frame has its payload.
+/// A whole frame whose payload has been copied.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Body {
-    scan: Scan,
+    len: usize,
     /// The length of the frame.
     pub(crate) used: usize,
 }
@@ -173,8 +174,9 @@ pub(crate) struct Corrupt {
 
 impl Scan {
     /// Nothing has been read yet.
+    #[inline]
     pub(crate) fn is_new(&self) -> bool {
-        self.begin == 0
+        self.read == 0
     }
 
     /// The bytes of the frame that are done with.
@@ -187,7 +189,6 @@ impl Scan {
     #[inline]
     pub(crate) fn take_byte(&mut self, byte: u8, payload: &mut [u8]) -> bool {
         let Some(slot) = payload.get_mut(self.len).filter(|_| byte != MARK) else { return false };
-        // Nobody reads it if the payload is not copied.
         *slot = byte;
         self.len += 1;
         self.read += 1;
@@ -203,65 +204,66 @@ impl Scan {
     ) -> Result<Option<Body>, Corrupt> {
         if self.is_new() {
             let Some(begin) = begin(raw, profile)? else { return Ok(None) };
-            (self.begin, self.read) = (begin, begin);
+            self.read = begin;
         }
         loop {
-            let rest = raw.get(self.read..).unwrap_or_default();
-            let (clean, marked) = rest.split_at_checked(find_mark(rest)).unwrap_or((rest, &[]));
-            self.take(clean, payload)?;
-            match *marked {
-                [] | [_] => return Ok(None),
-                [_, MARK, ..] => {
-                    self.copy_so_far(raw, payload);
-                    self.read += 1;
-                    self.take(&[MARK], payload)?;
-                }
-                [_, byte, ..] if profile.tail.ends_with(byte) => return self.end(raw, payload, profile),
-                [_, found, ..] => {
+            self.copy_words(raw, payload);
+            let (byte, taken) = match *raw.get(self.read..).unwrap_or_default() {
+                [] | [MARK] => return Ok(None),
+                [MARK, MARK, ..] => (MARK, 2),
+                [MARK, byte, ..] if profile.tail.ends_with(byte) => return self.end(raw, payload, profile),
+                [MARK, found, ..] => {
                     let error = DecodeError::Stuffing { offset: self.read + 1, found };
                     return Err(Corrupt { error, examined: self.read + 2 });
                 }
-            }
+                [byte, ..] => (byte, 1),
+            };
+            self.read += taken;
+            let Some(slot) = payload.get_mut(self.len) else {
+                let (offset, limit) = (self.read - 1, payload.len());
+                return Err(Corrupt { error: DecodeError::TooLong { offset, limit }, examined: self.read });
+            };
+            *slot = byte;
+            self.len += 1;
         }
     }
 
-    /// Takes a stretch of the payload.
-    fn take(&mut self, stretch: &[u8], payload: &mut [u8]) -> Result<(), Corrupt> {
-        let limit = payload.len();
-        let room = payload.get_mut(self.len..).unwrap_or_default();
-        let copied = self.is_copied();
-        match room.get_mut(..stretch.len()) {
-            Some(slot) if copied => slot.copy_from_slice(stretch),
-            Some(_) => {}
-            None => {
-                let offset = self.read + room.len();
-                return Err(Corrupt { error: DecodeError::TooLong { offset, limit }, examined: offset + 1 });
-            }
-        }
-        self.len += stretch.len();
-        self.read += stretch.len();
-        Ok(())
-    }
-
-    /// The payload differs from its bytes on the wire from here on.
-    fn copy_so_far(&self, raw: &[u8], payload: &mut [u8]) {
-        if !self.is_copied()
-            && let (Some(slot), Some(bytes)) = (payload.get_mut(..self.len), raw.get(self.begin..self.read))
+    /// Eight bytes at a time are copied as they are, and count as far as there is no 90h among them; what it doubles is one byte.
+    #[inline]
+    fn copy_words(&mut self, raw: &[u8], payload: &mut [u8]) {
+        let (mut rest, mut free) =
+            (raw.get(self.read..).unwrap_or_default(), payload.get_mut(self.len..).unwrap_or_default());
+        let (available, room) = (rest.len(), free.len());
+        while let (Some((word, after)), Some(slot)) =
+            (rest.split_first_chunk::<8>(), free.first_chunk_mut::<8>())
         {
-            slot.copy_from_slice(bytes);
+            *slot = *word;
+            let marks = marks(*word);
+            let copied = if marks == 0 {
+                rest = after;
+                8
+            } else {
+                let clean = marks.trailing_zeros() as usize / 8;
+                rest = rest.get(clean..).unwrap_or_default();
+                let [MARK, MARK, after @ ..] = rest else {
+                    free = core::mem::take(&mut free).get_mut(clean..).unwrap_or_default();
+                    break;
+                };
+                rest = after;
+                clean + 1
+            };
+            free = core::mem::take(&mut free).get_mut(copied..).unwrap_or_default();
         }
-    }
-
-    fn is_copied(&self) -> bool {
-        self.begin + self.len != self.read
+        self.read += available - rest.len();
+        self.len += room - free.len();
     }
 
     /// Checks what comes after the tail.
     fn end(&self, raw: &[u8], payload: &[u8], profile: &Profile) -> Result<Option<Body>, Corrupt> {
         let offset = self.read + 2;
         let Some(found) = check_word(raw.get(offset..).unwrap_or_default(), profile) else { return Ok(None) };
-        let body = Body { scan: *self, used: offset + profile.checksum.len() };
-        let expected = checksum(body.payload(raw, payload), profile);
+        let body = Body { len: self.len, used: offset + profile.checksum.len() };
+        let expected = checksum(body.payload(payload), profile);
         if found == expected {
             Ok(Some(body))
         } else {
@@ -272,18 +274,22 @@ impl Scan {
 }
 
 impl Body {
-    /// The payload, where it is on the wire or where it has been copied.
+    /// The payload, where it has been copied.
     #[inline]
-    pub(crate) fn payload<'a>(&self, raw: &'a [u8], copied: &'a [u8]) -> &'a [u8] {
-        let Scan { begin, read, len } = self.scan;
-        let payload = if self.scan.is_copied() { copied.get(..len) } else { raw.get(begin..read) };
-        payload.unwrap_or_default()
+    pub(crate) fn payload<'a>(&self, copied: &'a [u8]) -> &'a [u8] {
+        copied.get(..self.len).unwrap_or_default()
     }
+}
+
+/// The length of everything in front of a payload.
+#[inline]
+pub(crate) fn prefix_len(profile: &Profile) -> usize {
+    HEAD.len() + usize::from(profile.flag == Flag::Separate)
 }
 
 /// The length of everything in front of the payload, once it and the first tag are there and as they must be.
 fn begin(raw: &[u8], profile: &Profile) -> Result<Option<usize>, Corrupt> {
-    let len = HEAD.len() + usize::from(profile.flag == Flag::Separate);
+    let len = prefix_len(profile);
     let (error, examined) = match *raw {
         [0xEB, 0x90, 0x82, flag, ..] if flag != FLAG && profile.flag == Flag::Separate => {
             (DecodeError::Flag { offset: HEAD.len(), expected: FLAG, found: flag }, len)
@@ -347,6 +353,30 @@ fn find_mark(bytes: &[u8]) -> usize {
     bytes.len() - rest.len()
 }
 
+/// The place of the first 90h, and the sum of what is before it.
+fn sum_to_mark(bytes: &[u8]) -> (usize, u32) {
+    let (mut rest, mut sum) = (bytes, 0);
+    while let Some((block, after)) = rest.split_first_chunk::<64>()
+        && is_clean(block)
+    {
+        sum += add(block);
+        rest = after;
+    }
+    while let Some((block, after)) = rest.split_first_chunk::<16>()
+        && is_clean(block)
+    {
+        sum += add(block);
+        rest = after;
+    }
+    while let [byte, after @ ..] = rest
+        && *byte != MARK
+    {
+        sum += u32::from(*byte);
+        rest = after;
+    }
+    (bytes.len() - rest.len(), sum)
+}
+
 #[inline]
 fn is_clean<const N: usize>(block: &[u8; N]) -> bool {
     !block.iter().fold(false, |any, &b| any | (b == MARK))
@@ -375,7 +405,11 @@ fn check_word(bytes: &[u8], profile: &Profile) -> Option<u16> {
 
 /// What it has to be: the sum of the unstuffed payload, as the profile wants it.
 fn checksum(payload: &[u8], profile: &Profile) -> u16 {
-    let mut sum = sum(payload);
+    checksum_of(sum(payload), profile)
+}
+
+#[inline]
+fn checksum_of(mut sum: u32, profile: &Profile) -> u16 {
     if profile.checksum_with_flag && profile.flag == Flag::Separate {
         sum += u32::from(FLAG);
     }

@@ -96,7 +96,7 @@ impl<'a> Items<'a> {
 impl<'a> Iterator for Items<'a> {
     type Item = Result<Item<'a>, DecodeError>;
 
-    #[inline]
+    #[inline(always)]
     fn next(&mut self) -> Option<Result<Item<'a>, DecodeError>> {
         let order = self.order;
         let (tag, count) = match *self.rest {

@@ -89,16 +89,15 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The override and the number of an error, which end a status. Numbers that the source does not list are looked at a second
-    /// time.
+    /// The override and the number of an error, which end a status. An error is looked at a second time.
     #[inline(always)]
     pub(crate) fn percent_and_error(&mut self) -> Result<(u8, i32), DecodeError> {
-        if let Some([(percent, misfit_before), (error, misfit)]) = self.two_strict_integers()
-            && misfit | misfit_before == 0
-            && let (0..=100, 0..=3) = (percent, error)
+        if let Some([percent, error]) = self.two_words()
+            && INTEGER.is_zero(error)
+            && let (percent @ 0..=100, 0) = INTEGER.value(percent)
         {
             self.at += 12;
-            return Ok((percent.to_le_bytes()[0], error));
+            return Ok((percent.to_le_bytes()[0], 0));
         }
         let (values, at) = self.any_percent_and_error()?;
         self.at = at;
@@ -151,13 +150,11 @@ impl<'a> Reader<'a> {
         Some(INTEGER.value(u64::from_le_bytes(*word)))
     }
 
-    /// This integer and the next one.
+    /// This integer and the next one, with the two characters before each.
     #[inline(always)]
-    fn two_strict_integers(self) -> Option<[(i32, u64); 2]> {
+    fn two_words(self) -> Option<[u64; 2]> {
         let words: &[u8; 14] = self.line.get(self.at.checked_sub(2)?..)?.first_chunk()?;
-        let (first, second) =
-            (u64::from_le_bytes(*words.first_chunk()?), u64::from_le_bytes(*words.last_chunk()?));
-        Some([INTEGER.value(first), INTEGER.value(second)])
+        Some([u64::from_le_bytes(*words.first_chunk()?), u64::from_le_bytes(*words.last_chunk()?)])
     }
 
     /// An integer in any dialect, or the reason why there is none.

@@ -75,6 +75,12 @@ impl Format {
         (if minus { magnitude.wrapping_neg() } else { magnitude }, misfit)
     }
 
+    /// Whether a field is the value +0.
+    #[inline(always)]
+    pub(crate) const fn is_zero(self, field: u64) -> bool {
+        (field ^ self.zero) >> self.sign_at == 0
+    }
+
     /// The field of a value that fits into it.
     #[inline(always)]
     pub(crate) const fn text(self, value: i32) -> u64 {

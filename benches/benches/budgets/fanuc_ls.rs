@@ -19,6 +19,13 @@ pub const LINK: Link = Link {
             run: document,
         },
         Count { what: "read it as values", goal: Some(25.0), units: BYTES, unit: "byte", run: read },
+        Count {
+            what: "… by hand: its numbers alone",
+            goal: None,
+            units: BYTES,
+            unit: "byte",
+            run: numbers_by_hand,
+        },
         Count { what: "write the values", goal: Some(25.0), units: BYTES, unit: "byte", run: write },
         Count { what: "forward kinematics", goal: None, units: 1.0, unit: "op", run: forward },
     ],
@@ -35,6 +42,37 @@ fn document(rounds: u64) {
 fn read(rounds: u64) {
     for _ in 0..rounds {
         black_box(Program::decode(black_box(TEXT)).expect("the listing reads"));
+    }
+}
+
+/// Every number of the listing, in the order of the text, and nothing of what it means.
+fn numbers_by_hand(rounds: u64) {
+    const POWERS: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
+    for _ in 0..rounds {
+        let (mut numbers, mut rest) = (Vec::with_capacity(128), black_box(TEXT).as_bytes());
+        while let [first, after @ ..] = rest {
+            rest = after;
+            if !matches!(first, b'-' | b'.' | b'0'..=b'9') {
+                continue;
+            }
+            let (mut whole, mut decimals, mut is_point) = (0u32, 0, *first == b'.');
+            if first.is_ascii_digit() {
+                whole = u32::from(first - b'0');
+            }
+            while let [byte @ (b'.' | b'0'..=b'9'), after @ ..] = rest {
+                match byte {
+                    b'.' => is_point = true,
+                    digit => {
+                        whole = whole * 10 + u32::from(digit - b'0');
+                        decimals += usize::from(is_point);
+                    }
+                }
+                rest = after;
+            }
+            let value = f64::from(whole) / POWERS[decimals];
+            numbers.push(if *first == b'-' { -value } else { value });
+        }
+        black_box(numbers);
     }
 }
 

@@ -3,7 +3,7 @@ use std::time::Duration;
 
 use benches::{Budget, Count, Link};
 use isra_ball::robot_session::{Decoder as _, Encode as _};
-use isra_ball::{Decoder, Frame, Packet, timing};
+use isra_ball::{Decoder, Frame, Keys, Packet, Status, timing};
 
 use crate::streams;
 
@@ -16,6 +16,7 @@ pub const LINK: Link = Link {
     name: "isra-ball",
     counts: &[
         Count { what: "decode a packet", goal: Some(40.0), units: 1.0, unit: "op", run: decode },
+        Count { what: "… by hand", goal: None, units: 1.0, unit: "op", run: decode_by_hand },
         Count { what: "decode a packet from the stream", goal: None, units: 1.0, unit: "op", run: stream },
         Count { what: "encode a packet", goal: None, units: 1.0, unit: "op", run: encode },
         streams::valid(Packet::LEN as f64, |rounds| streams::push(rounds, Decoder::new(), &BYTES, 1)),
@@ -42,6 +43,30 @@ fn decode(rounds: u64) {
         let bytes: &[u8] = black_box(&BYTES);
         let Ok(Some((frame, _))) = Frame::decode(bytes) else { panic!("a good packet") };
         black_box(frame.packet().expect("eight data bytes"));
+    }
+}
+
+/// One layout, each byte looked at once; what is no packet ends the program.
+fn decode_by_hand(rounds: u64) {
+    for _ in 0..rounds {
+        let bytes: &[u8] = black_box(&BYTES);
+        let &[0x08, 0xF8, 0x5D, id, x, y, z, mx, my, mz, keys, sum] = bytes else { panic!("a good packet") };
+        let data = [8, id, x, y, z, mx, my, mz, keys, sum];
+        assert_eq!(data.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)), 0);
+        let status = match (id & 0x80 != 0, id & 0x08 != 0) {
+            (false, false) => Status::Fresh,
+            (false, true) => Status::Reserved,
+            (true, false) => Status::Old,
+            (true, true) => Status::Reserved11,
+        };
+        black_box(Packet {
+            sensor_type: id >> 4 & 7,
+            sensor: id & 7,
+            status,
+            force: [x, y, z].map(u8::cast_signed),
+            moment: [mx, my, mz].map(u8::cast_signed),
+            keys: Keys(keys),
+        });
     }
 }
 

@@ -1,14 +1,24 @@
 //! laser-eb90: a batch of seven six-axis moves, and the 16 ms cycle of the controller.
 
+use core::time::Duration;
 use std::hint::black_box;
 
-use benches::{Budget, Count, Link};
-use laser_eb90::robot_session::{Decoder as _, Encode as _};
-use laser_eb90::{Decoder, Frame, Item, MAX_PAYLOAD, Payload, Profile, timing};
+use benches::{Budget, Count, Link, Ratio};
+use laser_eb90::robot_session::{Decoder as _, Encode as _, Session as _};
+use laser_eb90::{Decoder, Frame, Host, HostConfig, HostEvent, Item, MAX_PAYLOAD, Payload, Profile, timing};
 
 use crate::streams;
 
-pub const LINK: Link = Link { name: "laser-eb90", counts: COUNTS, ratios: streams::RATIOS, budgets };
+pub const LINK: Link = Link { name: "laser-eb90", counts: COUNTS, ratios: RATIOS, budgets };
+
+const MOVE_WRITTEN: &str = "one move: built and written";
+const ECHO_READ: &str = "its echo from a stream, through the decoder";
+const HOST: &str = "host: submit the move, send it, receive its echo";
+const RATIOS: &[Ratio] = &[
+    Ratio { what: HOST, times: 2.0, of: &[MOVE_WRITTEN, ECHO_READ] },
+    streams::RATIOS[0],
+    streams::RATIOS[1],
+];
 
 const MOVE: u16 = 0x0160;
 const AXES: [f32; 6] = [100.0, -50.5, 250.0, 0.0, 90.0, -45.25];
@@ -43,12 +53,29 @@ const COUNTS: &[Count] = &[
         run: |rounds| decode(rounds, &STUFFED, read),
     },
     Count {
+        what: "… by hand, byte by byte",
+        goal: None,
+        units: BATCH_LEN as f64,
+        unit: "byte",
+        run: |rounds| by_hand(rounds, &STUFFED),
+    },
+    Count {
+        what: "… by hand, without a byte to unstuff",
+        goal: None,
+        units: BATCH_LEN as f64,
+        unit: "byte",
+        run: |rounds| by_hand(rounds, &AXES),
+    },
+    Count {
         what: "the same from a stream, through the decoder",
         goal: None,
         units: BATCH_LEN as f64,
         unit: "byte",
         run: stream,
     },
+    Count { what: MOVE_WRITTEN, goal: None, units: 1.0, unit: "op", run: write_move },
+    Count { what: ECHO_READ, goal: None, units: 1.0, unit: "op", run: stream_echo },
+    Count { what: HOST, goal: None, units: 1.0, unit: "op", run: exchange },
     Count { what: "217-byte batch: write", goal: None, units: BATCH_LEN as f64, unit: "byte", run: encode },
     streams::valid(BATCH_LEN as f64, |rounds| {
         streams::push(rounds, Decoder::new(&Profile::default()), &batch(&AXES), 1)
@@ -126,6 +153,91 @@ fn stream(rounds: u64) {
         let _ = decoder.push(black_box(&bytes));
         let Some(Ok(frame)) = decoder.next_frame() else { panic!("the batch is whole") };
         read(&frame);
+    }
+}
+
+/// The same checks for this one profile, each byte looked at once.
+fn by_hand(rounds: u64, axes: &[f32; 6]) {
+    let bytes = batch(axes);
+    let mut payload = [0; MAX_PAYLOAD];
+    for _ in 0..rounds {
+        let rest = black_box(&bytes[..]).strip_prefix(&[0xEB, 0x90, 0x82, 0xF0]).expect("a head");
+        let (mut length, mut sum, mut bytes) = (0, 0u8, rest.iter());
+        loop {
+            let byte = *bytes.next().expect("a tail");
+            if byte == 0x90 {
+                match bytes.next() {
+                    Some(0x90) => {}
+                    Some(0x82) => break,
+                    _ => panic!("not doubled"),
+                }
+            }
+            *payload.get_mut(length).expect("room") = byte;
+            length += 1;
+            sum = sum.wrapping_add(byte);
+        }
+        assert_eq!(bytes.next(), Some(&sum));
+        let mut rest = &payload[..length];
+        while let [tag, count, values @ ..] = rest {
+            let size = match tag {
+                0xF0 => 4,
+                0xF1 => 2,
+                _ => panic!("no such item"),
+            };
+            let (values, after) = values.split_at(size * usize::from(*count));
+            if size == 4 {
+                let (values, _) = values.as_chunks();
+                black_box(<[[u8; 4]; 6]>::try_from(values).expect("six axes").map(f32::from_le_bytes));
+            } else {
+                black_box(i16::from_le_bytes(values.try_into().expect("a word")));
+            }
+            rest = after;
+        }
+    }
+}
+
+fn write_move(rounds: u64) {
+    let mut buffer = [0; MAX_PAYLOAD];
+    let mut out = [0; Frame::MAX_LEN];
+    for _ in 0..rounds {
+        let mut payload = Payload::new(&mut buffer, &Profile::default());
+        payload.word(black_box(MOVE)).and_then(|p| p.f32(black_box(&AXES))).expect("room");
+        black_box(payload.frame().expect("a move").encode(black_box(&mut out))).expect("long enough");
+    }
+}
+
+fn echo() -> Vec<u8> {
+    let mut buffer = [0; MAX_PAYLOAD];
+    let mut payload = Payload::new(&mut buffer, &Profile::default());
+    payload.word(MOVE).expect("room");
+    let mut out = vec![0; ECHO_LEN];
+    assert_eq!(payload.frame().expect("a word").encode(&mut out), Ok(ECHO_LEN));
+    out
+}
+
+fn stream_echo(rounds: u64) {
+    let bytes = echo();
+    let mut decoder = Decoder::new(&Profile::default());
+    for _ in 0..rounds {
+        let _ = decoder.push(black_box(&bytes));
+        let Some(Ok(frame)) = decoder.next_frame() else { panic!("the echo is whole") };
+        let Some(Ok(Item::I16(word))) = frame.items().next() else { panic!("a word") };
+        black_box(word.array::<1>());
+    }
+}
+
+fn exchange(rounds: u64) {
+    let echo = echo();
+    let mut host = Host::new(HostConfig::default()).expect("the defaults work");
+    host.handle_connected(Duration::ZERO);
+    let mut now = Duration::from_secs(60);
+    let mut out = [0; Frame::MAX_LEN];
+    for _ in 0..rounds {
+        now += Duration::from_millis(50);
+        host.submit(black_box(MOVE), |payload| payload.f32(black_box(&AXES)).map(drop)).expect("room");
+        assert!(host.poll_transmit(now, black_box(&mut out)).is_some());
+        host.handle_input(now + Duration::from_millis(20), black_box(&echo));
+        assert!(matches!(host.poll_event(), Some(HostEvent::Done { .. })));
     }
 }
 

@@ -1,7 +1,7 @@
 use core::time::Duration;
 use std::hint::black_box;
 
-use benches::{Count, Link};
+use benches::{Count, Link, Ratio};
 use mmacell_proto::robot_session::Decoder as _;
 use mmacell_proto::{
     Central, CentralConfig, Command, Decoder, Device, DeviceConfig, Dialect, Encode, Line, Mode, Reply,
@@ -13,6 +13,13 @@ use crate::streams;
 const STATUS: &[u8; 50] = b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n";
 const MOVE: &[u8; 38] = b"MOVA+010.000-002.000+005.999-01.2322\r\n";
 
+const STATUS_READ: &str = "the same from a stream, through the decoder";
+const STATUS_WRITTEN: &str = "write the status";
+const STA_READ: &str = "STA from a stream, through the decoder";
+const STA_WRITTEN: &str = "write STA";
+const DEVICE: &str = "device: receive STA, send the status";
+const CENTRAL: &str = "central: send STA, receive the status";
+
 pub const LINK: Link = Link {
     name: "mmacell-proto",
     counts: &[
@@ -23,24 +30,18 @@ pub const LINK: Link = Link {
             unit: "op",
             run: find_and_parse,
         },
-        Count { what: "of that, the status", goal: None, units: 1.0, unit: "op", run: parse },
         Count {
-            what: "the same from a stream, through the decoder",
-            goal: None,
-            units: 1.0,
-            unit: "op",
-            run: stream,
+            what: "… by hand, character by character", goal: None, units: 1.0, unit: "op", run: by_hand
         },
+        Count { what: "of that, the status", goal: None, units: 1.0, unit: "op", run: parse },
+        Count { what: STATUS_READ, goal: None, units: 1.0, unit: "op", run: stream },
+        Count { what: STATUS_WRITTEN, goal: None, units: 1.0, unit: "op", run: write_status },
+        Count { what: STA_READ, goal: None, units: 1.0, unit: "op", run: stream_command },
+        Count { what: STA_WRITTEN, goal: None, units: 1.0, unit: "op", run: write_command },
         Count { what: "parse a robot's motion", goal: None, units: 1.0, unit: "op", run: parse_motion },
         Count { what: "encode a robot's motion", goal: None, units: 1.0, unit: "op", run: encode },
-        Count {
-            what: "device: receive STA, send the status",
-            goal: None,
-            units: 1.0,
-            unit: "op",
-            run: serve,
-        },
-        Count { what: "central: send STA, receive the status", goal: None, units: 1.0, unit: "op", run: ask },
+        Count { what: DEVICE, goal: None, units: 1.0, unit: "op", run: serve },
+        Count { what: CENTRAL, goal: None, units: 1.0, unit: "op", run: ask },
         streams::valid(STATUS.len() as f64, |rounds| {
             streams::push(rounds, Decoder::new(Dialect::STRICT), STATUS, 1)
         }),
@@ -58,7 +59,12 @@ pub const LINK: Link = Link {
         }),
         streams::LIMIT,
     ],
-    ratios: streams::RATIOS,
+    ratios: &[
+        Ratio { what: DEVICE, times: 2.0, of: &[STA_READ, STATUS_WRITTEN] },
+        Ratio { what: CENTRAL, times: 2.0, of: &[STA_WRITTEN, STATUS_READ] },
+        streams::RATIOS[0],
+        streams::RATIOS[1],
+    ],
     // The source gives no figure to keep: a reply comes "immediately" (§3).
     budgets: Vec::new,
 };
@@ -92,6 +98,61 @@ fn stream(rounds: u64) {
         assert_eq!(decoder.push(black_box(STATUS)), 50);
         let line = decoder.next_frame().expect("whole").expect("short");
         status(line);
+    }
+}
+
+fn stream_command(rounds: u64) {
+    let mut decoder = Decoder::new(Dialect::STRICT);
+    for _ in 0..rounds {
+        assert_eq!(decoder.push(black_box(b"STA\r\n")), 5);
+        let line = decoder.next_frame().expect("whole").expect("short");
+        assert!(black_box(&Command::<RobotPose>::decode(line, &Dialect::STRICT)).is_ok());
+    }
+}
+
+fn write_command(rounds: u64) {
+    let mut buffer = [0; 64];
+    for _ in 0..rounds {
+        let command = black_box(Command::<RobotPose>::Status);
+        assert_eq!(command.in_dialect(Dialect::STRICT).encode(black_box(&mut buffer)), Ok(5));
+    }
+}
+
+fn write_status(rounds: u64) {
+    let (line, _) = Line::decode(STATUS, &Dialect::STRICT).expect("short").expect("whole");
+    let reply = Reply::<RobotPose>::decode(line, &Dialect::STRICT).expect("a status");
+    let mut buffer = [0; 64];
+    for _ in 0..rounds {
+        let reply = black_box(reply);
+        assert_eq!(reply.in_dialect(Dialect::STRICT).encode(black_box(&mut buffer)), Ok(50));
+    }
+}
+
+/// The same status and checks in a loop for this one layout.
+fn by_hand(rounds: u64) {
+    const LAYOUT: &[u8; 50] = b"OKB+000.000+000.000+000.000+00.0000B+00000+00000\r\n";
+    for _ in 0..rounds {
+        let bytes: &[u8] = black_box(STATUS);
+        let (mut flags, mut values) = ([false; 2], [0i32; 6]);
+        let (mut flag, mut value, mut minus) = (0, 0, false);
+        for (at, (byte, expected)) in bytes.iter().zip(LAYOUT).enumerate() {
+            match (expected, byte) {
+                (b'B', b'T' | b'F') => {
+                    flags[flag] = *byte == b'T';
+                    flag += 1;
+                }
+                (b'+', b'+' | b'-') => minus = *byte == b'-',
+                (b'0', b'0'..=b'9') => values[value] = values[value] * 10 + i32::from(byte - b'0'),
+                (expected, byte) if expected == byte => {}
+                _ => panic!("no status"),
+            }
+            if matches!(at, 10 | 18 | 26 | 34 | 41 | 47) {
+                values[value] = if minus { -values[value] } else { values[value] };
+                value += 1;
+            }
+        }
+        assert!(bytes.len() == 50 && (0..=100).contains(&values[4]));
+        black_box((flags, values));
     }
 }
 

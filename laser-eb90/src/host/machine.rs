@@ -86,7 +86,7 @@ impl HostMachine {
         config: &HostConfig,
     ) -> Result<HostAction, Unexpected> {
         use {HostAction::Nothing, HostInput as On, HostLink as Is};
-        let (link, action) = match (self.link, input) {
+        let (link, action) = match (&self.link, input) {
             (link, On::Connected) => {
                 let (quiet_until, held, action) = link.disconnect(now, config);
                 let drain = if config.keeps(HostRule::DrainFirst) { config.drain() } else { Duration::ZERO };
@@ -97,19 +97,19 @@ impl HostMachine {
                 let (quiet_until, held, action) = link.disconnect(now, config);
                 (Is::Disconnected { quiet_until, held }, action)
             }
-            (link, On::Submit { ticket, word, class }) if self.has_room(class, config) => {
+            (_, On::Submit { ticket, word, class }) if self.has_room(class, config) => {
                 let next = self.next.unwrap_or(Batch { first: ticket, count: 0, word, class });
                 self.next = Some(Batch { count: next.count.saturating_add(1), ..next });
-                (link, Nothing)
+                return Ok(Nothing);
             }
-            (link, On::TakeBack) => {
+            (_, On::TakeBack) => {
                 self.next = None;
-                (link, Nothing)
+                return Ok(Nothing);
             }
             (link, On::Transmit { line }) => {
                 let (batch, tries) = match (self.due(now), link, self.next) {
                     (Some(Due::Next), _, Some(next)) => (next, Tries::default()),
-                    (Some(Due::Again), Is::Resending { batch, tries, .. }, _) => (batch, tries),
+                    (Some(Due::Again), Is::Resending { batch, tries, .. }, _) => (*batch, *tries),
                     _ => return self.unexpected(input),
                 };
                 self.next = self.next.filter(|next| *next != batch);
@@ -120,33 +120,33 @@ impl HostMachine {
             }
             (Is::Awaiting(sent), On::Transmitted) => (Is::Awaiting(sent.transmitted(now, config)), Nothing),
             (Is::Awaiting(sent), On::Answer { word, refusal }) => sent.answered(now, word, refusal, config),
-            (Is::Awaiting(sent), On::Corrupt) => (Is::Awaiting(Sent { corrupt: true, ..sent }), Nothing),
+            (Is::Awaiting(sent), On::Corrupt) => (Is::Awaiting(Sent { corrupt: true, ..*sent }), Nothing),
             (Is::Awaiting(sent), On::Timeout) if now >= sent.deadline => sent.overdue(now, config),
             (
                 Is::Resending { batch, tries, not_before: until } | Is::AwaitingRest { batch, tries, until },
                 On::Answer { word, refusal },
             ) => match refusal {
-                _ if word == batch.word && config.keeps(HostRule::ConfirmLate) => batch.done(tries, now),
-                None => batch.other_word(word, until.max(now.saturating_add(config.settle))),
+                _ if word == batch.word && config.keeps(HostRule::ConfirmLate) => batch.done(*tries, now),
+                None => batch.other_word(word, (*until).max(now.saturating_add(config.settle))),
                 // The same corruption is answered a second time.
-                Some(_) => (self.link, Nothing),
+                Some(_) => return Ok(Nothing),
             },
-            (Is::AwaitingRest { batch, until, .. }, On::Timeout) if now >= until => {
-                batch.unknown(UnknownReason::PartialFrame, until)
+            (Is::AwaitingRest { batch, until, .. }, On::Timeout) if now >= *until => {
+                batch.unknown(UnknownReason::PartialFrame, *until)
             }
             (Is::Idle { .. } | Is::Held { .. }, On::Answer { word, .. }) => {
-                (self.link, HostAction::Unasked { word })
+                return Ok(HostAction::Unasked { word });
             }
-            (Is::Held { quiet_until }, On::Resume) => (Is::Idle { quiet_until }, Nothing),
+            (Is::Held { quiet_until }, On::Resume) => (Is::Idle { quiet_until: *quiet_until }, Nothing),
             (Is::Disconnected { quiet_until, held: true }, On::Resume) => {
-                (Is::Disconnected { quiet_until, held: false }, Nothing)
+                (Is::Disconnected { quiet_until: *quiet_until, held: false }, Nothing)
             }
             (
                 Is::Idle { .. } | Is::Resending { .. } | Is::AwaitingRest { .. } | Is::Held { .. },
                 On::Corrupt | On::Timeout | On::Transmitted,
             )
             | (Is::Awaiting(_), On::Timeout)
-            | (Is::Disconnected { .. }, On::Timeout | On::Transmitted) => (self.link, Nothing),
+            | (Is::Disconnected { .. }, On::Timeout | On::Transmitted) => return Ok(Nothing),
             (_, On::Submit { .. })
             | (Is::Disconnected { .. }, On::Answer { .. } | On::Corrupt)
             | (

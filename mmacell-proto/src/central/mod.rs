@@ -83,7 +83,9 @@ impl<P: Pose> Central<P> {
     /// The last command is not finished or its outcome not polled, there is no connection, or the command has no form on the
     /// wire. Nothing changes.
     pub fn request(&mut self, command: Command<P>) -> Result<(), SessionError> {
-        command.in_dialect(self.config.writes).encode(&mut [0; 40])?;
+        if command.has_values() {
+            command.in_dialect(self.config.writes).encode(&mut [0; 40])?;
+        }
         if !self.events.has_room(OUTCOMES) {
             return Err(SessionError::Busy);
         }

@@ -130,6 +130,11 @@ impl<P: Pose> Command<P> {
         self.in_dialect(Dialect::STRICT).append_to(buffer)
     }
 
+    /// Whether it holds numbers; one without them has a form in every dialect.
+    pub(crate) const fn has_values(&self) -> bool {
+        !matches!(self, Self::Status | Self::Servo { .. } | Self::Stop | Self::Reset | Self::Close)
+    }
+
     pub(super) fn len_in(&self, dialect: &Dialect) -> usize {
         let content = match self {
             Self::Status | Self::Stop | Self::Reset | Self::Close => 3,

@@ -33,7 +33,8 @@ impl Decoder {
         self.buffer.len()
     }
 
-    #[inline]
+    /// Out of line, so that the short way is short.
+    #[inline(never)]
     fn next_line(&mut self) -> Option<Result<Line<'_>, DecodeError>> {
         let Some((content, used)) = find_end(self.buffer.bytes(), self.searched, &self.dialect) else {
             return self.without_end().map(Err);

@@ -162,3 +162,58 @@ long json_latin1(const struct json *value, uint8_t *out, size_t size)
     }
     return (long)length;
 }
+
+/* Four hex digits. */
+static unsigned long hex4(const char *at)
+{
+    char digits[5] = {0};
+    memcpy(digits, at, 4);
+    return strtoul(digits, NULL, 16);
+}
+
+/* A code point as UTF-8; returns its length. */
+static size_t put_utf8(unsigned long c, char out[4])
+{
+    if (c < 0x80) {
+        out[0] = (char)c;
+        return 1;
+    }
+    size_t count = c < 0x800 ? 2 : c < 0x10000 ? 3 : 4;
+    for (size_t i = count; --i > 0; c >>= 6)
+        out[i] = (char)(0x80 | (c & 0x3F));
+    out[0] = (char)((count == 2 ? 0xC0 : count == 3 ? 0xE0 : 0xF0) | c);
+    return count;
+}
+
+long json_utf8(const struct json *value, char *out, size_t size)
+{
+    static const char ESCAPES[] = "\"\\/bfnrt", MEANT[] = "\"\\/\b\f\n\r\t";
+    size_t length = 0;
+    if (value == NULL || value->type != '"')
+        return -1;
+    for (const char *at = value->text, *end = at + value->length; at < end;) {
+        char bytes[4] = {*at++};
+        size_t count = 1;
+        if (bytes[0] == '\\' && *at == 'u' && end - at >= 5) {
+            unsigned long c = hex4(at + 1);
+            at += 5;
+            if (c >= 0xD800 && c < 0xDC00 && end - at >= 6 && at[0] == '\\' && at[1] == 'u') {
+                c = 0x10000 + ((c - 0xD800) << 10) + (hex4(at + 2) - 0xDC00);
+                at += 6;
+            }
+            if (c >= 0xD800 && c < 0xE000)
+                return -1;
+            count = put_utf8(c, bytes);
+        } else if (bytes[0] == '\\') {
+            const char *escape = strchr(ESCAPES, *at++);
+            if (escape == NULL)
+                return -1;
+            bytes[0] = MEANT[escape - ESCAPES];
+        }
+        if (count > size - length)
+            return -1;
+        memcpy(out + length, bytes, count);
+        length += count;
+    }
+    return (long)length;
+}

@@ -33,4 +33,7 @@ bool json_integer(const struct json *value, int64_t low, int64_t high,
 /* A string whose characters are U+0000 to U+00FF, as bytes of the same numbers; -1: it has others, or does not fit. */
 long json_latin1(const struct json *value, uint8_t *out, size_t size);
 
+/* A string in UTF-8; -1: it is none, or does not fit. */
+long json_utf8(const struct json *value, char *out, size_t size);
+
 #endif

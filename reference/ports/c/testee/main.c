@@ -105,6 +105,21 @@ static void decode(const struct link *link, const struct json *request)
     print("]}\n");
 }
 
+/* A file of fanuc-ls. */
+static void read_program(const struct json *request, bool is_document)
+{
+    const struct json *hex = json_get(request, "hex");
+    size_t length = 0, size;
+    char *data = program_text(&size);
+    const char *at = hex->text, *end = hex->text + hex->length;
+    for (int byte = next_byte(&at, end); byte >= 0 && length < size; byte = next_byte(&at, end))
+        data[length++] = (char)byte;
+    is_first = true;
+    print("{\"items\":[");
+    answer_program(request, length, is_document);
+    print("]}\n");
+}
+
 static void encode(const struct link *link, const struct json *request)
 {
     static uint8_t out[MAX_FRAME];
@@ -215,7 +230,12 @@ int main(void)
         const struct link *link = find_link(json_get(request, "link"));
         bool decodes = json_is(task, "decode") || json_is(task, "stream");
         const struct end *end = find_end(request);
-        if (json_is(task, "session") && end != NULL && end->begin(json_get(request, "config")))
+        bool is_program = json_is(json_get(request, "link"), "fanuc-ls");
+        if (is_program && decodes)
+            read_program(request, json_is(task, "stream"));
+        else if (is_program && json_is(task, "encode"))
+            answer_written(request);
+        else if (json_is(task, "session") && end != NULL && end->begin(json_get(request, "config")))
             session(end, request);
         else if (link == NULL || !(decodes || json_is(task, "encode")) || !link->begin(request))
             print("{\"skipped\":\"not implemented\"}\n");

@@ -1,0 +1,596 @@
+/* Attributes, instructions and positions (sections 3.2 to 3.6). */
+#include "fanuc_ls.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MAX_DECIMAL 400
+
+const char *const FANUC_LS_UNITS[11] = {"%",       "sec", "msec", "mm/sec", "cm/min", "inch/min",
+                                        "deg/sec", "sek", "msek", "mm/sek", "deg/sek"};
+static const enum fanuc_ls_unit GERMAN[] = {FANUC_LS_SEC, FANUC_LS_MSEC, FANUC_LS_MM_PER_SEC, FANUC_LS_DEG_PER_SEC};
+
+static struct fanuc_ls_text between(const char *at, const char *end)
+{
+    struct fanuc_ls_text text = {at, (size_t)(end - at)};
+    return text;
+}
+
+static bool fail(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, const char *at)
+{
+    cursor->fault.kind = kind;
+    cursor->fault.at = at;
+    return false;
+}
+
+static char here(const struct fanuc_ls_cursor *cursor) { return cursor->at < cursor->end ? *cursor->at : '\0'; }
+
+static bool is_one_of(char c, const char *set) { return c != '\0' && strchr(set, c) != NULL; }
+
+static bool is_alphabetic(char c) { return (c | 0x20) >= 'a' && (c | 0x20) <= 'z'; }
+
+static void skip(struct fanuc_ls_cursor *cursor, const char *set)
+{
+    while (is_one_of(here(cursor), set))
+        cursor->at++;
+}
+
+static void space(struct fanuc_ls_cursor *cursor) { skip(cursor, " \t\r\n"); }
+
+/* Moves over blanks, and over line ends with the `:` that continues an instruction. */
+static void joint(struct fanuc_ls_cursor *cursor)
+{
+    skip(cursor, " \t");
+    for (;;) {
+        struct fanuc_ls_cursor next = *cursor;
+        skip(&next, "\r");
+        if (here(&next) != '\n')
+            return;
+        next.at++;
+        skip(&next, " \t");
+        if (here(&next) != ':')
+            return;
+        next.at++;
+        skip(&next, " \t");
+        cursor->at = next.at;
+    }
+}
+
+static bool take(struct fanuc_ls_cursor *cursor, const char *word)
+{
+    size_t length = strlen(word);
+    if ((size_t)(cursor->end - cursor->at) < length || memcmp(cursor->at, word, length) != 0)
+        return false;
+    cursor->at += length;
+    return true;
+}
+
+static bool expect(struct fanuc_ls_cursor *cursor, const char *word, enum fanuc_ls_kind kind)
+{
+    return take(cursor, word) || fail(cursor, kind, cursor->at);
+}
+
+static bool spaced(struct fanuc_ls_cursor *cursor, const char *word, enum fanuc_ls_kind kind)
+{
+    space(cursor);
+    return expect(cursor, word, kind);
+}
+
+static bool whole(struct fanuc_ls_cursor *cursor, uint32_t largest, enum fanuc_ls_kind kind, uint32_t *value)
+{
+    const char *begin = cursor->at;
+    uint64_t number = 0;
+    while (here(cursor) >= '0' && here(cursor) <= '9') {
+        if (number <= UINT32_MAX)
+            number = number * 10 + (uint64_t)(*cursor->at - '0');
+        cursor->at++;
+    }
+    *value = (uint32_t)number;
+    if (cursor->at > begin && number <= largest)
+        return true;
+    cursor->at = begin;
+    return fail(cursor, kind, begin);
+}
+
+/* LS-31. Digits beyond what fits are zeros: 400 are enough for every number that is finite. */
+static bool decimal(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, double *value)
+{
+    char digits[MAX_DECIMAL];
+    const char *at = cursor->at;
+    size_t count = 0, length = 0, dropped = 0;
+    bool has_point = false;
+    if (at < cursor->end && (*at == '+' || *at == '-'))
+        digits[length++] = *at++;
+    for (; at < cursor->end && ((*at >= '0' && *at <= '9') || (*at == '.' && !has_point)); at++) {
+        has_point |= *at == '.';
+        count += *at != '.';
+        if (length < sizeof digits - 1)
+            digits[length++] = *at;
+        else
+            dropped += !has_point;
+    }
+    digits[length] = '\0';
+    if (count == 0)
+        return fail(cursor, kind, cursor->at);
+    *value = strtod(digits, NULL);
+    if (!isfinite(*value) || (dropped > 0 && *value != 0))
+        return fail(cursor, kind, cursor->at);
+    cursor->at = at;
+    return true;
+}
+
+/* Letters with brackets (LS-18): all of it, and what is in the brackets. */
+static bool reference(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, struct fanuc_ls_text *text, struct fanuc_ls_text *inside)
+{
+    const char *begin = cursor->at;
+    while (is_alphabetic(here(cursor)))
+        cursor->at++;
+    if (cursor->at == begin || !expect(cursor, "[", kind))
+        return fail(cursor, kind, cursor->at);
+    const char *inner = cursor->at;
+    size_t depth = 0;
+    for (; cursor->at < cursor->end && *cursor->at != '\r' && *cursor->at != '\n'; cursor->at++) {
+        if (*cursor->at == ']' && depth == 0) {
+            *inside = between(inner, cursor->at);
+            *text = between(begin, ++cursor->at);
+            return true;
+        }
+        depth += *cursor->at == '[';
+        depth -= *cursor->at == ']';
+    }
+    return fail(cursor, FANUC_LS_BRACKET, inner);
+}
+
+/* Copies an instruction's text without the marks that continue it (LS-24). */
+static struct fanuc_ls_text join_lines(struct fanuc_ls_cursor *cursor, struct fanuc_ls_text text)
+{
+    const char *at = text.at, *end = text.at + text.length;
+    char *out = cursor->scratch;
+    while (at < end && is_one_of(*at, " \t\r\n"))
+        at++;
+    while (end > at && is_one_of(end[-1], " \t\r\n"))
+        end--;
+    for (bool is_first = true;; is_first = false) {
+        const char *stop = memchr(at, '\n', (size_t)(end - at)), *next = stop == NULL ? NULL : stop + 1;
+        stop = stop == NULL ? end : stop;
+        while (at < stop && is_one_of(*at, " \t\r"))
+            at++;
+        while (stop > at && is_one_of(stop[-1], " \t\r"))
+            stop--;
+        if (!is_first) {
+            *cursor->scratch++ = '\n';
+            if (at < stop && *at == ':')
+                at++;
+            while (at < stop && is_one_of(*at, " \t"))
+                at++;
+        }
+        memcpy(cursor->scratch, at, (size_t)(stop - at));
+        cursor->scratch += stop - at;
+        if (next == NULL)
+            return between(out, cursor->scratch);
+        at = next;
+    }
+}
+
+static bool attribute_name(struct fanuc_ls_cursor *cursor, enum fanuc_ls_kind kind, struct fanuc_ls_text *name)
+{
+    const char *begin = cursor->at, *at = begin;
+    while (at < cursor->end && !is_one_of(*at, "=:;,\n"))
+        at++;
+    *name = fanuc_ls_trim_end(between(begin, at));
+    for (size_t i = 0; i < name->length; i++)
+        if (is_one_of(name->at[i], " \t\""))
+            return fail(cursor, kind, begin);
+    if (name->length == 0)
+        return fail(cursor, kind, begin);
+    cursor->at = at;
+    return true;
+}
+
+/* Whether a line begins that looks like the next attribute (LS-10). */
+static bool begins_another(const char *at, const char *end)
+{
+    if (!fanuc_ls_is_word(at, end) || *at == '_' || (*at >= '0' && *at <= '9'))
+        return false;
+    for (; at < end && *at != '\n'; at++)
+        if (*at == '=' || *at == ':')
+            return true;
+    return false;
+}
+
+/* Where a value ends (LS-10); NULL: nowhere. */
+static const char *value_end(const struct fanuc_ls_cursor *cursor, const char *ends)
+{
+    bool quoted = false;
+    const char *line = cursor->at;
+    for (const char *at = cursor->at; at < cursor->end; at++) {
+        if (*at == '"') {
+            quoted = !quoted;
+        } else if (quoted && (*at == '\r' || *at == '\n')) {
+            struct fanuc_ls_text text = fanuc_ls_trim_end(between(line, at));
+            size_t quotes = 0;
+            for (size_t i = 0; i + 1 < text.length; i++)
+                quotes += text.at[i] == '"';
+            bool closes = text.length > 1 && is_one_of(text.at[text.length - 1], ends) && text.at[text.length - 2] == '"' && quotes > 1;
+            return closes ? text.at + text.length - 1 : NULL;
+        } else if (!quoted && is_one_of(*at, ends)) {
+            return at;
+        } else if (*at == '\n') {
+            if (begins_another(at + 1, cursor->end))
+                return NULL;
+            line = at + 1;
+        }
+    }
+    return NULL;
+}
+
+/* Copies a value; a line end in it becomes a blank. */
+static struct fanuc_ls_text join_words(struct fanuc_ls_cursor *cursor, const char *at, const char *end)
+{
+    char *out = cursor->scratch;
+    while (at < end) {
+        const char *stop = memchr(at, '\n', (size_t)(end - at));
+        stop = stop == NULL ? end : stop;
+        struct fanuc_ls_text line = fanuc_ls_trim(between(at, stop));
+        if (line.length > 0 && cursor->scratch > out)
+            *cursor->scratch++ = ' ';
+        memcpy(cursor->scratch, line.at, line.length);
+        cursor->scratch += line.length;
+        at = stop < end ? stop + 1 : end;
+    }
+    return between(out, cursor->scratch);
+}
+
+static bool attribute_value(struct fanuc_ls_cursor *cursor, const char *ends, struct fanuc_ls_text *value)
+{
+    const char *end = value_end(cursor, ends);
+    if (end == NULL)
+        return fail(cursor, FANUC_LS_ATTRIBUTE_END, cursor->at);
+    *value = join_words(cursor, cursor->at, end);
+    cursor->at = end;
+    return true;
+}
+
+bool fanuc_ls_item(struct fanuc_ls_cursor *items, struct fanuc_ls_text *name, struct fanuc_ls_text *value)
+{
+    skip(items, "\t\n\f\r ");
+    if (!attribute_name(items, FANUC_LS_ATTRIBUTE_VALUE, name) || !expect(items, "=", FANUC_LS_ATTRIBUTE_VALUE))
+        return false;
+    return attribute_value(items, ";,", value);
+}
+
+/* LS-44; the cursor is behind its `;` then. */
+bool fanuc_ls_read_attribute(struct fanuc_ls_cursor *cursor, struct fanuc_ls_attribute *attribute)
+{
+    struct fanuc_ls_text name, value;
+    if (!attribute_name(cursor, FANUC_LS_ATTRIBUTE, &attribute->name))
+        return false;
+    attribute->is_list = take(cursor, ":");
+    if (!attribute->is_list)
+        return expect(cursor, "=", FANUC_LS_ATTRIBUTE_VALUE) && attribute_value(cursor, ";", &attribute->value) &&
+               expect(cursor, ";", FANUC_LS_ATTRIBUTE_END);
+    const char *begin = cursor->at;
+    char *scratch = cursor->scratch;
+    do {
+        cursor->scratch = scratch;
+        if (!fanuc_ls_item(cursor, &name, &value))
+            return false;
+    } while (take(cursor, ","));
+    attribute->value = between(begin, cursor->at + 1);
+    return expect(cursor, ";", FANUC_LS_ATTRIBUTE_END);
+}
+
+struct fanuc_ls_text fanuc_ls_comment(const struct fanuc_ls_attribute *attribute)
+{
+    struct fanuc_ls_text none = {NULL, 0}, text = attribute->value;
+    static const struct fanuc_ls_text NAMES[] = {{"COMMENT", 7}, {"KOMMENTAR", 9}};
+    if (attribute->is_list || (!fanuc_ls_same(attribute->name, NAMES[0]) && !fanuc_ls_same(attribute->name, NAMES[1])))
+        return none;
+    if (text.length > 1 && text.at[0] == '"' && text.at[text.length - 1] == '"')
+        text = between(text.at + 1, text.at + text.length - 1);
+    return fanuc_ls_trim_end(text);
+}
+
+/* LS-18 */
+static bool read_target(struct fanuc_ls_cursor *cursor, struct fanuc_ls_target *target)
+{
+    struct fanuc_ls_text all, inside;
+    if (!reference(cursor, FANUC_LS_TARGET, &all, &inside))
+        return false;
+    const char *colon = memchr(inside.at, ':', inside.length), *end = inside.at + inside.length;
+    struct fanuc_ls_text digits = fanuc_ls_trim(between(inside.at, colon == NULL ? end : colon));
+    struct fanuc_ls_cursor number = {digits.at, digits.at + digits.length, NULL, {FANUC_LS_OK, NULL, false, 0, 0}};
+    size_t letters = (size_t)(inside.at - all.at) - 1;
+    bool is_number = whole(&number, UINT32_MAX, FANUC_LS_TARGET, &target->number) && number.at == number.end;
+    target->name = all;
+    target->kind = FANUC_LS_TARGET_OTHER;
+    if (!is_number || all.at[0] != 'P' || letters > 2 || (letters == 2 && all.at[1] != 'R'))
+        return true;
+    target->kind = letters == 1 ? FANUC_LS_TARGET_POSITION : FANUC_LS_TARGET_REGISTER;
+    target->name = between(NULL, NULL);
+    if (colon != NULL)
+        target->name = fanuc_ls_trim(between(colon + 1, end));
+    return true;
+}
+
+static bool read_unit(struct fanuc_ls_cursor *cursor, enum fanuc_ls_unit *unit)
+{
+    for (size_t i = 0; i < 11; i++) {
+        const char *begin = cursor->at;
+        if (!take(cursor, FANUC_LS_UNITS[i]))
+            continue;
+        *unit = i < 7 ? (enum fanuc_ls_unit)i : GERMAN[i - 7];
+        if (*unit == FANUC_LS_PERCENT || here(cursor) == '_' || (!fanuc_ls_is_word(cursor->at, cursor->end) && here(cursor) != '/'))
+            return true;
+        cursor->at = begin;
+    }
+    return fail(cursor, FANUC_LS_SPEED_UNIT, cursor->at);
+}
+
+/* LS-22 */
+static bool read_termination(struct fanuc_ls_cursor *cursor, struct fanuc_ls_motion *motion)
+{
+    struct fanuc_ls_text inside;
+    const char *begin = cursor->at;
+    uint32_t value;
+    motion->termination = FANUC_LS_NO_TERMINATION;
+    if (take(cursor, "FINE")) {
+        if (!fanuc_ls_is_word(cursor->at, cursor->end)) {
+            motion->termination = FANUC_LS_FINE;
+            return true;
+        }
+        cursor->at = begin;
+    }
+    if (!take(cursor, "CNT"))
+        return true;
+    joint(cursor);
+    if (is_alphabetic(here(cursor))) {
+        motion->termination = FANUC_LS_CNT_REGISTER;
+        return reference(cursor, FANUC_LS_CONTINUOUS, &motion->cnt_register, &inside);
+    }
+    begin = cursor->at;
+    if (!whole(cursor, 100, FANUC_LS_CONTINUOUS, &value))
+        return false;
+    motion->termination = FANUC_LS_CNT;
+    motion->cnt = value;
+    return (here(cursor) != '.' && here(cursor) != '_') || fail(cursor, FANUC_LS_CONTINUOUS, begin);
+}
+
+/* LS-19 */
+static bool read_speed(struct fanuc_ls_cursor *cursor, struct fanuc_ls_motion *motion)
+{
+    struct fanuc_ls_text inside;
+    const char *end = cursor->at;
+    while (end < cursor->end && (is_alphabetic(*end) || *end == '_' || *end == '.'))
+        end++;
+    char behind = end < cursor->end ? *end : ' ';
+    if (end > cursor->at && behind == '[') {
+        motion->speed_kind = FANUC_LS_SPEED_REGISTER;
+        if (!reference(cursor, FANUC_LS_SPEED, &motion->speed_text, &inside))
+            return false;
+        joint(cursor);
+        return read_unit(cursor, &motion->unit);
+    }
+    struct fanuc_ls_cursor ahead = *cursor;
+    struct fanuc_ls_motion found;
+    if (end > cursor->at && is_one_of(behind, " \t\r\n") && read_termination(&ahead, &found) && found.termination == FANUC_LS_NO_TERMINATION) {
+        motion->speed_kind = FANUC_LS_SPEED_NAMED;
+        motion->speed_text = between(cursor->at, end);
+        cursor->at = end;
+        return true;
+    }
+    motion->speed_kind = FANUC_LS_SPEED_FIXED;
+    if (!decimal(cursor, FANUC_LS_SPEED, &motion->speed))
+        return false;
+    joint(cursor);
+    return read_unit(cursor, &motion->unit);
+}
+
+/* LS-46, in the order of LS-35. */
+static bool read_motion(struct fanuc_ls_cursor *cursor, struct fanuc_ls_motion *motion)
+{
+    memset(motion, 0, sizeof *motion);
+    motion->letter = *cursor->at++;
+    joint(cursor);
+    if (!read_target(cursor, &motion->target))
+        return false;
+    if (motion->letter == 'C') {
+        const char *end = memchr(cursor->at, '\n', (size_t)(cursor->end - cursor->at));
+        motion->via = motion->target;
+        if (end != NULL) { /* LS-17 */
+            motion->via_options = fanuc_ls_trim(between(cursor->at, end));
+            cursor->at = end;
+        }
+        joint(cursor);
+        if (!read_target(cursor, &motion->target))
+            return false;
+    }
+    joint(cursor);
+    if (!read_speed(cursor, motion))
+        return false;
+    joint(cursor);
+    if (!read_termination(cursor, motion))
+        return false;
+    joint(cursor);
+    motion->options = join_lines(cursor, between(cursor->at, cursor->end));
+    return true;
+}
+
+/* What stands between the `:` and the `;` of a statement (LS-45). */
+bool fanuc_ls_read_instruction(struct fanuc_ls_cursor *cursor, struct fanuc_ls_instruction *instruction)
+{
+    static const char *const FRAMES[] = {"UFRAME_NUM=", "UTOOL_NUM="};
+    space(cursor);
+    while (cursor->end > cursor->at && is_one_of(cursor->end[-1], " \t\r\n"))
+        cursor->end--;
+    instruction->kind = FANUC_LS_EMPTY;
+    if (cursor->at == cursor->end)
+        return true;
+    if (take(cursor, "!")) {
+        char *begin = cursor->scratch;
+        instruction->kind = FANUC_LS_COMMENT_LINE;
+        while (here(cursor) == ' ' || here(cursor) == '\t')
+            *cursor->scratch++ = *cursor->at++;
+        join_lines(cursor, between(cursor->at, cursor->end));
+        instruction->text = between(begin, cursor->scratch);
+        return true;
+    }
+    if (is_one_of(*cursor->at, "JLCAS") && cursor->end - cursor->at > 1 && is_one_of(cursor->at[1], " \t")) { /* LS-16 */
+        instruction->kind = FANUC_LS_MOTION;
+        return read_motion(cursor, &instruction->motion);
+    }
+    for (int i = 0; i < 2; i++) {
+        struct fanuc_ls_cursor ahead = *cursor;
+        uint32_t value;
+        if (!take(&ahead, FRAMES[i]))
+            continue;
+        skip(&ahead, " \t");
+        if (whole(&ahead, UINT16_MAX, FANUC_LS_NUMBER, &value) && ahead.at == ahead.end) {
+            instruction->kind = i == 0 ? FANUC_LS_USER_FRAME : FANUC_LS_USER_TOOL;
+            instruction->number = (uint16_t)value;
+            return true;
+        }
+    }
+    instruction->kind = FANUC_LS_OTHER;
+    instruction->text = join_lines(cursor, between(cursor->at, cursor->end));
+    return true;
+}
+
+/* The text before a character that is on the same line. */
+static bool read_until(struct fanuc_ls_cursor *cursor, char stop, struct fanuc_ls_text *text)
+{
+    const char *begin = cursor->at;
+    for (; cursor->at < cursor->end && *cursor->at != '\r' && *cursor->at != '\n'; cursor->at++)
+        if (*cursor->at == stop) {
+            *text = between(begin, cursor->at);
+            return true;
+        }
+    return false;
+}
+
+/* LS-48: one position and nothing else. */
+bool fanuc_ls_read_position(struct fanuc_ls_cursor *cursor, struct fanuc_ls_position *position)
+{
+    struct fanuc_ls_group group;
+    struct fanuc_ls_axis axis;
+    memset(position, 0, sizeof *position);
+    if (!expect(cursor, "P[", FANUC_LS_POSITION))
+        return false;
+    space(cursor);
+    if (!whole(cursor, UINT32_MAX, FANUC_LS_POSITION, &position->number))
+        return false;
+    space(cursor);
+    if (take(cursor, ":")) { /* LS-27 */
+        space(cursor);
+        const char *begin = cursor->at;
+        bool quoted = take(cursor, "\"");
+        if (!read_until(cursor, quoted ? '"' : ']', &position->name))
+            return fail(cursor, FANUC_LS_POSITION, begin);
+        cursor->at += quoted;
+        position->name = fanuc_ls_trim(position->name);
+    }
+    if (!spaced(cursor, "]", FANUC_LS_POSITION) || !spaced(cursor, "{", FANUC_LS_POSITION))
+        return false;
+    position->groups = *cursor;
+    while (fanuc_ls_next_group(cursor, &group))
+        for (bool is_first = true; fanuc_ls_next_axis(cursor, &axis, is_first);)
+            is_first = false;
+    if (cursor->fault.kind != FANUC_LS_OK || !spaced(cursor, "}", FANUC_LS_GROUP) || !spaced(cursor, ";", FANUC_LS_GROUP))
+        return false;
+    space(cursor);
+    if (fanuc_ls_trim(between(cursor->at, cursor->end)).length > 0)
+        return fail(cursor, FANUC_LS_POSITION, cursor->at);
+    return true;
+}
+
+static bool read_frame(struct fanuc_ls_cursor *cursor, const char *name, bool *is_there, uint16_t *number)
+{
+    uint32_t value = 0;
+    if (!spaced(cursor, name, FANUC_LS_FRAMES) || !spaced(cursor, ":", FANUC_LS_FRAMES))
+        return false;
+    space(cursor);
+    *is_there = !take(cursor, "F");
+    if (*is_there && !whole(cursor, UINT16_MAX, FANUC_LS_FRAMES, &value))
+        return false;
+    *number = (uint16_t)value;
+    return spaced(cursor, ",", FANUC_LS_FRAMES);
+}
+
+bool fanuc_ls_next_group(struct fanuc_ls_cursor *cursor, struct fanuc_ls_group *group)
+{
+    uint32_t value;
+    memset(group, 0, sizeof *group);
+    if (cursor->fault.kind != FANUC_LS_OK)
+        return false;
+    space(cursor);
+    if (!take(cursor, "GP"))
+        return false;
+    if (!whole(cursor, UINT8_MAX, FANUC_LS_GROUP, &value) || !spaced(cursor, ":", FANUC_LS_GROUP))
+        return false;
+    group->number = (uint8_t)value;
+    if (!read_frame(cursor, "UF", &group->has_frame, &group->user_frame) || !read_frame(cursor, "UT", &group->has_tool, &group->user_tool))
+        return false;
+    space(cursor);
+    const char *begin = cursor->at, *end = begin;
+    while (fanuc_ls_is_word(end, cursor->end))
+        do
+            end++;
+        while (end < cursor->end && ((unsigned char)*end & 0xC0) == 0x80);
+    group->keyword = between(begin, end);
+    if (fanuc_ls_characters(group->keyword) < 3) {
+        group->keyword = between(NULL, NULL);
+        return true;
+    }
+    cursor->at = end;
+    if (!spaced(cursor, ":", FANUC_LS_CONFIGURATION))
+        return false;
+    space(cursor);
+    const char *quote = cursor->at;
+    if (!expect(cursor, "'", FANUC_LS_CONFIGURATION))
+        return false;
+    if (!read_until(cursor, '\'', &group->configuration))
+        return fail(cursor, FANUC_LS_CONFIGURATION, quote);
+    cursor->at++;
+    return spaced(cursor, ",", FANUC_LS_CONFIGURATION);
+}
+
+static bool read_axis_name(struct fanuc_ls_cursor *cursor, char name[3])
+{
+    char first = here(cursor), second = cursor->end - cursor->at > 1 ? cursor->at[1] : '\0';
+    bool is_numbered = is_one_of(first, "JE") && second >= '1' && second <= '9';
+    memset(name, 0, 3);
+    if (!is_numbered && !is_one_of(first, "XYZWPR"))
+        return false;
+    name[0] = first;
+    if (is_numbered || (first == 'R' && is_one_of(second, "XYZWPR")))
+        name[1] = second;
+    cursor->at += strlen(name);
+    return true;
+}
+
+bool fanuc_ls_next_axis(struct fanuc_ls_cursor *cursor, struct fanuc_ls_axis *axis, bool is_first)
+{
+    if (cursor->fault.kind != FANUC_LS_OK)
+        return false;
+    space(cursor);
+    if (!is_first) {
+        struct fanuc_ls_cursor ahead = *cursor;
+        if (!take(cursor, ",") && !read_axis_name(&ahead, axis->name))
+            return false;
+        space(cursor);
+    }
+    if (!read_axis_name(cursor, axis->name))
+        return fail(cursor, FANUC_LS_AXIS, cursor->at);
+    if (!spaced(cursor, "=", FANUC_LS_AXIS))
+        return false;
+    space(cursor);
+    axis->is_taught = here(cursor) != '*';
+    axis->value = 0;
+    skip(cursor, "*");
+    if (axis->is_taught && !decimal(cursor, FANUC_LS_NUMBER, &axis->value))
+        return false;
+    space(cursor);
+    axis->is_mm = !take(cursor, "deg");
+    return !axis->is_mm || expect(cursor, "mm", FANUC_LS_AXIS_UNIT);
+}

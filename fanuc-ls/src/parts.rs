@@ -61,6 +61,9 @@ impl Parts {
                 parts.head(text, line)?;
                 continue;
             }
+            if line.start == start {
+                return error(start, Reason::Program);
+            }
             if section <= last || (section > 3 && last < 3) {
                 return error(line.start, missing(last));
             }

@@ -193,6 +193,8 @@ bool fanuc_ls_open(struct fanuc_ls_file *file, struct fanuc_ls_text text, char *
             file->kind = fanuc_ls_trim(between(stop, end_of(line)));
             continue;
         }
+        if (line.at == start)
+            return fail(fault, FANUC_LS_PROGRAM, start);
         if (found <= last || (found > MN && last < MN))
             return fail(fault, last < MN ? FANUC_LS_MAIN : FANUC_LS_END, line.at);
         const char *behind = words + strlen(SECTIONS[found]);

@@ -115,6 +115,8 @@ class Parts:
             if found == PROG:
                 self.head(at, line)
                 continue
+            if at == start:
+                raise Fault(start, "program")
             if found <= last or found > MN > last:
                 raise Fault(at, "main" if last < MN else "end")
             behind = at + len(line) - len(words) + len(SECTIONS[found])

@@ -2,7 +2,7 @@ use std::hint::black_box;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use benches::{Count, Link};
-use robot_work_queue::{Reader, Writer, boxed};
+use robot_work_queue::{NoWake, Reader, WorkQueue, Writer, boxed};
 
 const CAPACITY: usize = 64;
 const MAX_NUMBER: u16 = 9999;
@@ -28,6 +28,7 @@ pub const LINK: Link = Link {
         // The goals are rtrb's counts; 1.1 of them where the number of each job is checked.
         row("queue and complete, u64, its number checked", Some(69.0), checked::<u64>),
         row("– numbered by the queue", Some(63.0), |rounds| singly::<u64>(ours(), rounds)),
+        row("– the same in a static", Some(63.0), in_static),
         row("– the same by rtrb", None, |rounds| singly::<u64>(rtrb(), rounds)),
         row("– the limit: a bare ring with the same checks", None, |rounds| singly::<u64>(bare(), rounds)),
         row("queue and complete, 56 bytes, its number checked", Some(93.0), checked::<Job>),
@@ -35,9 +36,11 @@ pub const LINK: Link = Link {
         row("– the same by rtrb", None, |rounds| singly::<Job>(rtrb(), rounds)),
         row("– the limit: a bare ring with the same checks", None, |rounds| singly::<Job>(bare(), rounds)),
         batch_row("batches of 16, u64", Some(16.0), |rounds| in_batches::<u64>(ours(), rounds)),
+        batch_row("– each job claimed by itself", None, claimed::<u64>),
         batch_row("– chunks of 16 by rtrb", None, |rounds| in_batches::<u64>(rtrb(), rounds)),
         batch_row("– the limit: a bare ring", None, |rounds| in_batches::<u64>(bare(), rounds)),
         batch_row("batches of 16, 56 bytes", Some(37.0), |rounds| in_batches::<Job>(ours(), rounds)),
+        batch_row("– each job claimed by itself", None, claimed::<Job>),
         batch_row("– chunks of 16 by rtrb", None, |rounds| in_batches::<Job>(rtrb(), rounds)),
         batch_row("– the limit: a bare ring", None, |rounds| in_batches::<Job>(bare(), rounds)),
     ],
@@ -242,6 +245,28 @@ fn singly<T: Payload>(mut ring: impl Ring<T>, rounds: u64) {
 fn in_batches<T: Payload>(mut ring: impl Ring<T>, rounds: u64) {
     for seed in 0..rounds {
         ring.queue_batch((seed..).map(T::make));
+        ring.complete_batch(execute);
+    }
+}
+
+fn in_static(rounds: u64) {
+    static QUEUE: WorkQueue<u64, CAPACITY> = WorkQueue::numbered::<MAX_NUMBER>();
+    singly(QUEUE.split_static(NoWake, NoWake).expect("it has no ends yet"), rounds);
+}
+
+/// As the jobs of a packet, of which each may be refused.
+fn claimed<T: Payload>(rounds: u64) {
+    #[inline(never)]
+    fn queue<T>(writer: &mut Writer<'_, T>, jobs: impl Iterator<Item = T>) {
+        let mut batch = writer.claim_batch(BATCH).expect("there is space");
+        for job in jobs {
+            batch.claim().expect("there is space").push(job);
+        }
+        assert_eq!(batch.publish(), BATCH);
+    }
+    let mut ring = boxed::<T>(black_box(CAPACITY), black_box(MAX_NUMBER)).expect("a good capacity");
+    for seed in 0..rounds {
+        queue(&mut ring.0, (seed..seed + BATCH as u64).map(T::make));
         ring.complete_batch(execute);
     }
 }

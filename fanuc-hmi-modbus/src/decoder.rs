@@ -51,6 +51,8 @@ const HEADER: usize = 6 + 10;
 #[derive(Debug, Clone, Copy)]
 struct Corruption {
     error: DecodeError,
+    /// The error was given for the bytes before these: it is noise.
+    is_more: bool,
     /// Where the next frame may begin.
     from: usize,
     /// Every frame that ends up to here was tried.
@@ -96,7 +98,8 @@ impl Decoder {
             if let Some(corruption) = self.corruption {
                 let length = self.corrupt_len(corruption, limit)?;
                 if length > 0 {
-                    return Some(Err(corruption.error.over(length)));
+                    let noise = DecodeError::Noise { length };
+                    return Some(Err(if corruption.is_more { noise } else { corruption.error }));
                 }
                 continue; // the corruption ended where an error before it did
             }
@@ -143,7 +146,7 @@ impl Decoder {
             DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => foreign_len(data),
             _ => 1,
         };
-        Corruption { error, from: self.start + skip, tried: self.start }
+        Corruption { error, is_more: false, from: self.start + skip, tried: self.start }
     }
 
     /// How many bytes the corruption takes, when that is known; the start is then after them.
@@ -162,8 +165,7 @@ impl Decoder {
             None if window - self.start == Self::WINDOW => {
                 // A frame that is not whole yet begins within the last bytes.
                 let from = window - reach;
-                self.corruption =
-                    Some(Corruption { error: DecodeError::Noise { length: 0 }, from, tried: window });
+                self.corruption = Some(Corruption { is_more: true, from, tried: window, ..corruption });
                 from
             }
             None if self.finished_at.is_some() => {
@@ -274,16 +276,6 @@ impl robot_session::Decoder for Decoder {
     fn clear(&mut self) {
         let passed = self.passed + self.end as u64;
         *self = Self { passed, ..Self::new(self.framing, self.side) };
-    }
-}
-
-impl DecodeError {
-    /// The same error over so many bytes.
-    const fn over(self, length: usize) -> Self {
-        match self {
-            Self::Noise { .. } => Self::Noise { length },
-            error => error,
-        }
     }
 }
 

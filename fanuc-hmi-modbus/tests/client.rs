@@ -178,7 +178,14 @@ fn corruption_on_tcp_is_reported_at_once_and_then_as_what_it_was() {
     let stray = Seen::Stray { function: 3, late: None, mismatch: None };
     assert_eq!(all(&mut client), [Seen::Corrupt(length), stray]);
     client.handle_input(MS, &[0xEE; 6]);
-    assert_eq!(all(&mut client), [Seen::OutOfStep(DecodeError::Protocol { found: 0xEEEE })]);
+    let protocol = DecodeError::Protocol { found: 0xEEEE };
+    assert_eq!(all(&mut client), [Seen::OutOfStep(protocol)]);
+    // More than is searched at once: the error is given, and no frame is there yet.
+    let mut client: Client = connected(tcp(1));
+    client.handle_input(MS, &[0xEE; 600]);
+    assert_eq!(all(&mut client), [Seen::Corrupt(protocol), Seen::OutOfStep(protocol)]);
+    client.handle_input(MS, &[0xEE; 600]);
+    assert_eq!(all(&mut client), []);
 }
 
 #[test]

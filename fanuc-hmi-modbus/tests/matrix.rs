@@ -86,7 +86,7 @@ fn clients(text: &mut String, name: &str, config: &ClientConfig) {
         ("timer", 3 * LATE, On::Timer),
     ];
     for (state, machine) in states {
-        writeln!(text, "Client, {name}: {state}").unwrap();
+        writeln!(text, "Client: {name}, {state}").unwrap();
         for (label, now, input) in inputs {
             let mut next = machine.clone();
             let cell = match next.on(now, input, config) {
@@ -149,7 +149,7 @@ fn servers(text: &mut String, name: &str, config: &ServerConfig) {
         ("timer", 2 * LATE, On::Timer),
     ];
     for (state, machine) in states {
-        writeln!(text, "Server, {name}: {state}").unwrap();
+        writeln!(text, "Server: {name}, {state}").unwrap();
         for (label, now, input) in inputs {
             let mut next = machine;
             let cell = match next.on(now, input, config) {

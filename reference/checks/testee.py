@@ -130,7 +130,7 @@ def story_cases(story, link):
                     return False
         return True
 
-    steps = [{name: step[name] for name in ("at", "do", "hold") if name in step} for step in story["steps"]]
+    steps = [{name: step[name] for name in ("at", "do", "hold", "keep") if name in step} for step in story["steps"]]
     request = {"task": "session", "link": link, "end": story["end"], "config": story.get("config", {}), "steps": steps}
     return [(request, played)]
 

@@ -6,6 +6,13 @@ use crate::error::{DecodeError, Mismatch};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(pub(super) u64);
 
+impl Ticket {
+    /// Its number: the first request that a client takes is 1.
+    pub const fn number(self) -> u64 {
+        self.0
+    }
+}
+
 /// What a client reports: the first three are outcomes of requests, the others notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]

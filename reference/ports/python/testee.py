@@ -113,8 +113,9 @@ def play(end: Session, step: Json) -> Json:
     except NotTaken as not_taken:
         answer["refused"] = not_taken.refused
     while True:
-        answer["events"] += end.events
-        end.events.clear()
+        if not step.get("keep"):
+            answer["events"] += end.events
+            end.events.clear()
         sent = None if step.get("hold") else end.transmit(now)
         if sent is None:
             return answer | {"deadline": end.deadline()}

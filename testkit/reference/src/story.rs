@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use crate::codec::codec;
-use crate::ends::{Do, End, Step, ends};
+use crate::ends::{Do, End, Omits, Step, ends};
 use crate::json::{self, Object, hex, unhex};
 use crate::states;
 
@@ -162,15 +162,16 @@ pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<u
     let mut end = (ends(link, &story.end)?.make)(&story.config, without)?;
     let (mut now, mut steps, mut cells) = (Duration::ZERO, Vec::new(), BTreeSet::new());
     for line in &story.script {
-        let (at, hold, verb) = parse(&*end, now, line)?;
+        let (at, omits, verb) = parse(&*end, now, line)?;
         ensure!(at >= now, "{line}: the time goes back");
         now = at;
         let (input, json) = verb_of(link, inputs, verb).with_context(|| line.clone())?;
-        let Step { refused, events, transmit, cells: reached } = end.step(now, &input, hold)?;
+        let Step { refused, events, transmit, cells: reached } = end.step(now, &input, omits)?;
         cells.extend(reached);
         let transmit: Vec<String> = transmit.iter().map(|bytes| format!("\"{}\"", hex(bytes))).collect();
         let object = Object::new().raw("at", now.as_nanos()).raw("do", json);
-        let object = if hold { object.raw("hold", true) } else { object };
+        let object = if omits.transmit { object.raw("hold", true) } else { object };
+        let object = if omits.events { object.raw("keep", true) } else { object };
         let object = if let Some(refused) = refused { object.raw("refused", refused) } else { object };
         let deadline = end.deadline().map_or("null".to_owned(), |deadline| deadline.as_nanos().to_string());
         let object = object.list("events", &events).list("transmit", &transmit).raw("deadline", deadline);
@@ -179,8 +180,8 @@ pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<u
     Ok(Played { steps, cells })
 }
 
-/// `TIME [hold] VERB…`; the time is in milliseconds: `28.5`, after the last step `+28.5`, or the deadline `due`, `due+1`, `due-1`.
-fn parse<'a>(end: &dyn End, now: Duration, line: &'a str) -> Result<(Duration, bool, &'a str)> {
+/// `TIME [hold] [keep] VERB…`; the time is in milliseconds: `28.5`, after the last step `+28.5`, or the deadline `due`, `due+1`, `due-1`.
+fn parse<'a>(end: &dyn End, now: Duration, line: &'a str) -> Result<(Duration, Omits, &'a str)> {
     let (time, verb) = line.split_once(' ').with_context(|| format!("{line}: no verb"))?;
     let due = || end.deadline().filter(|due| *due < Duration::MAX).map_or(now, |due| due.max(now));
     let at = match (time.strip_prefix("due"), time.strip_prefix('+')) {
@@ -192,10 +193,9 @@ fn parse<'a>(end: &dyn End, now: Duration, line: &'a str) -> Result<(Duration, b
         (None, Some(later)) => now.saturating_add(milliseconds(later)?),
         (None, None) => milliseconds(time)?,
     };
-    Ok(match verb.strip_prefix("hold ") {
-        Some(verb) => (at, true, verb),
-        None => (at, false, verb),
-    })
+    let (transmit, verb) = verb.strip_prefix("hold ").map_or((false, verb), |verb| (true, verb));
+    let (events, verb) = verb.strip_prefix("keep ").map_or((false, verb), |verb| (true, verb));
+    Ok((at, Omits { transmit, events }, verb))
 }
 
 fn milliseconds(text: &str) -> Result<Duration> {

@@ -178,7 +178,9 @@ static void play(const struct end *end, const struct json *step)
     else if (strcmp(name, "nothing") != 0)
         is_taken = end->call((uint64_t)now, name, input);
     print("{%s\"events\":[", is_taken ? "" : "\"refused\":{\"kind\":\"refused\"},");
-    print_events(end, &is_first_event);
+    bool takes = !json_true(json_get(step, "keep"));
+    if (takes)
+        print_events(end, &is_first_event);
     while (!json_true(json_get(step, "hold"))) {
         size_t length = end->transmit((uint64_t)now, out, sizeof out);
         if (length == 0 || sent_len + 2 * length + 4 > sizeof sent)
@@ -187,7 +189,8 @@ static void play(const struct end *end, const struct json *step)
         for (size_t i = 0; i < length; i++)
             sent_len += (size_t)sprintf(sent + sent_len, "%02X", out[i]);
         sent_len += (size_t)sprintf(sent + sent_len, "\"");
-        print_events(end, &is_first_event);
+        if (takes)
+            print_events(end, &is_first_event);
     }
     print("],\"transmit\":[%.*s],\"deadline\":", (int)sent_len, sent);
     if (end->deadline(&deadline))

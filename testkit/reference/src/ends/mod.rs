@@ -11,6 +11,7 @@ mod laser_controller;
 mod laser_host;
 mod mma_central;
 mod mma_device;
+mod modbus;
 mod viewer_host;
 mod viewer_workstation;
 
@@ -35,6 +36,15 @@ pub(crate) enum Do {
     Call { name: String, argument: Value },
 }
 
+/// What the driver of a session does not do in a step.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Omits {
+    /// `hold`: it asks for nothing to transmit.
+    pub(crate) transmit: bool,
+    /// `keep`: it takes no event.
+    pub(crate) events: bool,
+}
+
 /// What a session did.
 #[derive(Debug, Default)]
 pub(crate) struct Step {
@@ -47,7 +57,7 @@ pub(crate) struct Step {
 
 /// A session that a story drives.
 pub(crate) trait End {
-    fn step(&mut self, now: Duration, input: &Do, hold: bool) -> Result<Step>;
+    fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step>;
     fn deadline(&self) -> Option<Duration>;
     fn state(&self) -> String;
 }
@@ -76,6 +86,8 @@ pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
         ("laser-eb90", "controller") => laser_controller::MAKER,
         ("mmacell-proto", "central") => mma_central::MAKER,
         ("mmacell-proto", "device") => mma_device::MAKER,
+        ("fanuc-hmi-modbus", "client") => modbus::CLIENT,
+        ("fanuc-hmi-modbus", "server") => modbus::SERVER,
         _ => bail!("no stories drive the {end} of {link}"),
     })
 }
@@ -122,7 +134,7 @@ trait Hooks {
 struct Driven<H: Hooks>(H::Session);
 
 impl<H: Hooks> End for Driven<H> {
-    fn step(&mut self, now: Duration, input: &Do, hold: bool) -> Result<Step> {
+    fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
         let session = &mut self.0;
         let before = session.before();
         let mut step = Step::default();
@@ -141,14 +153,16 @@ impl<H: Hooks> End for Driven<H> {
         let mut buffer = vec![0; H::Session::MAX_TRANSMIT];
         loop {
             let mut idle = true;
-            while let Some(event) = session.poll_event() {
+            while !omits.events
+                && let Some(event) = session.poll_event()
+            {
                 step.events.push(H::event(session, event)?);
                 idle = false;
             }
-            if hold && idle {
+            if omits.transmit && idle {
                 return Ok(step);
             }
-            if hold {
+            if omits.transmit {
                 continue;
             }
             loop {

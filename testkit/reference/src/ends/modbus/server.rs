@@ -245,7 +245,7 @@ impl Tables {
     fn new() -> Self {
         Self {
             coils: core::array::from_fn(|address| address % 3 == 0),
-            holding: core::array::from_fn(|address| (address as u16) * 7),
+            holding: core::array::from_fn(|address| u16::try_from(7 * address).unwrap_or_default()),
         }
     }
 }

@@ -13,7 +13,7 @@ use robot_session::{Decoder as _, Output, Session, settle};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::{Step, event, kind, show};
+use super::{Omits, Step, event, kind, show};
 use crate::json::{self, Object};
 
 /// The most fields of a job.
@@ -257,11 +257,12 @@ pub(super) fn plain(event: &impl serde::Serialize) -> Result<String> {
 pub(super) fn outputs<S: Session>(
     session: &mut S,
     now: Duration,
-    hold: bool,
+    omits: Omits,
     step: &mut Step,
     shown: fn(&S::Event) -> Result<String>,
 ) -> Result<()> {
-    if hold {
+    ensure!(!omits.events, "stories of this link take every event");
+    if omits.transmit {
         while let Some(happened) = session.poll_event() {
             step.events.push(shown(&happened)?);
         }

@@ -11,7 +11,7 @@ use robot_session::{Decoder as _, Session as _};
 use serde_json::{Map, Value};
 
 use super::kawasaki::{AnyWork, Layout, Seen, corrupt, outputs, plain, plant, refused, rejected, see};
-use super::{Do, End, Fields, Maker, Step, event};
+use super::{Do, End, Fields, Maker, Omits, Step, event};
 
 pub(super) const MAKER: Maker = Maker {
     make: |config, without| Ok(Box::new(KawasakiPc::new(config, without)?)),
@@ -181,7 +181,7 @@ impl KawasakiPc {
 }
 
 impl End for KawasakiPc {
-    fn step(&mut self, now: Duration, input: &Do, hold: bool) -> Result<Step> {
+    fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
         let before = self.pc.machine().clone();
         let mut step = Step::default();
         match input {
@@ -197,7 +197,7 @@ impl End for KawasakiPc {
             Do::Call { name, argument } => step.refused = self.call(name, argument)?,
         }
         step.cells = self.cells(&before, input, step.refused.is_some());
-        outputs(&mut self.pc, now, hold, &mut step, shown)?;
+        outputs(&mut self.pc, now, omits, &mut step, shown)?;
         Ok(step)
     }
 

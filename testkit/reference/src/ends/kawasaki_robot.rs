@@ -14,7 +14,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use super::kawasaki::{AnyWork, Layout, Seen, corrupt, outputs, plain, plant, refused, rejected, see};
-use super::{Do, End, Fields, Maker, Step, event, kind};
+use super::{Do, End, Fields, Maker, Omits, Step, event, kind};
 
 pub(super) const MAKER: Maker = Maker {
     make: |config, without| Ok(Box::new(KawasakiRobot::new(config, without)?)),
@@ -274,7 +274,7 @@ impl KawasakiRobot {
 }
 
 impl End for KawasakiRobot {
-    fn step(&mut self, now: Duration, input: &Do, hold: bool) -> Result<Step> {
+    fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
         let before = self.robot.machine().clone();
         let was_full = self.motion.as_ref().is_some_and(Motion::is_full);
         let mut step = Step::default();
@@ -294,7 +294,7 @@ impl End for KawasakiRobot {
         if let Some(motion) = &mut self.motion {
             motion.sweep();
         }
-        outputs(&mut self.robot, now, hold, &mut step, shown)?;
+        outputs(&mut self.robot, now, omits, &mut step, shown)?;
         Ok(step)
     }
 

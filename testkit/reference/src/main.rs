@@ -16,6 +16,7 @@ mod programs;
 mod states;
 mod story;
 mod streams;
+mod values;
 mod vectors;
 
 use std::path::{Path, PathBuf};

@@ -8,6 +8,7 @@ use serde_json::{Map, Value};
 
 use crate::codec::{codec, read_every_way};
 use crate::json::{self, Object, unhex};
+use crate::values;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -16,6 +17,8 @@ struct Inputs {
     vectors: Vec<Vector>,
     #[serde(default)]
     refused: Vec<Refused>,
+    #[serde(default)]
+    values: Vec<values::Inputs>,
 }
 
 #[derive(Deserialize)]
@@ -67,6 +70,13 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<String> {
     ];
     if !refused.is_empty() {
         head.push(("refused", format!("[\n    {}\n  ]", refused.join(",\n    "))));
+    }
+    if !inputs.values.is_empty() {
+        let mut values = Vec::new();
+        for vector in &inputs.values {
+            values.push(values::line(vector).with_context(|| format!("a value of {link}"))?);
+        }
+        head.push(("values", format!("[\n    {}\n  ]", values.join(",\n    "))));
     }
     Ok(json::file("vectors.schema.json", &head, "vectors", &lines))
 }

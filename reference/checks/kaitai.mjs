@@ -57,6 +57,8 @@ function compile(link, language) {
 
 // Keys that Kaitai's expressions do not allow as names.
 const NAMES = { and: "and_mask", or: "or_mask" };
+// What an object of this kind means where it does not name these.
+const UNSAID = { start: { marked: true, error: 0 } };
 const camel = (name) => name.replace(/_+(.)/g, (_, letter) => letter.toUpperCase());
 
 /** Throws unless `found` has what `expected` has. */
@@ -97,7 +99,7 @@ function check(vector, link, params, Parser) {
     throw error;
   }
   if (vector.error) throw new Error("was not rejected");
-  compare(parsed, vector.message, "message");
+  compare(parsed, { ...UNSAID[vector.message.kind], ...vector.message }, "message");
 }
 
 async function run(link) {

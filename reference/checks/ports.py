@@ -13,7 +13,11 @@ from pathlib import Path
 
 REFERENCE = Path(__file__).resolve().parent.parent
 TARGET = REFERENCE.parent / "target/reference"
-TESTEE = [sys.executable, REFERENCE / "checks/testee.py"]
+CODECS = ["fanuc-hmi-modbus", "isra-ball", "kawasaki-msg", "laser-eb90", "mmacell-proto", "val2-alter", "val2-viewer"]
+SESSIONS = ["laser-eb90/host", "mmacell-proto/central", "val2-alter/host"]
+# What both ports claim: none of it may be skipped.
+CLAIMS = [argument for claim in CODECS + SESSIONS for argument in ("--claim", claim)]
+TESTEE = [sys.executable, REFERENCE / "checks/testee.py", *CLAIMS]
 
 
 def passes(*command, **options):

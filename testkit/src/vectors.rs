@@ -69,6 +69,9 @@ struct File {
     /// What an encoder refuses: `cargo run -p reference -- check` asks it.
     #[serde(default, rename = "refused")]
     _refused: Vec<Value>,
+    /// What words mean: `reference/checks/values.py` computes it.
+    #[serde(default, rename = "values")]
+    _values: Vec<Value>,
 }
 
 /// The vectors of a link, in the order of the file.

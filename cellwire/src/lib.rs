@@ -4,10 +4,6 @@
 
 #![allow(clippy::std_instead_of_core, reason = "the tool is a program with std")]
 
-#[cfg(doctest)]
-#[doc = include_str!("../../README.md")]
-struct Readme;
-
 pub mod cell;
 pub mod command;
 pub mod io;

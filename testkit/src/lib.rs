@@ -10,6 +10,11 @@
 //! - `links` (feature `links`): each link's pair of machines as such a system
 //! - `soak` (feature `soak`, on by default): both ends of every session over bad transports
 
+/// The examples of the project's README.
+#[cfg(all(doctest, feature = "links"))]
+#[doc = include_str!("../../README.md")]
+struct Readme;
+
 pub mod chunking;
 pub mod contract;
 #[cfg(feature = "links")]

@@ -121,7 +121,7 @@ impl Cell {
     }
 
     /// What happened to the parts, for a judge who forgets it.
-    pub(super) fn record_mut(&mut self) -> &mut Record {
+    pub fn record_mut(&mut self) -> &mut Record {
         &mut self.parts.record
     }
 

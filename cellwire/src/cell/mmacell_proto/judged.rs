@@ -11,28 +11,28 @@ use super::workpiece::{Outcome, Record};
 use crate::io::samples::Samples;
 
 /// With so many steps, those of attempts that have ended are judged and forgotten.
-pub(super) const MOST_STEPS: usize = 4096;
+pub const MOST_STEPS: usize = 4096;
 
 /// So many attempts that went wrong are reported in words.
 const MOST_FAILURES: usize = 20;
 
 /// What has been judged so far.
 #[derive(Debug, Default)]
-pub(super) struct Judged {
+pub struct Judged {
     /// Attempts.
-    pub(super) attempts: u64,
+    pub attempts: u64,
     /// Those that a fault broke off.
-    pub(super) broken_off: u64,
+    pub broken_off: u64,
     /// Those after which the part may be in its place or not.
-    pub(super) open: u64,
+    pub open: u64,
     /// Attempts whose steps were out of order: the first ones in words, and how many there were.
-    pub(super) failures: (Vec<String>, u64),
+    pub failures: (Vec<String>, u64),
     /// Parts that the task let go elsewhere than in their place, without a fault that made it close the valves.
-    pub(super) let_go_elsewhere: u64,
+    pub let_go_elsewhere: u64,
     /// The time of each part, from step 7 of its first attempt until it was placed.
-    pub(super) cycles: Samples,
+    pub cycles: Samples,
     /// How long each step of the cycle took.
-    pub(super) steps: Vec<(Step, Samples)>,
+    pub steps: Vec<(Step, Samples)>,
     /// When the part that is under way began.
     begun: Option<Duration>,
     /// The beginning of the run, for the picture.
@@ -41,7 +41,7 @@ pub(super) struct Judged {
 
 impl Judged {
     /// Judges and forgets attempts that have ended, when there are many.
-    pub(super) fn go_on(&mut self, log: &mut Log, record: &mut Record) {
+    pub fn go_on(&mut self, log: &mut Log, record: &mut Record) {
         if log.steps.len() >= MOST_STEPS {
             // Not the last attempt that has ended: what became of its part may be noted a little later.
             let begins = (0..).zip(&log.steps).filter(|(_, (_, step))| *step == Step::GoCamera1);
@@ -52,7 +52,7 @@ impl Judged {
     }
 
     /// Judges the rest; the picture's part of the run.
-    pub(super) fn finish(&mut self, log: &mut Log, record: &mut Record) -> Shown {
+    pub fn finish(&mut self, log: &mut Log, record: &mut Record) -> Shown {
         self.judge(log.steps.len(), log, record);
         self.shown.take().unwrap_or_default()
     }

@@ -3,15 +3,12 @@
 pub mod cell;
 pub mod central;
 mod demo;
-mod judged;
+pub mod judged;
 mod periphery;
 mod settings;
-mod timeline;
-mod verdict;
+pub mod timeline;
+pub mod verdict;
 pub mod workpiece;
 
 pub use demo::demo;
 pub use settings::Settings;
-
-#[cfg(test)]
-mod virtual_clock;

@@ -37,8 +37,9 @@ const BAD: RGBColor = RGBColor(198, 66, 60);
 
 /// What the picture is drawn from.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Shown {
-    pub(super) steps: Vec<(Duration, Step)>,
+pub struct Shown {
+    /// When each step of the task began.
+    pub steps: Vec<(Duration, Step)>,
     vacuum: Vec<(Duration, bool)>,
     blow: Vec<(Duration, bool)>,
     switch: Vec<(Duration, bool)>,
@@ -46,7 +47,8 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    pub(super) fn of(log: &Log, record: &Record) -> Self {
+    /// What was noted up to now.
+    pub fn of(log: &Log, record: &Record) -> Self {
         let Record { vacuum, blow, switch, outcomes, .. } = record;
         let [vacuum, blow, switch] = [vacuum, blow, switch].map(Clone::clone);
         Self { steps: log.steps.clone(), vacuum, blow, switch, outcomes: outcomes.clone() }
@@ -62,7 +64,7 @@ struct Span {
 }
 
 /// Draws the run from its beginning until one part was placed, one missed and one lost, or as far as is readable.
-pub(super) fn draw(path: &Path, shown: &Shown) -> Result<()> {
+pub fn draw(path: &Path, shown: &Shown) -> Result<()> {
     let (from, to) = window(shown).ok_or_else(|| anyhow!("there is nothing to draw: no part was handled"))?;
     let mut drawn = String::new();
     let size = (SIZE.0.unsigned_abs(), SIZE.1.unsigned_abs());

@@ -4,7 +4,7 @@ use mmacell_task::Step;
 
 /// The attempts of a run, by the numbers of their steps, and how each ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
+pub enum End {
     /// A part in its place.
     Placed,
     /// Given up, and begun again.
@@ -16,7 +16,7 @@ pub(super) enum End {
 }
 
 /// Cuts a run into attempts, each from step 7 on.
-pub(super) fn attempts(steps: impl Iterator<Item = Step>) -> Vec<(Vec<u8>, End)> {
+pub fn attempts(steps: impl Iterator<Item = Step>) -> Vec<(Vec<u8>, End)> {
     let mut attempts: Vec<(Vec<u8>, End)> = Vec::new();
     for step in steps {
         if step == Step::GoCamera1 {
@@ -37,7 +37,7 @@ pub(super) fn attempts(steps: impl Iterator<Item = Step>) -> Vec<(Vec<u8>, End)>
 
 /// Whether an attempt went through the steps of §6 in their order, written down once more: 7 to 16, 17 if the switch went high on
 /// the way, 18, and then 19 and 21, or 20 with or without 19. A fault may break it off anywhere.
-pub(super) fn is_in_order(numbers: &[u8], end: End) -> bool {
+pub fn is_in_order(numbers: &[u8], end: End) -> bool {
     let Some((first, rest)) = numbers.split_at_checked(10) else {
         return matches!(end, End::Fault | End::Open)
             && (7..=16).take(numbers.len()).eq(numbers.iter().copied());
@@ -52,7 +52,7 @@ pub(super) fn is_in_order(numbers: &[u8], end: End) -> bool {
 }
 
 /// Whether a fault at the place leaves open what became of the part: still placed, or taken home with the gripper.
-pub(super) fn leaves_open(numbers: &[u8], end: End) -> bool {
+pub fn leaves_open(numbers: &[u8], end: End) -> bool {
     end == End::Fault && matches!(numbers.last(), Some(19 | 21))
 }
 

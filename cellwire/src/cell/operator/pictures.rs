@@ -1,4 +1,4 @@
-//! The screen as a picture in each state, as `docs/screens` has it.
+//! The screen as a picture in each state, as `screens/` has it.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -122,7 +122,7 @@ fn the_screen_has_a_picture_in_each_state() {
         ("robot-lost", latched(robot_lost, Latch::Off(Cause::NoAlter))),
         ("start-refused", refused),
     ];
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/screens");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("screens");
     for (state, model) in pictures {
         let (drawn, file) = (picture(&model), folder.join(format!("{state}.svg")));
         // `DRAW_SCREENS=1 cargo test -p cellwire pictures` draws them again.

@@ -1,17 +1,19 @@
 //! The whole cell on a virtual clock, over links that do nothing wrong and over links that break.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+
 use std::time::Duration;
 
 use mmacell_task::Step;
 use testkit::link::{self, Delivery, Faults, Link};
 
-use super::cell::{Cell, Which};
-use super::central::{Central, Log, Now};
-use super::judged::{Judged, MOST_STEPS};
-use super::verdict::{End, attempts, is_in_order, leaves_open};
-use super::workpiece::Record;
-use crate::io::samples::Samples;
-use crate::links::mmacell_proto::station::MotionFaults;
+use cellwire::cell::mmacell_proto::cell::{self, Cell, Which};
+use cellwire::cell::mmacell_proto::central::{Central, Log, Now};
+use cellwire::cell::mmacell_proto::judged::{Judged, MOST_STEPS};
+use cellwire::cell::mmacell_proto::verdict::{End, attempts, is_in_order, leaves_open};
+use cellwire::cell::mmacell_proto::workpiece::Record;
+use cellwire::io::samples::Samples;
+use cellwire::links::mmacell_proto::station::MotionFaults;
 
 /// The switch is looked at this often while the vacuum is on.
 const LOOK: Duration = Duration::from_millis(5);
@@ -29,7 +31,7 @@ fn judged_run(
     mut judge: impl FnMut(&mut Log, &mut Record),
 ) -> (Central, Cell) {
     let mut central =
-        Central::new(Some(parts), 1, super::cell::CONFIG, mmacell_proto::CentralConfig::DEFAULT).unwrap();
+        Central::new(Some(parts), 1, cell::CONFIG, mmacell_proto::CentralConfig::DEFAULT).unwrap();
     let mut cell = Cell::new(seed, errors, MotionFaults::default()).unwrap();
     let mut links = [0, 1, 2].map(|n| Link::new(seed + n, faults));
     let mut time = Duration::ZERO;

@@ -6,8 +6,8 @@ use core::time::Duration;
 
 use fanuc_hmi_modbus::robot_session::{Decoder as _, Session as _};
 use fanuc_hmi_modbus::{
-    Client, ClientConfig, ClientEvent, Decoder, Exception, Framing, Registers, Reply, Server, ServerConfig, Side,
-    Signal, Table, TelemetryBlock, WordOrder, WordsMut,
+    Client, ClientConfig, ClientEvent, Decoder, Exception, Framing, Registers, Reply, Server, ServerConfig,
+    Side, Signal, Table, TelemetryBlock, WordOrder, WordsMut,
 };
 use no_std as _;
 

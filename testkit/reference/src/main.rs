@@ -1,7 +1,8 @@
 //! Writes and checks the data of the reference for ports.
 //!
 //! ```text
-//! cargo run -p reference -- write [LINK]     writes every file of `reference/` that is made from `testkit/reference/inputs`
+//! cargo run -p reference -- write [LINK]     writes every file of `reference/` that is made from `testkit/reference/inputs`,
+//!                                            and the tables of configurations on the crates' pages
 //! cargo run -p reference -- check [LINK]     fails where a file differs, or a story or vector does not hold
 //! ```
 
@@ -12,6 +13,7 @@ mod defaults;
 mod ends;
 mod explore;
 mod json;
+mod pages;
 mod programs;
 mod states;
 mod story;
@@ -100,7 +102,9 @@ fn check(root: &Path, link: Option<&str>) -> Result<()> {
 /// Every file, or those of one link, and its text.
 fn files(root: &Path, only: Option<&str>) -> Result<Vec<(PathBuf, String)>> {
     let reference = root.join("reference");
-    let mut files = vec![(reference.join("defaults.json"), defaults::file()?)];
+    let defaults = defaults::file()?;
+    let mut files = pages::files(root, &defaults)?;
+    files.push((reference.join("defaults.json"), defaults));
     let links: Vec<&str> = LINKS.into_iter().filter(|link| only.is_none_or(|only| only == *link)).collect();
     ensure!(!links.is_empty(), "the links are {}", LINKS.join(", "));
     for link in links {

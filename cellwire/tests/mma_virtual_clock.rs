@@ -1,6 +1,12 @@
 //! The whole cell on a virtual clock, over links that do nothing wrong and over links that break.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing,
+    clippy::std_instead_of_core
+)]
 
 use std::time::Duration;
 

@@ -1,14 +1,8 @@
 //! The whole cell on a virtual clock, over links that do nothing wrong and over links that break.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    clippy::indexing_slicing,
-    clippy::std_instead_of_core
-)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use std::time::Duration;
+use core::time::Duration;
 
 use mmacell_task::Step;
 use testkit::link::{self, Delivery, Faults, Link};

@@ -91,7 +91,10 @@ class Consumer:
         with self.lock:
             self.births, self.seq, self.bd = {}, None, None
             self.online_at = None
-        client.subscribe([(f"spBv1.0/{self.group}/#", 1)])
+        # Records with QoS 0: paho gives up what it has received when an acknowledgement cannot be sent to a broker that was killed,
+        # and that broker has acknowledged it to the bridge. With Sparkplug's own QoS everything is seen as it was published.
+        client.subscribe([(f"spBv1.0/{self.group}/{kind}/#", 1 if kind != "DDATA" or self.qos == 0 else 0)
+                          for kind in ("NBIRTH", "NDEATH", "DBIRTH", "DDATA", "DDEATH", "NDATA")])
         self.go_online()
 
     def go_online(self):
@@ -116,8 +119,6 @@ class Consumer:
 
     def take(self, message):
         levels = message.topic.split("/")
-        if len(levels) > 2 and levels[2] in ("NCMD", "DCMD"):
-            return
         self.messages += 1
         check = self.check
         check("topic-structure-namespace-a", levels[0] == "spBv1.0" and levels[1] == self.group, message.topic)
@@ -194,7 +195,7 @@ class Consumer:
     def ddata(self, message, payload, plain, levels):
         check, cell = self.check, levels[4]
         check("topics-ddata-topic", levels[3] == self.node and len(levels) == 5, message.topic)
-        check("topics-ddata-mqtt", message.qos == self.qos and plain, message.qos)
+        check("topics-ddata-mqtt", message.qos == 0 and plain, message.qos)
         check("topics-ddata-timestamp", payload.HasField("timestamp"))
         birth = self.births.get(cell)
         check("topics-dbirth-metric-reqs", birth is not None, message.topic)

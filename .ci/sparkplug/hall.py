@@ -273,7 +273,9 @@ print(row("cell", "out", "in", "lost"))
 out_all = in_all = lost_all = 0
 kinds = {}
 for cell in cells:
-    out = int(last[f'cellwire_bridge_record_number{{cell="{cell.name}"}}'])
+    # A link that is tried again makes records up to the end: what the bridge had, or what came after that.
+    highest = max((number for (name, _), number in consumer.last.items() if name == cell.name), default=0)
+    out = max(int(last[f'cellwire_bridge_record_number{{cell="{cell.name}"}}']), highest)
     got = consumer.accepted[cell.name]
     total = kinds.setdefault(cell.NAME, [0, 0, 0])
     total[0] += out
@@ -303,6 +305,6 @@ unchecked = [statement for statement in STATEMENTS if not consumer.counts[statem
 gaps = {key: gaps for key, gaps in consumer.gaps.items() if gaps}
 if args.qos == 1 and (lost_all or gaps):
     fail(f"lost: {gaps}")
-if bad or [it for it in unchecked if it != "topics-ndeath-payload"]:
+if bad or unchecked:
     fail(f"{bad} breaches of the specification; never checked: {unchecked}")
 print("\ndone")

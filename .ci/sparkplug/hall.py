@@ -2,6 +2,7 @@
 import argparse
 import json
 import os
+import random
 import re
 import signal
 import socket
@@ -30,9 +31,15 @@ processes = []
 
 
 def free_port():
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return found.getsockname()[1]
+    """Of those that the system gives to nobody who asks for any: the simulators do."""
+    while True:
+        port = random.randrange(20_000, 30_000)
+        with socket.socket() as found:
+            try:
+                found.bind(("127.0.0.1", port))
+                return port
+            except OSError:
+                pass
 
 
 def wait(what, condition, seconds=60):
@@ -102,6 +109,8 @@ def start_broker():
     broker = spawn(["mosquitto", "-c", str(folder / "mosquitto.conf")], "broker.log", stderr=subprocess.STDOUT)
 
     def answers():
+        if broker.poll() is not None:
+            fail("the broker has ended")
         try:
             socket.create_connection(("127.0.0.1", plain_port), 1).close()
             return True

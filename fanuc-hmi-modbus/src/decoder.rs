@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use crate::error::DecodeError;
-use crate::frame::{Frame, RtuLen, Side};
+use crate::frame::{Frame, RtuLen, RtuShape, Side};
 use crate::framing::Framing;
 
 /// Finds the frames in a stream, whatever the pieces that it arrives in, and the next frame after corruption.
@@ -35,6 +35,8 @@ pub struct Decoder {
     buffer: [u8; Self::CAPACITY],
     start: usize,
     end: usize,
+    /// Where the frame at `start` ends at the earliest: before that nothing is decoded.
+    wanted: usize,
     /// Bytes of the stream before the buffer.
     passed: u64,
     /// What is before here will not go on.
@@ -42,10 +44,14 @@ pub struct Decoder {
     /// The same of a later end, given before the first was drained.
     finished_later: Option<usize>,
     corruption: Option<Corruption>,
+    ends: Ends,
 }
 
 /// The bytes that a header and the length of the message after it take, but one.
 const HEADER: usize = 6 + 10;
+
+/// The bytes of the shortest TCP frame.
+const SHORTEST: usize = 6 + 2;
 
 /// What is known of the corruption at the start of the buffer.
 #[derive(Debug, Clone, Copy)]
@@ -55,8 +61,39 @@ struct Corruption {
     is_more: bool,
     /// Where the next frame may begin.
     from: usize,
-    /// Every frame that ends up to here was tried.
+    /// TCP: every frame that begins before here was tried; RTU: every one that ends up to here.
     tried: usize,
+}
+
+/// Where the RTU frames end that may have begun within corruption: of a frame that ends at some place (modulo 256) the length less
+/// one, and at its own beginning the same of another that ends there, or 0.
+#[derive(Debug, Clone)]
+struct Ends {
+    last: [u8; 256],
+    other: [u8; 256],
+}
+
+#[expect(clippy::indexing_slicing, reason = "a byte is below 256")]
+impl Ends {
+    const NONE: Self = Self { last: [0; 256], other: [0; 256] };
+
+    /// Adds a frame of 5 to 256 bytes.
+    fn add(&mut self, start: u8, len: usize) {
+        if let Ok(less_one) = u8::try_from(len - 1) {
+            let end = start.wrapping_add(less_one).wrapping_add(1);
+            self.other[usize::from(start)] = core::mem::replace(&mut self.last[usize::from(end)], less_one);
+        }
+    }
+
+    /// Removes one that ends here; gives its length.
+    fn take(&mut self, end: u8) -> Option<usize> {
+        let less_one = self.last[usize::from(end)];
+        let start = end.wrapping_sub(less_one).wrapping_sub(1);
+        (less_one > 0).then(|| {
+            self.last[usize::from(end)] = self.other[usize::from(start)];
+            usize::from(less_one) + 1
+        })
+    }
 }
 
 impl Decoder {
@@ -73,10 +110,12 @@ impl Decoder {
             buffer: [0; Self::CAPACITY],
             start: 0,
             end: 0,
+            wanted: 0,
             passed: 0,
             finished_at: None,
             finished_later: None,
             corruption: None,
+            ends: Ends::NONE,
         }
     }
 
@@ -93,15 +132,18 @@ impl Decoder {
     /// The place of the next frame in the buffer, for [`frame`](Self::frame): a borrow would not outlive a loop.
     #[inline]
     pub(crate) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
+        if self.end < self.wanted { None } else { self.judge() }
+    }
+
+    #[inline(never)]
+    fn judge(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
         loop {
             let limit = self.finished_at.unwrap_or(self.end);
-            if let Some(corruption) = self.corruption {
-                let length = self.corrupt_len(corruption, limit)?;
-                if length > 0 {
-                    let noise = DecodeError::Noise { length };
-                    return Some(Err(if corruption.is_more { noise } else { corruption.error }));
+            if self.corruption.is_some() {
+                match self.end_corruption(limit)? {
+                    (_, 0) => continue, // the corruption ended where an error before it did
+                    (error, _) => return Some(Err(error)),
                 }
-                continue; // the corruption ended where an error before it did
             }
             let data = self.buffer.get(self.start..limit)?;
             if data.is_empty() {
@@ -110,19 +152,31 @@ impl Decoder {
                 continue;
             }
             let begun = if self.framing.has_transactions() {
-                tcp(data, self.finished_at.is_some())
+                tcp(data)
             } else {
                 rtu(data, self.side, self.finished_at.is_some())
             };
-            match begun {
-                Ok(None) => return None,
-                Ok(Some(len)) => {
+            let error = match begun {
+                Ok(len) if len <= data.len() => {
                     let start = self.start;
                     self.start += len;
+                    if self.finished_at.is_none() {
+                        self.wanted = self.start + 1;
+                    }
                     return Some(Ok(start..self.start));
                 }
-                Err(error) => self.corruption = Some(self.corrupt(error, data)),
-            }
+                Ok(expected) if self.finished_at.is_some() => {
+                    // Of the seven bytes of a TCP header, six are judged.
+                    let expected = if self.framing.has_transactions() { expected.max(7) } else { expected };
+                    DecodeError::Cut { expected, found: data.len() }
+                }
+                Ok(len) => {
+                    self.wanted = self.start + len;
+                    return None;
+                }
+                Err(error) => error,
+            };
+            self.corrupt(error);
         }
     }
 
@@ -131,95 +185,132 @@ impl Decoder {
     pub(crate) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
         let bytes = self.buffer.get(range)?;
         if self.framing.has_transactions() {
-            Frame::decode_tcp(bytes).ok()?.map(|(frame, _)| frame)
+            Frame::from_tcp_parts(bytes)
         } else {
             Frame::from_rtu_parts(bytes)
         }
     }
 
-    /// The corruption that `data` begins with.
+    /// Corruption begins at the start.
     #[cold]
-    fn corrupt(&self, error: DecodeError, data: &[u8]) -> Corruption {
+    fn corrupt(&mut self, error: DecodeError) {
+        let data = self.buffer.get(self.start..self.finished_at.unwrap_or(self.end)).unwrap_or_default();
         let skip = match error {
             // TCP loses nothing: a frame that its connection cuts holds no other.
             DecodeError::Cut { .. } if self.framing.has_transactions() => data.len(),
             DecodeError::Protocol { .. } | DecodeError::MbapLength { .. } => foreign_len(data),
             _ => 1,
         };
-        Corruption { error, is_more: false, from: self.start + skip, tried: self.start }
+        self.corruption =
+            Some(Corruption { error, is_more: false, from: self.start + skip, tried: self.start });
+        self.ends = Ends::NONE;
     }
 
-    /// How many bytes the corruption takes, when that is known; the start is then after them.
-    fn corrupt_len(&mut self, corruption: Corruption, limit: usize) -> Option<usize> {
+    /// What the corruption was and how many bytes it takes, when that is known; the start is then after them.
+    fn end_corruption(&mut self, limit: usize) -> Option<(DecodeError, usize)> {
+        let corruption = self.corruption.as_mut()?;
+        let (from, tried) = (corruption.from, corruption.tried);
         let window = limit.min(self.start + Self::WINDOW);
         let (next, reach) = if self.framing.has_transactions() {
-            (self.next_header(corruption, window), HEADER)
+            (self.next_header(from, tried, window), HEADER)
         } else {
-            (self.next_rtu(corruption, window), Frame::MAX_RTU_LEN - 1)
+            (self.next_rtu(from, tried, window), Frame::MAX_RTU_LEN - 1)
         };
+        let is_full = window - self.start == Self::WINDOW;
+        let corruption = self.corruption.as_mut()?;
+        let (error, is_more) = (corruption.error, corruption.is_more);
         let end = match next {
-            Some(start) => {
+            Ok(start) => {
                 self.corruption = None;
                 start
             }
-            None if window - self.start == Self::WINDOW => {
+            Err(tried) if is_full => {
                 // A frame that is not whole yet begins within the last bytes.
                 let from = window - reach;
-                self.corruption = Some(Corruption { is_more: true, from, tried: window, ..corruption });
+                *corruption = Corruption { is_more: true, from, tried, ..*corruption };
                 from
             }
-            None if self.finished_at.is_some() => {
+            Err(_) if self.finished_at.is_some() => {
                 self.corruption = None;
                 limit
             }
-            None => {
-                self.corruption.as_mut()?.tried = window;
+            Err(tried) => {
+                corruption.tried = tried;
+                if self.framing.has_transactions() {
+                    self.wanted = tried + SHORTEST;
+                }
                 return None;
             }
         };
         let length = end - self.start;
         self.start = end;
-        Some(length)
+        Some((if is_more { DecodeError::Noise { length } } else { error }, length))
     }
 
-    /// Where the next bytes begin that are an MBAP header, as far as can be seen.
-    fn next_header(&self, corruption: Corruption, limit: usize) -> Option<usize> {
-        for start in corruption.from..limit {
-            let data = self.buffer.get(start..limit)?;
-            let (six, rest) = data.split_first_chunk::<6>()?;
-            if Frame::decode_tcp(six).is_err() {
+    /// Where the next bytes begin that are an MBAP header, as far as can be seen; else what was tried.
+    #[inline(never)]
+    fn next_header(&self, from: usize, tried: usize, limit: usize) -> Result<usize, usize> {
+        for start in from.max(tried)..limit {
+            let data = self.buffer.get(start..limit).unwrap_or_default();
+            // Protocol 0: judged as soon as it is there.
+            if data.get(2).is_some_and(|byte| *byte != 0) {
                 continue;
             }
+            let Some((six, rest)) = data.split_first_chunk() else { return Err(start) };
+            let Ok(len) = Frame::tcp_len(six) else { continue };
             // After a frame of another protocol the next one begins in its place; elsewhere a header has to have the length of
             // the message after it.
-            let is_placed = start == corruption.from && start > self.start + 1;
-            let [.., high, low] = *six;
-            let length = usize::from(u16::from_be_bytes([high, low]));
+            let is_placed = start == from && start > self.start + 1;
             match RtuLen::of(rest, self.side) {
-                _ if is_placed => return Some(start),
-                RtuLen::Known(len) if len == length + 2 => return Some(start),
-                RtuLen::AtLeast(_) if self.finished_at.is_none() => return None,
+                _ if is_placed => return Ok(start),
+                RtuLen::Known(rtu) if 6 + rtu == len + 2 => return Ok(start),
+                RtuLen::AtLeast(_) if self.finished_at.is_none() => return Err(start),
                 RtuLen::Known(_) | RtuLen::AtLeast(_) | RtuLen::Silence => {}
             }
         }
-        None
+        Err(limit)
     }
 
-    /// Where the frame begins that ends first. Each beginning is tried once, when its end has come.
-    fn next_rtu(&self, corruption: Corruption, limit: usize) -> Option<usize> {
-        let mut first: Option<(usize, usize)> = None;
-        // What begins earlier than this has ended before, and was tried.
-        let from = corruption.from.max(corruption.tried.saturating_sub(Frame::MAX_RTU_LEN));
-        for start in from..limit {
-            let data = self.buffer.get(start..limit).unwrap_or_default();
-            let RtuLen::Known(len) = RtuLen::of(data, self.side) else { continue };
-            let end = start + len;
-            let sooner = first.is_none_or(|(_, sooner)| end < sooner);
-            if end > corruption.tried && sooner && matches!(Frame::decode_rtu(data, self.side), Ok(Some(_))) {
-                first = Some((start, end));
+    /// Where the frame begins that ends first, and of those the longest; else what was tried. A beginning is noted with the byte
+    /// that shows its length, and tried when its end has come.
+    #[inline(never)]
+    fn next_rtu(&mut self, from: usize, tried: usize, limit: usize) -> Result<usize, usize> {
+        let shown_by: &[usize] = match self.side {
+            Side::Client => &[1, 6, 10],
+            Side::Server => &[1, 2],
+        };
+        for end in tried + 1..=limit {
+            for at in shown_by {
+                let Some(start) = end.checked_sub(at + 1).filter(|start| *start >= from) else {
+                    break;
+                };
+                let data = self.buffer.get(start..end).unwrap_or_default();
+                let (Some(code), Some(shows)) = (data.get(1), data.last()) else { break };
+                let len = match RtuShape::of(*code, self.side) {
+                    RtuShape::Fixed(len) if *at == 1 => len,
+                    RtuShape::Counted { at: count_at } if count_at == *at => at + 3 + usize::from(*shows),
+                    _ => continue,
+                };
+                self.ends.add(self.place(start), len);
+            }
+            let mut longest = None;
+            while let Some(len) = self.ends.take(self.place(end)) {
+                let frame = self.buffer.get(end.saturating_sub(len)..end).unwrap_or_default();
+                if Frame::decode_rtu_whole(frame).is_ok() {
+                    longest = longest.max(Some(len));
+                }
+            }
+            if let Some(len) = longest {
+                return Ok(end.saturating_sub(len));
             }
         }
-        first.map(|(start, _)| start)
+        Err(limit)
+    }
+
+    /// A place in the stream, modulo 256.
+    fn place(&self, index: usize) -> u8 {
+        let [low, ..] = (self.passed + index as u64).to_le_bytes();
+        low
     }
 
     fn compact(&mut self) {
@@ -228,6 +319,7 @@ impl Decoder {
         self.passed += gone as u64;
         self.start = 0;
         self.end -= gone;
+        self.wanted = self.wanted.saturating_sub(gone);
         for at in [&mut self.finished_at, &mut self.finished_later].into_iter().flatten() {
             *at = at.saturating_sub(gone);
         }
@@ -242,9 +334,16 @@ impl robot_session::Decoder for Decoder {
     type Frame<'a> = Frame<&'a [u8]>;
     type Error = DecodeError;
 
+    #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
         if bytes.len() > Self::CAPACITY - self.end {
             self.compact();
+        }
+        // A port that gives single bytes: no call to copy one.
+        if let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end)) {
+            *room = *byte;
+            self.end += 1;
+            return 1;
         }
         let room = self.buffer.get_mut(self.end..).unwrap_or_default();
         let taken = room.len().min(bytes.len());
@@ -255,6 +354,7 @@ impl robot_session::Decoder for Decoder {
         taken
     }
 
+    #[inline]
     fn next_frame(&mut self) -> Option<Result<Frame<&[u8]>, DecodeError>> {
         match self.advance()? {
             Ok(range) => self.frame(range).map(Ok),
@@ -264,7 +364,7 @@ impl robot_session::Decoder for Decoder {
 
     fn finish(&mut self) {
         match self.finished_at {
-            None => self.finished_at = Some(self.end),
+            None => (self.finished_at, self.wanted) = (Some(self.end), 0),
             Some(_) => self.finished_later = Some(self.end),
         }
     }
@@ -279,18 +379,10 @@ impl robot_session::Decoder for Decoder {
     }
 }
 
-/// The length of the TCP frame that begins here.
+/// The length of the TCP frame that begins here, or how many bytes show it.
 #[inline]
-fn tcp(data: &[u8], finished: bool) -> Result<Option<usize>, DecodeError> {
-    match Frame::decode_tcp(data)? {
-        Some((_, len)) => Ok(Some(len)),
-        None if finished => {
-            let length = data.get(4..6).and_then(<[u8]>::first_chunk);
-            let expected = length.map_or(7, |length| 6 + usize::from(u16::from_be_bytes(*length)));
-            Err(DecodeError::Cut { expected, found: data.len() })
-        }
-        None => Ok(None),
-    }
+fn tcp(data: &[u8]) -> Result<usize, DecodeError> {
+    data.first_chunk().map_or(Ok(6), Frame::tcp_len)
 }
 
 /// What to skip of a frame whose header is bad: all of it, if its length can be one.
@@ -300,17 +392,20 @@ fn foreign_len(data: &[u8]) -> usize {
     if length <= 254 { 6 + length } else { 1 }
 }
 
-/// The length of the RTU frame that begins here.
-fn rtu(data: &[u8], side: Side, finished: bool) -> Result<Option<usize>, DecodeError> {
-    match RtuLen::of(data, side) {
-        RtuLen::Silence if finished && data.len() <= Frame::MAX_RTU_LEN => {
-            Frame::decode_rtu_whole(data).map(|_| Some(data.len()))
-        }
-        RtuLen::AtLeast(expected) | RtuLen::Known(expected)
-            if finished && data.len() < expected && expected <= Frame::MAX_RTU_LEN =>
-        {
-            Err(DecodeError::Cut { expected, found: data.len() })
-        }
-        _ => Ok(Frame::decode_rtu(data, side)?.map(|(_, len)| len)),
+/// The length of the RTU frame that begins here, or how many bytes show it.
+fn rtu(data: &[u8], side: Side, finished: bool) -> Result<usize, DecodeError> {
+    let (RtuLen::Known(len) | RtuLen::AtLeast(len)) = RtuLen::of(data, side) else {
+        // However many bytes there are: how the stream was cut must not show.
+        let too_long = Frame::MAX_RTU_LEN + 1;
+        return match data.len() {
+            len if len >= too_long => Err(DecodeError::TooLong { found: too_long }),
+            len if finished => Frame::decode_rtu_whole(data).map(|_| len),
+            _ => Ok(too_long),
+        };
+    };
+    match data.get(..len) {
+        _ if len > Frame::MAX_RTU_LEN => Err(DecodeError::TooLong { found: len }),
+        Some(frame) => Frame::decode_rtu_whole(frame).map(|_| len),
+        None => Ok(len),
     }
 }

@@ -60,19 +60,31 @@ impl<'a> Frame<&'a [u8]> {
     /// When the header is not one of Modbus TCP.
     #[inline]
     pub fn decode_tcp(bytes: &'a [u8]) -> Result<Option<(Self, usize)>, DecodeError> {
-        let Some((&[t0, t1, p0, p1, l0, l1], rest)) = bytes.split_first_chunk() else { return Ok(None) };
+        let len = match bytes.first_chunk() {
+            Some(header) => Self::tcp_len(header)?,
+            None => return Ok(None),
+        };
+        Ok(bytes.get(..len).and_then(Self::from_tcp_parts).map(|frame| (frame, len)))
+    }
+
+    /// How long the TCP frame is that begins with these bytes.
+    #[inline]
+    pub(crate) fn tcp_len(header: &[u8; 6]) -> Result<usize, DecodeError> {
+        let [_, _, p0, p1, l0, l1] = *header;
         if let found @ 1.. = u16::from_be_bytes([p0, p1]) {
             return Err(DecodeError::Protocol { found });
         }
-        let length = u16::from_be_bytes([l0, l1]);
-        if !(2..=254).contains(&length) {
-            return Err(DecodeError::MbapLength { found: length });
+        match u16::from_be_bytes([l0, l1]) {
+            length @ 2..=254 => Ok(6 + usize::from(length)),
+            found => Err(DecodeError::MbapLength { found }),
         }
-        let Some((&unit, pdu)) = rest.get(..length.into()).and_then(<[u8]>::split_first) else {
-            return Ok(None);
-        };
-        let transaction = Some(u16::from_be_bytes([t0, t1]));
-        Ok(Some((Self { transaction, unit, pdu }, MBAP + pdu.len())))
+    }
+
+    /// The parts of a TCP frame whose header was checked.
+    #[inline]
+    pub(crate) fn from_tcp_parts(bytes: &'a [u8]) -> Option<Self> {
+        let (&[t0, t1, _, _, _, _, unit], pdu) = bytes.split_first_chunk()?;
+        Some(Self { transaction: Some(u16::from_be_bytes([t0, t1])), unit, pdu })
     }
 
     /// The RTU frame of `side` at the beginning of these bytes, and how many bytes it takes; `None` when more are needed.
@@ -118,6 +130,7 @@ impl<'a> Frame<&'a [u8]> {
     }
 
     /// The parts of an RTU frame whose CRC was checked.
+    #[inline]
     pub(crate) fn from_rtu_parts(bytes: &'a [u8]) -> Option<Self> {
         let (unit, pdu) = bytes.split_last_chunk::<2>()?.0.split_first()?;
         Some(Self { transaction: None, unit: *unit, pdu })
@@ -143,20 +156,21 @@ impl<'a> Frame<&'a [u8]> {
 
     /// Carries the request in this frame out, and writes the frame that answers it to the beginning of `out`; gives its length, or
     /// `None` when `out` has no room for the longest frame: then nothing is done. See [`serve`](crate::serve).
-    #[inline]
+    #[inline(always)] // with `serve`
     pub fn serve<R: Registers + ?Sized>(&self, registers: &mut R, out: &mut [u8]) -> Option<usize> {
-        if let Some(transaction) = self.transaction {
-            let (head, rest) = out.split_first_chunk_mut()?;
-            let len = serve(self.pdu, registers, rest.first_chunk_mut()?);
-            *head = mbap(transaction, self.unit, len);
-            Some(MBAP + len)
-        } else {
-            let out = out.get_mut(..Frame::MAX_RTU_LEN)?;
-            let (unit, rest) = out.split_first_mut()?;
-            *unit = self.unit;
-            let len = serve(self.pdu, registers, rest.first_chunk_mut()?);
-            seal(out, 1 + len)
-        }
+        let Some(transaction) = self.transaction else { return self.serve_rtu(registers, out) };
+        let (head, rest) = out.split_first_chunk_mut()?;
+        let len = serve(self.pdu, registers, rest.first_chunk_mut()?);
+        put_mbap(head, transaction, self.unit, len);
+        Some(MBAP + len)
+    }
+
+    fn serve_rtu<R: Registers + ?Sized>(&self, registers: &mut R, out: &mut [u8]) -> Option<usize> {
+        let out = out.get_mut(..Frame::MAX_RTU_LEN)?;
+        let (unit, rest) = out.split_first_mut()?;
+        *unit = self.unit;
+        let len = serve(self.pdu, registers, rest.first_chunk_mut()?);
+        seal(out, 1 + len)
     }
 
     /// A copy that borrows nothing.
@@ -220,7 +234,7 @@ impl<P: Pdu> Encode for Frame<P> {
         };
         match self.pdu.encode(rest) {
             Ok(len) => {
-                *head = mbap(transaction, self.unit, len);
+                put_mbap(head, transaction, self.unit, len);
                 Ok(MBAP + len)
             }
             Err(error) => Err(in_frame(error, MBAP, available)),
@@ -237,12 +251,15 @@ fn in_frame(error: EncodeError, around: usize, available: usize) -> EncodeError 
     }
 }
 
-/// The header in front of a PDU of `pdu` bytes.
+/// Writes the header in front of a PDU of `pdu` bytes.
 #[inline]
-fn mbap(transaction: u16, unit: u8, pdu: usize) -> [u8; MBAP] {
-    let [t0, t1] = transaction.to_be_bytes();
-    let [l0, l1] = u16::try_from(1 + pdu).unwrap_or(u16::MAX).to_be_bytes(); // at most 254
-    [t0, t1, 0, 0, l0, l1, unit]
+#[expect(clippy::cast_possible_truncation, reason = "a PDU has at most 253 bytes")]
+fn put_mbap(head: &mut [u8; MBAP], transaction: u16, unit: u8, pdu: usize) {
+    let [t0, t1, p0, p1, l0, l1, to_unit] = head;
+    [*t0, *t1] = transaction.to_be_bytes();
+    [*p0, *p1] = [0, 0];
+    [*l0, *l1] = (1 + pdu as u16).to_be_bytes();
+    *to_unit = unit;
 }
 
 /// Puts the CRC after the first `len` bytes, and returns how many there are then; `None` without room for it.
@@ -266,19 +283,43 @@ pub(crate) enum RtuLen {
 
 impl RtuLen {
     pub(crate) fn of(bytes: &[u8], side: Side) -> Self {
-        use function::{EXCEPTION, MASK_WRITE_REGISTER, READ_WRITE_REGISTERS, WRITE_COILS, WRITE_REGISTERS};
         let Some(&code) = bytes.get(1) else { return Self::AtLeast(RTU + 1) };
-        let counted = |at: usize| match bytes.get(at) {
-            Some(&count) => Self::Known(at + 1 + usize::from(count) + 2),
-            None => Self::AtLeast(at + 1 + 2),
-        };
+        match RtuShape::of(code, side) {
+            RtuShape::Fixed(len) => Self::Known(len),
+            RtuShape::Counted { at } => match bytes.get(at) {
+                Some(&count) => Self::Known(at + 1 + usize::from(count) + 2),
+                None => Self::AtLeast(at + 1 + 2),
+            },
+            RtuShape::Silence => Self::Silence,
+        }
+    }
+}
+
+/// What the function code says of the length of an RTU frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum RtuShape {
+    /// So many bytes.
+    Fixed(usize),
+    /// It counts the bytes between its byte count and its CRC.
+    Counted {
+        /// Where the byte count is.
+        at: usize,
+    },
+    /// Nothing.
+    Silence,
+}
+
+impl RtuShape {
+    #[inline]
+    pub(crate) fn of(code: u8, side: Side) -> Self {
+        use function::{EXCEPTION, MASK_WRITE_REGISTER, READ_WRITE_REGISTERS, WRITE_COILS, WRITE_REGISTERS};
         match (side, code) {
-            (Side::Client, 1..=6) | (Side::Server, 5 | 6 | WRITE_COILS | WRITE_REGISTERS) => Self::Known(8),
-            (_, MASK_WRITE_REGISTER) => Self::Known(10),
-            (Side::Client, WRITE_COILS | WRITE_REGISTERS) => counted(6),
-            (Side::Client, READ_WRITE_REGISTERS) => counted(10),
-            (Side::Server, 1..=4 | READ_WRITE_REGISTERS) => counted(2),
-            (Side::Server, code) if code > EXCEPTION => Self::Known(5),
+            (Side::Client, 1..=6) | (Side::Server, 5 | 6 | WRITE_COILS | WRITE_REGISTERS) => Self::Fixed(8),
+            (_, MASK_WRITE_REGISTER) => Self::Fixed(10),
+            (Side::Client, WRITE_COILS | WRITE_REGISTERS) => Self::Counted { at: 6 },
+            (Side::Client, READ_WRITE_REGISTERS) => Self::Counted { at: 10 },
+            (Side::Server, 1..=4 | READ_WRITE_REGISTERS) => Self::Counted { at: 2 },
+            (Side::Server, code) if code > EXCEPTION => Self::Fixed(5),
             _ => Self::Silence,
         }
     }

@@ -6,8 +6,9 @@
 /// that outcomes leave; if there is none, the oldest notice is dropped and counted.
 #[derive(Debug, Clone)]
 pub struct EventQueue<E, const N: usize> {
-    /// The first `len` are `Some`.
+    /// A ring: `len` slots from `first` on are `Some`.
     slots: [Option<Slot<E>>; N],
+    first: usize,
     len: usize,
     /// How many of them are outcomes.
     outcomes: usize,
@@ -23,13 +24,14 @@ struct Slot<E> {
 impl<E, const N: usize> EventQueue<E, N> {
     /// An empty queue.
     pub const fn new() -> Self {
-        Self { slots: [const { None }; N], len: 0, outcomes: 0, dropped: 0 }
+        Self { slots: [const { None }; N], first: 0, len: 0, outcomes: 0, dropped: 0 }
     }
 
     /// Adds an outcome. It may take the place of a notice.
     ///
     /// # Errors
     /// The queue is full of outcomes: `event` is returned.
+    #[inline]
     pub fn push_outcome(&mut self, event: E) -> Result<(), E> {
         if self.len == N && !self.drop_notice() {
             return Err(event);
@@ -39,6 +41,7 @@ impl<E, const N: usize> EventQueue<E, N> {
     }
 
     /// Adds a notice; if the queue is full, the oldest notice is dropped, which may be this one.
+    #[inline]
     pub fn push_notice(&mut self, event: E) {
         if self.len == N && !self.drop_notice() {
             self.dropped = self.dropped.saturating_add(1);
@@ -53,8 +56,16 @@ impl<E, const N: usize> EventQueue<E, N> {
     }
 
     /// The oldest event.
+    #[inline]
     pub fn pop(&mut self) -> Option<E> {
-        self.remove(0)
+        if self.len == 0 {
+            return None;
+        }
+        let slot = self.slots.get_mut(self.first)?.take()?;
+        self.first = Self::wrap(self.first + 1);
+        self.len -= 1;
+        self.outcomes -= usize::from(!slot.is_notice);
+        Some(slot.event)
     }
 
     /// No event waits.
@@ -67,27 +78,32 @@ impl<E, const N: usize> EventQueue<E, N> {
         self.dropped
     }
 
+    #[inline]
     fn append(&mut self, event: E, is_notice: bool) {
-        if let Some(slot) = self.slots.get_mut(self.len) {
+        if let Some(slot) = self.slots.get_mut(Self::wrap(self.first + self.len)) {
             *slot = Some(Slot { event, is_notice });
             self.len += 1;
             self.outcomes += usize::from(!is_notice);
         }
     }
 
+    #[cold]
     fn drop_notice(&mut self) -> bool {
-        let oldest = self.slots.iter().position(|slot| slot.as_ref().is_some_and(|slot| slot.is_notice));
-        let Some(oldest) = oldest else { return false };
+        let is_notice = |at: &usize| matches!(self.slots.get(*at), Some(Some(slot)) if slot.is_notice);
+        let Some(oldest) = (0..self.len).find(|index| is_notice(&Self::wrap(self.first + index))) else {
+            return false;
+        };
+        // It goes to the front, and the outcomes before it stay in their order.
+        for index in (0..oldest).rev() {
+            self.slots.swap(Self::wrap(self.first + index), Self::wrap(self.first + index + 1));
+        }
         self.dropped = self.dropped.saturating_add(1);
-        self.remove(oldest).is_some()
+        self.pop().is_some()
     }
 
-    fn remove(&mut self, at: usize) -> Option<E> {
-        let slot = self.slots.get_mut(at)?.take()?;
-        self.slots.get_mut(at..self.len)?.rotate_left(1);
-        self.len -= 1;
-        self.outcomes -= usize::from(!slot.is_notice);
-        Some(slot.event)
+    /// The slot of an index below `2 * N`.
+    const fn wrap(index: usize) -> usize {
+        if index < N { index } else { index - N }
     }
 }
 

@@ -3,7 +3,7 @@
 use core::marker::PhantomData;
 
 use crate::error::DecodeError;
-use crate::frame::{DLE, Frame, Framing, STX, find_dle};
+use crate::frame::{DLE, Frame, Framing, Reading, STX, find_dle};
 use crate::message::Message;
 
 /// A message and where its frame is.
@@ -47,6 +47,8 @@ pub struct Decoder<M> {
     lent: bool,
     /// So many bytes from `start` on have been read as a corrupt frame: a frame that begins there is a second reading.
     read_before: usize,
+    /// The frame at `start`, as far as it was read.
+    reading: Reading,
     /// What is wrong with the skipped bytes, if a frame began there.
     error: Option<DecodeError>,
     /// The same, until `corruption` returns it.
@@ -70,6 +72,7 @@ impl<M: Message> Decoder<M> {
             spare_dles: 0,
             lent: false,
             read_before: 0,
+            reading: Reading::NEW,
             error: None,
             news: None,
             finished: false,
@@ -89,12 +92,14 @@ impl<M: Message> Decoder<M> {
     }
 
     /// Reads the frame at `start`, of which `available` bytes are there. An error comes with the number of bytes that it is about.
-    fn read(&self, available: usize, finished: bool) -> Result<Option<(M, usize)>, (DecodeError, usize)> {
-        let bytes = self.bytes().get(..available).unwrap_or_default();
-        match Frame::decode_limited(bytes, self.framing, M::MAX_DATA) {
-            Ok(Some((frame, length))) => match M::decode(frame.data(), self.framing) {
+    #[inline]
+    fn read(&mut self, available: usize, finished: bool) -> Result<Option<(M, usize)>, (DecodeError, usize)> {
+        let bytes = self.buffer.get(self.start..self.start + available).unwrap_or_default();
+        match self.reading.read(bytes, self.framing, M::MAX_DATA) {
+            Ok(Some(length)) => match M::decode(self.reading.frame.data(), self.framing) {
                 Ok(message) if self.read_before > 0 && !message.is_plausible() => {
-                    Err((DecodeError::Length { offset: 0, found: frame.data().len() }, length))
+                    let found = self.reading.frame.data().len();
+                    Err((DecodeError::Length { offset: 0, found }, length))
                 }
                 Ok(message) => Ok(Some((message, length))),
                 Err(error) => Err((error, length)),
@@ -108,9 +113,57 @@ impl<M: Message> Decoder<M> {
         }
     }
 
+    #[inline(never)]
+    fn next_message(&mut self) -> Option<Result<Received<M>, DecodeError>> {
+        loop {
+            if !self.reading.has_begun() {
+                let at_mark = self.seek_mark();
+                if at_mark && self.read_before > 0 && self.error.is_some() {
+                    // Judged by the corrupt frame's own bytes alone, or the cuts of the stream would count.
+                    let within = self.read_before.min(self.end - self.start);
+                    if self.read(within, false).is_err() {
+                        self.skip(1);
+                        continue;
+                    }
+                }
+                if at_mark || self.finished {
+                    if !at_mark {
+                        self.skipped += core::mem::take(&mut self.spare_dles);
+                    }
+                    if let Some(error) = self.take_error() {
+                        return Some(Err(error));
+                    }
+                }
+                if !at_mark {
+                    self.finished = false;
+                    return None;
+                }
+            }
+            match self.read(self.end - self.start, self.finished) {
+                Ok(None) => return None,
+                Ok(Some((message, length))) => {
+                    let (offset, length) = self.accept(length);
+                    return Some(Ok(Received { offset, length, message }));
+                }
+                Err((error, extent)) => {
+                    let at = self.position.wrapping_add(self.spare_dles).wrapping_sub(self.lent.into());
+                    let error = error.shifted(at);
+                    (self.error, self.news) = (Some(error), Some(error));
+                    self.read_before = self.read_before.max(extent);
+                    self.skip(1);
+                }
+            }
+        }
+    }
+
     /// Skips what cannot belong to a start mark. True: `start` is at one; false: at its beginning or at the end.
     fn seek_mark(&mut self) -> bool {
         let needed = self.framing.leading_dle.count();
+        if let Some((mark, [STX, ..])) = self.bytes().split_at_checked(needed)
+            && mark.iter().all(|byte| *byte == DLE)
+        {
+            return true;
+        }
         loop {
             let bytes = self.bytes();
             let before = find_dle(bytes);
@@ -150,6 +203,9 @@ impl<M: Message> Decoder<M> {
     /// Removes bytes from the buffer; returns how many of them are not counted yet.
     fn consume(&mut self, count: usize) -> usize {
         self.start += count;
+        if count > 0 {
+            self.reading = Reading::NEW;
+        }
         self.read_before = self.read_before.saturating_sub(count);
         count - usize::from(count > 0 && core::mem::take(&mut self.lent))
     }
@@ -194,6 +250,12 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
             self.end -= self.start;
             self.start = 0;
         }
+        // A port that gives single bytes: no call to copy one.
+        if let ([byte], Some(room)) = (bytes, self.buffer.get_mut(self.end)) {
+            *room = *byte;
+            self.end += 1;
+            return 1;
+        }
         let taken = bytes.len().min(CAPACITY - self.end);
         let room = self.buffer.get_mut(self.end..self.end + taken);
         if let (Some(room), Some(bytes)) = (room, bytes.get(..taken)) {
@@ -203,44 +265,18 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
         taken
     }
 
+    #[inline]
     fn next_frame(&mut self) -> Option<Result<Received<M>, DecodeError>> {
-        loop {
-            let at_mark = self.seek_mark();
-            if at_mark && self.read_before > 0 && self.error.is_some() {
-                // Judged by the corrupt frame's own bytes alone, or the cuts of the stream would count.
-                let within = self.read_before.min(self.end - self.start);
-                if self.read(within, false).is_err() {
-                    self.skip(1);
-                    continue;
-                }
-            }
-            if at_mark || self.finished {
-                if !at_mark {
-                    self.skipped += core::mem::take(&mut self.spare_dles);
-                }
-                if let Some(error) = self.take_error() {
-                    return Some(Err(error));
-                }
-            }
-            if !at_mark {
-                self.finished = false;
-                return None;
-            }
-            match self.read(self.end - self.start, self.finished) {
-                Ok(None) => return None,
-                Ok(Some((message, length))) => {
-                    let (offset, length) = self.accept(length);
-                    return Some(Ok(Received { offset, length, message }));
-                }
-                Err((error, extent)) => {
-                    let at = self.position.wrapping_add(self.spare_dles).wrapping_sub(self.lent.into());
-                    let error = error.shifted(at);
-                    (self.error, self.news) = (Some(error), Some(error));
-                    self.read_before = self.read_before.max(extent);
-                    self.skip(1);
-                }
-            }
+        // A port that gives single bytes: most of them are data.
+        if self.reading.has_begun()
+            && let Some([byte]) = self.buffer.get(self.start + self.reading.at()..self.end)
+            && !self.finished
+            && self.reading.take(*byte, M::MAX_DATA)
+        {
+            return None;
         }
+        let is_empty = self.start == self.end && !self.finished;
+        if is_empty { None } else { self.next_message() }
     }
 
     fn finish(&mut self) {
@@ -255,5 +291,6 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
         self.position = self.position.wrapping_add(self.pending());
         (self.start, self.end, self.skipped, self.spare_dles, self.read_before) = (0, 0, 0, 0, 0);
         (self.lent, self.error, self.news, self.finished) = (false, None, None, false);
+        self.reading = Reading::NEW;
     }
 }

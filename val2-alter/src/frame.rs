@@ -86,8 +86,9 @@ impl TryFrom<u8> for LeadingDle {
 /// The data of one frame, without marks, doubled DLEs and checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frame {
-    /// Zero behind `len`: the sum and the count of DLEs then run over a constant length.
-    data: [u8; Frame::ROOM],
+    /// Zero behind `len`: the sum and the count of DLEs then run over a constant length. The room behind that is for words of
+    /// eight bytes that end in it.
+    data: [u8; Frame::SUMMED + 8],
     len: usize,
 }
 
@@ -97,7 +98,7 @@ impl Frame {
     /// The longest frame on the line, with every data byte and the checksum doubled.
     pub const MAX_LEN: usize = 3 + 2 * (Self::MAX_DATA + 1) + 2;
 
-    const ROOM: usize = 32;
+    const SUMMED: usize = 32;
 
     /// A frame around `data`.
     pub fn new(data: &[u8]) -> Result<Self, EncodeError> {
@@ -121,38 +122,9 @@ impl Frame {
         framing: Framing,
         limit: usize,
     ) -> Result<Option<(Self, usize)>, DecodeError> {
-        let Some(mark) = start_mark_len(bytes, framing.leading_dle)? else { return Ok(None) };
-        let mut frame = Self::empty();
-        let mut at = mark;
-        loop {
-            let rest = bytes.get(at..).unwrap_or_default();
-            let run = find_dle(rest);
-            if !frame.push_run(rest.get(..run).unwrap_or_default(), limit) {
-                return Err(DecodeError::TooLong { offset: 0, limit });
-            }
-            at += run + 2;
-            match rest.get(run + 1) {
-                None => return Ok(None),
-                Some(&DLE) if frame.push_run(&[DLE], limit) => {}
-                Some(&DLE) => return Err(DecodeError::TooLong { offset: 0, limit }),
-                Some(&ETX) => break,
-                Some(&found) => return Err(DecodeError::EndMark { offset: at - 1, found }),
-            }
-        }
-        let Some(&found) = bytes.get(at) else { return Ok(None) };
-        let expected = frame.checksum(framing);
-        if found != expected {
-            return Err(DecodeError::Checksum { offset: at, expected, found });
-        }
-        at += 1;
-        if framing.stuffed_checksum && found == DLE {
-            match bytes.get(at) {
-                None => return Ok(None),
-                Some(&DLE) => at += 1,
-                Some(&found) => return Err(DecodeError::EndMark { offset: at, found }),
-            }
-        }
-        Ok(Some((frame, at)))
+        let mut reading = Reading::NEW;
+        let length = reading.read(bytes, framing, limit)?;
+        Ok(length.map(|length| (reading.frame, length)))
     }
 
     /// Writes the frame and returns its length.
@@ -168,14 +140,11 @@ impl Frame {
             LeadingDle::One => out.put([DLE, STX]),
             LeadingDle::Two => out.put([DLE, DLE, STX]),
         }
-        let mut rest = self.data();
-        for _ in 0..doubled {
-            let run = find_dle(rest);
-            out.put_slice(rest.get(..run).unwrap_or_default());
-            out.put([DLE, DLE]);
-            rest = rest.get(run + 1..).unwrap_or_default();
+        if doubled == 0 {
+            out.put_slice(self.data());
+        } else {
+            out.put_stuffed(self.data());
         }
-        out.put_slice(rest);
         out.put([DLE, ETX, checksum]);
         // One byte is left when the checksum is doubled.
         out.put([DLE]);
@@ -194,13 +163,21 @@ impl Frame {
 
     /// The sum of the data modulo 256, or its two's complement.
     pub fn checksum(&self, framing: Framing) -> u8 {
-        let sum = self.data.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+        let sum = self.summed().iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
         if framing.negated_sum { sum.wrapping_neg() } else { sum }
     }
 
     /// The DLEs in the data.
     fn doubled(&self) -> usize {
-        usize::from(self.data.iter().fold(0, |count, byte| count + u8::from(*byte == DLE)))
+        if !self.summed().iter().fold(false, |any, byte| any | (*byte == DLE)) {
+            return 0; // nearly always, and a vector shows it
+        }
+        usize::from(self.summed().iter().fold(0, |count, byte| count + u8::from(*byte == DLE)))
+    }
+
+    fn summed(&self) -> &[u8; Self::SUMMED] {
+        let (summed, _) = self.data.split_first_chunk().unwrap_or((&[0; Self::SUMMED], &[]));
+        summed
     }
 
     fn len_with(&self, doubled: usize, checksum: u8, framing: Framing) -> usize {
@@ -208,8 +185,8 @@ impl Frame {
         framing.leading_dle.count() + 1 + self.len + doubled + 2 + checksum_len
     }
 
-    pub(crate) fn empty() -> Self {
-        Self { data: [0; Self::ROOM], len: 0 }
+    pub(crate) const fn empty() -> Self {
+        Self { data: [0; Self::SUMMED + 8], len: 0 }
     }
 
     /// Appends bytes for which there is room: messages are shorter than [`Frame::MAX_DATA`] by their types.
@@ -227,6 +204,51 @@ impl Frame {
         }
     }
 
+    /// Appends the data at `at`, up to the end mark; gives the place of what was not read.
+    fn unstuff(&mut self, bytes: &[u8], at: usize, limit: usize) -> (usize, Stop) {
+        let Self { data, len: total } = self;
+        let mut len = *total;
+        let mut rest = bytes.get(at..).unwrap_or_default();
+        let stop = loop {
+            // Words of eight bytes, up to the next DLE.
+            while let Some((word, behind)) = rest.split_first_chunk()
+                && let Some(room) = data.get_mut(len..).and_then(<[u8]>::first_chunk_mut)
+            {
+                *room = *word;
+                let run = dle_in(*word);
+                len += run;
+                if run < 8 {
+                    rest = rest.get(run..).unwrap_or_default();
+                    break;
+                }
+                rest = behind;
+            }
+            // Doubled DLEs often follow each other: zero, or the same value again.
+            while let Some((&PAIR, behind)) = rest.split_first_chunk()
+                && let Some(room) = data.get_mut(len)
+            {
+                *room = DLE;
+                len += 1;
+                rest = behind;
+            }
+            if len > limit {
+                break Stop::TooLong;
+            }
+            rest = match (rest, data.get_mut(len)) {
+                ([] | [DLE], _) | (_, None) => break Stop::Unread,
+                ([DLE, ETX, ..], _) => break Stop::End,
+                ([DLE, found, ..], _) => break Stop::NoMark(*found),
+                ([byte, behind @ ..], Some(room)) => {
+                    *room = *byte;
+                    len += 1;
+                    behind
+                }
+            };
+        };
+        *total = len;
+        (bytes.len() - rest.len(), stop)
+    }
+
     /// Appends `run`; false, and nothing appended, when there were then more than `limit` bytes.
     fn push_run(&mut self, run: &[u8], limit: usize) -> bool {
         let end = self.len + run.len();
@@ -241,8 +263,105 @@ impl Frame {
     }
 }
 
+/// A DLE of the data.
+const PAIR: [u8; 2] = [DLE; 2];
+
+/// Why no more data is read.
+enum Stop {
+    /// The end mark is here.
+    End,
+    /// What comes next is not there yet.
+    Unread,
+    /// There are more bytes than a message has.
+    TooLong,
+    /// A DLE before this byte.
+    NoMark(u8),
+}
+
+/// A frame that is being read: what was looked at is not looked at again when more bytes have come.
+#[derive(Debug, Clone)]
+pub(crate) struct Reading {
+    pub(crate) frame: Frame,
+    /// Bytes that were read, from the start mark on; 0 before that is whole.
+    at: usize,
+}
+
+impl Reading {
+    pub(crate) const NEW: Self = Self { frame: Frame::empty(), at: 0 };
+
+    /// A start mark was read.
+    pub(crate) const fn has_begun(&self) -> bool {
+        self.at > 0
+    }
+
+    /// Takes a byte of the data that stands alone; false: there is more to it.
+    #[inline]
+    pub(crate) fn take(&mut self, byte: u8, limit: usize) -> bool {
+        let len = self.frame.len;
+        match self.frame.data.get_mut(len) {
+            Some(room) if byte != DLE && len < limit => {
+                *room = byte;
+                self.frame.len += 1;
+                self.at += 1;
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// The bytes that were read.
+    #[inline]
+    pub(crate) const fn at(&self) -> usize {
+        self.at
+    }
+
+    /// Reads on in the frame at the start of `bytes`, of which some may have been read before; gives its length on the line.
+    pub(crate) fn read(
+        &mut self,
+        bytes: &[u8],
+        framing: Framing,
+        limit: usize,
+    ) -> Result<Option<usize>, DecodeError> {
+        if self.at == 0 {
+            let Some(mark) = start_mark_len(bytes, framing.leading_dle)? else { return Ok(None) };
+            self.at = mark;
+        }
+        let (at, stop) = self.frame.unstuff(bytes, self.at, limit);
+        self.at = at;
+        match stop {
+            Stop::End => {}
+            Stop::Unread => return Ok(None),
+            Stop::TooLong => return Err(DecodeError::TooLong { offset: 0, limit }),
+            Stop::NoMark(found) => return Err(DecodeError::EndMark { offset: at + 1, found }),
+        }
+        // What the last word has left behind the end.
+        if let Some(behind) = self.frame.data.get_mut(self.frame.len..).and_then(<[u8]>::first_chunk_mut) {
+            *behind = [0; 8];
+        }
+        let end = at + 2;
+        let Some(&found) = bytes.get(end) else { return Ok(None) };
+        let expected = self.frame.checksum(framing);
+        if found != expected {
+            return Err(DecodeError::Checksum { offset: end, expected, found });
+        }
+        if framing.stuffed_checksum && found == DLE {
+            return match bytes.get(end + 1) {
+                None => Ok(None),
+                Some(&DLE) => Ok(Some(end + 2)),
+                Some(&found) => Err(DecodeError::EndMark { offset: end + 1, found }),
+            };
+        }
+        Ok(Some(end + 1))
+    }
+}
+
 /// The start mark's length: a run of DLEs, at least the framing's number, then STX. `None`: more bytes are needed.
 fn start_mark_len(bytes: &[u8], leading: LeadingDle) -> Result<Option<usize>, DecodeError> {
+    match (leading, bytes) {
+        (LeadingDle::One, [DLE, STX, ..]) => return Ok(Some(2)),
+        (LeadingDle::Two, [DLE, DLE, STX, ..]) => return Ok(Some(3)),
+        _ => {}
+    }
     let run = bytes.iter().take_while(|byte| **byte == DLE).count();
     match bytes.get(run) {
         None => Ok(None),
@@ -253,21 +372,28 @@ fn start_mark_len(bytes: &[u8], leading: LeadingDle) -> Result<Option<usize>, De
 
 /// The place of the first DLE, or the length of `bytes`.
 pub(crate) fn find_dle(bytes: &[u8]) -> usize {
-    const ONES: u64 = 0x0101_0101_0101_0101;
-    const HIGH: u64 = 0x8080_8080_8080_8080;
     let mut at = 0;
     let mut rest = bytes;
     while let Some((word, behind)) = rest.split_first_chunk() {
-        // The lowest zero byte of `x` has the lowest high bit that survives.
-        let x = u64::from_le_bytes(*word) ^ (ONES * DLE as u64);
-        let zeros = x.wrapping_sub(ONES) & !x & HIGH;
-        if zeros != 0 {
-            return at + zeros.trailing_zeros() as usize / 8;
+        let run = dle_in(*word);
+        at += run;
+        if run < 8 {
+            return at;
         }
-        at += 8;
         rest = behind;
     }
     at + rest.iter().position(|byte| *byte == DLE).unwrap_or(rest.len())
+}
+
+/// The place of the first DLE, or 8.
+#[inline]
+const fn dle_in(word: [u8; 8]) -> usize {
+    const ONES: u64 = 0x0101_0101_0101_0101;
+    const HIGH: u64 = 0x8080_8080_8080_8080;
+    // The lowest zero byte of `x` has the lowest high bit that survives.
+    let x = u64::from_le_bytes(word) ^ (ONES * DLE as u64);
+    let zeros = x.wrapping_sub(ONES) & !x & HIGH;
+    zeros.trailing_zeros() as usize / 8
 }
 
 /// Writes into a slice that is known to be long enough.
@@ -281,6 +407,22 @@ impl Cursor<'_> {
             *head = bytes;
             self.out = tail;
         }
+    }
+
+    /// Each DLE twice.
+    fn put_stuffed(&mut self, bytes: &[u8]) {
+        let mut room = core::mem::take(&mut self.out).iter_mut();
+        for byte in bytes {
+            if let Some(place) = room.next() {
+                *place = *byte;
+            }
+            if *byte == DLE
+                && let Some(place) = room.next()
+            {
+                *place = DLE;
+            }
+        }
+        self.out = room.into_slice();
     }
 
     fn put_slice(&mut self, bytes: &[u8]) {

@@ -1,47 +1,66 @@
 //! val2-alter: a request in, six limited axes out, within the window of 15 or 17 ms.
 
+mod by_hand;
+
 use std::hint::black_box;
 use std::time::Duration;
 
-use benches::{Budget, Count, Link};
+use benches::{Budget, Count, Link, Ratio};
 use robot_session::{Decoder as _, Session as _};
 use val2_alter::{
     Accumulation, Decoder, ErrorCode, Frame, Framing, Host, HostConfig, HostMessage, Limiter, Limits,
     Message, Motion, MotionPhase, Reply, RobotMessage, SegmentStatus, Transform, timing,
 };
 
-pub const LINK: Link = Link { name: "val2-alter", counts: COUNTS, ratios: &[], budgets };
+use crate::streams;
+
+pub const LINK: Link = Link {
+    name: "val2-alter",
+    counts: COUNTS,
+    ratios: &[
+        Ratio { what: SESSION, times: 2.0, of: &[STREAM] },
+        Ratio { what: streams::RANDOM, times: 3.0, of: &[streams::RANDOM_WHOLE] },
+        Ratio { what: streams::WORST, times: 3.0, of: &[streams::WORST_WHOLE] },
+    ],
+    budgets,
+};
+
+const STREAM: &str = "the same from a stream, through the decoder";
+const SESSION: &str = "the same through the host session, with its deadline and its events";
 
 const COUNTS: &[Count] = &[
-    Count {
-        what: "turn-around: decode a 36-byte request, limit six axes, encode six values",
-        goal: Some(350.0),
-        units: 1.0,
-        unit: "op",
-        run: turn_around,
-    },
-    Count {
-        what: "the same with every DLE that can be: 64 bytes in, 33 out",
-        goal: Some(900.0),
-        units: 1.0,
-        unit: "op",
-        run: worst_turn_around,
-    },
-    Count {
-        what: "the same from a stream, through the decoder that rescans",
-        goal: None,
-        units: 1.0,
-        unit: "op",
-        run: stream,
-    },
-    Count {
-        what: "the same through the host session, with its deadline and its events",
-        goal: None,
-        units: 1.0,
-        unit: "op",
-        run: session,
-    },
+    row("turn-around: decode a 36-byte request, limit six axes, encode six values", Some(350.0), turn_around),
+    row("… by hand, byte by byte", None, |rounds| by_hand::turn(&REQUEST, TARGET, rounds)),
+    row("the same with every DLE that can be: 64 bytes in, 33 out", Some(900.0), worst_turn_around),
+    row("… by hand, byte by byte", None, |rounds| by_hand::turn(&worst_request(), [0x1010; 6], rounds)),
+    row(STREAM, None, stream),
+    row(SESSION, None, session),
+    streams::valid(REQUEST.len() as f64, |rounds| streams::push(rounds, decoder(), &REQUEST, 1)),
+    streams::noisy(streams::RANDOM_WHOLE, |rounds| {
+        streams::push_whole(rounds, decoder(), &streams::noise());
+    }),
+    streams::noisy_bytes(streams::RANDOM, |rounds| {
+        streams::push_noise(rounds, decoder(), &streams::noise());
+    }),
+    streams::noisy(streams::WORST_WHOLE, |rounds| {
+        streams::push_whole(rounds, decoder(), &streams::repeated(WORST));
+    }),
+    streams::noisy_bytes(streams::WORST, |rounds| {
+        streams::push_noise(rounds, decoder(), &streams::repeated(WORST));
+    }),
+    streams::LIMIT,
 ];
+
+const fn row(what: &'static str, goal: Option<f64>, run: fn(u64)) -> Count {
+    Count { what, goal, units: 1.0, unit: "op", run }
+}
+
+/// Start marks: each begins a frame that becomes too long.
+const WORST: &[u8] = &[0x10, 0x10, 0x02];
+
+fn decoder() -> Decoder<RobotMessage> {
+    Decoder::new(Framing::DEFAULT)
+}
 
 /// 30 data bytes without a DLE: 36 bytes on the line.
 const REQUEST: [u8; 36] = [
@@ -57,6 +76,10 @@ fn turn_around(rounds: u64) {
 }
 
 fn worst_turn_around(rounds: u64) {
+    turn(&worst_request(), [0x1010; 6], rounds);
+}
+
+fn worst_request() -> Vec<u8> {
     let request = RobotMessage::Motion(Motion {
         phase: MotionPhase::Running,
         error: ErrorCode::None,
@@ -68,7 +91,7 @@ fn worst_turn_around(rounds: u64) {
     let mut bytes = [0; Frame::MAX_LEN];
     let len = request.encode(Framing::DEFAULT, &mut bytes).expect("it fits");
     assert_eq!(len, timing::max_request_len(true, Framing::DEFAULT));
-    turn(&bytes[..len], [0x1010; 6], rounds);
+    bytes[..len].to_vec()
 }
 
 fn turn(request: &[u8], target: [i16; 6], rounds: u64) {
@@ -86,12 +109,13 @@ fn turn(request: &[u8], target: [i16; 6], rounds: u64) {
 }
 
 fn stream(rounds: u64) {
-    let mut decoder = Decoder::<RobotMessage>::new(Framing::DEFAULT);
+    let mut decoder = decoder();
     let mut limiter = Limiter::new(black_box(Limits::GENTLE));
     let mut out = [0; Frame::MAX_LEN];
     for _ in 0..rounds {
         assert_eq!(decoder.push(black_box(&REQUEST)), REQUEST.len());
         black_box(&decoder.next_frame().expect("a whole request").expect("a good request"));
+        assert_eq!(decoder.next_frame(), None);
         let reply = HostMessage::Reply(Reply::all(limiter.speeds(black_box(TARGET))));
         black_box(reply.encode(Framing::DEFAULT, black_box(&mut out)).expect("it fits"));
     }

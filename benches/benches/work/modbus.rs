@@ -19,20 +19,20 @@ use robot_session::{Encode as _, Session as _};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio_modbus::client::Reader;
 
-const N: usize = 38;
+pub(crate) const N: usize = 38;
 
 fn words() -> [u16; N] {
     core::array::from_fn(|i| i as u16 * 257)
 }
 
-fn request_bytes() -> Vec<u8> {
+pub(crate) fn request_bytes() -> Vec<u8> {
     let pdu = Request::ReadHoldingRegisters { address: 0, quantity: N as u16 };
     let mut out = Vec::new();
     Frame { transaction: Some(1), unit: 1, pdu }.append_to(&mut out).expect("a request");
     out
 }
 
-fn reply_bytes() -> Vec<u8> {
+pub(crate) fn reply_bytes() -> Vec<u8> {
     let mut out = Vec::new();
     let words = words();
     let pdu = Reply::HoldingRegisters(Words::from(&words));
@@ -76,9 +76,10 @@ pub(crate) fn decode_rmodbus(rounds: u64) {
     }
 }
 
-struct Bank([u16; 100]);
+pub(crate) struct Bank(pub(crate) [u16; 100]);
 
 impl Registers for Bank {
+    #[inline]
     fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
         let first = usize::from(address);
         out.copy_from(self.0.get(first..first + out.len()).ok_or(Exception::IllegalDataAddress)?);
@@ -171,13 +172,21 @@ pub(crate) fn exchange(rounds: u64) {
         let request = Request::ReadHoldingRegisters { address: 0, quantity: N as u16 };
         client.request(1, black_box(&request)).expect("a free place");
         let len = client.poll_transmit(now, &mut out).expect("a request");
-        reply.splice(..2, out.iter().take(len).take(2).copied());
+        answer(&mut reply, out.get(..len));
         client.handle_input(now, black_box(&reply));
         let Some(ClientEvent::Replied { ticket, .. }) = client.poll_event() else { panic!("no reply") };
         let Some(Reply::HoldingRegisters(read)) = client.reply(ticket) else { panic!("another reply") };
         assert_eq!(read.copy_to(&mut words), N);
         black_box(&words);
         assert_eq!(client.poll_event(), None);
+    }
+}
+
+/// Gives the reply the transaction of a request.
+pub(crate) fn answer(reply: &mut [u8], request: Option<&[u8]>) {
+    let transaction = request.and_then(<[u8]>::first_chunk::<2>);
+    if let (Some(to), Some(from)) = (reply.first_chunk_mut(), transaction) {
+        *to = *from;
     }
 }
 
@@ -190,7 +199,7 @@ struct Answering {
 
 impl AsyncWrite for Answering {
     fn poll_write(mut self: Pin<&mut Self>, _: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        self.reply.splice(..2, bytes.iter().take(2).copied());
+        answer(&mut self.reply, Some(bytes));
         self.read = 0;
         Poll::Ready(Ok(bytes.len()))
     }
@@ -243,6 +252,7 @@ pub(crate) fn server_session(rounds: u64) {
     for _ in 0..rounds {
         let now = black_box(Duration::from_millis(1));
         server.handle_input(now, black_box(&request));
+        assert!(black_box(server.poll_event()).is_some());
         assert_eq!(server.poll_transmit(now, &mut out), Some(9 + 2 * N));
         black_box(&out);
     }

@@ -68,14 +68,6 @@ impl ClientEvent {
             Self::Stray { .. } | Self::Corrupt(_) | Self::OutOfStep(_) | Self::Unexpected(_) => None,
         }
     }
-
-    /// The same stray, late by this request.
-    pub(super) fn with_late(mut self, request: Option<Ticket>) -> Self {
-        if let Self::Stray { late, .. } = &mut self {
-            *late = request;
-        }
-        self
-    }
 }
 
 /// Why a request has no usable reply.

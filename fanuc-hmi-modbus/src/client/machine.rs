@@ -209,6 +209,7 @@ impl<const N: usize> ClientMachine<N> {
     /// # Errors
     /// The state does not allow it: bytes without a connection, a request without a free place, an outcome that was not given.
     /// Nothing has changed then.
+    #[inline(always)] // where the input is known, little of it is left
     pub fn on(
         &mut self,
         now: Duration,
@@ -415,7 +416,8 @@ impl<const N: usize> ClientMachine<N> {
             if !fits && !config.framing.has_transactions() && config.keeps(Rule::CheckReply) {
                 return ClientAction::Stray { late: None };
             }
-            for held in self.requests.iter_mut().flatten().filter(|held| held.place == place) {
+            let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
+            if let Some(held) = requests.find(|held| held.place == place) {
                 held.stage = Stage::Ended;
             }
             return if fits || !config.keeps(Rule::CheckReply) {
@@ -484,16 +486,24 @@ impl<const N: usize> ClientMachine<N> {
             })
         };
         for _ in 0..N {
-            if config.keeps(Rule::FreshTransaction) && in_use(transaction) {
-                transaction = config.after(transaction);
+            if !config.keeps(Rule::FreshTransaction) || !in_use(transaction) {
+                break;
             }
+            transaction = config.after(transaction);
         }
         transaction
     }
 
     fn remove(&mut self, index: usize) -> Option<Held> {
-        let held = self.requests.get_mut(index)?.take()?;
-        self.requests.get_mut(index..)?.rotate_left(1);
+        let mut rest = self.requests.get_mut(index..)?;
+        let held = rest.first_mut()?.take()?;
+        // Only as far as there are requests, which are few.
+        while let [free, next, ..] = rest
+            && next.is_some()
+        {
+            core::mem::swap(free, next);
+            rest = rest.get_mut(1..)?;
+        }
         Some(held)
     }
 }

@@ -4,6 +4,7 @@ mod config;
 mod event;
 mod machine;
 
+use core::ops::Range;
 use core::time::Duration;
 
 use robot_session::{Decoder as _, Encode as _, EventQueue, Session};
@@ -16,7 +17,7 @@ use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
 use crate::frame::{Frame, Side};
 use crate::framing::Framing;
-use crate::message::{PduBuf, Reply, Request};
+use crate::message::{Pdu as _, PduBuf, Reply, Request, limit};
 
 /// The client's end of one connection or serial line, with `N` places for requests, 16 at most.
 ///
@@ -49,17 +50,10 @@ const EVENTS: usize = 16;
 struct Place {
     ticket: Ticket,
     unit: u8,
+    /// How many bits or registers the request reads.
+    quantity: u16,
+    is_reply: bool,
     pdu: PduBuf,
-    content: Content,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Content {
-    Request,
-    /// A reply to a request for so many bits or registers.
-    Reply {
-        quantity: u16,
-    },
 }
 
 /// What a frame is to the request that it seems to belong to.
@@ -83,7 +77,7 @@ impl<const N: usize> Client<N> {
         if config.timeout.is_zero() {
             return Err(ConfigError::Timeout);
         }
-        let place = Place { ticket: Ticket(0), unit: 0, pdu: PduBuf::EMPTY, content: Content::Request };
+        let place = Place { ticket: Ticket(0), unit: 0, quantity: 0, is_reply: false, pdu: PduBuf::EMPTY };
         Ok(Self {
             config,
             machine: ClientMachine::NEW,
@@ -103,13 +97,16 @@ impl<const N: usize> Client<N> {
         if broadcast && request.reads() {
             return Err(SessionError::BroadcastRead { function: request.function() });
         }
-        let pdu = PduBuf::new(request)?;
+        let mut pdu = [0; limit::PDU];
+        let len = request.encode(&mut pdu)?;
         let kept = self.machine.on(Duration::ZERO, ClientInput::Request { broadcast }, &self.config);
         let Ok(ClientAction::Keep { place }) = kept else { return Err(SessionError::Full { places: N }) };
         self.statistics.requests += 1;
         let ticket = Ticket(self.statistics.requests);
         if let Some(place) = self.places.get_mut(usize::from(place)) {
-            *place = Place { ticket, unit, pdu, content: Content::Request };
+            (place.ticket, place.unit) = (ticket, unit);
+            (place.quantity, place.is_reply) = (request.quantity_read(), false);
+            place.pdu.hold(pdu.get(..len).unwrap_or_default());
         }
         Ok(ticket)
     }
@@ -117,9 +114,8 @@ impl<const N: usize> Client<N> {
     /// The reply to a request: from its [`ClientEvent::Replied`] on, until another request takes its place.
     #[inline]
     pub fn reply(&self, ticket: Ticket) -> Option<Reply<'_>> {
-        let place = self.places.iter().find(|place| place.ticket == ticket)?;
-        let Content::Reply { quantity } = place.content else { return None };
-        Some(Reply::decode(place.pdu.as_bytes()).ok()?.with_bits(quantity))
+        let place = self.places.iter().find(|place| place.ticket == ticket && place.is_reply)?;
+        Some(Reply::decode(place.pdu.as_bytes()).ok()?.with_bits(place.quantity))
     }
 
     /// How many requests are in flight.
@@ -143,6 +139,7 @@ impl<const N: usize> Client<N> {
         &self.config
     }
 
+    #[inline(always)] // as `ClientMachine::on`
     fn step(&mut self, now: Duration, input: ClientInput) -> ClientAction {
         match self.machine.on(now, input, &self.config) {
             Ok(action) => action,
@@ -169,23 +166,13 @@ impl<const N: usize> Client<N> {
         }
     }
 
-    fn frame(&mut self, now: Duration, range: core::ops::Range<usize>) {
+    fn frame(&mut self, now: Duration, range: Range<usize>) {
         let Some(frame) = self.decoder.frame(range.clone()) else { return };
         let transaction = frame.transaction.unwrap_or(0);
         let expects = self.machine.expects(transaction, &self.config);
         let place = expects.and_then(|place| self.places.get(usize::from(place)));
         let misfit = place.and_then(|place| place.misfit(&frame, self.config.any_unit));
-        let (unit, function) = (frame.unit, frame.pdu.first().copied().unwrap_or_default() & 0x7F);
-        let stray = ClientEvent::Stray {
-            transaction: frame.transaction,
-            unit,
-            function,
-            late: None,
-            mismatch: match misfit {
-                Some(Misfit::Mismatch(mismatch)) => Some(mismatch),
-                Some(Misfit::Malformed(_)) | None => None,
-            },
-        };
+        let unit = frame.unit;
         match self.step(now, ClientInput::Reply { transaction, fits: misfit.is_none() }) {
             ClientAction::Replied { place } => {
                 let Some(frame) = self.decoder.frame(range) else { return };
@@ -203,13 +190,25 @@ impl<const N: usize> Client<N> {
                 };
                 self.fail(place, failure);
             }
-            ClientAction::Stray { late } => {
-                self.statistics.strays += 1;
-                let late = late.and_then(|place| self.ticket(place));
-                self.events.push_notice(stray.with_late(late));
-            }
+            ClientAction::Stray { late } => self.stray(range, late, misfit),
             _ => {}
         }
+    }
+
+    #[cold]
+    fn stray(&mut self, range: Range<usize>, late: Option<u8>, misfit: Option<Misfit>) {
+        let Some(frame) = self.decoder.frame(range) else { return };
+        self.statistics.strays += 1;
+        self.events.push_notice(ClientEvent::Stray {
+            transaction: frame.transaction,
+            unit: frame.unit,
+            function: frame.pdu.first().copied().unwrap_or_default() & 0x7F,
+            late: late.and_then(|place| self.ticket(place)),
+            mismatch: match misfit {
+                Some(Misfit::Mismatch(mismatch)) => Some(mismatch),
+                Some(Misfit::Malformed(_)) | None => None,
+            },
+        });
     }
 
     fn reset(&mut self, action: ClientAction) {
@@ -345,8 +344,7 @@ impl Place {
 
     /// The reply takes the place of its request.
     fn keep_reply(&mut self, pdu: &[u8]) {
-        let quantity = self.pdu.request().map_or(0, |request| request.quantity_read());
         self.pdu.hold(pdu);
-        self.content = Content::Reply { quantity };
+        self.is_reply = true;
     }
 }

@@ -29,6 +29,7 @@ impl PduBuf {
     }
 
     /// Holds these bytes from now on, unless they are too many.
+    #[inline]
     pub(crate) fn hold(&mut self, pdu: &[u8]) {
         if let (Some(to), Ok(len)) = (self.bytes.get_mut(..pdu.len()), u8::try_from(pdu.len())) {
             to.copy_from_slice(pdu);
@@ -37,6 +38,7 @@ impl PduBuf {
     }
 
     /// The bytes: a function code and what follows it.
+    #[inline]
     pub fn as_bytes(&self) -> &[u8] {
         self.bytes.get(..usize::from(self.len)).unwrap_or_default()
     }
@@ -45,6 +47,7 @@ impl PduBuf {
     ///
     /// # Errors
     /// As [`Request::decode`].
+    #[inline]
     pub fn request(&self) -> Result<Request<'_>, DecodeError> {
         Request::decode(self.as_bytes())
     }
@@ -53,6 +56,7 @@ impl PduBuf {
     ///
     /// # Errors
     /// As [`Reply::decode`].
+    #[inline]
     pub fn reply(&self) -> Result<Reply<'_>, DecodeError> {
         Reply::decode(self.as_bytes())
     }

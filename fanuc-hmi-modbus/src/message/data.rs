@@ -51,19 +51,11 @@ impl<'a> Words<'a> {
     }
 
     /// Copies as many registers as `out` holds, and returns how many.
-    #[inline]
+    #[inline(always)] // where the words come from is known then
     pub fn copy_to(&self, out: &mut [u16]) -> usize {
         match self.0 {
-            WordsIn::Wire(pairs) => {
-                for (word, pair) in out.iter_mut().zip(pairs) {
-                    *word = u16::from_be_bytes(*pair);
-                }
-            }
-            WordsIn::Memory(words) => {
-                for (word, from) in out.iter_mut().zip(words) {
-                    *word = *from;
-                }
-            }
+            WordsIn::Wire(pairs) => copy(pairs, out, u16::from_be_bytes),
+            WordsIn::Memory(words) => copy(words, out, |word| word),
         }
         self.len().min(out.len())
     }
@@ -270,9 +262,7 @@ impl<'a> WordsMut<'a> {
     /// Sets the first registers from a slice.
     #[inline]
     pub fn copy_from(&mut self, words: &[u16]) {
-        for (pair, word) in self.0.iter_mut().zip(words) {
-            *pair = word.to_be_bytes();
-        }
+        copy(words, self.0, u16::to_be_bytes);
     }
 
     /// Sets each register from its index.
@@ -323,6 +313,21 @@ impl<'a> BitsMut<'a> {
         for index in 0..self.len {
             self.set(index, bit(index));
         }
+    }
+}
+
+/// Copies as many registers as both have: eight at once, a vector's worth, and the last eight once more instead of one by one.
+#[inline(always)] // for few registers there is little of it
+fn copy<A: Copy, B>(from: &[A], to: &mut [B], convert: impl Fn(A) -> B + Copy) {
+    let len = from.len().min(to.len());
+    let (from, to) = (from.get(..len).unwrap_or_default(), to.get_mut(..len).unwrap_or_default());
+    if let (Some(from), Some(to)) = (from.last_chunk::<8>(), to.last_chunk_mut()) {
+        *to = from.map(convert);
+    } else {
+        to.iter_mut().zip(from).for_each(|(to, from)| *to = convert(*from));
+    }
+    for (to, from) in to.as_chunks_mut::<8>().0.iter_mut().zip(from.as_chunks::<8>().0) {
+        *to = from.map(convert);
     }
 }
 

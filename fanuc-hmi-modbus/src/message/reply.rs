@@ -47,19 +47,19 @@ impl<'a> Reply<'a> {
     #[inline(always)] // small: what is done with the registers is inlined after it
     pub fn decode(pdu: &'a [u8]) -> Result<Self, DecodeError> {
         let (&function, body) = pdu.split_first().ok_or(DecodeError::Empty)?;
+        match function {
+            function::READ_HOLDING_REGISTERS => words(function, body).map(Self::HoldingRegisters),
+            _ => Self::decode_other(function, body),
+        }
+    }
+
+    /// Every other reply: apart, so that the one that is read in every cycle is small enough to be built in where it is decoded.
+    fn decode_other(function: u8, body: &'a [u8]) -> Result<Self, DecodeError> {
         Ok(match function {
-            function::READ_HOLDING_REGISTERS => Self::HoldingRegisters(words(function, body)?),
             function::READ_INPUT_REGISTERS => Self::InputRegisters(words(function, body)?),
             function::READ_COILS => Self::Coils(bits(function, body)?),
             function::READ_DISCRETE_INPUTS => Self::DiscreteInputs(bits(function, body)?),
             function::READ_WRITE_REGISTERS => Self::ReadWriteRegisters(words(function, body)?),
-            _ => return Self::decode_short(function, body),
-        })
-    }
-
-    /// Every other reply: apart, so that the reads stay small enough to be built in where they are decoded.
-    fn decode_short(function: u8, body: &'a [u8]) -> Result<Self, DecodeError> {
-        Ok(match function {
             function::WRITE_COIL => {
                 let (address, value) = pair(function, body)?;
                 Self::WriteCoil { address, value: coil(value)? }

@@ -103,6 +103,18 @@ impl Active {
         }
     }
 
+    /// The exception that the next reply carries.
+    pub(super) fn to_send(&self, config: &HostConfig) -> Exception {
+        match self.exception {
+            Pending::Unsent(exception)
+                if self.stage == Stage::Running || !config.keeps(HostRule::NotInterrupted) =>
+            {
+                exception
+            }
+            _ => Exception::None,
+        }
+    }
+
     pub(super) fn course(&self, config: &HostConfig) -> Course {
         let is_offset = config.mode.accumulation() == Accumulation::NonCumulative;
         let stale = config.keeps(HostRule::Stale);

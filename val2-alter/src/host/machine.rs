@@ -121,15 +121,7 @@ impl HostMachine {
             },
             HostPhase::Active(active) => {
                 active.request?;
-                let exception = match active.exception {
-                    Pending::Unsent(exception)
-                        if active.stage == Stage::Running || !config.keeps(HostRule::NotInterrupted) =>
-                    {
-                        exception
-                    }
-                    _ => Exception::None,
-                };
-                Some(Wanted::Reply { course: active.course(config), exception })
+                Some(Wanted::Reply { course: active.course(config), exception: active.to_send(config) })
             }
             HostPhase::Disconnected
             | HostPhase::Idle
@@ -221,13 +213,10 @@ impl HostMachine {
     }
 
     fn reply(&mut self, now: Duration, draft: Draft, config: &HostConfig) -> HostActions {
-        let wanted = self.wanted(config);
         let mut actions = HostActions::default();
         let HostPhase::Active(active) = &mut self.phase else { return actions };
-        let (Some(mut request), Some(Wanted::Reply { exception, .. })) = (active.request.take(), wanted)
-        else {
-            return actions;
-        };
+        let exception = active.to_send(config);
+        let Some(mut request) = active.request.take() else { return actions };
         let Some((select, held)) = active.select(now, draft, request.due, config) else {
             request.due.begin_by = now;
             active.request = Some(request);

@@ -161,7 +161,7 @@ impl Host {
             }
             match item {
                 None => return,
-                Some(Ok(received)) => self.on_message(now, received),
+                Some(Ok(received)) => self.on_message(now, &received),
                 Some(Err(error)) => {
                     self.statistics.corrupt += 1;
                     if let DecodeError::StartMark { .. } = error {
@@ -173,7 +173,8 @@ impl Host {
         }
     }
 
-    fn on_message(&mut self, now: Duration, received: Received<RobotMessage>) {
+    #[inline(never)] // a message that is passed in registers is copied field by field
+    fn on_message(&mut self, now: Duration, received: &Received<RobotMessage>) {
         let len = u8::try_from(received.length).unwrap_or(u8::MAX);
         match received.message {
             RobotMessage::Start(start) => {

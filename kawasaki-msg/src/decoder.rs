@@ -156,11 +156,6 @@ impl robot_session::Decoder for Decoder {
                 cursor.scanned += 1;
                 return None;
             }
-            // What comes after it may end the message.
-            if cursor.scanned > 0 && *byte == DATA {
-                cursor.scanned = 0;
-                return None;
-            }
         }
         self.next_item()
     }

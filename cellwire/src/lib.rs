@@ -15,7 +15,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use self::cell::fanuc_hmi_modbus::plausibility::Implausible;
 use self::command::{
-    alter, bridge, decode, demo, encode, fanuc, kawasaki, laser, ls, mma, modbus, settings, simulate, vectors,
+    alter, bridge, decode, demo, encode, fanuc, kawasaki, laser, ls, manual, mma, modbus, settings, simulate,
+    vectors,
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -63,6 +64,8 @@ enum Command {
     Vectors(vectors::Args),
     Alter(alter::Args),
     Bridge(bridge::Args),
+    Completions(manual::Completions),
+    Man(manual::Man),
 }
 
 /// Runs the command. Exit status: 0 success, 1 corrupt input or a broken promise, 2 the command could not be run, 3 a connection was
@@ -82,6 +85,8 @@ pub fn main() -> ExitCode {
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
         Command::Bridge(args) => bridge::run(&args),
+        Command::Completions(args) => manual::completions(&args, command_line()).map(|()| true),
+        Command::Man(args) => manual::man(&args, command_line()).map(|()| true),
     };
     let status = match outcome {
         Ok(true) => ExitCode::SUCCESS,
@@ -101,8 +106,15 @@ pub fn main() -> ExitCode {
     status
 }
 
-/// The command line; the help of a command lists the settings of the link or device that is named beside it.
 fn parse() -> Cli {
+    match Cli::from_arg_matches(&command_line().get_matches()) {
+        Ok(cli) => cli,
+        Err(error) => error.exit(),
+    }
+}
+
+/// The command line; the help of a command lists the settings of the link or device that is named beside it.
+fn command_line() -> clap::Command {
     let arguments: Vec<String> = std::env::args_os().filter_map(|text| text.into_string().ok()).collect();
     let mut command = Cli::command();
     for name in ["decode", "encode", "simulate", "demo", "alter"] {
@@ -123,14 +135,10 @@ fn parse() -> Cli {
             command.mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, &settings)));
     }
     command = command.mut_subcommand("modbus", |it| with_settings(it, &client_settings()));
-    command = command.mut_subcommand("bridge", |it| {
+    command.mut_subcommand("bridge", |it| {
         let before = it.get_after_help().map(ToString::to_string).unwrap_or_default();
         it.after_long_help(format!("{before}\n\n{}", bridge::help()))
-    });
-    match Cli::from_arg_matches(&command.get_matches()) {
-        Ok(cli) => cli,
-        Err(error) => error.exit(),
-    }
+    })
 }
 
 /// The command, whose long help ends with these settings.

@@ -10,6 +10,7 @@ pub mod fanuc;
 pub mod kawasaki;
 pub mod laser;
 pub mod ls;
+pub mod manual;
 pub mod mma;
 pub mod modbus;
 pub mod settings;

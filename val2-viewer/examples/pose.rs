@@ -1,4 +1,4 @@
-//! Answers a workstation on a serial port: `cargo run -p val2-viewer --features std --example host -- /dev/ttyUSB0`
+//! Answers a workstation on a serial port: `cargo run -p val2-viewer --features std --example pose -- /dev/ttyUSB0`
 
 use core::ops::ControlFlow;
 use core::time::Duration;
@@ -31,7 +31,7 @@ impl Transport for Port {
 }
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
-    let path = std::env::args().nth(1).ok_or("usage: host PORT")?;
+    let path = std::env::args().nth(1).ok_or("usage: pose PORT")?;
     let port = serialport::new(path, timing::BAUD).flow_control(FlowControl::Software).open()?;
     let mut host = Host::new(HostConfig::default())?;
     let mut driver = Driver::new(Port(port));

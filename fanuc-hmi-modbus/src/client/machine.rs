@@ -5,6 +5,7 @@ use core::time::Duration;
 use robot_session::Unexpected;
 
 use super::config::ClientConfig;
+use super::places::Places;
 use crate::line::Line;
 use crate::model::Rule;
 
@@ -165,21 +166,6 @@ pub enum ClientAction {
     },
     /// What the decoder holds will not be continued.
     Cut,
-}
-
-/// A set of places.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-pub struct Places(u16);
-
-impl Places {
-    fn insert(&mut self, place: u8) {
-        self.0 |= 1 << place;
-    }
-
-    /// The places, in the order of their numbers.
-    pub fn iter(self) -> impl Iterator<Item = u8> {
-        (0..16).filter(move |place| self.0 >> place & 1 == 1)
-    }
 }
 
 impl ClientInput {

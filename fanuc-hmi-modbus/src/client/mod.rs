@@ -3,6 +3,7 @@
 mod config;
 mod event;
 mod machine;
+mod places;
 
 use core::ops::Range;
 use core::time::Duration;
@@ -11,7 +12,8 @@ use robot_session::{Decoder as _, Encode as _, EventQueue, Session};
 
 pub use config::ClientConfig;
 pub use event::{ClientEvent, ClientStatistics, Failure, Ticket};
-pub use machine::{ClientAction, ClientInput, ClientLink, ClientMachine, Held, Places, Quiet, Stage};
+pub use machine::{ClientAction, ClientInput, ClientLink, ClientMachine, Held, Quiet, Stage};
+pub use places::Places;
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};

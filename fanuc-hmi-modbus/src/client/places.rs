@@ -1,0 +1,16 @@
+//! Which of a client's places for requests.
+
+/// A set of places.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct Places(u16);
+
+impl Places {
+    pub(super) fn insert(&mut self, place: u8) {
+        self.0 |= 1 << place;
+    }
+
+    /// The places, in the order of their numbers.
+    pub fn iter(self) -> impl Iterator<Item = u8> {
+        (0..16).filter(move |place| self.0 >> place & 1 == 1)
+    }
+}

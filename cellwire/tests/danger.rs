@@ -16,12 +16,15 @@ mod ball;
 mod controller;
 #[path = "danger/pty.rs"]
 mod pty;
+#[path = "tool/real_time.rs"]
+mod real_time;
 #[path = "danger/rig.rs"]
 mod rig;
 
 use std::time::Duration;
 
 use controller::Cycle;
+use real_time::in_real_time;
 use rig::{Rig, Stopped, greatest_step, x};
 
 /// Moving so fast, of 90 units a cycle, an arm is stopped.
@@ -61,8 +64,10 @@ fn old_data() -> Option<Stopped> {
 
 #[test]
 fn a_ball_that_repeats_old_data_with_a_push_stops_the_arm() {
-    // 100 ms.
-    assert_stopped(tried(old_data), 5);
+    in_real_time(|| {
+        // 100 ms.
+        assert_stopped(tried(old_data), 5);
+    });
 }
 
 fn ball_gone() -> Option<Stopped> {
@@ -73,8 +78,10 @@ fn ball_gone() -> Option<Stopped> {
 
 #[test]
 fn a_ball_that_is_gone_stops_the_arm() {
-    // 150 ms.
-    assert_stopped(tried(ball_gone), 5);
+    in_real_time(|| {
+        // 150 ms.
+        assert_stopped(tried(ball_gone), 5);
+    });
 }
 
 fn ball_back_pushed() -> Option<Stopped> {
@@ -89,7 +96,9 @@ fn ball_back_pushed() -> Option<Stopped> {
 
 #[test]
 fn a_ball_that_comes_back_pushed_moves_nothing() {
-    assert_stopped(tried(ball_back_pushed), 0);
+    in_real_time(|| {
+        assert_stopped(tried(ball_back_pushed), 0);
+    });
 }
 
 /// Comes to rest, ends ALTER with silence, writes its trace and gives the terminal back.
@@ -116,9 +125,11 @@ fn signal(name: &str) -> Option<Stopped> {
 
 #[test]
 fn signals_come_to_rest_first() {
-    for name in ["-TERM", "-INT", "-HUP"] {
-        assert_stopped(tried(|| signal(name)), SOON);
-    }
+    in_real_time(|| {
+        for name in ["-TERM", "-INT", "-HUP"] {
+            assert_stopped(tried(|| signal(name)), SOON);
+        }
+    });
 }
 
 /// Whether it ended before the arm had come to rest.
@@ -137,8 +148,10 @@ fn second_signal() -> bool {
 
 #[test]
 fn a_second_signal_ends_at_once() {
-    // A busy machine may deliver it when the arm is at rest.
-    assert!((0..10).any(|_| second_signal()), "the arm came to rest first, each time");
+    in_real_time(|| {
+        // A busy machine may deliver it when the arm is at rest.
+        assert!((0..10).any(|_| second_signal()), "the arm came to rest first, each time");
+    });
 }
 
 fn terminal_closed() -> Option<Stopped> {
@@ -150,7 +163,9 @@ fn terminal_closed() -> Option<Stopped> {
 
 #[test]
 fn a_terminal_that_is_closed_ends_it_properly() {
-    assert_stopped(tried(terminal_closed), SOON);
+    in_real_time(|| {
+        assert_stopped(tried(terminal_closed), SOON);
+    });
 }
 
 /// The keys before, the key that stops, and whether the program ends by it.
@@ -182,9 +197,11 @@ fn stop_key(view: &[u8], key: &[u8], ends: bool) -> Option<Stopped> {
 
 #[test]
 fn the_stop_key_works_in_every_view() {
-    for (view, key, ends) in STOPS {
-        assert_stopped(tried(|| stop_key(view, key, ends)), SOON);
-    }
+    in_real_time(|| {
+        for (view, key, ends) in STOPS {
+            assert_stopped(tried(|| stop_key(view, key, ends)), SOON);
+        }
+    });
 }
 
 fn terminal_blocked() -> Option<Stopped> {
@@ -199,7 +216,9 @@ fn terminal_blocked() -> Option<Stopped> {
 
 #[test]
 fn a_terminal_whose_output_blocks_delays_no_key() {
-    assert_stopped(tried(terminal_blocked), SOON);
+    in_real_time(|| {
+        assert_stopped(tried(terminal_blocked), SOON);
+    });
 }
 
 fn start_pushed() -> Option<Stopped> {
@@ -212,7 +231,9 @@ fn start_pushed() -> Option<Stopped> {
 
 #[test]
 fn a_start_while_the_ball_is_pushed_moves_nothing() {
-    assert_stopped(tried(start_pushed), 0);
+    in_real_time(|| {
+        assert_stopped(tried(start_pushed), 0);
+    });
 }
 
 /// The cause is the first cycle that the robot interrupts: its subroutine has stopped the arm.
@@ -228,7 +249,9 @@ fn interruption_pushed() -> Option<Stopped> {
 
 #[test]
 fn an_interruption_while_the_ball_is_pushed_moves_nothing_afterwards() {
-    assert_stopped(tried(interruption_pushed), 0);
+    in_real_time(|| {
+        assert_stopped(tried(interruption_pushed), 0);
+    });
 }
 
 fn restart_pushed() -> Option<Stopped> {
@@ -241,7 +264,9 @@ fn restart_pushed() -> Option<Stopped> {
 
 #[test]
 fn another_start_while_the_ball_is_pushed_moves_nothing() {
-    assert_stopped(tried(restart_pushed), 0);
+    in_real_time(|| {
+        assert_stopped(tried(restart_pushed), 0);
+    });
 }
 
 /// The robot is silent for more than twenty cycles, and begins again: the hand has pushed all the time.
@@ -255,7 +280,9 @@ fn robot_back_pushed() -> Option<Stopped> {
 
 #[test]
 fn a_robot_that_comes_back_while_the_ball_is_pushed_moves_nothing() {
-    assert_stopped(tried(robot_back_pushed), 0);
+    in_real_time(|| {
+        assert_stopped(tried(robot_back_pushed), 0);
+    });
 }
 
 fn key_released() -> Option<Stopped> {
@@ -274,91 +301,101 @@ fn key_released() -> Option<Stopped> {
 
 #[test]
 fn hold_to_run_moves_only_while_the_key_is_held() {
-    let rig = Rig::new(23, &["--hold-to-run", "--hold-key", "8"]);
-    rig.controller.start(23);
-    rig.arm();
-    let since = rig.controller.now();
-    rig.ball.push(127);
-    rig.controller.pass(20);
-    let log = rig.controller.log();
-    assert!(log[since..].iter().all(|cycle| x(cycle).unwrap_or(0) == 0), "{:?}", &log[since..]);
-    drop(rig);
-    assert_stopped(tried(key_released), SOON);
+    in_real_time(|| {
+        let rig = Rig::new(23, &["--hold-to-run", "--hold-key", "8"]);
+        rig.controller.start(23);
+        rig.arm();
+        let since = rig.controller.now();
+        rig.ball.push(127);
+        rig.controller.pass(20);
+        let log = rig.controller.log();
+        assert!(log[since..].iter().all(|cycle| x(cycle).unwrap_or(0) == 0), "{:?}", &log[since..]);
+        drop(rig);
+        assert_stopped(tried(key_released), SOON);
+    });
 }
 
 /// Each reply that the robot could not read is counted, with its reason.
 #[test]
 fn rejected_replies_are_counted_and_their_reasons_shown() {
-    let rig = Rig::moving(23, &[], FAST);
-    for (code, counted) in [
-        (1, "rejected 1: checksum 1  "),
-        (2, "rejected 2: checksum 1, format 1  "),
-        (5, "rejected 3: checksum 1, format 1, marks 1  "),
-        (1, "rejected 4: checksum 2, format 1, marks 1  "),
-    ] {
-        rig.controller.reject(code);
-        rig.terminal.wait_for(counted);
-    }
-    // What the arm has not done counts as rest: it goes on from there within the limits.
-    let log = rig.controller.log();
-    assert!(log.iter().filter_map(x).all(|x| x.unsigned_abs() <= 90), "{log:?}");
+    in_real_time(|| {
+        let rig = Rig::moving(23, &[], FAST);
+        for (code, counted) in [
+            (1, "rejected 1: checksum 1  "),
+            (2, "rejected 2: checksum 1, format 1  "),
+            (5, "rejected 3: checksum 1, format 1, marks 1  "),
+            (1, "rejected 4: checksum 2, format 1, marks 1  "),
+        ] {
+            rig.controller.reject(code);
+            rig.terminal.wait_for(counted);
+        }
+        // What the arm has not done counts as rest: it goes on from there within the limits.
+        let log = rig.controller.log();
+        assert!(log.iter().filter_map(x).all(|x| x.unsigned_abs() <= 90), "{log:?}");
+    });
 }
 
 /// A window of one cell shows nothing, and harms nothing.
 #[test]
 fn a_terminal_without_room_is_no_error() {
-    let mut rig = Rig::moving(23, &[], 8);
-    for (rows, columns) in [(1, 1), (3, 200), (24, 2)] {
-        rig.terminal.resize(rows, columns);
-        rig.controller.pass(10);
-    }
-    let cause = rig.controller.now();
-    rig.terminal.press(b"q");
-    rig.controller.wait("rest", cause, |cycle| x(cycle) == Some(0) || *cycle == Cycle::Ended);
-    let (status, _) = rig.wait_for_exit();
-    assert_eq!((status.code(), rig.stderr().contains("panicked")), (Some(0), false), "{}", rig.stderr());
-    rig.terminal.resize(24, 80);
-    rig.terminal.assert_restored();
+    in_real_time(|| {
+        let mut rig = Rig::moving(23, &[], 8);
+        for (rows, columns) in [(1, 1), (3, 200), (24, 2)] {
+            rig.terminal.resize(rows, columns);
+            rig.controller.pass(10);
+        }
+        let cause = rig.controller.now();
+        rig.terminal.press(b"q");
+        rig.controller.wait("rest", cause, |cycle| x(cycle) == Some(0) || *cycle == Cycle::Ended);
+        let (status, _) = rig.wait_for_exit();
+        assert_eq!((status.code(), rig.stderr().contains("panicked")), (Some(0), false), "{}", rig.stderr());
+        rig.terminal.resize(24, 80);
+        rig.terminal.assert_restored();
+    });
 }
 
 #[test]
 fn another_mode_is_refused_and_both_are_named() {
-    for mode in [21, 22] {
-        let rig = Rig::new(mode, &[]);
-        rig.controller.start(mode);
-        rig.controller.wait("the refusal", 0, |cycle| *cycle == Cycle::Start(0xFF));
-        rig.terminal.wait_for(&format!("the robot has mode {mode}, expected 23"));
-    }
-    let rig = Rig::new(22, &["--mode", "22"]);
-    rig.controller.start(22);
-    rig.controller.wait("the start", 0, |cycle| *cycle == Cycle::Start(0));
+    in_real_time(|| {
+        for mode in [21, 22] {
+            let rig = Rig::new(mode, &[]);
+            rig.controller.start(mode);
+            rig.controller.wait("the refusal", 0, |cycle| *cycle == Cycle::Start(0xFF));
+            rig.terminal.wait_for(&format!("the robot has mode {mode}, expected 23"));
+        }
+        let rig = Rig::new(22, &["--mode", "22"]);
+        rig.controller.start(22);
+        rig.controller.wait("the start", 0, |cycle| *cycle == Cycle::Start(0));
+    });
 }
 
 /// At 19200 baud a message with transformation leaves room for a few words: those that are zero and were zero are left out.
 #[test]
 fn mode_23_is_answered_at_19200_baud_and_what_fits_is_said_before() {
-    let mut rig = Rig::new(23, &["--robot-baud", "19200"]);
-    // Before anything moves, in text and on the screen; there in the head, where no message takes its place.
-    let advice = "19200 baud, mode 23: 3 of 6 axes fit a reply";
-    assert!(rig.stderr().contains(&format!("warning: {advice}")), "{}", rig.stderr());
-    rig.terminal.wait_for("3 of 6 axes fit, held 0");
-    rig.terminal.wait_for("38400 baud or");
-    rig.controller.start(23);
-    rig.push_until(FAST);
-    let log = rig.controller.log();
-    let lengths = log.iter().filter_map(|cycle| match cycle {
-        Cycle::Values(_, length) => Some(*length),
-        _ => None,
+    in_real_time(|| {
+        let mut rig = Rig::new(23, &["--robot-baud", "19200"]);
+        // Before anything moves, in text and on the screen; there in the head, where no message takes its place.
+        let advice = "19200 baud, mode 23: 3 of 6 axes fit a reply";
+        assert!(rig.stderr().contains(&format!("warning: {advice}")), "{}", rig.stderr());
+        rig.terminal.wait_for("3 of 6 axes fit, held 0");
+        rig.terminal.wait_for("38400 baud or");
+        rig.controller.start(23);
+        rig.push_until(FAST);
+        let log = rig.controller.log();
+        let lengths = log.iter().filter_map(|cycle| match cycle {
+            Cycle::Values(_, length) => Some(*length),
+            _ => None,
+        });
+        // 36 bytes and more take 18.75 ms of 28: what is left holds 17 bytes at most.
+        assert!(lengths.max().unwrap() <= 17, "{log:?}");
+        assert!(greatest_step(&log) <= LIMIT, "{log:?}");
+        rig.terminal.press(b"q");
+        rig.wait_for_exit();
+        drop(rig);
+        // Where all fit, nothing is said.
+        let rig = Rig::new(19, &["--robot-baud", "19200", "--mode", "19"]);
+        assert!(!rig.terminal.text().contains("axes fit") && !rig.stderr().contains("axes fit"));
     });
-    // 36 bytes and more take 18.75 ms of 28: what is left holds 17 bytes at most.
-    assert!(lengths.max().unwrap() <= 17, "{log:?}");
-    assert!(greatest_step(&log) <= LIMIT, "{log:?}");
-    rig.terminal.press(b"q");
-    rig.wait_for_exit();
-    drop(rig);
-    // Where all fit, nothing is said.
-    let rig = Rig::new(19, &["--robot-baud", "19200", "--mode", "19"]);
-    assert!(!rig.terminal.text().contains("axes fit") && !rig.stderr().contains("axes fit"));
 }
 
 fn slow_line() -> Option<Stopped> {
@@ -394,23 +431,25 @@ fn offset_held() -> Option<Stopped> {
 
 #[test]
 fn an_offset_is_held_without_the_input_and_after_it_has_come_back() {
-    let rig = Rig::moving(22, &["--mode", "22"], 1000);
-    rig.ball.pull();
-    rig.terminal.wait_for("INPUT LOST");
-    rig.controller.pass(20);
-    let since = rig.controller.now();
-    let held = rig.controller.log().iter().rev().find_map(x).unwrap();
-    assert!(held >= 1000, "{held}");
-    rig.controller.pass(20);
-    // A hand at rest does not ask to go back to the path: somebody has to confirm that.
-    rig.ball.push(0);
-    rig.ball.plug();
-    rig.terminal.wait_for(" READY ");
-    rig.controller.pass(20);
-    let log = rig.controller.log();
-    assert!(log[since..].iter().filter_map(x).all(|x| x == held), "{:?}", &log[since..]);
-    rig.arm();
-    rig.controller.wait("the path", since, |cycle| x(cycle) == Some(0));
+    in_real_time(|| {
+        let rig = Rig::moving(22, &["--mode", "22"], 1000);
+        rig.ball.pull();
+        rig.terminal.wait_for("INPUT LOST");
+        rig.controller.pass(20);
+        let since = rig.controller.now();
+        let held = rig.controller.log().iter().rev().find_map(x).unwrap();
+        assert!(held >= 1000, "{held}");
+        rig.controller.pass(20);
+        // A hand at rest does not ask to go back to the path: somebody has to confirm that.
+        rig.ball.push(0);
+        rig.ball.plug();
+        rig.terminal.wait_for(" READY ");
+        rig.controller.pass(20);
+        let log = rig.controller.log();
+        assert!(log[since..].iter().filter_map(x).all(|x| x == held), "{:?}", &log[since..]);
+        rig.arm();
+        rig.controller.wait("the path", since, |cycle| x(cycle) == Some(0));
+    });
 }
 
 /// The figures of every danger: `cargo test --release -p cellwire --test danger -- --ignored --nocapture`, 20 tries each, four at a

@@ -15,12 +15,15 @@ mod ball;
 mod controller;
 #[path = "danger/pty.rs"]
 mod pty;
+#[path = "tool/real_time.rs"]
+mod real_time;
 #[path = "danger/rig.rs"]
 mod rig;
 
 use std::time::{Duration, Instant};
 
 use pty::Pty;
+use real_time::in_real_time;
 use rig::Rig;
 
 const ENQ: &[u8] = &[0x05];
@@ -72,79 +75,83 @@ impl Workstation {
 
 #[test]
 fn xoff_holds_a_packet_xon_lets_it_go_on_and_nothing_is_lost() {
-    let (port, path) = Pty::new();
-    let mut workstation = Workstation { port: port.raw(), received: Vec::new() };
-    let rig = Rig::with_input(23, &["--ball", "BALL"], &["--viewer", &path]);
-    rig.controller.start(23);
-    rig.arm();
-    for count in 1.. {
-        workstation.port.write(ENQ);
-        workstation.listen(Duration::from_millis(200));
-        if workstation.received.ends_with(b"\n") && count >= 3 {
-            break;
+    in_real_time(|| {
+        let (port, path) = Pty::new();
+        let mut workstation = Workstation { port: port.raw(), received: Vec::new() };
+        let rig = Rig::with_input(23, &["--ball", "BALL"], &["--viewer", &path]);
+        rig.controller.start(23);
+        rig.arm();
+        for count in 1.. {
+            workstation.port.write(ENQ);
+            workstation.listen(Duration::from_millis(200));
+            if workstation.received.ends_with(b"\n") && count >= 3 {
+                break;
+            }
         }
-    }
-    // In the middle of a packet: a chip's worth follows at most, and one that is being written. On a busy machine the whole packet
-    // may have left before the XOFF is seen: then the next one.
-    let (mut before, mut whole) = (Vec::new(), 0);
-    let is_cut = (0..10).any(|_| {
-        before = workstation.counts();
-        whole = workstation.received.len();
-        workstation.port.write(ENQ);
-        workstation.wait(|bytes| bytes.len() > whole);
-        workstation.port.write(XOFF);
-        let follows = workstation.listen(LONG);
-        let is_cut = !workstation.received.ends_with(b"\n");
-        assert!(!is_cut || follows <= 32, "{follows} bytes after XOFF");
-        if !is_cut {
-            workstation.port.write(XON);
+        // In the middle of a packet: a chip's worth follows at most, and one that is being written. On a busy machine the whole packet
+        // may have left before the XOFF is seen: then the next one.
+        let (mut before, mut whole) = (Vec::new(), 0);
+        let is_cut = (0..10).any(|_| {
+            before = workstation.counts();
+            whole = workstation.received.len();
+            workstation.port.write(ENQ);
+            workstation.wait(|bytes| bytes.len() > whole);
+            workstation.port.write(XOFF);
+            let follows = workstation.listen(LONG);
+            let is_cut = !workstation.received.ends_with(b"\n");
+            assert!(!is_cut || follows <= 32, "{follows} bytes after XOFF");
+            if !is_cut {
+                workstation.port.write(XON);
+            }
+            is_cut
+        });
+        assert!(is_cut, "no packet stops at an XOFF");
+        assert!((0..).zip(&before).all(|(count, seen)| count == *seen), "{before:?}");
+        let part = workstation.received.len() - whole;
+        rig.terminal.wait_for("viewer: XOFF");
+        assert_eq!(workstation.listen(LONG), 0, "it holds for ever");
+
+        // It asks again and again meanwhile, and is given the rest and one packet.
+        for _ in 0..100 {
+            workstation.port.write(ENQ);
+            workstation.listen(Duration::from_millis(5));
         }
-        is_cut
+        assert_eq!(workstation.received.len(), whole + part);
+        workstation.port.write(XON);
+        workstation.listen(LONG);
+        let end = Instant::now() + Duration::from_secs(30);
+        while rig.terminal.text().contains("XOFF") {
+            assert!(Instant::now() < end, "{}", rig.terminal.text());
+            workstation.listen(Duration::from_millis(20));
+        }
+        let after = workstation.counts();
+        assert!((0..).zip(&after).all(|(count, seen)| count == *seen), "none is lost: {after:?}");
+        let more = after.len() - before.len();
+        assert!((2..=3).contains(&more), "the rest, and one for all requests: {more}");
+
+        // Bytes of the handshake around requests are none.
+        workstation.port.write(&[0x13, 0x05, 0x11]);
+        workstation.wait(|bytes| bytes.iter().filter(|byte| **byte == b'\n').count() > after.len());
+        workstation.counts();
     });
-    assert!(is_cut, "no packet stops at an XOFF");
-    assert!((0..).zip(&before).all(|(count, seen)| count == *seen), "{before:?}");
-    let part = workstation.received.len() - whole;
-    rig.terminal.wait_for("viewer: XOFF");
-    assert_eq!(workstation.listen(LONG), 0, "it holds for ever");
-
-    // It asks again and again meanwhile, and is given the rest and one packet.
-    for _ in 0..100 {
-        workstation.port.write(ENQ);
-        workstation.listen(Duration::from_millis(5));
-    }
-    assert_eq!(workstation.received.len(), whole + part);
-    workstation.port.write(XON);
-    workstation.listen(LONG);
-    let end = Instant::now() + Duration::from_secs(30);
-    while rig.terminal.text().contains("XOFF") {
-        assert!(Instant::now() < end, "{}", rig.terminal.text());
-        workstation.listen(Duration::from_millis(20));
-    }
-    let after = workstation.counts();
-    assert!((0..).zip(&after).all(|(count, seen)| count == *seen), "none is lost: {after:?}");
-    let more = after.len() - before.len();
-    assert!((2..=3).contains(&more), "the rest, and one for all requests: {more}");
-
-    // Bytes of the handshake around requests are none.
-    workstation.port.write(&[0x13, 0x05, 0x11]);
-    workstation.wait(|bytes| bytes.iter().filter(|byte| **byte == b'\n').count() > after.len());
-    workstation.counts();
 }
 
 /// A workstation that never lets go keeps nobody: the arm stops, and the program ends.
 #[test]
 fn a_workstation_that_holds_its_line_for_ever_delays_nothing() {
-    let (port, path) = Pty::new();
-    let mut workstation = Workstation { port: port.raw(), received: Vec::new() };
-    let mut rig = Rig::with_input(23, &["--ball", "BALL"], &["--viewer", &path]);
-    workstation.port.write(&[0x13, 0x05, 0x05]);
-    rig.controller.start(23);
-    rig.push_until(FAST);
-    rig.terminal.wait_for("viewer: XOFF");
-    rig.terminal.press(b"q");
-    let (status, took) = rig.wait_for_exit();
-    assert_eq!(status.code(), Some(0));
-    assert!(took < Duration::from_secs(10), "{took:?}");
-    rig.terminal.assert_restored();
-    assert_eq!(workstation.received, b"");
+    in_real_time(|| {
+        let (port, path) = Pty::new();
+        let mut workstation = Workstation { port: port.raw(), received: Vec::new() };
+        let mut rig = Rig::with_input(23, &["--ball", "BALL"], &["--viewer", &path]);
+        workstation.port.write(&[0x13, 0x05, 0x05]);
+        rig.controller.start(23);
+        rig.push_until(FAST);
+        rig.terminal.wait_for("viewer: XOFF");
+        rig.terminal.press(b"q");
+        let (status, took) = rig.wait_for_exit();
+        assert_eq!(status.code(), Some(0));
+        assert!(took < Duration::from_secs(10), "{took:?}");
+        rig.terminal.assert_restored();
+        assert_eq!(workstation.received, b"");
+    });
 }

@@ -15,6 +15,8 @@ mod ball;
 mod controller;
 #[path = "danger/pty.rs"]
 mod pty;
+#[path = "tool/real_time.rs"]
+mod real_time;
 #[path = "danger/rig.rs"]
 mod rig;
 
@@ -30,6 +32,7 @@ use std::time::{Duration, Instant};
 use cellwire::cell::teleop::input::read_recording;
 use controller::Cycle;
 use pty::Pty;
+use real_time::in_real_time;
 use rig::{Rig, x};
 
 /// For the rig: an arm that moves so fast is stopped.
@@ -55,11 +58,13 @@ fn wait_for_motion(rig: &Rig, mut push: impl FnMut(), mut release: impl FnMut())
 
 #[test]
 fn the_keyboard_moves_the_arm_while_a_key_is_repeated() {
-    let rig = Rig::with_input(23, &["--keyboard"], &[]);
-    rig.controller.start(23);
-    wait_for_motion(&rig, || rig.terminal.press(b"\x1b[C"), || {});
-    let since = rig.controller.now();
-    rig.controller.wait("rest", since, |cycle| x(cycle) == Some(0));
+    in_real_time(|| {
+        let rig = Rig::with_input(23, &["--keyboard"], &[]);
+        rig.controller.start(23);
+        wait_for_motion(&rig, || rig.terminal.press(b"\x1b[C"), || {});
+        let since = rig.controller.now();
+        rig.controller.wait("rest", since, |cycle| x(cycle) == Some(0));
+    });
 }
 
 /// The protocol of spacenavd's socket, version 0, from a process that is not it.
@@ -97,23 +102,25 @@ fn daemon(path: &Path) -> Arc<AtomicI32> {
 
 #[test]
 fn a_3d_mouse_moves_the_arm_and_its_daemon_that_ends_stops_it() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("spnav.sock");
-    let hand = daemon(&path);
-    let rig = Rig::with_input(23, &["--spacenav", path.to_str().unwrap()], &[]);
-    rig.controller.start(23);
-    wait_for_motion(&rig, || hand.store(350, Ordering::Relaxed), || hand.store(0, Ordering::Relaxed));
-    let since = rig.controller.now();
-    hand.store(i32::MIN, Ordering::Relaxed);
-    rig.controller.wait("rest", since, |cycle| x(cycle) == Some(0));
-    rig.terminal.wait_for("INPUT LOST");
-    // Back and pushed it moves nothing.
-    hand.store(350, Ordering::Relaxed);
-    let since = rig.controller.now();
-    rig.controller.pass(30);
-    assert!(rig.controller.log()[since..].iter().all(|cycle| x(cycle).unwrap_or(0) == 0));
-    hand.store(0, Ordering::Relaxed);
-    wait_for_motion(&rig, || hand.store(350, Ordering::Relaxed), || hand.store(0, Ordering::Relaxed));
+    in_real_time(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("spnav.sock");
+        let hand = daemon(&path);
+        let rig = Rig::with_input(23, &["--spacenav", path.to_str().unwrap()], &[]);
+        rig.controller.start(23);
+        wait_for_motion(&rig, || hand.store(350, Ordering::Relaxed), || hand.store(0, Ordering::Relaxed));
+        let since = rig.controller.now();
+        hand.store(i32::MIN, Ordering::Relaxed);
+        rig.controller.wait("rest", since, |cycle| x(cycle) == Some(0));
+        rig.terminal.wait_for("INPUT LOST");
+        // Back and pushed it moves nothing.
+        hand.store(350, Ordering::Relaxed);
+        let since = rig.controller.now();
+        rig.controller.pass(30);
+        assert!(rig.controller.log()[since..].iter().all(|cycle| x(cycle).unwrap_or(0) == 0));
+        hand.store(0, Ordering::Relaxed);
+        wait_for_motion(&rig, || hand.store(350, Ordering::Relaxed), || hand.store(0, Ordering::Relaxed));
+    });
 }
 
 /// spacenavd itself, with a Magellan on a serial line.
@@ -130,67 +137,69 @@ impl Drop for Spacenavd {
 #[test]
 #[ignore = "needs Debian's package spacenavd"]
 fn a_magellan_moves_the_arm_through_spacenavd() {
-    let folder = tempfile::tempdir().unwrap();
-    let [config, log] = ["spnavrc", "log"].map(|name| folder.path().join(name));
-    let (mouse, path) = Pty::new();
-    let mut mouse = mouse.raw();
-    let pushed = Arc::new(AtomicI32::new(0));
-    let hand = Arc::clone(&pushed);
-    thread::spawn(move || {
-        let nibbles = |value: i32| {
-            let value = value + 0x8000;
-            [12, 8, 4, 0].map(|shift| 0x30 | u8::try_from(value >> shift & 15).unwrap())
-        };
-        let mut last = 0;
-        loop {
-            let mut request = [0; 64];
-            let length = mouse.read(Duration::from_millis(16), &mut request).unwrap_or(0);
-            let request = String::from_utf8_lossy(&request[..length]).into_owned();
-            if request.contains("vQ") {
-                mouse.write(b"vMAGELLAN  Version 6.50  by LOGITECH INC. 08/08/94\r");
-            }
-            for (command, answer) in
-                [("m3", &b"m3\r"[..]), ("c3", b"c33\r"), ("z", b"z\r"), ("b", b"b\r"), ("q", b"q00\r")]
-            {
-                if request.contains(command) {
-                    mouse.write(answer);
+    in_real_time(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let [config, log] = ["spnavrc", "log"].map(|name| folder.path().join(name));
+        let (mouse, path) = Pty::new();
+        let mut mouse = mouse.raw();
+        let pushed = Arc::new(AtomicI32::new(0));
+        let hand = Arc::clone(&pushed);
+        thread::spawn(move || {
+            let nibbles = |value: i32| {
+                let value = value + 0x8000;
+                [12, 8, 4, 0].map(|shift| 0x30 | u8::try_from(value >> shift & 15).unwrap())
+            };
+            let mut last = 0;
+            loop {
+                let mut request = [0; 64];
+                let length = mouse.read(Duration::from_millis(16), &mut request).unwrap_or(0);
+                let request = String::from_utf8_lossy(&request[..length]).into_owned();
+                if request.contains("vQ") {
+                    mouse.write(b"vMAGELLAN  Version 6.50  by LOGITECH INC. 08/08/94\r");
                 }
+                for (command, answer) in
+                    [("m3", &b"m3\r"[..]), ("c3", b"c33\r"), ("z", b"z\r"), ("b", b"b\r"), ("q", b"q00\r")]
+                {
+                    if request.contains(command) {
+                        mouse.write(answer);
+                    }
+                }
+                let x = hand.load(Ordering::Relaxed);
+                if x != 0 || last != 0 {
+                    let mut packet = vec![b'd'];
+                    packet.extend(nibbles(x));
+                    (0..5).for_each(|_| packet.extend(nibbles(0)));
+                    packet.push(b'\r');
+                    mouse.write(&packet);
+                }
+                last = x;
             }
-            let x = hand.load(Ordering::Relaxed);
-            if x != 0 || last != 0 {
-                let mut packet = vec![b'd'];
-                packet.extend(nibbles(x));
-                (0..5).for_each(|_| packet.extend(nibbles(0)));
-                packet.push(b'\r');
-                mouse.write(&packet);
-            }
-            last = x;
+        });
+        std::fs::create_dir(folder.path().join("run")).unwrap();
+        let socket = folder.path().join("run/spnav.sock");
+        std::fs::write(&config, format!("serial = {path}\nrepeat-interval = 50\n")).unwrap();
+        let process = Command::new("spacenavd")
+            .current_dir(folder.path())
+            .args(["-d", "-v"])
+            .arg("-c")
+            .arg(&config)
+            .arg("-l")
+            .arg(&log)
+            .spawn()
+            .unwrap();
+        let _daemon = Spacenavd(process);
+        let end = Instant::now() + Duration::from_secs(20);
+        while UnixStream::connect(&socket).is_err() {
+            assert!(Instant::now() < end, "{}", std::fs::read_to_string(&log).unwrap());
+            thread::sleep(Duration::from_millis(50));
         }
+        let rig = Rig::with_input(23, &["--spacenav", socket.to_str().unwrap()], &[]);
+        rig.controller.start(23);
+        wait_for_motion(&rig, || pushed.store(300, Ordering::Relaxed), || pushed.store(0, Ordering::Relaxed));
+        let since = rig.controller.now();
+        pushed.store(0, Ordering::Relaxed);
+        rig.controller.wait("rest", since, |cycle| x(cycle) == Some(0));
     });
-    std::fs::create_dir(folder.path().join("run")).unwrap();
-    let socket = folder.path().join("run/spnav.sock");
-    std::fs::write(&config, format!("serial = {path}\nrepeat-interval = 50\n")).unwrap();
-    let process = Command::new("spacenavd")
-        .current_dir(folder.path())
-        .args(["-d", "-v"])
-        .arg("-c")
-        .arg(&config)
-        .arg("-l")
-        .arg(&log)
-        .spawn()
-        .unwrap();
-    let _daemon = Spacenavd(process);
-    let end = Instant::now() + Duration::from_secs(20);
-    while UnixStream::connect(&socket).is_err() {
-        assert!(Instant::now() < end, "{}", std::fs::read_to_string(&log).unwrap());
-        thread::sleep(Duration::from_millis(50));
-    }
-    let rig = Rig::with_input(23, &["--spacenav", socket.to_str().unwrap()], &[]);
-    rig.controller.start(23);
-    wait_for_motion(&rig, || pushed.store(300, Ordering::Relaxed), || pushed.store(0, Ordering::Relaxed));
-    let since = rig.controller.now();
-    pushed.store(0, Ordering::Relaxed);
-    rig.controller.wait("rest", since, |cycle| x(cycle) == Some(0));
 }
 
 /// The values without their times.
@@ -201,51 +210,53 @@ fn values(path: &Path) -> Vec<Result<([i16; 6], u32), bool>> {
 
 #[test]
 fn a_recording_played_back_gives_the_same_values() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let end = |mut rig: Rig| {
-        rig.terminal.press(b"q");
-        rig.wait_for_exit();
-    };
-    let rig = Rig::new(23, &["--record", &path("hand")]);
-    rig.controller.start(23);
-    // The hand rests for two seconds: played back, ALTER may start later after the first values than it does here.
-    rig.controller.pass(72);
-    rig.push_until(48);
-    rig.ball.push(0);
-    let rest = rig.controller.now();
-    rig.controller.wait("rest", rest, |cycle| x(cycle) == Some(0));
-    end(rig);
-    let recorded = values(Path::new(&path("hand")));
-    assert!(recorded.iter().any(|values| matches!(values, Ok(([1000, ..], 0)))), "{recorded:?}");
-
-    // A machine that stands still for some cycles ends ALTER, or makes the hand's values old: then it is played once more.
-    let played = (0..5).find_map(|attempt| {
-        let again = path(&format!("again-{attempt}"));
-        let rig = Rig::with_input(23, &["--play", &path("hand")], &["--record", &again]);
-        rig.controller.start(23);
-        let until = Instant::now() + Duration::from_secs(12);
-        let moving = loop {
-            let moves = |cycle: &Cycle| x(cycle).is_some_and(|x| x >= 40);
-            match rig.controller.log().iter().position(moves) {
-                None if Instant::now() < until => thread::sleep(Duration::from_millis(5)),
-                moving => break moving,
-            }
+    in_real_time(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let end = |mut rig: Rig| {
+            rig.terminal.press(b"q");
+            rig.wait_for_exit();
         };
-        if let Some(moving) = moving {
-            rig.controller.wait("rest", moving, |cycle| x(cycle) == Some(0));
-            rig.terminal.wait_for(" DISARMED ");
-        }
+        let rig = Rig::new(23, &["--record", &path("hand")]);
+        rig.controller.start(23);
+        // The hand rests for two seconds: played back, ALTER may start later after the first values than it does here.
+        rig.controller.pass(72);
+        rig.push_until(48);
+        rig.ball.push(0);
+        let rest = rig.controller.now();
+        rig.controller.wait("rest", rest, |cycle| x(cycle) == Some(0));
         end(rig);
-        moving.map(|_| values(Path::new(&again)))
+        let recorded = values(Path::new(&path("hand")));
+        assert!(recorded.iter().any(|values| matches!(values, Ok(([1000, ..], 0)))), "{recorded:?}");
+
+        // A machine that stands still for some cycles ends ALTER, or makes the hand's values old: then it is played once more.
+        let played = (0..5).find_map(|attempt| {
+            let again = path(&format!("again-{attempt}"));
+            let rig = Rig::with_input(23, &["--play", &path("hand")], &["--record", &again]);
+            rig.controller.start(23);
+            let until = Instant::now() + Duration::from_secs(12);
+            let moving = loop {
+                let moves = |cycle: &Cycle| x(cycle).is_some_and(|x| x >= 40);
+                match rig.controller.log().iter().position(moves) {
+                    None if Instant::now() < until => thread::sleep(Duration::from_millis(5)),
+                    moving => break moving,
+                }
+            };
+            if let Some(moving) = moving {
+                rig.controller.wait("rest", moving, |cycle| x(cycle) == Some(0));
+                rig.terminal.wait_for(" DISARMED ");
+            }
+            end(rig);
+            moving.map(|_| values(Path::new(&again)))
+        });
+        let again = played.expect("no motion, five times");
+        assert!(
+            recorded.starts_with(&again) && again.len() + 5 > recorded.len(),
+            "{} of {}",
+            again.len(),
+            recorded.len()
+        );
     });
-    let again = played.expect("no motion, five times");
-    assert!(
-        recorded.starts_with(&again) && again.len() + 5 > recorded.len(),
-        "{} of {}",
-        again.len(),
-        recorded.len()
-    );
 }
 
 #[test]

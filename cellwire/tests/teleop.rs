@@ -8,6 +8,9 @@
     clippy::std_instead_of_core
 )]
 
+#[path = "tool/real_time.rs"]
+mod real_time;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
@@ -29,6 +32,7 @@ use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
 use cellwire::links::val2_viewer::options::ViewerSettings;
 use indicatif::ProgressBar;
 use isra_ball::BallConfig;
+use real_time::in_real_time;
 use val2_alter::{ErrorCode, HostConfig, Motion};
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -77,75 +81,79 @@ fn wait_for_motion(host: &Teleop) {
 /// §3.3.3: "da die Robotersteuerung bei Ausbleiben von Antwortpaketen den ALTER-Betrieb beendet".
 #[test]
 fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes_over() {
-    let clock = Clock::start();
-    let off = TraceArgs::off();
-    let stop = Arc::new(AtomicBool::new(false));
-    let (robot_port, robot) = serial::pair().unwrap();
-    let (ball_port, ball) = serial::pair().unwrap();
-    let (notify, events) = channel();
-    let config = PumaConfig { restart: Duration::from_millis(200), ..PumaConfig::default() };
-    let mut line = Line::over_port(robot_port, clock, 38_400, off.start("robot")).unwrap();
-    let stopped = Arc::clone(&stop);
-    let robot_thread = thread::spawn(move || {
-        puma::run(&mut line, config, &stopped, |_, event| {
-            let _ = notify.send(event);
-            Ok(())
-        })
-    });
-    let mut line = Line::over_port(ball_port, clock, 9600, off.start("ball")).unwrap();
-    let stopped = Arc::clone(&stop);
-    let ball_thread =
-        thread::spawn(move || ball::run(&mut line, BallConfig::default(), &stopped, |_| Ok(())));
+    in_real_time(|| {
+        let clock = Clock::start();
+        let off = TraceArgs::off();
+        let stop = Arc::new(AtomicBool::new(false));
+        let (robot_port, robot) = serial::pair().unwrap();
+        let (ball_port, ball) = serial::pair().unwrap();
+        let (notify, events) = channel();
+        let config = PumaConfig { restart: Duration::from_millis(200), ..PumaConfig::default() };
+        let mut line = Line::over_port(robot_port, clock, 38_400, off.start("robot")).unwrap();
+        let stopped = Arc::clone(&stop);
+        let robot_thread = thread::spawn(move || {
+            puma::run(&mut line, config, &stopped, |_, event| {
+                let _ = notify.send(event);
+                Ok(())
+            })
+        });
+        let mut line = Line::over_port(ball_port, clock, 9600, off.start("ball")).unwrap();
+        let stopped = Arc::clone(&stop);
+        let ball_thread =
+            thread::spawn(move || ball::run(&mut line, BallConfig::default(), &stopped, |_| Ok(())));
 
-    let host = || {
-        let config = TeleopConfig {
-            robot: PortConfig { path: robot.clone(), baud: 38_400 },
-            input: InputConfig::Ball(PortConfig { path: ball.clone(), baud: 9600 }),
-            record: None,
-            viewer: None,
-            viewer_host: val2_viewer::HostConfig::default(),
-            alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-            polls: polls(9600),
-            profile: Profile::for_limits(LIMITS, 150),
-            latch: LatchConfig::default(),
+        let host = || {
+            let config = TeleopConfig {
+                robot: PortConfig { path: robot.clone(), baud: 38_400 },
+                input: InputConfig::Ball(PortConfig { path: ball.clone(), baud: 9600 }),
+                record: None,
+                viewer: None,
+                viewer_host: val2_viewer::HostConfig::default(),
+                alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
+                polls: polls(9600),
+                profile: Profile::for_limits(LIMITS, 150),
+                latch: LatchConfig::default(),
+            };
+            let traces = Traces { robot: off.start("r"), ball: off.start("b"), viewer: off.start("v") };
+            Teleop::start(config, clock, &traces).unwrap()
         };
-        let traces = Traces { robot: off.start("r"), ball: off.start("b"), viewer: off.start("v") };
-        Teleop::start(config, clock, &traces).unwrap()
-    };
-    let first = host();
-    let begin = wait_for_start(&events);
-    wait_for_motion(&first);
-    drop(first); // without a word: no ramp, no end
-    let (error, stands) = wait_for_end(&events);
-    assert_eq!(error, ErrorCode::Timeout);
-    assert_ne!(stands, begin, "the arm had moved");
-    let second = host();
-    assert_eq!(wait_for_start(&events), stands, "the arm stood still meanwhile");
-    drop(second);
-    stop.store(true, Ordering::Relaxed);
-    let record = robot_thread.join().unwrap().unwrap();
-    assert_eq!((record.starts >= 2, record.drift), (true, 0.0));
-    ball_thread.join().unwrap().unwrap();
+        let first = host();
+        let begin = wait_for_start(&events);
+        wait_for_motion(&first);
+        drop(first); // without a word: no ramp, no end
+        let (error, stands) = wait_for_end(&events);
+        assert_eq!(error, ErrorCode::Timeout);
+        assert_ne!(stands, begin, "the arm had moved");
+        let second = host();
+        assert_eq!(wait_for_start(&events), stands, "the arm stood still meanwhile");
+        drop(second);
+        stop.store(true, Ordering::Relaxed);
+        let record = robot_thread.join().unwrap().unwrap();
+        assert_eq!((record.starts >= 2, record.drift), (true, 0.0));
+        ball_thread.join().unwrap().unwrap();
+    });
 }
 
 /// §9.2: "so daß in keinem Fall höhere Beschleunigungen auftreten", however the lines and the host misbehave.
 #[test]
 fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
-    let config = CellConfig {
-        time: Duration::from_millis(4500),
-        alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-        controller: PumaConfig::default().controller,
-        polls: polls(9600),
-        ball: BallConfig::default(),
-        viewer: ViewerSettings::default(),
-        viewer_host: val2_viewer::HostConfig::default(),
-        faults: true,
-        seed: 5,
-        trace: TraceArgs::off(),
-    };
-    let record = cell::run(&config, &ProgressBar::hidden()).unwrap();
-    assert!(record.puma.starts > 0 && record.host.stalls > 0, "{record:?}");
-    let sent = record.puma.judge.extremes;
-    assert!(sent.keeps(&LIMITS), "{sent:?}");
-    assert_eq!((record.puma.drift, record.drawn.most_at_once <= 1), (0.0, true));
+    in_real_time(|| {
+        let config = CellConfig {
+            time: Duration::from_millis(4500),
+            alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
+            controller: PumaConfig::default().controller,
+            polls: polls(9600),
+            ball: BallConfig::default(),
+            viewer: ViewerSettings::default(),
+            viewer_host: val2_viewer::HostConfig::default(),
+            faults: true,
+            seed: 5,
+            trace: TraceArgs::off(),
+        };
+        let record = cell::run(&config, &ProgressBar::hidden()).unwrap();
+        assert!(record.puma.starts > 0 && record.host.stalls > 0, "{record:?}");
+        let sent = record.puma.judge.extremes;
+        assert!(sent.keeps(&LIMITS), "{sent:?}");
+        assert_eq!((record.puma.drift, record.drawn.most_at_once <= 1), (0.0, true));
+    });
 }

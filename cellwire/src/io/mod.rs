@@ -14,6 +14,7 @@ pub mod line;
 pub mod listener;
 mod outlet;
 pub mod output;
+pub mod pauses;
 pub mod port;
 pub mod priority;
 pub mod samples;

@@ -16,6 +16,7 @@ use super::latch::{Latch, LatchConfig};
 use super::{LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, polls};
 use crate::cell::options::DemoOptions;
 use crate::io::line::{Clock, Line, LineFaults};
+use crate::io::pauses::{Pauses, Watch};
 use crate::io::samples::Samples;
 use crate::io::serial;
 use crate::io::trace::TraceArgs;
@@ -94,6 +95,8 @@ pub struct CellRecord {
     pub stopped_at: Duration,
     /// How many of the robot's ends of ALTER came before that.
     pub ends_before_stop: usize,
+    /// When the machine stood still.
+    pub pauses: Pauses,
 }
 
 /// What the host reported.
@@ -170,6 +173,7 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
         },
     };
     let stop = AtomicBool::new(false);
+    let watch = Watch::start(clock);
     thread::scope(|scope| {
         let robot =
             scope.spawn(|| (puma::run(&mut robot.line, puma, &stop, |_, _| Ok(())), robot.line.faults()));
@@ -198,6 +202,7 @@ pub fn run(config: &CellConfig, progress: &ProgressBar) -> Result<CellRecord> {
             line_faults: [robot_faults, ball_faults, viewer_faults],
             stopped_at,
             ends_before_stop,
+            pauses: watch.stop(),
         })
     })
 }

@@ -16,6 +16,8 @@ use crate::links::val2_alter::puma::{PumaConfig, error_text};
 
 /// What happens so shortly before the end of a run may stay unanswered.
 const SETTLING: Duration = Duration::from_secs(1);
+/// A cycle in which the machine stood still for so long is not the host's to keep: the window of 15 ms leaves little more.
+const PAUSE: Duration = Duration::from_millis(5);
 
 /// What can be set of the demo: the host's end, and where the robot's differs.
 #[derive(Debug)]
@@ -120,6 +122,7 @@ fn report(config: &CellConfig, record: &CellRecord) -> Report {
     report.fact("most_poses_at_once", "most poses between two pictures", drawn.most_at_once);
     report.fact("drift_mm", "arm moved while ALTER was off, mm", puma.drift);
     report.fact("stray_replies", "replies too late for their window", puma.strays);
+    report.fact("paused_us", "the machine stood still, µs in all", micros(record.pauses.total()));
     report.fact("simulator_late_us", "the simulator was late itself, µs in all", micros(puma.stood));
     report.fact("line_faults", "bytes corrupted on the lines", record.line_faults.iter().sum::<u64>());
 
@@ -144,7 +147,7 @@ fn slack(config: &CellConfig) -> Option<Budget> {
     worst.slack().map(|time| Budget { time, source: "§3.4, longest messages" })
 }
 
-/// Every cycle counts: one without a good reply has a fault that was inserted, or it is one of the host's.
+/// Every cycle counts: one without a good reply has a fault that was inserted, or the machine stood still, or it is one of the host's.
 fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, missed: u64) {
     let CellRecord { puma, host, drawn, .. } = record;
     report.require(puma.starts > 0, || "ALTER never ran".into());
@@ -152,21 +155,29 @@ fn promises(report: &mut Report, config: &CellConfig, record: &CellRecord, misse
     // A host that sleeps misses one cycle, which ends ALTER; so does a byte that is corrupt on either way.
     let [line_faults, _, _] = record.line_faults;
     let inserted = if config.faults { host.stalls + line_faults } else { 0 };
-    report.require(lost <= inserted, || {
-        format!("{lost} of {} cycles were lost, {inserted} of them by faults that were inserted", puma.cycles)
+    let paused = |at: &&Duration| record.pauses.between(at.saturating_sub(timing::CYCLE), **at) >= PAUSE;
+    let paused = puma.without.iter().filter(|at| **at < record.stopped_at).filter(paused).count() as u64;
+    report.require(lost <= inserted + paused, || {
+        format!(
+            "{lost} of {} cycles were lost, {inserted} of them by faults that were inserted, {paused} while the machine stood still",
+            puma.cycles
+        )
     });
     report.require(puma.turn_around.count() > 0, || "no cycle was kept".into());
     report.require(puma.drift == 0.0, || format!("the arm moved {} mm while ALTER was off", puma.drift));
     report
         .require(drawn.most_at_once <= 1, || format!("{} poses came at once: a backlog", drawn.most_at_once));
-    let settled = record.stopped_at.saturating_sub(SETTLING);
-    let to_take_up = puma.ends.iter().filter(|(at, _)| *at < settled).count() as u64;
+    let settled = |at: Duration| {
+        let paused = record.pauses.between(at, record.stopped_at);
+        at + paused + SETTLING < record.stopped_at
+    };
+    let to_take_up = puma.ends.iter().filter(|(at, _)| settled(*at)).count() as u64;
     report.require(puma.starts > to_take_up, || {
         format!("ALTER ended {to_take_up} times, and was taken up {} times", puma.starts)
     });
     if !config.faults && record.ends_before_stop == 0 {
         let pressed: Vec<bool> = host.gripper_keys.iter().map(|(_, closes)| *closes).collect();
-        let due = host.gripper_keys.iter().take_while(|(at, _)| *at < settled).count();
+        let due = host.gripper_keys.iter().take_while(|(at, _)| settled(*at)).count();
         report.require(pressed.starts_with(&puma.gripper) && puma.gripper.len() >= due, || {
             format!("the gripper moved {:?}, its keys were pressed {pressed:?}", puma.gripper)
         });
@@ -207,6 +218,7 @@ fn micros(time: Duration) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::pauses::Pauses;
     use crate::io::samples::Samples;
     use crate::io::trace::TraceArgs;
     use crate::links::val2_alter::judge::Taken;
@@ -258,7 +270,7 @@ mod tests {
     #[test]
     fn every_cycle_counts() {
         assert_eq!(failures(|_| ()), [""; 0]);
-        let lost = "1 of 0 cycles were lost, 0 of them by faults that were inserted";
+        let lost = "1 of 0 cycles were lost, 0 of them by faults that were inserted, 0 while the machine stood still";
         let taken_up = |record: &mut CellRecord| {
             miss(record);
             record.puma.starts = 2;
@@ -266,6 +278,24 @@ mod tests {
         assert_eq!(failures(taken_up), [lost]);
         assert_eq!(failures(miss), [lost, "ALTER ended 1 times, and was taken up 1 times"]);
         assert_eq!(failures(|record| record.puma.bad_replies = 1), [lost]);
+        let paused = |from, to| {
+            move |record: &mut CellRecord| {
+                taken_up(record);
+                record.pauses = Pauses::of(&[(from * MS, to * MS)]);
+            }
+        };
+        assert_eq!(failures(paused(4980, 4985)), [""; 0]);
+        assert_eq!(failures(paused(4980, 4984)), [lost], "shorter than what is left of a window");
+        assert_eq!(failures(paused(4960, 4970)), [lost], "in another cycle");
+        let again = "ALTER ended 1 times, and was taken up 1 times";
+        let never = |from, to| {
+            move |record: &mut CellRecord| {
+                paused(from, to)(record);
+                record.puma.starts = 1;
+            }
+        };
+        assert_eq!(failures(never(4980, 8900)), [again], "there was time to begin again");
+        assert_eq!(failures(never(4980, 9100)), [""; 0]);
     }
 
     #[test]

@@ -18,14 +18,14 @@ impl<const N: usize> StreamBuffer<N> {
     /// Takes as many bytes as there is room for; returns how many.
     #[inline]
     pub fn push(&mut self, bytes: &[u8]) -> usize {
-        if bytes.len() > N - self.end {
-            self.move_to_front();
-        }
         // A serial line brings its bytes one by one: a copy of one is no call.
         if let ([byte], Some(slot)) = (bytes, self.bytes.get_mut(self.end)) {
             *slot = *byte;
             self.end += 1;
             return 1;
+        }
+        if bytes.len() > N - self.end {
+            self.move_to_front();
         }
         let room = self.bytes.get_mut(self.end..).unwrap_or_default();
         let taken = room.len().min(bytes.len());

@@ -14,10 +14,8 @@ pub struct Decoder {
     buffer: StreamBuffer<512>,
     /// With fewer bytes there is nothing to give yet.
     needed: usize,
-    /// Why the first bytes are no packet.
+    /// Why the first bytes are no packet. So many of them begin no header: those that are needed, less the three of a header.
     corruption: Option<DecodeError>,
-    /// So many of those bytes begin no header.
-    searched: usize,
     finished: bool,
 }
 
@@ -28,7 +26,7 @@ impl Decoder {
     /// An empty decoder.
     pub const fn new() -> Self {
         let buffer = StreamBuffer::new();
-        Self { buffer, needed: Frame::OVERHEAD, corruption: None, searched: 0, finished: false }
+        Self { buffer, needed: Frame::OVERHEAD, corruption: None, finished: false }
     }
 
     #[inline(never)]
@@ -52,7 +50,7 @@ impl Decoder {
                 }
                 Err(error) => error,
             };
-            (self.corruption, self.searched, self.needed) = (Some(error), 1, 0);
+            (self.corruption, self.needed) = (Some(error), 1 + 3);
         }
         let length = self.corrupt_length()?;
         self.buffer.take(length);
@@ -68,16 +66,30 @@ impl Decoder {
         })
     }
 
+    /// Whether the last byte came alone, and ends no header: the corruption goes on.
+    #[inline]
+    fn passes(&mut self) -> bool {
+        let [.., n, minus_n, _] = self.buffer.bytes() else { return false };
+        let came_alone = self.corruption.is_some() && self.buffer.len() == self.needed;
+        if !came_alone || self.needed >= Self::MAX_SKIP + 3 || n.wrapping_add(*minus_n) == 0 {
+            return false;
+        }
+        self.needed += 1;
+        true
+    }
+
     /// How far the corruption reaches: to the next whole header, or to the end of a finished stream.
     fn corrupt_length(&mut self) -> Option<usize> {
         let bytes = self.buffer.bytes();
-        let rest = bytes.get(self.searched..).unwrap_or_default();
+        let searched = self.needed - 3;
+        let end = bytes.len().min(Self::MAX_SKIP + 2);
+        let rest = bytes.get(searched..end).unwrap_or_default();
         match find_header(rest) {
-            Some(at) => Some((self.searched + at).min(Self::MAX_SKIP)),
+            Some(at) => Some(searched + at),
             None if bytes.len() >= Self::MAX_SKIP + 3 => Some(Self::MAX_SKIP),
             None if self.finished => Some(bytes.len().min(Self::MAX_SKIP)),
             None => {
-                self.searched += rest.len().saturating_sub(2);
+                self.needed += rest.len().saturating_sub(2);
                 None
             }
         }
@@ -91,14 +103,14 @@ impl robot_session::Decoder for Decoder {
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
         let taken = self.buffer.push(bytes);
-        self.finished &= taken == 0;
+        self.finished &= bytes.is_empty();
         taken
     }
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
-        let has_enough = self.buffer.len() >= self.needed || self.finished;
-        if has_enough { self.next_item() } else { None }
+        let waits = !self.finished && (self.buffer.len() < self.needed || self.passes());
+        if waits { None } else { self.next_item() }
     }
 
     fn finish(&mut self) {

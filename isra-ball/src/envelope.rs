@@ -48,13 +48,11 @@ pub(crate) fn envelope(data: &[u8; DATA_LEN]) -> [u8; DATA_LEN + OVERHEAD] {
 pub(crate) fn open(packet: &[u8; DATA_LEN + OVERHEAD]) -> Option<&[u8]> {
     const HEADER: [u8; 3] = header(8);
     let [n, minus_n, xor_n] = HEADER;
-    let (data, _) = packet.get(3..)?.split_first_chunk::<DATA_LEN>()?;
-    let [.., found] = packet;
-    // Four bytes are one comparison, three are two: the fourth is shifted out.
-    let head = u32::from_le_bytes(*packet.first_chunk()?) << 8;
-    let sum = data.iter().fold(*found, |sum, byte| sum.wrapping_add(*byte));
-    let is_good = head == u32::from_le_bytes([0, n, minus_n, xor_n]) && sum == n.wrapping_neg();
-    is_good.then_some(data)
+    let (head, rest) = packet.split_first_chunk::<4>()?;
+    // The sum of the rest is added to the byte after the header: header and checksum are one comparison.
+    let sum = rest.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
+    let sum = u32::from_le_bytes(*head).wrapping_add(u32::from_le_bytes([0, 0, 0, sum]));
+    if sum == u32::from_le_bytes([n, minus_n, xor_n, minus_n]) { packet.get(3..3 + DATA_LEN) } else { None }
 }
 
 /// −(n + Σ data) modulo 256. The source's formula lacks the outer modulus (§4.2).

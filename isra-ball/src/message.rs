@@ -60,7 +60,7 @@ impl Packet {
     }
 
     #[inline]
-    pub(crate) fn from_data([id, fx, fy, fz, mx, my, mz, keys]: [u8; DATA_LEN]) -> Self {
+    pub(crate) fn from_data(&[id, fx, fy, fz, mx, my, mz, keys]: &[u8; DATA_LEN]) -> Self {
         Self {
             sensor_type: id >> 4 & 7,
             sensor: id & 7,
@@ -78,7 +78,7 @@ impl Packet {
         if self.sensor > 7 {
             return Err(EncodeError::Sensor { found: self.sensor });
         }
-        let id = self.status.id_bits() | self.sensor_type << 4 | self.sensor;
+        let id = self.status as u8 | self.sensor_type << 4 | self.sensor;
         let [fx, fy, fz, mx, my, mz] = self.axes().map(i8::cast_unsigned);
         Ok([id, fx, fy, fz, mx, my, mz, self.keys.0])
     }
@@ -107,16 +107,17 @@ impl Encode for Packet {
 /// The bits ab1 and ab0 of the ID byte (§4.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+#[repr(u8)]
 pub enum Status {
     /// 00: asked for correctly, and the values are new.
-    Fresh,
+    Fresh = 0x00,
     /// 01: the source gives it no meaning.
-    Reserved,
+    Reserved = 0x08,
     /// 10: the ball's processor was not ready with new values and sends the ones before.
-    Old,
+    Old = 0x80,
     /// 11: the source gives it no meaning. Its `serde` form is `"reserved"` too, which reads back as 01.
     #[cfg_attr(feature = "serde", serde(rename(serialize = "reserved", deserialize = "reserved_11")))]
-    Reserved11,
+    Reserved11 = 0x88,
 }
 
 impl Status {
@@ -126,20 +127,11 @@ impl Status {
     }
 
     fn from_id(id: u8) -> Self {
-        match (id >> 6 & 2) | (id >> 3 & 1) {
-            0 => Self::Fresh,
-            1 => Self::Reserved,
-            2 => Self::Old,
+        match id & 0x88 {
+            0x00 => Self::Fresh,
+            0x08 => Self::Reserved,
+            0x80 => Self::Old,
             _ => Self::Reserved11,
-        }
-    }
-
-    fn id_bits(self) -> u8 {
-        match self {
-            Self::Fresh => 0x00,
-            Self::Old => 0x80,
-            Self::Reserved => 0x08,
-            Self::Reserved11 => 0x88,
         }
     }
 }

@@ -68,6 +68,21 @@ fn to_push_nothing_takes_back_no_end() {
 }
 
 #[test]
+fn noise_that_comes_byte_by_byte_is_given_as_soon_as_a_whole_piece_or_the_end_has_come() {
+    let mut decoder = Decoder::new();
+    for byte in 0..261 {
+        assert_eq!((decoder.push(&[0xAA]), decoder.next_frame()), (1, None), "{byte}");
+    }
+    assert_eq!(decoder.push(&[0xAA]), 1);
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Noise { length: 259 })));
+    assert_eq!((decoder.push(&[0xAA]), decoder.next_frame()), (1, None));
+    assert_eq!(decoder.push(&[0xAA]), 1);
+    decoder.finish();
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Noise { length: 5 })));
+    assert_eq!(decoder.next_frame(), None);
+}
+
+#[test]
 fn a_key_that_is_down_twice_is_down() {
     assert_eq!(Keys::NONE.with(1).with(8).with(1), Keys(0x81));
     assert_eq!(Keys(0x81).with(9), Keys(0x81));

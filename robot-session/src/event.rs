@@ -7,7 +7,9 @@
 #[derive(Debug, Clone)]
 pub struct EventQueue<E, const N: usize> {
     /// A ring: `len` slots from `first` on are `Some`.
-    slots: [Option<Slot<E>>; N],
+    slots: [Option<E>; N],
+    /// Which of them are notices: beside the slots, where they take a byte each.
+    notices: [bool; N],
     first: usize,
     len: usize,
     /// How many of them are outcomes.
@@ -15,16 +17,10 @@ pub struct EventQueue<E, const N: usize> {
     dropped: u64,
 }
 
-#[derive(Debug, Clone)]
-struct Slot<E> {
-    event: E,
-    is_notice: bool,
-}
-
 impl<E, const N: usize> EventQueue<E, N> {
     /// An empty queue.
     pub const fn new() -> Self {
-        Self { slots: [const { None }; N], first: 0, len: 0, outcomes: 0, dropped: 0 }
+        Self { slots: [const { None }; N], notices: [false; N], first: 0, len: 0, outcomes: 0, dropped: 0 }
     }
 
     /// Adds an outcome. It may take the place of a notice.
@@ -61,11 +57,11 @@ impl<E, const N: usize> EventQueue<E, N> {
         if self.len == 0 {
             return None;
         }
-        let slot = self.slots.get_mut(self.first)?.take()?;
+        let event = self.slots.get_mut(self.first)?.take();
+        self.outcomes -= usize::from(!self.is_notice(self.first));
         self.first = Self::wrap(self.first + 1);
         self.len -= 1;
-        self.outcomes -= usize::from(!slot.is_notice);
-        Some(slot.event)
+        event
     }
 
     /// No event waits.
@@ -80,8 +76,9 @@ impl<E, const N: usize> EventQueue<E, N> {
 
     #[inline]
     fn append(&mut self, event: E, is_notice: bool) {
-        if let Some(slot) = self.slots.get_mut(Self::wrap(self.first + self.len)) {
-            *slot = Some(Slot { event, is_notice });
+        let at = Self::wrap(self.first + self.len);
+        if let (Some(slot), Some(notice)) = (self.slots.get_mut(at), self.notices.get_mut(at)) {
+            (*slot, *notice) = (Some(event), is_notice);
             self.len += 1;
             self.outcomes += usize::from(!is_notice);
         }
@@ -89,16 +86,20 @@ impl<E, const N: usize> EventQueue<E, N> {
 
     #[cold]
     fn drop_notice(&mut self) -> bool {
-        let is_notice = |at: &usize| matches!(self.slots.get(*at), Some(Some(slot)) if slot.is_notice);
-        let Some(oldest) = (0..self.len).find(|index| is_notice(&Self::wrap(self.first + index))) else {
-            return false;
-        };
+        let is_notice = |index: &usize| self.is_notice(Self::wrap(self.first + index));
+        let Some(oldest) = (0..self.len).find(is_notice) else { return false };
         // It goes to the front, and the outcomes before it stay in their order.
         for index in (0..oldest).rev() {
-            self.slots.swap(Self::wrap(self.first + index), Self::wrap(self.first + index + 1));
+            let (at, after) = (Self::wrap(self.first + index), Self::wrap(self.first + index + 1));
+            self.slots.swap(at, after);
+            self.notices.swap(at, after);
         }
         self.dropped = self.dropped.saturating_add(1);
         self.pop().is_some()
+    }
+
+    fn is_notice(&self, at: usize) -> bool {
+        self.notices.get(at).is_some_and(|is_notice| *is_notice)
     }
 
     /// The slot of an index below `2 * N`.

@@ -29,6 +29,7 @@ pub const MAX_NAME: usize = 37;
 /// # Ok::<(), fanuc_hmi_modbus::assignment::AssignmentError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Assignment<'a> {
     /// `$ADDRESS`: the first holding register, counted from 1.

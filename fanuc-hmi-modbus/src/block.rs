@@ -8,6 +8,7 @@ use crate::typed::{Kind, WordOrder};
 /// The velocities and the rate of the quaternion are the controller's own: it divides the difference of two samples by
 /// a fixed 8 ms. The first sample after its start holds none, and its quaternion jumps in sign where `Q_1` passes zero.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TelemetryBlock {
     /// `Life counter`, `R[1]`: one more at every run of the task; wraps at 2³².

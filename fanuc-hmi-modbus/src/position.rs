@@ -24,6 +24,7 @@ use crate::typed::WordOrder;
 /// assert_eq!(PositionRegister::from_registers(&registers, WordOrder::LowFirst), position);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct PositionRegister {
     /// Registers 1 to 25, if register 26 says that they hold something.
@@ -42,6 +43,7 @@ pub struct PositionRegister {
 
 /// The Cartesian form.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Cartesian {
     /// Registers 1 to 12: X, Y, Z in mm and W, P, R in degrees.
@@ -56,6 +58,7 @@ pub struct Cartesian {
 
 /// Which of the arm's solutions is meant: the `CONFIG` of a program's position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Configuration {
     /// Register 19: `F` (1), not `N` (0).

@@ -5,6 +5,7 @@
 
 /// One of the four tables of Modbus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Table {
     /// Bits that a client reads: function 2.
@@ -26,6 +27,7 @@ pub enum Table {
 /// assert_eq!(Signal::at(Table::DiscreteInputs, 10002), Some(Signal::Ri(3)));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Signal {
     /// Digital input DI\[1\] to DI\[10000\].

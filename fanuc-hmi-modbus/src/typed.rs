@@ -7,6 +7,7 @@ use crate::error::AssignmentError;
 /// The source does not say; public programs for FANUC controllers read the low word first ("CDAB"). [`OrderProbe`] finds which
 /// by watching a counter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum WordOrder {
     /// The first register holds bits 0 to 15.
@@ -53,6 +54,7 @@ impl WordOrder {
 
 /// `$MULTIPLY` of an assignment: what a register or a pair of registers holds of a variable.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(try_from = "f32", into = "f32"))]
 pub enum Multiply {
@@ -115,6 +117,7 @@ impl From<Multiply> for f32 {
 
 /// How registers hold a numeric variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Kind {
     /// A signed integer in one register (`R[n]@1.1`).
@@ -146,6 +149,7 @@ impl Kind {
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Number {
     /// Integer or real, one register or two.
@@ -204,6 +208,7 @@ impl Number {
 
 /// A value that its registers cannot hold.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[error("{value} does not fit: the registers hold {least} to {most}")]
 pub struct NumberError {
     /// The value, before multiplication.

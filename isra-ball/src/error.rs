@@ -5,6 +5,7 @@ use core::time::Duration;
 /// Offsets count from the first byte of the packet; the packet's offset in the stream follows from
 /// [`Decoder::position`](robot_session::Decoder::position).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DecodeError {
@@ -56,6 +57,7 @@ pub enum DecodeError {
 
 /// The fault of the caller: a value that the wire cannot carry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum EncodeError {
@@ -91,6 +93,7 @@ pub enum EncodeError {
 
 /// The fault of the caller: a session that cannot work as configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConfigError {
     /// A poll and its packet do not fit the line in this period.

@@ -9,6 +9,7 @@ use crate::keys::Keys;
 /// The source gives neither units nor the signs of the axes: the values are the raw −128..=127 of the sensor. Which way the
 /// robot goes is for the caller to decide, and to try out slowly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Packet {
     /// Sensor type, 0..=7.
@@ -106,6 +107,7 @@ impl Encode for Packet {
 
 /// The bits ab1 and ab0 of the ID byte (§4.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[repr(u8)]
 pub enum Status {

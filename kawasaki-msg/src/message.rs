@@ -22,6 +22,7 @@ use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
 /// # Ok::<(), kawasaki_msg::EncodeError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Message<'a> {
     /// What the message is called; never empty on the wire.

@@ -9,6 +9,7 @@ use crate::value::Charset;
 
 /// The two limits of a packet. They are separate: a packet is an array of strings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Limits {
     /// The most bytes of one string in an AS program: 255 (thesis, section 7.4).

@@ -3,6 +3,7 @@
 /// How far an order is. The codes on the wire are ours: the source only says that the status message names the phase
 /// (thesis, section 11.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Phase {
     /// 0: no order.

@@ -4,6 +4,7 @@ use core::time::Duration;
 
 /// The last times of one kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Times {
     rounds: [Duration; Self::ROUNDS],
     count: u64,
@@ -63,6 +64,7 @@ impl Times {
 
 /// What a robot session has measured and counted since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RobotStatistics {
     /// From sending a packet to having received its answer.
     pub exchange: Times,
@@ -92,6 +94,7 @@ pub struct RobotStatistics {
 
 /// What a PC session has counted since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PcStatistics {
     /// Packets sent.
     pub packets: u64,

@@ -23,6 +23,7 @@ pub(crate) const fn is_mark(byte: u8) -> bool {
 ///
 /// The source says "ASCII 0–255" in its glossary and shows no letter above 127.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Charset {
     /// Bytes 0 to 127; a byte above is an error in both directions.

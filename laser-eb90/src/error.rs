@@ -5,6 +5,7 @@
 ///
 /// Offsets into a frame count from its first byte on the wire, offsets into a payload count unstuffed bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DecodeError {
@@ -81,6 +82,7 @@ pub enum DecodeError {
 
 /// Values that no frame can carry, or a buffer too short for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum EncodeError {
@@ -111,6 +113,7 @@ pub enum EncodeError {
 
 /// A request that a session cannot fulfil: the caller's fault. Nothing has changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum SessionError {
     /// The next frame has no room for the instruction, or it must travel alone. Send first.
@@ -136,6 +139,7 @@ pub enum SessionError {
 
 /// A configuration that cannot work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConfigError {
     /// A frame of no instruction.
@@ -164,6 +168,7 @@ pub enum ConfigError {
 
 /// What a word is used for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum WordUse {
     /// It is a command word.

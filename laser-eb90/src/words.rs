@@ -29,6 +29,7 @@ pub(crate) struct Range {
 
 /// How the controller treats an instruction (§2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Class {
     /// Interpreted (解释执行指令): queued, and answered as soon as it is queued. Up to seven travel in one frame.
@@ -41,6 +42,7 @@ pub enum Class {
 
 /// What an error code means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Refusal {
@@ -60,6 +62,7 @@ pub enum Refusal {
 
 /// The error codes of an installation. The source gives no numbers; the defaults E001h to E006h are ours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(
     feature = "serde",
     derive(serde::Serialize, serde::Deserialize),

@@ -4,6 +4,7 @@
 /// Decoding accepts both readings of what is on; encoding writes the other one, and only that. So what is accepted and what is
 /// written are two values: [`TOLERANT`](Self::TOLERANT) is for what is accepted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(
     feature = "serde",
     derive(serde::Serialize, serde::Deserialize),

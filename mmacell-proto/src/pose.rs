@@ -16,6 +16,7 @@ pub trait Pose: Copy + Eq + core::hash::Hash + core::fmt::Debug + sealed::Axes {
 
 /// The robot: X, Y, Z and the rotation C (§4.1). In `serde`: `[mm, mm, mm, rad]`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct RobotPose {
     /// X.
     pub x: Length,
@@ -29,6 +30,7 @@ pub struct RobotPose {
 
 /// The orientation platform: the rotations A and B (§4.1). In `serde`: `[rad, rad]`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PlatformPose {
     /// The first rotation.
     pub a: Angle,
@@ -43,6 +45,7 @@ pub enum NoPose {}
 
 /// The pose of a device that is not known beforehand: four axes or two, as the line is long. For those who listen in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]
 pub enum AnyPose {
     /// Four axes.

@@ -10,6 +10,7 @@
 /// assert_eq!(Length::from_um(-2000).mm(), -2.0);
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Length(i32);
 
 impl Length {
@@ -47,6 +48,7 @@ impl Length {
 /// assert_eq!(Angle::from_rad(-1.2322).tenths_mrad(), -12322);
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Angle(i32);
 
 impl Angle {

@@ -5,6 +5,7 @@ use crate::step::Step;
 
 /// What happens in the cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Event {
     /// The device is connected and ready. Only robot, platform and conditioning system are waited for.
@@ -58,6 +59,7 @@ pub enum Event {
 
 /// How a device failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Failure {
     /// It refused an order.
     Refused(ErrorCode),

@@ -4,6 +4,7 @@ use crate::step::Step;
 
 /// Who takes orders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Device {
     /// The robot (RC).

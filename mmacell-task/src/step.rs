@@ -3,6 +3,7 @@
 /// Each step gives orders when it begins and then waits for a [`Trigger`]. [`transitions`](Self::transitions) is the whole
 /// table; `docs/task.md` is drawn from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Step {
     /// \[1\] Waits until robot, platform and conditioning system are ready.

@@ -6,6 +6,7 @@ use crate::message::ErrorCode;
 /// Bytes that are not a message of this link. Offsets count from the first byte that was ever given to the decoder
 /// (or from the start of the slice), and wrap around with `usize`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DecodeError {
@@ -149,6 +150,7 @@ impl DecodeError {
 
 /// A message that cannot be written, or a value that its field cannot hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum EncodeError {
@@ -178,6 +180,7 @@ pub enum EncodeError {
 
 /// A call that the session's state or its configuration does not allow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum SessionError {
     /// The ALTER instruction names no exception subroutine: an exception would abort the robot's program (§3).
@@ -205,6 +208,7 @@ pub enum SessionError {
 
 /// A configuration that cannot work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConfigError {
     /// What the shortest message of the mode leaves of a cycle is too short for a reply with one value.

@@ -5,6 +5,7 @@ use core::time::Duration;
 /// Offsets count from the first byte of the line; the line's offset in the stream follows from
 /// [`Decoder::position`](robot_session::Decoder::position).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DecodeError {
@@ -61,6 +62,7 @@ impl DecodeError {
 
 /// The fault of the caller: no room for a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum EncodeError {
@@ -76,6 +78,7 @@ pub enum EncodeError {
 
 /// The fault of the caller: a session that cannot work as configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConfigError {
     /// Without an interval, each of the requests that have piled up is answered (§9.4).

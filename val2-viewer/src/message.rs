@@ -17,6 +17,7 @@ pub const ENQ: u8 = 0x05;
 ///
 /// No blanks, no plus signs, no leading zeros. The sum is made as in NMEA 0183.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct PosePacket {
     /// Counts the packets that a host has sent.

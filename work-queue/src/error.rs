@@ -8,6 +8,7 @@ pub struct Full;
 
 /// The number of a job is not the next one. Nothing was queued; the writer still expects the same number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum NumberError {
     /// The job that was queued last was sent again. The caller can ignore it.
@@ -28,6 +29,7 @@ pub enum NumberError {
 
 /// No queue can have this configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ConfigError {
     /// The capacity is outside `1..=9999`.

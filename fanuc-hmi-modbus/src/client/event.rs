@@ -4,6 +4,7 @@ use crate::error::{DecodeError, Mismatch};
 
 /// Names a request of a client, which never gives the same twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Ticket(pub(super) u64);
 
 impl Ticket {
@@ -15,6 +16,7 @@ impl Ticket {
 
 /// What a client reports: the first three are outcomes of requests, the others notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ClientEvent {
     /// A reply that fits its request, or the exception that refuses it: [`Client::reply`](crate::Client::reply) reads it.
@@ -72,6 +74,7 @@ impl ClientEvent {
 
 /// Why a request has no usable reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Failure {
     /// The reply did not come in time. Whether the request was carried out is unknown.
@@ -93,6 +96,7 @@ pub enum Failure {
 
 /// The counters of a client.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ClientStatistics {
     /// Requests that were made.
     pub requests: u64,

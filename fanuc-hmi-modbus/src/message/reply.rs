@@ -10,6 +10,7 @@ use crate::error::{DecodeError, EncodeError, Mismatch};
 
 /// What a server answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the fields are the specification's own, and the units stand above them")]
 pub enum Reply<'a> {

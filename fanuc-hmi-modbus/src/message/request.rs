@@ -6,6 +6,7 @@ use crate::error::{DecodeError, EncodeError};
 
 /// What a client asks. Addresses are PDU addresses: 0 is the first coil or register of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the fields are the specification's own, and the units stand above them")]
 pub enum Request<'a> {

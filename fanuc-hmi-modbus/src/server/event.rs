@@ -5,6 +5,7 @@ use crate::message::Exception;
 
 /// What a server reports, for a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ServerEvent {
     /// A request was carried out, or refused with an exception.
@@ -37,6 +38,7 @@ pub enum ServerEvent {
 
 /// The counters of a server.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ServerStatistics {
     /// Requests that were carried out, or refused with an exception.
     pub served: u64,

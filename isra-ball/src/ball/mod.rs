@@ -38,6 +38,7 @@ pub struct Ball {
 
 /// What the ball reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum BallEvent {
     /// This packet was sent as the reply to a poll.
@@ -52,6 +53,7 @@ pub enum BallEvent {
 
 /// What a ball has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct BallStatistics {
     /// Replies with new values.
     pub fresh: u64,

@@ -43,6 +43,7 @@ pub struct Host {
 
 /// What the host reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum HostEvent {
     /// The reply to a poll, with new values: use them until [`Host::live_until`].
@@ -65,6 +66,7 @@ pub enum HostEvent {
 
 /// What a host has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct HostStatistics {
     /// Polls sent.
     pub polls: u64,

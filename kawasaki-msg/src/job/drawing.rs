@@ -4,6 +4,7 @@ use super::work::{Fields, Unfit, Work};
 
 /// One straight line. An order is one picture, and its jobs are lines (thesis, section 11).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Line {
     /// With the pen on the board, or off it.
@@ -30,6 +31,7 @@ impl Work for Line {
 /// Whether the pen is on the board (thesis, section 11). The codes on the wire are ours: 1 and 2, because AS reads an empty
 /// string as 0.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum JobKind {
     /// Draw the line: 1.
@@ -70,6 +72,7 @@ impl TryFrom<i32> for JobKind {
 
 /// A point on the board, in hundredths of a millimetre. The unit is ours: whole numbers need no separator on the wire.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[allow(missing_docs, reason = "the two axes of the board")]
 pub struct Point {
@@ -86,6 +89,7 @@ impl Point {
 
 /// The coordinates that a robot accepts, both ends included (thesis, section 7.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Bounds {
     /// The least coordinate of each axis.

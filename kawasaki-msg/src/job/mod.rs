@@ -19,6 +19,7 @@ pub(crate) use writer::encode;
 
 /// What a queue holds: one job of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Job<W> {
     /// The number of its order, from 1.

@@ -107,6 +107,7 @@ pub struct Unfit(pub(super) ());
 
 /// A number with a fixed count of decimals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Decimal {
     /// In units of the last decimal.
     pub units: i32,

@@ -7,6 +7,7 @@ use crate::phase::Phase;
 /// Outcomes, which are never dropped: `OrderRefused` that is given up, `JobUnfit`, `OrderOver`, `OutcomeUnknown`, `Command` and `Disconnect`. Of
 /// `Progress` the last state is reported. The others are notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]

@@ -43,6 +43,7 @@ pub enum Link {
 
 /// Nothing is sent that the robot does not wait for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Reply {
     /// Nothing.
     Nothing,
@@ -62,6 +63,7 @@ pub enum Reply {
 
 /// What an answer has to hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Contents {
     /// The status.
     pub status: bool,
@@ -258,6 +260,7 @@ pub enum Report {
 
 /// What became of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum CommandOutcome {
     /// It was sent, and the robot has sent a packet since. No reply is defined for a command: whether it was obeyed nobody reports.
@@ -268,6 +271,7 @@ pub enum CommandOutcome {
 
 /// How an order has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Outcome {
     /// The jobs before `executed` and those ahead are executed, no others will be.
     Over {

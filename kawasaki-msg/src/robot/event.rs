@@ -6,6 +6,7 @@ use crate::robot::state::RecoveryStep;
 ///
 /// Outcomes, which are never dropped: `Connect`, `Disconnect`, the four of an order, `Alarm` and `Command`. The others are notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "the fields are named by what they hold")]

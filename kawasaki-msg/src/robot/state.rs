@@ -330,6 +330,7 @@ pub enum Rejection {
 
 /// What is done when no job is executed (thesis, section 6.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum RecoveryStep {
     /// The same jobs are asked for again.

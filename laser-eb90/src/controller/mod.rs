@@ -53,6 +53,7 @@ pub struct Controller<'q, T> {
 
 /// What has happened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ControllerEvent {
     /// An immediate instruction or a query: execute [`Controller::instruction`], then call [`Controller::answer`].
@@ -77,6 +78,7 @@ pub enum ControllerEvent {
 
 /// What a controller has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ControllerStatistics {
     /// Instructions queued.
     pub queued: u64,

@@ -54,6 +54,7 @@ pub struct Host {
 
 /// What has happened. Instructions are numbered as they were submitted, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum HostEvent {
     /// The controller echoed the command word: interpreted instructions are queued (not yet executed), an immediate one is
@@ -107,6 +108,7 @@ pub enum HostEvent {
 
 /// What a host has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct HostStatistics {
     /// Instructions submitted: also the number of the next one.
     pub submitted: u64,

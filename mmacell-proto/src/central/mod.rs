@@ -46,6 +46,7 @@ const OUTCOMES: usize = 4;
 
 /// What a central controller's end has counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CentralStatistics {
     /// Connections that were made.
     pub connections: u64,

@@ -52,6 +52,7 @@ pub struct Device<P> {
 
 /// What a device's end has counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DeviceStatistics {
     /// Connections that were made.
     pub connections: u64,

@@ -27,6 +27,7 @@ pub const BLOW: i32 = 1;
 /// | `ACQ+00001` | 11 |
 /// | `HND+00000OPEN`, `HND+00000CLOSE` | 15, 16 |
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "command"))]
 #[non_exhaustive]
 pub enum Command<P> {
@@ -81,6 +82,7 @@ pub enum Command<P> {
 
 /// Whether a pose is where to go, or how far (§4.4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Mode {
     /// `A`: to this pose.

@@ -16,6 +16,7 @@ use crate::pose::Pose;
 /// | `OKF+010.000-002.000+005.999-01.2322T+00080+00000` (robot's status) | 50 |
 /// | `OKF+00.5000-00.2500T+00080+00000` (platform's status) | 34 |
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "reply", rename_all = "snake_case"))]
 pub enum Reply<P> {
     /// `OK`: done, or for a motion, started.
@@ -31,6 +32,7 @@ pub enum Reply<P> {
 
 /// The status of a device (§4.1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Status<P> {
     /// A motion is going on. It may report no until a motion that it has accepted begins.
@@ -49,6 +51,7 @@ pub struct Status<P> {
 
 /// An error number (§5). The source calls its list provisional.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(
     feature = "serde",
     derive(serde::Serialize, serde::Deserialize),

@@ -125,6 +125,7 @@ impl Unselected {
 
 /// What a [`Controller`](crate::Controller) reports. Each start ends in `Refused`, `GaveUp` or `Ended`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ControllerEvent {
     /// The host accepted: standard messages follow.
@@ -157,6 +158,7 @@ pub enum ControllerEvent {
 
 /// What a [`Controller`](crate::Controller) has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ControllerStatistics {
     /// Start messages sent.
     pub attempts: u64,

@@ -108,6 +108,7 @@ pub enum Handling {
 
 /// What became of a start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum StartOutcome {
     /// The host accepted.
     Started,

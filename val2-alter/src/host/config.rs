@@ -174,6 +174,7 @@ pub enum Policy {
 
 /// What a [`Host`](crate::Host) reports. Each ALTER of which a message came ends in one `End` or `Lost`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum HostEvent {
     /// A start message. It is answered by the policy that holds when `poll_transmit` is called next.
@@ -202,6 +203,7 @@ pub enum HostEvent {
 
 /// Why ALTER is over without an end message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LostReason {
     /// Nothing was received for several cycles.
     Silence,
@@ -213,6 +215,7 @@ pub enum LostReason {
 
 /// What became of an exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ExceptionOutcome {
     /// The controller has read it: the subroutine was started.
     Done,
@@ -224,6 +227,7 @@ pub enum ExceptionOutcome {
 
 /// Why nobody knows whether an exception was read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum UnknownReason {
     /// ALTER ended before the next message.
     Ended,
@@ -235,6 +239,7 @@ pub enum UnknownReason {
 
 /// What a [`Host`](crate::Host) has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct HostStatistics {
     /// Start messages accepted.
     pub starts: u64,

@@ -7,6 +7,7 @@ use crate::timing::{transmission, window};
 
 /// When an answer must leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Due {
     /// The shortest answer must have begun.
     pub begin_by: Duration,

@@ -128,6 +128,7 @@ pub enum Pending {
 
 /// A standard message that is not answered yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Request {
     /// When the reply must leave.
     pub due: Due,

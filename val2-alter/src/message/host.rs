@@ -10,6 +10,7 @@ pub const AXES: usize = 6;
 
 /// A message from the host to the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum HostMessage {
     /// The answer to a start message: one data byte.
     StartReply(StartCode),
@@ -56,6 +57,7 @@ impl Message for HostMessage {
 
 /// The answer to a standard message (§3.3.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Reply {
     /// Starts the robot's exception subroutine; none in normal operation.

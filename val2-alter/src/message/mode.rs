@@ -2,6 +2,7 @@
 
 /// The five mode bits of `ALTER(channel, mode, subroutine, priority)`, as the start message carries them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(transparent))]
 pub struct Mode(pub u8);
 

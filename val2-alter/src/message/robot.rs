@@ -73,6 +73,7 @@ fn control(phase: u8, error: ErrorCode) -> u8 {
 
 /// The start message (§3.2.1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Start {
     /// Bit 7 of the control byte. The section on the start message leaves it out, the one on the control byte demands it:
     /// it is always written, and read either way.
@@ -114,6 +115,7 @@ impl Start {
 /// The data list of an ALTER instruction: up to [`List::MAX`] words. The source sets no limit; ours makes a start message
 /// no longer than the longest standard message.
 #[derive(Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct List {
     pub(super) words: [i16; List::MAX],
     pub(super) len: usize,
@@ -161,6 +163,7 @@ impl core::fmt::Debug for List {
 
 /// The standard message (§3.2.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Motion {
     /// Whether ALTER runs or is interrupted by the exception subroutine.
     pub phase: MotionPhase,
@@ -225,6 +228,7 @@ impl Motion {
 
 /// The kinds of standard message: bits 5 and 6 of the control byte (01 is the start message, 11 the end).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum MotionPhase {
     /// 00: values change the path.
@@ -235,6 +239,7 @@ pub enum MotionPhase {
 
 /// The last message (§3.2.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct End {
     /// Why ALTER ended; none when the program ended it.
     pub error: ErrorCode,

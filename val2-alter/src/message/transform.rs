@@ -4,6 +4,7 @@
 /// the protocol 16384 is 1.0 and a millimetre is 32, and VAL lists transformations by columns: the natural reading is the
 /// columns n, o, a of a rotation and a position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(transparent))]
 pub struct Transform(pub [i16; 12]);
 

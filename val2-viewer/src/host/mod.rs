@@ -40,6 +40,7 @@ pub struct Host {
 
 /// What the host reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum HostEvent {
     /// A request has come: it is answered as soon as there is a pose, and the interval is over.
@@ -58,6 +59,7 @@ pub enum HostEvent {
 
 /// What a host has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct HostStatistics {
     /// Requests that have or had a packet of their own.
     pub asked: u64,

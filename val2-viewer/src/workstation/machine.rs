@@ -31,6 +31,7 @@ pub struct Display {
 
 /// The request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Request {
     /// The next display cycle asks.
     Allowed,

@@ -39,6 +39,7 @@ pub struct Workstation {
 
 /// What the workstation reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum WorkstationEvent {
     /// The answer to a request: draw it.
@@ -58,6 +59,7 @@ pub enum WorkstationEvent {
 
 /// What a workstation has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct WorkstationStatistics {
     /// Requests sent.
     pub requests: u64,

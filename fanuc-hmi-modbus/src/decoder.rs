@@ -218,6 +218,13 @@ impl Decoder {
         };
         let is_full = window - self.start == Self::WINDOW;
         let corruption = self.corruption.as_mut()?;
+        if let (Err(tried), false, None) = (next, is_full, self.finished_at) {
+            corruption.tried = tried;
+            if self.framing.has_transactions() {
+                self.wanted = tried + SHORTEST;
+            }
+            return None;
+        }
         let (error, is_more) = (corruption.error, corruption.is_more);
         let end = match next {
             Ok(start) => {
@@ -230,16 +237,9 @@ impl Decoder {
                 *corruption = Corruption { is_more: true, from, tried, ..*corruption };
                 from
             }
-            Err(_) if self.finished_at.is_some() => {
+            Err(_) => {
                 self.corruption = None;
                 limit
-            }
-            Err(tried) => {
-                corruption.tried = tried;
-                if self.framing.has_transactions() {
-                    self.wanted = tried + SHORTEST;
-                }
-                return None;
             }
         };
         let length = end - self.start;
@@ -252,8 +252,12 @@ impl Decoder {
     fn next_header(&self, from: usize, tried: usize, limit: usize) -> Result<usize, usize> {
         for start in from.max(tried)..limit {
             let data = self.buffer.get(start..limit).unwrap_or_default();
-            // Protocol 0: judged as soon as it is there.
-            if data.get(2).is_some_and(|byte| *byte != 0) {
+            // Protocol 0, a length below 256: judged as soon as it is there.
+            if let [_, _, p0, ..] = *data
+                && (p0 != 0
+                    || data.get(3).is_some_and(|p1| *p1 != 0)
+                    || data.get(4).is_some_and(|l0| *l0 != 0))
+            {
                 continue;
             }
             let Some((six, rest)) = data.split_first_chunk() else { return Err(start) };

@@ -71,12 +71,10 @@ impl<'a> Frame<&'a [u8]> {
     #[inline]
     pub(crate) fn tcp_len(header: &[u8; 6]) -> Result<usize, DecodeError> {
         let [_, _, p0, p1, l0, l1] = *header;
-        if let found @ 1.. = u16::from_be_bytes([p0, p1]) {
-            return Err(DecodeError::Protocol { found });
-        }
-        match u16::from_be_bytes([l0, l1]) {
-            length @ 2..=254 => Ok(6 + usize::from(length)),
-            found => Err(DecodeError::MbapLength { found }),
+        // One number, in which a protocol other than 0 makes a length that is too great.
+        match u32::from_be_bytes([p0, p1, l0, l1]) {
+            length @ 2..=254 => Ok(6 + length as usize),
+            _ => Err(bad_header(header)),
         }
     }
 
@@ -239,6 +237,14 @@ impl<P: Pdu> Encode for Frame<P> {
             }
             Err(error) => Err(in_frame(error, MBAP, available)),
         }
+    }
+}
+
+#[cold]
+fn bad_header(&[_, _, p0, p1, l0, l1]: &[u8; 6]) -> DecodeError {
+    match u16::from_be_bytes([p0, p1]) {
+        0 => DecodeError::MbapLength { found: u16::from_be_bytes([l0, l1]) },
+        found => DecodeError::Protocol { found },
     }
 }
 

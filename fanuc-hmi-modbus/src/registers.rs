@@ -90,7 +90,7 @@ pub fn serve<R: Registers + ?Sized>(pdu: &[u8], registers: &mut R, out: &mut [u8
     // The read that a client repeats in every cycle: little enough to be built in where the registers are known.
     if let [function @ function::READ_HOLDING_REGISTERS, a, b, c, d] = *pdu
         && let quantity = u16::from_be_bytes([c, d])
-        && (1..=limit::READ_REGISTERS).contains(&quantity)
+        && (1..=usize::from(limit::READ_REGISTERS)).contains(&usize::from(quantity))
     {
         let address = u16::from_be_bytes([a, b]);
         let read = |out: &mut WordsMut<'_>| registers.read_holding_registers(address, out);

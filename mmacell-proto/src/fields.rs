@@ -94,7 +94,7 @@ impl<'a> Reader<'a> {
     pub(crate) fn percent_and_error(&mut self) -> Result<(u8, i32), DecodeError> {
         if let Some([percent, error]) = self.two_words()
             && INTEGER.is_zero(error)
-            && let (percent @ 0..=100, 0) = INTEGER.value(percent)
+            && let (percent @ 0..=100, 0) = INTEGER.number(percent)
         {
             self.at += 12;
             return Ok((percent.to_le_bytes()[0], 0));

@@ -16,6 +16,8 @@ pub(crate) struct Format {
     /// is a digit 0.
     split: u32,
     scale: u32,
+    /// What a minus is worth, which is read as a digit 2.
+    minus: u32,
     layout: &'static [Expected],
 }
 
@@ -57,22 +59,31 @@ impl Format {
             excess |= bits << at;
             (rest, at) = (after, at + 8);
         }
-        Self { zero: u64::from_le_bytes(zero), sign_at, limit, excess, split, scale, layout }
+        let minus = if sign_at == 0 { 2000 } else { 20 } * (split / scale);
+        Self { zero: u64::from_le_bytes(zero), sign_at, limit, excess, split, scale, minus, layout }
     }
 
     /// The value of a field, and 0 if all its characters fit; otherwise the value means nothing.
     #[inline(always)]
     pub(crate) const fn value(self, field: u64) -> (i32, u64) {
+        let (number, misfit) = self.number(field);
+        let value = if number < self.minus { number } else { self.minus.wrapping_sub(number) };
+        (value.cast_signed(), misfit)
+    }
+
+    /// The number that a field's digits are with its sign among them, a minus as a 2: without one, its value. As of
+    /// [`value`](Self::value), 0 if all its characters fit.
+    #[inline(always)]
+    pub(crate) const fn number(self, field: u64) -> (u32, u64) {
         // A character below that of `zero` borrows from the next one, and shows a high bit itself.
         let word = field.wrapping_sub(self.zero);
         let misfit = (word | word.wrapping_add(self.limit)) & self.excess;
-        let digits = word & (u64::MAX << 8 << self.sign_at);
+        let digits = word & (u64::MAX << self.sign_at);
         // Neighbours are added up in pairs, three times: each lane of a product is a lane and 10, 100 or 1000 times the one before.
         let pairs = digits.wrapping_mul((10 << 8) + 1) >> 8 & 0x00FF_00FF_00FF_00FF;
         let fours = pairs.wrapping_mul((100 << 16) + 1) >> 16 & 0x0000_FFFF_0000_FFFF;
-        let magnitude = (fours.wrapping_mul((((self.split / self.scale) as u64) << 32) + 1) >> 32) as i32;
-        let minus = word & PLUS_TO_MINUS << self.sign_at != 0;
-        (if minus { magnitude.wrapping_neg() } else { magnitude }, misfit)
+        let number = (fours.wrapping_mul((((self.split / self.scale) as u64) << 32) + 1) >> 32) as u32;
+        (number, misfit)
     }
 
     /// Whether a field is the value +0.

@@ -12,13 +12,14 @@ pub struct Decoder {
     buffer: StreamBuffer<256>,
     /// So many of the bytes neither end what the first one begins, nor begin a line after it.
     searched: usize,
-    finished: bool,
+    /// So many bytes are an item, whatever they are: [`PosePacket::MAX_LEN`], and one once the stream has ended.
+    limit: usize,
 }
 
 impl Decoder {
     /// An empty decoder.
     pub const fn new() -> Self {
-        Self { buffer: StreamBuffer::new(), searched: 0, finished: false }
+        Self { buffer: StreamBuffer::new(), searched: 0, limit: PosePacket::MAX_LEN }
     }
 
     #[inline(never)]
@@ -28,8 +29,7 @@ impl Decoder {
         let is_end = |(at, byte): (usize, &u8)| *byte == b'\n' || *byte == b'$' && at > 0;
         let end = window.iter().enumerate().skip(self.searched).position(is_end);
         let end = end.map(|at| self.searched + at);
-        let is_open = !self.finished || window.is_empty();
-        if end.is_none() && window.len() < PosePacket::MAX_LEN && is_open {
+        if end.is_none() && window.len() < self.limit {
             self.searched = window.len();
             return None;
         }
@@ -47,7 +47,9 @@ impl robot_session::Decoder for Decoder {
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
         let taken = self.buffer.push(bytes);
-        self.finished &= taken == 0;
+        if taken > 0 {
+            self.limit = PosePacket::MAX_LEN;
+        }
         taken
     }
 
@@ -55,20 +57,17 @@ impl robot_session::Decoder for Decoder {
     fn next_frame(&mut self) -> Option<Result<PosePacket, DecodeError>> {
         // A byte that came alone, and neither ends nor begins anything.
         match self.buffer.byte_after(self.searched) {
-            Some(byte)
-                if !matches!(byte, b'\n' | b'$')
-                    && !self.finished
-                    && self.searched + 1 < PosePacket::MAX_LEN =>
-            {
+            Some(byte) if (byte > b'$' || byte == b'\r') && self.searched + 1 < self.limit => {
                 self.searched += 1;
                 None
             }
+            None if self.buffer.is_empty() => None,
             _ => self.next_item(),
         }
     }
 
     fn finish(&mut self) {
-        self.finished = true;
+        self.limit = 1;
     }
 
     fn position(&self) -> u64 {
@@ -77,7 +76,7 @@ impl robot_session::Decoder for Decoder {
 
     fn clear(&mut self) {
         self.buffer.clear();
-        (self.searched, self.finished) = (0, false);
+        (self.searched, self.limit) = (0, PosePacket::MAX_LEN);
     }
 }
 

@@ -29,42 +29,23 @@ pub struct PosePacket {
 
 impl PosePacket {
     /// The longest line.
-    pub const MAX_LEN: usize = HEAD.len() + 5 + 12 * 7 + 5;
+    pub const MAX_LEN: usize = HEAD.len() + 6 + 12 * 7 + 5;
 
     /// Reads the line at the start of `bytes`. `None`: more bytes are needed. The second value is the line's length.
     ///
     /// # Errors
     /// When the bytes are no such line; skip to the next `$`.
+    #[inline]
     pub fn decode(bytes: &[u8]) -> Result<Option<(Self, usize)>, DecodeError> {
-        let window = bytes.get(..Self::MAX_LEN).unwrap_or(bytes);
-        let Some(end) = window.iter().position(|byte| *byte == b'\n') else {
-            return if bytes.len() < Self::MAX_LEN {
-                Ok(None)
-            } else {
-                Err(DecodeError::TooLong { limit: Self::MAX_LEN })
-            };
-        };
-        let mut line = Line { bytes: window.get(..end).unwrap_or_default(), at: 0 };
-        line.expect(HEAD)?;
-        let offset = line.at;
-        let count = u16::try_from(line.number()?).map_err(|_| DecodeError::Number { offset })?;
-        let mut pose = [0; 12];
-        for word in &mut pose {
-            line.expect(b",")?;
-            let offset = line.at;
-            *word = i16::try_from(line.number()?).map_err(|_| DecodeError::Number { offset })?;
-        }
-        let expected = xor(line.bytes.get(1..line.at).unwrap_or_default());
-        line.expect(b"*")?;
-        let found = 16 * line.hex()? + line.hex()?;
-        if found != expected {
-            return Err(DecodeError::Checksum { expected, found });
-        }
-        line.expect(b"\r")?;
-        if line.at == end {
-            Ok(Some((Self { count, pose }, end + 1)))
-        } else {
-            Err(DecodeError::Format { offset: line.at })
+        let mut line = Line { bytes, rest: bytes };
+        match line.packet() {
+            Ok(packet) => Ok(Some((packet, line.at()))),
+            // What is wrong may be that it is not whole.
+            Err(error) => match bytes.get(..Self::MAX_LEN) {
+                _ if bytes.iter().take(Self::MAX_LEN).any(|byte| *byte == b'\n') => Err(error),
+                Some(_) => Err(DecodeError::TooLong { limit: Self::MAX_LEN }),
+                None => Ok(None),
+            },
         }
     }
 
@@ -91,6 +72,7 @@ impl PosePacket {
     fn text(&self) -> Text {
         let mut text = Text { bytes: [0; Self::MAX_LEN], len: 0 };
         text.put(HEAD);
+        text.put(b",");
         text.number(i32::from(self.count));
         for word in self.pose {
             text.put(b",");
@@ -122,53 +104,95 @@ impl Encode for PosePacket {
     }
 }
 
-const HEAD: &[u8] = b"$POSE,";
+const HEAD: &[u8; 5] = b"$POSE";
 
+/// A line and what follows it; `rest` is what is still to be read of it.
 struct Line<'a> {
     bytes: &'a [u8],
-    at: usize,
+    rest: &'a [u8],
 }
 
 impl Line<'_> {
-    fn expect(&mut self, expected: &[u8]) -> Result<(), DecodeError> {
-        for byte in expected {
-            if self.bytes.get(self.at) != Some(byte) {
-                return Err(DecodeError::Format { offset: self.at });
+    /// How many bytes are read.
+    fn at(&self) -> usize {
+        self.bytes.len() - self.rest.len()
+    }
+
+    #[inline]
+    fn packet(&mut self) -> Result<PosePacket, DecodeError> {
+        self.expect(HEAD)?;
+        let count = self.number()?;
+        let mut pose = [0; 12];
+        for word in &mut pose {
+            *word = self.number()?;
+        }
+        let expected = xor(self.bytes.get(1..self.at()).unwrap_or_default());
+        self.expect(b"*")?;
+        let found = 16 * self.hex()? + self.hex()?;
+        if found != expected {
+            return Err(DecodeError::Checksum { expected, found });
+        }
+        self.expect(b"\r\n")?;
+        Ok(PosePacket { count, pose })
+    }
+
+    #[inline(always)]
+    fn expect<const N: usize>(&mut self, expected: &[u8; N]) -> Result<(), DecodeError> {
+        match self.rest.strip_prefix(expected) {
+            Some(rest) => self.rest = rest,
+            None => {
+                let same = self.rest.iter().zip(expected).take_while(|(byte, expected)| byte == expected);
+                return Err(DecodeError::Format { offset: self.at() + same.count() });
             }
-            self.at += 1;
         }
         Ok(())
     }
 
-    /// Up to five digits, after a minus sign or not, written in the one way that `encode` has.
-    fn number(&mut self) -> Result<i32, DecodeError> {
-        let offset = self.at;
-        let negative = self.bytes.get(offset) == Some(&b'-');
-        let first = offset + usize::from(negative);
-        let (mut at, mut number) = (first, 0);
-        while let Some(digit @ b'0'..=b'9') = self.bytes.get(at)
-            && at <= first + 5
-        {
-            number = 10 * number + i32::from(digit - b'0');
-            at += 1;
+    /// A comma and up to five digits, after a minus sign or not, written in the one way that `encode` has.
+    #[inline(always)]
+    fn number<N: TryFrom<i32>>(&mut self) -> Result<N, DecodeError> {
+        // Eight bytes have all of it and what is behind it, or more digits than there may be.
+        let word = match self.rest.first_chunk() {
+            Some(word) => u64::from_le_bytes(*word),
+            None => self.rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
+        };
+        let [comma, first, ..] = word.to_le_bytes();
+        if comma != b',' {
+            return Err(DecodeError::Format { offset: self.at() });
         }
-        let count = at - first;
-        let is_plain =
-            if self.bytes.get(first) == Some(&b'0') { count == 1 && !negative } else { count <= 5 };
-        if count == 0 || !is_plain {
-            return Err(DecodeError::Number { offset });
+        let is_negative = first == b'-';
+        let digits = if is_negative { word >> 16 } else { word >> 8 } ^ u64::from_le_bytes([b'0'; 8]);
+        // Each byte above 9 gets its top bit; what that adds to the bytes behind the first such one does not matter.
+        let others = digits.wrapping_add(u64::from_le_bytes([0x7F - 9; 8])) | digits;
+        // Seven, and eight for each digit.
+        let end = (others & u64::from_le_bytes([0x80; 8])).trailing_zeros();
+        // The last digit becomes the last byte; before the first of five there are zeros.
+        let number = digits.wrapping_shl(7u32.wrapping_sub(end));
+        let has_zero = digits & 0xFF == 0;
+        let is_plain = number & 0xFF_FFFF == 0 && (!has_zero || end == 15 && !is_negative);
+        // Pairs of digits, pairs of those, and all of them.
+        let number = (number.wrapping_mul(10 << 8 | 1) >> 8) & 0x00FF_00FF_00FF_00FF;
+        let number = (number.wrapping_mul(100 << 16 | 1) >> 16) & 0x0000_FFFF_0000_FFFF;
+        let [.., a, b, c, d] = number.wrapping_mul(10_000 << 32 | 1).to_le_bytes();
+        let number = i32::from_le_bytes([a, b, c, d]);
+        let number = N::try_from(if is_negative { number.wrapping_neg() } else { number });
+        let length = 1 + usize::from(is_negative) + end as usize / 8;
+        match (number, self.rest.get(length..)) {
+            (Ok(number), Some(rest)) if is_plain => {
+                self.rest = rest;
+                Ok(number)
+            }
+            _ => Err(DecodeError::Number { offset: self.at() + 1 }),
         }
-        self.at = at;
-        Ok(if negative { -number } else { number })
     }
 
     fn hex(&mut self) -> Result<u8, DecodeError> {
-        let digit = match self.bytes.get(self.at) {
-            Some(digit @ b'0'..=b'9') => digit - b'0',
-            Some(digit @ b'A'..=b'F') => digit - b'A' + 10,
-            _ => return Err(DecodeError::Format { offset: self.at }),
+        let (digit, rest) = match self.rest {
+            [digit @ b'0'..=b'9', rest @ ..] => (digit - b'0', rest),
+            [digit @ b'A'..=b'F', rest @ ..] => (digit - b'A' + 10, rest),
+            _ => return Err(DecodeError::Format { offset: self.at() }),
         };
-        self.at += 1;
+        self.rest = rest;
         Ok(digit)
     }
 }
@@ -208,8 +232,11 @@ impl Text {
     }
 }
 
+#[inline]
 fn xor(bytes: &[u8]) -> u8 {
-    bytes.iter().fold(0, |sum, byte| sum ^ byte)
+    let (words, rest) = bytes.as_chunks();
+    let sum = words.iter().fold(0, |sum, word| sum ^ u64::from_le_bytes(*word));
+    sum.to_le_bytes().iter().chain(rest).fold(0, |sum, byte| sum ^ byte)
 }
 
 fn hex_digit(nibble: u8) -> u8 {

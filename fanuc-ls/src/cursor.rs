@@ -39,9 +39,22 @@ impl<'a> Cursor<'a> {
     /// Moves over spaces, tabs and line ends.
     #[inline(always)]
     pub(crate) fn space(&mut self) {
-        while let [b' ' | b'\t' | b'\r' | b'\n', after @ ..] = self.rest {
+        // Mostly there is none: one comparison.
+        while let [byte @ ..=b' ', after @ ..] = self.rest
+            && matches!(byte, b' ' | b'\t' | b'\r' | b'\n')
+        {
             self.rest = after;
         }
+    }
+
+    /// Moves over the blanks that put a number into its column.
+    #[inline(always)]
+    pub(crate) fn columns(&mut self) {
+        if let Some(word) = self.rest.first_chunk() {
+            let blanks = (u64::from_le_bytes(*word) ^ u64::from_le_bytes([b' '; 8])).trailing_zeros() / 8;
+            self.advance(blanks as usize);
+        }
+        self.space();
     }
 
     /// Moves over a word, if it is here.

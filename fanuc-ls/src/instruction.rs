@@ -2,7 +2,7 @@ use alloc::string::String;
 
 use crate::error::EncodeError;
 use crate::motion::{Motion, MotionKind};
-use crate::text::{Fault, indent, is_nested, is_plain, join_lines, plain_number, push_number};
+use crate::text::{Fault, indent, is_nested, is_plain, join_lines, plain_number, push_number, trim};
 
 /// One instruction of `/MN`. The writer numbers them; a TP program jumps to labels, never to numbers.
 ///
@@ -37,7 +37,7 @@ impl Instruction {
 
     /// Reads what stands between the line's `:` and its `;`.
     pub(crate) fn decode(input: &str) -> Result<Self, Fault<'_>> {
-        let body = input.trim_matches([' ', '\t', '\r', '\n']);
+        let body = trim(input);
         if body.is_empty() {
             return Ok(Self::Empty);
         }

@@ -192,11 +192,14 @@ impl Target {
 
     fn decode(input: &str) -> Read<'_, Self> {
         let (rest, Reference { letters, inside, .. }) = reference(input, Reason::Target)?;
-        let (number, name) = match inside.split_once(':') {
-            Some((number, name)) => (number, Some(name.trim().to_string())),
-            None => (inside, None),
+        let (number, name) = match plain_number(inside) {
+            Some(number) => (Some(number), None),
+            None => match inside.split_once(':') {
+                Some((number, name)) => (plain_number(number.trim()), Some(name.trim().to_string())),
+                None => (plain_number(inside.trim()), None),
+            },
         };
-        let target = match (letters, plain_number(number.trim())) {
+        let target = match (letters, number) {
             ("P", Some(number)) => Self::Position { number, name },
             ("PR", Some(number)) => Self::Register { number, name },
             _ => Self::Other(format!("{letters}[{inside}]")),
@@ -320,21 +323,6 @@ pub enum SpeedUnit {
 }
 
 impl SpeedUnit {
-    /// As controllers print them; those set to German say `sek`.
-    const ALL: [(Self, &'static str); 11] = [
-        (Self::Percent, "%"),
-        (Self::Sec, "sec"),
-        (Self::Msec, "msec"),
-        (Self::MmPerSec, "mm/sec"),
-        (Self::CmPerMin, "cm/min"),
-        (Self::InchPerMin, "inch/min"),
-        (Self::DegPerSec, "deg/sec"),
-        (Self::Sec, "sek"),
-        (Self::Msec, "msek"),
-        (Self::MmPerSec, "mm/sek"),
-        (Self::DegPerSec, "deg/sek"),
-    ];
-
     /// The numbers that can be written with this unit: above 0 to 100 for %, above 0 to 100 000 for the others (a
     /// controller's own limits are narrower and depend on the robot).
     pub fn range(self) -> core::ops::RangeInclusive<f64> {
@@ -354,18 +342,34 @@ impl SpeedUnit {
     }
 
     fn decode(input: &str) -> Read<'_, Self> {
-        for (unit, text) in Self::ALL {
-            if let Some(rest) = input.strip_prefix(text)
-                && (unit == Self::Percent || !rest.starts_with(|c| is_letter_or_digit(c) || c == '/'))
-            {
-                return Ok((rest, unit));
-            }
+        // Controllers set to German say `sek`.
+        let (unit, length) = match input.as_bytes() {
+            [b'%', ..] => (Self::Percent, 1),
+            [b's', b'e', b'c' | b'k', ..] => (Self::Sec, 3),
+            [b'm', b's', b'e', b'c' | b'k', ..] => (Self::Msec, 4),
+            [b'm', b'm', b'/', b's', b'e', b'c' | b'k', ..] => (Self::MmPerSec, 6),
+            [b'c', b'm', b'/', b'm', b'i', b'n', ..] => (Self::CmPerMin, 6),
+            [b'i', b'n', b'c', b'h', b'/', b'm', b'i', b'n', ..] => (Self::InchPerMin, 8),
+            [b'd', b'e', b'g', b'/', b's', b'e', b'c' | b'k', ..] => (Self::DegPerSec, 7),
+            _ => return fail(input, Reason::SpeedUnit),
+        };
+        let rest = input.get(length..).unwrap_or("");
+        if unit != Self::Percent && rest.starts_with(|c| is_letter_or_digit(c) || c == '/') {
+            return fail(input, Reason::SpeedUnit);
         }
-        fail(input, Reason::SpeedUnit)
+        Ok((rest, unit))
     }
 
     fn text(self) -> &'static str {
-        Self::ALL.iter().find(|(unit, _)| *unit == self).map_or("", |(_, text)| text)
+        match self {
+            Self::Percent => "%",
+            Self::Sec => "sec",
+            Self::Msec => "msec",
+            Self::MmPerSec => "mm/sec",
+            Self::CmPerMin => "cm/min",
+            Self::InchPerMin => "inch/min",
+            Self::DegPerSec => "deg/sec",
+        }
     }
 }
 

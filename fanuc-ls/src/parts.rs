@@ -3,8 +3,6 @@
 use alloc::vec::Vec;
 use core::ops::Range;
 
-use memchr::memchr;
-
 use crate::attribute::Attribute;
 use crate::error::{DecodeError, Reason};
 use crate::position::Position;
@@ -42,7 +40,11 @@ impl Parts {
         let start = text.find(|c: char| !c.is_whitespace() && c != '\u{feff}').unwrap_or(text.len());
         let (mut last, mut begins) = (0, start);
         let mut lines = Lines::new(text, start..text.len());
-        while let Some(line) = lines.next() {
+        loop {
+            if last > 0 && (last != 4 || !parts.blocks.is_empty()) {
+                lines.pass_plain();
+            }
+            let Some(line) = lines.next() else { break };
             let words = after_blanks(line.text);
             let found = words.starts_with('/').then(|| section(words.trim_end())).flatten();
             // A second `/PROG` is for its section to refuse; a second `/APPL` is one of the first one's lines.
@@ -243,6 +245,20 @@ impl<'a> Lines<'a> {
     fn new(text: &'a str, part: Range<usize>) -> Self {
         Self { rest: at(text, &part), start: part.start }
     }
+
+    /// Moves over the lines that begin neither a section nor a position, which most do.
+    fn pass_plain(&mut self) {
+        let mut rest = self.rest.as_bytes();
+        while let Some(b'!'..=b'.' | b'0'..=b'O' | b'Q'..=b'~') =
+            rest.iter().find(|byte| !matches!(byte, b' ' | b'\t'))
+            && let Some(after) = rest.get(line_length(rest) + 1..)
+        {
+            rest = after;
+        }
+        let skipped = self.rest.len() - rest.len();
+        self.rest = self.rest.get(skipped..).unwrap_or("");
+        self.start += skipped;
+    }
 }
 
 impl<'a> Iterator for Lines<'a> {
@@ -253,14 +269,31 @@ impl<'a> Iterator for Lines<'a> {
         if self.rest.is_empty() {
             return None;
         }
-        let length = memchr(b'\n', self.rest.as_bytes()).unwrap_or(self.rest.len());
+        let length = line_length(self.rest.as_bytes());
         let (line, rest) = self.rest.split_at_checked(length).unwrap_or((self.rest, ""));
-        let text = if line.ends_with('\r') { line.trim_end_matches('\r') } else { line };
+        let text = line.strip_suffix('\r').unwrap_or(line);
+        let text = if text.ends_with('\r') { text.trim_end_matches('\r') } else { text };
         let line = Line { text, start: self.start };
         self.rest = rest.get(1..).unwrap_or("");
         self.start += length + usize::from(!rest.is_empty());
         Some(line)
     }
+}
+
+/// How many bytes are before the line feed. Lines are short: the start of a search for longer ones would cost as much.
+#[inline]
+fn line_length(bytes: &[u8]) -> usize {
+    let (words, rest) = bytes.as_chunks();
+    for (word, at) in words.iter().zip((0..).step_by(8)) {
+        // The lowest byte that is zero gets its top bit.
+        let zeros = u64::from_le_bytes(*word) ^ u64::from_le_bytes([b'\n'; 8]);
+        let found = zeros.wrapping_sub(u64::from_le_bytes([1; 8])) & !zeros & u64::from_le_bytes([0x80; 8]);
+        if found != 0 {
+            return at + found.trailing_zeros() as usize / 8;
+        }
+    }
+    let found = rest.iter().position(|byte| *byte == b'\n');
+    found.map_or(bytes.len(), |at| bytes.len() - rest.len() + at)
 }
 
 impl Line<'_> {
@@ -293,7 +326,7 @@ fn missing(section: usize) -> Reason {
 }
 
 fn is_closed(line: &str) -> bool {
-    line.ends_with(';') || line.trim_end().ends_with(';')
+    line.as_bytes().ends_with(b";") || line.trim_end().ends_with(';')
 }
 
 fn continues(line: &str) -> bool {

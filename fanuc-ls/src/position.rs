@@ -160,7 +160,9 @@ impl Group {
         cursor.expect(",", Reason::Frames)?;
         cursor.space();
         let mut configuration = None;
-        if let Ok((_, keyword)) = word(cursor.rest())
+        // Not behind the name of an axis, which is shorter.
+        if !matches!(cursor.bytes(), [_, b' ' | b'=', ..] | [_, _, b' ' | b'=', ..])
+            && let Ok((_, keyword)) = word(cursor.rest())
             && keyword.chars().count() > 2
         {
             cursor.advance(keyword.len());
@@ -251,7 +253,7 @@ impl Axis {
     fn decode<'a>(cursor: &mut Cursor<'a>) -> Result<Self, Fault<'a>> {
         let name = AxisName::decode(cursor)?;
         cursor.expect("=", Reason::Axis)?;
-        cursor.space();
+        cursor.columns();
         let mut value = None;
         if cursor.take("*") {
             while cursor.take("*") {}

@@ -55,7 +55,8 @@ impl<'a> Statement<'a> {
             return Ok(Instruction::Nested(self.text.trim_end().into()));
         }
         let (digits, body) = self.head()?;
-        if !digits.is_empty() && digits.parse::<usize>().is_err() {
+        // Nine digits are a number on every machine.
+        if digits.len() > 9 && digits.parse::<usize>().is_err() {
             return Err(Fault { at: digits, reason: Reason::LineNumber });
         }
         let (body, rest) = close(body);
@@ -70,6 +71,7 @@ impl<'a> Statement<'a> {
     }
 
     /// The digits before the `:`, and what follows that.
+    #[inline]
     fn head(&self) -> Result<(&'a str, &'a str), Fault<'a>> {
         let start = after_blanks(self.text);
         let (digits, rest) = start.split_at_checked(digits(start)).unwrap_or(("", start));

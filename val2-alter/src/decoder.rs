@@ -3,7 +3,7 @@
 use core::marker::PhantomData;
 
 use crate::error::DecodeError;
-use crate::frame::{DLE, Frame, Framing, Reading, STX, find_dle};
+use crate::frame::{DLE, ETX, Frame, Framing, LeadingDle, Reading, STX, find_dle, plain_data, plain_len};
 use crate::message::Message;
 
 /// A message and where its frame is.
@@ -34,7 +34,8 @@ pub struct Received<M> {
 #[derive(Debug, Clone)]
 pub struct Decoder<M> {
     framing: Framing,
-    buffer: [u8; CAPACITY],
+    /// What is behind the first `CAPACITY` bytes fills the words of a frame that is read there.
+    buffer: [u8; CAPACITY + Frame::MAX_LEN],
     start: usize,
     end: usize,
     /// The end of what `next_frame` returned last.
@@ -59,12 +60,15 @@ pub struct Decoder<M> {
 
 const CAPACITY: usize = 2 * Frame::MAX_LEN;
 
+/// The shortest frame: one byte of data.
+const SHORTEST: usize = 6;
+
 impl<M: Message> Decoder<M> {
     /// A decoder at the beginning of a stream.
     pub fn new(framing: Framing) -> Self {
         Self {
             framing,
-            buffer: [0; CAPACITY],
+            buffer: [0; _],
             start: 0,
             end: 0,
             position: 0,
@@ -113,8 +117,27 @@ impl<M: Message> Decoder<M> {
         }
     }
 
+    /// Reads a whole frame without a DLE in its data, as nearly all are, where nothing corrupt was before it.
+    #[inline]
+    fn plain(&mut self) -> Option<Received<M>> {
+        let available = self.end - self.start;
+        if self.reading.has_begun() || self.skipped | self.read_before > 0 || available < SHORTEST {
+            return None;
+        }
+        let data = plain_data(self.buffer.get(self.start..)?, available, self.framing)?;
+        let message = M::decode(data, self.framing).ok()?;
+        let length = plain_len(data, self.framing);
+        self.start += length;
+        let (offset, length) = (self.position, core::mem::take(&mut self.spare_dles) + length);
+        self.position = offset.wrapping_add(length);
+        Some(Received { offset, length, message })
+    }
+
     #[inline(never)]
     fn next_message(&mut self) -> Option<Result<Received<M>, DecodeError>> {
+        if let Some(received) = self.plain() {
+            return Some(Ok(received));
+        }
         loop {
             if !self.reading.has_begun() {
                 let at_mark = self.seek_mark();
@@ -203,7 +226,7 @@ impl<M: Message> Decoder<M> {
     /// Removes bytes from the buffer; returns how many of them are not counted yet.
     fn consume(&mut self, count: usize) -> usize {
         self.start += count;
-        if count > 0 {
+        if self.reading.has_begun() && count > 0 {
             self.reading = Reading::NEW;
         }
         self.read_before = self.read_before.saturating_sub(count);
@@ -230,6 +253,12 @@ impl<M: Message> Decoder<M> {
             self.lent = true;
         }
         (offset, length)
+    }
+
+    /// What a DLE and this are the beginning of, and no more.
+    #[inline]
+    fn half_mark(&self) -> u8 {
+        if self.reading.has_begun() { ETX } else { DLE }
     }
 
     fn bytes(&self) -> &[u8] {
@@ -267,16 +296,26 @@ impl<M: Message> robot_session::Decoder for Decoder<M> {
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Received<M>, DecodeError>> {
-        // A port that gives single bytes: most of them are data.
-        if self.reading.has_begun()
-            && let Some([byte]) = self.buffer.get(self.start + self.reading.at()..self.end)
-            && !self.finished
-            && self.reading.take(*byte, M::MAX_DATA)
-        {
-            return None;
+        let from = self.start + self.reading.at();
+        if self.finished {
+            return self.next_message();
         }
-        let is_empty = self.start == self.end && !self.finished;
-        if is_empty { None } else { self.next_message() }
+        // A port that gives single bytes: most of them need no more than a look.
+        if self.end == from + 1
+            && let Some(byte) = self.buffer.get(from)
+        {
+            if *byte == DLE || self.reading.take(*byte, M::MAX_DATA) {
+                return None;
+            }
+            if !self.reading.has_begun() {
+                self.skip(1);
+                return None;
+            }
+        }
+        let is_half = self.framing.leading_dle == LeadingDle::Two
+            && self.end == from + 2
+            && self.buffer.get(from..self.end) == Some(&[DLE, self.half_mark()]);
+        if from == self.end || is_half { None } else { self.next_message() }
     }
 
     fn finish(&mut self) {

@@ -34,6 +34,15 @@ impl Framing {
         stuffed_checksum: false,
         ignore_spare_select: false,
     };
+
+    fn checksum(self, sum: Sum) -> u8 {
+        let sum = sum.total();
+        if self.negated_sum { sum.wrapping_neg() } else { sum }
+    }
+
+    const fn checksum_len(self, checksum: u8) -> usize {
+        if self.stuffed_checksum && checksum == DLE { 2 } else { 1 }
+    }
 }
 
 impl Default for Framing {
@@ -131,31 +140,53 @@ impl Frame {
 
     /// Writes the frame and returns its length.
     pub fn encode(&self, framing: Framing, out: &mut [u8]) -> Result<usize, EncodeError> {
-        let (doubled, checksum) = (self.doubled(), self.checksum(framing));
-        let needed = self.len_with(doubled, checksum, framing);
-        let available = out.len();
-        let Some(out) = out.get_mut(..needed) else {
+        let mut line = [0; Self::MAX_LEN];
+        let (mut len, checksum) = (framing.leading_dle.count() + 1, self.checksum(framing));
+        if let Some(leading) = line.first_chunk_mut() {
+            *leading = [DLE; 2];
+        }
+        if let Some(stx) = line.get_mut(len - 1) {
+            *stx = STX;
+        }
+        if self.words().fold(0, |any, word| any | dles(word)) == 0
+            && let Some(room) = line.get_mut(len..).and_then(<[u8]>::first_chunk_mut)
+        {
+            *room = *self.summed();
+            len += self.len;
+        } else {
+            for byte in self.data() {
+                // Written twice, and kept twice if it is a DLE.
+                if let Some(pair) = line.get_mut(len..).and_then(<[u8]>::first_chunk_mut) {
+                    *pair = [*byte; 2];
+                    len += 1 + usize::from(*byte == DLE);
+                }
+            }
+        }
+        // The last one counts when the checksum is doubled.
+        if let Some(end) = line.get_mut(len..).and_then(<[u8]>::first_chunk_mut) {
+            *end = [DLE, ETX, checksum, DLE];
+        }
+        let (needed, available) = (len + 2 + framing.checksum_len(checksum), out.len());
+        let (Some(line), Some(out)) = (line.get(..needed), out.get_mut(..needed)) else {
             return Err(EncodeError::BufferTooSmall { needed, available });
         };
-        let mut out = Cursor { out };
-        match framing.leading_dle {
-            LeadingDle::One => out.put([DLE, STX]),
-            LeadingDle::Two => out.put([DLE, DLE, STX]),
-        }
-        if doubled == 0 {
-            out.put_slice(self.data());
+        // Most replies: two words that overlap, where a call would take longer.
+        if let (Some(first), Some(last)) = (line.first_chunk::<16>(), line.last_chunk::<16>())
+            && needed <= 32
+        {
+            out.first_chunk_mut().into_iter().for_each(|room| *room = *first);
+            out.last_chunk_mut().into_iter().for_each(|room| *room = *last);
         } else {
-            out.put_stuffed(self.data());
+            out.copy_from_slice(line);
         }
-        out.put([DLE, ETX, checksum]);
-        // One byte is left when the checksum is doubled.
-        out.put([DLE]);
         Ok(needed)
     }
 
     /// The length on the line, doubled DLEs included.
     pub fn encoded_len(&self, framing: Framing) -> usize {
-        self.len_with(self.doubled(), self.checksum(framing), framing)
+        let doubled = self.data().iter().filter(|byte| **byte == DLE).count();
+        let checksum_len = framing.checksum_len(self.checksum(framing));
+        framing.leading_dle.count() + 1 + self.len + doubled + 2 + checksum_len
     }
 
     /// The data bytes, at most [`Frame::MAX_DATA`].
@@ -165,26 +196,19 @@ impl Frame {
 
     /// The sum of the data modulo 256, or its two's complement.
     pub fn checksum(&self, framing: Framing) -> u8 {
-        let sum = self.summed().iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
-        if framing.negated_sum { sum.wrapping_neg() } else { sum }
+        let mut sum = Sum::default();
+        self.words().for_each(|word| sum.add(word));
+        framing.checksum(sum)
     }
 
-    /// The DLEs in the data.
-    fn doubled(&self) -> usize {
-        if !self.summed().iter().fold(false, |any, byte| any | (*byte == DLE)) {
-            return 0; // nearly always, and a vector shows it
-        }
-        usize::from(self.summed().iter().fold(0, |count, byte| count + u8::from(*byte == DLE)))
+    fn words(&self) -> impl Iterator<Item = u64> {
+        let (words, _) = self.summed().as_chunks();
+        words.iter().map(|word| u64::from_le_bytes(*word))
     }
 
     fn summed(&self) -> &[u8; Self::SUMMED] {
         let (summed, _) = self.data.split_first_chunk().unwrap_or((&[0; Self::SUMMED], &[]));
         summed
-    }
-
-    fn len_with(&self, doubled: usize, checksum: u8, framing: Framing) -> usize {
-        let checksum_len = if framing.stuffed_checksum && checksum == DLE { 2 } else { 1 };
-        framing.leading_dle.count() + 1 + self.len + doubled + 2 + checksum_len
     }
 
     pub(crate) const fn empty() -> Self {
@@ -225,8 +249,17 @@ impl Frame {
                 }
                 rest = behind;
             }
-            // Doubled DLEs often follow each other: zero, or the same value again.
-            while let Some((&PAIR, behind)) = rest.split_first_chunk()
+            // Doubled DLEs often follow each other: the same value again.
+            while let Some((pairs, behind)) = rest.split_first_chunk()
+                && *pairs == [DLE; 8]
+                && let Some(room) = data.get_mut(len..).and_then(<[u8]>::first_chunk_mut)
+            {
+                *room = [DLE; 4];
+                len += 4;
+                rest = behind;
+            }
+            while let Some((pair, behind)) = rest.split_first_chunk()
+                && *pair == PAIR // one comparison: a pattern is two
                 && let Some(room) = data.get_mut(len)
             {
                 *room = DLE;
@@ -299,9 +332,10 @@ impl Reading {
     /// Takes a byte of the data that stands alone; false: there is more to it.
     #[inline]
     pub(crate) fn take(&mut self, byte: u8, limit: usize) -> bool {
-        let len = self.frame.len;
-        match self.frame.data.get_mut(len) {
-            Some(room) if byte != DLE && len < limit => {
+        let (len, has_begun) = (self.frame.len, self.has_begun());
+        // Below the limit there is room.
+        match self.frame.data.get_mut(..limit).and_then(|data| data.get_mut(len)) {
+            Some(room) if byte != DLE && has_begun => {
                 *room = byte;
                 self.frame.len += 1;
                 self.at += 1;
@@ -372,6 +406,39 @@ fn start_mark_len(bytes: &[u8], leading: LeadingDle) -> Result<Option<usize>, De
     }
 }
 
+/// The data of a whole frame without a DLE in it, as nearly all are, nor for its checksum. `None`: it is another one, or corrupt,
+/// or not whole in the first `available` bytes; those behind them only fill the words.
+#[inline]
+pub(crate) fn plain_data(bytes: &[u8], available: usize, framing: Framing) -> Option<&[u8]> {
+    let rest = match (framing.leading_dle, bytes) {
+        (LeadingDle::One, [DLE, STX, rest @ ..]) | (LeadingDle::Two, [DLE, DLE, STX, rest @ ..]) => rest,
+        _ => return None,
+    };
+    let (words, _) = rest.first_chunk::<{ Frame::SUMMED }>()?.as_chunks();
+    let (mut len, mut sum) = (0, Sum::default());
+    for word in words {
+        let word = u64::from_le_bytes(*word);
+        let found = dles(word);
+        if found == 0 {
+            sum.add(word);
+            len += 8;
+            continue;
+        }
+        sum.add(word & (found ^ (found - 1)) >> 8); // what is before the first one
+        len += found.trailing_zeros() as usize / 8;
+        let (data, [_, ETX, found, ..]) = rest.split_at_checked(len)? else { return None };
+        let is_good =
+            plain_len(data, framing) <= available && *found == framing.checksum(sum) && *found != DLE;
+        return is_good.then_some(data);
+    }
+    None
+}
+
+/// The length on the line of a frame without a DLE in its data.
+pub(crate) const fn plain_len(data: &[u8], framing: Framing) -> usize {
+    framing.leading_dle.count() + 1 + data.len() + 3
+}
+
 /// The place of the first DLE, or the length of `bytes`.
 pub(crate) fn find_dle(bytes: &[u8]) -> usize {
     let mut at = 0;
@@ -390,47 +457,40 @@ pub(crate) fn find_dle(bytes: &[u8]) -> usize {
 /// The place of the first DLE, or 8.
 #[inline]
 const fn dle_in(word: [u8; 8]) -> usize {
+    dles(u64::from_le_bytes(word)).trailing_zeros() as usize / 8
+}
+
+/// Not zero if a byte is a DLE; then the lowest bit that is set is the highest of the first one.
+#[inline]
+const fn dles(word: u64) -> u64 {
     const ONES: u64 = 0x0101_0101_0101_0101;
     const HIGH: u64 = 0x8080_8080_8080_8080;
     // The lowest zero byte of `x` has the lowest high bit that survives.
-    let x = u64::from_le_bytes(word) ^ (ONES * DLE as u64);
-    let zeros = x.wrapping_sub(ONES) & !x & HIGH;
-    zeros.trailing_zeros() as usize / 8
+    let x = word ^ (ONES * DLE as u64);
+    x.wrapping_sub(ONES) & !x & HIGH
 }
 
-/// Writes into a slice that is known to be long enough.
-struct Cursor<'a> {
-    out: &'a mut [u8],
+/// A sum of bytes, eight at a time.
+#[derive(Default)]
+struct Sum {
+    words: u64,
+    /// Of the even bytes, in four parts of 16 bits.
+    even: u64,
 }
 
-impl Cursor<'_> {
-    fn put<const N: usize>(&mut self, bytes: [u8; N]) {
-        if let Some((head, tail)) = core::mem::take(&mut self.out).split_first_chunk_mut() {
-            *head = bytes;
-            self.out = tail;
-        }
+impl Sum {
+    #[inline]
+    const fn add(&mut self, word: u64) {
+        self.words = self.words.wrapping_add(word);
+        self.even += word & 0x00FF_00FF_00FF_00FF;
     }
 
-    /// Each DLE twice.
-    fn put_stuffed(&mut self, bytes: &[u8]) {
-        let mut room = core::mem::take(&mut self.out).iter_mut();
-        for byte in bytes {
-            if let Some(place) = room.next() {
-                *place = *byte;
-            }
-            if *byte == DLE
-                && let Some(place) = room.next()
-            {
-                *place = DLE;
-            }
-        }
-        self.out = room.into_slice();
-    }
-
-    fn put_slice(&mut self, bytes: &[u8]) {
-        if let Some((head, tail)) = core::mem::take(&mut self.out).split_at_mut_checked(bytes.len()) {
-            head.copy_from_slice(bytes);
-            self.out = tail;
-        }
+    /// The sum modulo 256.
+    #[inline]
+    const fn total(self) -> u8 {
+        let odd = self.words.wrapping_sub(self.even) >> 8;
+        // The highest part of the product is the sum of all four.
+        let [.., total, _] = odd.wrapping_add(self.even).wrapping_mul(0x0001_0001_0001_0001).to_le_bytes();
+        total
     }
 }

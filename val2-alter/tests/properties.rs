@@ -103,8 +103,11 @@ fn round_trip<M: Message>(message: M, framing: Framing) {
     assert_eq!(bytes.len(), message.encoded_len(framing));
     let (frame, length) = Frame::decode(&bytes, framing).unwrap().unwrap();
     assert_eq!((M::decode(frame.data(), framing), length), (Ok(message), bytes.len()));
+    assert_eq!(M::decode_frame(&bytes, framing), Ok(Some((message, length))));
+    assert_eq!(M::decode_frame(&[&bytes[..], &[0x55; 40]].concat(), framing), Ok(Some((message, length))));
     for end in 0..bytes.len() {
         assert_eq!(Frame::decode(&bytes[..end], framing), Ok(None), "{end} of {bytes:02X?}");
+        assert_eq!(M::decode_frame(&bytes[..end], framing), Ok(None), "{end} of {bytes:02X?}");
         let short = EncodeError::BufferTooSmall { needed: bytes.len(), available: end };
         assert_eq!(message.encode(framing, &mut vec![0; end]), Err(short));
     }
@@ -120,6 +123,22 @@ proptest! {
     ) {
         round_trip(robot, framing);
         round_trip(host, framing);
+    }
+
+    /// Read in place, eight bytes at a time, or byte by byte: what is wrong is wrong in the same way.
+    #[test]
+    fn a_frame_that_is_read_in_place_is_read_alike(
+        robot in robot_messages(), framing in framings(), at in any::<prop::sample::Index>(), found in byte(),
+        behind in prop::collection::vec(byte(), 0..40)
+    ) {
+        let mut bytes = encoded(&robot, framing);
+        let at = at.index(bytes.len());
+        bytes[at] = found;
+        bytes.extend(behind);
+        let read = Frame::decode(&bytes, framing).and_then(|read| {
+            read.map(|(frame, length)| Ok((RobotMessage::decode(frame.data(), framing)?, length))).transpose()
+        });
+        prop_assert_eq!(RobotMessage::decode_frame(&bytes, framing), read);
     }
 
     #[test]

@@ -27,13 +27,14 @@ impl Message for RobotMessage {
         let Some((&control, body)) = data.split_first() else {
             return Err(DecodeError::Length { offset: 0, found: 0 });
         };
-        let marked = control & MARK != 0;
+        // Nearly every message: ALTER runs, or is interrupted.
+        if control & !(INTERRUPTED | ERROR) == MARK {
+            return Motion::decode(body, control).map(Self::Motion);
+        }
         let error = ErrorCode::from(control & ERROR);
         match control & !MARK & !ERROR {
-            STARTING => Start::decode(body, marked, error).map(Self::Start),
-            RUNNING if marked => Motion::decode(body, MotionPhase::Running, error).map(Self::Motion),
-            INTERRUPTED if marked => Motion::decode(body, MotionPhase::Interrupted, error).map(Self::Motion),
-            ENDED if marked => End::decode(body, error).map(Self::End),
+            STARTING => Start::decode(body, control & MARK != 0, error).map(Self::Start),
+            ENDED if control & MARK != 0 => End::decode(body, error).map(Self::End),
             _ => Err(DecodeError::Control { offset: 0, found: control }),
         }
     }
@@ -97,6 +98,7 @@ impl Start {
         control(STARTING, self.error)
     }
 
+    #[inline(never)] // one in an ALTER: its registers are not to be saved for each standard message
     fn decode(body: &[u8], marked: bool, error: ErrorCode) -> Result<Self, DecodeError> {
         let length = DecodeError::Length { offset: 0, found: 1 + body.len() };
         let (&mode, words) = body.split_first().ok_or(length)?;
@@ -197,7 +199,8 @@ impl Motion {
         control(phase, self.error)
     }
 
-    fn decode(body: &[u8], phase: MotionPhase, error: ErrorCode) -> Result<Self, DecodeError> {
+    #[inline]
+    fn decode(body: &[u8], control: u8) -> Result<Self, DecodeError> {
         let length = DecodeError::Length { offset: 0, found: 1 + body.len() };
         let (&[status, segment_low, segment_high, percent_low, percent_high], rest) =
             body.split_first_chunk().ok_or(length)?;
@@ -206,8 +209,8 @@ impl Motion {
             bytes => Some(Transform::from_bytes(bytes.try_into().map_err(|_| length)?)),
         };
         Ok(Self {
-            phase,
-            error,
+            phase: if control & INTERRUPTED == 0 { MotionPhase::Running } else { MotionPhase::Interrupted },
+            error: ErrorCode::from(control & ERROR),
             segment_status: SegmentStatus::from(status),
             segment: u16::from_le_bytes([segment_low, segment_high]),
             percent: u16::from_le_bytes([percent_low, percent_high]),

@@ -3,7 +3,7 @@
 use robot_session::Encode;
 
 use crate::error::{DecodeError, EncodeError};
-use crate::frame::{Frame, Framing};
+use crate::frame::{Frame, Framing, plain_data, plain_len};
 
 /// What one side of the link sends. Implemented by [`RobotMessage`](crate::RobotMessage) and
 /// [`HostMessage`](crate::HostMessage), and closed.
@@ -16,6 +16,23 @@ pub trait Message: Copy + core::fmt::Debug + PartialEq + Sealed {
     /// # Errors
     /// The data is no message of this side.
     fn decode(data: &[u8], framing: Framing) -> Result<Self, DecodeError>;
+
+    /// Reads the frame at the start of `bytes`, which begin with a start mark, and its message: in place, where its data holds no
+    /// DLE. `None`: more bytes are needed. The second value is the number of bytes that the frame has on the line.
+    ///
+    /// # Errors
+    /// The frame is corrupt, or its data is no message of this side.
+    fn decode_frame(bytes: &[u8], framing: Framing) -> Result<Option<(Self, usize)>, DecodeError> {
+        if let Some(data) = plain_data(bytes, bytes.len(), framing)
+            && let Ok(message) = Self::decode(data, framing)
+        {
+            return Ok(Some((message, plain_len(data, framing))));
+        }
+        let Some((frame, length)) = Frame::decode_limited(bytes, framing, Self::MAX_DATA)? else {
+            return Ok(None);
+        };
+        Self::decode(frame.data(), framing).map(|message| Some((message, length)))
+    }
 
     /// The frame of this message.
     fn frame(&self) -> Frame;

@@ -35,7 +35,12 @@ pub fn run<S: Session>(session: &mut S, buffer: &mut [u8], call: impl FnOnce(&mu
     });
     black_box(session.poll_timeout());
     session.handle_disconnected(now);
+    print_size(session)
+}
+
+/// Prints how many bytes something takes.
+pub fn print_size<T>(_: &T) -> i32 {
     // SAFETY: the format has one argument, of the type that it names.
-    unsafe { printf(c"%zu\n".as_ptr(), size_of::<S>()) };
+    unsafe { printf(c"%zu\n".as_ptr(), size_of::<T>()) };
     0
 }

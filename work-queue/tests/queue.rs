@@ -425,9 +425,9 @@ fn the_jobs_of_a_batch_are_published_at_once_under_their_numbers() {
     assert!(reader.take().is_none());
     assert_eq!(batch.publish(), 3);
     assert_eq!((writer.last_number(), writer.len(), reader.len()), (Some(3), 3, 3));
-    let mut batch = writer.claim_batch(1).unwrap();
+    let mut batch = writer.claim_batch(2).unwrap();
     batch.fill(4..100);
-    assert_eq!((batch.claim().err(), batch.publish()), (Some(Full), 2), "as many as are free");
+    assert_eq!((batch.claim().err(), batch.publish()), (Some(Full), 2), "as many as were claimed");
 
     let mut taken = reader.take_batch(2).unwrap();
     assert_eq!(taken.iter_mut().map(|(number, job)| (number, *job)).collect::<Vec<_>>(), [(1, 1), (2, 2)]);
@@ -456,6 +456,74 @@ fn a_batch_that_is_not_published_has_no_effect() {
         assert_eq!((Rc::strong_count(&count), writer.next_number(), writer.free()), (1, 1, 3));
     }
     assert!(reader.take().is_none());
+}
+
+/// Wherever the lap and the numbers end: at the end of the batch, within it, or both.
+#[test]
+fn a_batch_is_filled_over_the_ends_of_laps_and_numbers() {
+    for (capacity, max) in [(5, 6), (5, 7), (6, 13), (4, 9)] {
+        let (mut writer, mut reader) = boxed::<u16>(capacity, max).unwrap();
+        let (mut queued, mut executed) = (1.., 1..);
+        for slots in (1..=capacity).cycle().take(200) {
+            let mut batch = writer.claim_batch(slots).unwrap();
+            batch.fill(queued.by_ref().take(slots / 2));
+            batch.fill(queued.by_ref().take(slots - slots / 2));
+            assert_eq!((batch.claim().err(), batch.publish(), writer.len()), (Some(Full), slots, slots));
+            while let Some(mut batch) = reader.take_batch(slots) {
+                for (number, job) in batch.iter_mut() {
+                    assert_eq!(Some(*job), executed.next());
+                    assert_eq!(number, (*job - 1) % max + 1);
+                }
+                batch.complete();
+            }
+            assert!(writer.is_empty());
+        }
+    }
+}
+
+#[test]
+fn what_was_filled_before_a_job_panics_is_dropped_with_the_batch() {
+    let count = Rc::new(());
+    let (mut writer, mut reader) = boxed::<Rc<()>>(5, 9).unwrap();
+    for start in 0..5 {
+        let jobs = (0..4).map(|job| if job == 3 { panic!("while it decodes") } else { count.clone() });
+        let mut batch = writer.claim_batch(4).unwrap();
+        let fill = AssertUnwindSafe(|| batch.fill(jobs));
+        std::panic::catch_unwind(fill).unwrap_err();
+        assert_eq!(Rc::strong_count(&count), 4);
+        drop(batch);
+        assert_eq!((Rc::strong_count(&count), writer.free(), writer.next_number()), (1, 5, start + 1));
+        writer.claim().unwrap().push(count.clone());
+        reader.take().unwrap().complete();
+    }
+}
+
+#[test]
+fn a_batch_filled_to_the_end_of_the_lap_by_an_iterator_that_panics_then_is_whole() {
+    struct PanicsAtLast(core::ops::Range<u16>);
+    impl Iterator for PanicsAtLast {
+        type Item = u16;
+        fn next(&mut self) -> Option<u16> {
+            self.0.next()
+        }
+    }
+    impl Drop for PanicsAtLast {
+        fn drop(&mut self) {
+            panic!("when it is dropped");
+        }
+    }
+    let mut queue: WorkQueue<u16, 2> = WorkQueue::new(3).unwrap();
+    let (mut writer, mut reader) = queue.split_at_lap(u16::MAX);
+    for first in [1, 3] {
+        let mut batch = writer.claim_batch(2).unwrap();
+        let fill = AssertUnwindSafe(|| batch.fill(PanicsAtLast(first..first + 2)));
+        std::panic::catch_unwind(fill).unwrap_err();
+        assert_eq!((batch.claim().err(), batch.publish()), (Some(Full), 2));
+        for job in first..first + 2 {
+            let taken = reader.take().unwrap();
+            assert_eq!((taken.number(), taken.complete()), ((job - 1) % 3 + 1, job));
+        }
+    }
 }
 
 /// The mark has half of a position: resets that are 2^16 jobs apart, or nearly, are not mistaken for one another.

@@ -145,7 +145,7 @@ mod stress {
 
     fn write_batch(writer: &mut Writer<'static, Job>, rng: &mut Rng, mut serials: Range<u64>) -> u64 {
         let most = 1 + (rng.next() % 20) as usize;
-        let Ok(mut batch) = writer.claim_batch(most.min(2)) else { return 0 };
+        let Ok(mut batch) = writer.claim_batch(most) else { return 0 };
         let publish = !rng.one_in(10);
         if publish {
             batch.fill(serials.by_ref().take(most).map(Job::new));

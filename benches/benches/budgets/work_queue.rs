@@ -102,7 +102,7 @@ impl<T> Ring<T> for (Writer<'_, T>, Reader<'_, T>) {
     #[inline(never)]
     fn queue_batch(&mut self, jobs: impl Iterator<Item = T>) {
         let mut batch = self.0.claim_batch(BATCH).expect("there is space");
-        batch.fill(jobs.take(BATCH));
+        batch.fill(jobs);
         assert_eq!(batch.publish(), BATCH);
     }
 

@@ -50,7 +50,8 @@ impl<T, W: Wake> Reader<'_, T, W> {
             return None;
         }
         let row = self.front.cursor.row(self.end.hold.limits());
-        let row = u32::try_from(most).map_or(row, |most| row.min(most));
+        #[expect(clippy::cast_possible_truncation, reason = "no more than the row")]
+        let row = most.min(row as usize) as u32;
         Some(TakenBatch { hold: self.end.hold, front: &mut self.front, row, writer: &self.end.other })
     }
 

@@ -39,19 +39,29 @@ impl<T, R: Wake> Writer<'_, T, R> {
         Ok(Claim { hold: self.end.hold, cursor: &mut self.cursor, publish: Some(&self.end.other) })
     }
 
-    /// Claims at least `least` slots, and all others that are known to be free. The jobs in them are published together.
+    /// Claims so many slots. The jobs in them are published together.
     ///
     /// # Errors
     ///
     /// [`Full`] if fewer are free.
     #[inline(always)]
-    pub fn claim_batch(&mut self, least: usize) -> Result<Batch<'_, T, R>, Full> {
-        let known = self.end.hold.limits().distance(self.cursor.at, self.cursor.end) as usize;
-        if known < least && self.look() < least {
+    pub fn claim_batch(&mut self, slots: usize) -> Result<Batch<'_, T, R>, Full> {
+        let limits = self.end.hold.limits();
+        let known = limits.distance(self.cursor.at, self.cursor.end) as usize;
+        if known < slots && self.look() < slots {
             return Err(Full);
         }
-        let start = self.cursor.at;
-        Ok(Batch { hold: self.end.hold, cursor: &mut self.cursor, start, reader: &self.end.other })
+        #[expect(clippy::cast_possible_truncation, reason = "no more than the capacity")]
+        let slots = slots as u32;
+        let (start, end) = (self.cursor.at, limits.after(self.cursor.at, slots));
+        Ok(Batch {
+            hold: self.end.hold,
+            cursor: &mut self.cursor,
+            start,
+            end,
+            slots,
+            reader: &self.end.other,
+        })
     }
 
     /// Looks how many slots are free.
@@ -248,6 +258,10 @@ pub struct Batch<'a, T, R: Wake = NoWake> {
     cursor: &'a mut Cursor,
     /// Where the tail is.
     start: u32,
+    /// Where the slots end that were claimed.
+    end: u32,
+    /// How many these are.
+    slots: u32,
     reader: &'a R,
 }
 
@@ -259,7 +273,7 @@ impl<T, R: Wake> Batch<'_, T, R> {
     /// [`Full`] when all are filled.
     #[inline(always)]
     pub fn claim(&mut self) -> Result<Claim<'_, T, R>, Full> {
-        if !self.cursor.is_open() {
+        if self.cursor.at == self.end {
             return Err(Full);
         }
         Ok(Claim { hold: self.hold, cursor: self.cursor, publish: None })
@@ -268,30 +282,62 @@ impl<T, R: Wake> Batch<'_, T, R> {
     /// Fills the slots with `jobs` under the next numbers, as far as both reach.
     #[inline(always)]
     pub fn fill(&mut self, jobs: impl IntoIterator<Item = T>) {
-        let (mut jobs, limits) = (jobs.into_iter(), self.hold.limits());
-        while self.cursor.is_open() {
-            for slot in self.hold.row(self.cursor, self.cursor.row(limits)) {
-                let Some(job) = jobs.next() else { return };
-                // SAFETY: the slots of the row are the writer's without a job.
-                unsafe { slot.place().write(job) };
-                self.cursor.at += 1;
-            }
-            if self.cursor.at == self.cursor.stop {
-                turn(self.hold, self.cursor, false);
-            }
+        let (mut jobs, left) = (jobs.into_iter(), self.slots - self.filled());
+        if left > self.cursor.stop - self.cursor.at {
+            return fill_singly(self.hold, self.cursor, left, jobs);
         }
+        let slots = self.hold.row(self.cursor, left);
+        let mut filled = Filled { cursor: self.cursor, jobs: 0 };
+        // By reference: the iterator may panic when it is dropped, which is after the turn.
+        for (slot, job) in slots.iter().zip(&mut jobs) {
+            // SAFETY: the slots of the row are the writer's without a job.
+            unsafe { slot.place().write(job) };
+            filled.jobs += 1;
+        }
+        drop(filled);
+        if self.cursor.at == self.cursor.stop {
+            turn(self.hold, self.cursor, false);
+        }
+    }
+
+    /// How many slots hold a job.
+    #[inline(always)]
+    fn filled(&self) -> u32 {
+        self.hold.limits().distance(self.start, self.cursor.at)
     }
 
     /// Queues the jobs that were committed, and returns how many.
     #[inline(always)]
     pub fn publish(self) -> usize {
         let batch = core::mem::ManuallyDrop::new(self);
-        let count = batch.hold.limits().distance(batch.start, batch.cursor.at);
+        let count = batch.filled();
         if count > 0 {
             batch.hold.set_tail(batch.cursor.at);
             batch.reader.wake();
         }
         count as usize
+    }
+}
+
+/// Fills slots in which a lap ends, or the numbers do.
+#[cold]
+#[inline(never)]
+fn fill_singly<T>(hold: Hold<T>, cursor: &mut Cursor, slots: u32, jobs: impl Iterator<Item = T>) {
+    for (_, job) in (0..slots).zip(jobs) {
+        Claim { hold, cursor, publish: None::<&NoWake> }.push(job);
+    }
+}
+
+/// Moves the cursor over the slots that were filled when it is dropped, also where a job panics.
+struct Filled<'a> {
+    cursor: &'a mut Cursor,
+    jobs: u32,
+}
+
+impl Drop for Filled<'_> {
+    #[inline(always)]
+    fn drop(&mut self) {
+        self.cursor.at += self.jobs;
     }
 }
 

@@ -104,7 +104,7 @@ impl<T: Send + 'static> Write<T> for Batches<Writer<'static, T>> {
     fn write_from(&mut self, first: u64, end: u64, make: impl Fn(u64) -> T) -> u64 {
         let count = BATCH.min((end - first) as usize);
         let Ok(mut batch) = self.0.claim_batch(count) else { return 0 };
-        batch.fill((first..first + count as u64).map(make));
+        batch.fill((first..).map(make));
         batch.publish() as u64
     }
 }

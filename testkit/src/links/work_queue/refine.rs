@@ -186,8 +186,8 @@ impl Replay {
                 self.same("commit", &claim.commit_with(number, || self.make()), &expected);
                 self.queued(u8::from(expected.is_ok()));
             }
-            Act::Batch(least) => {
-                self.same("batch", &writer.claim_batch(least.into()).is_err(), &is_full);
+            Act::Batch(slots) => {
+                self.same("batch", &writer.claim_batch(slots.into()).is_err(), &is_full);
             }
             Act::Publish | Act::DropBatch => self.write_batch(&mut writer, act == Act::Publish, before),
             Act::Clear => writer.clear(),
@@ -200,8 +200,10 @@ impl Replay {
 
     /// Fills a batch as the model did.
     fn write_batch(self: &Rc<Self>, writer: &mut Writer<'static, Job>, publishes: bool, before: &State) {
-        let Writing::Batch { filled } = before.writer.phase else { panic!("no batch: {:?}", self.path) };
-        let mut batch = writer.claim_batch(filled.into()).expect("it was claimed");
+        let Writing::Batch { slots, filled } = before.writer.phase else {
+            panic!("no batch: {:?}", self.path)
+        };
+        let mut batch = writer.claim_batch(slots.into()).expect("it was claimed");
         for job in 0..filled {
             let number = after(before.writer.next, job, self.queue.max).into();
             if job % 2 == 0 {
@@ -211,8 +213,7 @@ impl Replay {
                 batch.fill([self.make()]);
             }
         }
-        let is_full = before.tail + filled == before.writer.end;
-        self.same("the end of a batch", &batch.claim().is_err(), &is_full);
+        self.same("the end of a batch", &batch.claim().is_err(), &(filled == slots));
         if publishes {
             self.same("published", &batch.publish(), &filled.into());
             self.queued(filled);

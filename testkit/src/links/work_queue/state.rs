@@ -80,15 +80,16 @@ pub struct Writer {
 pub enum Writing {
     Ready,
     Claimed,
-    /// So many jobs are in its batch.
+    /// So many slots are in its batch, and so many of them hold a job.
     Batch {
+        slots: u8,
         filled: u8,
     },
     /// It has looked at the head, and stores a mark in place of one of long ago.
     Renewing {
         mark: Mark,
-        /// How many jobs are in its batch, if it is within one.
-        batch: Option<u8>,
+        /// How many slots and jobs are in its batch, if it is within one.
+        batch: Option<(u8, u8)>,
     },
     /// Only where the tail is stored before the job.
     Storing,

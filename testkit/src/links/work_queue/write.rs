@@ -8,7 +8,8 @@ impl Queue {
     pub(super) fn writer_acts(&self, state: &State, acts: &mut Vec<Act>) {
         match state.writer.phase {
             Writing::Ready => {
-                acts.extend([Act::Claim, Act::Batch(1), Act::Batch(2)]);
+                acts.push(Act::Claim);
+                acts.extend((1..=self.capacity.max(2)).map(Act::Batch));
                 acts.extend([Act::Clear, Act::Reset, Act::WriterLeaves]);
                 if !self.single && state.mark.at < 0 {
                     acts.push(Act::Renew);
@@ -18,9 +19,9 @@ impl Queue {
                 acts.extend([Act::Commit, Act::DropClaim, Act::CommitWrong]);
                 acts.extend(state.last_number(self.max).map(|_| Act::CommitRepeated));
             }
-            Writing::Batch { filled } => {
+            Writing::Batch { slots, filled } => {
                 let more = u8::from(!self.keeps(Rule::BatchLooksForSpace));
-                if state.tail + filled < state.writer.end + more {
+                if filled < slots + more {
                     acts.push(Act::Fill);
                 }
                 acts.extend([Act::Publish, Act::DropBatch]);
@@ -49,24 +50,24 @@ impl Queue {
                 state.writer.phase = Writing::Claimed;
             }
             (Act::DropClaim, _) => state.writer.phase = Writing::Ready,
-            (Act::Batch(least), _) => {
-                if state.writer.end - tail < least {
+            (Act::Batch(slots), _) => {
+                if state.writer.end - tail < slots {
                     state.writer.end = self.capacity;
                 }
-                if state.writer.end - tail < least {
+                if state.writer.end - tail < slots {
                     return "Full";
                 }
-                state.writer.phase = Writing::Batch { filled: 0 };
+                state.writer.phase = Writing::Batch { slots, filled: 0 };
             }
-            (Act::Fill, Writing::Batch { filled }) => {
+            (Act::Fill, Writing::Batch { slots, filled }) => {
                 state.fill(tail + filled, after(next, filled, self.max));
-                state.writer.phase = Writing::Batch { filled: filled + 1 };
+                state.writer.phase = Writing::Batch { slots, filled: filled + 1 };
             }
-            (Act::Publish, Writing::Batch { filled }) => {
+            (Act::Publish, Writing::Batch { filled, .. }) => {
                 state.publish(filled, self.max);
                 state.writer.phase = Writing::Ready;
             }
-            (Act::DropBatch, Writing::Batch { filled }) => {
+            (Act::DropBatch, Writing::Batch { filled, .. }) => {
                 if self.keeps(Rule::DroppedBatchIsEmptied) {
                     state.empty(tail, filled);
                 }
@@ -97,13 +98,15 @@ impl Queue {
             }
             (Act::Renew, Writing::Renewing { mark, batch }) => {
                 state.mark = mark;
-                state.writer.phase = batch.map_or(Writing::Ready, |filled| Writing::Batch { filled });
+                state.writer.phase =
+                    batch.map_or(Writing::Ready, |(slots, filled)| Writing::Batch { slots, filled });
             }
             (Act::Renew, phase) => {
                 // As many numbers before the next one as jobs are queued, none of which a reset came after.
                 let queued = if self.keeps(Rule::RenewedMarkNumbersHead) { tail } else { 0 };
                 let number = after(next, self.max * self.capacity - queued, self.max);
-                let batch = if let Writing::Batch { filled } = phase { Some(filled) } else { None };
+                let batch =
+                    if let Writing::Batch { slots, filled } = phase { Some((slots, filled)) } else { None };
                 state.writer.phase = Writing::Renewing { mark: Mark { at: 0, number }, batch };
             }
             (Act::Clear | Act::Reset, phase) => {

@@ -3,8 +3,15 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+mod tool;
+
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use tool::{DEADLINE, Running};
 
 const HALL: &str = r#"[broker]
 address = "broker:8883"
@@ -32,6 +39,111 @@ fn check(folder: &Path, text: &str) -> (Option<i32>, String) {
     )
 }
 
+/// A bridge whose broker is at `broker` and whose one cell is a ball.
+fn bridge(folder: &Path, broker: &str, ball: &Running) -> Running {
+    let hall = format!(
+        "[broker]\naddress = \"{broker}\"\ngroup = \"g\"\nnode = \"n\"\n\
+         [store]\nfile = \"s.redb\"\n[health]\nlisten = \"127.0.0.1:0\"\n\
+         [cell.ball]\nlink = \"isra-ball\"\naddress = \"{}\"\nsettings = {{ report = \"0s\" }}\n",
+        ball.address()
+    );
+    let file = folder.join("hall.toml");
+    std::fs::write(&file, hall).unwrap();
+    // A write beyond a limit is an error then, and no signal.
+    let mut command = Command::new("bash");
+    command.args(["-c", "trap '' XFSZ; exec \"$0\" bridge \"$1\"", env!("CARGO_BIN_EXE_cellwire")]).arg(file);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    Running::start(command)
+}
+
+/// What the bridge answers to a request for a path.
+fn get(bridge: &Running, path: &str) -> String {
+    let mut stream = TcpStream::connect(bridge.ready["health"].as_str().unwrap()).unwrap();
+    stream.set_read_timeout(Some(DEADLINE)).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: bridge\r\nConnection: close\r\n\r\n").unwrap();
+    let mut text = String::new();
+    stream.read_to_string(&mut text).unwrap();
+    text
+}
+
+fn figure(bridge: &Running, name: &str) -> u64 {
+    let text = get(bridge, "/metrics");
+    let value = text.lines().find_map(|line| line.strip_prefix(&format!("cellwire_bridge_{name} ")));
+    value.unwrap_or_else(|| panic!("{name} in {text}")).parse().unwrap()
+}
+
+fn until(what: &str, is_so: impl Fn() -> bool) {
+    let end = Instant::now() + DEADLINE;
+    while !is_so() {
+        assert!(Instant::now() < end, "{what}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+#[test]
+fn what_a_full_disk_does_not_take_waits() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = Running::listening("ball");
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let mut bridge = bridge(folder.path(), &nobody, &ball);
+    until("records", || figure(&bridge, "store_records") > 3);
+    let limit = |size: &str| {
+        let pid = bridge.id().to_string();
+        let status =
+            Command::new("prlimit").args(["--pid", &pid, &format!("--fsize={size}:unlimited")]).status();
+        assert!(status.unwrap().success());
+    };
+    limit("1");
+    until("a store that is stuck", || figure(&bridge, "store_stuck") == 1);
+    assert!(get(&bridge, "/health").contains("the store cannot be written"));
+    limit("unlimited");
+    until("a store that is written", || figure(&bridge, "store_stuck") == 0);
+    let before = figure(&bridge, "store_records");
+    until("more records", || figure(&bridge, "store_records") > before + 3);
+    let stuck = bridge.line("\"store\":\"stuck\"");
+    assert!(stuck.contains("File too large"), "{stuck}");
+    bridge.line("\"store\":\"written\"");
+    // Each record that was made waits for the broker; also those of the end.
+    let text = get(&bridge, "/metrics");
+    for nothing in ["full", "busy", "orphan"] {
+        assert!(text.contains(&format!("dropped_total{{why=\"{nothing}\"}} 0")), "{text}");
+    }
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+    drop(bridge);
+    let bridge = self::bridge(folder.path(), &nobody, &ball);
+    until("the same records", || {
+        let text = get(&bridge, "/metrics");
+        let value = |name: &str| text.lines().find_map(|line| line.strip_prefix(name)).map(str::to_owned);
+        let numbers = ["store_records ", "record_number{cell=\"ball\"} "];
+        let [stored, number] = numbers.map(|name| value(&format!("cellwire_bridge_{name}")));
+        stored.is_some() && stored == number
+    });
+}
+
+#[test]
+fn a_broker_that_refuses_or_is_silent_is_reported_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = Running::listening("ball");
+    let broker = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut bridge = bridge(folder.path(), &broker.local_addr().unwrap().to_string(), &ball);
+    // The connection is accepted by the system, and nobody reads it.
+    let line = bridge.line("\"broker\"");
+    assert!(line.contains("the broker does not answer"), "{line}");
+    // CONNACK, reason 87h.
+    for stream in broker.incoming().take(4) {
+        let mut stream = stream.unwrap();
+        let _ = stream.write_all(&[0x20, 3, 0, 0x87, 0]);
+        let mut first = [0];
+        let _ = stream.read(&mut first);
+    }
+    let line = bridge.line("\"broker\"");
+    let why = "the broker refuses the connection: NotAuthorized: see user and password_file";
+    assert!(line.contains(why), "{line}");
+    assert!(figure(&bridge, "store_records") > 0);
+    assert_eq!(figure(&bridge, "online"), 0);
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+}
+
 #[test]
 fn a_hall_is_checked_without_a_connection() {
     let folder = tempfile::tempdir().unwrap();
@@ -44,6 +156,8 @@ fn a_hall_is_checked_without_a_connection() {
 fn what_is_wrong_has_its_line() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("empty.pem"), "nothing").unwrap();
+    let bad = "-----BEGIN CERTIFICATE-----\nno base64!\n-----END CERTIFICATE-----\n";
+    std::fs::write(folder.path().join("bad.pem"), bad).unwrap();
     for (from, to, error) in [
         ("broker:8883", "broker", "line 2: broker.address: give HOST:PORT, such as broker.example:8883"),
         ("\"hall\"", "\"a/b\"", "line 3: broker.group: a topic's level has no '/'"),
@@ -51,7 +165,22 @@ fn what_is_wrong_has_its_line() {
         (
             "node = \"bridge\"",
             "node = \"bridge\"\ntls = { ca = \"empty.pem\" }",
-            "line 5: FOLDER/empty.pem has no BEGIN CERTIFICATE in PEM form",
+            "line 5: FOLDER/empty.pem: it has no BEGIN CERTIFICATE in PEM form",
+        ),
+        (
+            "node = \"bridge\"",
+            "node = \"bridge\"\ntls = { ca = \"bad.pem\" }",
+            "line 5: FOLDER/bad.pem: a certificate in it is not in PEM form: base64 decode error",
+        ),
+        (
+            "10.0.0.1:502",
+            "/dev/ttyS0",
+            "line 9: cell robot: /dev/ttyS0 would be a serial port, and this link has none: give HOST:PORT",
+        ),
+        (
+            "\"fanuc-hmi-modbus\"\naddress = \"10.0.0.1:502\"\nsettings = { poll = \"100ms\" }",
+            "\"kawasaki-msg\"\naddress = \"10.0.0.1:502\"\nsettings = { udp = true }",
+            "line 9: cell robot: over UDP the robot sends first: give listen instead of address",
         ),
         ("\"fanuc-hmi-modbus\"", "\"fanuc\"", "line 9: cell robot: no link is called fanuc"),
         (
@@ -79,7 +208,8 @@ fn what_is_wrong_has_its_line() {
 #[test]
 fn the_hall_of_the_page_is_right() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("ca.pem"), "-----BEGIN CERTIFICATE-----").unwrap();
+    let ca = "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n";
+    std::fs::write(folder.path().join("ca.pem"), ca).unwrap();
     std::fs::write(folder.path().join("bridge.password"), "correct horse\n").unwrap();
     let page = include_str!("../../docs/bridge.md");
     let hall = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();

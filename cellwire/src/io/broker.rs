@@ -9,11 +9,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use rumqttc::v5::mqttbytes::QoS;
-use rumqttc::v5::mqttbytes::v5::{Filter, LastWill, PubAckReason, SubscribeReasonCode};
-use rumqttc::v5::{Client, ClientError, Connection, ConnectionError, Event, Incoming, MqttOptions};
+use rumqttc::v5::mqttbytes::v5::{DisconnectReasonCode, Filter, LastWill, PubAckReason, SubscribeReasonCode};
+use rumqttc::v5::{
+    Client, ClientError, Connection, ConnectionError, Event, Incoming, MqttOptions, StateError,
+};
 use rumqttc::{Outgoing, TlsConfiguration, Transport};
+use tokio_rustls::rustls::pki_types::CertificateDer;
+use tokio_rustls::rustls::pki_types::pem::PemObject as _;
 
 /// So many messages wait for the socket.
 const ROOM: usize = 256;
@@ -140,6 +144,18 @@ impl Session {
     }
 }
 
+/// Checks that a text has certificates in PEM form, as [`Tls`] takes them.
+///
+/// # Errors
+/// When there is none, or one that cannot be read.
+pub fn check_certificates(text: &str) -> Result<()> {
+    let mut certificates = CertificateDer::pem_slice_iter(text.as_bytes()).peekable();
+    ensure!(certificates.peek().is_some(), "it has no BEGIN CERTIFICATE in PEM form");
+    certificates
+        .try_for_each(|certificate| certificate.map(drop))
+        .context("a certificate in it is not in PEM form")
+}
+
 impl fmt::Debug for Password {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Password")
@@ -189,10 +205,26 @@ fn run(mut connection: Connection, sent: &Mutex<VecDeque<Option<u64>>>, report: 
     report(Happened::Closed(why));
 }
 
+/// What has happened, and what to look at.
 fn explain(error: &ConnectionError) -> String {
     match error {
-        ConnectionError::ConnectionRefused(code) => format!("the broker refuses the connection: {code:?}"),
+        ConnectionError::ConnectionRefused(code) => {
+            format!(
+                "the broker refuses the connection: {code:?}: see user and password_file, and who may connect there"
+            )
+        }
+        ConnectionError::Tls(error) => {
+            format!("TLS: {error}: see address and tls, and the broker's certificate")
+        }
         ConnectionError::Timeout(_) => "the broker does not answer".into(),
+        ConnectionError::MqttState(StateError::ServerDisconnect {
+            reason_code: DisconnectReasonCode::SessionTakenOver,
+            ..
+        }) => "another client has connected with this name: every bridge has a node, or client, of its own"
+            .into(),
+        ConnectionError::MqttState(StateError::ServerDisconnect { reason_code, .. }) => {
+            format!("the broker ends the connection: {reason_code:?}")
+        }
         error => error.to_string(),
     }
 }

@@ -24,11 +24,15 @@ impl AnyPort {
     /// # Errors
     /// When it cannot be opened, or the connection takes longer than `timeout`.
     pub fn open(name: &str, baud: u32, timeout: Duration) -> Result<Self> {
-        let is_path = name.contains('/') || !name.contains(':');
-        Ok(match is_path {
+        Ok(match Self::is_serial(name) {
             true => Self::Serial(serial::Port(serial::open(name, baud)?)),
             false => Self::Tcp(tcp::connect(name, timeout)?),
         })
+    }
+
+    /// Whether a name is the path of a serial port.
+    pub fn is_serial(name: &str) -> bool {
+        name.contains('/') || !name.contains(':')
     }
 
     /// Ends a connection, before another takes its place.

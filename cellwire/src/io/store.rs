@@ -2,10 +2,11 @@
 //!
 //! What a [`Batch`] holds is in the file as a whole once [`Store::write`] returns, also if the power fails then, or not at all.
 
+use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
-use redb::{Database, DatabaseError, ReadableTable, ReadableTableMetadata, TableDefinition};
+use anyhow::{Context, Result, anyhow};
+use redb::{Database, DatabaseError, ReadableTable, ReadableTableMetadata, StorageError, TableDefinition};
 
 const RECORDS: TableDefinition<u64, &[u8]> = TableDefinition::new("records");
 const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
@@ -13,11 +14,14 @@ const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
 /// What the file is read through, in bytes.
 const CACHE: usize = 16 << 20;
 
+const ADVICE: &str = "move the file away, and a new one is made; what waits in it is lost";
+
 /// Records and names in a file.
 #[allow(missing_debug_implementations, reason = "redb's tables have none")]
 pub struct Store {
     path: PathBuf,
-    database: Database,
+    /// Missing only while it is opened again.
+    database: Option<Database>,
     /// The key of the next record.
     next: u64,
     length: u64,
@@ -41,22 +45,32 @@ impl Store {
     /// # Errors
     /// When another process has it open, or it is no such file.
     pub fn open(path: &Path, most: u64) -> Result<Self> {
-        let what = || format!("the store {}", path.display());
-        let database = match Database::builder().set_cache_size(CACHE).create(path) {
-            Err(DatabaseError::DatabaseAlreadyOpen) => {
-                bail!("{} is open in another process: one bridge, one store", what())
+        let (database, next, length) = catch(|| open(path)).map_err(|error| {
+            let what = format!("the store {}", path.display());
+            match error.downcast_ref::<DatabaseError>() {
+                Some(DatabaseError::DatabaseAlreadyOpen) => {
+                    anyhow!("{what} is open in another process: one bridge, one store")
+                }
+                Some(DatabaseError::Storage(StorageError::Io(_))) => error.context(what),
+                _ => anyhow!("{what} is damaged, or of another version: {error:#}: {ADVICE}"),
             }
-            outcome => outcome.with_context(what)?,
-        };
-        let transaction = database.begin_write().with_context(what)?;
-        let (next, length) = {
-            let records = transaction.open_table(RECORDS).with_context(what)?;
-            transaction.open_table(NAMES).with_context(what)?;
-            let last = records.last().with_context(what)?.map(|(key, _)| key.value());
-            (last.map_or(0, |last| last + 1), records.len().with_context(what)?)
-        };
-        transaction.commit().with_context(what)?;
-        Ok(Self { path: path.to_owned(), database, next, length, most: most.max(1) })
+        })?;
+        Ok(Self { path: path.to_owned(), database: Some(database), next, length, most: most.max(1) })
+    }
+
+    /// Opens the file again: after an error of the disk nothing else makes it usable.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn reopen(&mut self) -> Result<()> {
+        self.database = None; // it holds a lock
+        let Self { database, next, length, .. } = Self::open(&self.path, self.most)?;
+        (self.database, self.next, self.length) = (database, next.max(self.next), length);
+        Ok(())
+    }
+
+    fn database(&self) -> Result<&Database> {
+        self.database.as_ref().context("it could not be opened again")
     }
 
     /// The key that the next record gets: each is one more than the one before.
@@ -87,7 +101,7 @@ impl Store {
 
     fn write_all(&self, batch: &Batch) -> Result<(u64, u64, u64)> {
         let (mut next, mut length, mut dropped) = (self.next, self.length, 0);
-        let transaction = self.database.begin_write()?;
+        let transaction = self.database()?.begin_write()?;
         {
             let mut records = transaction.open_table(RECORDS)?;
             for key in &batch.remove {
@@ -118,7 +132,7 @@ impl Store {
     /// When the file cannot be read.
     pub fn records(&self, from: u64, count: usize) -> Result<Vec<(u64, Vec<u8>)>> {
         let read = || -> Result<_> {
-            let records = self.database.begin_read()?.open_table(RECORDS)?;
+            let records = self.database()?.begin_read()?.open_table(RECORDS)?;
             let range = records.range(from..)?.take(count);
             range
                 .map(|record| record.map(|(key, value)| (key.value(), value.value().to_vec())))
@@ -134,7 +148,7 @@ impl Store {
     /// When the file cannot be read.
     pub fn get(&self, name: &str) -> Result<Option<String>> {
         let read = || -> Result<_> {
-            let names = self.database.begin_read()?.open_table(NAMES)?;
+            let names = self.database()?.begin_read()?.open_table(NAMES)?;
             Ok(names.get(name)?.map(|value| value.value().to_owned()))
         };
         read().with_context(|| format!("the store {}", self.path.display()))
@@ -146,7 +160,7 @@ impl Store {
     /// When the file cannot be read.
     pub fn names(&self, prefix: &str) -> Result<Vec<(String, String)>> {
         let read = || -> Result<_> {
-            let names = self.database.begin_read()?.open_table(NAMES)?;
+            let names = self.database()?.begin_read()?.open_table(NAMES)?;
             let mut found = Vec::new();
             for entry in names.range(prefix..)? {
                 let (name, value) = entry?;
@@ -159,6 +173,30 @@ impl Store {
         };
         read().with_context(|| format!("the store {}", self.path.display()))
     }
+}
+
+/// The database, the key of the next record, and how many records there are.
+fn open(path: &Path) -> Result<(Database, u64, u64)> {
+    let mut database = Database::builder().set_cache_size(CACHE).create(path)?;
+    database.check_integrity()?;
+    let transaction = database.begin_write()?;
+    let (next, length) = {
+        let records = transaction.open_table(RECORDS)?;
+        transaction.open_table(NAMES)?;
+        let last = records.last()?.map(|(key, _)| key.value());
+        (last.map_or(0, |last| last + 1), records.len()?)
+    };
+    transaction.commit()?;
+    Ok((database, next, length))
+}
+
+/// redb asserts what it expects of a file: in one that is damaged that is an error, and no reason to print a trace.
+fn catch<T>(open: impl FnOnce() -> Result<T>) -> Result<T> {
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| {}));
+    let outcome = panic::catch_unwind(AssertUnwindSafe(open));
+    panic::set_hook(hook);
+    outcome.unwrap_or_else(|_| Err(anyhow!("it is not what it was when it was written")))
 }
 
 #[cfg(test)]
@@ -210,6 +248,34 @@ mod tests {
         let path = folder.path().join("store");
         std::fs::write(&path, "a file of somebody else, longer than the header of a database is").unwrap();
         let error = format!("{:#}", Store::open(&path, 3).err().unwrap());
-        assert!(error.starts_with(&format!("the store {}: ", path.display())), "{error}");
+        assert!(error.starts_with(&format!("the store {} is damaged", path.display())), "{error}");
+        assert!(error.ends_with(ADVICE), "{error}");
+    }
+
+    #[test]
+    fn a_damaged_file_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("store");
+        let mut store = Store::open(&path, 1000).unwrap();
+        let text = "a record of some length ".repeat(100);
+        store.write(&append(&[text.as_str(); 200])).unwrap();
+        drop(store);
+        let good = std::fs::read(&path).unwrap();
+        let zeros = |from: usize| {
+            let mut bytes = good.clone();
+            bytes[from..].fill(0);
+            bytes
+        };
+        let mut version = good.clone();
+        (version[64], version[192]) = (9, 9);
+        for damaged in
+            [good[..good.len() / 2].to_vec(), good[..5000].to_vec(), zeros(4096), zeros(64), version]
+        {
+            std::fs::write(&path, damaged).unwrap();
+            let error = format!("{:#}", Store::open(&path, 3).err().unwrap());
+            assert!(error.starts_with(&format!("the store {} is damaged", path.display())), "{error}");
+        }
+        std::fs::write(&path, good).unwrap();
+        assert_eq!(Store::open(&path, 1000).unwrap().len(), 200);
     }
 }

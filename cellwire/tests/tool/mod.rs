@@ -78,6 +78,11 @@ impl Running {
         Self::start(cellwire(&format!("simulate {arguments} --listen 127.0.0.1:0")))
     }
 
+    /// Its process.
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Where it listens.
     pub(crate) fn address(&self) -> String {
         self.ready["listen"].as_str().unwrap().to_owned()

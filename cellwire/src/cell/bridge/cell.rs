@@ -22,6 +22,8 @@ pub struct Cell {
     pub is_born: bool,
     /// The number of its last record.
     pub number: u64,
+    /// The number that the store has.
+    pub kept: u64,
     /// Whether the hall's file allows commands to it.
     pub takes_commands: bool,
     /// Where its thread takes them.

@@ -3,7 +3,8 @@
 //! A command has an id that its sender uses once, and a time. The id is in the store, safely on the disk, before the cell has the
 //! command. The same id again only has its outcome reported again, also by the next process; what had no outcome when a process
 //! ended is unknown. Ids are remembered for a day, and a command whose time is further from now than
-//! [`max_age`](super::hall::Commands::max_age), an hour at the most, is refused: what is forgotten is too old to be obeyed.
+//! [`max_age`](super::hall::Commands::max_age), an hour at the most, is refused: what is forgotten is too old to be obeyed. Where the
+//! clock was wrong for a while it would not be: so a command that is not later than every one that was forgotten is refused too.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -18,6 +19,8 @@ use super::report::{Command, Outcome};
 use crate::io::store::{Batch, Store};
 
 const PREFIX: &str = "command/";
+/// The name, in the store, of the latest time of a command that was forgotten.
+const FORGOTTEN: &str = "forgotten";
 /// So long an id is remembered.
 const KEPT: Duration = Duration::from_secs(24 * 3600);
 /// So many are.
@@ -30,12 +33,17 @@ const LONGEST_ID: usize = 64;
 pub struct Commands {
     max_age: Duration,
     known: HashMap<String, Entry>,
+    /// The latest time of a command that was forgotten.
+    forgotten: u64,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Entry {
     /// When it was received.
     at: u64,
+    /// Its own time.
+    #[serde(default)]
+    sent: u64,
     outcome: Outcome,
     detail: String,
 }
@@ -81,7 +89,8 @@ impl Commands {
             }
             known.insert(key, entry);
         }
-        Ok((Self { max_age, known }, unknown))
+        let forgotten = store.get(FORGOTTEN)?.and_then(|text| text.parse().ok()).unwrap_or_default();
+        Ok((Self { max_age, known, forgotten }, unknown))
     }
 
     /// Decides about a message for a cell; `allowed` is whether the cell takes commands.
@@ -101,28 +110,43 @@ impl Commands {
         if let Some(entry) = self.known.get(&key) {
             return Decision::Report(entry.named(&command.id));
         }
-        let refusal = if !allowed {
-            "the hall's file does not allow commands to this cell".to_owned()
-        } else if at.is_none_or(|at| u128::from(at.abs_diff(now)) > self.max_age.as_millis()) {
-            let age = self.max_age.as_secs();
-            match at {
-                None => "it has no time".into(),
-                Some(at) => format!(
-                    "its time {at} is more than {age} s from now, {now}: too late, or a clock is wrong"
-                ),
+        let mut entry = Entry { at: now, sent: 0, outcome: Outcome::Refused, detail: String::new() };
+        match self.acceptable(allowed, at, now) {
+            Ok(sent) => {
+                (entry.sent, entry.outcome) = (sent, Outcome::Accepted);
+                put(batch, &key, Some(&entry));
+                let report = entry.named(&command.id);
+                self.known.insert(key, entry);
+                Decision::Give(command, report)
             }
-        } else if self.known.len() >= MOST {
-            format!("more than {MOST} commands in a day")
-        } else {
-            let entry = Entry { at: now, outcome: Outcome::Accepted, detail: String::new() };
-            put(batch, &key, Some(&entry));
-            let report = entry.named(&command.id);
-            self.known.insert(key, entry);
-            return Decision::Give(command, report);
-        };
-        // It is not remembered: nothing was done, and nothing will be.
-        let entry = Entry { at: now, outcome: Outcome::Refused, detail: refusal };
-        Decision::Report(entry.named(&command.id))
+            // It is not remembered: nothing was done, and nothing will be.
+            Err(why) => {
+                entry.detail = why;
+                Decision::Report(entry.named(&command.id))
+            }
+        }
+    }
+
+    /// The time of a command that is to be given, or why it is not.
+    fn acceptable(&self, allowed: bool, at: Option<u64>, now: u64) -> Result<u64, String> {
+        if !allowed {
+            return Err("the hall's file does not allow commands to this cell".into());
+        }
+        let at = at.ok_or("it has no time")?;
+        if u128::from(at.abs_diff(now)) > self.max_age.as_millis() {
+            let age = self.max_age.as_secs();
+            return Err(format!(
+                "its time {at} is more than {age} s from now, {now}: too late, or a clock is wrong"
+            ));
+        }
+        if at <= self.forgotten {
+            let last = self.forgotten;
+            return Err(format!("commands up to {last} are forgotten, its time is {at}: a clock was wrong"));
+        }
+        if self.known.len() >= MOST {
+            return Err(format!("more than {MOST} commands in a day"));
+        }
+        Ok(at)
     }
 
     /// The outcome of a command that was given to a cell: what is to be reported.
@@ -135,7 +159,8 @@ impl Commands {
         batch: &mut Batch,
     ) -> Vec<Named> {
         let key = key(cell, id);
-        let entry = Entry { at: self.known.get(&key).map_or(0, |entry| entry.at), outcome, detail };
+        let (at, sent) = self.known.get(&key).map_or((0, 0), |entry| (entry.at, entry.sent));
+        let entry = Entry { at, sent, outcome, detail };
         put(batch, &key, Some(&entry));
         let report = entry.named(id);
         self.known.insert(key, entry);
@@ -144,14 +169,19 @@ impl Commands {
 
     /// Forgets what is older than a day.
     pub fn forget(&mut self, now: u64, batch: &mut Batch) {
+        let before = self.forgotten;
         self.known.retain(|key, entry| {
             let is_old = u128::from(now.saturating_sub(entry.at)) > KEPT.as_millis();
             let is_over = is_old && entry.outcome != Outcome::Accepted;
             if is_over {
                 put(batch, key, None);
+                self.forgotten = self.forgotten.max(entry.sent);
             }
             !is_over
         });
+        if self.forgotten > before {
+            batch.names.push((FORGOTTEN.into(), Some(self.forgotten.to_string())));
+        }
     }
 }
 
@@ -173,10 +203,13 @@ fn put(batch: &mut Batch, key: &str, entry: Option<&Entry>) {
 
 /// The command of a message, and its time.
 fn read(payload: &Payload) -> Result<(Command, Option<u64>), String> {
-    let mut found = payload.metrics.iter().filter(|metric| metric.name.as_deref() == Some(REQUEST));
-    let (Some(metric), None) = (found.next(), found.next()) else {
+    let [metric] = payload.metrics.as_slice() else {
         return Err(format!("write the metric {REQUEST}, and no other"));
     };
+    if metric.name.as_deref() != Some(REQUEST) {
+        let name = metric.name.as_deref().unwrap_or("without a name");
+        return Err(format!("the metric {name} cannot be written: write {REQUEST}"));
+    }
     let Some(Value::String(text)) = &metric.value else { return Err(format!("{REQUEST} is a text")) };
     let mut order: Map<String, Json> =
         serde_json::from_str(text).map_err(|error| format!("{REQUEST} is no object of JSON: {error}"))?;
@@ -253,13 +286,38 @@ mod tests {
         // A day later it is forgotten, and too old to be obeyed.
         let (later, mut batch) = (1_000_902 + 86_400_001, Batch::default());
         commands.forget(later, &mut batch);
-        assert_eq!(batch.names.len(), 2);
+        assert_eq!(batch.names.len(), 3);
         let decision = commands.decide("cell", true, &request, later, &mut batch);
         let (kind, text) = outcome(&decision);
         assert!(
             kind == "report" && text.starts_with("a refused: its time 1000000 is more than 30 s from now"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn a_clock_that_was_wrong_for_a_while_makes_no_command_new() {
+        const DAY: u64 = 86_400_000;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("store");
+        let age = Duration::from_secs(30);
+        let (mut store, mut batch) = (Store::open(&path, 9).unwrap(), Batch::default());
+        let (mut commands, _) = Commands::open(&store, age, &mut batch).unwrap();
+        let request = write(r#"{"id":"a"}"#, 1_000_000);
+        assert_eq!(outcome(&commands.decide("c", true, &request, 1_000_000, &mut batch)).0, "give");
+        commands.finish("c", "a", Outcome::Done, String::new(), &mut batch);
+        // Two days too late, and right again.
+        commands.forget(1_000_000 + 2 * DAY, &mut batch);
+        store.write(&batch).unwrap();
+        let why = "a refused: commands up to 1000000 are forgotten, its time is 1000000: a clock was wrong";
+        let again = commands.decide("c", true, &request, 1_000_500, &mut batch);
+        assert_eq!(outcome(&again), ("report", why.into()));
+        drop(commands);
+        let (mut commands, _) = Commands::open(&store, age, &mut batch).unwrap();
+        let again = commands.decide("c", true, &request, 1_000_500, &mut batch);
+        assert_eq!(outcome(&again), ("report", why.into()));
+        let next = write(r#"{"id":"b"}"#, 1_000_001);
+        assert_eq!(outcome(&commands.decide("c", true, &next, 1_000_500, &mut batch)).0, "give");
     }
 
     #[test]

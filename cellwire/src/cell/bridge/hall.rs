@@ -9,7 +9,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
-use crate::io::broker::{Password, Tls};
+use crate::io::broker::{self, Password, Tls};
 use crate::io::input;
 use crate::links::settings;
 
@@ -239,19 +239,24 @@ impl Broker {
     /// When a file cannot be read, or has no certificate or key.
     pub fn tls(&self) -> Result<Option<Tls>> {
         let Some(files) = &self.tls else { return Ok(None) };
-        let read = |path: &Path, what: &str| -> Result<String> {
+        let certificates = |path: &Path| -> Result<Vec<u8>> {
             let text = input::text(path)?;
-            ensure!(text.contains(&format!("{what}-----")), "{} has no {what} in PEM form", path.display());
-            Ok(text)
+            broker::check_certificates(&text).with_context(|| path.display().to_string())?;
+            Ok(text.into_bytes())
         };
         let client = match (&files.certificate, &files.key) {
-            (Some(certificate), Some(key)) => Some((
-                read(certificate, "BEGIN CERTIFICATE")?.into_bytes(),
-                Password(read(key, "PRIVATE KEY")?),
-            )),
+            (Some(certificate), Some(path)) => {
+                let key = input::text(path)?;
+                ensure!(
+                    key.contains("PRIVATE KEY-----"),
+                    "{} has no PRIVATE KEY in PEM form",
+                    path.display()
+                );
+                Some((certificates(certificate)?, Password(key)))
+            }
             _ => None,
         };
-        Ok(Some(Tls { authorities: read(&files.ca, "BEGIN CERTIFICATE")?.into_bytes(), client }))
+        Ok(Some(Tls { authorities: certificates(&files.ca)?, client }))
     }
 }
 

@@ -26,6 +26,10 @@ pub struct Figures {
     pub dropped_full: u64,
     /// Reports of cells that were dropped because the disk was too slow.
     pub dropped_busy: u64,
+    /// Records of cells that the hall's file has no more.
+    pub dropped_orphans: u64,
+    /// The disk does not take what is to be written.
+    pub is_stuck: bool,
     /// The connection to the broker.
     pub uplink: Counts,
     /// Commands by what became of them.
@@ -59,7 +63,9 @@ impl Health {
                 Reply { status: 200, kind: "text/plain; version=0.0.4; charset=utf-8", body: figures.text() }
             }
             "/health" => {
-                let (status, body) = if figures.is_online {
+                let (status, body) = if figures.is_stuck {
+                    (503, "the store cannot be written\n")
+                } else if figures.is_online {
                     (200, "online\n")
                 } else {
                     (503, "no broker, or no host application\n")
@@ -88,6 +94,7 @@ impl Figures {
         let one = |value: u64| vec![(String::new(), number(value))];
         let Counts { connections, published, acknowledged, rejected } = self.uplink;
         family("online", "gauge", "1 while records are published.", &one(self.is_online.into()));
+        family("store_stuck", "gauge", "1 while the disk takes nothing.", &one(self.is_stuck.into()));
         family("store_records", "gauge", "Records that the broker has not acknowledged.", &one(self.stored));
         family(
             "in_flight_records",
@@ -110,12 +117,13 @@ impl Figures {
             "Connections that the broker has accepted.",
             &one(connections),
         );
-        let dropped = [("full", self.dropped_full), ("busy", self.dropped_busy)];
+        let dropped =
+            [("full", self.dropped_full), ("busy", self.dropped_busy), ("orphan", self.dropped_orphans)];
         let dropped = dropped.map(|(why, count)| (format!("{{why=\"{why}\"}}"), number(count)));
         family(
             "dropped_total",
             "counter",
-            "Records lost: the store was full, or the disk too slow.",
+            "Records lost: the store was full, the disk too slow, or the cell is no more in the hall's file.",
             &dropped,
         );
         let commands = self

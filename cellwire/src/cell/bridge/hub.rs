@@ -12,7 +12,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -43,11 +43,14 @@ const TICK: Duration = Duration::from_millis(200);
 const FORGET: Duration = Duration::from_secs(3600);
 /// At the end the broker gets so long to take what it was sent.
 const FAREWELL: Duration = Duration::from_secs(2);
+/// A disk that takes nothing is tried again so often.
+const RETRY: Duration = Duration::from_secs(1);
 
 /// The hub.
 #[allow(missing_debug_implementations, reason = "it holds a store")]
 pub struct Hub<'a> {
     cells: Vec<Cell>,
+    threads: Vec<JoinHandle<()>>,
     places: Places,
     store: Store,
     uplink: Uplink,
@@ -58,6 +61,8 @@ pub struct Hub<'a> {
     health: Arc<Health>,
     figures: Figures,
     log: &'a mut dyn FnMut(Json),
+    /// Why there was no broker when that was logged last.
+    lost: Option<String>,
     forget_at: Instant,
     show_at: Instant,
 }
@@ -93,7 +98,7 @@ impl<'a> Hub<'a> {
         let (commands, unknown) = Commands::open(&store, hall.commands.max_age, &mut turn.batch)?;
         let (sender, inbox) = sync_channel(ROOM);
         let (stop, busy) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
-        let mut cells = Vec::new();
+        let (mut cells, mut threads) = (Vec::new(), Vec::new());
         for (place, ((name, cell), client)) in hall.cell.iter().zip(clients).enumerate() {
             let (commands, inbox) = channel();
             let number: u64 =
@@ -111,21 +116,23 @@ impl<'a> Hub<'a> {
                 is_connected: false,
                 is_born: false,
                 number,
+                kept: number,
                 takes_commands: cell.commands,
                 commands,
             });
             let end =
                 End::new(place, SyncSender::clone(&sender), inbox, Arc::clone(&stop), Arc::clone(&busy));
             let thread = thread::Builder::new().name(name.clone());
-            thread
-                .spawn(move || client.run(end))
-                .with_context(|| format!("cannot start a thread for cell {name}"))?;
+            let thread = thread.spawn(move || client.run(end));
+            threads.push(thread.with_context(|| format!("cannot start a thread for cell {name}"))?);
         }
         let places = cells.iter().enumerate().map(|(place, cell)| (cell.name.clone(), place)).collect();
-        let uplink = Uplink::new(&hall.broker, sender)?;
+        let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
+        let uplink = Uplink::new(&hall.broker, bd_seq, sender)?;
         let (figures, forget_at, show_at) = (Figures::default(), Instant::now(), Instant::now());
         let mut hub = Self {
             cells,
+            threads,
             places,
             store,
             uplink,
@@ -136,6 +143,7 @@ impl<'a> Hub<'a> {
             health,
             figures,
             log,
+            lost: None,
             forget_at,
             show_at,
         };
@@ -144,7 +152,7 @@ impl<'a> Hub<'a> {
             hub.count("unknown");
             hub.record(place, metric::now(), report, &mut turn.batch);
         }
-        hub.write(&turn.batch)?;
+        hub.write(&mut turn.batch)?;
         Ok(hub)
     }
 
@@ -157,9 +165,17 @@ impl<'a> Hub<'a> {
             self.turn(false)?;
         }
         self.stop.store(true, Ordering::Relaxed);
+        // What the links report last is kept, and published if there is a broker.
+        self.until(|hub| hub.threads.iter().all(JoinHandle::is_finished))?;
+        self.turn(true)?;
         self.uplink.disconnect();
+        self.until(|hub| hub.uplink.is_offline())
+    }
+
+    /// Until it is so, but not for long.
+    fn until(&mut self, is_so: impl Fn(&Self) -> bool) -> Result<()> {
         let end = Instant::now() + FAREWELL;
-        while !self.uplink.is_offline() && Instant::now() < end {
+        while !is_so(self) && Instant::now() < end {
             self.turn(true)?;
         }
         Ok(())
@@ -168,7 +184,11 @@ impl<'a> Hub<'a> {
     fn turn(&mut self, ends: bool) -> Result<()> {
         let mut turn = Turn::default();
         let now = Instant::now();
-        let due = self.uplink.due().map_or(TICK, |due| due.saturating_duration_since(now).min(TICK));
+        let due = self
+            .uplink
+            .due()
+            .filter(|_| !ends)
+            .map_or(TICK, |due| due.saturating_duration_since(now).min(TICK));
         match self.inbox.recv_timeout(due) {
             Ok(input) => {
                 self.take(input, &mut turn);
@@ -187,14 +207,22 @@ impl<'a> Hub<'a> {
             self.forget_at = now + FORGET;
             self.commands.forget(metric::now(), &mut turn.batch);
         }
-        self.write(&turn.batch)?;
+        let orphans = self.uplink.prepare(ends, &mut turn.batch);
+        if orphans > 0 && self.figures.dropped_orphans == 0 {
+            let why = "it has records of cells that the hall's file has no more: they are dropped";
+            (self.log)(json!({"store": "orphans", "why": why}));
+        }
+        self.figures.dropped_orphans += orphans;
+        self.write(&mut turn.batch)?;
         for (place, command) in turn.give {
             if let Some(cell) = self.cells.get(place) {
                 // A thread that is gone has reported nothing: the command is unknown at the next start.
                 let _ = cell.commands.send(command);
             }
         }
-        self.uplink.turn(&mut self.store, &mut self.cells, &self.places, ends)?;
+        if let Some(why) = self.uplink.turn(&self.store, &mut self.cells, &self.places)? {
+            self.lost(why);
+        }
         if now >= self.show_at {
             self.show_at = now + TICK;
             self.show();
@@ -227,15 +255,31 @@ impl<'a> Hub<'a> {
                 self.record(place, at, named, &mut turn.batch);
             }
             Input::Broker(generation, happened) => {
-                match self.uplink.happened(generation, happened, &mut turn.batch) {
-                    Event::None => {}
-                    Event::Connected => (self.log)(json!({"broker": "connected"})),
-                    Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
-                    Event::Lost(why) => (self.log)(json!({"broker": "disconnected", "why": why})),
-                    Event::Strange(why) => (self.log)(json!({"broker": "strange", "why": why})),
-                    Event::Write { device, payload } => self.command(&device, &payload, turn),
-                }
+                let event = self.uplink.happened(generation, happened, &mut turn.batch);
+                self.broker(event, turn);
             }
+        }
+    }
+
+    fn broker(&mut self, event: Event, turn: &mut Turn) {
+        match event {
+            Event::None => {}
+            Event::Connected => {
+                self.lost = None;
+                (self.log)(json!({"broker": "connected"}));
+            }
+            Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
+            Event::Lost(why) => self.lost(why),
+            Event::Strange(why) => (self.log)(json!({"broker": "strange", "why": why})),
+            Event::Write { device, payload } => self.command(&device, &payload, turn),
+        }
+    }
+
+    /// Once for each reason: it is tried for as long as it takes.
+    fn lost(&mut self, why: String) {
+        if self.lost.as_ref() != Some(&why) {
+            (self.log)(json!({"broker": "disconnected", "why": why}));
+            self.lost = Some(why);
         }
     }
 
@@ -283,17 +327,39 @@ impl<'a> Hub<'a> {
             cell.values.insert(definition.name, (at, value));
         }
         batch.append.push(uplink::record(&cell.name, Payload { timestamp: None, metrics, seq: None }));
-        let name = number_of(&cell.name);
-        batch.names.retain(|(found, _)| *found != name);
-        batch.names.push((name, Some(cell.number.to_string())));
         self.figures.records += 1;
     }
 
-    fn write(&mut self, batch: &Batch) -> Result<()> {
+    /// Writes it. What a full disk does not take waits until it does, and the links wait with it.
+    fn write(&mut self, batch: &mut Batch) -> Result<()> {
+        let news = self.cells.iter_mut().filter(|cell| cell.number != cell.kept);
+        batch.names.extend(news.map(|cell| {
+            cell.kept = cell.number;
+            (number_of(&cell.name), Some(cell.number.to_string()))
+        }));
         if batch.append.is_empty() && batch.remove.is_empty() && batch.names.is_empty() {
             return Ok(());
         }
-        let dropped = self.store.write(batch)?;
+        let mut logged = String::new();
+        let dropped = loop {
+            let opened = if logged.is_empty() { Ok(()) } else { self.store.reopen() };
+            let error = match opened.and_then(|()| self.store.write(batch)) {
+                Ok(dropped) => break dropped,
+                Err(error) if interrupt::requested() => return Err(error),
+                Err(error) => format!("{error:#}"),
+            };
+            if error != logged {
+                let advice = "nothing is taken or published until this is mended";
+                (self.log)(json!({"store": "stuck", "why": error, "advice": advice}));
+                logged = error;
+            }
+            self.figures.is_stuck = true;
+            self.show();
+            thread::sleep(RETRY);
+        };
+        if core::mem::take(&mut self.figures.is_stuck) {
+            (self.log)(json!({"store": "written"}));
+        }
         if dropped > 0 && self.figures.dropped_full == 0 {
             (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.records"}));
         }

@@ -26,6 +26,9 @@ const LONGEST_WAIT: Duration = Duration::from_secs(10);
 /// An attempt that has come to nothing for so long is given up.
 const PATIENCE: Duration = Duration::from_secs(15);
 
+/// The name, in the store, of the number of the next connection.
+pub const BD_SEQ: &str = "bdseq";
+
 /// The places of the cells, by their names.
 pub type Places = HashMap<String, usize>;
 
@@ -50,10 +53,14 @@ pub struct Uplink {
     acknowledged: bool,
     hub: SyncSender<Input>,
     node: Node,
+    /// The number of the next connection in its births and deaths.
+    bd_seq: u8,
     /// The number of the connection: what an earlier one reports later is nobody's.
     generation: u64,
     phase: Phase,
     wait: Duration,
+    /// When records were published first on this connection.
+    online_at: Instant,
     /// When the host application has been online last.
     host_at: u64,
     is_born: bool,
@@ -84,6 +91,8 @@ pub struct Counts {
 enum Phase {
     /// Until the next attempt.
     Offline { until: Instant },
+    /// Until the store has the number of the connection.
+    Ready,
     /// Until the broker has accepted connection and subscriptions.
     Opening { session: Session, until: Instant },
     /// Until the host application is online.
@@ -99,7 +108,7 @@ impl Uplink {
     ///
     /// # Errors
     /// When a file of the broker's settings cannot be read.
-    pub fn new(broker: &Broker, hub: SyncSender<Input>) -> Result<Self> {
+    pub fn new(broker: &Broker, bd_seq: u8, hub: SyncSender<Input>) -> Result<Self> {
         let (host, port) = broker.place()?;
         let client = broker.client.clone().unwrap_or_else(|| format!("{}-{}", broker.group, broker.node));
         let (login, tls, will) = (broker.login()?, broker.tls()?, (String::new(), Vec::new()));
@@ -111,10 +120,12 @@ impl Uplink {
             host: broker.primary_host.clone(),
             acknowledged: broker.qos == 1,
             hub,
-            node: Node::new(&broker.group, &broker.node, 0),
+            node: Node::new(&broker.group, &broker.node, bd_seq),
+            bd_seq,
             generation: 0,
             phase: Phase::Offline { until: Instant::now() },
             wait: FIRST_WAIT,
+            online_at: Instant::now(),
             host_at: 0,
             is_born: false,
             next: 0,
@@ -132,7 +143,7 @@ impl Uplink {
 
     /// Whether there is no connection.
     pub fn is_offline(&self) -> bool {
-        matches!(self.phase, Phase::Offline { .. })
+        matches!(self.phase, Phase::Offline { .. } | Phase::Ready)
     }
 
     /// How many records are on their way.
@@ -146,7 +157,7 @@ impl Uplink {
             Phase::Offline { until } | Phase::Opening { until, .. } | Phase::Leaving { until, .. } => {
                 Some(until)
             }
-            Phase::Waiting { .. } | Phase::Online { .. } => None,
+            Phase::Ready | Phase::Waiting { .. } | Phase::Online { .. } => None,
         }
     }
 
@@ -175,7 +186,6 @@ impl Uplink {
             Happened::Message { topic, payload } => self.received(self.node.receive(&topic, &payload)),
             Happened::Published(key) => {
                 if self.flight.remove(&key) {
-                    self.wait = FIRST_WAIT;
                     self.counts.acknowledged += 1;
                     batch.remove.push(key);
                 }
@@ -187,8 +197,9 @@ impl Uplink {
                 Event::Lost(format!("the broker does not take record {key}: {why}"))
             }
             Happened::Closed(why) => {
+                let was_left = matches!(self.phase, Phase::Leaving { .. });
                 self.closed();
-                Event::Lost(why)
+                if was_left { Event::None } else { Event::Lost(why) }
             }
         }
     }
@@ -223,6 +234,7 @@ impl Uplink {
     fn go_online(&mut self) {
         self.advance(|session| Phase::Online { session });
         (self.is_born, self.next, self.live) = (false, 0, u64::MAX);
+        self.online_at = Instant::now();
         self.flight.clear();
     }
 
@@ -252,36 +264,53 @@ impl Uplink {
     fn closed(&mut self) {
         self.generation += 1;
         self.flight.clear();
+        // One that does not last, as where two clients have one name and end each other's, is no reason to hurry.
+        if self.is_online() && self.online_at.elapsed() > LONGEST_WAIT {
+            self.wait = FIRST_WAIT;
+        }
         // Not all bridges of a hall at once.
         let wait = self.wait.mul_f64(0.5 + fastrand::f64());
         self.wait = (self.wait * 2).min(LONGEST_WAIT);
         self.phase = Phase::Offline { until: Instant::now() + wait };
     }
 
-    /// Does what is due: connects, and publishes what there is.
+    /// What has to be written before [`turn`](Self::turn): the number of a connection that is due, and that records of cells that
+    /// are no more are dropped. Returns how many.
+    pub fn prepare(&mut self, ends: bool, batch: &mut Batch) -> u64 {
+        if let Phase::Offline { until } = self.phase
+            && until <= Instant::now()
+            && !ends
+        {
+            self.node = Node::new(&self.group, &self.name, self.bd_seq);
+            self.bd_seq = self.bd_seq.wrapping_add(1);
+            batch.names.push((BD_SEQ.into(), Some(self.bd_seq.to_string())));
+            self.phase = Phase::Ready;
+        }
+        let orphans = self.orphans.len() as u64;
+        batch.remove.append(&mut self.orphans);
+        orphans
+    }
+
+    /// Does what is due: connects, and publishes what there is. Returns why a connection came to nothing.
     ///
     /// # Errors
-    /// When the store cannot be read or written.
-    pub fn turn(&mut self, store: &mut Store, cells: &mut [Cell], places: &Places, ends: bool) -> Result<()> {
+    /// When the store cannot be read, or the system has no room for a thread.
+    pub fn turn(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<Option<String>> {
         let is_due = self.due().is_some_and(|due| due <= Instant::now());
         match &self.phase {
-            Phase::Offline { .. } if is_due && !ends => self.open(store)?,
-            Phase::Opening { .. } | Phase::Leaving { .. } if is_due => self.closed(),
+            Phase::Ready => self.open()?,
+            Phase::Opening { .. } if is_due => {
+                self.closed();
+                return Ok(Some("the broker does not answer".into()));
+            }
+            Phase::Leaving { .. } if is_due => self.closed(),
             Phase::Online { .. } => self.publish(store, cells, places)?,
             _ => {}
         }
-        if !self.orphans.is_empty() {
-            store.write(&Batch { remove: core::mem::take(&mut self.orphans), ..Batch::default() })?;
-        }
-        Ok(())
+        Ok(None)
     }
 
-    fn open(&mut self, store: &mut Store) -> Result<()> {
-        const NAME: &str = "bdseq";
-        let number: u8 = store.get(NAME)?.and_then(|text| text.parse().ok()).unwrap_or_default();
-        let following = number.wrapping_add(1).to_string();
-        store.write(&Batch { names: vec![(NAME.into(), Some(following))], ..Batch::default() })?;
-        self.node = Node::new(&self.group, &self.name, number);
+    fn open(&mut self) -> Result<()> {
         let Publication { topic, payload } = self.node.death();
         self.options.will = (topic, payload);
         let (hub, generation) = (self.hub.clone(), self.generation);

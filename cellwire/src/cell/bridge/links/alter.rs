@@ -7,14 +7,13 @@ use robot_session::now;
 use serde_json::json;
 use val2_alter::{Host, HostConfig, HostEvent, MotionPhase, Transform};
 
-use super::address;
 use super::client::{self, Adapter};
+use super::paced::Paced;
 use crate::cell::bridge::end::End;
 use crate::cell::bridge::hall::Cell;
 use crate::cell::bridge::metric::{Definition, Named, define, text, whole};
 use crate::cell::bridge::payload::{Kind, Value};
 use crate::cell::bridge::report::Command;
-use crate::links::settings::{self, Configure, Setting, Table};
 
 const METRICS: [Definition; 6] = [
     define("Motion/Phase", Kind::String),
@@ -25,14 +24,7 @@ const METRICS: [Definition; 6] = [
     define("Position/Z", Kind::Float),
 ];
 
-/// What can be set.
-#[derive(Debug, Clone)]
-struct Settings {
-    report: Duration,
-    session: HostConfig,
-}
-
-impl Default for Settings {
+impl Default for Paced<HostConfig> {
     fn default() -> Self {
         // Bytes that came together may be read far apart.
         Self {
@@ -42,37 +34,19 @@ impl Default for Settings {
     }
 }
 
-impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { report, session } = self;
-        let range = Duration::ZERO..=Duration::from_secs(3600);
-        table.time("report", range, "the least from one reported motion to the next", report);
-        session.configure(table);
-    }
-}
-
 struct Alter {
     report: Duration,
     next: Duration,
 }
 
-pub(super) fn client(cell: &Cell) -> Result<super::Client> {
-    let Settings { report, session } = settings::read(&cell.link, Settings::default(), &cell.settings)?;
-    let (place, host) = (address(cell)?, Host::new(session)?);
+pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
+    let Paced { report, session } = settings;
     let adapter = Alter { report, next: Duration::ZERO };
-    Ok(super::Client::new(&METRICS, move |end| client::run(adapter, host, &place, session.baud, end)))
-}
-
-pub(super) fn settings() -> Vec<Setting> {
-    settings::list(Settings::default())
+    client::of(cell, &METRICS, Some(session.baud), Host::new(session)?, adapter)
 }
 
 impl Adapter for Alter {
     type Session = Host;
-
-    fn step(&mut self, _: &mut Host, _: &mut End) -> Option<Duration> {
-        None
-    }
 
     fn event(&mut self, _: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
         match event {

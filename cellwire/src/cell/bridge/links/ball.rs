@@ -7,14 +7,13 @@ use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet};
 use robot_session::now;
 use serde_json::json;
 
-use super::address;
 use super::client::{self, Adapter};
+use super::paced::Paced;
 use crate::cell::bridge::end::End;
 use crate::cell::bridge::hall::Cell;
 use crate::cell::bridge::metric::{Definition, define, whole};
 use crate::cell::bridge::payload::{Kind, Value};
 use crate::cell::bridge::report::Command;
-use crate::links::settings::{self, Configure, Setting, Table};
 
 const METRICS: [Definition; 8] = [
     define("Force/X", Kind::Int64),
@@ -27,28 +26,12 @@ const METRICS: [Definition; 8] = [
     define("Stale", Kind::Boolean),
 ];
 
-/// What can be set.
-#[derive(Debug, Clone)]
-struct Settings {
-    report: Duration,
-    session: HostConfig,
-}
-
-impl Default for Settings {
+impl Default for Paced<HostConfig> {
     fn default() -> Self {
         // Nothing is steered: values may be old, and polls far apart.
         let (period, max_age) = (Duration::from_millis(100), Duration::from_secs(1));
         let session = HostConfig { period, max_age, ..HostConfig::default() };
         Self { report: Duration::from_millis(500), session }
-    }
-}
-
-impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { report, session } = self;
-        let range = Duration::ZERO..=Duration::from_secs(3600);
-        table.time("report", range, "the least from one report to the next, but for keys", report);
-        session.configure(table);
     }
 }
 
@@ -58,23 +41,14 @@ struct Ball {
     keys: Keys,
 }
 
-pub(super) fn client(cell: &Cell) -> Result<super::Client> {
-    let Settings { report, session } = settings::read(&cell.link, Settings::default(), &cell.settings)?;
-    let (place, host) = (address(cell)?, Host::new(session)?);
+pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
+    let Paced { report, session } = settings;
     let adapter = Ball { report, next: Duration::ZERO, keys: Keys::NONE };
-    Ok(super::Client::new(&METRICS, move |end| client::run(adapter, host, &place, session.baud, end)))
-}
-
-pub(super) fn settings() -> Vec<Setting> {
-    settings::list(Settings::default())
+    client::of(cell, &METRICS, Some(session.baud), Host::new(session)?, adapter)
 }
 
 impl Adapter for Ball {
     type Session = Host;
-
-    fn step(&mut self, _: &mut Host, _: &mut End) -> Option<Duration> {
-        None
-    }
 
     fn event(&mut self, _: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
         match event {

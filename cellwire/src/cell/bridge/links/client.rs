@@ -3,10 +3,13 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context, Result, ensure};
 use robot_session::{Driver, Ended, Session, now};
 
+use super::Client;
 use crate::cell::bridge::end::End;
+use crate::cell::bridge::hall::Cell;
+use crate::cell::bridge::metric::Definition;
 use crate::cell::bridge::report::{Command, Outcome};
 use crate::io::coarse::Coarse;
 use crate::io::port::AnyPort;
@@ -25,7 +28,9 @@ pub(super) trait Adapter {
     type Session: Session;
 
     /// Does what is due; how long it has nothing to do, unless something happens.
-    fn step(&mut self, session: &mut Self::Session, end: &mut End) -> Option<Duration>;
+    fn step(&mut self, _: &mut Self::Session, _: &mut End) -> Option<Duration> {
+        None
+    }
 
     /// Something has happened. Only a connection that is best given up is an error.
     ///
@@ -48,8 +53,34 @@ pub(super) trait Adapter {
     fn lost(&mut self) {}
 }
 
+/// The client of a cell whose device waits for a connection: at `HOST:PORT`, or on a serial line where the link has a `baud` rate.
+///
+/// # Errors
+/// When the cell has no such address.
+pub(super) fn of<A>(
+    cell: &Cell,
+    metrics: &'static [Definition],
+    baud: Option<u32>,
+    session: A::Session,
+    adapter: A,
+) -> Result<Client>
+where
+    A: Adapter + Send + 'static,
+    A::Session: Send + 'static,
+{
+    let place = cell
+        .address
+        .clone()
+        .context("this link's device does not connect by itself: give address instead of listen")?;
+    ensure!(
+        baud.is_some() || !AnyPort::is_serial(&place),
+        "{place} would be a serial port, and this link has none: give HOST:PORT"
+    );
+    Ok(Client::new(metrics, move |end| run(adapter, session, &place, baud.unwrap_or_default(), end)))
+}
+
 /// Runs until the bridge ends.
-pub(super) fn run<A: Adapter>(mut adapter: A, mut session: A::Session, place: &str, baud: u32, mut end: End) {
+fn run<A: Adapter>(mut adapter: A, mut session: A::Session, place: &str, baud: u32, mut end: End) {
     let mut wait = FIRST_WAIT;
     while !end.is_stopped() {
         let why = match AnyPort::open(place, baud, CONNECT) {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use kawasaki_msg::{Charset, JobSource, Pc, PcConfig, PcEvent, SessionError, Supply};
 use serde::Deserialize;
 use serde_json::{Map, Value as Json, json};
@@ -19,7 +19,7 @@ use crate::links::kawasaki_msg::layout::{AnyWork, Layout};
 use crate::links::kawasaki_msg::meeting::Meeting;
 use crate::links::kawasaki_msg::pc::{self, Notification, Program};
 use crate::links::kawasaki_msg::plant::Plant;
-use crate::links::settings::{self, Configure, Setting, Table};
+use crate::links::settings::{Configure, Table};
 
 /// A connection may take so long to open.
 const CONNECT: Duration = Duration::from_secs(5);
@@ -38,7 +38,7 @@ const METRICS: [Definition; 5] = [
 
 /// What can be set.
 #[derive(Debug, Clone)]
-struct Settings {
+pub(super) struct Settings {
     plant: Plant,
     session: PcConfig<'static>,
 }
@@ -89,9 +89,12 @@ struct Kawasaki<'a> {
     is_connected: bool,
 }
 
-pub(super) fn client(cell: &Cell) -> Result<super::Client> {
-    let Settings { plant, session } = settings::read(&cell.link, Settings::default(), &cell.settings)?;
+pub(super) fn client(cell: &Cell, Settings { plant, session }: Settings) -> Result<super::Client> {
     let config = plant.pc(session)?;
+    ensure!(
+        !config.datagrams || cell.listen.is_some(),
+        "over UDP the robot sends first: give listen instead of address"
+    );
     let (layout, charset) = (plant.layout()?, plant.charset);
     let endpoint = match (&cell.address, &cell.listen) {
         (Some(address), _) => Endpoint::Connect(address.clone()),
@@ -107,10 +110,6 @@ pub(super) fn client(cell: &Cell) -> Result<super::Client> {
             end.wait(RETRY);
         }
     }))
-}
-
-pub(super) fn settings() -> Vec<Setting> {
-    settings::list(Settings::default())
 }
 
 fn run(

@@ -9,23 +9,29 @@ use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
 use super::client::{self, Adapter};
-use super::{address, order};
+use super::order;
 use crate::cell::bridge::end::End;
 use crate::cell::bridge::hall::Cell;
 use crate::cell::bridge::metric::{Definition, define, text};
 use crate::cell::bridge::payload::Kind;
 use crate::cell::bridge::report::{Command, Outcome};
 use crate::links::laser_eb90::controller::STATUS;
-use crate::links::settings::{self, Configure, Setting, Table};
+use crate::links::settings::{self, Configure, Table};
 
 const METRICS: [Definition; 1] = [define("Status/Values", Kind::String)];
 
 /// What can be set.
 #[derive(Debug, Clone)]
-struct Settings {
+pub(super) struct Settings {
     query: u16,
     poll: Duration,
     session: HostConfig,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self::at_baud(timing::BAUD)
+    }
 }
 
 impl Settings {
@@ -73,18 +79,13 @@ struct Laser {
     running: Option<u64>,
 }
 
-pub(super) fn client(cell: &Cell) -> Result<super::Client> {
-    let what = &cell.link;
+pub(super) fn client(cell: &Cell, given: Settings) -> Result<super::Client> {
     // Some defaults follow from the rate.
-    let baud = settings::read(what, Settings::at_baud(timing::BAUD), &cell.settings)?.session.baud;
-    let settings = settings::read(what, Settings::at_baud(baud), &cell.settings)?;
-    let (place, session) = (address(cell)?, Host::new(settings.session)?);
+    let baud = given.session.baud;
+    let settings = settings::read(&cell.link, Settings::at_baud(baud), &cell.settings)?;
+    let session = Host::new(settings.session)?;
     let adapter = Laser { settings, next: Duration::ZERO, order: None, running: None };
-    Ok(super::Client::new(&METRICS, move |end| client::run(adapter, session, &place, baud, end)))
-}
-
-pub(super) fn settings() -> Vec<Setting> {
-    settings::list(Settings::at_baud(timing::BAUD))
+    client::of(cell, &METRICS, Some(baud), session, adapter)
 }
 
 impl Adapter for Laser {

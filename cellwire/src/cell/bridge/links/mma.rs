@@ -14,13 +14,13 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
 
 use super::client::{self, Adapter};
-use super::{address, order};
+use super::order;
 use crate::cell::bridge::end::End;
 use crate::cell::bridge::hall::Cell;
 use crate::cell::bridge::metric::{Definition, define, text, whole};
 use crate::cell::bridge::payload::{Kind, Value};
 use crate::cell::bridge::report::{Command, Outcome};
-use crate::links::settings::{self, Configure, Setting, Table};
+use crate::links::settings::{Configure, Table};
 
 const AXES: [&str; 4] = ["Status/Axes/1", "Status/Axes/2", "Status/Axes/3", "Status/Axes/4"];
 
@@ -38,7 +38,7 @@ const METRICS: [Definition; 9] = [
 
 /// What can be set.
 #[derive(Debug, Clone)]
-struct Settings {
+pub(super) struct Settings {
     is_platform: bool,
     poll: Duration,
     session: CentralConfig,
@@ -70,17 +70,11 @@ struct Mma<P> {
     pose: PhantomData<P>,
 }
 
-pub(super) fn client(cell: &Cell) -> Result<super::Client> {
-    let settings = settings::read(&cell.link, Settings::default(), &cell.settings)?;
-    let place = address(cell)?;
-    if settings.is_platform {
-        of::<PlatformPose>(&settings, place)
-    } else {
-        of::<RobotPose>(&settings, place)
-    }
+pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
+    if settings.is_platform { of::<PlatformPose>(cell, &settings) } else { of::<RobotPose>(cell, &settings) }
 }
 
-fn of<P>(settings: &Settings, place: String) -> Result<super::Client>
+fn of<P>(cell: &Cell, settings: &Settings) -> Result<super::Client>
 where
     P: Pose + Serialize + DeserializeOwned + Send + 'static,
     Central<P>: Session<Event = CentralEvent<P>> + Send,
@@ -93,11 +87,7 @@ where
         is_running: false,
         pose: PhantomData,
     };
-    Ok(super::Client::new(&METRICS, move |end| client::run(adapter, session, &place, 19_200, end)))
-}
-
-pub(super) fn settings() -> Vec<Setting> {
-    settings::list(Settings::default())
+    client::of(cell, &METRICS, None, session, adapter)
 }
 
 impl<P> Adapter for Mma<P>

@@ -7,9 +7,10 @@ mod kawasaki;
 mod laser;
 mod mma;
 mod modbus;
+mod paced;
 mod viewer;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
@@ -17,7 +18,7 @@ use super::end::End;
 use super::hall::{Cell, Hall};
 use super::metric::{COMMON, Definition};
 use crate::links::by_name;
-use crate::links::settings::{Refused, Setting};
+use crate::links::settings::{self, Configure, Refused, Setting};
 
 /// A link's client.
 #[allow(missing_debug_implementations, reason = "it holds what runs")]
@@ -69,36 +70,41 @@ fn client(cell: &Cell) -> Result<Client> {
         cell.address.is_some() != cell.listen.is_some(),
         "give address (HOST:PORT, or the path of a serial port), or listen where the device connects to the PC"
     );
-    match by_name(&cell.link)?.name() {
-        "fanuc-hmi-modbus" => modbus::client(cell),
-        "isra-ball" => ball::client(cell),
-        "kawasaki-msg" => kawasaki::client(cell),
-        "laser-eb90" => laser::client(cell),
-        "mmacell-proto" => mma::client(cell),
-        "val2-alter" => alter::client(cell),
-        "val2-viewer" => viewer::client(cell),
-        name => bail!("{name} has no client of the bridge"),
-    }
+    let name = by_name(&cell.link)?.name();
+    let link = links().into_iter().find(|link| link.name == name);
+    (link.with_context(|| format!("{name} has no client of the bridge"))?.client)(cell)
 }
 
 /// What can be set of each link's client, by the name of the link.
 pub fn settings() -> Vec<(&'static str, Vec<Setting>)> {
-    vec![
-        ("kawasaki-msg", kawasaki::settings()),
-        ("val2-alter", alter::settings()),
-        ("val2-viewer", viewer::settings()),
-        ("isra-ball", ball::settings()),
-        ("fanuc-hmi-modbus", modbus::settings()),
-        ("laser-eb90", laser::settings()),
-        ("mmacell-proto", mma::settings()),
+    links().into_iter().map(|link| (link.name, link.settings)).collect()
+}
+
+/// A link that the bridge has a client of.
+struct Link {
+    name: &'static str,
+    settings: Vec<Setting>,
+    client: Box<dyn Fn(&Cell) -> Result<Client>>,
+}
+
+fn links() -> [Link; 7] {
+    [
+        link("kawasaki-msg", kawasaki::client),
+        link("val2-alter", alter::client),
+        link("val2-viewer", viewer::client),
+        link("isra-ball", ball::client),
+        link("fanuc-hmi-modbus", modbus::client),
+        link("laser-eb90", laser::client),
+        link("mmacell-proto", mma::client),
     ]
 }
 
-/// The address of a device that does not connect by itself.
-fn address(cell: &Cell) -> Result<String> {
-    cell.address
-        .clone()
-        .context("this link's device does not connect by itself: give address instead of listen")
+fn link<S: Configure + Default + 'static>(
+    name: &'static str,
+    client: fn(&Cell, S) -> Result<Client>,
+) -> Link {
+    let client = move |cell: &Cell| client(cell, settings::read(name, S::default(), &cell.settings)?);
+    Link { name, settings: settings::list(S::default()), client: Box::new(client) }
 }
 
 /// The one thing that a command orders, and its parameters.

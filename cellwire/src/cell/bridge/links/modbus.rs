@@ -11,14 +11,14 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::client::{self, Adapter};
-use super::{address, order};
+use super::order;
 use crate::cell::bridge::end::End;
 use crate::cell::bridge::hall::Cell;
 use crate::cell::bridge::metric::{Definition, define, whole};
 use crate::cell::bridge::payload::{Kind, Value};
 use crate::cell::bridge::report::{Command, Outcome};
 use crate::links::fanuc_hmi_modbus::options::word_order;
-use crate::links::settings::{self, Configure, Setting, Table};
+use crate::links::settings::{Configure, Table};
 
 /// So many requests in a row without a reply, and the controller counts as gone.
 const MOST_SILENT: u32 = 3;
@@ -47,7 +47,7 @@ const METRICS: [Definition; 19] = [
 
 /// What can be set.
 #[derive(Debug, Clone)]
-struct Settings {
+pub(super) struct Settings {
     poll: Duration,
     unit: u8,
     register: u16,
@@ -103,16 +103,11 @@ struct Modbus {
     writing: Option<Ticket>,
 }
 
-pub(super) fn client(cell: &Cell) -> Result<super::Client> {
-    let settings = settings::read(&cell.link, Settings::default(), &cell.settings)?;
-    let (place, session) = (address(cell)?, Client::<1>::new(settings.session)?);
+pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
+    let session = Client::<1>::new(settings.session)?;
     let (asked, order, writing) = (None, None, None);
     let adapter = Modbus { settings, next: Duration::ZERO, asked, silent: 0, order, writing };
-    Ok(super::Client::new(&METRICS, move |end| client::run(adapter, session, &place, 19_200, end)))
-}
-
-pub(super) fn settings() -> Vec<Setting> {
-    settings::list(Settings::default())
+    client::of(cell, &METRICS, None, session, adapter)
 }
 
 impl Adapter for Modbus {

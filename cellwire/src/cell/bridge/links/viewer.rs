@@ -9,19 +9,19 @@ use serde_json::json;
 use val2_viewer::{Host, HostConfig, HostEvent, timing};
 
 use super::client::{self, Adapter};
-use super::{address, order};
+use super::order;
 use crate::cell::bridge::end::End;
 use crate::cell::bridge::hall::Cell;
 use crate::cell::bridge::metric::{Definition, define, whole};
 use crate::cell::bridge::payload::Kind;
 use crate::cell::bridge::report::{Command, Outcome};
-use crate::links::settings::{self, Configure, Setting, Table};
+use crate::links::settings::{Configure, Table};
 
 const METRICS: [Definition; 2] = [define("Viewer/Requests", Kind::Int64), define("Viewer/Sent", Kind::Int64)];
 
 /// What can be set.
 #[derive(Debug, Clone)]
-struct Settings {
+pub(super) struct Settings {
     report: Duration,
     baud: u32,
     session: HostConfig,
@@ -61,16 +61,11 @@ struct Viewer {
     pose: [i16; 12],
 }
 
-pub(super) fn client(cell: &Cell) -> Result<super::Client> {
-    let Settings { report, baud, session } = settings::read(&cell.link, Settings::default(), &cell.settings)?;
-    let (place, host) = (address(cell)?, Host::new(session)?);
+pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
+    let Settings { report, baud, session } = settings;
     let max_age = session.max_age;
     let adapter = Viewer { report, next: Duration::ZERO, until: None, max_age, pose: [0; 12] };
-    Ok(super::Client::new(&METRICS, move |end| client::run(adapter, host, &place, baud, end)))
-}
-
-pub(super) fn settings() -> Vec<Setting> {
-    settings::list(Settings::default())
+    client::of(cell, &METRICS, Some(baud), Host::new(session)?, adapter)
 }
 
 impl Adapter for Viewer {

@@ -170,7 +170,7 @@ fn what_is_wrong_has_its_line() {
         (
             "node = \"bridge\"",
             "node = \"bridge\"\ntls = { ca = \"bad.pem\" }",
-            "line 5: FOLDER/bad.pem: a certificate in it is not in PEM form: base64 decode error",
+            "line 5: FOLDER/bad.pem: a certificate in it is not in PEM form: base64 decode error: InvalidCharacter(33)",
         ),
         (
             "10.0.0.1:502",

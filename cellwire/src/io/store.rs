@@ -2,11 +2,12 @@
 //!
 //! What a [`Batch`] holds is in the file as a whole once [`Store::write`] returns, also if the power fails then, or not at all.
 
+use std::io::ErrorKind;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow};
-use redb::{Database, DatabaseError, ReadableTable, ReadableTableMetadata, StorageError, TableDefinition};
+use anyhow::{Context, Result, bail};
+use redb::{Database, ReadableTable, ReadableTableMetadata, TableDefinition};
 
 const RECORDS: TableDefinition<u64, &[u8]> = TableDefinition::new("records");
 const NAMES: TableDefinition<&str, &str> = TableDefinition::new("names");
@@ -45,16 +46,20 @@ impl Store {
     /// # Errors
     /// When another process has it open, or it is no such file.
     pub fn open(path: &Path, most: u64) -> Result<Self> {
-        let (database, next, length) = catch(|| open(path)).map_err(|error| {
-            let what = format!("the store {}", path.display());
-            match error.downcast_ref::<DatabaseError>() {
-                Some(DatabaseError::DatabaseAlreadyOpen) => {
-                    anyhow!("{what} is open in another process: one bridge, one store")
-                }
-                Some(DatabaseError::Storage(StorageError::Io(_))) => error.context(what),
-                _ => anyhow!("{what} is damaged, or of another version: {error:#}: {ADVICE}"),
+        let what = format!("the store {}", path.display());
+        let (database, next, length) = match catch(|| open(path)) {
+            Some(Ok(opened)) => opened,
+            Some(Err(redb::Error::DatabaseAlreadyOpen)) => {
+                bail!("{what} is open in another process: one bridge, one store")
             }
-        })?;
+            Some(Err(redb::Error::Io(error)))
+                if !matches!(error.kind(), ErrorKind::InvalidData | ErrorKind::UnexpectedEof) =>
+            {
+                return Err(error).context(what);
+            }
+            Some(Err(error)) => bail!("{what} is damaged, or of another version: {error}: {ADVICE}"),
+            None => bail!("{what} is damaged: {ADVICE}"),
+        };
         Ok(Self { path: path.to_owned(), database: Some(database), next, length, most: most.max(1) })
     }
 
@@ -176,7 +181,7 @@ impl Store {
 }
 
 /// The database, the key of the next record, and how many records there are.
-fn open(path: &Path) -> Result<(Database, u64, u64)> {
+fn open(path: &Path) -> Result<(Database, u64, u64), redb::Error> {
     let mut database = Database::builder().set_cache_size(CACHE).create(path)?;
     database.check_integrity()?;
     let transaction = database.begin_write()?;
@@ -191,12 +196,12 @@ fn open(path: &Path) -> Result<(Database, u64, u64)> {
 }
 
 /// redb asserts what it expects of a file: in one that is damaged that is an error, and no reason to print a trace.
-fn catch<T>(open: impl FnOnce() -> Result<T>) -> Result<T> {
+fn catch<T>(open: impl FnOnce() -> T) -> Option<T> {
     let hook = panic::take_hook();
     panic::set_hook(Box::new(|_| {}));
     let outcome = panic::catch_unwind(AssertUnwindSafe(open));
     panic::set_hook(hook);
-    outcome.unwrap_or_else(|_| Err(anyhow!("it is not what it was when it was written")))
+    outcome.ok()
 }
 
 #[cfg(test)]

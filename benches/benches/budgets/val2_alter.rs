@@ -30,7 +30,7 @@ const SESSION: &str = "the same through the host session, with its deadline and 
 
 const COUNTS: &[Count] = &[
     row("turn-around: decode a 36-byte request, limit six axes, encode six values", Some(350.0), turn_around),
-    row("… by hand, byte by byte", None, |rounds| by_hand::turn(&REQUEST, TARGET, rounds)),
+    row("… by hand, 16 bytes at a time", None, |rounds| by_hand::turn(&REQUEST, TARGET, rounds)),
     row("the same with every DLE that can be: 64 bytes in, 33 out", Some(900.0), worst_turn_around),
     row("… by hand, byte by byte", None, |rounds| by_hand::turn(&worst_request(), [0x1010; 6], rounds)),
     row(STREAM, None, stream),
@@ -98,10 +98,10 @@ fn turn(request: &[u8], target: [i16; 6], rounds: u64) {
     let mut limiter = Limiter::new(black_box(Limits::NONE));
     let mut out = [0; Frame::MAX_LEN];
     for _ in 0..rounds {
-        let Ok(Some((frame, _))) = Frame::decode(black_box(request), Framing::DEFAULT) else {
+        let Ok(Some((message, _))) = RobotMessage::decode_frame(black_box(request), Framing::DEFAULT) else {
             panic!("a good request")
         };
-        black_box(&RobotMessage::decode(frame.data(), Framing::DEFAULT).expect("a standard message"));
+        black_box(&message);
         let values = limiter.speeds(black_box(target));
         let reply = HostMessage::Reply(Reply::all(values));
         black_box(reply.encode(Framing::DEFAULT, black_box(&mut out)).expect("it fits"));

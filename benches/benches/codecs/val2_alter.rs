@@ -21,9 +21,7 @@ pub(crate) fn bench(criterion: &mut Criterion) {
     let mut group = super::group(criterion, "val2-alter", len);
     group.bench_function("decode a request with its transformation", |b| {
         b.iter(|| {
-            let (frame, _) =
-                Frame::decode(black_box(&bytes), Framing::DEFAULT).expect("good").expect("whole");
-            RobotMessage::decode(frame.data(), Framing::DEFAULT).expect("a standard message")
+            RobotMessage::decode_frame(black_box(&bytes), Framing::DEFAULT).expect("good").expect("whole")
         });
     });
     group.finish();

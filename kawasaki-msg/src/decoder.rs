@@ -2,7 +2,7 @@
 
 use crate::error::DecodeError;
 use crate::job::{BUFFER, Expected, Job, Work};
-use crate::message::Message;
+use crate::message::{self, Message};
 use crate::value::{Charset, DATA, START};
 
 /// Finds the messages in a stream of bytes.
@@ -94,8 +94,7 @@ impl Decoder {
                 return Some(Ok(message));
             }
             Ok(None) if !cursor.finished => {
-                // After a `#` any byte may end it.
-                cursor.scanned = if bytes.last() == Some(&DATA) { 0 } else { bytes.len() };
+                cursor.search_from(bytes);
                 return None;
             }
             Ok(None) => {
@@ -156,6 +155,11 @@ impl robot_session::Decoder for Decoder {
                 cursor.scanned += 1;
                 return None;
             }
+            if cursor.scanned > 0 && cursor.scanned == cursor.data_end && *byte == DATA {
+                // Whatever comes next ends the message, well or badly.
+                cursor.scanned = 0;
+                return None;
+            }
         }
         self.next_item()
     }
@@ -183,6 +187,8 @@ struct Cursor {
     end: usize,
     /// How much of it is known to be the beginning of a message that only a mark can end.
     scanned: usize,
+    /// Where the `#` after the data part has to be in it, once the `#` before it has come; else 0.
+    data_end: usize,
     /// The stream's offset of `start`.
     offset: usize,
     /// The stream's offset after what was returned last.
@@ -193,13 +199,33 @@ struct Cursor {
 }
 
 impl Cursor {
-    const START: Self =
-        Self { start: 0, end: 0, scanned: 0, offset: 0, position: 0, corruption: None, finished: false };
+    const START: Self = Self {
+        start: 0,
+        end: 0,
+        scanned: 0,
+        data_end: 0,
+        offset: 0,
+        position: 0,
+        corruption: None,
+        finished: false,
+    };
 
     fn advance(&mut self, bytes: usize) {
         self.start += bytes;
-        self.scanned = 0;
+        (self.scanned, self.data_end) = (0, 0);
         self.offset = self.offset.wrapping_add(bytes);
+    }
+
+    /// More of a message is needed than these bytes: where its end is looked for.
+    fn search_from(&mut self, bytes: &[u8]) {
+        self.scanned = bytes.len();
+        if let Some((&DATA, before)) = bytes.split_last() {
+            match message::data_len(before) {
+                Some(data) => self.data_end = bytes.len() + data,
+                // After the second `#` any byte ends it.
+                None => self.scanned = 0,
+            }
+        }
     }
 
     /// Goes to the next `<`: `None` if there is none yet, else the error that covers what was skipped.

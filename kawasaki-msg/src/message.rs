@@ -164,6 +164,12 @@ fn split_header(header: &[u8]) -> Result<(&[u8], Values<'_>, usize), DecodeError
     Ok((name, parts.next().map_or(Values::NONE, Values::Wire), length))
 }
 
+/// The length of the data part that begins after these bytes and a `#`; `None` when another `#` is among them.
+pub(crate) fn data_len(header: &[u8]) -> Option<usize> {
+    let header = header.get(1..).filter(|header| !header.contains(&DATA))?;
+    split_header(header).ok().map(|(.., length)| length)
+}
+
 /// Everything up to a mark that ends a part, or a byte that is no character.
 fn text<'a>(charset: Charset) -> impl FnMut(&'a [u8]) -> Parsed<'a, &'a [u8]> {
     take_till(move |byte| charset.ends_text(byte))

@@ -175,7 +175,9 @@ impl Group {
         let mut axes = Vec::with_capacity(6);
         loop {
             axes.push(Axis::decode(cursor)?);
-            cursor.space();
+            if !cursor.bytes().starts_with(b",") {
+                cursor.space();
+            }
             // Old controllers leave the comma out between what was never taught.
             if !cursor.take(",") && AxisName::decode(&mut { *cursor }).is_err() {
                 return Ok(Self { number, user_frame, user_tool, configuration, axes });
@@ -259,6 +261,12 @@ impl Axis {
             while cursor.take("*") {}
         } else {
             value = Some(cursor.decimal(Reason::Number)?);
+        }
+        // As controllers print them; with any other blanks, behind those.
+        for (unit, text) in [(AxisUnit::Deg, " deg"), (AxisUnit::Mm, "  mm")] {
+            if cursor.take(text) {
+                return Ok(Self { name, value, unit });
+            }
         }
         cursor.space();
         for (unit, text) in [(AxisUnit::Deg, "deg"), (AxisUnit::Mm, "mm")] {

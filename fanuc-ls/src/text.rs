@@ -157,7 +157,7 @@ pub(crate) fn decimal(input: &str) -> Read<'_, f64> {
 }
 
 /// The decimal number that a text begins with, and how long it is.
-#[inline]
+#[inline(always)]
 pub(crate) fn decimal_prefix(input: &[u8]) -> Option<(f64, usize)> {
     let (negative, sign) = match input.first() {
         Some(b'-') => (true, 1),

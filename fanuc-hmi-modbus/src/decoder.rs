@@ -4,7 +4,7 @@ use core::ops::Range;
 
 use crate::error::DecodeError;
 use crate::frame::{Frame, RtuLen, RtuShape, Side};
-use crate::framing::Framing;
+use crate::framing::{Framing, Framings};
 
 /// Finds the frames in a stream, whatever the pieces that it arrives in, and the next frame after corruption.
 ///
@@ -29,10 +29,10 @@ use crate::framing::Framing;
 ///
 /// When the buffer is full, `push` takes nothing: `next_frame` makes room in it.
 #[derive(Debug, Clone)]
-pub struct Decoder {
-    framing: Framing,
+pub struct Decoder<F = Framing> {
+    framing: F,
     side: Side,
-    buffer: [u8; Self::CAPACITY],
+    buffer: [u8; CAPACITY],
     start: usize,
     end: usize,
     /// Where the frame at `start` ends at the earliest: before that nothing is decoded.
@@ -46,6 +46,11 @@ pub struct Decoder {
     corruption: Option<Corruption>,
     ends: Ends,
 }
+
+const CAPACITY: usize = 1024;
+
+/// The longest corruption that is searched as a whole. Of more, one error covers what no frame can begin in any more.
+const WINDOW: usize = 2 * Frame::MAX_LEN;
 
 /// The bytes that a header and the length of the message after it take, but one.
 const HEADER: usize = 6 + 10;
@@ -98,16 +103,16 @@ impl Ends {
 
 impl Decoder {
     /// The bytes that wait to be decoded, at most.
-    pub const CAPACITY: usize = 1024;
-    /// The longest corruption that is searched as a whole. Of more, one error covers what no frame can begin in any more.
-    const WINDOW: usize = 2 * Frame::MAX_LEN;
+    pub const CAPACITY: usize = CAPACITY;
+}
 
+impl<F: Framings> Decoder<F> {
     /// A decoder of what `side` sends.
-    pub const fn new(framing: Framing, side: Side) -> Self {
+    pub const fn new(framing: F, side: Side) -> Self {
         Self {
             framing,
             side,
-            buffer: [0; Self::CAPACITY],
+            buffer: [0; CAPACITY],
             start: 0,
             end: 0,
             wanted: 0,
@@ -127,6 +132,12 @@ impl Decoder {
     /// The bytes that wait for the rest of their frame.
     pub const fn pending(&self) -> usize {
         self.end - self.start
+    }
+
+    /// Whether frames carry a transaction.
+    #[inline(always)]
+    pub(crate) fn has_transactions(&self) -> bool {
+        self.framing.has_transactions()
     }
 
     /// The place of the next frame in the buffer, for [`frame`](Self::frame): a borrow would not outlive a loop.
@@ -181,7 +192,7 @@ impl Decoder {
     }
 
     /// A frame that [`advance`](Self::advance) found.
-    #[inline]
+    #[inline(always)] // whether it has a transaction is known where the framing is
     pub(crate) fn frame(&self, range: Range<usize>) -> Option<Frame<&[u8]>> {
         let bytes = self.buffer.get(range)?;
         if self.framing.has_transactions() {
@@ -210,13 +221,13 @@ impl Decoder {
     fn end_corruption(&mut self, limit: usize) -> Option<(DecodeError, usize)> {
         let corruption = self.corruption.as_mut()?;
         let (from, tried) = (corruption.from, corruption.tried);
-        let window = limit.min(self.start + Self::WINDOW);
+        let window = limit.min(self.start + WINDOW);
         let (next, reach) = if self.framing.has_transactions() {
             (self.next_header(from, tried, window), HEADER)
         } else {
             (self.next_rtu(from, tried, window), Frame::MAX_RTU_LEN - 1)
         };
-        let is_full = window - self.start == Self::WINDOW;
+        let is_full = window - self.start == WINDOW;
         let corruption = self.corruption.as_mut()?;
         if let (Err(tried), false, None) = (next, is_full, self.finished_at) {
             corruption.tried = tried;
@@ -250,8 +261,10 @@ impl Decoder {
     /// Where the next bytes begin that are an MBAP header, as far as can be seen; else what was tried.
     #[inline(never)]
     fn next_header(&self, from: usize, tried: usize, limit: usize) -> Result<usize, usize> {
-        for start in from.max(tried)..limit {
-            let data = self.buffer.get(start..limit).unwrap_or_default();
+        let mut rest = self.buffer.get(from.max(tried)..limit).unwrap_or_default();
+        while let [_, after @ ..] = rest {
+            let (data, start) = (rest, limit - rest.len());
+            rest = after;
             // Protocol 0, a length below 256: judged as soon as it is there.
             if let [_, _, p0, ..] = *data
                 && (p0 != 0
@@ -260,12 +273,12 @@ impl Decoder {
             {
                 continue;
             }
-            let Some((six, rest)) = data.split_first_chunk() else { return Err(start) };
+            let Some((six, message)) = data.split_first_chunk() else { return Err(start) };
             let Ok(len) = Frame::tcp_len(six) else { continue };
             // After a frame of another protocol the next one begins in its place; elsewhere a header has to have the length of
             // the message after it.
             let is_placed = start == from && start > self.start + 1;
-            match RtuLen::of(rest, self.side) {
+            match RtuLen::of(message, self.side) {
                 _ if is_placed => return Ok(start),
                 RtuLen::Known(rtu) if 6 + rtu == len + 2 => return Ok(start),
                 RtuLen::AtLeast(_) if self.finished_at.is_none() => return Err(start),
@@ -334,13 +347,13 @@ impl Decoder {
     }
 }
 
-impl robot_session::Decoder for Decoder {
+impl<F: Framings> robot_session::Decoder for Decoder<F> {
     type Frame<'a> = Frame<&'a [u8]>;
     type Error = DecodeError;
 
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        if bytes.len() > Self::CAPACITY - self.end {
+        if bytes.len() > CAPACITY - self.end {
             self.compact();
         }
         // A port that gives single bytes: no call to copy one.

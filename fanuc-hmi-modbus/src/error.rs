@@ -221,6 +221,9 @@ pub enum ConfigError {
         /// The places of the client; 1 where frames have no transaction.
         most: usize,
     },
+    /// The session was built for the other framing alone.
+    #[error("the session is built for another framing: its type is for Tcp or Rtu alone")]
+    Framing,
     /// Every request would time out as it is sent.
     #[error("the timeout is zero")]
     Timeout,

@@ -241,6 +241,7 @@ impl<P: Pdu> Encode for Frame<P> {
 }
 
 #[cold]
+#[inline(never)]
 fn bad_header(&[_, _, p0, p1, l0, l1]: &[u8; 6]) -> DecodeError {
     match u16::from_be_bytes([p0, p1]) {
         0 => DecodeError::MbapLength { found: u16::from_be_bytes([l0, l1]) },

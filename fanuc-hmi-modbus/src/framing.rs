@@ -40,3 +40,61 @@ impl Framing {
         matches!(self, Self::Tcp)
     }
 }
+
+/// Modbus TCP and nothing else: a `Decoder<Tcp>`, a `Client<8, Tcp>` or a `Server<R, 8, Tcp>` links no CRC.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tcp;
+
+/// RTU and nothing else, on a serial line or over TCP: what is made for it links no MBAP header.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rtu;
+
+/// The framings that a decoder or a session is built for: [`Framing`], all of them; or [`Tcp`] or [`Rtu`] alone.
+pub trait Framings: Copy + sealed::Framings + 'static {}
+
+impl<F: Copy + sealed::Framings + 'static> Framings for F {}
+
+pub(crate) mod sealed {
+    use super::{Framing, Rtu, Tcp};
+
+    pub trait Framings: Sized {
+        /// This framing, if it is among them.
+        fn of(framing: Framing) -> Option<Self>;
+
+        /// [`Framing::has_transactions`].
+        fn has_transactions(self) -> bool;
+    }
+
+    impl Framings for Framing {
+        fn of(framing: Framing) -> Option<Self> {
+            Some(framing)
+        }
+
+        #[inline(always)]
+        fn has_transactions(self) -> bool {
+            self.has_transactions()
+        }
+    }
+
+    impl Framings for Tcp {
+        fn of(framing: Framing) -> Option<Self> {
+            framing.has_transactions().then_some(Self)
+        }
+
+        #[inline(always)] // where this is known, the other framings are left out
+        fn has_transactions(self) -> bool {
+            true
+        }
+    }
+
+    impl Framings for Rtu {
+        fn of(framing: Framing) -> Option<Self> {
+            (!framing.has_transactions()).then_some(Self)
+        }
+
+        #[inline(always)]
+        fn has_transactions(self) -> bool {
+            false
+        }
+    }
+}

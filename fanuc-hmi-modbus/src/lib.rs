@@ -36,7 +36,7 @@ pub use client::{
 pub use decoder::Decoder;
 pub use error::{ConfigError, DecodeError, EncodeError, Mismatch, SessionError};
 pub use frame::{Frame, Side};
-pub use framing::Framing;
+pub use framing::{Framing, Framings, Rtu, Tcp};
 pub use line::Line;
 pub use message::{Bits, BitsMut, Exception, Pdu, PduBuf, Reply, Request, Words, WordsMut, function, limit};
 #[cfg(feature = "model")]

@@ -90,12 +90,12 @@ pub fn serve<R: Registers + ?Sized>(pdu: &[u8], registers: &mut R, out: &mut [u8
     // The read that a client repeats in every cycle: little enough to be built in where the registers are known.
     if let [function @ function::READ_HOLDING_REGISTERS, a, b, c, d] = *pdu
         && let quantity = u16::from_be_bytes([c, d])
-        && (1..=usize::from(limit::READ_REGISTERS)).contains(&usize::from(quantity))
+        && quantity.wrapping_sub(1) < limit::READ_REGISTERS
     {
         let address = u16::from_be_bytes([a, b]);
         let read = |out: &mut WordsMut<'_>| registers.read_holding_registers(address, out);
         let served = read_words(function, address, quantity, out, read);
-        return served.unwrap_or_else(|exception| refuse(pdu, exception, out));
+        return served.unwrap_or_else(|exception| refuse(function, exception, out));
     }
     serve_any(pdu, registers, out)
 }
@@ -104,15 +104,14 @@ pub fn serve<R: Registers + ?Sized>(pdu: &[u8], registers: &mut R, out: &mut [u8
 fn serve_any<R: Registers + ?Sized>(pdu: &[u8], registers: &mut R, out: &mut [u8; limit::PDU]) -> usize {
     match Request::decode(pdu).map_err(exception).and_then(|request| carry_out(request, registers, out)) {
         Ok(len) => len,
-        Err(exception) => refuse(pdu, exception, out),
+        Err(exception) => refuse(pdu.first().copied().unwrap_or_default(), exception, out),
     }
 }
 
 #[cold]
-fn refuse(pdu: &[u8], exception: Exception, out: &mut [u8; limit::PDU]) -> usize {
-    let function = pdu.first().copied().unwrap_or_default() | function::EXCEPTION;
+fn refuse(function: u8, exception: Exception, out: &mut [u8; limit::PDU]) -> usize {
     if let Some(reply) = out.first_chunk_mut() {
-        *reply = [function, exception.into()];
+        *reply = [function | function::EXCEPTION, exception.into()];
     }
     2
 }

@@ -11,8 +11,8 @@ use core::time::Duration;
 
 use fanuc_hmi_modbus::robot_session::{Decoder as _, Encode as _};
 use fanuc_hmi_modbus::{
-    DecodeError, Decoder, EncodeError, Exception, Frame, Framing, Pdu, PduBuf, Reply, Request, Side,
-    WordOrder, function, limit,
+    DecodeError, Decoder, EncodeError, Exception, Frame, Framing, Framings, Pdu, PduBuf, Reply, Request, Rtu,
+    Side, Tcp, WordOrder, function, limit,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -145,9 +145,9 @@ fn encoded<P: Pdu + Copy>(transaction: Option<u16>, unit: u8, pdu: &P) -> Result
 
 type Items = Vec<(Result<Vec<u8>, DecodeError>, u64)>;
 
-fn decode<'a>(framing: Framing, side: Side, chunks: impl IntoIterator<Item = &'a [u8]>) -> Items {
+fn decode<'a, F: Framings>(framing: F, side: Side, chunks: impl IntoIterator<Item = &'a [u8]>) -> Items {
     let (mut decoder, mut items) = (Decoder::new(framing, side), Vec::new());
-    let drain = |decoder: &mut Decoder, items: &mut Items| {
+    let drain = |decoder: &mut Decoder<F>, items: &mut Items| {
         while let Some(item) = decoder.next_frame() {
             let item = item.map(|frame| frame.pdu.to_vec());
             items.push((item, decoder.position()));
@@ -268,6 +268,9 @@ proptest! {
             }
             prop_assert_eq!(last, stream.len() as u64, "the items do not tile the stream");
         }
+        let pieces = || pieces(&stream, &lengths);
+        prop_assert_eq!(decode(Tcp, side, pieces()), decode(Framing::Tcp, side, pieces()));
+        prop_assert_eq!(decode(Rtu, side, pieces()), decode(RTU, side, pieces()));
     }
 
     #[test]

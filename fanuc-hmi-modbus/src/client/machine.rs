@@ -5,6 +5,7 @@ use core::time::Duration;
 use robot_session::Unexpected;
 
 use super::config::ClientConfig;
+use super::held::{Held, Stage};
 use super::places::Places;
 use crate::line::Line;
 use crate::model::Rule;
@@ -46,43 +47,6 @@ pub enum Quiet {
         /// It ends with the first [`ClientInput::Timer`] from then on: a driver gives that after it has read what has arrived,
         /// however late it runs.
         end: Duration,
-    },
-}
-
-/// A request and the place that holds its bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Held {
-    /// The place, below `N`.
-    pub place: u8,
-    /// How far it is.
-    pub stage: Stage,
-}
-
-/// How far a request is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Stage {
-    /// It waits to be sent to one unit.
-    Queued,
-    /// It waits to be sent to all units.
-    QueuedBroadcast,
-    /// It was sent, and waits for its reply.
-    InFlight {
-        /// Its transaction; 0 where frames have none.
-        transaction: u16,
-        /// When it times out.
-        deadline: Duration,
-    },
-    /// It has its outcome, which the caller has not taken yet.
-    Ended,
-    /// The same, and its reply may still come.
-    TimedOut {
-        /// Its transaction.
-        transaction: u16,
-    },
-    /// The caller has taken the outcome, and the reply may still come. The place may be used again.
-    Expired {
-        /// Its transaction.
-        transaction: u16,
     },
 }
 
@@ -286,12 +250,7 @@ impl<const N: usize> ClientMachine<N> {
 
     /// The request in flight that a frame with this transaction belongs to.
     pub fn expects(&self, transaction: u16, config: &ClientConfig) -> Option<u8> {
-        let transaction = config.keeps(Rule::MatchTransaction).then_some(transaction);
-        let waits = |held: &&Held| match held.stage {
-            Stage::InFlight { transaction: found, .. } => transaction.is_none_or(|it| it == found),
-            _ => false,
-        };
-        self.held().find(waits).map(|held| held.place)
+        self.held().find(|held| held.waits(transaction, config)).map(|held| held.place)
     }
 
     /// Off TCP the line is left alone first: a client that ran here before may have asked for something.
@@ -366,30 +325,39 @@ impl<const N: usize> ClientMachine<N> {
     }
 
     fn transmit(&mut self, now: Duration, config: &ClientConfig) -> ClientAction {
-        let ClientLink::Up { line, quiet } = self.link else { return ClientAction::Nothing };
-        let is_quiet = match quiet {
+        let ClientLink::Up { line, quiet } = &mut self.link else { return ClientAction::Nothing };
+        let is_quiet = match *quiet {
             Quiet::Over => false,
             // Without the rule a driver that runs late sends before it has read the late reply.
             Quiet::Until { end } => config.keeps(Rule::ReadBeforeSend) || now < end,
         };
         let is_busy = !line.may_send(config.framing) && config.keeps(Rule::WaitForSilence);
-        if is_quiet || is_busy || self.in_flight() >= config.most_in_flight() {
+        if is_quiet || is_busy {
             return ClientAction::Nothing;
         }
-        let transaction = if config.framing.has_transactions() { self.free_transaction(config) } else { 0 };
-        let queued = |held: &&mut Held| matches!(held.stage, Stage::Queued | Stage::QueuedBroadcast);
-        let Some(held) = self.requests.iter_mut().map_while(Option::as_mut).find(queued) else {
-            return ClientAction::Nothing;
+        let transaction = match config.framing.has_transactions() {
+            true => free_transaction(&self.requests, self.transaction, config),
+            false => 0,
         };
+        // What is in flight was asked for before what waits.
+        let mut in_flight = 0;
+        let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
+        let queued = requests.find(|held| {
+            in_flight += usize::from(matches!(held.stage, Stage::InFlight { .. }));
+            matches!(held.stage, Stage::Queued | Stage::QueuedBroadcast)
+        });
+        let Some(held) = queued else { return ClientAction::Nothing };
+        if in_flight >= config.most_in_flight() {
+            return ClientAction::Nothing;
+        }
         let place = held.place;
         if held.stage == Stage::QueuedBroadcast {
             held.stage = Stage::Ended;
-            let quiet = Quiet::Until { end: now.saturating_add(config.turnaround) };
-            self.link = ClientLink::Up { line, quiet };
+            *quiet = Quiet::Until { end: now.saturating_add(config.turnaround) };
             return ClientAction::Announce { place };
         }
         held.stage = Stage::InFlight { transaction, deadline: now.saturating_add(config.timeout) };
-        self.link = ClientLink::Up { line, quiet: Quiet::Over };
+        *quiet = Quiet::Over;
         if config.framing.has_transactions() {
             self.transaction = config.after(transaction);
         }
@@ -397,15 +365,14 @@ impl<const N: usize> ClientMachine<N> {
     }
 
     fn reply(&mut self, transaction: u16, fits: bool, config: &ClientConfig) -> ClientAction {
-        if let Some(place) = self.expects(transaction, config) {
+        let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
+        if let Some(held) = requests.find(|held| held.waits(transaction, config)) {
             // Without a transaction it may be a late reply to an earlier request: the right one may still come.
             if !fits && !config.framing.has_transactions() && config.keeps(Rule::CheckReply) {
                 return ClientAction::Stray { late: None };
             }
-            let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
-            if let Some(held) = requests.find(|held| held.place == place) {
-                held.stage = Stage::Ended;
-            }
+            held.stage = Stage::Ended;
+            let place = held.place;
             return if fits || !config.keeps(Rule::CheckReply) {
                 ClientAction::Replied { place }
             } else {
@@ -460,26 +427,6 @@ impl<const N: usize> ClientMachine<N> {
         ClientAction::TimedOut(places)
     }
 
-    /// The next transaction that no request has whose reply may still come.
-    fn free_transaction(&self, config: &ClientConfig) -> u16 {
-        let mut transaction = self.transaction;
-        let in_use = |transaction: u16| {
-            self.held().any(|held| match held.stage {
-                Stage::InFlight { transaction: found, .. }
-                | Stage::TimedOut { transaction: found }
-                | Stage::Expired { transaction: found } => found == transaction,
-                Stage::Queued | Stage::QueuedBroadcast | Stage::Ended => false,
-            })
-        };
-        for _ in 0..N {
-            if !config.keeps(Rule::FreshTransaction) || !in_use(transaction) {
-                break;
-            }
-            transaction = config.after(transaction);
-        }
-        transaction
-    }
-
     fn remove(&mut self, index: usize) -> Option<Held> {
         let mut rest = self.requests.get_mut(index..)?;
         let held = rest.first_mut()?.take()?;
@@ -492,4 +439,24 @@ impl<const N: usize> ClientMachine<N> {
         }
         Some(held)
     }
+}
+
+/// The first transaction from `next` on that no request has whose reply may still come.
+fn free_transaction(requests: &[Option<Held>], next: u16, config: &ClientConfig) -> u16 {
+    let in_use = |transaction: u16| {
+        requests.iter().map_while(Option::as_ref).any(|held| match held.stage {
+            Stage::InFlight { transaction: found, .. }
+            | Stage::TimedOut { transaction: found }
+            | Stage::Expired { transaction: found } => found == transaction,
+            Stage::Queued | Stage::QueuedBroadcast | Stage::Ended => false,
+        })
+    };
+    let mut transaction = next;
+    for _ in requests {
+        if !config.keeps(Rule::FreshTransaction) || !in_use(transaction) {
+            break;
+        }
+        transaction = config.after(transaction);
+    }
+    transaction
 }

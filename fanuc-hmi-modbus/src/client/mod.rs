@@ -2,26 +2,28 @@
 
 mod config;
 mod event;
+mod held;
 mod machine;
 mod places;
 
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Decoder as _, Encode as _, EventQueue, Session};
+use robot_session::{Decoder as _, Encode as _, EventQueue, Session, Unexpected};
 
 pub use config::ClientConfig;
 pub use event::{ClientEvent, ClientStatistics, Failure, Ticket};
-pub use machine::{ClientAction, ClientInput, ClientLink, ClientMachine, Held, Quiet, Stage};
+pub use held::{Held, Stage};
+pub use machine::{ClientAction, ClientInput, ClientLink, ClientMachine, Quiet};
 pub use places::Places;
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
 use crate::frame::{Frame, Side};
-use crate::framing::Framing;
+use crate::framing::{Framing, Framings};
 use crate::message::{Pdu as _, PduBuf, Reply, Request, limit};
 
-/// The client's end of one connection or serial line, with `N` places for requests, 16 at most.
+/// The client's end of one connection or serial line, with `N` places for requests, 16 at most, and for the framings `F`.
 ///
 /// A [`Session`]: its verbs, and the order of calling them, are the trait's. [`request`](Self::request) at any time; requests
 /// are sent in the order in which they were made, and wait for a connection if there is none.
@@ -35,10 +37,10 @@ use crate::message::{Pdu as _, PduBuf, Reply, Request, limit};
 ///
 /// All bytes are taken. Corrupt ones cost the frames that they touch and are reported.
 #[derive(Debug, Clone)]
-pub struct Client<const N: usize = 8> {
+pub struct Client<const N: usize = 8, F = Framing> {
     config: ClientConfig,
     machine: ClientMachine<N>,
-    decoder: Decoder,
+    decoder: Decoder<F>,
     places: [Place; N],
     events: EventQueue<ClientEvent, EVENTS>,
     statistics: ClientStatistics,
@@ -65,11 +67,11 @@ enum Misfit {
     Malformed(DecodeError),
 }
 
-impl<const N: usize> Client<N> {
+impl<const N: usize, F: Framings> Client<N, F> {
     /// A client without a connection and without requests.
     ///
     /// # Errors
-    /// No request can be in flight, or more than there are places for; the timeout is zero.
+    /// No request can be in flight, or more than there are places for; the timeout is zero; the type is for another framing.
     pub fn new(config: ClientConfig) -> Result<Self, ConfigError> {
         const { assert!(N >= 1 && N <= EVENTS, "a client has 1 to 16 places") };
         let most = if config.framing.has_transactions() { N } else { 1 };
@@ -83,7 +85,7 @@ impl<const N: usize> Client<N> {
         Ok(Self {
             config,
             machine: ClientMachine::NEW,
-            decoder: Decoder::new(config.framing, Side::Server),
+            decoder: Decoder::new(F::of(config.framing).ok_or(ConfigError::Framing)?, Side::Server),
             places: [place; N],
             events: EventQueue::new(),
             statistics: ClientStatistics::default(),
@@ -146,11 +148,16 @@ impl<const N: usize> Client<N> {
         match self.machine.on(now, input, &self.config) {
             Ok(action) => action,
             Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(ClientEvent::Unexpected(unexpected));
+                self.unexpected(unexpected);
                 ClientAction::Nothing
             }
         }
+    }
+
+    #[cold]
+    fn unexpected(&mut self, unexpected: Unexpected) {
+        self.statistics.unexpected += 1;
+        self.events.push_notice(ClientEvent::Unexpected(unexpected));
     }
 
     /// Gives the machine every frame that the decoder has.
@@ -174,17 +181,17 @@ impl<const N: usize> Client<N> {
         let expects = self.machine.expects(transaction, &self.config);
         let place = expects.and_then(|place| self.places.get(usize::from(place)));
         let misfit = place.and_then(|place| place.misfit(&frame, self.config.any_unit));
-        let unit = frame.unit;
-        match self.step(now, ClientInput::Reply { transaction, fits: misfit.is_none() }) {
-            ClientAction::Replied { place } => {
-                let Some(frame) = self.decoder.frame(range) else { return };
+        let input = ClientInput::Reply { transaction, fits: misfit.is_none() };
+        match self.machine.on(now, input, &self.config) {
+            Ok(ClientAction::Replied { place }) => {
                 let Some(place) = self.places.get_mut(usize::from(place)) else { return };
                 place.keep_reply(frame.pdu);
                 self.statistics.replies += 1;
                 let ticket = place.ticket;
+                let unit = frame.unit;
                 self.report(ClientEvent::Replied { ticket, unit });
             }
-            ClientAction::Refused { place } => {
+            Ok(ClientAction::Refused { place }) => {
                 let failure = match misfit {
                     Some(Misfit::Malformed(error)) => Failure::Malformed(error),
                     Some(Misfit::Mismatch(mismatch)) => Failure::Refused(mismatch),
@@ -192,8 +199,9 @@ impl<const N: usize> Client<N> {
                 };
                 self.fail(place, failure);
             }
-            ClientAction::Stray { late } => self.stray(range, late, misfit),
-            _ => {}
+            Ok(ClientAction::Stray { late }) => self.stray(range, late, misfit),
+            Ok(_) => {}
+            Err(unexpected) => self.unexpected(unexpected),
         }
     }
 
@@ -237,7 +245,7 @@ impl<const N: usize> Client<N> {
     }
 }
 
-impl<const N: usize> Session for Client<N> {
+impl<const N: usize, F: Framings> Session for Client<N, F> {
     type Event = ClientEvent;
     type Statistics = ClientStatistics;
 
@@ -260,11 +268,7 @@ impl<const N: usize> Session for Client<N> {
         match self.machine.on(now, ClientInput::Received, &self.config) {
             Ok(ClientAction::Cut) => self.decoder.finish(),
             Ok(_) => {}
-            Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(ClientEvent::Unexpected(unexpected));
-                return;
-            }
+            Err(unexpected) => return self.unexpected(unexpected),
         }
         let was_corrupt = self.decoder.corruption().is_some();
         while !bytes.is_empty() {
@@ -318,7 +322,7 @@ impl<const N: usize> Session for Client<N> {
             _ => return None,
         };
         let place = self.places.get(usize::from(place))?;
-        let transaction = self.config.framing.has_transactions().then_some(transaction);
+        let transaction = self.decoder.has_transactions().then_some(transaction);
         Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() }.encode(out).ok()
     }
 

@@ -16,11 +16,11 @@ pub use machine::{ServerAction, ServerInput, ServerLink, ServerMachine};
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError};
 use crate::frame::{Frame, Side};
-use crate::framing::Framing;
+use crate::framing::{Framing, Framings};
 use crate::registers::Registers;
 use replies::Replies;
 
-/// One connection to a server, or one serial line, with `N` places for replies that wait to be sent.
+/// One connection to a server, or one serial line, with `N` places for replies that wait to be sent, and for the framings `F`.
 ///
 /// A [`Session`]: its verbs, and the order of calling them, are the trait's. Requests are carried out on the
 /// [`Registers`] as they arrive, on a serial line when the line has been silent for 3.5 characters; replies are sent in the
@@ -32,21 +32,21 @@ use replies::Replies;
 ///
 /// A server that shares its line with others receives their replies as corrupt bytes.
 #[derive(Debug, Clone)]
-pub struct Server<R, const N: usize = 8> {
+pub struct Server<R, const N: usize = 8, F = Framing> {
     config: ServerConfig,
     machine: ServerMachine<N>,
-    decoder: Decoder,
+    decoder: Decoder<F>,
     registers: R,
     replies: Replies<N>,
     events: EventQueue<ServerEvent, 8>,
     statistics: ServerStatistics,
 }
 
-impl<R: Registers, const N: usize> Server<R, N> {
+impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     /// A server without a connection.
     ///
     /// # Errors
-    /// It would be unit 0, which is the broadcast.
+    /// It would be unit 0, which is the broadcast; the type is for another framing.
     pub fn new(config: ServerConfig, registers: R) -> Result<Self, ConfigError> {
         const { assert!(N >= 1 && N <= 255, "a server has 1 to 255 places") };
         if let Some(found) = config.unit.filter(|unit| config.is_broadcast(*unit)) {
@@ -55,7 +55,7 @@ impl<R: Registers, const N: usize> Server<R, N> {
         Ok(Self {
             config,
             machine: ServerMachine::NEW,
-            decoder: Decoder::new(config.framing, Side::Client),
+            decoder: Decoder::new(F::of(config.framing).ok_or(ConfigError::Framing)?, Side::Client),
             registers,
             replies: Replies::EMPTY,
             events: EventQueue::new(),
@@ -137,7 +137,7 @@ impl<R: Registers, const N: usize> Server<R, N> {
     }
 }
 
-impl<R: Registers, const N: usize> Session for Server<R, N> {
+impl<R: Registers, const N: usize, F: Framings> Session for Server<R, N, F> {
     type Event = ServerEvent;
     type Statistics = ServerStatistics;
 
@@ -217,7 +217,7 @@ impl<R: Registers, const N: usize> Session for Server<R, N> {
     }
 }
 
-impl<R: Registers, const N: usize> Server<R, N> {
+impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     /// A burst without a silence fills the buffer: it holds no frame of a serial line.
     fn discard(&mut self) {
         let noise = DecodeError::Noise { length: self.decoder.pending() };

@@ -3,12 +3,12 @@
 #![no_main]
 
 use fanuc_hmi_modbus::robot_session::Session as _;
-use fanuc_hmi_modbus::{Client, ClientConfig, TelemetryBlock};
+use fanuc_hmi_modbus::{Client, ClientConfig, Rtu, TelemetryBlock};
 
 #[unsafe(no_mangle)]
 extern "C" fn main() -> i32 {
-    let Ok(mut session) = Client::<1>::new(ClientConfig::rtu(19_200)) else { return 1 };
-    no_std::run(&mut session, &mut [0; Client::<1>::MAX_TRANSMIT], |session, _| {
+    let Ok(mut session) = Client::<1, Rtu>::new(ClientConfig::rtu(19_200)) else { return 1 };
+    no_std::run(&mut session, &mut [0; Client::<1, Rtu>::MAX_TRANSMIT], |session, _| {
         let _ = session.request(1, &TelemetryBlock::request());
     })
 }

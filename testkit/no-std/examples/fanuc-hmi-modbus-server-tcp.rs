@@ -5,7 +5,7 @@
 use core::hint::black_box;
 
 use fanuc_hmi_modbus::robot_session::Session as _;
-use fanuc_hmi_modbus::{Exception, Registers, Server, ServerConfig, WordsMut};
+use fanuc_hmi_modbus::{Exception, Registers, Server, ServerConfig, Tcp, WordsMut};
 
 struct Board;
 
@@ -18,6 +18,6 @@ impl Registers for Board {
 
 #[unsafe(no_mangle)]
 extern "C" fn main() -> i32 {
-    let Ok(mut session) = Server::<_, 1>::new(ServerConfig::tcp(), Board) else { return 1 };
-    no_std::run(&mut session, &mut [0; Server::<Board, 1>::MAX_TRANSMIT], |_, _| {})
+    let Ok(mut session) = Server::<_, 1, Tcp>::new(ServerConfig::tcp(), Board) else { return 1 };
+    no_std::run(&mut session, &mut [0; Server::<Board, 1, Tcp>::MAX_TRANSMIT], |_, _| {})
 }

@@ -1,0 +1,55 @@
+//! A client's requests, as its machine knows them.
+
+use core::time::Duration;
+
+use super::config::ClientConfig;
+use crate::model::Rule;
+
+/// A request and the place that holds its bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Held {
+    /// The place, below `N`.
+    pub place: u8,
+    /// How far it is.
+    pub stage: Stage,
+}
+
+/// How far a request is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// It waits to be sent to one unit.
+    Queued,
+    /// It waits to be sent to all units.
+    QueuedBroadcast,
+    /// It was sent, and waits for its reply.
+    InFlight {
+        /// Its transaction; 0 where frames have none.
+        transaction: u16,
+        /// When it times out.
+        deadline: Duration,
+    },
+    /// It has its outcome, which the caller has not taken yet.
+    Ended,
+    /// The same, and its reply may still come.
+    TimedOut {
+        /// Its transaction.
+        transaction: u16,
+    },
+    /// The caller has taken the outcome, and the reply may still come. The place may be used again.
+    Expired {
+        /// Its transaction.
+        transaction: u16,
+    },
+}
+
+impl Held {
+    /// Whether it is in flight, and a frame with this transaction belongs to it.
+    pub(super) fn waits(&self, transaction: u16, config: &ClientConfig) -> bool {
+        match self.stage {
+            Stage::InFlight { transaction: found, .. } => {
+                found == transaction || !config.keeps(Rule::MatchTransaction)
+            }
+            _ => false,
+        }
+    }
+}

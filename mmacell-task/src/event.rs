@@ -60,6 +60,7 @@ pub enum Event {
 /// How a device failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Failure {
     /// It refused an order.
     Refused(ErrorCode),

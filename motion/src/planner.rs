@@ -72,6 +72,7 @@ pub struct Move {
 
 /// Why a motion is none.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MoveError {
     /// No joint angles bring the tool there.
     #[error("the robot cannot reach X {x:.1} Y {y:.1} Z {z:.1} mm in that orientation")]

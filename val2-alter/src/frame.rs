@@ -112,6 +112,9 @@ impl Frame {
     const SUMMED: usize = 32;
 
     /// A frame around `data`.
+    ///
+    /// # Errors
+    /// [`EncodeError::TooLong`] above [`Frame::MAX_DATA`] bytes.
     pub fn new(data: &[u8]) -> Result<Self, EncodeError> {
         let mut frame = Self::empty();
         if frame.push_run(data, Self::MAX_DATA) {
@@ -123,6 +126,9 @@ impl Frame {
 
     /// Reads the frame at the start of `bytes`, which begin with a start mark. `None`: more bytes are needed.
     /// The second value is the number of bytes that the frame has on the line.
+    ///
+    /// # Errors
+    /// What is wrong with the frame that begins there: its marks, its length or its checksum.
     pub fn decode(bytes: &[u8], framing: Framing) -> Result<Option<(Self, usize)>, DecodeError> {
         Self::decode_limited(bytes, framing, Self::MAX_DATA)
     }
@@ -139,6 +145,9 @@ impl Frame {
     }
 
     /// Writes the frame and returns its length.
+    ///
+    /// # Errors
+    /// When `out` is too short: how many bytes are needed.
     pub fn encode(&self, framing: Framing, out: &mut [u8]) -> Result<usize, EncodeError> {
         let mut line = [0; Self::MAX_LEN];
         let (mut len, checksum) = (framing.leading_dle.count() + 1, self.checksum(framing));

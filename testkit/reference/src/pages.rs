@@ -1,31 +1,96 @@
-//! The tables of a crate's page that are made from the code: every field of its configurations.
+//! The tables of a crate's page that are made: every field of its configurations from the code, and what it costs from what was
+//! measured last (`.ci/size`, and the counts in BENCHMARKS.md).
 
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use serde_json::Value;
 
-const BEGIN: &str = "<!-- Written by `cargo run -p reference -- write`. -->\n";
+const CONFIGURATIONS: &str = "<!-- Written by `cargo run -p reference -- write`. -->\n";
+const COSTS: &str = "<!-- Costs, written by `cargo run -p reference -- write`. -->\n";
 const END: &str = "<!-- End -->\n";
 
-/// The page of each crate that has a configuration.
+/// Each crate with costs: its name, and its folder.
+const CRATES: [(&str, &str); 10] = [
+    ("fanuc-hmi-modbus", "fanuc-hmi-modbus"),
+    ("fanuc-ls", "fanuc-ls"),
+    ("isra-ball", "isra-ball"),
+    ("kawasaki-msg", "kawasaki-msg"),
+    ("laser-eb90", "laser-eb90"),
+    ("mmacell-proto", "mmacell-proto"),
+    ("mmacell-task", "mmacell-task"),
+    ("robot-work-queue", "work-queue"),
+    ("val2-alter", "val2-alter"),
+    ("val2-viewer", "val2-viewer"),
+];
+
+/// The page of each crate.
 pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)>> {
     let defaults: Value = serde_json::from_str(defaults)?;
-    let rows = defaults.get("fields").and_then(Value::as_array).context("no fields")?;
-    crate::LINKS
-        .iter()
-        .filter_map(|&link| {
-            let rows: Vec<&Value> = rows.iter().filter(|row| text(row, "link") == link).collect();
-            (!rows.is_empty()).then(|| page(&root.join(link).join("README.md"), &rows))
-        })
-        .collect()
+    let fields = defaults.get("fields").and_then(Value::as_array).context("no fields")?;
+    let sizes = std::fs::read_to_string(root.join("testkit/reference/inputs/sizes.txt"))?;
+    let counts = std::fs::read_to_string(root.join("BENCHMARKS.md"))?;
+    let page = |(name, folder): (&str, &str)| {
+        let path = root.join(folder).join("README.md");
+        let mut page = std::fs::read_to_string(&path)?;
+        let rows: Vec<&Value> = fields.iter().filter(|row| text(row, "link") == name).collect();
+        if !rows.is_empty() {
+            page = put(&page, CONFIGURATIONS, &table(&rows)).with_context(|| path.display().to_string())?;
+        }
+        page =
+            put(&page, COSTS, &costs(name, &sizes, &counts)).with_context(|| path.display().to_string())?;
+        Ok((path, page))
+    };
+    CRATES.into_iter().map(page).collect()
 }
 
-fn page(path: &Path, rows: &[&Value]) -> Result<(PathBuf, String)> {
-    let page = std::fs::read_to_string(path)?;
-    let (before, rest) = page.split_once(BEGIN).with_context(|| format!("{}: no {BEGIN}", path.display()))?;
-    let (_, after) = rest.split_once(END).with_context(|| format!("{}: no {END}", path.display()))?;
-    Ok((path.to_owned(), format!("{before}{BEGIN}\n{}\n{END}{after}", table(rows))))
+/// A page with another table after this mark.
+fn put(page: &str, begin: &str, table: &str) -> Result<String> {
+    let (before, rest) = page.split_once(begin).with_context(|| format!("no {begin}"))?;
+    let (_, after) = rest.split_once(END).with_context(|| format!("no {END}"))?;
+    Ok(format!("{before}{begin}\n{table}\n{END}{after}"))
+}
+
+/// The bytes of each end, and the instructions of what an end does in normal operation.
+fn costs(name: &str, sizes: &str, counts: &str) -> String {
+    let mut table = String::new();
+    let ends: BTreeMap<&str, (&str, &str)> = sizes
+        .lines()
+        .filter_map(|line| match line.split_whitespace().collect::<Vec<_>>()[..] {
+            [end, ram, code] => Some((end.strip_prefix(name)?.strip_prefix('-')?, (ram, code))),
+            _ => None,
+        })
+        .collect();
+    if !ends.is_empty() {
+        table += "| end | bytes of RAM | bytes of code |\n| --- | ---: | ---: |\n";
+        for (end, (ram, code)) in ends {
+            let _ = writeln!(table, "| {} | {ram} | {code} |", end.replace('-', ", "));
+        }
+        table += "\n";
+    }
+    let mut instructions = String::new();
+    for line in counts.lines() {
+        if let [_, link, what, each, count, ..] = line.split('|').map(str::trim).collect::<Vec<_>>()[..]
+            && link == name
+            && ["op", "byte", "job"].contains(&each)
+            && is_own(what)
+        {
+            let _ = writeln!(instructions, "| {what} | {} | {count} |", each.replace("op", "time"));
+        }
+    }
+    if !instructions.is_empty() {
+        table += "| instructions | for each | |\n| --- | --- | ---: |\n";
+        table += &instructions;
+    }
+    format!("{}\n", table.trim_end())
+}
+
+/// Whether a row of the counts is neither another crate's, nor a limit by hand, nor a line that is out of order.
+fn is_own(what: &str) -> bool {
+    !what.starts_with(['…', '–'])
+        && !["random bytes", "noise", "one byte a push", "alone"].iter().any(|word| what.contains(word))
 }
 
 fn table(rows: &[&Value]) -> String {

@@ -130,6 +130,9 @@ impl List {
     pub const EMPTY: Self = Self { words: [0; Self::MAX], len: 0 };
 
     /// A list of these words.
+    ///
+    /// # Errors
+    /// When there are more than [`List::MAX`].
     pub fn new(words: &[i16]) -> Result<Self, EncodeError> {
         let mut list = Self::EMPTY;
         let room = list

@@ -1,8 +1,8 @@
 //! The tables of a crate's page that are made: every field of its configurations from the code, and what it costs from what was
 //! measured last (`.ci/size`, and the counts in BENCHMARKS.md).
 
+use core::fmt::Write as _;
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};

@@ -3,7 +3,9 @@
 use robot_session::StreamBuffer;
 
 use crate::error::DecodeError;
-use crate::frame::{Corrupt, Frame, HEAD, MAX_PAYLOAD, Scan, find_head, has_head, in_place, prefix_len};
+use crate::frame::{
+    Corrupt, Frame, HEAD, MARK, MAX_PAYLOAD, Scan, find_head, has_head, in_place, prefix_len,
+};
 use crate::items::Items;
 use crate::profile::Profile;
 
@@ -21,39 +23,34 @@ pub struct Decoder {
 }
 
 /// What is known of the bytes that are held.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct State {
-    /// So many of them begin no head.
-    hunted: usize,
+    /// The frame that they begin with; new as long as they begin with no head.
     scan: Scan,
+    /// With fewer bytes there is nothing to give yet.
+    needed: usize,
+    /// A byte that comes alone then changes nothing, if this is another one …
+    awaited: u8,
+    /// … and fewer bytes than these are held.
+    pass_below: u16,
     /// No more bytes will come.
     finished: bool,
 }
 
 impl State {
-    /// The bytes that need not be looked at again.
-    #[inline]
-    fn read(&self) -> usize {
-        if self.scan.is_new() { self.hunted } else { self.scan.read() }
-    }
-
-    /// A byte that came alone: whether it is only one more of a payload, or of what has no head.
-    #[inline]
-    fn passes(&mut self, byte: u8, payload: &mut [u8; MAX_PAYLOAD]) -> bool {
-        if !self.scan.is_new() {
-            return self.scan.take_byte(byte, payload);
-        }
-        let passes = byte != HEAD[0] && self.hunted + 1 < MAX_PAYLOAD;
-        self.hunted += usize::from(passes);
-        passes
-    }
+    /// Nothing is held: the last byte of a head is awaited.
+    const EMPTY: Self =
+        Self { scan: Scan::NEW, needed: 1, awaited: HEAD[2], pass_below: MOST, finished: false };
 }
+
+/// Fewer bytes are no frame that is too long, and no whole error without a head.
+const MOST: u16 = 512;
+const _: () = assert!(MOST as usize == MAX_PAYLOAD);
 
 impl Decoder {
     /// A decoder at offset 0 of a stream.
     pub fn new(profile: &Profile) -> Self {
-        let (raw, state) = (StreamBuffer::new(), State::default());
-        Self { profile: *profile, raw, state, payload: [0; MAX_PAYLOAD] }
+        Self { profile: *profile, raw: StreamBuffer::new(), state: State::EMPTY, payload: [0; MAX_PAYLOAD] }
     }
 
     /// Whether no byte waits for the rest of a frame.
@@ -61,12 +58,24 @@ impl Decoder {
         self.raw.is_empty()
     }
 
+    /// Whether the last byte came alone, and is only one more of a payload, or of what has no head.
+    #[inline]
+    fn passes(&mut self) -> bool {
+        let state = &mut self.state;
+        let Some(byte) = self.raw.byte_after(state.needed - 1) else { return false };
+        if byte == state.awaited || state.needed >= state.pass_below.into() {
+            return false;
+        }
+        state.needed += 1;
+        true
+    }
+
     #[inline(never)]
     fn next_item(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
-        if self.state.scan.is_new() && !has_head(self.raw.bytes()) {
+        let raw = self.raw.bytes();
+        if self.state.scan.is_new() && !has_head(raw) {
             return self.hunt().map(Err);
         }
-        let raw = self.raw.bytes();
         // Most frames come whole, and without a doubled byte.
         if self.state.scan.is_new()
             && raw.len() >= Frame::MIN_LEN
@@ -74,11 +83,15 @@ impl Decoder {
             && Items::new(payload, &self.profile).check().is_ok()
         {
             let (begin, end) = (prefix_len(&self.profile), payload.len());
-            self.state.hunted = 0;
+            self.state = State { finished: self.state.finished, ..State::EMPTY };
             return Some(Ok(Frame::new(self.raw.take(used).get(begin..begin + end)?, &self.profile)));
         }
         let corrupt = match self.state.scan.advance(raw, &mut self.payload, &self.profile) {
-            Ok(None) => return self.incomplete().map(Err),
+            Ok(None) => {
+                // What is held may end in the middle of a mark.
+                let passes = self.state.scan.read() == raw.len();
+                return self.wait(MARK, if passes { MOST } else { 0 }).map(Err);
+            }
             Ok(Some(body)) => match Items::new(body.payload(&self.payload), &self.profile).check() {
                 Ok(()) => {
                     self.consume(body.used);
@@ -97,31 +110,32 @@ impl Decoder {
     /// Looks for a head, where none is yet.
     fn hunt(&mut self) -> Option<DecodeError> {
         let raw = self.raw.bytes();
-        let hunted = self.state.hunted;
+        // A head that began before was whole before.
+        let hunted = self.state.needed.saturating_sub(HEAD.len());
         let begin = hunted + find_head(raw.get(hunted..).unwrap_or_default());
         if begin < MAX_PAYLOAD && !has_head(raw.get(begin..).unwrap_or_default()) {
-            self.state.hunted = begin;
-            return self.incomplete();
+            return self.wait(HEAD[2], MOST);
         }
         let skipped = begin.min(MAX_PAYLOAD);
         self.consume(skipped);
         Some(DecodeError::NoHead { skipped })
     }
 
-    /// What is held, when no more will come.
+    /// Waits for another byte; what is held is an error when no more will come.
     #[inline]
-    fn incomplete(&mut self) -> Option<DecodeError> {
+    fn wait(&mut self, awaited: u8, pass_below: u16) -> Option<DecodeError> {
         let held = self.raw.len();
-        if !self.state.finished || held == 0 {
+        if !self.state.finished {
+            self.state = State { needed: held + 1, awaited, pass_below, ..self.state };
             return None;
         }
         self.consume(held);
-        Some(DecodeError::Incomplete { held })
+        if held == 0 { None } else { Some(DecodeError::Incomplete { held }) }
     }
 
     fn consume(&mut self, bytes: usize) {
         self.raw.take(bytes);
-        (self.state.hunted, self.state.scan) = (0, Scan::default());
+        self.state = State { finished: self.state.finished, ..State::EMPTY };
     }
 }
 
@@ -137,11 +151,8 @@ impl robot_session::Decoder for Decoder {
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Frame<'_>, DecodeError>> {
-        let Self { raw, state, payload, .. } = self;
-        if !state.finished && raw.byte_after(state.read()).is_some_and(|byte| state.passes(byte, payload)) {
-            return None;
-        }
-        self.next_item()
+        let waits = !self.state.finished && (self.raw.len() < self.state.needed || self.passes());
+        if waits { None } else { self.next_item() }
     }
 
     fn finish(&mut self) {

@@ -12,7 +12,7 @@ pub const MAX_PAYLOAD: usize = 512;
 pub(crate) const HEAD: [u8; 3] = [0xEB, 0x90, 0x82];
 const FLAG: u8 = 0xF0;
 /// The byte that begins the tail, and is doubled in the payload.
-const MARK: u8 = 0x90;
+pub(crate) const MARK: u8 = 0x90;
 
 /// One frame: a payload that begins with a tag, in the envelope of a [`Profile`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,7 +58,8 @@ impl<'a> Frame<'a> {
         payload: &'a mut [u8],
         profile: &Profile,
     ) -> Result<Option<(Self, usize)>, DecodeError> {
-        match Scan::default().advance(bytes, payload, profile) {
+        let mut scan = Scan::NEW;
+        match scan.advance(bytes, payload, profile) {
             Ok(None) => Ok(None),
             Ok(Some(body)) => Ok(Some((Self::new(body.payload(payload), profile), body.used))),
             Err(damage) => Err(damage.error),
@@ -149,7 +150,7 @@ pub(crate) fn in_place<'a>(bytes: &'a [u8], limit: usize, profile: &Profile) -> 
 }
 
 /// How far a frame has been read and its payload copied; goes on where it stopped when more bytes come.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Scan {
     /// Bytes of the frame that are done with; 0 as long as nothing has been read.
     read: usize,
@@ -173,6 +174,8 @@ pub(crate) struct Corrupt {
 }
 
 impl Scan {
+    pub(crate) const NEW: Self = Self { read: 0, len: 0 };
+
     /// Nothing has been read yet.
     #[inline]
     pub(crate) fn is_new(&self) -> bool {
@@ -183,16 +186,6 @@ impl Scan {
     #[inline]
     pub(crate) fn read(&self) -> usize {
         self.read
-    }
-
-    /// Takes a byte that came alone, if it is one of the payload and nothing more.
-    #[inline]
-    pub(crate) fn take_byte(&mut self, byte: u8, payload: &mut [u8]) -> bool {
-        let Some(slot) = payload.get_mut(self.len).filter(|_| byte != MARK) else { return false };
-        *slot = byte;
-        self.len += 1;
-        self.read += 1;
-        true
     }
 
     /// Reads on in `raw`, which begins with the frame: `None` when more bytes are needed.

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use benches::{Budget, Count, Link, Ratio};
 use cellwire_motion::{Tracker, dpm};
-use fanuc_hmi_modbus::{Decoder, Frame, Framing, Side, TelemetryBlock, timing};
+use fanuc_hmi_modbus::{Decoder, Frame, Rtu, Side, Tcp, TelemetryBlock, timing};
 
 use crate::streams;
 
@@ -105,12 +105,12 @@ fn rtu_replies(rounds: u64) {
     streams::push(rounds, rtu(), &bytes, 1);
 }
 
-fn tcp() -> Decoder {
-    Decoder::new(Framing::Tcp, Side::Server)
+fn tcp() -> Decoder<Tcp> {
+    Decoder::new(Tcp, Side::Server)
 }
 
-fn rtu() -> Decoder {
-    Decoder::new(Framing::Rtu { silence: Duration::from_millis(2) }, Side::Server)
+fn rtu() -> Decoder<Rtu> {
+    Decoder::new(Rtu, Side::Server)
 }
 
 fn telemetry(rounds: u64) {

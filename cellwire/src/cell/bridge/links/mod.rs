@@ -80,11 +80,14 @@ pub fn settings() -> Vec<(&'static str, Vec<Setting>)> {
     links().into_iter().map(|link| (link.name, link.settings)).collect()
 }
 
+/// The client of a cell, with the settings of the cell.
+type MakeClient = dyn Fn(&Cell) -> Result<Client>;
+
 /// A link that the bridge has a client of.
 struct Link {
     name: &'static str,
     settings: Vec<Setting>,
-    client: Box<dyn Fn(&Cell) -> Result<Client>>,
+    client: Box<MakeClient>,
 }
 
 fn links() -> [Link; 7] {

@@ -45,6 +45,7 @@ impl Store {
     ///
     /// # Errors
     /// When another process has it open, or it is no such file.
+    #[allow(clippy::result_large_err, reason = "it is returned once")]
     pub fn open(path: &Path, most: u64) -> Result<Self> {
         let what = format!("the store {}", path.display());
         let (database, next, length) = match catch(|| open(path)) {
@@ -181,6 +182,7 @@ impl Store {
 }
 
 /// The database, the key of the next record, and how many records there are.
+#[allow(clippy::result_large_err, reason = "it is returned once")]
 fn open(path: &Path) -> Result<(Database, u64, u64), redb::Error> {
     let mut database = Database::builder().set_cache_size(CACHE).create(path)?;
     database.check_integrity()?;

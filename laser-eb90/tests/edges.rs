@@ -166,6 +166,25 @@ fn noise_is_an_error_as_soon_as_there_are_512_bytes_of_it() {
 }
 
 #[test]
+fn what_comes_byte_by_byte_is_given_with_its_last_byte() {
+    let noise = [0x55, 0xEB];
+    let frame = [0xEB, 0x90, 0x82, 0xF0, 0xF2, 2, 0x90, 0x90, 0x82, 0x90, 0x82, 0x06];
+    let corrupt = [0xEB, 0x90, 0x82, 0xF0, 0xF2, 2, 1, 0x90, 0x55];
+    let mut decoder = Decoder::new(&Profile::default());
+    let mut given = Vec::new();
+    for (at, byte) in [&noise[..], &frame, &corrupt, &frame].concat().into_iter().enumerate() {
+        assert_eq!(decoder.push(&[byte]), 1);
+        while let Some(item) = decoder.next_frame() {
+            given.push((at, item.map(|frame| frame.payload().to_vec())));
+        }
+    }
+    let payload = Ok(vec![0xF2, 2, 0x90, 0x82]);
+    let stuffing = Err(DecodeError::Stuffing { offset: 8, found: 0x55 });
+    let no_head = Err(DecodeError::NoHead { skipped: 2 });
+    assert_eq!(given, [(4, no_head), (13, payload.clone()), (22, stuffing), (34, payload)]);
+}
+
+#[test]
 fn corruption_costs_the_bytes_that_were_examined_and_no_error_more() {
     for (corrupt, error) in [
         (

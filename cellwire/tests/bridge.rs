@@ -2,6 +2,7 @@
 //! `.ci/bridge`.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::std_instead_of_core, reason = "a test of a program")]
 
 mod tool;
 

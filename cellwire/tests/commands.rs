@@ -47,6 +47,14 @@ fn every_command_has_a_help_that_ends_with_success() {
 }
 
 #[test]
+fn standard_input_can_be_named() {
+    let bytes = "08 F8 5D 00 01";
+    let named = with_input("decode isra-ball -", bytes);
+    assert!(named.1.contains("\"offset\":0"), "{named:?}");
+    assert_eq!(named, with_input("decode isra-ball", bytes));
+}
+
+#[test]
 fn wrong_arguments_are_an_error_of_two_that_says_what_to_do() {
     for (arguments, says) in [
         ("", "Usage: cellwire <COMMAND>"),

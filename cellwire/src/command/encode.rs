@@ -18,7 +18,7 @@ use crate::io::output::remark;
 pub struct Args {
     #[command(flatten)]
     codec: CodecArgs,
-    /// The input [default: standard input]
+    /// The input; - is standard input [default: -]
     file: Option<PathBuf>,
 }
 

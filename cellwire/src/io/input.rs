@@ -21,17 +21,17 @@ pub fn seconds(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<Duration, 
     }
 }
 
-/// A file, or standard input where none is named.
+/// A file, or standard input where none is named, or `-`.
 ///
 /// # Errors
 /// When the file cannot be read.
 pub fn open(path: Option<&Path>) -> Result<Box<dyn BufRead + Send>> {
     Ok(match path {
-        Some(path) => {
+        Some(path) if path != Path::new("-") => {
             let file = File::open(path).with_context(|| format!("cannot read {}", path.display()))?;
             Box::new(BufReader::new(file))
         }
-        None => Box::new(BufReader::new(io::stdin())),
+        _ => Box::new(BufReader::new(io::stdin())),
     })
 }
 

@@ -33,7 +33,7 @@ pub struct Args {
     /// In a capture, read only what is sent from or to this TCP or UDP port
     #[arg(long, value_name = "N")]
     port: Option<u16>,
-    /// The input [default: standard input]
+    /// The input; - is standard input [default: -]
     file: Option<PathBuf>,
 }
 

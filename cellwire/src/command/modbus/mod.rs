@@ -32,7 +32,7 @@ pub struct Args {
     /// The server: HOST:PORT, or the path of a serial port
     #[arg(required = true)]
     server: Option<String>,
-    /// The requests [default: standard input]
+    /// The requests; - is standard input [default: -]
     file: Option<PathBuf>,
     /// Read back what was written, and add "confirmed" to the reply
     #[arg(long)]

@@ -211,7 +211,7 @@ fn judge_limits(report: &mut Report, config: &CellConfig, record: &CellRecord) {
     report.require(sent.keeps(&limits), || format!("the robot got {sent:?}, the limits are {limits:?}"));
 }
 
-fn micros(time: Duration) -> u64 {
+pub(super) fn micros(time: Duration) -> u64 {
     u64::try_from(time.as_micros()).unwrap_or(u64::MAX)
 }
 

@@ -1,4 +1,3 @@
-use std::cell::RefCell;
 use std::hint::spin_loop;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
@@ -9,13 +8,11 @@ use core_affinity::CoreId;
 
 /// If the round trip of a cache line takes fewer nanoseconds than this, the two processors share a core: two cores of one chip
 /// may take 80.
-const ONE_CORE: f64 = 60.0;
+pub(super) const ONE_CORE: f64 = 60.0;
 
 /// Two processors; this thread is on the first.
 pub(super) struct Cores {
     second: CoreId,
-    /// The round trips of a cache line.
-    pub(super) probes: RefCell<Vec<f64>>,
 }
 
 impl Cores {
@@ -23,7 +20,7 @@ impl Cores {
         let ids = core_affinity::get_core_ids()?;
         let (&first, &second) = (ids.first()?, ids.get(1)?);
         core_affinity::set_for_current(first);
-        Some(Cores { second, probes: RefCell::default() })
+        Some(Cores { second })
     }
 
     /// Runs `run` on the other processor, and returns when it is about to begin.
@@ -42,14 +39,8 @@ impl Cores {
         thread
     }
 
-    /// Whether the processors are two cores at this time.
-    pub(super) fn are_two(&self) -> bool {
-        let probe = self.cache_line();
-        self.probes.borrow_mut().push(probe);
-        probe >= ONE_CORE
-    }
-
-    fn cache_line(&self) -> f64 {
+    /// The nanoseconds that a cache line takes there and back.
+    pub(super) fn cache_line(&self) -> f64 {
         const TURNS: u64 = 2_000;
         let line = Arc::new(AtomicU64::new(0));
         let echoed = line.clone();

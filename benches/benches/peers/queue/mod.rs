@@ -1,9 +1,11 @@
 //! The queue against other rings of one writer and one reader.
 //!
 //! Both threads are pinned, and every body is inlined. A thread that waits asks again at once ("bare"), or after the processor's
-//! instruction for such loops ("pause"). Before each sample of two threads the round trip of a cache line is measured:
-//! if it is too fast, the two processors are hyper-threads of one core at that time, as a virtual machine's may be. Such samples are
-//! used only where there are not enough others, and the table says so.
+//! instruction for such loops ("pause"). In each round the contenders run one after the other on each course, and each time is
+//! divided by rtrb's of the same round: a host may move the processors of a virtual machine to other cores meanwhile. Before each
+//! sample of two threads the round trip of a cache line is measured, and the ratio counts only if it was the same for both, within
+//! a half. If it is too fast, the two processors are hyper-threads of one core at that time; such ratios are used only where there are
+//! not enough others, and the table says so.
 
 mod cores;
 mod rings;
@@ -16,7 +18,7 @@ use std::time::Instant;
 use benches::{median, table};
 use ringbuf::traits::Split as _;
 
-use cores::Cores;
+use cores::{Cores, ONE_CORE};
 use rings::{Batches, Checked, LowWater, MAX_NUMBER, Read, Write, wait};
 
 const ROUNDS: usize = 51;
@@ -90,10 +92,18 @@ const GOALS: [(&str, &str, &[usize], f64); 5] = [
     (NUMBERED, RTRB, &[5], 1.0),
 ];
 
-/// Nanoseconds for each job, and whether the processors were two cores; `None` if it does not run on this course.
-type Sample = fn(Course, &Cores) -> Option<(f64, bool)>;
+#[derive(Clone, Copy)]
+struct Sample {
+    /// Nanoseconds for each job.
+    time: f64,
+    /// Those of a cache line there and back just before; `None` of one thread.
+    line: Option<f64>,
+}
 
-fn contenders<J: Job>() -> [(&'static str, Sample); 11] {
+/// `None` if it does not run on this course.
+type Run = fn(Course, &Cores) -> Option<Sample>;
+
+fn contenders<J: Job>() -> [(&'static str, Run); 11] {
     fn ours<J: Job>(
         n: usize,
     ) -> (robot_work_queue::Writer<'static, J>, robot_work_queue::Reader<'static, J>) {
@@ -157,54 +167,48 @@ pub(crate) fn race() -> usize {
         return 0;
     };
     println!(
-        "queue: time for each job, divided by rtrb's median; medians of {ROUNDS} samples, and quartiles"
+        "queue: time for each job, divided by rtrb's of the same round; medians of {ROUNDS} rounds, and quartiles"
     );
     race_of("u64", contenders::<u64>(), 1.0, &cores)
         + race_of("56 bytes", contenders::<[u64; 7]>(), 0.6, &cores)
         + race_of("64 bytes", contenders::<[u64; 8]>(), 1.0, &cores)
 }
 
-fn race_of<const N: usize>(
-    job: &str,
-    contenders: [(&str, Sample); N],
-    streamed: f64,
-    cores: &Cores,
-) -> usize {
+fn race_of<const N: usize>(job: &str, contenders: [(&str, Run); N], streamed: f64, cores: &Cores) -> usize {
     let mut samples = vec![vec![Vec::new(); COURSES.len()]; N];
     for round in 0..ROUNDS {
-        for turn in 0..N {
-            let contender = (round + turn) % N;
-            for (course, samples) in COURSES.iter().zip(&mut samples[contender]) {
-                samples.extend(contenders[contender].1(course.0, cores));
+        for (course, (kind, _)) in COURSES.iter().enumerate() {
+            for turn in 0..N {
+                let contender = (round + turn) % N;
+                samples[contender][course].extend(contenders[contender].1(*kind, cores));
             }
         }
     }
-    let times: Vec<Vec<Option<Quartiles>>> =
-        samples.iter().map(|courses| courses.iter().map(|course| Quartiles::of(course)).collect()).collect();
     let [first, second, third, fourth, fifth, sixth] = COURSES.map(|(_, name)| name);
     let mut races = table([job, first, second, third, fourth, fifth, sixth]);
-    for (row, ((name, _), times_of)) in contenders.iter().zip(&times).enumerate() {
-        let cells = times_of.iter().zip(&times[0]).map(|cell| match cell {
-            (Some(time), _) if row == 0 => format!("{} ns", time.divided_by(1.0, 1)),
-            (Some(time), Some(rtrb)) => time.divided_by(rtrb.median, 2),
-            _ => "–".into(),
+    let mut on_one_core = false;
+    for (row, (name, _)) in contenders.iter().enumerate() {
+        let cells = samples[row].iter().zip(&samples[0]).map(|(times, of_rtrb)| {
+            let (spread, decimals, unit) = match row {
+                0 => (Quartiles::of(times.iter().map(|sample| (sample.time, is_one_core(sample)))), 1, " ns"),
+                _ => (Quartiles::of_ratios(times, of_rtrb), 2, ""),
+            };
+            on_one_core |= spread.as_ref().is_some_and(|spread| spread.on_one_core);
+            spread.map_or("–".into(), |spread| spread.show(decimals, unit))
         });
         races.add_row(std::iter::once((*name).to_owned()).chain(cells));
     }
     println!("{races}");
-    let median = |name: &str, course: usize| {
-        let row = contenders.iter().position(|(contender, _)| *contender == name)?;
-        times[row][course].as_ref().map(|time| time.median)
-    };
+    let row = |name: &str| contenders.iter().position(|(contender, _)| *contender == name).unwrap();
     let mut missed = 0;
     let mut goals = table(["goal", "beside", "course", "ratio", "at most", ""]);
     for (ours, peer, courses, most) in GOALS {
         let most = if ours == NUMBERED && courses[0] == 2 { streamed } else { most };
         for &course in courses {
-            let ratio = median(ours, course).zip(median(peer, course)).map(|(ours, peer)| ours / peer);
-            let is_met = ratio.is_some_and(|ratio| ratio <= most);
+            let ratio = Quartiles::of_ratios(&samples[row(ours)][course], &samples[row(peer)][course]);
+            let is_met = ratio.as_ref().is_some_and(|ratio| ratio.median <= most);
             missed += usize::from(!is_met);
-            let ratio = ratio.map_or("–".into(), |ratio| format!("{ratio:.2}"));
+            let ratio = ratio.map_or("–".into(), |ratio| ratio.show(2, ""));
             let name = match COURSES[course].0 {
                 Course::RoundTrip { pause } => format!("round trip, {}", waits(pause)),
                 Course::Stream { pause, .. } => format!("stream, 64 slots, {}", waits(pause)),
@@ -215,15 +219,15 @@ fn race_of<const N: usize>(
         }
     }
     println!("{goals}");
-    if times.iter().flatten().flatten().any(|time| time.on_one_core) {
+    if on_one_core {
         println!("* The two processors were threads of one core most of the time.");
     }
-    let mut probes = cores.probes.borrow_mut();
+    let mut lines: Vec<f64> = samples.iter().flatten().flatten().filter_map(|sample| sample.line).collect();
+    let lines = Quartiles::of(lines.drain(..).map(|line| (line, false)));
     println!(
-        "A bare cache line there and back: {:.0} ns\n",
-        benches::median(&mut probes).unwrap_or(f64::NAN)
+        "A bare cache line there and back: {}\n",
+        lines.map_or("–".into(), |lines| lines.show(0, " ns"))
     );
-    probes.clear();
     missed
 }
 
@@ -231,7 +235,11 @@ fn waits(pause: bool) -> &'static str {
     if pause { "pause" } else { "bare" }
 }
 
-/// Of the samples that were taken on two cores, if these are enough.
+fn is_one_core(sample: &Sample) -> bool {
+    sample.line.is_some_and(|line| line < ONE_CORE)
+}
+
+/// Of what was measured on two cores, if this is enough.
 struct Quartiles {
     lower: f64,
     median: f64,
@@ -240,20 +248,33 @@ struct Quartiles {
 }
 
 impl Quartiles {
-    fn of(samples: &[(f64, bool)]) -> Option<Self> {
-        let on_two = samples.iter().filter(|(_, on_two)| *on_two).count();
-        let on_one_core = on_two < FEWEST;
-        let chosen = samples.iter().filter(|(_, on_two)| on_one_core || *on_two);
-        let mut times: Vec<f64> = chosen.map(|(time, _)| *time).collect();
-        let median = median(&mut times)?; // sorts them
-        let (lower, upper) = (times[times.len() / 4], times[times.len() * 3 / 4]);
-        Some(Quartiles { lower, median, upper, on_one_core })
+    /// Of values, and whether each was measured on one core.
+    fn of(values: impl Iterator<Item = (f64, bool)>) -> Option<Self> {
+        let (one, two): (Vec<_>, Vec<_>) = values.partition(|(_, on_one_core)| *on_one_core);
+        let on_one_core = two.len() < FEWEST;
+        let mut chosen: Vec<f64> =
+            if on_one_core { one } else { two }.iter().map(|(value, _)| *value).collect();
+        let median = median(&mut chosen)?; // sorts them
+        Some(Quartiles {
+            lower: chosen[chosen.len() / 4],
+            median,
+            upper: chosen[chosen.len() * 3 / 4],
+            on_one_core,
+        })
     }
 
-    fn divided_by(&self, time: f64, decimals: usize) -> String {
+    /// Of the ratios of two contenders, round by round, where the processors were as far apart for both.
+    fn of_ratios(ours: &[Sample], peer: &[Sample]) -> Option<Self> {
+        let rounds = ours.iter().zip(peer).filter(|(ours, peer)| {
+            ours.line.zip(peer.line).is_none_or(|(ours, peer)| ours < peer * 1.5 && peer < ours * 1.5)
+        });
+        Self::of(rounds.map(|(ours, peer)| (ours.time / peer.time, is_one_core(ours))))
+    }
+
+    fn show(&self, decimals: usize, unit: &str) -> String {
         let mark = if self.on_one_core { " *" } else { "" };
-        let [lower, median, upper] = [self.lower, self.median, self.upper].map(|own| own / time);
-        format!("{median:.decimals$} ({lower:.decimals$}–{upper:.decimals$}){mark}")
+        let Quartiles { lower, median, upper, .. } = self;
+        format!("{median:.decimals$} ({lower:.decimals$}–{upper:.decimals$}){unit}{mark}")
     }
 }
 
@@ -261,11 +282,11 @@ fn sample<J: Job, W: Write<J>, R: Read<J>>(
     course: Course,
     cores: &Cores,
     ring: impl Fn(usize) -> (W, R),
-) -> Option<(f64, bool)> {
+) -> Option<Sample> {
     match course {
         Course::RoundTrip { pause } => {
-            let are_two = cores.are_two();
-            Some((round_trip(cores, pause, ring(64), ring(64)), are_two))
+            let line = Some(cores.cache_line());
+            Some(Sample { time: round_trip(cores, pause, ring(64), ring(64)), line })
         }
         _ => batches(course, cores, ring),
     }
@@ -276,14 +297,14 @@ fn batches<J: Job, W: Write<J>, R: Read<J>>(
     course: Course,
     cores: &Cores,
     ring: impl Fn(usize) -> (W, R),
-) -> Option<(f64, bool)> {
+) -> Option<Sample> {
     match course {
         Course::RoundTrip { .. } => None,
         Course::Stream { capacity, pause } => {
-            let are_two = cores.are_two();
-            Some((stream(cores, pause, ring(capacity)), are_two))
+            let line = Some(cores.cache_line());
+            Some(Sample { time: stream(cores, pause, ring(capacity)), line })
         }
-        Course::Pair => Some((pair(ring(64)), true)),
+        Course::Pair => Some(Sample { time: pair(ring(64)), line: None }),
     }
 }
 

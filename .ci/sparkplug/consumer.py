@@ -2,9 +2,12 @@
 
 It counts records by their numbers alone, as docs/bridge.md tells a consumer to, and checks Sparkplug's statements on topics,
 payloads, births, deaths and sequence numbers, each by the id that the specification gives it.
+
+mosquitto_sub receives, with a session that outlives its connection; paho publishes the host's STATE and the commands.
 """
 import collections
 import json
+import subprocess
 import threading
 import time
 
@@ -48,6 +51,14 @@ STATEMENTS = {
 VALUES = ("int_value", "long_value", "float_value", "double_value", "boolean_value", "string_value")
 
 
+# So many messages are remembered: more than a broker may have on their way to a client.
+RECENT = 70_000
+# What the host's going offline may take to reach the bridge, in milliseconds.
+SLACK = 1000
+
+Message = collections.namedtuple("Message", "topic qos retain payload")
+
+
 class Consumer:
     def __init__(self, host, port, login, group, node, host_id, qos):
         self.group, self.node, self.host_id, self.qos = group, node, host_id, qos
@@ -55,19 +66,22 @@ class Consumer:
         self.counts, self.failures = collections.Counter(), collections.defaultdict(list)
         self.last = {}  # (cell, store): the highest number
         self.accepted, self.repeated, self.historical = collections.Counter(), 0, 0
-        self.gaps = collections.defaultdict(list)
+        self.arrived = {}  # (cell, store): when its last record came
+        self.gaps = []  # (key, first, last, when the record before came, when the one after)
+        self.recent, self.order, self.again = set(), collections.deque(), 0
         self.outcomes = collections.defaultdict(list)
         self.events, self.values = [], {}
         self.store, self.messages, self.delays = {}, 0, []
         self.newest = None  # the bdSeq of the last birth
         self.births, self.bd, self.seq, self.nbirths, self.dbirths, self.deaths = {}, None, None, 0, 0, 0
         self.rebirth = None  # the bdSeq at a request
-        self.online_at = None
-        self.client = mqtt.Client("consumer", protocol=mqtt.MQTTv5)
+        self.online = []  # [from, to]: when the host was online, in milliseconds since 1970
+        self.subscribed, self.connections = threading.Event(), 0
+        self.client = mqtt.Client("host", protocol=mqtt.MQTTv5)
         self.client.username_pw_set(*login)
-        self.client.on_connect, self.client.on_message = self.connected, self.message
+        self.client.on_connect, self.client.on_disconnect = self.connected, self.disconnected
         self.client.reconnect_delay_set(1, 1)
-        self.place = (host, port)
+        self.place, self.login = (host, port), login
         self.stamp()
 
     def stamp(self):
@@ -78,33 +92,58 @@ class Consumer:
         return json.dumps({"online": online, "timestamp": self.timestamp})
 
     def start(self):
-        properties = Properties(PacketTypes.CONNECT)
-        properties.ReceiveMaximum = 65535
-        self.client.connect(*self.place, keepalive=10, clean_start=True, properties=properties)
+        (host, port), (user, password) = self.place, self.login
+        topics = [f"spBv1.0/{self.group}/{kind}/#" for kind in ("NBIRTH", "NDEATH", "DBIRTH", "DDATA", "DDEATH", "NDATA")]
+        # With fewer messages on their way than wait, births, which have QoS 0, would overtake records.
+        command = ["stdbuf", "-oL", "mosquitto_sub", "-d", "-V", "5", "-q", "1", "-c", "-i", "consumer", "-x", "3600", "-k", "10",
+                   "-D", "connect", "receive-maximum", "65535", "-h", host, "-p", str(port), "-u", user, "-P", password,
+                   "-F", "%t %q %r %x", *(word for topic in topics for word in ("-t", topic))]
+        self.receiver = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        threading.Thread(target=self.receive, daemon=True).start()
+        self.client.connect(host, port, keepalive=10, clean_start=True)
         self.client.loop_start()
 
     def stop(self):
         self.client.disconnect()
         self.client.loop_stop()
+        self.receiver.kill()
+        self.receiver.wait()
+
+    def receive(self):
+        for line in self.receiver.stdout:
+            words = line.rstrip("\n").split(" ")
+            if words[0].startswith("spBv1.0/"):
+                message = Message(words[0], int(words[1]), words[2] == "1", bytes.fromhex(words[3]))
+                with self.lock:
+                    self.take(message)
+            elif line.startswith("Subscribed"):
+                self.connections += 1
+                self.subscribed.set()
 
     def connected(self, client, *_):
-        with self.lock:
-            self.births, self.seq, self.bd = {}, None, None
-            self.online_at = None
-        # Records with QoS 0: paho gives up what it has received when an acknowledgement cannot be sent to a broker that was killed,
-        # and that broker has acknowledged it to the bridge. With Sparkplug's own QoS everything is seen as it was published.
-        client.subscribe([(f"spBv1.0/{self.group}/{kind}/#", 1 if kind != "DDATA" or self.qos == 0 else 0)
-                          for kind in ("NBIRTH", "NDEATH", "DBIRTH", "DDATA", "DDEATH", "NDATA")])
-        self.go_online()
+        # The receiver waits a second before it connects again, and is to miss no birth.
+        threading.Thread(target=lambda: self.subscribed.wait() and self.go_online(self.timestamp), daemon=True).start()
 
-    def go_online(self):
-        self.timestamp = int(time.time() * 1000)
-        self.online_at = time.time()
+    def disconnected(self, *_):
+        self.subscribed.clear()
+        self.close_period()
+        self.stamp()
+
+    def go_online(self, timestamp=None):
+        self.timestamp = timestamp or int(time.time() * 1000)
+        with self.lock:
+            self.online.append([int(time.time() * 1000), None])
         self.client.publish(f"spBv1.0/STATE/{self.host_id}", self.state(True), qos=1, retain=True)
 
     def go_offline(self):
         self.timestamp = int(time.time() * 1000)
+        self.close_period()
         self.client.publish(f"spBv1.0/STATE/{self.host_id}", self.state(False), qos=1, retain=True)
+
+    def close_period(self):
+        with self.lock:
+            if self.online and self.online[-1][1] is None:
+                self.online[-1][1] = int(time.time() * 1000)
 
     def check(self, statement, holds, what=""):
         self.counts[statement] += 1
@@ -113,20 +152,31 @@ class Consumer:
         elif not holds:
             self.failures[statement].append("…")
 
-    def message(self, client, _, message):
-        with self.lock:
-            self.take(message)
+    def is_again(self, message):
+        """Whether the broker sends again what it did not see acknowledged. What the bridge sends again has another `seq`."""
+        if message in self.recent:
+            self.again += 1
+            return True
+        self.recent.add(message)
+        self.order.append(message)
+        if len(self.order) > RECENT:
+            self.recent.discard(self.order.popleft())
+        return False
 
     def take(self, message):
+        if message.qos == 1 and self.is_again(message):
+            return
         levels = message.topic.split("/")
         self.messages += 1
         check = self.check
         check("topic-structure-namespace-a", levels[0] == "spBv1.0" and levels[1] == self.group, message.topic)
-        check("message-flow-edge-node-birth-publish-phid-wait", self.online_at is not None, message.topic)
         kind = levels[2]
         payload = pb.Payload.FromString(message.payload)
         plain = not message.retain
         if kind != "NDEATH":
+            was_online = any(start <= payload.timestamp and (end is None or payload.timestamp <= end + SLACK)
+                             for start, end in self.online)
+            check("message-flow-edge-node-birth-publish-phid-wait", was_online, f"{message.topic} at {payload.timestamp}")
             check("payloads-sequence-num-incrementing",
                   payload.HasField("seq") and 0 <= payload.seq <= 255
                   and (kind == "NBIRTH" or self.seq is None or payload.seq == (self.seq + 1) % 256),
@@ -195,7 +245,7 @@ class Consumer:
     def ddata(self, message, payload, plain, levels):
         check, cell = self.check, levels[4]
         check("topics-ddata-topic", levels[3] == self.node and len(levels) == 5, message.topic)
-        check("topics-ddata-mqtt", message.qos == 0 and plain, message.qos)
+        check("topics-ddata-mqtt", message.qos == self.qos and plain, message.qos)
         check("topics-ddata-timestamp", payload.HasField("timestamp"))
         birth = self.births.get(cell)
         check("topics-dbirth-metric-reqs", birth is not None, message.topic)
@@ -210,14 +260,15 @@ class Consumer:
         if number <= last:
             self.repeated += 1
             return
+        now = time.time()
         if number != last + 1:
-            self.gaps[key].append((last + 1, number - 1))
-        self.last[key] = number
+            self.gaps.append((key, last + 1, number - 1, self.arrived.get(key, 0), now))
+        self.last[key], self.arrived[key] = number, now
         self.accepted[cell] += 1
         if named["Record/Number"].is_historical:
             self.historical += 1
         else:
-            self.delays.append(time.time() * 1000 - named["Record/Number"].timestamp)
+            self.delays.append(now * 1000 - named["Record/Number"].timestamp)
         if "Command/Id" in named:
             self.outcomes[named["Command/Id"].string_value].append(named["Command/Outcome"].string_value)
             self.values[named["Command/Id"].string_value] = named["Command/Detail"].string_value

@@ -157,7 +157,7 @@ impl Frame {
         if let Some(stx) = line.get_mut(len - 1) {
             *stx = STX;
         }
-        if self.words().fold(0, |any, word| any | dles(word)) == 0
+        if !self.has_dle()
             && let Some(room) = line.get_mut(len..).and_then(<[u8]>::first_chunk_mut)
         {
             *room = *self.summed();
@@ -208,6 +208,12 @@ impl Frame {
         let mut sum = Sum::default();
         self.words().for_each(|word| sum.add(word));
         framing.checksum(sum)
+    }
+
+    /// Whether a data byte is doubled on the line.
+    #[inline]
+    pub(crate) fn has_dle(&self) -> bool {
+        self.words().fold(0, |any, word| any | dles(word)) != 0
     }
 
     fn words(&self) -> impl Iterator<Item = u64> {

@@ -7,9 +7,7 @@ use super::due::Due;
 use super::input::{Course, Draft, HostActions};
 use super::state::{Active, Pending, Request, Stage, Target};
 use crate::frame::DLE;
-use crate::message::{AXES, Accumulation, ErrorCode, Exception, MotionPhase};
-
-const ALL: u8 = (1 << AXES) - 1;
+use crate::message::{ALL, AXES, Accumulation, ErrorCode, Exception, MotionPhase};
 
 impl Active {
     pub(super) fn motion(

@@ -91,9 +91,9 @@ pub enum HostRule {
 }
 
 impl HostConfig {
-    /// When the reply to a message of `len` bytes that arrived at `now` must have ended.
-    pub(super) fn end_of_window(&self, now: Duration, len: usize) -> Duration {
-        now.saturating_add(Budget::new(self.mode.accumulation(), self.baud, len, 0).window)
+    /// From the end of a message of `len` bytes to the end of its reply.
+    pub(super) fn window(&self, len: usize) -> Duration {
+        Budget::new(self.mode.accumulation(), self.baud, len, 0).window
     }
 
     /// When a controller that sends nothing from now on counts as lost.
@@ -103,7 +103,7 @@ impl HostConfig {
 
     /// Until when a message is the one that follows a message which arrived at `now`.
     pub(super) fn follows_until(&self, now: Duration) -> Duration {
-        now.saturating_add(timing::CYCLE * 2).saturating_sub(self.max_delay)
+        now.saturating_add((timing::CYCLE * 2).saturating_sub(self.max_delay))
     }
 
     /// Whether a reply arrives before the message after the one that it answers has left, so that it cannot be taken for the

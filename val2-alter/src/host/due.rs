@@ -18,19 +18,18 @@ pub struct Due {
 impl Due {
     /// The answer to a start message that arrived at `now`.
     pub(super) fn start(now: Duration, config: &HostConfig) -> Self {
-        let end_by = now.saturating_add(window(config.mode.accumulation()));
-        Self::new(now, end_by, config.reply_len(0).saturating_sub(1), config)
+        Self::new(now, window(config.mode.accumulation()), config.reply_len(0).saturating_sub(1), config)
     }
 
     /// The reply, of so many values at least, to a standard message of `len` bytes that arrived at `now`.
     pub(super) fn reply(now: Duration, len: usize, values: u32, config: &HostConfig) -> Self {
-        Self::new(now, config.end_of_window(now, len), config.reply_len(values as usize), config)
+        Self::new(now, config.window(len), config.reply_len(values as usize), config)
     }
 
     /// What may be too late already may be tried once: a deadline lies ahead.
-    fn new(now: Duration, end_by: Duration, shortest: usize, config: &HostConfig) -> Self {
-        let begin_by = end_by.saturating_sub(transmission(shortest, config.baud));
-        Self { begin_by: begin_by.max(now.saturating_add(Duration::from_nanos(1))), end_by }
+    fn new(now: Duration, window: Duration, shortest: usize, config: &HostConfig) -> Self {
+        let slack = window.saturating_sub(transmission(shortest, config.baud)).max(Duration::from_nanos(1));
+        Self { begin_by: now.saturating_add(slack), end_by: now.saturating_add(window) }
     }
 
     /// Whether an answer of `len` bytes that is sent at `now` ends in time, with something left.

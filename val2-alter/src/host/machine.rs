@@ -107,6 +107,7 @@ impl HostMachine {
     }
 
     /// What is to be answered.
+    #[inline]
     pub fn wanted(&self, config: &HostConfig) -> Option<Wanted> {
         match &self.phase {
             HostPhase::Starting { is_expected, .. } => match self.policy {
@@ -212,6 +213,7 @@ impl HostMachine {
         actions
     }
 
+    #[inline]
     fn reply(&mut self, now: Duration, draft: Draft, config: &HostConfig) -> HostActions {
         let mut actions = HostActions::default();
         let HostPhase::Active(active) = &mut self.phase else { return actions };
@@ -238,6 +240,7 @@ impl HostMachine {
         actions
     }
 
+    #[cold]
     fn unexpected(&self, input: HostInput) -> Unexpected {
         Unexpected { state: self.name(), input: input.name() }
     }

@@ -16,13 +16,15 @@ pub use state::{Active, HostMachine, HostPhase, Pending, Request, Stage, Target}
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, EventQueue, Session};
+use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
 
 use crate::decoder::{Decoder, Received};
 use crate::error::{ConfigError, DecodeError, SessionError};
 use crate::frame::{DLE, Framing};
 use crate::limit::Limiter;
-use crate::message::{AXES, Accumulation, Exception, HostMessage, Message, Reply, RobotMessage, StartCode};
+use crate::message::{
+    ALL, AXES, Accumulation, Exception, HostMessage, Message, Reply, RobotMessage, StartCode,
+};
 use crate::timing;
 
 /// The host computer's session. Its verbs are those of [`robot_session::Session`]; it never reads a clock and never blocks.
@@ -159,15 +161,15 @@ impl Host {
             if self.decoder.corruption().is_some() {
                 self.on(now, HostInput::CorruptFrame);
             }
-            match item {
+            match &item {
                 None => return,
-                Some(Ok(received)) => self.on_message(now, &received),
+                Some(Ok(received)) => self.on_message(now, received),
                 Some(Err(error)) => {
                     self.statistics.corrupt += 1;
                     if let DecodeError::StartMark { .. } = error {
                         self.on(now, HostInput::Noise);
                     }
-                    self.events.push_notice(HostEvent::Corrupt(error));
+                    self.events.push_notice(HostEvent::Corrupt(*error));
                 }
             }
         }
@@ -176,25 +178,25 @@ impl Host {
     #[inline(never)] // a message that is passed in registers is copied field by field
     fn on_message(&mut self, now: Duration, received: &Received<RobotMessage>) {
         let len = u8::try_from(received.length).unwrap_or(u8::MAX);
-        match received.message {
+        match &received.message {
             RobotMessage::Start(start) => {
                 let is_expected = start.mode == self.config.mode;
                 self.on(now, HostInput::Start { is_expected, len });
-                self.events.push_notice(HostEvent::Start(start));
+                self.events.push_notice(HostEvent::Start(*start));
             }
             RobotMessage::Motion(motion) => {
                 let (phase, error) = (motion.phase, motion.error);
                 self.on(now, HostInput::Motion { phase, error, len });
                 self.statistics.cycles += u64::from(matches!(&self.machine.phase, HostPhase::Active(_)));
-                self.events.push_notice(HostEvent::Motion(motion));
+                self.events.push_notice(HostEvent::Motion(*motion));
             }
             RobotMessage::End(end) => {
                 let ended = self.on(now, HostInput::End).ended;
                 self.statistics.ends += 1;
                 if ended {
-                    self.push_outcome(HostEvent::End(end));
+                    self.push_outcome(HostEvent::End(*end));
                 } else {
-                    self.events.push_notice(HostEvent::End(end));
+                    self.events.push_notice(HostEvent::End(*end));
                 }
             }
         }
@@ -206,13 +208,18 @@ impl Host {
         let actions = match self.machine.on(now, input, &self.config) {
             Ok(actions) => actions,
             Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(HostEvent::Unexpected(unexpected));
+                self.report(unexpected);
                 return HostActions::default();
             }
         };
         self.act(now, &actions);
         actions
+    }
+
+    #[cold]
+    fn report(&mut self, unexpected: Unexpected) {
+        self.statistics.unexpected += 1;
+        self.events.push_notice(HostEvent::Unexpected(unexpected));
     }
 
     #[inline(always)] // see `on`
@@ -247,6 +254,7 @@ impl Host {
         }
     }
 
+    #[cold]
     fn push_outcome(&mut self, event: HostEvent) {
         let pushed = self.events.push_outcome(event);
         debug_assert!(pushed.is_ok(), "room was asked for when it began");
@@ -259,10 +267,15 @@ impl Host {
             Wanted::Nothing | Wanted::Start(_) => envelope - 1,
             Wanted::Reply { exception, .. } => envelope + usize::from(u8::from(exception) == DLE),
         };
+        let doubled = |value: i16| value.to_le_bytes().iter().map(|byte| u8::from(*byte == DLE)).sum::<u8>();
+        let words = if Reply::all(values).frame().has_dle() {
+            values.map(|value| 2 + doubled(value))
+        } else {
+            [2; AXES]
+        };
         Draft {
             bare: u8::try_from(bare).unwrap_or(u8::MAX),
-            words: values
-                .map(|value| 2 + value.to_le_bytes().iter().map(|byte| u8::from(*byte == DLE)).sum::<u8>()),
+            words,
             moving: values.iter().rev().fold(0, |mask, value| 2 * mask + u8::from(*value != 0)),
             at_rest,
             has_room: self.events.has_room(OUTCOMES),
@@ -325,7 +338,7 @@ impl Session for Host {
     }
 
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        if self.machine.reply_by().is_none() || out.len() < Self::MAX_TRANSMIT {
+        if out.len() < Self::MAX_TRANSMIT {
             return None;
         }
         let wanted = self.machine.wanted(&self.config)?;
@@ -344,14 +357,22 @@ impl Session for Host {
                 HostMessage::StartReply(code)
             }
             Answer::Reply { select, held, exception } => {
-                limiter.hold(held);
+                if held != 0 {
+                    limiter.hold(held);
+                    self.statistics.held += 1;
+                }
                 self.limiter = limiter;
                 self.statistics.replies += 1;
-                self.statistics.held += u64::from(held != 0);
                 let mut reply = Reply { exception, values: values.map(Some) };
+                self.sent = values;
+                if select == ALL {
+                    // As nearly always: the length of each part is known to the compiler.
+                    return HostMessage::Reply(reply).encode(self.config.framing, out).ok();
+                }
                 for (axis, (value, sent)) in reply.values.iter_mut().zip(&mut self.sent).enumerate() {
-                    *value = value.filter(|_| select >> axis & 1 != 0);
-                    *sent = value.unwrap_or(0);
+                    if select >> axis & 1 == 0 {
+                        (*value, *sent) = (None, 0);
+                    }
                 }
                 HostMessage::Reply(reply)
             }

@@ -8,6 +8,9 @@ use crate::frame::{Frame, Framing};
 /// The axes of a reply, in the order of its words and of its select bits: X, Y, Z, RX, RY, RZ.
 pub const AXES: usize = 6;
 
+/// The select byte of a reply that transmits all values.
+pub(crate) const ALL: u8 = (1 << AXES) - 1;
+
 /// A message from the host to the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -82,11 +85,10 @@ impl Reply {
     }
 
     fn decode(exception: u8, select: u8, words: &[u8], framing: Framing) -> Result<Self, DecodeError> {
-        const NAMED: u8 = (1 << AXES) - 1;
-        if select & !NAMED != 0 && !framing.ignore_spare_select {
+        if select & !ALL != 0 && !framing.ignore_spare_select {
             return Err(DecodeError::Select { offset: 0, found: select });
         }
-        let expected = 2 * (select & NAMED).count_ones() as usize;
+        let expected = 2 * (select & ALL).count_ones() as usize;
         if words.len() != expected {
             return Err(DecodeError::ReplyLength {
                 offset: 0,
@@ -108,7 +110,7 @@ impl Reply {
     }
 
     #[inline]
-    fn frame(&self) -> Frame {
+    pub(crate) fn frame(&self) -> Frame {
         let mut frame = Frame::empty();
         frame.push([u8::from(self.exception), self.select()]);
         for value in &self.values {

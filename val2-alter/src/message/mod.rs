@@ -10,6 +10,7 @@ mod side;
 mod transform;
 
 pub use codes::{ErrorCode, Exception, SegmentStatus, StartCode};
+pub(crate) use host::ALL;
 pub use host::{AXES, HostMessage, Reply};
 pub use mode::{Accumulation, CoordinateFrame, Mode, Polarity};
 pub use robot::{End, List, Motion, MotionPhase, RobotMessage, Start};

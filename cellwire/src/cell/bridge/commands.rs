@@ -102,7 +102,7 @@ impl Commands {
         now: u64,
         batch: &mut Batch,
     ) -> Decision {
-        let (command, at) = match read(payload) {
+        let (mut command, at) = match read(payload) {
             Ok(read) => read,
             Err(why) => return Decision::Strange(why),
         };
@@ -114,6 +114,8 @@ impl Commands {
         match self.acceptable(allowed, at, now) {
             Ok(sent) => {
                 (entry.sent, entry.outcome) = (sent, Outcome::Accepted);
+                let age = u64::try_from(self.max_age.as_millis()).unwrap_or(u64::MAX);
+                command.until = sent.saturating_add(age);
                 put(batch, &key, Some(&entry));
                 let report = entry.named(&command.id);
                 self.known.insert(key, entry);
@@ -223,7 +225,7 @@ fn read(payload: &Payload) -> Result<(Command, Option<u64>), String> {
             ));
         }
     };
-    Ok((Command { id, order }, metric.timestamp.or(payload.timestamp)))
+    Ok((Command { id, order, until: 0 }, metric.timestamp.or(payload.timestamp)))
 }
 
 #[cfg(test)]
@@ -262,7 +264,7 @@ mod tests {
         let request = write(r#"{"id":"a","write_register":{"address":1,"value":2}}"#, 1_000_000);
         let decision = commands.decide("cell", true, &request, 1_000_900, &mut batch);
         let Decision::Give(command, _) = &decision else { panic!("{decision:?}") };
-        assert_eq!((command.id.as_str(), command.order.len()), ("a", 1));
+        assert_eq!((command.id.as_str(), command.order.len(), command.until), ("a", 1, 1_030_000));
         assert_eq!(outcome(&decision), ("give", "a accepted: ".into()));
         let again = commands.decide("cell", true, &request, 1_000_901, &mut batch);
         assert_eq!(outcome(&again), ("report", "a accepted: ".into()));

@@ -77,14 +77,17 @@ impl End {
         self.send(What::Values(values));
     }
 
-    /// The next command, one at a time.
+    /// The next command, one at a time. One that has waited too long behind others is refused.
     pub fn command(&mut self) -> Option<Command> {
-        if self.current.is_some() {
-            return None;
+        while self.current.is_none() {
+            let command = self.commands.try_recv().ok()?;
+            self.current = Some(command.id.clone());
+            if metric::now() <= command.until {
+                return Some(command);
+            }
+            self.finish(Outcome::Refused, "it has waited behind others for longer than commands.max_age");
         }
-        let command = self.commands.try_recv().ok()?;
-        self.current = Some(command.id.clone());
-        Some(command)
+        None
     }
 
     /// Whether a command has no outcome yet.
@@ -119,5 +122,39 @@ impl End {
     /// What must not be lost waits for the hub.
     fn send(&self, what: What) {
         let _ = self.hub.send(Input::Cell(self.cell, Report { at: metric::now(), what }));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::{channel, sync_channel};
+
+    use super::*;
+
+    #[test]
+    fn a_command_that_has_waited_too_long_is_not_begun() {
+        let ((hub, reports), (commands, inbox)) = (sync_channel(9), channel());
+        let mut end = End::new(3, hub, inbox, Arc::default(), Arc::default());
+        let now = metric::now();
+        for (id, until) in [("first", now + 60_000), ("late", now - 1), ("next", now + 60_000)] {
+            commands.send(Command { id: id.into(), order: serde_json::Map::new(), until }).unwrap();
+        }
+        assert_eq!(end.command().map(|command| command.id), Some("first".into()));
+        assert_eq!(end.command(), None);
+        end.finish(Outcome::Done, "");
+        assert_eq!(end.command().map(|command| command.id), Some("next".into()));
+        end.finish(Outcome::Done, "");
+        let outcomes = reports.try_iter().map(|input| match input {
+            Input::Cell(3, Report { what: What::Outcome { id, outcome, detail }, .. }) => {
+                (id, outcome, detail)
+            }
+            other => panic!("{other:?}"),
+        });
+        let why = "it has waited behind others for longer than commands.max_age";
+        assert_eq!(
+            outcomes.collect::<Vec<_>>(),
+            [("first", Outcome::Done, ""), ("late", Outcome::Refused, why), ("next", Outcome::Done, "")]
+                .map(|(id, outcome, detail)| (id.to_owned(), outcome, detail.to_owned()))
+        );
     }
 }

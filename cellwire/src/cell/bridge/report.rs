@@ -47,6 +47,8 @@ pub struct Command {
     pub id: String,
     /// What is to be done; what can be depends on the link.
     pub order: Map<String, Json>,
+    /// Later it is not begun; in milliseconds since 1970 UTC.
+    pub until: u64,
 }
 
 /// What became of a command.

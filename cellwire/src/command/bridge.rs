@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::Result;
 use serde_json::json;
@@ -22,6 +23,9 @@ pub struct Args {
     check: bool,
 }
 
+/// Links and broker get two seconds each, and the rest is the disk's.
+const LONGEST_END: Duration = Duration::from_secs(10);
+
 const EXAMPLES: &str = "\
 Examples:
   cellwire bridge hall-3.toml --check
@@ -41,7 +45,10 @@ pub fn run(args: &Args) -> Result<bool> {
         return Ok(true);
     }
     output::never_wait()?;
-    interrupt::note()?;
+    interrupt::note_within(
+        LONGEST_END,
+        "the bridge has not ended in 10 s, and is ended: what is in the store is kept",
+    )?;
     let health = Arc::new(Health::default());
     let place = match &hall.health.listen {
         Some(address) => {

@@ -3,6 +3,8 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
 
 use anyhow::{Context, Result};
 
@@ -48,6 +50,25 @@ pub fn watch(mut handler: impl FnMut(u32) + Send + 'static) -> Result<()> {
 pub fn note() -> Result<()> {
     watch(|count| {
         if count > 1 {
+            std::process::exit(INTERRUPTED);
+        }
+    })
+}
+
+/// As [`note`]; a command that has not ended by itself after `limit` is ended, with a remark: a disk may take nothing for minutes.
+///
+/// # Errors
+/// When another handler is installed already.
+pub fn note_within(limit: Duration, remark: &'static str) -> Result<()> {
+    watch(move |count| {
+        if count == 1 {
+            thread::spawn(move || {
+                thread::sleep(limit);
+                output::remark(remark);
+                output::finish();
+                std::process::exit(INTERRUPTED);
+            });
+        } else {
             std::process::exit(INTERRUPTED);
         }
     })

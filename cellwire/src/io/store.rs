@@ -285,4 +285,41 @@ mod tests {
         std::fs::write(&path, good).unwrap();
         assert_eq!(Store::open(&path, 1000).unwrap().len(), 200);
     }
+
+    #[test]
+    fn a_bit_that_is_flipped_is_an_error_or_changes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("store");
+        let mut store = Store::open(&path, 1000).unwrap();
+        let mut batch = append(&["a record of some length".repeat(9).as_str(); 90]);
+        batch.names = vec![("number/cell".into(), Some("90".into()))];
+        store.write(&batch).unwrap();
+        let content = |store: &Store| (store.records(0, 999).unwrap(), store.names("").unwrap(), store.len());
+        let whole = content(&store);
+        drop(store);
+        let good = std::fs::read(&path).unwrap();
+        let used: Vec<usize> = (0..good.len()).filter(|at| good[*at] != 0).collect();
+        let mut damaged = 0;
+        for at in used.iter().step_by(used.len() / 60) {
+            let mut bytes = good.clone();
+            bytes[*at] ^= 1 << (at % 8);
+            std::fs::write(&path, bytes).unwrap();
+            match Store::open(&path, 1000) {
+                Ok(mut store) => {
+                    assert!(content(&store) == whole, "byte {at}");
+                    store.write(&append(&["one more"])).unwrap();
+                    assert_eq!(store.len(), 91);
+                }
+                Err(error) => {
+                    let error = format!("{error:#}");
+                    assert!(
+                        error.starts_with(&format!("the store {} is damaged", path.display())),
+                        "{at}: {error}"
+                    );
+                    damaged += 1;
+                }
+            }
+        }
+        assert!(damaged > 0);
+    }
 }

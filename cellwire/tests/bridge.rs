@@ -4,6 +4,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::std_instead_of_core, reason = "a test of a program")]
 
+#[path = "bridge/broker.rs"]
+mod broker;
 mod tool;
 
 use std::io::{Read as _, Write as _};
@@ -12,6 +14,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use broker::Broker;
 use tool::{DEADLINE, Running};
 
 const HALL: &str = r#"[broker]
@@ -42,6 +45,10 @@ fn check(folder: &Path, text: &str) -> (Option<i32>, String) {
 
 /// A bridge whose broker is at `broker` and whose one cell is a ball.
 fn bridge(folder: &Path, broker: &str, ball: &Running) -> Running {
+    Running::start(bridge_command(folder, broker, ball))
+}
+
+fn bridge_command(folder: &Path, broker: &str, ball: &Running) -> Command {
     let hall = format!(
         "[broker]\naddress = \"{broker}\"\ngroup = \"g\"\nnode = \"n\"\n\
          [store]\nfile = \"s.redb\"\n[health]\nlisten = \"127.0.0.1:0\"\n\
@@ -54,7 +61,7 @@ fn bridge(folder: &Path, broker: &str, ball: &Running) -> Running {
     let mut command = Command::new("bash");
     command.args(["-c", "trap '' XFSZ; exec \"$0\" bridge \"$1\"", env!("CARGO_BIN_EXE_cellwire")]).arg(file);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    Running::start(command)
+    command
 }
 
 /// What the bridge answers to a request for a path.
@@ -66,6 +73,8 @@ fn get(bridge: &Running, path: &str) -> String {
     stream.read_to_string(&mut text).unwrap();
     text
 }
+
+const REFUSED: &str = "dropped_total{why=\"refused\"}";
 
 fn figure(bridge: &Running, name: &str) -> u64 {
     let text = get(bridge, "/metrics");
@@ -143,6 +152,164 @@ fn a_broker_that_refuses_or_is_silent_is_reported_once() {
     assert!(figure(&bridge, "store_records") > 0);
     assert_eq!(figure(&bridge, "online"), 0);
     assert_eq!(bridge.signal("-TERM"), Some(0));
+}
+
+#[test]
+fn a_record_that_is_refused_for_good_is_dropped_and_the_next_ones_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = Running::listening("ball");
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let mut peer = broker.accept(&[]);
+    for place in 0..40 {
+        let message = peer.message();
+        // Not authorised, and a topic that is none.
+        let reason = if place == 2 || place == 5 || place == 6 {
+            0x87
+        } else if place == 9 {
+            0x90
+        } else {
+            0
+        };
+        peer.acknowledge(&message, reason);
+    }
+    until("acknowledged records", || figure(&bridge, "acknowledged_total") == 36);
+    assert_eq!((figure(&bridge, REFUSED), figure(&bridge, "rejected_total")), (4, 4));
+    assert_eq!(figure(&bridge, "connections_total"), 1);
+    let made = figure(&bridge, "records_total");
+    assert!(figure(&bridge, "store_records") <= made - 40 + 9, "they are in the store no more");
+    for why in ["NotAuthorized", "TopicNameInvalid"] {
+        let line = bridge.line("\"refused\"");
+        assert!(
+            line.contains(why) && line.contains("\"cell\":\"ball\"") && line.contains("it is dropped"),
+            "{line}"
+        );
+    }
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+    assert!(!bridge.rest().iter().any(|line| line.contains("\"refused\"")), "once for each reason");
+}
+
+#[test]
+fn a_record_that_is_too_long_is_dropped_where_the_broker_does_not_say_which() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = Running::listening("ball");
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let mut peer = broker.accept(&[]);
+    let first = peer.message();
+    // Mosquitto's answer, which is none of PUBACK's reason codes.
+    peer.acknowledge(&first, 0x95);
+    drop(peer);
+    until("a record that is dropped", || figure(&bridge, REFUSED) == 1);
+    let made = figure(&bridge, "records_total");
+    let mut peer = broker.accept(&[]);
+    let mut seen = Vec::new();
+    while seen.last().is_none_or(|last| *last <= made) {
+        let message = peer.message();
+        seen.push(message.record());
+        peer.acknowledge(&message, 0);
+    }
+    assert_eq!((1..=made).filter(|number| !seen.contains(number)).count(), 1);
+    let count = seen.len() as u64;
+    until("acknowledged records", || figure(&bridge, "acknowledged_total") == count);
+    assert_eq!(figure(&bridge, REFUSED), 1);
+    let line = bridge.line("\"refused\"");
+    assert!(line.contains("PacketTooLarge"), "{line}");
+}
+
+#[test]
+fn a_record_that_may_be_taken_later_waits() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = Running::listening("ball");
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let mut peer = broker.accept(&[]);
+    let first = peer.message();
+    // Quota exceeded.
+    peer.acknowledge(&first, 0x97);
+    let line = bridge.line("\"broker\":\"disconnected\"");
+    assert!(line.contains("the broker does not take a record now: QuotaExceeded"), "{line}");
+    drop(peer);
+    let mut peer = broker.accept(&[]);
+    let again = peer.message();
+    assert!(again.contains("\"event\":\"connected\"") && first.contains("\"event\":\"connected\""));
+    peer.acknowledge(&again, 0);
+    until("an acknowledged record", || figure(&bridge, "acknowledged_total") == 1);
+    assert_eq!(figure(&bridge, REFUSED), 0);
+}
+
+#[test]
+fn two_bridges_with_one_name_do_not_fight_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = Running::listening("ball");
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let why =
+        "another client has this name: every bridge has a node, and client, of its own; tried again in about";
+    // A broker that ends one connection after the other as soon as it has accepted it.
+    for _ in 0..3 {
+        broker.accept(&[]).message();
+    }
+    let line = bridge.line("another client");
+    assert!(line.contains(&format!("{why} 60 s")), "{line}");
+    assert!(broker.is_left_alone(Duration::from_secs(5)));
+    let before = figure(&bridge, "store_records");
+    until("records that wait", || figure(&bridge, "store_records") > before);
+
+    // Another one with the same store.
+    let second = bridge_command(folder.path(), &broker.address(), &ball).output().unwrap();
+    let error = String::from_utf8(second.stderr).unwrap();
+    assert_eq!(second.status.code(), Some(2), "{error}");
+    assert!(error.trim_end().ends_with("is open in another process: one bridge, one store"), "{error}");
+    until("records that wait", || figure(&bridge, "store_records") > before + 1);
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+}
+
+#[test]
+fn a_bridge_whose_name_is_taken_leaves_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = Running::listening("ball");
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let mut peer = broker.accept(&[]);
+    peer.message();
+    // DISCONNECT: session taken over.
+    peer.send(&[0xE0, 2, 0x8E, 0]);
+    let line = bridge.line("\"broker\":\"disconnected\"");
+    assert!(line.contains("another client has this name: every bridge has a node"), "{line}");
+    assert!(broker.is_left_alone(Duration::from_secs(5)));
+}
+
+#[test]
+fn a_disk_that_does_not_answer_does_not_keep_the_bridge() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = Running::listening("ball");
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    // Once the file SLOW is there each write to the disk takes an hour.
+    let (source, library, slow) =
+        (folder.path().join("slow.c"), folder.path().join("slow.so"), folder.path().join("slow"));
+    let text = "#include <stdlib.h>\n#include <unistd.h>\n\
+                static int wait(void) { if (access(getenv(\"SLOW\"), F_OK) == 0) sleep(3600); return 0; }\n\
+                int fsync(int f) { (void)f; return wait(); }\nint fdatasync(int f) { (void)f; return wait(); }\n";
+    std::fs::write(&source, text).unwrap();
+    let built = Command::new("cc").args(["-shared", "-fPIC", "-o"]).args([&library, &source]).status();
+    assert!(built.unwrap().success());
+    let mut command = bridge_command(folder.path(), &nobody, &ball);
+    let mut bridge = Running::start({
+        command.env("LD_PRELOAD", &library).env("SLOW", &slow);
+        command
+    });
+    until("records", || figure(&bridge, "store_records") > 3);
+    std::fs::write(&slow, "").unwrap();
+    let before = figure(&bridge, "records_total");
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(figure(&bridge, "records_total") <= before + 100, "the store is written no more");
+    let start = Instant::now();
+    assert_eq!(bridge.signal("-TERM"), Some(130));
+    let took = start.elapsed();
+    assert!(took >= Duration::from_secs(10) && took < Duration::from_secs(20), "{took:?}");
+    let line = bridge.line("the bridge has not ended");
+    assert_eq!(line, "the bridge has not ended in 10 s, and is ended: what is in the store is kept");
 }
 
 #[test]

@@ -10,8 +10,8 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
-use rumqttc::v5::mqttbytes::QoS;
 use rumqttc::v5::mqttbytes::v5::{DisconnectReasonCode, Filter, LastWill, PubAckReason, SubscribeReasonCode};
+use rumqttc::v5::mqttbytes::{Error as Malformed, QoS};
 use rumqttc::v5::{
     Client, ClientError, Connection, ConnectionError, Event, Incoming, MqttOptions, StateError,
 };
@@ -23,6 +23,10 @@ use tokio_rustls::rustls::pki_types::pem::PemObject as _;
 const ROOM: usize = 256;
 /// The longest message that is read: a command is short.
 const LONGEST: u32 = 256 * 1024;
+/// What a message has in its packet beside topic and payload, in bytes at most.
+const AROUND: usize = 10;
+/// The reason code "packet too large": of PUBACK no code of the standard, and sent nevertheless, by mosquitto.
+const TOO_LARGE: u8 = 0x95;
 /// So many messages are in flight; a broker may ask for fewer.
 const IN_FLIGHT: u16 = 1000;
 
@@ -61,8 +65,8 @@ pub struct Tls {
 /// What has happened on a connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Happened {
-    /// The broker has accepted it.
-    Connected,
+    /// The broker has accepted it, and takes packets of so many bytes, if it says so.
+    Connected(Option<u32>),
     /// The broker has accepted every subscription.
     Subscribed,
     /// A message.
@@ -74,8 +78,21 @@ pub enum Happened {
     },
     /// The broker has this message; with QoS 0, the socket has.
     Published(u64),
-    /// The broker does not take this message, and why.
-    Rejected(u64, String),
+    /// The broker does not take a message.
+    Rejected {
+        /// Which.
+        token: u64,
+        /// Why.
+        why: String,
+        /// It will not take it later either.
+        is_final: bool,
+    },
+    /// The broker does not take a message that is too long, and does not say which; [`Closed`](Self::Closed) follows.
+    TooLong,
+    /// The broker, or the network, has ended it without a word; [`Closed`](Self::Closed) follows.
+    Dropped,
+    /// Another client has connected with the same name; [`Closed`](Self::Closed) follows.
+    TakenOver,
     /// It has ended, and why. Nothing follows.
     Closed(String),
 }
@@ -138,6 +155,11 @@ impl Session {
         }
     }
 
+    /// Whether a message fits a packet of so many bytes.
+    pub fn fits(topic: &str, payload: &[u8], longest: u32) -> bool {
+        usize::try_from(longest).map_or(true, |longest| topic.len() + payload.len() + AROUND <= longest)
+    }
+
     /// Ends it after what was published: the broker keeps the will to itself.
     pub fn close(&self) {
         let _ = self.client.try_disconnect();
@@ -171,11 +193,32 @@ fn run(mut connection: Connection, sent: &Mutex<VecDeque<Option<u64>>>, report: 
     let why = loop {
         let event = match connection.recv() {
             Ok(Ok(event)) => event,
-            Ok(Err(error)) => break explain(&error),
+            Ok(Err(error)) => {
+                match &error {
+                    ConnectionError::MqttState(StateError::Deserialization(
+                        Malformed::InvalidConnectReturnCode(TOO_LARGE),
+                    )) => report(Happened::TooLong),
+                    ConnectionError::MqttState(StateError::ServerDisconnect {
+                        reason_code: DisconnectReasonCode::SessionTakenOver,
+                        ..
+                    }) => report(Happened::TakenOver),
+                    ConnectionError::MqttState(
+                        StateError::ConnectionAborted
+                        | StateError::Io(_)
+                        | StateError::Deserialization(Malformed::Io(_)),
+                    ) => {
+                        report(Happened::Dropped);
+                    }
+                    _ => {}
+                }
+                break explain(&error);
+            }
             Err(_) => break "closed".into(),
         };
         match event {
-            Event::Incoming(Incoming::ConnAck(_)) => report(Happened::Connected),
+            Event::Incoming(Incoming::ConnAck(ack)) => {
+                report(Happened::Connected(ack.properties.and_then(|properties| properties.max_packet_size)));
+            }
             Event::Incoming(Incoming::SubAck(ack)) => {
                 let granted = |code: &SubscribeReasonCode| matches!(code, SubscribeReasonCode::Success(_));
                 match ack.return_codes.iter().find(|code| !granted(code)) {
@@ -196,13 +239,30 @@ fn run(mut connection: Connection, sent: &Mutex<VecDeque<Option<u64>>>, report: 
                 let Some(token) = flight.remove(&ack.pkid) else { continue };
                 report(match ack.reason {
                     PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Happened::Published(token),
-                    reason => Happened::Rejected(token, format!("{reason:?}")),
+                    reason => {
+                        Happened::Rejected { token, why: format!("{reason:?}"), is_final: is_final(reason) }
+                    }
                 });
             }
             _ => {}
         }
     };
     report(Happened::Closed(why));
+}
+
+/// Whether the same message would be refused again, whenever it comes.
+fn is_final(reason: PubAckReason) -> bool {
+    match reason {
+        PubAckReason::NotAuthorized | PubAckReason::TopicNameInvalid | PubAckReason::PayloadFormatInvalid => {
+            true
+        }
+        PubAckReason::UnspecifiedError
+        | PubAckReason::ImplementationSpecificError
+        | PubAckReason::PacketIdentifierInUse
+        | PubAckReason::QuotaExceeded
+        | PubAckReason::Success
+        | PubAckReason::NoMatchingSubscribers => false,
+    }
 }
 
 /// What has happened, and what to look at.
@@ -217,11 +277,9 @@ fn explain(error: &ConnectionError) -> String {
             format!("TLS: {error}: see address and tls, and the broker's certificate")
         }
         ConnectionError::Timeout(_) => "the broker does not answer".into(),
-        ConnectionError::MqttState(StateError::ServerDisconnect {
-            reason_code: DisconnectReasonCode::SessionTakenOver,
-            ..
-        }) => "another client has connected with this name: every bridge has a node, or client, of its own"
-            .into(),
+        ConnectionError::MqttState(StateError::OutgoingPacketTooLarge { pkt_size, max }) => {
+            format!("a birth of {pkt_size} bytes, and the broker takes {max}: see its limit of a packet")
+        }
         ConnectionError::MqttState(StateError::ServerDisconnect { reason_code, .. }) => {
             format!("the broker ends the connection: {reason_code:?}")
         }

@@ -114,6 +114,13 @@ impl Running {
         }
     }
 
+    /// The lines that are left once it has ended.
+    pub(crate) fn rest(&mut self) -> Vec<String> {
+        let mut lines = std::mem::take(&mut self.passed);
+        lines.extend(self.lines.iter());
+        lines
+    }
+
     /// Its resident memory, in bytes.
     pub(crate) fn resident(&self) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();

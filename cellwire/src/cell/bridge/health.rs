@@ -92,7 +92,7 @@ impl Figures {
             }
         };
         let one = |value: u64| vec![(String::new(), number(value))];
-        let Counts { connections, published, acknowledged, rejected } = self.uplink;
+        let Counts { connections, published, acknowledged, rejected, refused } = self.uplink;
         family("online", "gauge", "1 while records are published.", &one(self.is_online.into()));
         family("store_stuck", "gauge", "1 while the disk takes nothing.", &one(self.is_stuck.into()));
         family("store_records", "gauge", "Records that the broker has not acknowledged.", &one(self.stored));
@@ -110,20 +110,24 @@ impl Figures {
             &one(published),
         );
         family("acknowledged_total", "counter", "Records that the broker has.", &one(acknowledged));
-        family("rejected_total", "counter", "Records that the broker has not taken.", &one(rejected));
+        family("rejected_total", "counter", "How often the broker has not taken a record.", &one(rejected));
         family(
             "connections_total",
             "counter",
             "Connections that the broker has accepted.",
             &one(connections),
         );
-        let dropped =
-            [("full", self.dropped_full), ("busy", self.dropped_busy), ("orphan", self.dropped_orphans)];
+        let dropped = [
+            ("full", self.dropped_full),
+            ("busy", self.dropped_busy),
+            ("orphan", self.dropped_orphans),
+            ("refused", refused),
+        ];
         let dropped = dropped.map(|(why, count)| (format!("{{why=\"{why}\"}}"), number(count)));
         family(
             "dropped_total",
             "counter",
-            "Records lost: the store was full, the disk too slow, or the cell is no more in the hall's file.",
+            "Records lost: the store was full, the disk too slow, the cell is no more in the hall's file, or the broker refuses it.",
             &dropped,
         );
         let commands = self
@@ -175,6 +179,7 @@ mod tests {
             "cellwire_bridge_online 1",
             "cellwire_bridge_store_records 3",
             "cellwire_bridge_dropped_total{why=\"full\"} 0",
+            "cellwire_bridge_dropped_total{why=\"refused\"} 0",
             "cellwire_bridge_record_number{cell=\"a \\\"b\\\\\"} 7",
         ] {
             assert!(text.lines().any(|found| found == line), "{line} in\n{text}");

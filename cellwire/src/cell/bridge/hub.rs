@@ -9,6 +9,7 @@
 //! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
 //! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
@@ -26,6 +27,7 @@ use super::health::{CellHealth, Figures, Health};
 use super::links::Client;
 use super::metric::{self, CONNECTED, EVENT, NUMBER, Named, STORE};
 use super::payload::{Metric, Payload, Value};
+use super::refusals::Apart;
 use super::report::{Command, Input, Outcome, Report, What};
 use super::uplink::{self, Event, Places, Uplink};
 use crate::io::interrupt;
@@ -63,6 +65,8 @@ pub struct Hub<'a> {
     log: &'a mut dyn FnMut(Json),
     /// Why there was no broker when that was logged last.
     lost: Option<String>,
+    /// Of which cells records were refused for good, and why.
+    refused: HashSet<(usize, String)>,
     forget_at: Instant,
     show_at: Instant,
 }
@@ -144,6 +148,7 @@ impl<'a> Hub<'a> {
             figures,
             log,
             lost: None,
+            refused: HashSet::new(),
             forget_at,
             show_at,
         };
@@ -207,7 +212,8 @@ impl<'a> Hub<'a> {
             self.forget_at = now + FORGET;
             self.commands.forget(metric::now(), &mut turn.batch);
         }
-        let orphans = self.uplink.prepare(ends, &mut turn.batch);
+        let (orphans, apart) = self.uplink.prepare(ends, &mut turn.batch);
+        apart.into_iter().for_each(|apart| self.refused(apart));
         if orphans > 0 && self.figures.dropped_orphans == 0 {
             let why = "it has records of cells that the hall's file has no more: they are dropped";
             (self.log)(json!({"store": "orphans", "why": why}));
@@ -280,6 +286,17 @@ impl<'a> Hub<'a> {
         if self.lost.as_ref() != Some(&why) {
             (self.log)(json!({"broker": "disconnected", "why": why}));
             self.lost = Some(why);
+        }
+    }
+
+    /// Once for each cell and reason: every one is counted.
+    fn refused(&mut self, Apart { place, why, .. }: Apart) {
+        if self.refused.insert((place, why.clone()))
+            && let Some(cell) = self.cells.get(place)
+        {
+            let advice = "it is dropped, and so is each after it that the broker refuses so: see its access control and limits, \
+                          and dropped_total{why=\"refused\"}";
+            (self.log)(json!({"cell": cell.name, "record": "refused", "why": why, "advice": advice}));
         }
     }
 

@@ -10,6 +10,8 @@ pub mod links;
 pub mod metric;
 pub mod node;
 pub mod payload;
+pub mod reconnect;
+pub mod refusals;
 pub mod report;
 pub mod uplink;
 

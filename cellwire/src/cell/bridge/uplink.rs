@@ -1,6 +1,6 @@
 //! The connection to the broker: births, deaths, and the records of the store in their order.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
@@ -9,9 +9,11 @@ use prost::Message;
 
 use super::cell::Cell;
 use super::hall::Broker;
-use super::metric::whole;
+use super::metric::{DETAIL, EVENT, whole};
 use super::node::{Node, Publication, Received};
 use super::payload::{Payload, Value};
+use super::reconnect::Reconnect;
+use super::refusals::{Apart, Refusals};
 use super::report::Input;
 use crate::io::broker::{Happened, Options, Session};
 use crate::io::store::{Batch, Store};
@@ -20,9 +22,6 @@ use crate::io::store::{Batch, Store};
 const IN_FLIGHT: usize = 500;
 /// So many are read at once.
 const CHUNK: usize = 100;
-/// The wait before the first attempt to connect again; each one after it waits twice as long, up to the longest.
-const FIRST_WAIT: Duration = Duration::from_millis(500);
-const LONGEST_WAIT: Duration = Duration::from_secs(10);
 /// An attempt that has come to nothing for so long is given up.
 const PATIENCE: Duration = Duration::from_secs(15);
 
@@ -58,9 +57,7 @@ pub struct Uplink {
     /// The number of the connection: what an earlier one reports later is nobody's.
     generation: u64,
     phase: Phase,
-    wait: Duration,
-    /// When records were published first on this connection.
-    online_at: Instant,
+    reconnect: Reconnect,
     /// When the host application has been online last.
     host_at: u64,
     is_born: bool,
@@ -68,7 +65,12 @@ pub struct Uplink {
     next: u64,
     /// Records from this one on were made on this connection, and are not historical.
     live: u64,
-    flight: HashSet<u64>,
+    flight: HashMap<u64, Flying>,
+    refusals: Refusals,
+    /// Records that the broker refuses for good.
+    apart: Vec<Apart>,
+    /// The longest packet that the broker takes.
+    longest: u32,
     /// Records of cells that are no more.
     orphans: Vec<u64>,
     /// What was counted.
@@ -84,8 +86,18 @@ pub struct Counts {
     pub published: u64,
     /// Records that the broker has.
     pub acknowledged: u64,
-    /// Records that the broker has not taken.
+    /// How often the broker has not taken a record.
     pub rejected: u64,
+    /// Records that it refuses for good: they are dropped.
+    pub refused: u64,
+}
+
+/// A record on its way.
+struct Flying {
+    /// The cell.
+    place: usize,
+    /// The bytes of its message.
+    length: usize,
 }
 
 enum Phase {
@@ -124,13 +136,15 @@ impl Uplink {
             bd_seq,
             generation: 0,
             phase: Phase::Offline { until: Instant::now() },
-            wait: FIRST_WAIT,
-            online_at: Instant::now(),
+            reconnect: Reconnect::default(),
             host_at: 0,
             is_born: false,
             next: 0,
             live: 0,
-            flight: HashSet::new(),
+            flight: HashMap::new(),
+            refusals: Refusals::default(),
+            apart: Vec::new(),
+            longest: u32::MAX,
             orphans: Vec::new(),
             counts: Counts::default(),
         })
@@ -168,8 +182,10 @@ impl Uplink {
             return Event::None;
         }
         match happened {
-            Happened::Connected => {
+            Happened::Connected(longest) => {
                 self.counts.connections += 1;
+                self.longest = longest.unwrap_or(u32::MAX);
+                self.reconnect.accepted(Instant::now());
                 let topics = self.node.subscriptions(self.host.as_deref());
                 if let Phase::Opening { session, .. } = &self.phase {
                     session.subscribe(&topics);
@@ -185,16 +201,39 @@ impl Uplink {
             }
             Happened::Message { topic, payload } => self.received(self.node.receive(&topic, &payload)),
             Happened::Published(key) => {
-                if self.flight.remove(&key) {
+                if self.flight.remove(&key).is_some() {
                     self.counts.acknowledged += 1;
+                    self.refusals.forget(key);
                     batch.remove.push(key);
                 }
                 Event::None
             }
-            Happened::Rejected(key, why) => {
+            Happened::Rejected { token: key, why, is_final } => {
                 self.counts.rejected += 1;
+                if is_final || self.refusals.is_for_good(key, Instant::now()) {
+                    self.set_apart(key, why);
+                    return Event::None;
+                }
                 self.disconnect();
-                Event::Lost(format!("the broker does not take record {key}: {why}"))
+                Event::Lost(format!("the broker does not take a record now: {why}"))
+            }
+            Happened::TooLong => {
+                // If any is too long the longest is.
+                if let Some(key) =
+                    self.flight.iter().max_by_key(|(_, flying)| flying.length).map(|(key, _)| *key)
+                {
+                    self.counts.rejected += 1;
+                    self.set_apart(key, "PacketTooLarge".into());
+                }
+                Event::None
+            }
+            Happened::TakenOver => self.leave_name(),
+            Happened::Dropped => {
+                if self.reconnect.dropped(Instant::now()) {
+                    self.leave_name()
+                } else {
+                    Event::None
+                }
             }
             Happened::Closed(why) => {
                 let was_left = matches!(self.phase, Phase::Leaving { .. });
@@ -202,6 +241,23 @@ impl Uplink {
                 if was_left { Event::None } else { Event::Lost(why) }
             }
         }
+    }
+
+    /// It has been refused for good: the next turn drops it.
+    fn set_apart(&mut self, key: u64, why: String) {
+        if let Some(Flying { place, .. }) = self.flight.remove(&key) {
+            self.refusals.forget(key);
+            self.apart.push(Apart { key, place, why });
+        }
+    }
+
+    /// Another client has this name: two that fight for it would deliver nothing.
+    fn leave_name(&mut self) -> Event {
+        let wait = self.reconnect.leave_name().as_secs();
+        self.disconnect();
+        Event::Lost(format!(
+            "another client has this name: every bridge has a node, and client, of its own; tried again in about {wait} s"
+        ))
     }
 
     fn received(&mut self, received: Received) -> Event {
@@ -234,7 +290,6 @@ impl Uplink {
     fn go_online(&mut self) {
         self.advance(|session| Phase::Online { session });
         (self.is_born, self.next, self.live) = (false, 0, u64::MAX);
-        self.online_at = Instant::now();
         self.flight.clear();
     }
 
@@ -263,20 +318,14 @@ impl Uplink {
 
     fn closed(&mut self) {
         self.generation += 1;
-        self.flight.clear();
-        // One that does not last, as where two clients have one name and end each other's, is no reason to hurry.
-        if self.is_online() && self.online_at.elapsed() > LONGEST_WAIT {
-            self.wait = FIRST_WAIT;
-        }
-        // Not all bridges of a hall at once.
-        let wait = self.wait.mul_f64(0.5 + fastrand::f64());
-        self.wait = (self.wait * 2).min(LONGEST_WAIT);
-        self.phase = Phase::Offline { until: Instant::now() + wait };
+        let now = Instant::now();
+        let wait = self.reconnect.next(now);
+        self.phase = Phase::Offline { until: now + wait };
     }
 
-    /// What has to be written before [`turn`](Self::turn): the number of a connection that is due, and that records of cells that
-    /// are no more are dropped. Returns how many.
-    pub fn prepare(&mut self, ends: bool, batch: &mut Batch) -> u64 {
+    /// What has to be written before [`turn`](Self::turn): the number of a connection that is due, and which records are dropped.
+    /// Returns how many are of cells that are no more, and those that the broker refuses.
+    pub fn prepare(&mut self, ends: bool, batch: &mut Batch) -> (u64, Vec<Apart>) {
         if let Phase::Offline { until } = self.phase
             && until <= Instant::now()
             && !ends
@@ -288,7 +337,10 @@ impl Uplink {
         }
         let orphans = self.orphans.len() as u64;
         batch.remove.append(&mut self.orphans);
-        orphans
+        let apart = core::mem::take(&mut self.apart);
+        batch.remove.extend(apart.iter().map(|apart| apart.key));
+        self.counts.refused += apart.len() as u64;
+        (orphans, apart)
     }
 
     /// Does what is due: connects, and publishes what there is. Returns why a connection came to nothing.
@@ -336,7 +388,7 @@ impl Uplink {
             cells.iter_mut().for_each(|cell| cell.is_born = false);
         }
         for cell in cells.iter_mut().filter(|cell| cell.is_connected && !cell.is_born) {
-            if !bear(session, &mut self.node, cell) {
+            if !bear(session, &mut self.node, cell, self.longest) {
                 return Ok(());
             }
         }
@@ -347,13 +399,13 @@ impl Uplink {
             }
             for (key, bytes) in records {
                 let record = Record::decode(bytes.as_slice()).unwrap_or_default();
-                let cell = places.get(&record.cell).and_then(|place| cells.get_mut(*place));
-                let (Some(cell), Some(payload)) = (cell, record.payload) else {
+                let place = places.get(&record.cell).copied().unwrap_or(usize::MAX);
+                let (Some(cell), Some(payload)) = (cells.get_mut(place), record.payload) else {
                     self.orphans.push(key);
                     self.next = key + 1;
                     continue;
                 };
-                if !cell.is_born && !bear(session, &mut self.node, cell) {
+                if !cell.is_born && !bear(session, &mut self.node, cell, self.longest) {
                     return Ok(());
                 }
                 let mut metrics = payload.metrics;
@@ -361,12 +413,18 @@ impl Uplink {
                     metrics.iter_mut().for_each(|metric| metric.is_historical = Some(true));
                 }
                 let Publication { topic, payload } = self.node.data(&cell.name, metrics);
+                let length = payload.len();
+                if !Session::fits(&topic, &payload, self.longest) {
+                    self.apart.push(Apart { key, place, why: "PacketTooLarge".into() });
+                    self.next = key + 1;
+                    continue;
+                }
                 if !session.publish(&topic, payload, self.acknowledged, Some(key)) {
                     return Ok(());
                 }
                 self.node.published();
                 self.counts.published += 1;
-                self.flight.insert(key);
+                self.flight.insert(key, Flying { place, length });
                 self.next = key + 1;
             }
         }
@@ -410,10 +468,15 @@ fn say(session: &Session, Publication { topic, payload }: &Publication) -> bool 
     session.publish(topic, payload.clone(), false, None)
 }
 
-/// Publishes the birth of a cell.
-fn bear(session: &Session, node: &mut Node, cell: &mut Cell) -> bool {
+/// Publishes the birth of a cell. What happened last is left out where the broker does not take so much.
+fn bear(session: &Session, node: &mut Node, cell: &mut Cell, longest: u32) -> bool {
     let value = |name: &str| cell.values.get(name).map(|(at, value)| (*at, value));
-    let is_said = say(session, &node.device_birth(&cell.name, &cell.definitions, value));
+    let mut birth = node.device_birth(&cell.name, &cell.definitions, value);
+    if !Session::fits(&birth.topic, &birth.payload, longest) {
+        let short = |name: &str| value(name).filter(|_| name != EVENT && name != DETAIL);
+        birth = node.device_birth(&cell.name, &cell.definitions, short);
+    }
+    let is_said = say(session, &birth);
     if is_said {
         node.published();
         cell.is_born = true;

@@ -1,0 +1,122 @@
+//! A broker of MQTT 5 for one connection at a time: the test says what it answers.
+
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::time::{Duration, Instant};
+
+use cellwire::cell::bridge::payload::{Payload, Value};
+use prost::Message as _;
+
+use crate::tool::DEADLINE;
+
+pub(crate) struct Broker(TcpListener);
+
+/// A client that has connected and subscribed.
+pub(crate) struct Peer(TcpStream);
+
+/// A message with QoS 1.
+pub(crate) struct Message {
+    pub(crate) number: [u8; 2],
+    pub(crate) payload: Vec<u8>,
+}
+
+impl Broker {
+    pub(crate) fn new() -> Self {
+        Self(TcpListener::bind("127.0.0.1:0").unwrap())
+    }
+
+    pub(crate) fn address(&self) -> String {
+        self.0.local_addr().unwrap().to_string()
+    }
+
+    /// Whether nobody connects in this time.
+    pub(crate) fn is_left_alone(&self, time: Duration) -> bool {
+        self.0.set_nonblocking(true).unwrap();
+        let end = Instant::now() + time;
+        let mut left = true;
+        while left && Instant::now() < end {
+            left = self.0.accept().is_err();
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        self.0.set_nonblocking(false).unwrap();
+        left
+    }
+
+    /// The next client; CONNACK has these properties.
+    pub(crate) fn accept(&self, properties: &[u8]) -> Peer {
+        let (stream, _) = self.0.accept().unwrap();
+        stream.set_read_timeout(Some(DEADLINE)).unwrap();
+        let mut peer = Peer(stream);
+        assert_eq!(peer.packet().0, 0x10);
+        let length = u8::try_from(properties.len()).unwrap();
+        peer.send(&[&[0x20, length + 3, 0, 0, length], properties].concat());
+        let (kind, body) = peer.packet();
+        assert_eq!(kind, 0x82);
+        // NCMD and DCMD.
+        peer.send(&[0x90, 5, body[0], body[1], 0, 1, 1]);
+        peer
+    }
+}
+
+impl Peer {
+    pub(crate) fn send(&mut self, bytes: &[u8]) {
+        self.0.write_all(bytes).unwrap();
+    }
+
+    /// The next message with QoS 1.
+    pub(crate) fn message(&mut self) -> Message {
+        loop {
+            let (kind, body) = self.packet();
+            if kind & 0xF6 == 0x32 {
+                let topic = usize::from(u16::from_be_bytes([body[0], body[1]]));
+                let number = [body[2 + topic], body[3 + topic]];
+                return Message { number, payload: body[5 + topic..].to_vec() };
+            }
+        }
+    }
+
+    /// PUBACK with a reason code.
+    pub(crate) fn acknowledge(&mut self, message: &Message, reason: u8) {
+        let [high, low] = message.number;
+        self.send(&[0x40, 3, high, low, reason]);
+    }
+
+    /// The first byte of a packet, and what follows its length.
+    fn packet(&mut self) -> (u8, Vec<u8>) {
+        let kind = self.byte();
+        let (mut length, mut shift) = (0, 0);
+        loop {
+            let byte = self.byte();
+            length |= usize::from(byte & 0x7F) << shift;
+            shift += 7;
+            if byte < 0x80 {
+                break;
+            }
+        }
+        let mut body = vec![0; length];
+        self.0.read_exact(&mut body).unwrap();
+        (kind, body)
+    }
+
+    fn byte(&mut self) -> u8 {
+        let mut byte = [0];
+        self.0.read_exact(&mut byte).unwrap();
+        byte[0]
+    }
+}
+
+impl Message {
+    /// The number of the record.
+    pub(crate) fn record(&self) -> u64 {
+        let payload = Payload::decode(self.payload.as_slice()).unwrap();
+        let number = payload.metrics.iter().find(|metric| metric.name.as_deref() == Some("Record/Number"));
+        match number.unwrap().value {
+            Some(Value::Long(number)) => number,
+            ref other => panic!("{other:?}"),
+        }
+    }
+
+    pub(crate) fn contains(&self, text: &str) -> bool {
+        self.payload.windows(text.len()).any(|found| found == text.as_bytes())
+    }
+}

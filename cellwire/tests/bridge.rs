@@ -201,6 +201,8 @@ fn a_record_that_is_too_long_is_dropped_where_the_broker_does_not_say_which() {
     peer.acknowledge(&first, 0x95);
     drop(peer);
     until("a record that is dropped", || figure(&bridge, REFUSED) == 1);
+    let line = bridge.line("\"broker\":\"disconnected\"");
+    assert!(line.contains("the broker does not take a message that is so long: see its limit"), "{line}");
     let made = figure(&bridge, "records_total");
     let mut peer = broker.accept(&[]);
     let mut seen = Vec::new();

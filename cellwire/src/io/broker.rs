@@ -277,6 +277,9 @@ fn explain(error: &ConnectionError) -> String {
             format!("TLS: {error}: see address and tls, and the broker's certificate")
         }
         ConnectionError::Timeout(_) => "the broker does not answer".into(),
+        ConnectionError::MqttState(StateError::Deserialization(Malformed::InvalidConnectReturnCode(
+            TOO_LARGE,
+        ))) => "the broker does not take a message that is so long: see its limit of a message".into(),
         ConnectionError::MqttState(StateError::OutgoingPacketTooLarge { pkt_size, max }) => {
             format!("a birth of {pkt_size} bytes, and the broker takes {max}: see its limit of a packet")
         }

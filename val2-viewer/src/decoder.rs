@@ -55,9 +55,9 @@ impl robot_session::Decoder for Decoder {
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<PosePacket, DecodeError>> {
-        // A byte that came alone, and neither ends nor begins anything.
+        // A byte that came alone, and is above those that end or begin something.
         match self.buffer.byte_after(self.searched) {
-            Some(byte) if (byte > b'$' || byte == b'\r') && self.searched + 1 < self.limit => {
+            Some(byte) if byte > b'$' && self.searched + 1 < self.limit => {
                 self.searched += 1;
                 None
             }

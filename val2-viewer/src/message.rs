@@ -156,34 +156,21 @@ impl Line<'_> {
             Some(word) => u64::from_le_bytes(*word),
             None => self.rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
         };
-        let [comma, first, ..] = word.to_le_bytes();
-        if comma != b',' {
-            return Err(DecodeError::Format { offset: self.at() });
-        }
-        let is_negative = first == b'-';
-        let digits = if is_negative { word >> 16 } else { word >> 8 } ^ u64::from_le_bytes([b'0'; 8]);
-        // Each byte above 9 gets its top bit; what that adds to the bytes behind the first such one does not matter.
-        let others = digits.wrapping_add(u64::from_le_bytes([0x7F - 9; 8])) | digits;
-        // Seven, and eight for each digit.
-        let end = (others & u64::from_le_bytes([0x80; 8])).trailing_zeros();
-        // The last digit becomes the last byte; before the first of five there are zeros.
-        let number = digits.wrapping_shl(7u32.wrapping_sub(end));
-        let has_zero = digits & 0xFF == 0;
-        let is_plain = number & 0xFF_FFFF == 0 && (!has_zero || end == 15 && !is_negative);
-        // Pairs of digits, pairs of those, and all of them.
-        let number = (number.wrapping_mul(10 << 8 | 1) >> 8) & 0x00FF_00FF_00FF_00FF;
-        let number = (number.wrapping_mul(100 << 16 | 1) >> 16) & 0x0000_FFFF_0000_FFFF;
-        let [.., a, b, c, d] = number.wrapping_mul(10_000 << 32 | 1).to_le_bytes();
-        let number = i32::from_le_bytes([a, b, c, d]);
-        let number = N::try_from(if is_negative { number.wrapping_neg() } else { number });
-        let length = 1 + usize::from(is_negative) + end as usize / 8;
-        match (number, self.rest.get(length..)) {
-            (Ok(number), Some(rest)) if is_plain => {
-                self.rest = rest;
-                Ok(number)
-            }
-            _ => Err(DecodeError::Number { offset: self.at() + 1 }),
-        }
+        let found = match word.to_le_bytes() {
+            [b',', b'-', ..] => match digits(word >> 16) {
+                Some((number @ 1.., count)) => Some((-number, 2 + count)),
+                _ => None,
+            },
+            [b',', ..] => digits(word >> 8).map(|(number, count)| (number, 1 + count)),
+            _ => return Err(DecodeError::Format { offset: self.at() }),
+        };
+        let read =
+            found.and_then(|(number, length)| Some((number.try_into().ok()?, self.rest.get(length..)?)));
+        let Some((number, rest)) = read else {
+            return Err(DecodeError::Number { offset: self.at() + 1 });
+        };
+        self.rest = rest;
+        Ok(number)
     }
 
     fn hex(&mut self) -> Result<u8, DecodeError> {
@@ -195,6 +182,26 @@ impl Line<'_> {
         self.rest = rest;
         Ok(digit)
     }
+}
+
+/// The number of one to five digits at the beginning of these bytes, without a zero in front, and how many they are.
+#[inline(always)]
+fn digits(word: u64) -> Option<(i32, usize)> {
+    let digits = word ^ u64::from_le_bytes([b'0'; 8]);
+    // Each byte above 9 gets its top bit; what that adds to the bytes behind the first such one does not matter.
+    let others = digits.wrapping_add(u64::from_le_bytes([0x7F - 9; 8])) | digits;
+    // Seven, and eight for each digit.
+    let end = (others & u64::from_le_bytes([0x80; 8])).trailing_zeros();
+    // The last digit becomes the last byte; before the first of five there are zeros.
+    let aligned = digits.wrapping_shl(7u32.wrapping_sub(end));
+    if aligned & 0xFF_FFFF != 0 || digits & 0xFF == 0 && end != 15 {
+        return None;
+    }
+    // One digit and two pairs of digits, 16 bits each; their sum begins at bit 32. What is above it is a multiple of four, and so
+    // leaves its bit 16 alone.
+    let pairs = (aligned.wrapping_mul(10 << 8 | 1) >> 24) & 0x00FF_00FF_00FF;
+    let sum = pairs.wrapping_mul(10_000 << 32 | 100 << 16 | 1) >> 32 & 0x1_FFFF;
+    Some((i32::try_from(sum).ok()?, end as usize / 8))
 }
 
 struct Text {
@@ -236,7 +243,9 @@ impl Text {
 fn xor(bytes: &[u8]) -> u8 {
     let (words, rest) = bytes.as_chunks();
     let sum = words.iter().fold(0, |sum, word| sum ^ u64::from_le_bytes(*word));
-    sum.to_le_bytes().iter().chain(rest).fold(0, |sum, byte| sum ^ byte)
+    let sum = [32, 16, 8].iter().fold(sum, |sum, half| sum ^ sum >> half);
+    let [sum, ..] = sum.to_le_bytes();
+    rest.iter().fold(sum, |sum, byte| sum ^ byte)
 }
 
 fn hex_digit(nibble: u8) -> u8 {

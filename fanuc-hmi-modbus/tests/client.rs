@@ -446,3 +446,33 @@ fn what_the_specification_forbids_is_not_sent() {
     assert!(matches!(client.request(1, &request), Err(SessionError::Encode(_))));
     assert_eq!(sent(&mut client, MS).len(), 0);
 }
+
+#[test]
+fn a_request_that_is_refused_leaves_the_reply_of_the_place_that_it_would_take() {
+    let mut client: Client<1> = connected(tcp(1));
+    let ticket = client.request(1, &read(0, 1)).unwrap();
+    let no_values = Words::from(&[]);
+    let refused = [
+        read(0, 126),
+        read(65_535, 2),
+        Request::ReadCoils { address: 0, quantity: 2001 },
+        Request::WriteCoils { address: 0, values: (&[]).into() },
+        Request::WriteRegisters { address: 0, values: no_values },
+        Request::ReadWriteRegisters { address: 0, quantity: 1, write_address: 0, values: no_values },
+        Request::Other { function: 100, data: &[1; 253] },
+        Request::Other { function: 3, data: &[1] },
+    ];
+    // Nothing is said of places where the request itself is wrong.
+    for request in &refused {
+        assert!(matches!(client.request(1, request), Err(SessionError::Encode(_))), "{request:?}");
+    }
+    assert_eq!(client.request(1, &read(0, 1)), Err(SessionError::Full { places: 1 }));
+    assert_eq!(sent(&mut client, MS).len(), 1);
+    client.handle_input(MS, &bytes(Some(1), 1, Reply::HoldingRegisters((&[7]).into())));
+    assert_eq!(all(&mut client), [Seen::Registers(ticket, vec![7])]);
+    for request in &refused {
+        assert!(matches!(client.request(1, request), Err(SessionError::Encode(_))), "{request:?}");
+        assert_eq!(client.reply(ticket), Some(Reply::HoldingRegisters((&[7]).into())), "{request:?}");
+    }
+    assert_eq!(client.statistics().requests, 1);
+}

@@ -5,12 +5,16 @@ use crate::error::{DecodeError, Mismatch};
 /// Names a request of a client, which never gives the same twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Ticket(pub(super) u64);
+pub struct Ticket {
+    pub(super) number: u64,
+    /// Where the client keeps the request, and then its reply.
+    pub(super) place: u8,
+}
 
 impl Ticket {
     /// Its number: the first request that a client takes is 1.
     pub const fn number(self) -> u64 {
-        self.0
+        self.number
     }
 }
 

@@ -248,6 +248,17 @@ impl<const N: usize> ClientMachine<N> {
         self.requests.iter().map_while(Option::as_ref)
     }
 
+    /// The place of the next request: a free one, or that of the request that expired longest ago.
+    #[inline(always)] // twice for a request: before it is written, and when it is kept
+    pub fn free_place(&self) -> Option<u8> {
+        let mut taken = Places::default();
+        self.held().for_each(|held| taken.insert(held.place));
+        match taken.first_outside() {
+            place if usize::from(place) < N => Some(place),
+            _ => self.held().find(|held| matches!(held.stage, Stage::Expired { .. })).map(|held| held.place),
+        }
+    }
+
     /// The request in flight that a frame with this transaction belongs to.
     pub fn expects(&self, transaction: u16, config: &ClientConfig) -> Option<u8> {
         self.held().find(|held| held.waits(transaction, config)).map(|held| held.place)
@@ -295,16 +306,12 @@ impl<const N: usize> ClientMachine<N> {
         ClientAction::Reset { lost, not_sent }
     }
 
-    /// A free place, or that of the request that expired longest ago.
     fn request(&mut self, broadcast: bool) -> Option<ClientAction> {
-        let count = self.held().count();
-        let place = if count < N {
-            let mut places = (0..16).filter(|place| self.held().all(|held| held.place != *place));
-            places.next()?
-        } else {
-            let oldest = self.held().position(|held| matches!(held.stage, Stage::Expired { .. }))?;
-            self.remove(oldest)?.place
-        };
+        let place = self.free_place()?;
+        let expired = self.held().position(|held| held.place == place);
+        if let Some(expired) = expired {
+            self.remove(expired);
+        }
         let stage = if broadcast { Stage::QueuedBroadcast } else { Stage::Queued };
         let free = self.requests.iter_mut().find(|held| held.is_none())?;
         *free = Some(Held { place, stage });

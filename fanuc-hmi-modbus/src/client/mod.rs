@@ -21,7 +21,7 @@ use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
 use crate::frame::{Frame, Side};
 use crate::framing::{Framing, Framings};
-use crate::message::{Pdu as _, PduBuf, Reply, Request, limit};
+use crate::message::{PduBuf, Reply, Request, function};
 
 /// The client's end of one connection or serial line, with `N` places for requests, 16 at most, and for the framings `F`.
 ///
@@ -81,7 +81,13 @@ impl<const N: usize, F: Framings> Client<N, F> {
         if config.timeout.is_zero() {
             return Err(ConfigError::Timeout);
         }
-        let place = Place { ticket: Ticket(0), unit: 0, quantity: 0, is_reply: false, pdu: PduBuf::EMPTY };
+        let place = Place {
+            ticket: Ticket { number: 0, place: 0 },
+            unit: 0,
+            quantity: 0,
+            is_reply: false,
+            pdu: PduBuf::EMPTY,
+        };
         Ok(Self {
             config,
             machine: ClientMachine::NEW,
@@ -101,24 +107,29 @@ impl<const N: usize, F: Framings> Client<N, F> {
         if broadcast && request.reads() {
             return Err(SessionError::BroadcastRead { function: request.function() });
         }
-        let mut pdu = [0; limit::PDU];
-        let len = request.encode(&mut pdu)?;
-        let kept = self.machine.on(Duration::ZERO, ClientInput::Request { broadcast }, &self.config);
-        let Ok(ClientAction::Keep { place }) = kept else { return Err(SessionError::Full { places: N }) };
+        let free = self.machine.free_place();
+        let Some((place, kept)) = free.and_then(|free| Some((free, self.places.get_mut(usize::from(free))?)))
+        else {
+            PduBuf::new(request)?;
+            return Err(SessionError::Full { places: N });
+        };
+        // A request that cannot be written leaves the reply that is there.
+        kept.pdu.put(request)?;
+        let ticket = Ticket { number: self.statistics.requests + 1, place };
+        (kept.ticket, kept.unit) = (ticket, unit);
+        (kept.quantity, kept.is_reply) = (request.quantity_read(), false);
         self.statistics.requests += 1;
-        let ticket = Ticket(self.statistics.requests);
-        if let Some(place) = self.places.get_mut(usize::from(place)) {
-            (place.ticket, place.unit) = (ticket, unit);
-            (place.quantity, place.is_reply) = (request.quantity_read(), false);
-            place.pdu.hold(pdu.get(..len).unwrap_or_default());
-        }
+        self.step(Duration::ZERO, ClientInput::Request { broadcast });
         Ok(ticket)
     }
 
     /// The reply to a request: from its [`ClientEvent::Replied`] on, until another request takes its place.
     #[inline]
     pub fn reply(&self, ticket: Ticket) -> Option<Reply<'_>> {
-        let place = self.places.iter().find(|place| place.ticket == ticket && place.is_reply)?;
+        let place = self.places.get(usize::from(ticket.place))?;
+        if place.ticket != ticket || !place.is_reply {
+            return None;
+        }
         Some(Reply::decode(place.pdu.as_bytes()).ok()?.with_bits(place.quantity))
     }
 
@@ -302,10 +313,7 @@ impl<const N: usize, F: Framings> Session for Client<N, F> {
     fn poll_event(&mut self) -> Option<ClientEvent> {
         let event = self.events.pop()?;
         if let Some(ticket) = event.outcome_of() {
-            let place = (0..).zip(&self.places).find(|(_, place)| place.ticket == ticket);
-            if let Some((place, _)) = place {
-                self.step(Duration::ZERO, ClientInput::Taken { place });
-            }
+            self.step(Duration::ZERO, ClientInput::Taken { place: ticket.place });
         }
         Some(event)
     }
@@ -341,9 +349,21 @@ impl Place {
         if self.unit != frame.unit && !any_unit {
             return Some(Misfit::Mismatch(Mismatch::Unit { expected: self.unit, found: frame.unit }));
         }
-        let fits = Reply::decode(frame.pdu).and_then(|reply| Ok((reply, self.pdu.request()?)));
-        match fits {
-            Ok((reply, request)) => reply.answers(&request).err().map(Misfit::Mismatch),
+        // The read that is repeated in every cycle: what it asked for is known without its request.
+        let is_read = self.pdu.as_bytes().first() == Some(&function::READ_HOLDING_REGISTERS);
+        match Reply::decode(frame.pdu) {
+            Ok(Reply::HoldingRegisters(words)) if is_read && words.len() == usize::from(self.quantity) => {
+                None
+            }
+            Ok(reply) => self.answered(&reply),
+            Err(error) => Some(Misfit::Malformed(error)),
+        }
+    }
+
+    #[inline(never)]
+    fn answered(&self, reply: &Reply<'_>) -> Option<Misfit> {
+        match self.pdu.request() {
+            Ok(request) => reply.answers(&request).err().map(Misfit::Mismatch),
             Err(error) => Some(Misfit::Malformed(error)),
         }
     }

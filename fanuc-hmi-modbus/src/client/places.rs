@@ -9,6 +9,12 @@ impl Places {
         self.0 |= 1 << place;
     }
 
+    /// The first place that is not among them; 16 when all are.
+    pub(super) const fn first_outside(self) -> u8 {
+        let [.., first] = self.0.trailing_ones().to_be_bytes();
+        first
+    }
+
     /// The places, in the order of their numbers.
     pub fn iter(self) -> impl Iterator<Item = u8> {
         (0..16).filter(move |place| self.0 >> place & 1 == 1)

@@ -28,6 +28,14 @@ impl PduBuf {
         Ok(Self { bytes, len: u8::try_from(len).map_err(|_| EncodeError::PduLength { found: len })? })
     }
 
+    /// Holds this message from now on, unless the specification does not allow it: that is judged before the first byte is written.
+    #[inline]
+    pub(crate) fn put(&mut self, request: &Request<'_>) -> Result<(), EncodeError> {
+        let len = request.encode(&mut self.bytes)?;
+        self.len = u8::try_from(len).map_err(|_| EncodeError::PduLength { found: len })?;
+        Ok(())
+    }
+
     /// Holds these bytes from now on, unless they are too many.
     #[inline]
     pub(crate) fn hold(&mut self, pdu: &[u8]) {

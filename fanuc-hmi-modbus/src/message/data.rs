@@ -321,11 +321,10 @@ impl<'a> BitsMut<'a> {
 fn copy<A: Copy, B>(from: &[A], to: &mut [B], convert: impl Fn(A) -> B + Copy) {
     let len = from.len().min(to.len());
     let (from, to) = (from.get(..len).unwrap_or_default(), to.get_mut(..len).unwrap_or_default());
-    if let (Some(from), Some(to)) = (from.last_chunk::<8>(), to.last_chunk_mut()) {
-        *to = from.map(convert);
-    } else {
-        to.iter_mut().zip(from).for_each(|(to, from)| *to = convert(*from));
-    }
+    let (Some(last), Some(to_last)) = (from.last_chunk::<8>(), to.last_chunk_mut()) else {
+        return to.iter_mut().zip(from).for_each(|(to, from)| *to = convert(*from));
+    };
+    *to_last = last.map(convert);
     for (to, from) in to.as_chunks_mut::<8>().0.iter_mut().zip(from.as_chunks::<8>().0) {
         *to = from.map(convert);
     }

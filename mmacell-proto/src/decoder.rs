@@ -107,6 +107,7 @@ impl robot_session::Decoder for Decoder {
                 self.searched += 1;
                 None
             }
+            None if self.buffer.is_empty() && !self.finished => None,
             _ => self.next_line(),
         }
     }

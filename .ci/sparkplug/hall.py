@@ -210,6 +210,7 @@ wait("records in the store", lambda: figure("store_records") > args.cells)
 if figure("published_total") != 0:
     fail("records were published without the host application")
 consumer.start()
+processes.append(consumer.receiver)
 wait("online", lambda: figure("online") == 1)
 wait("a record of every cell", lambda: len(consumer.accepted) == args.cells)
 

@@ -5,9 +5,9 @@ use core::time::Duration;
 use arbitrary::Unstructured;
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
-    Acks, Bounds, Charset, DecodeError, Decoder, Dialect, EncodeError, Job, JobKind, Limits, Line, Message,
-    Packet, Params, Pc, PcConfig, PcEvent, Point, Robot, RobotConfig, RobotEvent, Role, Room, Supply, Value,
-    Values,
+    Acks, Bounds, Charset, DecodeError, Decoder, Dialect, EncodeError, Job, JobKind, LargePc, LargeRobot,
+    Limits, Line, Message, Packet, Params, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Role, Room,
+    Supply, Value, Values,
 };
 use robot_work_queue::Reader;
 
@@ -186,7 +186,7 @@ pub(crate) fn wordy() -> Dialect<'static> {
 
 /// A robot and its motion task, which may execute no job twice and leave none out.
 struct Motion {
-    robot: Robot<'static, Line>,
+    robot: LargeRobot<'static, Line>,
     reader: Reader<'static, Job<Line>>,
     /// The jobs of the active order that were executed.
     executed: u32,
@@ -198,7 +198,7 @@ impl Motion {
         let (writer, reader) = robot_work_queue::boxed(capacity, max_number).unwrap();
         let config = RobotConfig { max_number, ..config };
         Self {
-            robot: Robot::new(config, writer).unwrap().with_ranges(bounds).unwrap(),
+            robot: LargeRobot::sized(config, writer).unwrap().with_ranges(bounds).unwrap(),
             reader,
             executed: 0,
             max_number,
@@ -303,7 +303,7 @@ pub fn kawasaki_msg_robot(data: &[u8]) {
 }
 
 /// A packet of jobs from about the next one on; the fuzzer's bytes say where it goes wrong.
-fn jobs(script: &mut Script<'_>, robot: &Robot<'_, Line>, action: u8) -> Vec<u8> {
+fn jobs(script: &mut Script<'_>, robot: &LargeRobot<'_, Line>, action: u8) -> Vec<u8> {
     let mut number = robot.queued() + 1;
     let mut packet = Vec::new();
     for wrong in script.bytes() {
@@ -371,7 +371,7 @@ pub fn kawasaki_msg_pc(data: &[u8]) {
         cumulative_acks,
         ..if first & 8 == 0 { PcConfig::TCP } else { PcConfig::UDP }
     };
-    let mut pc = Pc::new(config).unwrap();
+    let mut pc = LargePc::sized(config).unwrap();
     let source = move |index: u32| if index < total { Supply::Job(line(index)) } else { Supply::End };
     let (mut now, mut out, mut heard, mut executed) = (Duration::ZERO, [0; 4096], false, 0);
     pc.handle_connected(now);
@@ -445,7 +445,7 @@ fn line(index: u32) -> Line {
 }
 
 /// The jobs in an answer follow one another, each under the number of its place.
-fn check_jobs<S: kawasaki_msg::JobSource>(packet: &[u8], pc: &Pc<'_, S>, config: PcConfig<'_>) {
+fn check_jobs<S: kawasaki_msg::JobSource>(packet: &[u8], pc: &LargePc<'_, S>, config: PcConfig<'_>) {
     assert!(!packet.is_empty() && packet.len() <= config.limits.packet);
     let mut last = None;
     check_packet(packet);

@@ -3,7 +3,9 @@
 use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{Charset, Dialect, Fields, Job, JobKind, Message, Robot, RobotConfig, Text, Unfit, Work};
+use kawasaki_msg::{
+    Charset, Dialect, Fields, Job, JobKind, LargeRobot, Message, RobotConfig, Text, Unfit, Work,
+};
 
 use crate::kawasaki_msg::{WORDY, wordy};
 
@@ -41,7 +43,7 @@ pub fn kawasaki_msg_work(data: &[u8]) {
     };
     let queue = |dialect: Dialect<'static>, wire: &[u8], cut: usize| {
         let (writer, reader) = robot_work_queue::boxed::<Job<Mixed>>(4, 9999).unwrap();
-        let mut robot = Robot::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+        let mut robot = LargeRobot::sized(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
         robot.handle_timeout(Duration::ZERO);
         robot.handle_connected(Duration::ZERO);
         robot.handle_input(Duration::ZERO, b"<TilausAlkaa$4#50$1#>");

@@ -1,15 +1,14 @@
 //! A stream of bytes in, messages out, whatever the reads and the string elements cut.
 
 use crate::error::DecodeError;
-use crate::job::{BUFFER, Expected, Job, Work};
 use crate::message::{self, Message};
-use crate::value::{Charset, DATA, START};
+use crate::value::{Charset, DATA, END, START};
 
 /// Finds the messages in a stream of bytes.
 ///
 /// Its verbs are those of [`robot_session::Decoder`]. A message may be cut anywhere and by any number of reads. An error costs the
-/// bytes up to the next `<`, and nothing before or after them; it is returned when that `<` has come. Holds one message of the
-/// greatest length and never more.
+/// bytes up to the next `<`, and nothing before or after them; it is returned when that `<` has come. Holds one message of
+/// `MESSAGE` bytes and never more: a longer one is [`DecodeError::TooLong`].
 ///
 /// ```
 /// use kawasaki_msg::robot_session::Decoder as _;
@@ -22,22 +21,39 @@ use crate::value::{Charset, DATA, START};
 /// assert_eq!(decoder.next_frame().unwrap().unwrap().name, "TilausKuittaus");
 /// ```
 #[derive(Debug, Clone)]
-pub struct Decoder {
-    /// The bytes after the longest message are only looked at, eight at a time, never filled.
-    buffer: [u8; BUFFER],
+pub struct Decoder<const MESSAGE: usize = { Message::MAX_LEN }> {
+    /// What has come is in the first half. The second is only looked at, behind a mark that ends every job.
+    buffer: [[u8; MESSAGE]; 2],
     charset: Charset,
     cursor: Cursor,
 }
 
 impl Decoder {
-    /// An empty decoder at the beginning of a stream.
+    /// An empty decoder at the beginning of a stream, for messages of every length.
     pub const fn new(charset: Charset) -> Self {
-        Self { buffer: [0; BUFFER], charset, cursor: Cursor::START }
+        Self::sized(charset)
+    }
+}
+
+impl<const MESSAGE: usize> Decoder<MESSAGE> {
+    /// An empty decoder at the beginning of a stream, for messages of `MESSAGE` bytes at most.
+    pub const fn sized(charset: Charset) -> Self {
+        Self { buffer: [[0; MESSAGE]; 2], charset, cursor: Cursor::START }
     }
 
     /// Takes of an input what fits, and gives back the rest. No message goes on after the end of a datagram.
     pub(crate) fn take<'b>(&mut self, bytes: &'b [u8], is_datagram: bool) -> &'b [u8] {
-        let taken = robot_session::Decoder::push(self, bytes);
+        self.take_part(bytes, bytes.len(), is_datagram)
+    }
+
+    /// As [`take`](Self::take), but of more than fits only up to the end of a message: expected jobs after it are read where they are.
+    pub(crate) fn take_next<'b>(&mut self, bytes: &'b [u8], is_datagram: bool) -> &'b [u8] {
+        let end = if bytes.len() > MESSAGE { bytes.iter().position(|byte| *byte == END) } else { None };
+        self.take_part(bytes, end.map_or(bytes.len(), |end| end + 1), is_datagram)
+    }
+
+    fn take_part<'b>(&mut self, bytes: &'b [u8], length: usize, is_datagram: bool) -> &'b [u8] {
+        let taken = robot_session::Decoder::push(self, bytes.get(..length).unwrap_or(bytes));
         let rest = bytes.get(taken..).unwrap_or_default();
         if rest.is_empty() && is_datagram {
             robot_session::Decoder::finish(self);
@@ -45,33 +61,40 @@ impl Decoder {
         rest
     }
 
-    /// Gives the jobs that come next to `take`, as long as each is the expected one, until it refuses one.
-    #[inline(always)]
-    pub(crate) fn expected_jobs<W: Work>(
+    /// Gives the messages that come next to `read`, which says how many of these bytes it has used: those in an input where they are,
+    /// if nothing is held before them, then those that are held with what is [taken](Self::take_next). What is not is given back.
+    pub(crate) fn read_in_place<'b>(
         &mut self,
-        expected: &mut Expected,
-        ranges: &W::Ranges,
-        mut take: impl FnMut(&Job<W>) -> bool,
-    ) {
-        let Self { buffer, cursor, .. } = self;
-        if cursor.position != cursor.offset {
-            return;
+        bytes: &'b [u8],
+        is_datagram: bool,
+        mut read: impl FnMut(&[u8]) -> usize,
+    ) -> &'b [u8] {
+        let mut rest = bytes;
+        if self.cursor.start == self.cursor.end && self.cursor.position == self.cursor.offset {
+            let used = read(rest);
+            rest = rest.get(used..).unwrap_or_default();
+            self.cursor.skip(used);
         }
-        // No more is ever filled: it only shows the bound of every place.
-        let end = cursor.end.min(Message::MAX_LEN);
-        let swar = expected.swar();
-        let mut at = cursor.start;
-        while at < end {
-            let mut job = Job { order: 0, number: 0, work: W::default() };
-            let Some(after) = expected.read(&swar, buffer, (at, end), ranges, &mut job) else { break };
-            if !take(&job) {
-                break;
+        rest = self.take_next(rest, is_datagram);
+        if self.cursor.position == self.cursor.offset {
+            let used = read(self.held());
+            if used > 0 {
+                self.cursor.start += used;
+                self.cursor.skip(used);
             }
-            at = after;
-            expected.advance();
         }
-        cursor.advance(at - cursor.start);
-        cursor.position = cursor.offset;
+        rest
+    }
+
+    /// What is held, and bytes to look at after it. A job among them, which is left of earlier messages, is never whole: no mark
+    /// that begins one is inside another, and none begins where fewer bytes are left than one can have.
+    fn held(&mut self) -> &[u8] {
+        let Cursor { start, end, .. } = self.cursor;
+        let buffer = self.buffer.as_flattened_mut();
+        if let Some(after) = buffer.get_mut(end) {
+            *after = START;
+        }
+        buffer.get(start..end + MESSAGE - 1).unwrap_or_default()
     }
 
     /// Whether the bytes so far end inside a message that may still become whole.
@@ -82,15 +105,15 @@ impl Decoder {
     /// What the bytes begin with, from the first one on.
     #[inline(never)]
     fn next_item(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
-        let Self { buffer, charset, cursor } = self;
+        let Self { buffer: [buffer, _], charset, cursor } = self;
         if let Some(error) = cursor.find_start(buffer)? {
             return Some(Err(error));
         }
         let bytes = buffer.get(cursor.start..cursor.end)?;
-        match Message::decode(bytes, *charset) {
+        match Message::decode_within(bytes, *charset, MESSAGE) {
             Ok(Some((message, used))) => {
-                cursor.advance(used);
-                cursor.position = cursor.offset;
+                cursor.start += used;
+                cursor.skip(used);
                 return Some(Ok(message));
             }
             Ok(None) if !cursor.finished => {
@@ -108,27 +131,25 @@ impl Decoder {
     }
 }
 
-impl robot_session::Decoder for Decoder {
+impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
     type Frame<'a> = Message<'a>;
     type Error = DecodeError;
 
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
-        let Self { buffer, cursor, .. } = self;
-        if cursor.end + bytes.len() > Message::MAX_LEN {
+        let Self { buffer: [buffer, _], cursor, .. } = self;
+        if cursor.end + bytes.len() > MESSAGE {
             buffer.copy_within(cursor.start..cursor.end, 0);
             cursor.end -= cursor.start;
             cursor.start = 0;
         }
         // A serial line brings its bytes one by one: a copy of one is no call.
-        if let ([byte], true, Some(place)) =
-            (bytes, cursor.end < Message::MAX_LEN, buffer.get_mut(cursor.end))
-        {
+        if let ([byte], true, Some(place)) = (bytes, cursor.end < MESSAGE, buffer.get_mut(cursor.end)) {
             *place = *byte;
             cursor.end += 1;
             return 1;
         }
-        let taken = bytes.len().min(Message::MAX_LEN - cursor.end);
+        let taken = bytes.len().min(MESSAGE - cursor.end);
         let place = buffer.get_mut(cursor.end..cursor.end + taken);
         if let (Some(place), Some(bytes)) = (place, bytes.get(..taken)) {
             place.copy_from_slice(bytes);
@@ -139,13 +160,13 @@ impl robot_session::Decoder for Decoder {
 
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
-        let Self { buffer, charset, cursor } = self;
+        let Self { buffer: [buffer, _], charset, cursor } = self;
         // A byte that came alone, and ends nothing.
         let last = cursor.start + cursor.scanned;
         if last + 1 == cursor.end
             && let Some(byte) = buffer.get(last)
             && !cursor.finished
-            && cursor.scanned + 1 < Message::MAX_LEN
+            && cursor.scanned + 1 < MESSAGE
         {
             if cursor.scanned == 0 && *byte != START {
                 cursor.advance(1);
@@ -216,6 +237,13 @@ impl Cursor {
         self.offset = self.offset.wrapping_add(bytes);
     }
 
+    /// Goes on after messages that were given.
+    fn skip(&mut self, bytes: usize) {
+        (self.scanned, self.data_end) = (0, 0);
+        self.offset = self.offset.wrapping_add(bytes);
+        self.position = self.offset;
+    }
+
     /// More of a message is needed than these bytes: where its end is looked for.
     fn search_from(&mut self, bytes: &[u8]) {
         self.scanned = bytes.len();
@@ -260,7 +288,7 @@ mod tests {
 
     use super::*;
     use crate::dialect::{Dialect, Entry};
-    use crate::job::{Bounds, Fields, Line, Text, Unfit};
+    use crate::job::{Bounds, Expected, Fields, Job, Line, Text, Unfit, Work};
     use crate::role::Field;
 
     const JOBS: &[u8] = b"<Tyo$14#50$1$1$0$0$3$4#><Tyo$14#50$2$2$3$4$5$6#><Tyo$14#50$3$1$5$6$7$8#>";
@@ -272,9 +300,11 @@ mod tests {
     /// The numbers that a decoder gives one after the other, up to the first that is refused.
     fn numbers(decoder: &mut Decoder, expected: &mut Expected, refused: u16) -> Vec<u16> {
         let mut numbers = Vec::new();
-        decoder.expected_jobs::<Line>(expected, &Bounds::WIDEST, |job| {
-            numbers.push(job.number);
-            job.number != refused
+        decoder.read_in_place(&[], false, |bytes| {
+            expected.read::<Line, 4096>(bytes, &Bounds::WIDEST, |job| {
+                numbers.push(job.number);
+                job.number != refused
+            })
         });
         numbers
     }
@@ -316,7 +346,9 @@ mod tests {
         let length = dialect.write_job(job, ranges, &mut wire).unwrap();
         assert_eq!(decoder.push(&wire[..length]), length);
         let mut given = None;
-        decoder.expected_jobs::<W>(expected, ranges, |job| given.replace(*job).is_none());
+        decoder.read_in_place(&[], false, |bytes| {
+            expected.read::<W, 4096>(bytes, ranges, |job| given.replace(*job).is_none())
+        });
         given == Some(*job)
     }
 
@@ -351,8 +383,9 @@ mod tests {
                     let _ = decoder.push(&changed[..length]);
                     let mut given = None;
                     let expected = &mut Expected::new(&dialect, 50, 12, 9999).unwrap();
-                    decoder.expected_jobs::<Line>(expected, &Bounds::WIDEST, |job| {
-                        given.replace(*job).is_none()
+                    decoder.read_in_place(&[], false, |bytes| {
+                        expected
+                            .read::<Line, 4096>(bytes, &Bounds::WIDEST, |job| given.replace(*job).is_none())
                     });
                     let message = Message::decode(&changed[..length], Charset::Ascii).ok().flatten();
                     let read =

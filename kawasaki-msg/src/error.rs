@@ -41,7 +41,7 @@ pub enum DecodeError {
     #[error("byte {found:#04x} is not ASCII (at byte {offset})")]
     #[allow(missing_docs, reason = "the sentence says it")]
     NotAscii { offset: usize, found: u8 },
-    /// The message is, or says that it is, longer than the longest packet.
+    /// The message is, or says that it is, longer than the longest packet, or than the decoder can hold.
     #[error("the message is longer than {limit} bytes (at byte {offset})")]
     #[allow(missing_docs, reason = "the sentence says it")]
     TooLong { offset: usize, limit: usize },
@@ -310,6 +310,16 @@ pub enum ConfigError {
     #[error("the job's own fields can have {found} bytes, at most {limit} can be")]
     #[allow(missing_docs, reason = "the sentence says it")]
     JobTooLong { found: usize, limit: usize },
+    /// The type of the session can hold no message that is as long as the table's longest one with the longest values: see
+    /// [`Robot::sized`](crate::Robot::sized).
+    #[error("a message can have {longest} bytes, the session holds {held}")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    LongMessages { longest: usize, held: usize },
+    /// The type of the session cannot tell all job numbers apart, which it has to where each job is acknowledged by itself: see
+    /// [`Robot::sized`](crate::Robot::sized).
+    #[error("jobs are numbered up to {max}, the session tells numbers below {numbers} apart")]
+    #[allow(missing_docs, reason = "the sentence says it")]
+    TooManyNumbers { max: u16, numbers: usize },
     /// The dialect lacks this role, and the configuration needs it.
     #[error("the table lacks the role {role:?}, which the configuration needs")]
     #[allow(missing_docs, reason = "the sentence says it")]

@@ -52,11 +52,20 @@ impl<'a> Message<'a> {
     /// # Errors
     /// The first corruption, with its place in `bytes`. Look for the next `<` after the first byte.
     pub fn decode(bytes: &'a [u8], charset: Charset) -> Result<Option<(Self, usize)>, DecodeError> {
-        let bytes = bytes.get(..Self::MAX_LEN).unwrap_or(bytes);
-        match message(bytes, charset) {
+        Self::decode_within(bytes, charset, Self::MAX_LEN)
+    }
+
+    /// As [`decode`](Self::decode), of at most so many bytes.
+    pub(crate) fn decode_within(
+        bytes: &'a [u8],
+        charset: Charset,
+        limit: usize,
+    ) -> Result<Option<(Self, usize)>, DecodeError> {
+        let bytes = bytes.get(..limit).unwrap_or(bytes);
+        match message(bytes, charset, limit) {
             Ok((rest, message)) => Ok(Some((message, bytes.len() - rest.len()))),
-            Err(nom::Err::Incomplete(_)) if bytes.len() == Self::MAX_LEN => {
-                Err(DecodeError::TooLong { offset: 0, limit: Self::MAX_LEN })
+            Err(nom::Err::Incomplete(_)) if bytes.len() == limit => {
+                Err(DecodeError::TooLong { offset: 0, limit })
             }
             Err(nom::Err::Incomplete(_)) => Ok(None),
             Err(nom::Err::Error(fault) | nom::Err::Failure(fault)) => {
@@ -129,13 +138,13 @@ impl robot_session::Encode for InCharset<'_> {
 }
 
 /// The grammar: `< name $ header $ length # data # >`.
-fn message(input: &[u8], charset: Charset) -> Parsed<'_, Message<'_>> {
+fn message(input: &[u8], charset: Charset, limit: usize) -> Parsed<'_, Message<'_>> {
     let (header_at, ()) = mark(START)(input)?;
     let (rest, header) = text(charset)(header_at)?;
     let (data_at, ()) = mark(DATA)(rest)?;
     let (name, header, expected) = split_header(header).map_err(|error| fail(header_at, error))?;
-    if input.len() - data_at.len() + expected + 2 > Message::MAX_LEN {
-        return Err(fail(header_at, DecodeError::TooLong { offset: 0, limit: Message::MAX_LEN }));
+    if input.len() - data_at.len() + expected + 2 > limit {
+        return Err(fail(header_at, DecodeError::TooLong { offset: 0, limit }));
     }
     let (rest, data) = text(charset)(data_at)?;
     let (end_at, ()) = mark(DATA)(rest)?;

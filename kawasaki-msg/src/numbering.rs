@@ -1,5 +1,7 @@
 //! Job numbers on the wire against the count of jobs in the order.
 
+use crate::error::ConfigError;
+
 /// Numbers run from 1 to `max`, then from 1 again (thesis, section 11.1.1); the sessions count on. A number means the one count
 /// in a window shorter than `max` that has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -55,6 +57,12 @@ impl<const WORDS: usize> NumberSet<WORDS> {
     /// The empty set.
     pub const fn new() -> Self {
         Self { bits: [0; WORDS], count: 0 }
+    }
+
+    /// Whether it can hold every number up to this one.
+    pub(crate) const fn check(max: u16) -> Result<(), ConfigError> {
+        let numbers = 64 * WORDS;
+        if max as usize >= numbers { Err(ConfigError::TooManyNumbers { max, numbers }) } else { Ok(()) }
     }
 
     /// Whether a number is in the set.

@@ -26,9 +26,9 @@ impl Limits {
 }
 
 impl Limits {
-    /// Whether every message of a table can be written and fits, however great its numbers are; the fields of a job's own have so
-    /// many bytes at most, a separator for each counted.
-    pub(crate) fn check(&self, dialect: &Dialect<'_>, work: usize) -> Result<(), ConfigError> {
+    /// Whether every message of a table can be written and fits, into a session that can hold so many bytes of one too, however great
+    /// its numbers are; the fields of a job's own have so many bytes at most, a separator for each counted.
+    pub(crate) fn check(&self, dialect: &Dialect<'_>, work: usize, held: usize) -> Result<(), ConfigError> {
         let charset = dialect.charset();
         let mut longest = 0;
         for entry in dialect.entries() {
@@ -53,6 +53,9 @@ impl Limits {
         }
         if self.element == 0 || self.packet > Message::MAX_LEN || longest > self.packet {
             return Err(ConfigError::Limits { element: self.element, packet: self.packet });
+        }
+        if longest > held {
+            return Err(ConfigError::LongMessages { longest, held });
         }
         Ok(())
     }

@@ -438,7 +438,7 @@ fn what_is_left_is_acknowledged_when_there_is_nothing_else_to_send() {
 
 #[test]
 fn jobs_that_overtake_are_acknowledged_one_by_one() {
-    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 4, 9999);
+    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 4, 999);
     bench.cycle(&jobs(1..=4));
     let job = bench.reader.take_where(|_, job| job.number == 3).unwrap();
     bench.robot.job_done(bench.now, job.number).unwrap();
@@ -469,7 +469,7 @@ fn a_job_is_done_once_and_only_if_it_was_queued() {
 
 #[test]
 fn acknowledgements_that_do_not_fit_wait_for_the_next_cycle() {
-    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 400, 9999);
+    let mut bench = Bench::new(RobotConfig { acks: Acks::Individual, ..PATIENT }, 400, 999);
     let all = jobs(1..=400);
     for packet in all.chunks(4000) {
         bench.cycle(packet);

@@ -6,8 +6,8 @@ use core::time::Duration;
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
     Bounds, Charset, ConfigError, Decimal, DecodeError, Dialect, EncodeError, FieldError, FieldFault,
-    FieldType, Fields, Job, JobKind, Line, Message, MessageError, Name, Pc, PcConfig, PcEvent, Point, Robot,
-    RobotConfig, RobotEvent, Text, Unfit, Work, each_field,
+    FieldType, Fields, Job, JobKind, LargeRobot, Line, Message, MessageError, Name, Pc, PcConfig, PcEvent,
+    Point, Robot, RobotConfig, RobotEvent, Text, Unfit, Work, each_field,
 };
 use proptest::prelude::*;
 
@@ -58,7 +58,7 @@ fn queued_within<W: Work>(
     wire: &[u8],
 ) -> Result<Job<W>, MessageError> {
     let (writer, reader) = robot_work_queue::boxed(8, 9999).unwrap();
-    let mut robot = Robot::new(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
+    let mut robot = LargeRobot::sized(RobotConfig { dialect, ..RobotConfig::TCP }, writer).unwrap();
     robot = robot.with_ranges(ranges).unwrap();
     robot.handle_timeout(Duration::ZERO);
     robot.handle_connected(Duration::ZERO);

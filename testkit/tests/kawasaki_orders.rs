@@ -160,7 +160,7 @@ fn an_order_ended_early_executes_what_is_queued<C: Controller>() {
 /// The PC program is started again: it knows nothing of the order that the robot is in.
 fn restart_pc<C>(rig: &mut Rig<C>, pc: PcConfig<'static>) {
     rig.link.disconnect(rig.now);
-    rig.pc = kawasaki_msg::Pc::new(pc).unwrap();
+    rig.pc = kawasaki_msg::LargePc::sized(pc).unwrap();
     rig.pc_events.clear();
 }
 
@@ -219,7 +219,7 @@ fn so_it_is_on_a_connection_that_is_not_new_to_the_robot<C: Controller>() {
     for refuse_repeated_start in [false, true] {
         let robot = RobotConfig { refuse_repeated_start, ..RobotConfig::TCP };
         let mut rig = in_the_middle::<C>(PcConfig::TCP, robot);
-        rig.pc = kawasaki_msg::Pc::new(PcConfig::TCP).unwrap();
+        rig.pc = kawasaki_msg::LargePc::sized(PcConfig::TCP).unwrap();
         (rig.from_pc, rig.from_robot) = (Vec::new(), Vec::new());
         rig.pc_events.clear();
         rig.pc.handle_connected(rig.now);

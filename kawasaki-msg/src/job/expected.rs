@@ -4,7 +4,7 @@
 //! dialect. A job whose message is not exactly so (blanks in the length, another number) is left to the general way, which
 //! finds the message and checks its other values by themselves, and reads its fields as they are read here.
 
-use super::reader::{BUFFER, Reader, Swar, Window, chunk, word};
+use super::reader::{Reader, Swar, chunk, word};
 use super::{Job, Work};
 use crate::dialect::{Dialect, Entry};
 use crate::number::Digits;
@@ -93,49 +93,69 @@ impl Expected {
         work.then_some((before.bytes, after.bytes, tail.bytes))
     }
 
-    /// Reads the job that begins at a place, and gives the place after it. No byte from `end` on is part of it.
+    /// Gives the jobs that these bytes begin with to `take`, as long as each is the expected one, until it refuses one, and says how
+    /// many bytes they are. A job is not read where fewer bytes than a window are left.
     #[inline(always)]
-    pub(crate) fn read<W: Work>(
+    pub(crate) fn read<W: Work, const WINDOW: usize>(
+        &mut self,
+        bytes: &[u8],
+        ranges: &W::Ranges,
+        mut take: impl FnMut(&Job<W>) -> bool,
+    ) -> usize {
+        let Some(last) = bytes.len().checked_sub(WINDOW) else { return 0 };
+        let swar = self.swar;
+        let mut at = 0;
+        // One check of each place.
+        while at <= last {
+            let Some(window) = bytes.get(at..).and_then(<[u8]>::first_chunk::<WINDOW>) else { break };
+            let mut job = Job { order: 0, number: 0, work: W::default() };
+            let Some(used) = self.read_one(&swar, window, ranges, &mut job) else { break };
+            if !take(&job) {
+                break;
+            }
+            at += used;
+            self.advance();
+        }
+        at
+    }
+
+    /// Reads the job that a window begins with, and gives the place after it.
+    #[inline(always)]
+    fn read_one<W: Work, const WINDOW: usize>(
         &self,
         swar: &Swar,
-        buffer: &[u8; BUFFER],
-        (at, end): (usize, usize),
+        window: &[u8; WINDOW],
         ranges: &W::Ranges,
         job: &mut Job<W>,
     ) -> Option<usize> {
-        let window: &Window = buffer.get(at..)?.first_chunk()?;
         let length_at = self.prefix.skip(window, 0)?;
-        let data_at = match chunk(window, length_at)? {
-            [_, _, DATA, _] => length_at + 3,
-            [_, DATA, ..] => length_at + 2,
-            [_, _, _, DATA] => length_at + 4,
+        let (digits, mask) = match chunk(window, length_at)? {
+            [_, _, DATA, _] => (2, 0x00FF_FFFF),
+            [_, DATA, ..] => (1, 0xFFFF),
+            [_, _, _, DATA] => (3, u32::MAX),
             _ => return None,
         };
+        let data_at = length_at + digits + 1;
         let work_at = self.lead.skip(window, data_at)? - 1;
         let tail_at = Reader::read(window, work_at, self.charset, swar, ranges, &mut job.work)?;
         let after = self.tail.skip(window, tail_at)?;
         (job.order, job.number) = (self.order, self.number);
-        let is_whole = at + after <= end
-            && length_is(window, data_at, after - data_at - 2)?
-            && !(self.is_long && self.differs(window, data_at, tail_at));
-        is_whole.then_some(at + after)
-    }
-
-    /// What its jobs are read with.
-    pub(crate) const fn swar(&self) -> Swar {
-        self.swar
+        let text = u32::from_le_bytes(*chunk(window, length_at)?) & mask;
+        let is_expected =
+            length_is(text, after - data_at - 2) && !(self.is_long && self.differs(window, data_at, tail_at));
+        is_expected.then_some(after)
     }
 
     /// Whether what is after the first word of each text is another.
     #[inline(never)]
-    fn differs(&self, window: &Window, data_at: usize, tail_at: usize) -> bool {
+    fn differs<const WINDOW: usize>(&self, window: &[u8; WINDOW], data_at: usize, tail_at: usize) -> bool {
         let parts = [(&self.prefix, 0), (&self.lead, data_at), (&self.tail, tail_at)];
         !parts.into_iter().all(|(text, at)| text.rest_is_at(window, at))
     }
 
     /// Goes on to the next number.
     #[inline(always)]
-    pub(crate) fn advance(&mut self) {
+    fn advance(&mut self) {
         if self.number == self.stop {
             self.carry();
         } else {
@@ -182,35 +202,31 @@ impl Expected {
     }
 }
 
-/// Whether the length before the data part is this one, as we write it.
+/// Whether a length and the mark after it are this one, as we write it.
 #[inline(always)]
-fn length_is(window: &Window, data_at: usize, length: usize) -> Option<bool> {
-    let text = u32::from_le_bytes(*chunk(window, data_at.checked_sub(4)?)?);
+fn length_is(text: u32, length: usize) -> bool {
     match TWO_DIGITS.get(length) {
-        Some(expected) if length >= 10 => Some(text == *expected),
-        Some(expected) => Some(text >> 8 == *expected),
-        None => long_length_is(window, data_at, length),
+        Some(expected) => text == *expected,
+        None => long_length_is(text, length),
     }
 }
 
 #[cold]
 #[inline(never)]
-fn long_length_is(window: &Window, data_at: usize, length: usize) -> Option<bool> {
-    let digits = Digits::new(i32::try_from(length).ok()?);
-    let mark = data_at.checked_sub(2 + digits.as_bytes().len())?;
-    let [SEPARATOR, text @ ..] = window.get(mark..data_at - 1)? else { return Some(false) };
-    Some(text == digits.as_bytes())
+fn long_length_is(text: u32, length: usize) -> bool {
+    let [hundreds, tens, ones, _] = text.to_le_bytes();
+    i32::try_from(length).is_ok_and(|length| Digits::new(length).as_bytes() == [hundreds, tens, ones])
 }
 
-/// The lengths of most jobs as they are on the wire, with the marks around them.
+/// The lengths of most jobs as they are on the wire, with the mark after them.
 const TWO_DIGITS: [u32; 100] = {
     let mut table = [0; 100];
     let mut rest: &mut [u32] = &mut table;
     let (mut tens, mut ones) = (b'0', b'0');
     while let [first, others @ ..] = rest {
         let bytes = match tens {
-            b'0' => [SEPARATOR, ones, DATA, 0],
-            _ => [SEPARATOR, tens, ones, DATA],
+            b'0' => [ones, DATA, 0, 0],
+            _ => [tens, ones, DATA, 0],
         };
         *first = u32::from_le_bytes(bytes);
         rest = others;
@@ -297,13 +313,15 @@ impl Text {
 
     /// The place after this text, if its first word is here.
     #[inline(always)]
-    fn skip(&self, window: &Window, at: usize) -> Option<usize> {
+    fn skip<const WINDOW: usize>(&self, window: &[u8; WINDOW], at: usize) -> Option<usize> {
         let [first, ..] = self.words;
         let [mask, ..] = self.masks;
-        (word(window, at)? & mask == first).then_some(at + usize::from(self.length))
+        // At most 32: the remainder only shows its bound.
+        let length = usize::from(self.length % 64);
+        (word(window, at)? & mask == first).then_some(at + length)
     }
 
-    fn rest_is_at(&self, window: &Window, at: usize) -> bool {
+    fn rest_is_at<const WINDOW: usize>(&self, window: &[u8; WINDOW], at: usize) -> bool {
         let words = self.words.iter().zip(&self.masks).enumerate().skip(1);
         let mut words = words.take_while(|(place, _)| 8 * place < usize::from(self.length));
         words.all(|(place, (expected, mask))| {

@@ -6,8 +6,8 @@ use super::work::{Decimal, Fields, Unfit, Work};
 use super::{Text, writer};
 use crate::error::{ConfigError, FieldError, Name};
 
-/// How many bytes from the beginning of a job on may be looked at: its message, and eight bytes after it.
-pub(super) const WINDOW: usize = 1024;
+/// How many bytes a job's own fields may have, with the marks around them and the eight bytes after them that are looked at.
+pub(super) const LONGEST: usize = 1024;
 
 /// What one field of a job is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,7 +68,7 @@ pub(crate) fn check<W: Work>(ranges: &W::Ranges) -> Result<usize, ConfigError> {
     });
     empty?;
     // The marks around them, and eight bytes that are looked at.
-    let (found, limit) = (longest::<W>(ranges), WINDOW - 64);
+    let (found, limit) = (longest::<W>(ranges), LONGEST - 64);
     if found > limit { Err(ConfigError::JobTooLong { found, limit }) } else { Ok(found) }
 }
 

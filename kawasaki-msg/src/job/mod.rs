@@ -12,7 +12,7 @@ pub use drawing::{Bounds, JobKind, Line, Point};
 pub(crate) use expected::Expected;
 pub(crate) use layout::check;
 pub use layout::{FieldLayout, FieldType, each_field};
-pub(crate) use reader::{BUFFER, read_values};
+pub(crate) use reader::read_values;
 pub use text::Text;
 pub use work::{Decimal, Fields, Unfit, Work};
 pub(crate) use writer::encode;

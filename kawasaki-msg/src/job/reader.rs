@@ -6,25 +6,22 @@
 use core::ops::RangeInclusive;
 
 use super::Text;
-use super::layout::{self, WINDOW};
+use super::layout::{self, LONGEST};
 use super::work::{Decimal, Fields, Unfit, Work};
 use crate::error::{FieldError, FieldFault, MessageError, Name};
-use crate::message::Message;
 use crate::value::{self, Charset, DATA, END, SEPARATOR, START, Value};
-
-/// The bytes after the longest message are only looked at, never filled.
-pub(crate) const BUFFER: usize = Message::MAX_LEN + WINDOW;
-
-pub(super) type Window = [u8; WINDOW];
 
 /// Eight bytes.
 #[inline(always)]
-pub(super) fn word(window: &Window, at: usize) -> Option<u64> {
+pub(super) fn word<const WINDOW: usize>(window: &[u8; WINDOW], at: usize) -> Option<u64> {
     chunk(window, at).map(|bytes| u64::from_le_bytes(*bytes))
 }
 
 #[inline(always)]
-pub(super) fn chunk<const N: usize>(window: &Window, at: usize) -> Option<&[u8; N]> {
+pub(super) fn chunk<const N: usize, const WINDOW: usize>(
+    window: &[u8; WINDOW],
+    at: usize,
+) -> Option<&[u8; N]> {
     window.get(at..)?.first_chunk()
 }
 
@@ -38,7 +35,7 @@ pub(crate) fn read_values<'v, W: Work>(
     ranges: &W::Ranges,
     charset: Charset,
 ) -> Result<W, MessageError> {
-    let (mut window, mut end, mut found) = ([0; WINDOW], 0, 0);
+    let (mut window, mut end, mut found) = ([0; LONGEST], 0, 0);
     let mut put = |byte| {
         if let Some(place) = window.get_mut(end) {
             *place = byte;
@@ -55,11 +52,11 @@ pub(crate) fn read_values<'v, W: Work>(
     }
     put(DATA);
     put(END);
-    if end > WINDOW {
-        return Err(MessageError::JobTooLong { found: end, limit: WINDOW });
+    if end > LONGEST {
+        return Err(MessageError::JobTooLong { found: end, limit: LONGEST });
     }
     let swar = Swar::new(charset);
-    let mut reader = Reader::<true>::new(&window, 0, charset, &swar);
+    let mut reader = Reader::<LONGEST, true>::new(&window, 0, charset, &swar);
     let mut work = W::default();
     match (work.fields(ranges, &mut reader), reader.error) {
         (Ok(()), _) if reader.at + 2 == end => Ok(work),
@@ -70,8 +67,10 @@ pub(crate) fn read_values<'v, W: Work>(
 
 /// Reads one field after the other. The one for expected jobs reads what is written as we write it, and leaves all else to the
 /// one that explains: that reads every form which is allowed, and keeps the error.
-pub(super) struct Reader<'a, const EXPLAINS: bool> {
-    window: &'a Window,
+///
+/// Its window is an array: what is looked at is checked against a constant.
+pub(super) struct Reader<'a, const WINDOW: usize, const EXPLAINS: bool> {
+    window: &'a [u8; WINDOW],
     /// The place of the mark before the next field.
     at: usize,
     charset: Charset,
@@ -79,11 +78,11 @@ pub(super) struct Reader<'a, const EXPLAINS: bool> {
     error: Option<FieldError>,
 }
 
-impl<'a> Reader<'a, false> {
+impl<'a, const WINDOW: usize> Reader<'a, WINDOW, false> {
     /// Reads the job whose first field is after the mark at a place, and gives the place of the mark after its last one.
     #[inline(always)]
     pub(super) fn read<W: Work>(
-        window: &'a Window,
+        window: &'a [u8; WINDOW],
         at: usize,
         charset: Charset,
         swar: &'a Swar,
@@ -96,7 +95,7 @@ impl<'a> Reader<'a, false> {
     }
 }
 
-impl<const EXPLAINS: bool> Fields for Reader<'_, EXPLAINS> {
+impl<const WINDOW: usize, const EXPLAINS: bool> Fields for Reader<'_, WINDOW, EXPLAINS> {
     #[inline(always)]
     fn decimal(
         &mut self,
@@ -175,9 +174,9 @@ impl<const EXPLAINS: bool> Fields for Reader<'_, EXPLAINS> {
     }
 }
 
-impl<'a, const EXPLAINS: bool> Reader<'a, EXPLAINS> {
+impl<'a, const WINDOW: usize, const EXPLAINS: bool> Reader<'a, WINDOW, EXPLAINS> {
     #[inline(always)]
-    fn new(window: &'a Window, at: usize, charset: Charset, swar: &'a Swar) -> Self {
+    fn new(window: &'a [u8; WINDOW], at: usize, charset: Charset, swar: &'a Swar) -> Self {
         Self { window, at, charset, swar, error: None }
     }
 
@@ -194,7 +193,7 @@ impl<'a, const EXPLAINS: bool> Reader<'a, EXPLAINS> {
     fn quick_decimal(&self, places: u8) -> Option<(i32, usize)> {
         let (window, swar) = (self.window, self.swar);
         // One check for every place below.
-        if self.at > WINDOW - 32 {
+        if self.at > const { WINDOW.saturating_sub(32) } {
             return None;
         }
         // -1 where a minus is, else 0.
@@ -240,16 +239,16 @@ impl<'a, const EXPLAINS: bool> Reader<'a, EXPLAINS> {
 
 /// Whether another field follows, or nothing.
 #[inline(always)]
-fn is_mark(window: &Window, at: usize) -> bool {
+fn is_mark<const WINDOW: usize>(window: &[u8; WINDOW], at: usize) -> bool {
     window.get(at) == Some(&SEPARATOR) || chunk(window, at) == Some(&[DATA, END])
 }
 
 /// A number of more than seven bytes, without its sign, and how many bytes it is.
 #[cold]
 #[inline(never)]
-fn long_decimal(window: &Window, at: usize, places: u8) -> Option<(i32, usize)> {
+fn long_decimal<const WINDOW: usize>(window: &[u8; WINDOW], at: usize, places: u8) -> Option<(i32, usize)> {
     let (mut number, mut point) = (0i32, None);
-    for (length, byte) in chunk::<12>(window, at)?.iter().enumerate() {
+    for (length, byte) in chunk::<12, WINDOW>(window, at)?.iter().enumerate() {
         match (byte, point) {
             (b'0'..=b'9', _) => {
                 number = number.checked_mul(10)?.checked_add(i32::from(byte - b'0'))?;
@@ -266,7 +265,7 @@ fn long_decimal(window: &Window, at: usize, places: u8) -> Option<(i32, usize)> 
 }
 
 /// The bytes between the mark at a place and the next one; `None` when no field is there.
-fn value_after(window: &Window, at: usize) -> Option<&[u8]> {
+fn value_after(window: &[u8], at: usize) -> Option<&[u8]> {
     let [SEPARATOR, rest @ ..] = window.get(at..)? else { return None };
     rest.split(|byte| matches!(*byte, SEPARATOR | DATA)).next()
 }
@@ -275,7 +274,7 @@ fn value_after(window: &Window, at: usize) -> Option<&[u8]> {
 #[cold]
 #[inline(never)]
 fn slow_decimal(
-    window: &Window,
+    window: &[u8],
     at: usize,
     places: u8,
     (min, max): (i32, i32),
@@ -311,7 +310,7 @@ fn slow_decimal(
 /// What is wrong with a text.
 #[cold]
 #[inline(never)]
-fn slow_text(window: &Window, at: usize, charset: Charset, (min, max): (usize, usize)) -> FieldFault {
+fn slow_text(window: &[u8], at: usize, charset: Charset, (min, max): (usize, usize)) -> FieldFault {
     let Some(text) = value_after(window, at) else { return FieldFault::Missing };
     match text.iter().copied().find(|byte| value::is_mark(*byte) || !charset.has(*byte)) {
         Some(found) if value::is_mark(found) => FieldFault::Reserved { found },

@@ -2,7 +2,7 @@ use core::time::Duration;
 
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
-use crate::numbering::Numbering;
+use crate::numbering::{NumberSet, Numbering};
 use crate::packet::Limits;
 use crate::role::Role;
 use crate::timing;
@@ -80,17 +80,21 @@ impl PcConfig<'_> {
     /// Over UDP.
     pub const UDP: Self = Self { limits: Limits::UDP, datagrams: true, ..Self::TCP };
 
-    /// A job's own fields have so many bytes at most.
-    pub(crate) fn check(&self, work: usize) -> Result<(), ConfigError> {
+    /// A job's own fields have so many bytes at most; a session can hold a message of `MESSAGE` bytes, and so many `WORDS` of numbers.
+    pub(crate) fn check<const MESSAGE: usize, const WORDS: usize>(
+        &self,
+        work: usize,
+    ) -> Result<(), ConfigError> {
         Dialect::check_max_number(self.max_number)?;
         if !self.cumulative_acks {
             self.dialect.check_has(Role::JobAck)?;
+            NumberSet::<WORDS>::check(self.max_number)?;
         }
         if self.takeover == Takeover::Interrupt {
             self.dialect.check_has(Role::OrderInterrupt)?;
         }
         self.dialect.check_orders(self.datagrams)?;
-        self.limits.check(&self.dialect, work)
+        self.limits.check(&self.dialect, work, MESSAGE)
     }
 
     /// The numbers of the jobs.

@@ -14,7 +14,7 @@ pub use config::PcRule;
 pub use config::{PcConfig, Takeover};
 pub use event::PcEvent;
 pub use machine::Answer;
-pub use session::Pc;
+pub use session::{LargePc, Pc};
 pub use source::{JobSource, Supply};
 pub use state::{
     Action, CommandOutcome, Commands, Contents, Count, Input, JobSent, Known, Link, Machine, Order, Outcome,

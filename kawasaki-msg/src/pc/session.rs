@@ -13,6 +13,7 @@ use crate::dialect::Params;
 use crate::error::{ConfigError, MessageError, SessionError};
 use crate::job::{self, Work};
 use crate::message::Message;
+use crate::numbering::ALL_NUMBERS;
 use crate::packet::Packet;
 use crate::phase::Phase;
 use crate::role::{Field, Role};
@@ -32,18 +33,24 @@ use crate::statistics::PcStatistics;
 ///
 /// **Orders** may have a number that was used before, also at once (over UDP not: give every order a new number there). An order
 /// that the robot is in when it connects is not ours unless we have sent its start, whatever its number is.
+///
+/// It can hold a message of `MESSAGE` bytes, and tell job numbers below 64 for each of its `WORDS` apart where jobs may overtake one
+/// another ([`PcConfig::cumulative_acks`]). What needs more is a [`ConfigError`]: `Pc::<_, 512>::sized`, or a [`LargePc`].
 #[derive(Debug)]
-pub struct Pc<'a, S: JobSource> {
+pub struct Pc<'a, S: JobSource, const MESSAGE: usize = 256, const WORDS: usize = 16> {
     config: PcConfig<'a>,
     ranges: Ranges<S>,
-    machine: Machine,
-    decoder: Decoder,
+    machine: Machine<WORDS>,
+    decoder: Decoder<MESSAGE>,
     source: Option<S>,
     /// The commands that have no outcome yet, oldest first.
     commands: [(u8, i32); Commands::MAX as usize],
     events: Events,
     statistics: PcStatistics,
 }
+
+/// A [`Pc`] for messages of every length and all job numbers: [`LargePc::sized`](Pc::sized).
+pub type LargePc<'a, S> = Pc<'a, S, { Message::MAX_LEN }, ALL_NUMBERS>;
 
 type Events = EventQueue<PcEvent, 32>;
 
@@ -58,13 +65,23 @@ impl<'a, S: JobSource> Pc<'a, S> {
     /// # Errors
     /// When the configuration cannot work.
     pub fn new(config: PcConfig<'a>) -> Result<Self, ConfigError> {
+        Self::sized(config)
+    }
+}
+
+impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSAGE, WORDS> {
+    /// As [`new`](Pc::new), of the size that its type says.
+    ///
+    /// # Errors
+    /// When the configuration cannot work, or needs more.
+    pub fn sized(config: PcConfig<'a>) -> Result<Self, ConfigError> {
         let ranges = Ranges::<S>::default();
-        config.check(job::check::<S::Work>(&ranges)?)?;
+        config.check::<MESSAGE, WORDS>(job::check::<S::Work>(&ranges)?)?;
         Ok(Self {
             config,
             ranges,
             machine: Machine::new(),
-            decoder: Decoder::new(config.dialect.charset()),
+            decoder: Decoder::sized(config.dialect.charset()),
             source: None,
             commands: [(0, 0); Commands::MAX as usize],
             events: EventQueue::new(),
@@ -75,9 +92,9 @@ impl<'a, S: JobSource> Pc<'a, S> {
     /// The same session with other ranges of a job's fields: those of the robot.
     ///
     /// # Errors
-    /// When a range is empty, or a job with the longest values does not fit a packet.
+    /// When a range is empty, or a job with the longest values does not fit a packet or the session.
     pub fn with_ranges(self, ranges: Ranges<S>) -> Result<Self, ConfigError> {
-        self.config.check(job::check::<S::Work>(&ranges)?)?;
+        self.config.check::<MESSAGE, WORDS>(job::check::<S::Work>(&ranges)?)?;
         Ok(Self { ranges, ..self })
     }
 
@@ -102,7 +119,8 @@ impl<'a, S: JobSource> Pc<'a, S> {
     /// receives nothing twice, whether it is still in the order, has ended it, or was restarted meanwhile
     /// ([`PcEvent::OutcomeUnknown`]).
     ///
-    /// Of the jobs, the first `executed` are known to be executed, and those in `ahead`, counted from 0, ahead of others. From
+    /// Of the jobs, the first `executed` are known to be executed, and those in `ahead`, counted from 0, ahead of others; these only
+    /// count where each job is acknowledged by itself ([`PcConfig::cumulative_acks`]). From
     /// `sent` on none was sent: this number has to be kept safely **before** the packet is sent. [`sent`](Self::sent) has it when
     /// [`poll_transmit`](Session::poll_transmit) returns. The source has to give the same jobs at the same places, and the
     /// highest job number has to be the same.
@@ -128,7 +146,8 @@ impl<'a, S: JobSource> Pc<'a, S> {
             active => SessionError::OrderActive { active },
         };
         self.request(Input::Resume { order, executed, sent }).map_err(|_| error)?;
-        for index in ahead.into_iter().filter(|index| (executed..sent).contains(index)) {
+        let each = !self.config.cumulative_acks;
+        for index in ahead.into_iter().filter(|index| each && (executed..sent).contains(index)) {
             self.machine.count.ahead.insert(self.config.numbering().next(index));
         }
         self.source = Some(source);
@@ -185,7 +204,7 @@ impl<'a, S: JobSource> Pc<'a, S> {
     }
 
     /// Everything that decides what the session does next.
-    pub const fn machine(&self) -> &Machine {
+    pub const fn machine(&self) -> &Machine<WORDS> {
         &self.machine
     }
 
@@ -297,11 +316,11 @@ impl<'a, S: JobSource> Pc<'a, S> {
     }
 }
 
-impl<S: JobSource> Pc<'_, S> {
+impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'_, S, MESSAGE, WORDS> {
     /// What the machine is to do with a message; why it is not used is for the event.
     fn on_message(
         config: &PcConfig<'_>,
-        machine: &mut Machine,
+        machine: &mut Machine<WORDS>,
         events: &mut Events,
         commands: &mut [(u8, i32)],
         now: Duration,
@@ -346,9 +365,9 @@ fn commands_end(commands: &mut [(u8, i32)], events: &mut Events, count: u8, outc
 }
 
 #[cold]
-fn rejected(
+fn rejected<const WORDS: usize>(
     config: &PcConfig<'_>,
-    machine: &Machine,
+    machine: &Machine<WORDS>,
     why: Rejection,
     role: Role,
     params: &Params,
@@ -372,7 +391,7 @@ fn rejected(
     }
 }
 
-impl<S: JobSource> Session for Pc<'_, S> {
+impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> Session for Pc<'_, S, MESSAGE, WORDS> {
     type Event = PcEvent;
     type Statistics = PcStatistics;
 

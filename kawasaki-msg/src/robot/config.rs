@@ -3,7 +3,7 @@ use core::time::Duration;
 
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
-use crate::numbering::Numbering;
+use crate::numbering::{NumberSet, Numbering};
 use crate::packet::Limits;
 use crate::robot::state::RecoveryStep;
 use crate::role::Role;
@@ -120,14 +120,18 @@ impl RobotConfig<'_> {
         each.saturating_mul(steps).saturating_add(self.pause.saturating_mul(u32::from(pauses)))
     }
 
-    /// A job's own fields have so many bytes at most.
-    pub(crate) fn check(&self, work: usize) -> Result<(), ConfigError> {
+    /// A job's own fields have so many bytes at most; a session can hold a message of `MESSAGE` bytes, and so many `WORDS` of numbers.
+    pub(crate) fn check<const MESSAGE: usize, const WORDS: usize>(
+        &self,
+        work: usize,
+    ) -> Result<(), ConfigError> {
         Dialect::check_max_number(self.max_number)?;
         if self.acks == Acks::Individual {
             self.dialect.check_has(Role::JobAck)?;
+            NumberSet::<WORDS>::check(self.max_number)?;
         }
         self.dialect.check_orders(self.datagrams)?;
-        self.limits.check(&self.dialect, work)
+        self.limits.check(&self.dialect, work, MESSAGE)
     }
 
     /// The numbers of the jobs.

@@ -13,7 +13,7 @@ mod transmit;
 pub use config::RobotRule;
 pub use config::{Acks, RecoveryLimits, RobotConfig};
 pub use event::RobotEvent;
-pub use session::Robot;
+pub use session::{LargeRobot, Robot};
 pub use state::{
     AckState, Action, Cycle, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
     Rejection, Replies, Report, Stage, Starts,

@@ -17,16 +17,16 @@ use crate::role::{Field, Role};
 use crate::statistics::RobotStatistics;
 
 /// What a message is read with, beside the decoder that holds it.
-pub(super) struct Reading<'a, 'q, W: Work> {
+pub(super) struct Reading<'a, 'q, W: Work, const WORDS: usize> {
     pub(super) config: &'a RobotConfig<'q>,
     pub(super) ranges: &'a W::Ranges,
-    pub(super) machine: &'a mut Machine,
+    pub(super) machine: &'a mut Machine<WORDS>,
     pub(super) writer: &'a mut Writer<'q, Job<W>>,
     pub(super) events: &'a mut Events,
     pub(super) statistics: &'a mut RobotStatistics,
 }
 
-impl<W: Work> Reading<'_, '_, W> {
+impl<W: Work, const WORDS: usize> Reading<'_, '_, W, WORDS> {
     pub(super) fn message(&mut self, now: Duration, message: &Message<'_>) -> Result<Action, Unexpected> {
         let dialect = &self.config.dialect;
         let (role, params) = match dialect.read(message) {

@@ -12,6 +12,7 @@ use crate::dialect::Params;
 use crate::error::{ConfigError, SessionError};
 use crate::job::{self, Expected, Job, Work};
 use crate::message::Message;
+use crate::numbering::ALL_NUMBERS;
 use crate::packet::Packet;
 use crate::phase::Phase;
 use crate::role::Role;
@@ -40,16 +41,22 @@ use crate::statistics::RobotStatistics;
 ///
 /// An order outlives its connection. After a new one both ends report by status what is queued and executed, and the
 /// robot asks for the job after the last that it has queued.
+///
+/// It can hold a message of `MESSAGE` bytes, and tell job numbers below 64 for each of its `WORDS` apart where jobs may overtake one
+/// another ([`Acks::Individual`](super::Acks)). What needs more is a [`ConfigError`]: `Robot::<_, 512>::sized`, or a [`LargeRobot`].
 #[derive(Debug)]
-pub struct Robot<'a, W: Work> {
+pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 16> {
     config: RobotConfig<'a>,
     ranges: W::Ranges,
-    machine: Machine,
-    decoder: Decoder,
+    machine: Machine<WORDS>,
+    decoder: Decoder<MESSAGE>,
     writer: Writer<'a, Job<W>>,
     events: Events,
     statistics: RobotStatistics,
 }
+
+/// A [`Robot`] for messages of every length and all job numbers: [`LargeRobot::sized`](Robot::sized).
+pub type LargeRobot<'a, W> = Robot<'a, W, { Message::MAX_LEN }, ALL_NUMBERS>;
 
 impl<'a, W: Work> Robot<'a, W> {
     /// A session that wants to connect at once. It queues its jobs through `writer`, whose highest job number is the one that
@@ -58,8 +65,18 @@ impl<'a, W: Work> Robot<'a, W> {
     /// # Errors
     /// When the configuration cannot work.
     pub fn new(config: RobotConfig<'a>, writer: Writer<'a, Job<W>>) -> Result<Self, ConfigError> {
+        Self::sized(config, writer)
+    }
+}
+
+impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize> Robot<'a, W, MESSAGE, WORDS> {
+    /// As [`new`](Robot::new), of the size that its type says.
+    ///
+    /// # Errors
+    /// When the configuration cannot work, or needs more.
+    pub fn sized(config: RobotConfig<'a>, writer: Writer<'a, Job<W>>) -> Result<Self, ConfigError> {
         let ranges = W::Ranges::default();
-        config.check(job::check::<W>(&ranges)?)?;
+        config.check::<MESSAGE, WORDS>(job::check::<W>(&ranges)?)?;
         if writer.max_number() != config.max_number {
             return Err(ConfigError::QueueNumbers { queue: writer.max_number(), config: config.max_number });
         }
@@ -67,7 +84,7 @@ impl<'a, W: Work> Robot<'a, W> {
             config,
             ranges,
             machine: Machine::new(&config),
-            decoder: Decoder::new(config.dialect.charset()),
+            decoder: Decoder::sized(config.dialect.charset()),
             writer,
             events: EventQueue::new(),
             statistics: RobotStatistics::default(),
@@ -77,9 +94,9 @@ impl<'a, W: Work> Robot<'a, W> {
     /// The same session with other ranges of a job's fields: what the robot can reach.
     ///
     /// # Errors
-    /// When a range is empty, or a job with the longest values does not fit a packet.
+    /// When a range is empty, or a job with the longest values does not fit a packet or the session.
     pub fn with_ranges(self, ranges: W::Ranges) -> Result<Self, ConfigError> {
-        self.config.check(job::check::<W>(&ranges)?)?;
+        self.config.check::<MESSAGE, WORDS>(job::check::<W>(&ranges)?)?;
         Ok(Self { ranges, ..self })
     }
 
@@ -122,7 +139,7 @@ impl<'a, W: Work> Robot<'a, W> {
     }
 
     /// Everything that decides what the session does next.
-    pub const fn machine(&self) -> &Machine {
+    pub const fn machine(&self) -> &Machine<WORDS> {
         &self.machine
     }
 
@@ -174,13 +191,14 @@ impl<'a, W: Work> Robot<'a, W> {
         self.events.push_notice(RobotEvent::Unexpected { state, input });
     }
 
-    /// Everything that the decoder has: the expected jobs in one pass, the rest message by message.
-    fn read(&mut self, now: Duration) {
+    /// All bytes of an input: the expected jobs in one pass, the rest message by message.
+    fn read(&mut self, now: Duration, mut bytes: &[u8]) {
         loop {
-            self.read_expected_jobs(now);
+            bytes = self.queue_expected_jobs(now, bytes);
             let order = self.machine.order.number();
             let action = match self.decoder.next_frame() {
-                None => break,
+                None if bytes.is_empty() => break,
+                None => continue,
                 Some(Ok(message)) => {
                     let mut reading = Reading {
                         config: &self.config,
@@ -205,17 +223,25 @@ impl<'a, W: Work> Robot<'a, W> {
         }
     }
 
-    /// Queues the expected jobs that come next, as far as there is room, and publishes them at once. The next message, whatever it is, is read the general way.
-    fn read_expected_jobs(&mut self, now: Duration) {
-        let Some((order, number)) = self.machine.fast_path(&self.config) else { return };
-        debug_assert_eq!(order, self.machine.order.number());
-        let RobotConfig { dialect, max_number, .. } = &self.config;
-        let Some(mut expected) = Expected::new(dialect, order, number, *max_number) else { return };
-        let count = queue_jobs(&mut self.decoder, &mut self.writer, &mut expected, &self.ranges);
-        if count > 0 {
+    /// Queues the expected jobs that come next, as far as there is room, and publishes them together. The next message, whatever it is,
+    /// is in the decoder then, to be read the general way; what that cannot take yet is given back.
+    fn queue_expected_jobs<'b>(&mut self, now: Duration, bytes: &'b [u8]) -> &'b [u8] {
+        let RobotConfig { dialect, max_number, datagrams, .. } = &self.config;
+        let next = self.machine.fast_path(&self.config);
+        let expected = next.and_then(|(order, number)| Expected::new(dialect, order, number, *max_number));
+        let Some(mut expected) = expected else { return self.decoder.take_next(bytes, *datagrams) };
+        let mut count = 0;
+        let rest = self.decoder.read_in_place(bytes, *datagrams, |bytes| {
+            let (used, queued) =
+                queue_jobs::<W, MESSAGE>(bytes, &mut self.writer, &mut expected, &self.ranges);
+            count += queued;
+            used
+        });
+        if let Ok(count @ 1..) = u32::try_from(count) {
             self.statistics.queued += u64::from(count);
             self.input(now, Input::Queued { count });
         }
+        rest
     }
 
     /// Does what the machine asks for; `order` is the one that was active before.
@@ -257,26 +283,23 @@ impl<'a, W: Work> Robot<'a, W> {
     }
 }
 
+/// Queues the expected jobs that these bytes begin with: how many bytes, and how many jobs they are.
 #[inline(never)] // by itself it fits the registers
-fn queue_jobs<W: Work>(
-    decoder: &mut Decoder,
+fn queue_jobs<W: Work, const MESSAGE: usize>(
+    bytes: &[u8],
     writer: &mut Writer<'_, Job<W>>,
     expected: &mut Expected,
     ranges: &W::Ranges,
-) -> u32 {
-    let Ok(mut batch) = writer.claim_batch(writer.free()) else { return 0 };
-    let mut queued = 0;
-    decoder.expected_jobs::<W>(expected, ranges, |job| {
-        let Ok(claim) = batch.claim() else { return false };
-        claim.push(*job);
-        queued += 1;
-        true
+) -> (usize, usize) {
+    let Ok(mut batch) = writer.claim_batch(writer.free()) else { return (0, 0) };
+    let used = expected.read::<W, MESSAGE>(bytes, ranges, |job| {
+        let claim = batch.claim();
+        claim.map(|claim| claim.push(*job)).is_ok()
     });
-    batch.publish();
-    queued
+    (used, batch.publish())
 }
 
-impl<W: Work> Session for Robot<'_, W> {
+impl<W: Work, const MESSAGE: usize, const WORDS: usize> Session for Robot<'_, W, MESSAGE, WORDS> {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
 
@@ -292,17 +315,11 @@ impl<W: Work> Session for Robot<'_, W> {
         self.input(now, Input::Disconnected);
     }
 
-    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
+    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
         if !self.machine.is_connected() {
             return self.unexpected(Unexpected { state: "not connected", input: "bytes" });
         }
-        loop {
-            bytes = self.decoder.take(bytes, self.config.datagrams);
-            self.read(now);
-            if bytes.is_empty() {
-                break;
-            }
-        }
+        self.read(now, bytes);
         if !self.decoder.is_inside_message() {
             let waited = self.machine.is_waiting();
             self.input(now, Input::ReadEnd);

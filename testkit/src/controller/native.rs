@@ -4,16 +4,18 @@ use core::ops::{Deref, DerefMut};
 use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session;
-use kawasaki_msg::{Bounds, Job, Line, Phase, Robot, RobotConfig, RobotEvent, RobotStatistics, SessionError};
+use kawasaki_msg::{
+    Bounds, Job, LargeRobot, Line, Phase, RobotConfig, RobotEvent, RobotStatistics, SessionError,
+};
 use robot_work_queue::Reader;
 
 use super::Controller;
 
-/// A [`Robot`] and the motion task's end of its queue.
+/// A [`LargeRobot`] and the motion task's end of its queue.
 #[derive(Debug)]
 pub struct Native {
     /// The communication task.
-    pub robot: Robot<'static, Line>,
+    pub robot: LargeRobot<'static, Line>,
     /// The motion task's end.
     pub reader: Reader<'static, Job<Line>>,
     reports: Vec<u16>,
@@ -25,7 +27,7 @@ impl Controller for Native {
     fn within(bounds: Bounds, config: RobotConfig<'static>, capacity: usize, _: u64) -> Self {
         let (writer, reader) = robot_work_queue::boxed(capacity, config.max_number).unwrap();
         Self {
-            robot: Robot::new(config, writer).unwrap().with_ranges(bounds).unwrap(),
+            robot: LargeRobot::sized(config, writer).unwrap().with_ranges(bounds).unwrap(),
             reader,
             reports: Vec::new(),
         }
@@ -79,15 +81,15 @@ impl Controller for Native {
 }
 
 impl Deref for Native {
-    type Target = Robot<'static, Line>;
+    type Target = LargeRobot<'static, Line>;
 
-    fn deref(&self) -> &Robot<'static, Line> {
+    fn deref(&self) -> &LargeRobot<'static, Line> {
         &self.robot
     }
 }
 
 impl DerefMut for Native {
-    fn deref_mut(&mut self) -> &mut Robot<'static, Line> {
+    fn deref_mut(&mut self) -> &mut LargeRobot<'static, Line> {
         &mut self.robot
     }
 }
@@ -96,7 +98,7 @@ impl Session for Native {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
 
-    const MAX_TRANSMIT: usize = Robot::<Line>::MAX_TRANSMIT;
+    const MAX_TRANSMIT: usize = LargeRobot::<Line>::MAX_TRANSMIT;
 
     fn handle_connected(&mut self, now: Duration) {
         self.robot.handle_connected(now);

@@ -4,7 +4,7 @@
 use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{Job, JobKind, Line, Pc, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Supply};
+use kawasaki_msg::{Job, JobKind, LargePc, Line, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Supply};
 use testkit::controller::{Controller, Native};
 use testkit::link::{Delivery, End, Faults, Link};
 
@@ -40,7 +40,7 @@ pub struct Rig<C = Native> {
     pub now: Duration,
     pub link: Link,
     pub robot: C,
-    pub pc: Pc<'static, Source>,
+    pub pc: LargePc<'static, Source>,
     /// How long one job takes; `None` while the motion task stands still.
     pub motion: Option<Duration>,
     pub motion_at: Duration,
@@ -92,7 +92,7 @@ impl<C: Controller> Rig<C> {
             now: Duration::ZERO,
             link: Link::new(seed, faults),
             robot: C::begin(robot, capacity, seed),
-            pc: Pc::new(pc).unwrap(),
+            pc: LargePc::sized(pc).unwrap(),
             motion: Some(MS),
             motion_at: Duration::ZERO,
             overtakes: false,

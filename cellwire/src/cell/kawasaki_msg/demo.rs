@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow, bail, ensure};
 use indicatif::ProgressBar;
-use kawasaki_msg::{Bounds, Pc, PcConfig, PcEvent, Point, RobotConfig, timing};
+use kawasaki_msg::{Bounds, LargePc, PcConfig, PcEvent, Point, RobotConfig, timing};
 
 use super::tally::{Ledger, Outcome};
 use crate::cell::options::DemoOptions;
@@ -89,7 +89,7 @@ pub fn demo(options: &DemoOptions) -> Result<Report> {
     let board = Lines::of(&layout)?;
     let lines = board.jobs(&picture);
     let (config, pc) = (plant.robot(robot)?, plant.pc(pc)?);
-    let session = Pc::new(pc)?.with_ranges(layout.clone())?;
+    let session = LargePc::sized(pc)?.with_ranges(layout.clone())?;
     // No job is anything else than a line.
     let setup = Setup { config, layout, queue, speed: f64::from(speed), job_time: Duration::ZERO };
     let (udp, timeout) = (plant.udp, tcp::CONNECT_TIMEOUT);
@@ -175,7 +175,7 @@ impl<'a> Repeat<'a> {
 }
 
 impl<'a> Program for Repeat<'a> {
-    type Session = Pc<'static, &'a [AnyWork]>;
+    type Session = LargePc<'static, &'a [AnyWork]>;
 
     fn step(&mut self, pc: &mut Self::Session) -> Result<bool> {
         let time_is_up = self.seconds.is_some_and(|seconds| self.start.elapsed() >= seconds);

@@ -92,7 +92,7 @@ impl<'a> Runner<'a> {
     /// No robot for too long; a journal that cannot be written; a configuration that cannot work.
     pub fn run(mut self, journal: &'a mut Journal, meeting: &mut Meeting, trace: &Trace) -> Result<Ended> {
         let layout = self.jobs.layout().clone();
-        let mut pc = kawasaki_msg::Pc::new(self.config)?.with_ranges(layout)?;
+        let mut pc = kawasaki_msg::LargePc::sized(self.config)?.with_ranges(layout)?;
         if let Some(flight) = journal.flight() {
             if flight.max_number != self.config.max_number {
                 bail!(

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use kawasaki_msg::{JobSource, Pc, PcEvent, PcStatistics, Supply};
+use kawasaki_msg::{JobSource, LargePc, PcEvent, PcStatistics, Supply};
 use robot_session::Session;
 
 use super::journal::Journal;
@@ -12,7 +12,7 @@ use crate::links::kawasaki_msg::layout::AnyWork;
 #[derive(Debug)]
 pub struct Journaled<'a> {
     /// The session.
-    pub pc: Pc<'static, Order<'a>>,
+    pub pc: LargePc<'static, Order<'a>>,
     /// The journal.
     pub journal: &'a mut Journal,
     /// Why nothing is sent any more.
@@ -40,7 +40,7 @@ impl JobSource for Order<'_> {
 impl Session for Journaled<'_> {
     type Event = PcEvent;
     type Statistics = PcStatistics;
-    const MAX_TRANSMIT: usize = Pc::<Order<'_>>::MAX_TRANSMIT;
+    const MAX_TRANSMIT: usize = LargePc::<Order<'_>>::MAX_TRANSMIT;
 
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
         self.pc.handle_input(now, bytes);

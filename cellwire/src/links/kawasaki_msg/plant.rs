@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 use kawasaki_msg::{
-    Acks, Bounds, Charset, ConfigError, Dialect, Entry, Field, Limits, Pc, PcConfig, RobotConfig, Role,
+    Acks, Bounds, Charset, ConfigError, Dialect, Entry, Field, LargePc, Limits, PcConfig, RobotConfig, Role,
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -158,7 +158,7 @@ impl Plant {
             cumulative_acks: self.acks != Acks::Individual,
             ..config
         };
-        let pc = Pc::<&[AnyWork]>::new(config).map_err(refused)?;
+        let pc = LargePc::<&[AnyWork]>::sized(config).map_err(refused)?;
         pc.with_ranges(self.layout()?).map_err(refused)?;
         Ok(config)
     }

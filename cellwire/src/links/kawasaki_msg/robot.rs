@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
-use kawasaki_msg::{Job, Robot, RobotConfig, RobotEvent, RobotStatistics, timing};
+use kawasaki_msg::{Job, LargeRobot, RobotConfig, RobotEvent, RobotStatistics, timing};
 use robot_session::{Driver, Session, Transport as _};
 use robot_work_queue::Reader;
 
@@ -90,7 +90,7 @@ pub fn run(
     let (report, reports) = mpsc::channel();
     let mut task = Communication {
         session: Unpacking {
-            robot: Robot::new(setup.config, writer)?.with_ranges(setup.layout.clone())?,
+            robot: LargeRobot::sized(setup.config, writer)?.with_ranges(setup.layout.clone())?,
             times: Samples::default(),
         },
         reports,
@@ -211,14 +211,14 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
 
 /// A session that measures how long it unpacks a packet.
 struct Unpacking<'a> {
-    robot: Robot<'a, AnyWork>,
+    robot: LargeRobot<'a, AnyWork>,
     times: Samples,
 }
 
 impl Session for Unpacking<'_> {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
-    const MAX_TRANSMIT: usize = Robot::<AnyWork>::MAX_TRANSMIT;
+    const MAX_TRANSMIT: usize = LargeRobot::<AnyWork>::MAX_TRANSMIT;
 
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
         let begin = Instant::now();

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 
 use anyhow::{Context as _, Result};
-use kawasaki_msg::{Pc, PcEvent, RobotEvent};
+use kawasaki_msg::{LargePc, PcEvent, RobotEvent};
 use serde_json::json;
 
 use super::layout::{AnyWork, Layout};
@@ -34,7 +34,7 @@ pub fn pc(options: &SimulateOptions) -> Result<()> {
     let layout = settings.plant.layout()?;
     let jobs = Lines::of(&layout)?.jobs(&picture);
     let config = settings.plant.pc(settings.config)?;
-    let session = Pc::new(config)?.with_ranges(layout)?;
+    let session = LargePc::sized(config)?.with_ranges(layout)?;
     let (mut meeting, kind, place) =
         Meeting::of_pc(&options.endpoint, config.datagrams, config.dialect, options.connect_timeout)?;
     ready("kawasaki-pc", kind, &place)?;
@@ -130,7 +130,7 @@ struct Orders<'a> {
 }
 
 impl<'a> Program for Orders<'a> {
-    type Session = Pc<'static, &'a [AnyWork]>;
+    type Session = LargePc<'static, &'a [AnyWork]>;
 
     fn step(&mut self, pc: &mut Self::Session) -> Result<bool> {
         if std::mem::take(&mut self.wanted) && pc.order().is_none() {

@@ -6,7 +6,9 @@ use std::rc::Rc;
 
 use anyhow::{Context, Result, bail};
 use kawasaki_msg::pc::{Machine, Order, PcRule};
-use kawasaki_msg::{Decoder, FromRobot, JobSource, Message, Pc, PcConfig, PcEvent, Status, Supply, Takeover};
+use kawasaki_msg::{
+    Decoder, FromRobot, JobSource, LargePc, Message, PcConfig, PcEvent, Status, Supply, Takeover,
+};
 use robot_session::{Decoder as _, Session as _};
 use serde_json::{Map, Value};
 
@@ -74,7 +76,7 @@ impl JobSource for Source {
 }
 
 struct KawasakiPc {
-    pc: Pc<'static, Source>,
+    pc: LargePc<'static, Source>,
     config: PcConfig<'static>,
     layout: Layout,
     jobs: Rc<RefCell<Jobs>>,
@@ -89,7 +91,7 @@ impl KawasakiPc {
         let config = PcConfig { dialect, ..configuration(&mut fields, without)? };
         fields.end()?;
         Ok(Self {
-            pc: Pc::new(config)?.with_ranges(layout.clone())?,
+            pc: LargePc::sized(config)?.with_ranges(layout.clone())?,
             config,
             layout,
             jobs: Rc::new(RefCell::new(Jobs { jobs: Vec::new(), is_open: false })),

@@ -5,7 +5,7 @@ use core::time::Duration;
 use anyhow::{Result, bail};
 use kawasaki_msg::robot::{Input, Machine, Order, RobotRule};
 use kawasaki_msg::{
-    Acks, Decoder, Dialect, Field, FromPc, Job, Message, Numbering, RecoveryLimits, Robot, RobotConfig,
+    Acks, Decoder, Dialect, Field, FromPc, Job, LargeRobot, Message, Numbering, RecoveryLimits, RobotConfig,
     RobotEvent, Role, Value as Wire,
 };
 use robot_session::{Decoder as _, Session as _};
@@ -89,7 +89,7 @@ fn configuration(fields: &mut Fields, without: Option<usize>) -> Result<RobotCon
 }
 
 struct KawasakiRobot {
-    robot: Robot<'static, AnyWork>,
+    robot: LargeRobot<'static, AnyWork>,
     config: RobotConfig<'static>,
     layout: Layout,
     motion: Option<Motion>,
@@ -147,7 +147,7 @@ impl KawasakiRobot {
         fields.end()?;
         let (writer, reader) = robot_work_queue::boxed(slots, config.max_number)?;
         Ok(Self {
-            robot: Robot::new(config, writer)?.with_ranges(layout.clone())?,
+            robot: LargeRobot::sized(config, writer)?.with_ranges(layout.clone())?,
             config,
             layout,
             motion: Some(Motion { reader, executes: None }),

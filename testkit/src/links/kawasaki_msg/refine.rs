@@ -7,7 +7,7 @@ use std::rc::Rc;
 use kawasaki_msg::robot::{AckState, Link};
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
-    Decoder, Dialect, FromPc, FromRobot, Job, JobKind, JobSource, Line, Pc, PcEvent, Point, Robot,
+    Decoder, Dialect, FromPc, FromRobot, Job, JobKind, JobSource, LargePc, LargeRobot, Line, PcEvent, Point,
     RobotEvent, Supply, pc, robot,
 };
 use robot_work_queue::Reader;
@@ -109,10 +109,10 @@ struct Ends<'a> {
     world: World,
     at: usize,
     now: Duration,
-    robot: Robot<'static, Line>,
+    robot: LargeRobot<'static, Line>,
     /// The queue of a robot that was restarted.
     reader: Option<Reader<'static, Job<Line>>>,
-    pc: Pc<'static, Source>,
+    pc: LargePc<'static, Source>,
     taken: Rc<RefCell<Vec<u32>>>,
     /// The messages of each packet in flight.
     up: Vec<Vec<Vec<u8>>>,
@@ -122,7 +122,7 @@ struct Ends<'a> {
 impl<'a> Ends<'a> {
     fn new(setup: &'a Setup) -> (Self, Reader<'static, Job<Line>>) {
         let (robot, reader) = new_robot(setup);
-        let pc = Pc::new(setup.pc).expect("a configuration that works");
+        let pc = LargePc::sized(setup.pc).expect("a configuration that works");
         let ends = Self {
             setup,
             world: setup.init(),
@@ -203,7 +203,7 @@ impl<'a> Ends<'a> {
             Act::RobotNotices => self.robot.handle_disconnected(now),
             Act::PcNotices => self.pc.handle_disconnected(now),
             Act::RestartPc => {
-                self.pc = Pc::new(self.setup.pc).expect("a configuration that works");
+                self.pc = LargePc::sized(self.setup.pc).expect("a configuration that works");
                 if self.setup.datagrams() {
                     self.pc.handle_connected(now);
                 } else {
@@ -234,7 +234,7 @@ impl<'a> Ends<'a> {
             expected.push(message);
             true
         });
-        let mut out = [0; Robot::<Line>::MAX_TRANSMIT];
+        let mut out = [0; LargeRobot::<Line>::MAX_TRANSMIT];
         let length = self.robot.poll_transmit(self.now, &mut out).expect("a packet is due");
         let (messages, sent) = read(&out[..length], FromRobot::read);
         assert_eq!(sent, expected, "{path:?}");
@@ -244,7 +244,7 @@ impl<'a> Ends<'a> {
     }
 
     fn answer(&mut self, before: &World, path: &[Act]) {
-        let mut out = [0; Robot::<Line>::MAX_TRANSMIT];
+        let mut out = [0; LargeRobot::<Line>::MAX_TRANSMIT];
         self.taken.borrow_mut().clear();
         let length = self.pc.poll_transmit(self.now, &mut out).expect("an answer is due");
         let (messages, sent) = read(&out[..length], FromPc::read);
@@ -372,11 +372,11 @@ impl<'a> Ends<'a> {
     }
 }
 
-fn new_robot(setup: &Setup) -> (Robot<'static, Line>, Reader<'static, Job<Line>>) {
+fn new_robot(setup: &Setup) -> (LargeRobot<'static, Line>, Reader<'static, Job<Line>>) {
     let config = kawasaki_msg::RobotConfig { low_water: Some(setup.low_water), ..setup.robot };
     let (writer, reader) =
         robot_work_queue::boxed(setup.capacity, config.max_number).expect("a queue that works");
-    (Robot::new(config, writer).expect("a configuration that works"), reader)
+    (LargeRobot::sized(config, writer).expect("a configuration that works"), reader)
 }
 
 fn relative(time: &mut Duration, now: Duration) {

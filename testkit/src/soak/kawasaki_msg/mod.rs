@@ -11,7 +11,7 @@ use core::num::NonZeroU16;
 use core::time::Duration;
 
 use kawasaki_msg::robot_session::Session as _;
-use kawasaki_msg::{Acks, Pc, PcConfig, PcEvent, RobotConfig, RobotEvent, Takeover};
+use kawasaki_msg::{Acks, LargePc, PcConfig, PcEvent, RobotConfig, RobotEvent, Takeover};
 
 use self::hostile::{FAR, Hostile};
 use self::picture::{Picture, line};
@@ -61,7 +61,7 @@ struct Cell<C> {
     config: (RobotConfig<'static>, PcConfig<'static>),
     capacity: usize,
     robot: C,
-    pc: Pc<'static, Picture>,
+    pc: LargePc<'static, Picture>,
     /// How long a job takes, and when the next one is taken.
     pace: Duration,
     motion_at: Duration,
@@ -187,7 +187,7 @@ impl<C: Controller> Cell<C> {
             config: (robot, pc),
             capacity,
             robot: C::begin(robot, capacity, seed),
-            pc: Pc::new(pc).unwrap(),
+            pc: LargePc::sized(pc).unwrap(),
             pace: [MS / 10, MS, 7 * MS, 40 * MS][rng.below(4)],
             motion_at: Duration::ZERO,
             overtakes,
@@ -229,7 +229,7 @@ impl<C: Controller> Cell<C> {
             // Its user knows that it restarted, and nothing else.
             Mishap::PcRestarts => {
                 self.lose_connection();
-                self.pc = Pc::new(pc).unwrap();
+                self.pc = LargePc::sized(pc).unwrap();
                 if self.config.0.datagrams {
                     self.pc.handle_connected(self.now);
                 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use kawasaki_msg::{Charset, JobSource, Pc, PcConfig, PcEvent, SessionError, Supply};
+use kawasaki_msg::{Charset, JobSource, LargePc, PcConfig, PcEvent, SessionError, Supply};
 use serde::Deserialize;
 use serde_json::{Map, Value as Json, json};
 
@@ -121,7 +121,7 @@ fn run(
     next: &mut u16,
 ) -> Result<()> {
     let (mut meeting, ..) = Meeting::of_pc(endpoint, config.datagrams, config.dialect, CONNECT)?;
-    let session = Pc::<Jobs>::new(config)?.with_ranges(layout.clone())?;
+    let session = LargePc::<Jobs>::sized(config)?.with_ranges(layout.clone())?;
     let mut program = Kawasaki {
         end,
         layout: layout.clone(),
@@ -137,7 +137,7 @@ fn run(
 }
 
 impl Program for Kawasaki<'_> {
-    type Session = Pc<'static, Jobs>;
+    type Session = LargePc<'static, Jobs>;
 
     fn step(&mut self, session: &mut Self::Session) -> Result<bool> {
         if session.order().is_none()
@@ -167,7 +167,7 @@ impl Program for Kawasaki<'_> {
 }
 
 impl Kawasaki<'_> {
-    fn begin(&mut self, session: &mut Pc<'static, Jobs>, command: &Command) -> Result<(), String> {
+    fn begin(&mut self, session: &mut LargePc<'static, Jobs>, command: &Command) -> Result<(), String> {
         // The session would begin it with the next connection, whenever that is.
         if !self.is_connected {
             return Err("the link is not connected".into());

@@ -324,6 +324,18 @@ mod tests {
     }
 
     #[test]
+    fn a_job_is_not_made_whole_by_what_is_left_of_another() {
+        let mut decoder = Decoder::new(Charset::Ascii);
+        let _ = decoder.push(&JOBS[..24]);
+        assert_eq!(numbers(&mut decoder, &mut from_first(), 9), [1]);
+        decoder.clear();
+        for cut in [20, 0] {
+            let _ = decoder.push(&JOBS[..cut]);
+            assert_eq!(numbers(&mut decoder, &mut from_first(), 9), [], "{cut} bytes");
+        }
+    }
+
+    #[test]
     fn a_job_that_is_refused_is_the_next_message() {
         let mut decoder = Decoder::new(Charset::Ascii);
         let _ = decoder.push(JOBS);

@@ -26,9 +26,6 @@ pub(crate) struct Parts {
     pub(crate) blocks: Vec<Range<usize>>,
 }
 
-/// The sections in their order, and what their lines begin with.
-const SECTIONS: [&str; 6] = ["/PROG", "/ATTR", "/APPL", "/MN", "/POS", "/END"];
-
 impl Parts {
     /// Finds the sections, the statements and the positions. What they hold is not looked at.
     ///
@@ -312,12 +309,19 @@ pub(crate) fn ends_application(line: &str) -> bool {
     section(after_blanks(line)).is_some_and(|(section, _)| ![0, 2].contains(&section))
 }
 
-/// Which of the sections a line that begins with `/` begins, and what follows on it.
+/// Which of the sections, in their order, a line begins, and what follows on it.
 fn section(line: &str) -> Option<(usize, &str)> {
-    (0..).zip(SECTIONS).find_map(|(index, section)| {
-        let rest = line.strip_prefix(section)?;
-        (!rest.starts_with(is_letter_or_digit)).then_some((index, rest))
-    })
+    let (section, length) = match line.as_bytes() {
+        [b'/', b'P', b'R', b'O', b'G', ..] => (0, 5),
+        [b'/', b'A', b'T', b'T', b'R', ..] => (1, 5),
+        [b'/', b'A', b'P', b'P', b'L', ..] => (2, 5),
+        [b'/', b'M', b'N', ..] => (3, 3),
+        [b'/', b'P', b'O', b'S', ..] => (4, 4),
+        [b'/', b'E', b'N', b'D', ..] => (5, 4),
+        _ => return None,
+    };
+    let rest = line.get(length..)?;
+    (!rest.starts_with(is_letter_or_digit)).then_some((section, rest))
 }
 
 /// What is missing after a section.

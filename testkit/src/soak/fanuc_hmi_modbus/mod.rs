@@ -70,7 +70,7 @@ struct Bank {
 }
 
 fn held(address: u16, index: usize) -> u16 {
-    (address as usize + index) as u16 * 7 + 3
+    ((address as usize + index) as u16).wrapping_mul(7).wrapping_add(3)
 }
 
 impl Registers for Bank {

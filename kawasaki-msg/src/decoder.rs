@@ -1,7 +1,7 @@
 //! A stream of bytes in, messages out, whatever the reads and the string elements cut.
 
 use crate::error::DecodeError;
-use crate::message::{self, Message};
+use crate::message::{Head, Message};
 use crate::value::{Charset, DATA, END, START};
 
 /// Finds the messages in a stream of bytes.
@@ -79,8 +79,7 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
         if self.cursor.position == self.cursor.offset {
             let used = read(self.held());
             if used > 0 {
-                self.cursor.start += used;
-                self.cursor.skip(used);
+                self.cursor.use_up(used);
             }
         }
         rest
@@ -110,14 +109,16 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
             return Some(Err(error));
         }
         let bytes = buffer.get(cursor.start..cursor.end)?;
+        if let Some(message) = cursor.completed(bytes) {
+            return Some(Ok(message));
+        }
         match Message::decode_within(bytes, *charset, MESSAGE) {
             Ok(Some((message, used))) => {
-                cursor.start += used;
-                cursor.skip(used);
+                cursor.use_up(used);
                 return Some(Ok(message));
             }
             Ok(None) if !cursor.finished => {
-                cursor.search_from(bytes);
+                cursor.search_from(bytes, MESSAGE);
                 return None;
             }
             Ok(None) => {
@@ -129,6 +130,14 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
         cursor.advance(1);
         cursor.find_start(buffer).flatten().map(Err)
     }
+
+    /// A mark came alone, after what is searched.
+    #[inline(never)]
+    fn next_mark(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
+        let Self { buffer: [buffer, _], cursor, .. } = self;
+        let bytes = buffer.get(cursor.start..cursor.end)?;
+        if cursor.goes_on_after_mark(bytes, MESSAGE) { None } else { self.next_item() }
+    }
 }
 
 impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
@@ -138,16 +147,16 @@ impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
     #[inline]
     fn push(&mut self, bytes: &[u8]) -> usize {
         let Self { buffer: [buffer, _], cursor, .. } = self;
+        // A serial line brings its bytes one by one: a copy of one is no call.
+        if let ([byte], Some(place)) = (bytes, buffer.get_mut(cursor.end)) {
+            *place = *byte;
+            cursor.end += 1;
+            return 1;
+        }
         if cursor.end + bytes.len() > MESSAGE {
             buffer.copy_within(cursor.start..cursor.end, 0);
             cursor.end -= cursor.start;
             cursor.start = 0;
-        }
-        // A serial line brings its bytes one by one: a copy of one is no call.
-        if let ([byte], true, Some(place)) = (bytes, cursor.end < MESSAGE, buffer.get_mut(cursor.end)) {
-            *place = *byte;
-            cursor.end += 1;
-            return 1;
         }
         let taken = bytes.len().min(MESSAGE - cursor.end);
         let place = buffer.get_mut(cursor.end..cursor.end + taken);
@@ -161,31 +170,30 @@ impl<const MESSAGE: usize> robot_session::Decoder for Decoder<MESSAGE> {
     #[inline]
     fn next_frame(&mut self) -> Option<Result<Message<'_>, DecodeError>> {
         let Self { buffer: [buffer, _], charset, cursor } = self;
-        // A byte that came alone, and ends nothing.
         let last = cursor.start + cursor.scanned;
         if last + 1 == cursor.end
+            && last < MESSAGE - 1
             && let Some(byte) = buffer.get(last)
-            && !cursor.finished
-            && cursor.scanned + 1 < MESSAGE
         {
-            if cursor.scanned == 0 && *byte != START {
-                cursor.advance(1);
-                return None;
-            }
+            // A byte that came alone, and ends nothing.
             if cursor.scanned > 0 && !charset.ends_text(*byte) {
                 cursor.scanned += 1;
                 return None;
             }
-            if cursor.scanned > 0 && cursor.scanned == cursor.data_end && *byte == DATA {
-                // Whatever comes next ends the message, well or badly.
-                cursor.scanned = 0;
-                return None;
+            if !cursor.finished {
+                if cursor.scanned == 0 && *byte != START {
+                    cursor.advance(1);
+                    return None;
+                }
+                return self.next_mark();
             }
         }
         self.next_item()
     }
 
     fn finish(&mut self) {
+        // What is held is looked at once more, as the last that came.
+        (self.cursor.scanned, self.cursor.head) = (0, None);
         self.cursor.finished = true;
     }
 
@@ -208,8 +216,9 @@ struct Cursor {
     end: usize,
     /// How much of it is known to be the beginning of a message that only a mark can end.
     scanned: usize,
-    /// Where the `#` after the data part has to be in it, once the `#` before it has come; else 0.
-    data_end: usize,
+    /// What it says, once the `#` before the data part has come. Nothing is searched any more after the second one: whatever comes
+    /// next ends the message, well or badly.
+    head: Option<Head>,
     /// The stream's offset of `start`.
     offset: usize,
     /// The stream's offset after what was returned last.
@@ -224,7 +233,7 @@ impl Cursor {
         start: 0,
         end: 0,
         scanned: 0,
-        data_end: 0,
+        head: None,
         offset: 0,
         position: 0,
         corruption: None,
@@ -233,27 +242,59 @@ impl Cursor {
 
     fn advance(&mut self, bytes: usize) {
         self.start += bytes;
-        (self.scanned, self.data_end) = (0, 0);
+        (self.scanned, self.head) = (0, None);
         self.offset = self.offset.wrapping_add(bytes);
+    }
+
+    /// Goes on after messages that were given of what is held.
+    fn use_up(&mut self, bytes: usize) {
+        self.start += bytes;
+        self.skip(bytes);
     }
 
     /// Goes on after messages that were given.
     fn skip(&mut self, bytes: usize) {
-        (self.scanned, self.data_end) = (0, 0);
+        (self.scanned, self.head) = (0, None);
         self.offset = self.offset.wrapping_add(bytes);
         self.position = self.offset;
     }
 
     /// More of a message is needed than these bytes: where its end is looked for.
-    fn search_from(&mut self, bytes: &[u8]) {
-        self.scanned = bytes.len();
-        if let Some((&DATA, before)) = bytes.split_last() {
-            match message::data_len(before) {
-                Some(data) => self.data_end = bytes.len() + data,
-                // After the second `#` any byte ends it.
-                None => self.scanned = 0,
-            }
+    fn search_from(&mut self, bytes: &[u8], limit: usize) {
+        if self.head.is_none() {
+            let data = bytes.iter().position(|byte| *byte == DATA);
+            self.head = data.and_then(|data| Head::read(bytes.get(1..data)?, limit).ok());
         }
+        let is_second = bytes.last() == Some(&DATA) && self.head.is_some_and(|head| head.data < bytes.len());
+        self.scanned = if is_second { 0 } else { bytes.len() };
+    }
+
+    /// Whether a message goes on after these bytes, the last of which is a mark that came alone.
+    fn goes_on_after_mark(&mut self, bytes: &[u8], limit: usize) -> bool {
+        match (bytes, self.head) {
+            ([START], _) => {
+                let is_first = self.position == self.offset;
+                self.scanned = usize::from(is_first);
+                is_first
+            }
+            ([_, head @ .., DATA], None) => {
+                self.head = Head::read(head, limit).ok();
+                self.scanned = bytes.len();
+                self.head.is_some()
+            }
+            ([.., DATA], Some(head)) if self.scanned == head.end => {
+                self.scanned = 0;
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// The message that these bytes begin with, if its end was all that was missing.
+    fn completed<'b>(&mut self, bytes: &'b [u8]) -> Option<Message<'b>> {
+        let head = self.head.filter(|head| self.scanned == 0 && bytes.get(head.end + 1) == Some(&END))?;
+        self.use_up(head.end + 2);
+        Some(head.message(bytes))
     }
 
     /// Goes to the next `<`: `None` if there is none yet, else the error that covers what was skipped.

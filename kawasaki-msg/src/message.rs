@@ -142,41 +142,57 @@ fn message(input: &[u8], charset: Charset, limit: usize) -> Parsed<'_, Message<'
     let (header_at, ()) = mark(START)(input)?;
     let (rest, header) = text(charset)(header_at)?;
     let (data_at, ()) = mark(DATA)(rest)?;
-    let (name, header, expected) = split_header(header).map_err(|error| fail(header_at, error))?;
-    if input.len() - data_at.len() + expected + 2 > limit {
-        return Err(fail(header_at, DecodeError::TooLong { offset: 0, limit }));
-    }
+    let head = Head::read(header, limit).map_err(|error| fail(header_at, error))?;
     let (rest, data) = text(charset)(data_at)?;
     let (end_at, ()) = mark(DATA)(rest)?;
+    let expected = head.end - head.data;
     if data.len() != expected {
         return Err(fail(data_at, DecodeError::Length { offset: 0, expected, found: data.len() }));
     }
     let (rest, ()) = mark(END)(end_at)?;
-    let fields = if data.is_empty() { Values::NONE } else { Values::Wire(data) };
-    Ok((rest, Message { name: Value::Wire(name), header, fields }))
+    Ok((rest, head.message(input)))
 }
 
-/// `name $ header $ length`: the last value is the length, what is before it is kept (thesis, section 10.1).
-fn split_header(header: &[u8]) -> Result<(&[u8], Values<'_>, usize), DecodeError> {
-    let end = header.len();
-    let separator = |byte: &u8| *byte == SEPARATOR;
-    let last = header.iter().rposition(separator).ok_or(DecodeError::NoLength { offset: end })?;
-    let (front, length) = header.split_at(last);
-    let length = length.get(1..).and_then(number::parse);
-    let length =
-        length.and_then(|n| usize::try_from(n).ok()).ok_or(DecodeError::NoLength { offset: last + 1 })?;
-    let mut parts = front.splitn(2, separator);
-    let name = parts.next().unwrap_or_default();
-    if name.is_empty() {
-        return Err(DecodeError::NoName { offset: 0 });
+/// What the bytes before a data part say: where the parts of the message are in it, from its `<` on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Head {
+    /// Where the name ends.
+    name: usize,
+    /// Where the header ends: at the `$` before the length.
+    header: usize,
+    /// Where the data part begins, and where it has to end: at its second `#`.
+    pub(crate) data: usize,
+    pub(crate) end: usize,
+}
+
+impl Head {
+    /// Reads `name $ header $ length`: the last value is the length, what is before it is kept (thesis, section 10.1).
+    pub(crate) fn read(bytes: &[u8], limit: usize) -> Result<Self, DecodeError> {
+        let separator = |byte: &u8| *byte == SEPARATOR;
+        let no_length = |offset| DecodeError::NoLength { offset };
+        let last = bytes.iter().rposition(separator).ok_or(no_length(bytes.len()))?;
+        let length = bytes.get(last + 1..).and_then(number::parse);
+        let length = length.and_then(|n| usize::try_from(n).ok()).ok_or(no_length(last + 1))?;
+        let name = bytes.iter().position(separator).unwrap_or(last);
+        if name == 0 {
+            return Err(DecodeError::NoName { offset: 0 });
+        }
+        let data = bytes.len() + "<#".len();
+        if data + length + "#>".len() > limit {
+            return Err(DecodeError::TooLong { offset: 0, limit });
+        }
+        Ok(Self { name: 1 + name, header: 1 + last, data, end: data + length })
     }
-    Ok((name, parts.next().map_or(Values::NONE, Values::Wire), length))
-}
 
-/// The length of the data part that begins after these bytes and a `#`; `None` when another `#` is among them.
-pub(crate) fn data_len(header: &[u8]) -> Option<usize> {
-    let header = header.get(1..).filter(|header| !header.contains(&DATA))?;
-    split_header(header).ok().map(|(.., length)| length)
+    /// Its message, of which these are the bytes.
+    #[inline(always)]
+    pub(crate) fn message(self, bytes: &[u8]) -> Message<'_> {
+        let name = bytes.get(1..self.name).unwrap_or_default();
+        let header = bytes.get(self.name + 1..self.header);
+        let fields = bytes.get(self.data..self.end).filter(|data| !data.is_empty());
+        let values = |bytes: Option<_>| bytes.map_or(Values::NONE, Values::Wire);
+        Message { name: Value::Wire(name), header: values(header), fields: values(fields) }
+    }
 }
 
 /// Everything up to a mark that ends a part, or a byte that is no character.

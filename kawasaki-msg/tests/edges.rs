@@ -300,3 +300,33 @@ fn a_codec_gives_what_is_whole_before_it_gives_up_the_rest() {
     decoder.clear();
     assert!(!decoder.is_inside_message());
 }
+
+#[test]
+fn a_stream_that_ends_anywhere_is_told_whatever_the_pieces() {
+    let wire = b"x<Tila$h$4#a$bc#><X$0##>x<X$1#ab#><X$1#a#<Y$1#\n#!>#<$2#<X$9999#";
+    for length in 0..=wire.len() {
+        let results = |size| {
+            let mut decoder = Decoder::<32>::sized(Charset::Ascii);
+            let mut results = Vec::new();
+            let mut take = |decoder: &mut Decoder<32>| {
+                while let Some(item) = decoder.next_frame() {
+                    let item = item.map(|message| format!("{message:?}"));
+                    results.push((item, decoder.position()));
+                }
+            };
+            for piece in wire[..length].chunks(size) {
+                assert_eq!(decoder.push(piece), piece.len());
+                take(&mut decoder);
+            }
+            decoder.finish();
+            take(&mut decoder);
+            assert!(!decoder.is_inside_message());
+            results
+        };
+        let whole = results(16);
+        assert_eq!(whole.last().map_or(0, |(_, position)| *position), length as u64);
+        for size in [1, 2, 3, 5] {
+            assert_eq!(results(size), whole, "{length} bytes in pieces of {size}");
+        }
+    }
+}

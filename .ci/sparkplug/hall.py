@@ -243,23 +243,25 @@ consumer.go_offline()
 wait("offline with the host application", lambda: figure("online") == 0)
 consumer.go_online()
 wait("online again", lambda: figure("online") == 1)
+# A broker that is ended by SIGTERM has to lose nothing, also while the bridge is killed; one that is killed loses what it has not
+# handed on.
 outages, killed = 0, []
 if not args.calm:
-    for outage in range(3):
-        if outage == 1:
+    ends = [signal.SIGKILL, signal.SIGTERM, signal.SIGKILL, signal.SIGKILL]
+    for outage, end_of_broker in enumerate(ends):
+        if end_of_broker == signal.SIGTERM:
             slow = [(cell, *cell.slow_order()) for cell in cells if cell.slow_order()]
             for cell, id, order in slow:
                 consumer.command(cell.name, {"id": id, **order})
             wait("slow commands", lambda: all(consumer.outcome(id) == ["accepted"] for _, id, _ in slow), 20)
-        # A broker that is ended by SIGTERM has to lose nothing; one that is killed loses what it has not handed on.
         before = time.time()
-        broker.send_signal(signal.SIGKILL if outage == 2 else signal.SIGTERM)
+        broker.send_signal(end_of_broker)
         broker.wait()
         outages += 1
-        if outage == 2:
+        if end_of_broker == signal.SIGKILL:
             killed.append((before, time.time() + 1))
         time.sleep(min(10, length / 15))
-        if outage == 1:
+        if end_of_broker == signal.SIGTERM:
             bridge.kill(signal.SIGKILL)
             time.sleep(0.5)
             bridge.start()
@@ -267,14 +269,14 @@ if not args.calm:
         balance = books()
         broker = start_broker()
         wait("online again", lambda: figure("online") == 1)
-        if outage == 1:
+        if end_of_broker == signal.SIGTERM:
             # What the bridge was killed over is unknown, and is not executed by being asked for again.
             wait("unknown outcomes", lambda: all(consumer.outcome(id)[-1] == "unknown" for _, id, _ in slow))
             for cell, id, order in slow:
                 consumer.command(cell.name, {"id": id, **order})
             wait("the same outcomes", lambda: all(consumer.outcome(id)[-2:] == ["unknown"] * 2 for _, id, _ in slow))
             ordered += len(slow)
-        time.sleep(max(1.0, (end - time.time()) / (4 - outage) - 10 if length > 60 else 1.0))
+        time.sleep(max(1.0, (end - time.time()) / (len(ends) + 1 - outage) - 10 if length > 60 else 1.0))
     ordered += commands(2)
 time.sleep(max(0.0, end - time.time()))
 # No new records, then everything that waits.

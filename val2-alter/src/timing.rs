@@ -10,23 +10,33 @@ use crate::frame::{Frame, Framing};
 use crate::message::{AXES, Accumulation};
 
 /// The controller sends a standard message, to be answered, every 28 ms (§3.4).
-pub const CYCLE: Duration = Duration::from_millis(28);
+pub const CYCLE: Duration = Duration::from_nanos(CYCLE_NANOS);
+pub(crate) const CYCLE_NANOS: u64 = 28_000_000;
 
 /// The baud rate of the source's line (§3.2), 8N1. Its reply table is for 19200.
 pub const BAUD: u32 = 38_400;
 
 /// From the end of the request to the end of the reply: 15 ms cumulative, 17 ms non-cumulative (§3.4).
 pub const fn window(accumulation: Accumulation) -> Duration {
+    Duration::from_nanos(window_nanos(accumulation))
+}
+
+const fn window_nanos(accumulation: Accumulation) -> u64 {
     match accumulation {
-        Accumulation::Cumulative => Duration::from_millis(15),
-        Accumulation::NonCumulative => Duration::from_millis(17),
+        Accumulation::Cumulative => 15_000_000,
+        Accumulation::NonCumulative => 17_000_000,
     }
 }
 
 /// How long `bytes` occupy the line: ten bits each (8N1). A baud rate of 0 counts as 1.
 pub const fn transmission(bytes: usize, baud: u32) -> Duration {
+    Duration::from_nanos(transmission_nanos(bytes, baud))
+}
+
+/// The same in nanoseconds: one number, where a `Duration` has two and carries between them.
+pub(crate) const fn transmission_nanos(bytes: usize, baud: u32) -> u64 {
     let baud = if baud == 0 { 1 } else { baud };
-    Duration::from_nanos((bytes as u64).saturating_mul(10_000_000_000) / baud as u64)
+    (bytes as u64).saturating_mul(10_000_000_000) / baud as u64
 }
 
 /// The time in one cycle, and who takes it.
@@ -44,12 +54,12 @@ pub struct Budget {
 impl Budget {
     /// The budget of a cycle with a request and a reply of these lengths on the line.
     pub const fn new(accumulation: Accumulation, baud: u32, request_len: usize, reply_len: usize) -> Self {
-        let request = transmission(request_len, baud);
-        let left = CYCLE.saturating_sub(request);
-        let window = window(accumulation);
+        let request = transmission_nanos(request_len, baud);
+        let left = CYCLE_NANOS.saturating_sub(request);
+        let window = window_nanos(accumulation);
         Self {
-            request,
-            window: if left.as_nanos() < window.as_nanos() { left } else { window },
+            request: Duration::from_nanos(request),
+            window: Duration::from_nanos(if left < window { left } else { window }),
             reply: transmission(reply_len, baud),
         }
     }

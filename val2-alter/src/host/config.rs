@@ -98,7 +98,7 @@ impl HostConfig {
 
     /// When a controller that sends nothing from now on counts as lost.
     pub(super) fn lost_at(&self, now: Duration) -> Duration {
-        now.saturating_add(timing::CYCLE.saturating_mul(self.silence_cycles))
+        now.saturating_add(Duration::from_nanos(timing::CYCLE_NANOS * u64::from(self.silence_cycles)))
     }
 
     /// Until when a message is the one that follows a message which arrived at `now`.

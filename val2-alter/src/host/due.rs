@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use super::config::HostConfig;
-use crate::timing::{transmission, window};
+use crate::timing::{transmission, transmission_nanos, window};
 
 /// When an answer must leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -34,6 +34,7 @@ impl Due {
 
     /// Whether an answer of `len` bytes that is sent at `now` ends in time, with something left.
     pub(super) fn fits(&self, now: Duration, len: usize, reserve: Duration, config: &HostConfig) -> bool {
-        transmission(len, config.baud).saturating_add(reserve) <= self.end_by.saturating_sub(now)
+        let takes = u128::from(transmission_nanos(len, config.baud)) + reserve.as_nanos();
+        now.as_nanos() + takes <= self.end_by.as_nanos()
     }
 }

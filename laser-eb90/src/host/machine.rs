@@ -79,6 +79,7 @@ impl HostMachine {
     ///
     /// # Errors
     /// An input that the state does not allow: nothing has changed. Neither line nor controller can cause one.
+    #[inline(always)] // where the input is known, little of it is left
     pub fn on(
         &mut self,
         now: Duration,
@@ -227,6 +228,7 @@ impl HostMachine {
         }
     }
 
+    #[cold]
     const fn unexpected<T>(&self, input: HostInput) -> Result<T, Unexpected> {
         Err(Unexpected { state: self.name(), input: input.name() })
     }

@@ -42,10 +42,7 @@ pub struct Host {
     config: HostConfig,
     machine: HostMachine,
     decoder: Decoder,
-    /// The frame that is being filled.
-    next: Buffer,
-    /// The frame in flight (备份): kept until its answer has come.
-    backup: Buffer,
+    frames: Frames,
     /// The values of the query that was answered last.
     answer: Buffer,
     events: EventQueue<HostEvent, EVENTS>,
@@ -139,8 +136,7 @@ impl Host {
             config,
             machine: HostMachine::NEW,
             decoder: Decoder::new(&config.profile),
-            next: Buffer::EMPTY,
-            backup: Buffer::EMPTY,
+            frames: Frames { buffers: [Buffer::EMPTY; 2], swapped: false },
             answer: Buffer::EMPTY,
             events: EventQueue::new(),
             statistics: HostStatistics::default(),
@@ -164,8 +160,9 @@ impl Host {
         if !self.machine.has_room(class, &self.config) {
             return Err(SessionError::Full);
         }
-        let begin = if self.machine.next.is_some() { self.next.len } else { 0 };
-        let mut payload = Payload::with_len(&mut self.next.bytes, begin, &self.config.profile);
+        let next = self.frames.next_mut();
+        let begin = if self.machine.next.is_some() { next.len.into() } else { 0 };
+        let mut payload = Payload::with_len(&mut next.bytes, begin, &self.config.profile);
         let written = payload.word(word).map(drop).and_then(|()| parameters(&mut payload));
         let len = payload.as_bytes().len();
         match written {
@@ -173,28 +170,28 @@ impl Host {
             Err(error) => return Err(SessionError::Encode(error)),
             Ok(()) => {}
         }
-        let instruction = self.next.bytes.get(begin..len).unwrap_or_default();
+        let instruction = next.bytes.get(begin..len).unwrap_or_default();
         let shorts = Items::new(instruction, &self.config.profile).flatten().skip(1);
         let mut shorts = shorts.filter_map(|item| word_of(&item));
         if shorts.any(|word| class == Class::Interpreted || self.config.words.class(word).is_some()) {
             return Err(SessionError::LoneShort);
         }
+        next.set_len(len);
         let ticket = self.statistics.submitted;
         self.statistics.submitted += 1;
-        self.next.len = len;
         self.advance(Duration::ZERO, HostInput::Submit { ticket, word, class });
         Ok(ticket)
     }
 
     /// Goes on after `Refused` or `Unknown`. What has been submitted meanwhile is sent when the line has settled.
     pub fn resume(&mut self) {
-        self.advance(Duration::ZERO, HostInput::Resume);
+        self.rarely(Duration::ZERO, HostInput::Resume);
     }
 
     /// Takes back the instructions that have not been sent yet; returns how many. They will have no event.
     pub fn take_back(&mut self) -> u8 {
         let count = self.machine.next.map_or(0, |next| next.count);
-        self.advance(Duration::ZERO, HostInput::TakeBack);
+        self.rarely(Duration::ZERO, HostInput::TakeBack);
         count
     }
 
@@ -243,11 +240,19 @@ impl Host {
         }
     }
 
+    #[inline(always)] // where the input is known, little of the machine is left
     fn advance(&mut self, now: Duration, input: HostInput) {
         let action = self.machine.on(now, input, &self.config);
         self.report(action);
     }
 
+    /// The same for what is rare, once for all.
+    #[inline(never)]
+    fn rarely(&mut self, now: Duration, input: HostInput) {
+        self.advance(now, input);
+    }
+
+    #[inline]
     fn report(&mut self, action: Result<HostAction, Unexpected>) {
         match action {
             Ok(HostAction::Nothing) => {}
@@ -288,12 +293,12 @@ impl Session for Host {
 
     fn handle_connected(&mut self, now: Duration) {
         self.decoder.clear();
-        self.advance(now, HostInput::Connected);
+        self.rarely(now, HostInput::Connected);
     }
 
     fn handle_disconnected(&mut self, now: Duration) {
         self.decoder.clear();
-        self.advance(now, HostInput::Disconnected);
+        self.rarely(now, HostInput::Disconnected);
     }
 
     fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
@@ -312,11 +317,11 @@ impl Session for Host {
             self.decoder.finish();
             self.read(now);
         }
-        self.advance(now, HostInput::Timeout);
+        self.rarely(now, HostInput::Timeout);
     }
 
     fn handle_transmitted(&mut self, now: Duration) {
-        self.advance(now, HostInput::Transmitted);
+        self.rarely(now, HostInput::Transmitted);
     }
 
     fn poll_event(&mut self) -> Option<HostEvent> {
@@ -329,11 +334,9 @@ impl Session for Host {
             return None;
         }
         let due = self.machine.due(now)?;
-        let buffer = if due == Due::Next { &self.next } else { &self.backup };
-        let len = Frame::new(buffer.as_bytes(), &self.config.profile).encode(out).ok()?;
-        if due == Due::Next {
-            core::mem::swap(&mut self.next, &mut self.backup);
-        }
+        let payload = self.frames.get(due).as_bytes();
+        let len = Frame::new(payload, &self.config.profile).encode(out).ok()?;
+        self.frames.swapped ^= due == Due::Next;
         self.statistics.frames += 1;
         self.statistics.resends += u64::from(due == Due::Again);
         let line = timing::transmission_time(len, self.config.baud);
@@ -354,24 +357,50 @@ fn answers_query(action: Result<HostAction, Unexpected>) -> bool {
     matches!(action, Ok(HostAction::Report(batch, Outcome::Done { .. })) if batch.class == Class::Query)
 }
 
+/// The payloads of the frame that is being filled and of the one in flight (备份), which is kept until its answer has come.
+#[derive(Debug, Clone)]
+struct Frames {
+    buffers: [Buffer; 2],
+    /// The second is being filled.
+    swapped: bool,
+}
+
+impl Frames {
+    fn get(&self, due: Due) -> &Buffer {
+        let [first, second] = &self.buffers;
+        if self.swapped == (due == Due::Next) { second } else { first }
+    }
+
+    fn next_mut(&mut self) -> &mut Buffer {
+        let [first, second] = &mut self.buffers;
+        if self.swapped { second } else { first }
+    }
+}
+
 /// The bytes of a payload.
 #[derive(Debug, Clone)]
 struct Buffer {
     bytes: [u8; MAX_PAYLOAD],
-    len: usize,
+    len: u16,
 }
+
+const _: () = assert!(MAX_PAYLOAD <= u16::MAX as usize);
 
 impl Buffer {
     const EMPTY: Self = Self { bytes: [0; MAX_PAYLOAD], len: 0 };
 
     fn as_bytes(&self) -> &[u8] {
-        self.bytes.get(..self.len).unwrap_or_default()
+        self.bytes.get(..self.len.into()).unwrap_or_default()
+    }
+
+    fn set_len(&mut self, len: usize) {
+        self.len = u16::try_from(len).unwrap_or_default();
     }
 
     fn copy(&mut self, bytes: &[u8]) {
         if let Some(slot) = self.bytes.get_mut(..bytes.len()) {
             slot.copy_from_slice(bytes);
-            self.len = bytes.len();
+            self.set_len(bytes.len());
         }
     }
 }

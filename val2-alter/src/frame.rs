@@ -1,6 +1,7 @@
 //! The envelope: `DLE DLE STX <data> DLE ETX <checksum>`, every DLE in the data doubled (§3.2).
 
 use crate::error::{DecodeError, EncodeError};
+use crate::framing::{Framing, LeadingDle};
 
 /// Data link escape: begins both marks, and is doubled inside the data.
 pub const DLE: u8 = 0x10;
@@ -8,91 +9,6 @@ pub const DLE: u8 = 0x10;
 pub const STX: u8 = 0x02;
 /// End of text: the end mark is DLE ETX.
 pub const ETX: u8 = 0x03;
-
-/// What the source leaves open about the envelope. The default is the text of the source, read literally.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
-pub struct Framing {
-    /// The DLEs in front of STX: what is written, and the fewest that are read as a start mark. The text has two; the
-    /// source's own tables of lengths fit one as well.
-    pub leading_dle: LeadingDle,
-    /// The checksum is the two's complement of the sum, instead of the sum. The text only says "simple checksum".
-    pub negated_sum: bool,
-    /// A checksum of 10h is doubled like a DLE of the data. The text doubles inside the data, and the checksum is outside.
-    pub stuffed_checksum: bool,
-    /// Reads a reply that sets bits 6 and 7 of its select byte as if they were clear, instead of refusing it.
-    pub ignore_spare_select: bool,
-}
-
-impl Framing {
-    /// Two DLEs in front, the plain sum, not doubled, spare select bits refused.
-    pub const DEFAULT: Self = Self {
-        leading_dle: LeadingDle::Two,
-        negated_sum: false,
-        stuffed_checksum: false,
-        ignore_spare_select: false,
-    };
-
-    fn checksum(self, sum: Sum) -> u8 {
-        let sum = sum.total();
-        if self.negated_sum { sum.wrapping_neg() } else { sum }
-    }
-
-    const fn checksum_len(self, checksum: u8) -> usize {
-        if self.stuffed_checksum && checksum == DLE { 2 } else { 1 }
-    }
-}
-
-impl Default for Framing {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
-
-/// The number of DLEs in a start mark.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(try_from = "u8", into = "u8"))]
-pub enum LeadingDle {
-    /// `10 02`
-    One,
-    /// `10 10 02`
-    Two,
-}
-
-impl LeadingDle {
-    /// The number.
-    pub const fn count(self) -> usize {
-        match self {
-            Self::One => 1,
-            Self::Two => 2,
-        }
-    }
-}
-
-impl From<LeadingDle> for u8 {
-    fn from(leading: LeadingDle) -> u8 {
-        match leading {
-            LeadingDle::One => 1,
-            LeadingDle::Two => 2,
-        }
-    }
-}
-
-impl TryFrom<u8> for LeadingDle {
-    type Error = &'static str;
-
-    fn try_from(count: u8) -> Result<Self, Self::Error> {
-        match count {
-            1 => Ok(Self::One),
-            2 => Ok(Self::Two),
-            _ => Err("a start mark has one or two leading DLEs"),
-        }
-    }
-}
 
 /// The data of one frame, without marks, doubled DLEs and checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -207,7 +123,7 @@ impl Frame {
     pub fn checksum(&self, framing: Framing) -> u8 {
         let mut sum = Sum::default();
         self.words().for_each(|word| sum.add(word));
-        framing.checksum(sum)
+        framing.checksum(sum.total())
     }
 
     /// Whether a data byte is doubled on the line.
@@ -443,7 +359,7 @@ pub(crate) fn plain_data(bytes: &[u8], available: usize, framing: Framing) -> Op
         len += found.trailing_zeros() as usize / 8;
         let (data, [_, ETX, found, ..]) = rest.split_at_checked(len)? else { return None };
         let is_good =
-            plain_len(data, framing) <= available && *found == framing.checksum(sum) && *found != DLE;
+            plain_len(data, framing) <= available && *found == framing.checksum(sum.total()) && *found != DLE;
         return is_good.then_some(data);
     }
     None

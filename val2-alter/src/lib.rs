@@ -6,6 +6,7 @@ mod controller;
 mod decoder;
 mod error;
 mod frame;
+mod framing;
 mod host;
 mod limit;
 mod message;
@@ -17,7 +18,8 @@ pub use controller::{
 };
 pub use decoder::{Decoder, Received};
 pub use error::{ConfigError, DecodeError, EncodeError, SessionError};
-pub use frame::{DLE, ETX, Frame, Framing, LeadingDle, STX};
+pub use frame::{DLE, ETX, Frame, STX};
+pub use framing::{Framing, LeadingDle};
 pub use host::{
     ExceptionOutcome, Host, HostConfig, HostEvent, HostState, HostStatistics, LostReason, Policy,
     UnknownReason,

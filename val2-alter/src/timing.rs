@@ -6,7 +6,8 @@
 
 use core::time::Duration;
 
-use crate::frame::{Frame, Framing};
+use crate::frame::Frame;
+use crate::framing::Framing;
 use crate::message::{AXES, Accumulation};
 
 /// The controller sends a standard message, to be answered, every 28 ms (§3.4).

@@ -5,7 +5,7 @@ use core::time::Duration;
 use robot_session::Unexpected;
 
 use crate::error::ConfigError;
-use crate::frame::Framing;
+use crate::framing::Framing;
 use crate::message::{AXES, Accumulation, ErrorCode, Exception, HostMessage, List, Mode, Reply};
 use crate::timing::{self, Budget};
 

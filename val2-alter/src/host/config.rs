@@ -5,7 +5,7 @@ use core::time::Duration;
 use robot_session::Unexpected;
 
 use crate::error::{ConfigError, DecodeError};
-use crate::frame::Framing;
+use crate::framing::Framing;
 use crate::limit::Limits;
 use crate::message::{End, ErrorCode, Exception, Mode, Motion, Start};
 use crate::timing::{self, Budget};

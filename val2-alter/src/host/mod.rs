@@ -20,7 +20,8 @@ use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
 
 use crate::decoder::{Decoder, Received};
 use crate::error::{ConfigError, DecodeError, SessionError};
-use crate::frame::{DLE, Framing};
+use crate::frame::DLE;
+use crate::framing::Framing;
 use crate::limit::Limiter;
 use crate::message::{
     ALL, AXES, Accumulation, Exception, HostMessage, Message, Reply, RobotMessage, StartCode,

@@ -3,7 +3,8 @@
 use super::codes::{Exception, StartCode};
 use super::side::{Message, Sealed};
 use crate::error::DecodeError;
-use crate::frame::{Frame, Framing};
+use crate::frame::Frame;
+use crate::framing::Framing;
 
 /// The axes of a reply, in the order of its words and of its select bits: X, Y, Z, RX, RY, RZ.
 pub const AXES: usize = 6;

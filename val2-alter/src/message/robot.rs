@@ -5,7 +5,8 @@ use super::mode::Mode;
 use super::side::{Message, Sealed};
 use super::transform::Transform;
 use crate::error::{DecodeError, EncodeError};
-use crate::frame::{Frame, Framing};
+use crate::frame::Frame;
+use crate::framing::Framing;
 
 /// A message from the controller to the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

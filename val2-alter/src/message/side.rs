@@ -3,7 +3,8 @@
 use robot_session::Encode;
 
 use crate::error::{DecodeError, EncodeError};
-use crate::frame::{Frame, Framing, plain_data, plain_len};
+use crate::frame::{Frame, plain_data, plain_len};
+use crate::framing::Framing;
 
 /// What one side of the link sends. Implemented by [`RobotMessage`](crate::RobotMessage) and
 /// [`HostMessage`](crate::HostMessage), and closed.

@@ -1,0 +1,87 @@
+//! What the source leaves open about the envelope (§3.2).
+
+use crate::frame::DLE;
+
+/// What the source leaves open about the envelope. The default is the text of the source, read literally.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct Framing {
+    /// The DLEs in front of STX: what is written, and the fewest that are read as a start mark. The text has two; the
+    /// source's own tables of lengths fit one as well.
+    pub leading_dle: LeadingDle,
+    /// The checksum is the two's complement of the sum, instead of the sum. The text only says "simple checksum".
+    pub negated_sum: bool,
+    /// A checksum of 10h is doubled like a DLE of the data. The text doubles inside the data, and the checksum is outside.
+    pub stuffed_checksum: bool,
+    /// Reads a reply that sets bits 6 and 7 of its select byte as if they were clear, instead of refusing it.
+    pub ignore_spare_select: bool,
+}
+
+impl Framing {
+    /// Two DLEs in front, the plain sum, not doubled, spare select bits refused.
+    pub const DEFAULT: Self = Self {
+        leading_dle: LeadingDle::Two,
+        negated_sum: false,
+        stuffed_checksum: false,
+        ignore_spare_select: false,
+    };
+
+    pub(crate) fn checksum(self, sum: u8) -> u8 {
+        if self.negated_sum { sum.wrapping_neg() } else { sum }
+    }
+
+    pub(crate) const fn checksum_len(self, checksum: u8) -> usize {
+        if self.stuffed_checksum && checksum == DLE { 2 } else { 1 }
+    }
+}
+
+impl Default for Framing {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// The number of DLEs in a start mark.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "u8", into = "u8"))]
+pub enum LeadingDle {
+    /// `10 02`
+    One,
+    /// `10 10 02`
+    Two,
+}
+
+impl LeadingDle {
+    /// The number.
+    pub const fn count(self) -> usize {
+        match self {
+            Self::One => 1,
+            Self::Two => 2,
+        }
+    }
+}
+
+impl From<LeadingDle> for u8 {
+    fn from(leading: LeadingDle) -> u8 {
+        match leading {
+            LeadingDle::One => 1,
+            LeadingDle::Two => 2,
+        }
+    }
+}
+
+impl TryFrom<u8> for LeadingDle {
+    type Error = &'static str;
+
+    fn try_from(count: u8) -> Result<Self, Self::Error> {
+        match count {
+            1 => Ok(Self::One),
+            2 => Ok(Self::Two),
+            _ => Err("a start mark has one or two leading DLEs"),
+        }
+    }
+}

@@ -79,7 +79,7 @@ impl Cursor {
     }
 
     /// Begins the lap and the numbers anew where they have ended, and finds the next stop.
-    #[inline]
+    #[inline(always)]
     pub(crate) const fn turn(&mut self, limits: Limits) {
         if self.at == limits.wrap() {
             self.zero = self.zero.wrapping_sub(self.at);

@@ -1,8 +1,8 @@
-//! The getters and `Debug` output of the two ends, and a queue that starts on another lap.
+//! The getters and `Debug` output of the two ends, where jobs lie, and a queue that starts on another lap.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![cfg(not(loom))]
 
-use robot_work_queue::WorkQueue;
+use robot_work_queue::{Reader, WorkQueue, Writer, boxed};
 
 #[test]
 fn both_ends_know_the_sizes_and_print_without_their_jobs() {
@@ -63,4 +63,31 @@ fn a_queue_may_start_on_any_lap_and_wraps_around_them() {
         }
         assert_eq!((writer.free(), writer.next_number()), (3, 3));
     }
+}
+
+#[test]
+fn a_job_of_a_power_of_two_lies_in_one_cache_line() {
+    fn assert_in_lines<T: Copy + Default>(mut writer: Writer<'_, T>, mut reader: Reader<'_, T>) {
+        while let Ok(claim) = writer.claim() {
+            claim.push(T::default());
+        }
+        let line = (if cfg!(target_pointer_width = "64") { 64 } else { 32 }).min(size_of::<T>());
+        while let Some(job) = reader.take() {
+            assert_eq!(core::ptr::from_ref(&*job).addr() % line, 0);
+            job.complete();
+        }
+    }
+    fn assert_sizes<T: Copy + Default>() {
+        for capacity in [1, 3, 100] {
+            let (writer, reader) = boxed::<T>(capacity, 1000).unwrap();
+            assert_in_lines(writer, reader);
+        }
+        let mut queue = WorkQueue::<T, 3>::new(1000).unwrap();
+        let (writer, reader) = queue.split();
+        assert_in_lines(writer, reader);
+    }
+    assert_sizes::<[u8; 16]>();
+    assert_sizes::<[u64; 4]>();
+    assert_sizes::<[u64; 8]>();
+    assert_sizes::<[u64; 16]>();
 }

@@ -77,6 +77,7 @@ enum Owner {
     Ends,
 }
 
+#[cfg_attr(not(loom), repr(transparent))]
 struct Slot<T>(UnsafeCell<MaybeUninit<T>>);
 
 impl<T> Slot<T> {

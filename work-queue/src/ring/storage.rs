@@ -12,13 +12,17 @@ use crate::wake::{NoWake, Wake};
 /// The highest capacity: the source's controller has no indices of five digits.
 const MAX_CAPACITY: usize = 9999;
 
+/// Where an array of slots begins, so that a job whose size is a power of two lies in one cache line.
+const LINE: usize = align_of::<Padded<u8>>();
+
 /// A queue with its storage: arrays, or slices on the heap.
 #[repr(C)]
 struct Ring<T, S, D> {
     /// First: an end has a pointer to this alone.
     shared: Shared<T>,
-    done: D,
+    /// An array begins on a cache line here.
     slots: S,
+    done: D,
 }
 
 /// A queue of at most `N` jobs, stored inline: `1..=9999`, any number, not only powers of two.
@@ -126,7 +130,7 @@ impl<T, const N: usize> WorkQueue<T, N> {
             #[cfg(loom)]
             let (done, slots) =
                 (core::array::from_fn(|_| AtomicBool::new(false)), core::array::from_fn(|_| Slot::new()));
-            WorkQueue(Ring { shared: Shared::new(N, max_number), done, slots })
+            WorkQueue(Ring { shared: Shared::new(N, max_number), slots, done })
         }
     }
 
@@ -209,8 +213,10 @@ pub fn boxed_with<T, R: Wake, W: Wake>(
 ) -> Result<Ends<'static, T, R, W>, ConfigError> {
     check_config(capacity, max_number)?;
     let done = (0..capacity).map(|_| AtomicBool::new(false)).collect();
-    let slots = (0..capacity).map(|_| Slot::new()).collect();
-    let ring: BoxedRing<T> = Ring { shared: Shared::new(capacity, max_number), done, slots };
+    // Of loom's cells none is where it was not made.
+    let spare = if cfg!(loom) { 0 } else { LINE.checked_div(size_of::<Slot<T>>()).unwrap_or(0) };
+    let slots = (0..capacity + spare).map(|_| Slot::new()).collect();
+    let ring: BoxedRing<T> = Ring { shared: Shared::new(capacity, max_number), slots, done };
     let ring = alloc::boxed::Box::new(ring);
     ring.begin(Owner::Ends, 0);
     Ok(Hold(NonNull::from(alloc::boxed::Box::leak(ring)).cast()).ends(0, reader, writer))
@@ -231,10 +237,19 @@ pub(super) unsafe fn free<T>(ring: NonNull<Shared<T>>) {
 }
 
 impl<T, S: AsRef<[Slot<T>]>, D: AsRef<[AtomicBool]>> Ring<T, S, D> {
+    /// Where the slots begin: on a cache line, if there are enough to spare.
+    fn first_slot(&self) -> *const Slot<T> {
+        let slots = self.slots.as_ref();
+        let spare = (slots.len() - self.shared.limits().capacity as usize) * size_of::<Slot<T>>();
+        let first = slots.as_ptr();
+        let to_line = first.cast::<u8>().align_offset(LINE);
+        first.wrapping_byte_add(if to_line <= spare { to_line } else { 0 })
+    }
+
     /// Drops the jobs that are left, and sets up what is shared for ends that begin at `start`. There are none: the ring is borrowed
     /// as a whole, new, or a static's that is not in use.
     fn begin(&self, owner: Owner, start: u32) {
-        self.shared.control.0.slots.set(self.slots.as_ref().as_ptr()); // it may have moved
+        self.shared.control.0.slots.set(self.first_slot()); // it may have moved
         self.shared.control.0.done.set(self.done.as_ref().as_ptr());
         // SAFETY: as above. A new ring has no jobs.
         unsafe { self.shared.drop_jobs() };

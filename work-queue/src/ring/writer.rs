@@ -65,7 +65,7 @@ impl<T, R: Wake> Writer<'_, T, R> {
     }
 
     /// Looks how many slots are free.
-    #[inline]
+    #[inline(always)]
     fn look(&mut self) -> usize {
         let (head, limits) = (self.end.hold.head(), self.end.hold.limits());
         self.cursor.end = limits.after(head, limits.capacity);
@@ -149,16 +149,27 @@ impl<T, R: Wake> Writer<'_, T, R> {
 }
 
 /// Turns a cursor of the writer's, renews an old mark, and publishes the jobs before the cursor.
-#[cold]
-#[inline(never)]
+///
+/// Inline, so that a loop keeps the cursor in registers: no call is given its address.
+#[inline(always)]
 fn turn<T>(hold: Hold<T>, cursor: &mut Cursor, publish: bool) {
     cursor.turn(hold.limits());
     if hold.mark().is_stale(cursor.at) {
-        let head = hold.head(); // a mark there discards nothing
-        hold.set_mark(Mark::new(head, cursor.back_at(head, hold.limits()).number()));
+        return renew(hold, cursor.at, cursor.number(), publish);
     }
     if publish {
         hold.set_tail(cursor.at);
+    }
+}
+
+/// Puts the mark at the head, where it discards nothing.
+#[cold]
+#[inline(never)]
+fn renew<T>(hold: Hold<T>, at: u32, number: u16, publish: bool) {
+    let (head, limits) = (hold.head(), hold.limits());
+    hold.set_mark(Mark::new(head, Cursor::new(at, number, limits).back_at(head, limits).number()));
+    if publish {
+        hold.set_tail(at);
     }
 }
 

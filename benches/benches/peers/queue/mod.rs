@@ -58,6 +58,23 @@ impl<const WORDS: usize> Job for [u64; WORDS] {
     }
 }
 
+/// A job that shares no cache line with another.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Lone<J>(J);
+
+impl<J: Job> Job for Lone<J> {
+    #[inline(always)]
+    fn make(n: u64) -> Self {
+        Lone(J::make(n))
+    }
+
+    #[inline(always)]
+    fn sum(&self) -> u64 {
+        self.0.sum()
+    }
+}
+
 #[derive(Clone, Copy)]
 enum Course {
     /// Two threads, one job there and back.
@@ -103,7 +120,7 @@ struct Sample {
 /// `None` if it does not run on this course.
 type Run = fn(Course, &Cores) -> Option<Sample>;
 
-fn contenders<J: Job>() -> [(&'static str, Run); 11] {
+fn contenders<J: Job>() -> [(&'static str, Run); 13] {
     fn ours<J: Job>(
         n: usize,
     ) -> (robot_work_queue::Writer<'static, J>, robot_work_queue::Reader<'static, J>) {
@@ -120,6 +137,9 @@ fn contenders<J: Job>() -> [(&'static str, Run); 11] {
                 let (writer, reader) = rtrb::RingBuffer::new(n);
                 (Batches(writer), Batches(reader))
             })
+        }),
+        ("– aligned to lines", |course, cores| {
+            sample::<Lone<J>, _, _>(course, cores, rtrb::RingBuffer::new)
         }),
         (NUMBERED, |course, cores| sample::<J, _, _>(course, cores, ours)),
         (CHECKED, |course, cores| {
@@ -140,6 +160,7 @@ fn contenders<J: Job>() -> [(&'static str, Run); 11] {
                 (LowWater(writer), reader)
             })
         }),
+        ("– aligned to lines", |course, cores| sample::<Lone<J>, _, _>(course, cores, ours)),
         ("ringbuf", |course, cores| sample::<J, _, _>(course, cores, |n| ringbuf::HeapRb::new(n).split())),
         ("heapless", |course, cores| match course {
             Course::Stream { capacity: 1024, .. } => {

@@ -75,6 +75,7 @@ class Consumer:
         self.newest = None  # the bdSeq of the last birth
         self.births, self.bd, self.seq, self.nbirths, self.dbirths, self.deaths = {}, None, None, 0, 0, 0
         self.rebirth = None  # the bdSeq at a request
+        self.refusing, self.hole = False, False  # what the broker refuses leaves a hole, which lasts until the next NBIRTH
         self.online = []  # [from, to]: when the host was online, in milliseconds since 1970
         self.subscribed, self.connections = threading.Event(), 0
         self.client = mqtt.Client("host", protocol=mqtt.MQTTv5)
@@ -177,9 +178,10 @@ class Consumer:
             was_online = any(start <= payload.timestamp and (end is None or payload.timestamp <= end + SLACK)
                              for start, end in self.online)
             check("message-flow-edge-node-birth-publish-phid-wait", was_online, f"{message.topic} at {payload.timestamp}")
+            goes_on = kind == "NBIRTH" or self.seq is None or payload.seq == (self.seq + 1) % 256
+            self.hole = kind != "NBIRTH" and (self.hole or not goes_on)
             check("payloads-sequence-num-incrementing",
-                  payload.HasField("seq") and 0 <= payload.seq <= 255
-                  and (kind == "NBIRTH" or self.seq is None or payload.seq == (self.seq + 1) % 256),
+                  payload.HasField("seq") and 0 <= payload.seq <= 255 and (goes_on or self.refusing),
                   f"{message.topic}: {payload.seq} after {self.seq}")
             self.seq = payload.seq
         for metric in payload.metrics:
@@ -226,9 +228,9 @@ class Consumer:
             check("operational-behavior-data-commands-rebirth-action-3", bd.long_value == self.rebirth, bd)
             self.rebirth = None
         elif self.newest is not None:
-            # A connection that never came to a birth has used up a number of its own.
+            # A connection that never came to a birth has used up a number of its own; births after a refusal have the connection's.
             steps = (bd.long_value - self.newest) % 256
-            check("topics-nbirth-bdseq-increment", 1 <= steps < 128, (self.newest, bd.long_value))
+            check("topics-nbirth-bdseq-increment", (0 if self.refusing else 1) <= steps < 128, (self.newest, bd.long_value))
         self.newest = self.bd = bd.long_value
         self.births = {}
 

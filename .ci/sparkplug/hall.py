@@ -100,12 +100,19 @@ keyfile {folder}/broker.key
 listener {plain_port} 127.0.0.1
 allow_anonymous false
 password_file {folder}/passwords
+acl_file {folder}/access
 max_inflight_messages 0
-max_queued_messages 0
+max_queued_messages 10000000
 persistence true
 persistence_location {folder}/
 autosave_interval 0
 """)
+
+
+def access(*forbidden):
+    """Who may do what: everything, but with these cells' topics."""
+    denied = "".join(f"topic deny spBv1.0/{GROUP}/+/{NODE}/{cell.name}\n" for cell in forbidden)
+    (folder / "access").write_text(f"user {LOGIN[0]}\n{denied}topic readwrite spBv1.0/#\n")
 
 
 def start_broker():
@@ -201,9 +208,13 @@ checked = subprocess.run([args.cellwire, "bridge", str(hall), "--check"], captur
 if checked.returncode != 0:
     fail(checked.stderr)
 
+# Nobody learns what becomes of a message with QoS 0.
+forbidden = cells[-1:] if args.qos == 1 else []
+access(*forbidden)
 broker = start_broker()
 bridge = Bridge(hall)
 consumer = Consumer("127.0.0.1", plain_port, LOGIN, GROUP, NODE, HOST, args.qos)
+consumer.refusing = bool(forbidden)
 started = time.time()
 # Without the host application nothing is sent.
 wait("records in the store", lambda: figure("store_records") > args.cells)
@@ -212,7 +223,23 @@ if figure("published_total") != 0:
 consumer.start()
 processes.append(consumer.receiver)
 wait("online", lambda: figure("online") == 1)
+wait("a record of every cell", lambda: len(consumer.accepted) == args.cells - len(forbidden))
+
+# A cell that the broker refuses is held; a minute's trial, or that of a connection, finds that it is taken.
+held = [f'held_records{{cell="{cell.name}"}}' for cell in forbidden]
+wait("records that are held", lambda: all(figure(name) > 3 for name in held))
+access()
+broker.send_signal(signal.SIGHUP)
+if args.minutes >= 1:
+    wait("the trial of a minute", lambda: all(figure(name) == 0 for name in held), 90)
+consumer.go_offline()
+wait("offline with the host application", lambda: figure("online") == 0)
+consumer.go_online()
+wait("online again", lambda: figure("online") == 1)
+wait("nothing held", lambda: all(figure(name) == 0 for name in held))
 wait("a record of every cell", lambda: len(consumer.accepted) == args.cells)
+wait("births after a hole", lambda: not consumer.hole)
+consumer.refusing = False
 
 end = started + args.minutes * 60
 length = args.minutes * 60
@@ -239,10 +266,6 @@ def commands(round):
 ordered = commands(1)
 consumer.ask_rebirth()
 wait("a rebirth", lambda: consumer.rebirth is None)
-consumer.go_offline()
-wait("offline with the host application", lambda: figure("online") == 0)
-consumer.go_online()
-wait("online again", lambda: figure("online") == 1)
 # A broker that is ended by SIGTERM has to lose nothing, also while the bridge is killed; one that is killed loses what it has not
 # handed on.
 outages, killed = 0, []

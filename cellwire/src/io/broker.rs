@@ -84,8 +84,8 @@ pub enum Happened {
         token: u64,
         /// Why.
         why: String,
-        /// It will not take it later either.
-        is_final: bool,
+        /// What it would take.
+        refusal: Refusal,
     },
     /// The broker does not take a message that is too long, and does not say which; [`Closed`](Self::Closed) follows.
     TooLong,
@@ -95,6 +95,17 @@ pub enum Happened {
     TakenOver,
     /// It has ended, and why. Nothing follows.
     Closed(String),
+}
+
+/// What a broker that has not taken a message would take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// Nothing of this topic, until its access control is another.
+    Topic,
+    /// Other messages; not this one, whenever it comes.
+    Message,
+    /// Perhaps the same message, later.
+    Passing,
 }
 
 /// A connection; its end is [`Happened::Closed`].
@@ -240,7 +251,7 @@ fn run(mut connection: Connection, sent: &Mutex<VecDeque<Option<u64>>>, report: 
                 report(match ack.reason {
                     PubAckReason::Success | PubAckReason::NoMatchingSubscribers => Happened::Published(token),
                     reason => {
-                        Happened::Rejected { token, why: format!("{reason:?}"), is_final: is_final(reason) }
+                        Happened::Rejected { token, why: format!("{reason:?}"), refusal: refusal(reason) }
                     }
                 });
             }
@@ -250,18 +261,17 @@ fn run(mut connection: Connection, sent: &Mutex<VecDeque<Option<u64>>>, report: 
     report(Happened::Closed(why));
 }
 
-/// Whether the same message would be refused again, whenever it comes.
-fn is_final(reason: PubAckReason) -> bool {
+/// What a reason says of other messages.
+fn refusal(reason: PubAckReason) -> Refusal {
     match reason {
-        PubAckReason::NotAuthorized | PubAckReason::TopicNameInvalid | PubAckReason::PayloadFormatInvalid => {
-            true
-        }
+        PubAckReason::NotAuthorized | PubAckReason::TopicNameInvalid => Refusal::Topic,
+        PubAckReason::PayloadFormatInvalid => Refusal::Message,
         PubAckReason::UnspecifiedError
         | PubAckReason::ImplementationSpecificError
         | PubAckReason::PacketIdentifierInUse
         | PubAckReason::QuotaExceeded
         | PubAckReason::Success
-        | PubAckReason::NoMatchingSubscribers => false,
+        | PubAckReason::NoMatchingSubscribers => Refusal::Passing,
     }
 }
 

@@ -14,9 +14,11 @@ pub(crate) struct Broker(TcpListener);
 /// A client that has connected and subscribed.
 pub(crate) struct Peer(TcpStream);
 
-/// A message with QoS 1.
+/// A message.
 pub(crate) struct Message {
-    pub(crate) number: [u8; 2],
+    pub(crate) topic: String,
+    /// With QoS 1.
+    pub(crate) number: Option<[u8; 2]>,
     pub(crate) payload: Vec<u8>,
 }
 
@@ -66,18 +68,32 @@ impl Peer {
     /// The next message with QoS 1.
     pub(crate) fn message(&mut self) -> Message {
         loop {
+            let message = self.any_message();
+            if message.number.is_some() {
+                return message;
+            }
+        }
+    }
+
+    /// The next message.
+    pub(crate) fn any_message(&mut self) -> Message {
+        loop {
             let (kind, body) = self.packet();
-            if kind & 0xF6 == 0x32 {
-                let topic = usize::from(u16::from_be_bytes([body[0], body[1]]));
-                let number = [body[2 + topic], body[3 + topic]];
-                return Message { number, payload: body[5 + topic..].to_vec() };
+            if kind & 0xF0 == 0x30 {
+                let (topic, rest) = body[2..].split_at(usize::from(u16::from_be_bytes([body[0], body[1]])));
+                let topic = String::from_utf8(topic.to_vec()).unwrap();
+                let (number, rest) = match kind & 6 {
+                    0 => (None, rest),
+                    _ => (Some([rest[0], rest[1]]), &rest[2..]),
+                };
+                return Message { topic, number, payload: rest[1..].to_vec() };
             }
         }
     }
 
     /// PUBACK with a reason code.
     pub(crate) fn acknowledge(&mut self, message: &Message, reason: u8) {
-        let [high, low] = message.number;
+        let [high, low] = message.number.unwrap();
         self.send(&[0x40, 3, high, low, reason]);
     }
 
@@ -106,9 +122,13 @@ impl Peer {
 }
 
 impl Message {
+    pub(crate) fn read(&self) -> Payload {
+        Payload::decode(self.payload.as_slice()).unwrap()
+    }
+
     /// The number of the record.
     pub(crate) fn record(&self) -> u64 {
-        let payload = Payload::decode(self.payload.as_slice()).unwrap();
+        let payload = self.read();
         let number = payload.metrics.iter().find(|metric| metric.name.as_deref() == Some("Record/Number"));
         match number.unwrap().value {
             Some(Value::Long(number)) => number,

@@ -47,6 +47,8 @@ pub struct CellHealth {
     pub is_connected: bool,
     /// The number of its last record.
     pub number: u64,
+    /// Its records that wait because the broker refuses its topic.
+    pub held: usize,
 }
 
 impl Health {
@@ -153,6 +155,13 @@ impl Figures {
             "The number of the cell's last record.",
             &numbers.collect::<Vec<_>>(),
         );
+        let held = self.cells.iter().map(|cell| (label(cell), number(cell.held as u64)));
+        family(
+            "held_records",
+            "gauge",
+            "Records that wait because the broker refuses the cell's topic.",
+            &held.collect::<Vec<_>>(),
+        );
         text
     }
 }
@@ -170,7 +179,7 @@ mod tests {
     fn the_text_of_prometheus() {
         let health = Health::default();
         assert_eq!((health.reply("/health").status, health.reply("/x").status), (503, 404));
-        let cells = vec![CellHealth { name: "a \"b\\".into(), is_connected: true, number: 7 }];
+        let cells = vec![CellHealth { name: "a \"b\\".into(), is_connected: true, number: 7, held: 2 }];
         health.set(Figures { is_online: true, stored: 3, cells, ..Figures::default() });
         assert_eq!(health.reply("/health").status, 200);
         let text = health.reply("/metrics").body;
@@ -181,6 +190,7 @@ mod tests {
             "cellwire_bridge_dropped_total{why=\"full\"} 0",
             "cellwire_bridge_dropped_total{why=\"refused\"} 0",
             "cellwire_bridge_record_number{cell=\"a \\\"b\\\\\"} 7",
+            "cellwire_bridge_held_records{cell=\"a \\\"b\\\\\"} 2",
         ] {
             assert!(text.lines().any(|found| found == line), "{line} in\n{text}");
         }

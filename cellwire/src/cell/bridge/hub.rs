@@ -274,6 +274,12 @@ impl<'a> Hub<'a> {
                 self.lost = None;
                 (self.log)(json!({"broker": "connected"}));
             }
+            Event::Held { place, why } => self.held(place, &why),
+            Event::Released(place) => {
+                if let Some(cell) = self.cells.get(place) {
+                    (self.log)(json!({"cell": cell.name, "records": "released"}));
+                }
+            }
             Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
             Event::Lost(why) => self.lost(why),
             Event::Strange(why) => (self.log)(json!({"broker": "strange", "why": why})),
@@ -289,13 +295,21 @@ impl<'a> Hub<'a> {
         }
     }
 
+    fn held(&mut self, place: usize, why: &str) {
+        if let Some(cell) = self.cells.get(place) {
+            let advice = "they wait in the store, and one of them is tried each minute: see the broker's access control for this \
+                          cell's topics, and held_records";
+            (self.log)(json!({"cell": cell.name, "records": "held", "why": why, "advice": advice}));
+        }
+    }
+
     /// Once for each cell and reason: every one is counted.
     fn refused(&mut self, Apart { place, why, .. }: Apart) {
         if self.refused.insert((place, why.clone()))
             && let Some(cell) = self.cells.get(place)
         {
-            let advice = "it is dropped, and so is each after it that the broker refuses so: see its access control and limits, \
-                          and dropped_total{why=\"refused\"}";
+            let advice = "it is dropped, and so is each after it that the broker refuses so: see its limits, and \
+                          dropped_total{why=\"refused\"}";
             (self.log)(json!({"cell": cell.name, "record": "refused", "why": why, "advice": advice}));
         }
     }
@@ -380,6 +394,10 @@ impl<'a> Hub<'a> {
         if dropped > 0 && self.figures.dropped_full == 0 {
             (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.records"}));
         }
+        if dropped > 0 {
+            let oldest = self.store.records(0, 1)?.first().map_or(u64::MAX, |(key, _)| *key);
+            self.uplink.made_room(oldest);
+        }
         self.figures.dropped_full += dropped;
         Ok(())
     }
@@ -389,10 +407,11 @@ impl<'a> Hub<'a> {
     }
 
     fn show(&mut self) {
-        let cells = self.cells.iter().map(|cell| CellHealth {
+        let cells = self.cells.iter().enumerate().map(|(place, cell)| CellHealth {
             name: cell.name.clone(),
             is_connected: cell.is_connected,
             number: cell.number,
+            held: self.uplink.held(place),
         });
         self.figures.dropped_busy = self.busy.load(Ordering::Relaxed);
         self.health.set(Figures {

@@ -5,6 +5,7 @@ pub mod commands;
 pub mod end;
 pub mod hall;
 pub mod health;
+pub mod holds;
 pub mod hub;
 pub mod links;
 pub mod metric;

@@ -1,5 +1,7 @@
 //! The connection to the broker: births, deaths, and the records of the store in their order.
 
+mod publish;
+
 use std::collections::HashMap;
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
@@ -9,19 +11,16 @@ use prost::Message;
 
 use super::cell::Cell;
 use super::hall::Broker;
-use super::metric::{DETAIL, EVENT, whole};
+use super::holds::{Holds, Refused};
+use super::metric::whole;
 use super::node::{Node, Publication, Received};
 use super::payload::{Payload, Value};
 use super::reconnect::Reconnect;
 use super::refusals::{Apart, Refusals};
 use super::report::Input;
-use crate::io::broker::{Happened, Options, Session};
+use crate::io::broker::{Happened, Options, Refusal, Session};
 use crate::io::store::{Batch, Store};
 
-/// So many records are on their way.
-const IN_FLIGHT: usize = 500;
-/// So many are read at once.
-const CHUNK: usize = 100;
 /// An attempt that has come to nothing for so long is given up.
 const PATIENCE: Duration = Duration::from_secs(15);
 
@@ -67,6 +66,8 @@ pub struct Uplink {
     live: u64,
     flight: HashMap<u64, Flying>,
     refusals: Refusals,
+    /// The cells whose topics it refuses.
+    holds: Holds,
     /// Records that the broker refuses for good.
     apart: Vec<Apart>,
     /// The longest packet that the broker takes.
@@ -143,6 +144,7 @@ impl Uplink {
             live: 0,
             flight: HashMap::new(),
             refusals: Refusals::default(),
+            holds: Holds::default(),
             apart: Vec::new(),
             longest: u32::MAX,
             orphans: Vec::new(),
@@ -163,6 +165,16 @@ impl Uplink {
     /// How many records are on their way.
     pub fn in_flight(&self) -> usize {
         self.flight.len()
+    }
+
+    /// How many records of the cell wait because the broker refuses its topic.
+    pub fn held(&self, place: usize) -> usize {
+        self.holds.count(place)
+    }
+
+    /// The store has no record below this key any more.
+    pub fn made_room(&mut self, first: u64) {
+        self.holds.made_room(first);
     }
 
     /// When [`turn`](Self::turn) has something to do at the latest.
@@ -200,23 +212,8 @@ impl Uplink {
                 Event::Connected
             }
             Happened::Message { topic, payload } => self.received(self.node.receive(&topic, &payload)),
-            Happened::Published(key) => {
-                if self.flight.remove(&key).is_some() {
-                    self.counts.acknowledged += 1;
-                    self.refusals.forget(key);
-                    batch.remove.push(key);
-                }
-                Event::None
-            }
-            Happened::Rejected { token: key, why, is_final } => {
-                self.counts.rejected += 1;
-                if is_final || self.refusals.is_for_good(key, Instant::now()) {
-                    self.set_apart(key, why);
-                    return Event::None;
-                }
-                self.disconnect();
-                Event::Lost(format!("the broker does not take a record now: {why}"))
-            }
+            Happened::Published(key) => self.published(key, batch),
+            Happened::Rejected { token: key, why, refusal } => self.rejected(key, why, refusal),
             Happened::TooLong => {
                 // If any is too long the longest is.
                 if let Some(key) =
@@ -243,10 +240,45 @@ impl Uplink {
         }
     }
 
+    /// The broker has it. If that ends a hold, what was held is next.
+    fn published(&mut self, key: u64, batch: &mut Batch) -> Event {
+        let Some(Flying { place, .. }) = self.flight.remove(&key) else { return Event::None };
+        self.counts.acknowledged += 1;
+        self.refusals.forget(key);
+        batch.remove.push(key);
+        let Some(held) = self.holds.take(place, key) else { return Event::None };
+        self.live = self.live.max(self.next);
+        self.next = held.first().map_or(self.next, |first| self.next.min(*first));
+        Event::Released(place)
+    }
+
+    /// The broker does not take it. After a hole in the numbers of messages births follow anew, which begin them at 0.
+    fn rejected(&mut self, key: u64, why: String, refusal: Refusal) -> Event {
+        self.counts.rejected += 1;
+        match refusal {
+            Refusal::Topic => {
+                let Some(Flying { place, .. }) = self.flight.remove(&key) else { return Event::None };
+                self.refusals.forget(key);
+                let refused = self.holds.refuse(place, key, Instant::now());
+                self.is_born &= refused == Refused::Another;
+                if refused == Refused::Begins { Event::Held { place, why } } else { Event::None }
+            }
+            Refusal::Passing if !self.refusals.is_for_good(key, Instant::now()) => {
+                self.disconnect();
+                Event::Lost(format!("the broker does not take a record now: {why}"))
+            }
+            Refusal::Message | Refusal::Passing => {
+                self.set_apart(key, why);
+                Event::None
+            }
+        }
+    }
+
     /// It has been refused for good: the next turn drops it.
     fn set_apart(&mut self, key: u64, why: String) {
         if let Some(Flying { place, .. }) = self.flight.remove(&key) {
             self.refusals.forget(key);
+            self.holds.forget(place, key);
             self.apart.push(Apart { key, place, why });
         }
     }
@@ -291,6 +323,7 @@ impl Uplink {
         self.advance(|session| Phase::Online { session });
         (self.is_born, self.next, self.live) = (false, 0, u64::MAX);
         self.flight.clear();
+        self.holds.connected(Instant::now());
     }
 
     fn advance(&mut self, next: impl FnOnce(Session) -> Phase) {
@@ -372,73 +405,6 @@ impl Uplink {
         self.phase = Phase::Opening { session, until: Instant::now() + PATIENCE };
         Ok(())
     }
-
-    /// Publishes births, records and deaths, as long as there is room.
-    fn publish(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<()> {
-        let Phase::Online { session } = &self.phase else { return Ok(()) };
-        if !self.is_born {
-            if self.live == u64::MAX {
-                self.live = store.next();
-            }
-            if !say(session, &self.node.birth(cells.len())) {
-                return Ok(());
-            }
-            self.node.published();
-            self.is_born = true;
-            cells.iter_mut().for_each(|cell| cell.is_born = false);
-        }
-        for cell in cells.iter_mut().filter(|cell| cell.is_connected && !cell.is_born) {
-            if !bear(session, &mut self.node, cell, self.longest) {
-                return Ok(());
-            }
-        }
-        while self.flight.len() < IN_FLIGHT {
-            let records = store.records(self.next, CHUNK)?;
-            if records.is_empty() {
-                break;
-            }
-            for (key, bytes) in records {
-                let record = Record::decode(bytes.as_slice()).unwrap_or_default();
-                let place = places.get(&record.cell).copied().unwrap_or(usize::MAX);
-                let (Some(cell), Some(payload)) = (cells.get_mut(place), record.payload) else {
-                    self.orphans.push(key);
-                    self.next = key + 1;
-                    continue;
-                };
-                if !cell.is_born && !bear(session, &mut self.node, cell, self.longest) {
-                    return Ok(());
-                }
-                let mut metrics = payload.metrics;
-                if key < self.live {
-                    metrics.iter_mut().for_each(|metric| metric.is_historical = Some(true));
-                }
-                let Publication { topic, payload } = self.node.data(&cell.name, metrics);
-                let length = payload.len();
-                if !Session::fits(&topic, &payload, self.longest) {
-                    self.apart.push(Apart { key, place, why: "PacketTooLarge".into() });
-                    self.next = key + 1;
-                    continue;
-                }
-                if !session.publish(&topic, payload, self.acknowledged, Some(key)) {
-                    return Ok(());
-                }
-                self.node.published();
-                self.counts.published += 1;
-                self.flight.insert(key, Flying { place, length });
-                self.next = key + 1;
-            }
-        }
-        if self.next >= store.next() {
-            for cell in cells.iter_mut().filter(|cell| cell.is_born && !cell.is_connected) {
-                if !say(session, &self.node.device_death(&cell.name)) {
-                    return Ok(());
-                }
-                self.node.published();
-                cell.is_born = false;
-            }
-        }
-        Ok(())
-    }
 }
 
 /// What something that has happened means for the hub.
@@ -450,6 +416,15 @@ pub enum Event {
     Connected,
     /// The connection is over, and why.
     Lost(String),
+    /// The records of the cell of this place are held: the broker refuses its topic, and why.
+    Held {
+        /// The cell.
+        place: usize,
+        /// Why.
+        why: String,
+    },
+    /// They are published now.
+    Released(usize),
     /// All births follow once more.
     Rebirth,
     /// Metrics of a cell are to be written.
@@ -461,27 +436,6 @@ pub enum Event {
     },
     /// Nothing that is understood, and why.
     Strange(String),
-}
-
-/// Publishes as Sparkplug has births and deaths: with QoS 0.
-fn say(session: &Session, Publication { topic, payload }: &Publication) -> bool {
-    session.publish(topic, payload.clone(), false, None)
-}
-
-/// Publishes the birth of a cell. What happened last is left out where the broker does not take so much.
-fn bear(session: &Session, node: &mut Node, cell: &mut Cell, longest: u32) -> bool {
-    let value = |name: &str| cell.values.get(name).map(|(at, value)| (*at, value));
-    let mut birth = node.device_birth(&cell.name, &cell.definitions, value);
-    if !Session::fits(&birth.topic, &birth.payload, longest) {
-        let short = |name: &str| value(name).filter(|_| name != EVENT && name != DETAIL);
-        birth = node.device_birth(&cell.name, &cell.definitions, short);
-    }
-    let is_said = say(session, &birth);
-    if is_said {
-        node.published();
-        cell.is_born = true;
-    }
-    is_said
 }
 
 /// A record of a cell.

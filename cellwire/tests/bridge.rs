@@ -8,6 +8,8 @@
 mod broker;
 #[path = "bridge/held.rs"]
 mod held;
+#[path = "bridge/limits.rs"]
+mod limits;
 mod tool;
 
 use std::io::{Read as _, Write as _};

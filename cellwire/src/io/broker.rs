@@ -23,8 +23,6 @@ use tokio_rustls::rustls::pki_types::pem::PemObject as _;
 const ROOM: usize = 256;
 /// The longest message that is read: a command is short.
 const LONGEST: u32 = 256 * 1024;
-/// What a message has in its packet beside topic and payload, in bytes at most.
-const AROUND: usize = 10;
 /// The reason code "packet too large": of PUBACK no code of the standard, and sent nevertheless, by mosquitto.
 const TOO_LARGE: u8 = 0x95;
 /// So many messages are in flight; a broker may ask for fewer.
@@ -166,9 +164,17 @@ impl Session {
         }
     }
 
-    /// Whether a message fits a packet of so many bytes.
-    pub fn fits(topic: &str, payload: &[u8], longest: u32) -> bool {
-        usize::try_from(longest).map_or(true, |longest| topic.len() + payload.len() + AROUND <= longest)
+    /// The bytes of a message's packet.
+    pub fn packet_len(topic: &str, payload: &[u8], acknowledged: bool) -> usize {
+        // The topic has its length before it, then follow the packet's number and the length of no properties.
+        let rest = 2 + topic.len() + if acknowledged { 2 } else { 0 } + 1 + payload.len();
+        let length = match rest {
+            0..0x80 => 1,
+            0x80..0x4000 => 2,
+            0x4000..0x20_0000 => 3,
+            _ => 4,
+        };
+        1 + length + rest
     }
 
     /// Ends it after what was published: the broker keeps the will to itself.
@@ -290,12 +296,35 @@ fn explain(error: &ConnectionError) -> String {
         ConnectionError::MqttState(StateError::Deserialization(Malformed::InvalidConnectReturnCode(
             TOO_LARGE,
         ))) => "the broker does not take a message that is so long: see its limit of a message".into(),
-        ConnectionError::MqttState(StateError::OutgoingPacketTooLarge { pkt_size, max }) => {
+        ConnectionError::MqttState(StateError::Deserialization(Malformed::OutgoingPacketTooLarge {
+            pkt_size,
+            max,
+        })) => {
             format!("a birth of {pkt_size} bytes, and the broker takes {max}: see its limit of a packet")
         }
         ConnectionError::MqttState(StateError::ServerDisconnect { reason_code, .. }) => {
             format!("the broker ends the connection: {reason_code:?}")
         }
         error => error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rumqttc::v5::mqttbytes::v5::Publish;
+
+    use super::*;
+
+    #[test]
+    fn a_packet_has_the_length_that_is_sent() {
+        for length in
+            [0, 100, 119, 120, 121, 122, 123, 16_370, 16_376, 16_377, 16_378, 16_379, 2_097_142, 2_097_143]
+        {
+            let payload = vec![0; length];
+            for (qos, number) in [(QoS::AtMostOnce, 0), (QoS::AtLeastOnce, 7)] {
+                let packet = Publish { pkid: number, ..Publish::new("t/é", qos, payload.clone(), None) };
+                assert_eq!(Session::packet_len("t/é", &payload, number > 0), packet.size(), "{length}");
+            }
+        }
     }
 }

@@ -91,6 +91,14 @@ impl Peer {
         }
     }
 
+    /// A message to the client, with QoS 0.
+    pub(crate) fn publish(&mut self, topic: &str, payload: &[u8]) {
+        let length = 2 + topic.len() + 1 + payload.len();
+        let (low, high) = (u8::try_from(length & 0x7F).unwrap(), u8::try_from(length >> 7).unwrap()); // below 16384
+        let topic_length = u16::try_from(topic.len()).unwrap().to_be_bytes();
+        self.send(&[&[0x30, low | 0x80, high], &topic_length[..], topic.as_bytes(), &[0], payload].concat());
+    }
+
     /// PUBACK with a reason code.
     pub(crate) fn acknowledge(&mut self, message: &Message, reason: u8) {
         let [high, low] = message.number.unwrap();

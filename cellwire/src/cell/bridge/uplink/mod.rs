@@ -71,7 +71,7 @@ pub struct Uplink {
     /// Records that the broker refuses for good.
     apart: Vec<Apart>,
     /// The longest packet that the broker takes.
-    longest: u32,
+    longest: usize,
     /// Records of cells that are no more.
     orphans: Vec<u64>,
     /// What was counted.
@@ -97,7 +97,7 @@ pub struct Counts {
 struct Flying {
     /// The cell.
     place: usize,
-    /// The bytes of its message.
+    /// The bytes of its packet.
     length: usize,
 }
 
@@ -146,7 +146,7 @@ impl Uplink {
             refusals: Refusals::default(),
             holds: Holds::default(),
             apart: Vec::new(),
-            longest: u32::MAX,
+            longest: usize::MAX,
             orphans: Vec::new(),
             counts: Counts::default(),
         })
@@ -196,7 +196,7 @@ impl Uplink {
         match happened {
             Happened::Connected(longest) => {
                 self.counts.connections += 1;
-                self.longest = longest.unwrap_or(u32::MAX);
+                self.longest = longest.map_or(usize::MAX, |longest| longest as usize);
                 self.reconnect.accepted(Instant::now());
                 let topics = self.node.subscriptions(self.host.as_deref());
                 if let Phase::Opening { session, .. } = &self.phase {

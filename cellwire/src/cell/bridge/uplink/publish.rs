@@ -112,8 +112,8 @@ impl Uplink {
             metrics.iter_mut().for_each(|metric| metric.is_historical = Some(true));
         }
         let Publication { topic, payload } = self.node.data(&cell.name, metrics);
-        let length = payload.len();
-        if !Session::fits(&topic, &payload, self.longest) {
+        let length = Session::packet_len(&topic, &payload, self.acknowledged);
+        if length > self.longest {
             self.holds.forget(place, key);
             self.apart.push(Apart { key, place, why: "PacketTooLarge".into() });
             return true;
@@ -145,18 +145,21 @@ fn say(session: &Session, Publication { topic, payload }: Publication) -> bool {
     session.publish(&topic, payload, false, None)
 }
 
-/// Publishes the birth of a cell. What happened last is left out where the broker does not take so much.
-fn bear(session: &Session, node: &mut Node, cell: &mut Cell, longest: u32) -> bool {
+/// Publishes the birth of a cell. What happened last is left out where the broker does not take so much; a birth that is too long even
+/// so ends the connection, and nothing follows it.
+fn bear(session: &Session, node: &mut Node, cell: &mut Cell, longest: usize) -> bool {
+    let fits = |birth: &Publication| Session::packet_len(&birth.topic, &birth.payload, false) <= longest;
     let value = |name: &str| cell.values.get(name).map(|(at, value)| (*at, value));
     let mut birth = node.device_birth(&cell.name, &cell.definitions, value);
-    if !Session::fits(&birth.topic, &birth.payload, longest) {
+    if !fits(&birth) {
         let short = |name: &str| value(name).filter(|_| name != EVENT && name != DETAIL);
         birth = node.device_birth(&cell.name, &cell.definitions, short);
     }
-    let is_said = say(session, birth);
-    if is_said {
-        node.published();
-        cell.is_born = true;
+    let is_born = fits(&birth);
+    if !say(session, birth) || !is_born {
+        return false;
     }
-    is_said
+    node.published();
+    cell.is_born = true;
+    true
 }

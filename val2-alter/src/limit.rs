@@ -42,52 +42,41 @@ pub struct Limiter {
     limits: Limits,
     most: [i16; AXES],
     change: [i16; AXES],
-    speed: [i16; AXES],
-    position: [i16; AXES],
+    axes: Axes,
+}
+
+/// How fast each axis is, and how far from the path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Axes {
+    pub(crate) speed: [i16; AXES],
+    pub(crate) position: [i16; AXES],
 }
 
 impl Limiter {
     /// At rest on the path.
     pub fn new(limits: Limits) -> Self {
         let words = |limits: [u16; AXES]| limits.map(|limit| i16::try_from(limit).unwrap_or(i16::MAX));
-        Self {
-            limits,
-            most: words(limits.velocity),
-            change: words(limits.acceleration),
-            speed: [0; AXES],
-            position: [0; AXES],
-        }
+        Self { limits, most: words(limits.velocity), change: words(limits.acceleration), axes: Axes::REST }
     }
 
     /// The next values of cumulative ALTER, where a value is a speed: as near to `target` as the limits allow.
     pub fn speeds(&mut self, target: [i16; AXES]) -> [i16; AXES] {
-        let limits = self.most.iter().zip(&self.change);
-        for ((speed, target), (most, change)) in self.speed.iter_mut().zip(&target).zip(limits) {
-            *speed = approach(*speed, *target, *most, *change);
-        }
-        self.speed
+        self.axes = self.speeds_from(self.axes, target);
+        self.axes.speed
     }
 
     /// The next values of non-cumulative ALTER, where a value is an offset from the path: on the way to `target` with a
     /// speed from which it can stop there. A target that comes nearer than the arm can brake is passed and come back to. At
     /// the ends of a word (±1024 mm) the arm stops at once.
     pub fn positions(&mut self, target: [i16; AXES]) -> [i16; AXES] {
-        let limits = self.most.iter().zip(&self.change);
-        let axes = self.speed.iter_mut().zip(&mut self.position);
-        for (((speed, position), target), (most, change)) in axes.zip(target).zip(limits) {
-            let way = i32::from(target) - i32::from(*position);
-            let wanted = braking_speed(way.unsigned_abs(), u32::from(change.unsigned_abs()));
-            *speed = approach(*speed, if way < 0 { -wanted } else { wanted }, *most, *change);
-            let next = position.saturating_add(*speed);
-            *speed = next.saturating_sub(*position);
-            *position = next;
-        }
-        self.position
+        self.axes = self.positions_from(self.axes, target);
+        self.axes.position
     }
 
     /// The controller could not read the last value: the arm did not move by it, and is at rest.
     pub fn rejected(&mut self) {
-        for (position, speed) in self.position.iter_mut().zip(&self.speed) {
+        let Axes { speed, position } = &mut self.axes;
+        for (position, speed) in position.iter_mut().zip(speed) {
             *position = position.saturating_sub(*speed);
         }
         self.rest();
@@ -95,12 +84,13 @@ impl Limiter {
 
     /// The controller had no value in the last cycle: the arm is at rest where it is.
     pub fn rest(&mut self) {
-        self.speed = [0; AXES];
+        self.axes.speed = [0; AXES];
     }
 
     /// The axes of this mask (bit *i* is axis *i*) must stay where they are on the path, at rest: their words were not sent.
     pub fn hold(&mut self, axes: u8) {
-        for (axis, (speed, position)) in self.speed.iter_mut().zip(&mut self.position).enumerate() {
+        let Axes { speed, position } = &mut self.axes;
+        for (axis, (speed, position)) in speed.iter_mut().zip(position).enumerate() {
             if axes >> axis & 1 != 0 {
                 (*speed, *position) = (0, 0);
             }
@@ -109,23 +99,61 @@ impl Limiter {
 
     /// Begins anew, at rest on the path.
     pub fn restart(&mut self) {
-        (self.speed, self.position) = ([0; AXES], [0; AXES]);
+        self.axes = Axes::REST;
     }
 
     /// The offset of each axis: the last result of [`Limiter::positions`].
     pub fn position(&self) -> [i16; AXES] {
-        self.position
+        self.axes.position
     }
 
     /// Whether no axis moves.
     pub fn is_at_rest(&self) -> bool {
-        self.speed == [0; AXES]
+        self.axes.speed == [0; AXES]
     }
 
     /// The limits.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
+
+    pub(crate) fn axes(&self) -> Axes {
+        self.axes
+    }
+
+    /// What [`Limiter::speeds`] or [`Limiter::positions`] would have made of the axes was sent.
+    pub(crate) fn set_axes(&mut self, axes: Axes) {
+        self.axes = axes;
+    }
+
+    /// As [`Limiter::speeds`] moves the axes.
+    pub(crate) fn speeds_from(&self, mut axes: Axes, target: [i16; AXES]) -> Axes {
+        let limits = self.most.iter().zip(&self.change);
+        for ((speed, target), (most, change)) in axes.speed.iter_mut().zip(&target).zip(limits) {
+            *speed = approach(*speed, *target, *most, *change);
+        }
+        axes
+    }
+
+    /// As [`Limiter::positions`] moves the axes.
+    #[inline(never)]
+    pub(crate) fn positions_from(&self, mut axes: Axes, target: [i16; AXES]) -> Axes {
+        let limits = self.most.iter().zip(&self.change);
+        let each = axes.speed.iter_mut().zip(&mut axes.position);
+        for (((speed, position), target), (most, change)) in each.zip(target).zip(limits) {
+            let way = i32::from(target) - i32::from(*position);
+            let wanted = braking_speed(way.unsigned_abs(), u32::from(change.unsigned_abs()));
+            *speed = approach(*speed, if way < 0 { -wanted } else { wanted }, *most, *change);
+            let next = position.saturating_add(*speed);
+            *speed = next.saturating_sub(*position);
+            *position = next;
+        }
+        axes
+    }
+}
+
+impl Axes {
+    const REST: Self = Self { speed: [0; AXES], position: [0; AXES] };
 }
 
 /// Not `clamp`: it checks its arguments, which keeps the axes from being done at once.

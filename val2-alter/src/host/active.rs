@@ -126,6 +126,7 @@ impl Active {
     }
 
     /// The words to send, and the axes that must wait; `None`: what must be sent does not fit.
+    #[inline]
     pub(super) fn select(
         &self,
         now: Duration,
@@ -133,6 +134,11 @@ impl Active {
         due: Due,
         config: &HostConfig,
     ) -> Option<(u8, u8)> {
+        if due.fits_any(now, config) { Some((ALL, 0)) } else { self.select_some(now, draft, due, config) }
+    }
+
+    #[cold]
+    fn select_some(&self, now: Duration, draft: Draft, due: Due, config: &HostConfig) -> Option<(u8, u8)> {
         let fits = |select: u8, reserve| {
             let words = draft.words.iter().enumerate().filter(|(axis, _)| select >> axis & 1 != 0);
             // The select byte is doubled where it selects RY alone.

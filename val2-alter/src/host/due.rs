@@ -3,7 +3,12 @@
 use core::time::Duration;
 
 use super::config::HostConfig;
-use crate::timing::{transmission, transmission_nanos, window};
+use crate::framing::Framing;
+use crate::message::AXES;
+use crate::timing::{max_reply_len, transmission, transmission_nanos, window};
+
+/// The longest reply in any framing.
+pub(super) const LONGEST: usize = max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
 
 /// When an answer must leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -30,6 +35,11 @@ impl Due {
     fn new(now: Duration, window: Duration, shortest: usize, config: &HostConfig) -> Self {
         let slack = window.saturating_sub(transmission(shortest, config.baud)).max(Duration::from_nanos(1));
         Self { begin_by: now.saturating_add(slack), end_by: now.saturating_add(window) }
+    }
+
+    /// Whether any reply that is sent at `now` ends in time: then its length need not be known.
+    pub(super) fn fits_any(&self, now: Duration, config: &HostConfig) -> bool {
+        self.fits(now, LONGEST, config.reserve, config)
     }
 
     /// Whether an answer of `len` bytes that is sent at `now` ends in time, with something left.

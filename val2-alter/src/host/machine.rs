@@ -131,6 +131,12 @@ impl HostMachine {
         }
     }
 
+    /// Whether any reply that is sent at `now` ends in time: then it has all words, whatever lengths a [`Draft`] gives.
+    #[inline]
+    pub fn fits_any(&self, now: Duration, config: &HostConfig) -> bool {
+        matches!(&self.phase, HostPhase::Active(Active { request: Some(request), .. }) if request.due.fits_any(now, config))
+    }
+
     fn start(&mut self, now: Duration, is_expected: bool, config: &HostConfig) -> HostActions {
         let mut actions = HostActions::default();
         // The start message again: the answer to the one before was not read.
@@ -213,7 +219,7 @@ impl HostMachine {
         actions
     }
 
-    #[inline]
+    #[inline(always)] // see `on`
     fn reply(&mut self, now: Duration, draft: Draft, config: &HostConfig) -> HostActions {
         let mut actions = HostActions::default();
         let HostPhase::Active(active) = &mut self.phase else { return actions };

@@ -11,6 +11,7 @@ pub use config::{
     ExceptionOutcome, HostConfig, HostEvent, HostRule, HostStatistics, LostReason, Policy, UnknownReason,
 };
 pub use due::Due;
+use due::LONGEST;
 pub use input::{Answer, Course, Draft, HostActions, HostInput, Wanted};
 pub use state::{Active, HostMachine, HostPhase, Pending, Request, Stage, Target};
 
@@ -21,11 +22,8 @@ use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
 use crate::decoder::{Decoder, Received};
 use crate::error::{ConfigError, DecodeError, SessionError};
 use crate::frame::DLE;
-use crate::framing::Framing;
-use crate::limit::Limiter;
-use crate::message::{
-    ALL, AXES, Accumulation, Exception, HostMessage, Message, Reply, RobotMessage, StartCode,
-};
+use crate::limit::{Axes, Limiter};
+use crate::message::{AXES, Accumulation, Exception, HostMessage, Message, Reply, RobotMessage, StartCode};
 use crate::timing;
 
 /// The host computer's session. Its verbs are those of [`robot_session::Session`]; it never reads a clock and never blocks.
@@ -261,44 +259,105 @@ impl Host {
         debug_assert!(pushed.is_ok(), "room was asked for when it began");
     }
 
-    fn draft(&self, wanted: Wanted, values: [i16; AXES], at_rest: bool) -> Draft {
+    /// A reply that has all words: none is measured.
+    #[inline]
+    fn reply(&mut self, now: Duration, values: [i16; AXES], axes: Axes, out: &mut [u8]) -> Option<usize> {
+        let draft = self.draft(values, axes, 0, [0; AXES]);
+        let Some(Answer::Reply { exception, .. }) = self.on(now, HostInput::Transmit(draft)).send else {
+            return None;
+        };
+        self.statistics.replies += 1;
+        self.limiter.set_axes(axes);
+        self.sent = values;
+        let reply = Reply { exception, ..Reply::all(values) };
+        HostMessage::Reply(reply).encode(self.config.framing, out).ok()
+    }
+
+    /// Any answer: the machine says which words fit.
+    #[cold]
+    fn answer(
+        &mut self,
+        now: Duration,
+        wanted: Wanted,
+        values: [i16; AXES],
+        axes: Axes,
+        out: &mut [u8],
+    ) -> Option<usize> {
+        let doubled = |value: i16| value.to_le_bytes().iter().map(|byte| u8::from(*byte == DLE)).sum::<u8>();
+        let words = values.map(|value| 2 + doubled(value));
+        let draft = self.draft(values, axes, self.bare(wanted), words);
+        let message = match self.on(now, HostInput::Transmit(draft)).send? {
+            Answer::Start(code) => {
+                if code == StartCode::Accept {
+                    self.statistics.starts += 1;
+                    self.limiter.restart();
+                    (self.target, self.sent) = ([0; AXES], [0; AXES]);
+                }
+                HostMessage::StartReply(code)
+            }
+            Answer::Reply { select, held, exception } => {
+                self.statistics.replies += 1;
+                self.statistics.held += u64::from(held != 0);
+                self.limiter.set_axes(axes);
+                self.limiter.hold(held);
+                self.sent = values;
+                let mut reply = Reply { exception, ..Reply::all(values) };
+                for (axis, (value, sent)) in reply.values.iter_mut().zip(&mut self.sent).enumerate() {
+                    if select >> axis & 1 == 0 {
+                        (*value, *sent) = (None, 0);
+                    }
+                }
+                HostMessage::Reply(reply)
+            }
+        };
+        message.encode(self.config.framing, out).ok()
+    }
+
+    /// The length of an answer without words.
+    fn bare(&self, wanted: Wanted) -> u8 {
         let stuffed = usize::from(self.config.framing.stuffed_checksum);
         let envelope = timing::min_reply_len(0, self.config.framing) + stuffed;
         let bare = match wanted {
             Wanted::Nothing | Wanted::Start(_) => envelope - 1,
             Wanted::Reply { exception, .. } => envelope + usize::from(u8::from(exception) == DLE),
         };
-        let doubled = |value: i16| value.to_le_bytes().iter().map(|byte| u8::from(*byte == DLE)).sum::<u8>();
-        let words = if Reply::all(values).frame().has_dle() {
-            values.map(|value| 2 + doubled(value))
-        } else {
-            [2; AXES]
-        };
+        u8::try_from(bare).unwrap_or(u8::MAX)
+    }
+
+    #[inline]
+    fn draft(&self, values: [i16; AXES], axes: Axes, bare: u8, words: [u8; AXES]) -> Draft {
         Draft {
-            bare: u8::try_from(bare).unwrap_or(u8::MAX),
+            bare,
             words,
             moving: values.iter().rev().fold(0, |mask, value| 2 * mask + u8::from(*value != 0)),
-            at_rest,
+            at_rest: axes.speed == [0; AXES],
             has_room: self.events.has_room(OUTCOMES),
         }
     }
 
-    /// The next values, and the limiter that has made them.
-    fn next_values(&self, course: Course) -> ([i16; AXES], Limiter) {
-        let mut limiter = self.limiter;
+    /// The next values, and how the axes move by them.
+    #[inline]
+    fn next(&self, course: Course) -> ([i16; AXES], Axes) {
+        let mut axes = self.limiter.axes();
         if course == Course::Rest {
-            limiter.rest();
+            axes.speed = [0; AXES];
         }
-        let target = match (course, self.config.mode.accumulation()) {
+        let accumulation = self.config.mode.accumulation();
+        let target = match (course, accumulation) {
             (Course::Target, _) => self.target,
             (Course::Zero, _) | (Course::Rest, Accumulation::Cumulative) => [0; AXES],
-            (Course::Hold, _) | (Course::Rest, Accumulation::NonCumulative) => limiter.position(),
+            (Course::Hold, _) | (Course::Rest, Accumulation::NonCumulative) => axes.position,
         };
-        let values = match self.config.mode.accumulation() {
-            Accumulation::Cumulative => limiter.speeds(target),
-            Accumulation::NonCumulative => limiter.positions(target),
-        };
-        (values, limiter)
+        match accumulation {
+            Accumulation::Cumulative => {
+                let axes = self.limiter.speeds_from(axes, target);
+                (axes.speed, axes)
+            }
+            Accumulation::NonCumulative => {
+                let axes = self.limiter.positions_from(axes, target);
+                (axes.position, axes)
+            }
+        }
     }
 }
 
@@ -306,8 +365,7 @@ impl Session for Host {
     type Event = HostEvent;
     type Statistics = HostStatistics;
 
-    const MAX_TRANSMIT: usize =
-        timing::max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
+    const MAX_TRANSMIT: usize = LONGEST;
 
     fn handle_connected(&mut self, now: Duration) {
         self.decoder.clear();
@@ -343,42 +401,15 @@ impl Session for Host {
             return None;
         }
         let wanted = self.machine.wanted(&self.config)?;
-        let (values, mut limiter) = match wanted {
-            Wanted::Nothing | Wanted::Start(_) => ([0; AXES], self.limiter),
-            Wanted::Reply { course, .. } => self.next_values(course),
+        let (values, axes) = match wanted {
+            Wanted::Nothing | Wanted::Start(_) => ([0; AXES], self.limiter.axes()),
+            Wanted::Reply { course, .. } => self.next(course),
         };
-        let draft = self.draft(wanted, values, limiter.is_at_rest());
-        let message = match self.on(now, HostInput::Transmit(draft)).send? {
-            Answer::Start(code) => {
-                if code == StartCode::Accept {
-                    self.statistics.starts += 1;
-                    self.limiter.restart();
-                    (self.target, self.sent) = ([0; AXES], [0; AXES]);
-                }
-                HostMessage::StartReply(code)
-            }
-            Answer::Reply { select, held, exception } => {
-                if held != 0 {
-                    limiter.hold(held);
-                    self.statistics.held += 1;
-                }
-                self.limiter = limiter;
-                self.statistics.replies += 1;
-                let mut reply = Reply { exception, values: values.map(Some) };
-                self.sent = values;
-                if select == ALL {
-                    // As nearly always: the length of each part is known to the compiler.
-                    return HostMessage::Reply(reply).encode(self.config.framing, out).ok();
-                }
-                for (axis, (value, sent)) in reply.values.iter_mut().zip(&mut self.sent).enumerate() {
-                    if select >> axis & 1 == 0 {
-                        (*value, *sent) = (None, 0);
-                    }
-                }
-                HostMessage::Reply(reply)
-            }
-        };
-        message.encode(self.config.framing, out).ok()
+        if self.machine.fits_any(now, &self.config) {
+            self.reply(now, values, axes, out)
+        } else {
+            self.answer(now, wanted, values, axes, out)
+        }
     }
 
     fn poll_timeout(&self) -> Option<Duration> {

@@ -13,7 +13,7 @@ const COSTS: &str = "<!-- Costs, written by `cargo run -p reference -- write`. -
 const END: &str = "<!-- End -->\n";
 
 /// Each crate with costs: its name, and its folder.
-const CRATES: [(&str, &str); 10] = [
+const CRATES: [(&str, &str); 11] = [
     ("fanuc-hmi-modbus", "fanuc-hmi-modbus"),
     ("fanuc-ls", "fanuc-ls"),
     ("isra-ball", "isra-ball"),
@@ -21,6 +21,7 @@ const CRATES: [(&str, &str); 10] = [
     ("laser-eb90", "laser-eb90"),
     ("mmacell-proto", "mmacell-proto"),
     ("mmacell-task", "mmacell-task"),
+    ("robot-session", "robot-session"),
     ("robot-work-queue", "work-queue"),
     ("val2-alter", "val2-alter"),
     ("val2-viewer", "val2-viewer"),

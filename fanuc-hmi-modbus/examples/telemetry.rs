@@ -1,8 +1,13 @@
-//! Prints the telemetry block of a robot: `cargo run -p fanuc-hmi-modbus --features std --example telemetry -- 192.168.0.10:502`
-#![allow(clippy::disallowed_types, reason = "the program has the socket")]
+//! Prints the telemetry block of a robot ten times a second: `cargo run -p fanuc-hmi-modbus --features std --example telemetry -- 192.168.0.10:502`
+#![allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    reason = "the program has the socket, and time"
+)]
 
 use core::convert::Infallible;
 use core::ops::ControlFlow;
+use core::time::Duration;
 use std::net::TcpStream;
 
 use fanuc_hmi_modbus::robot_session::drive;
@@ -30,10 +35,11 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
             },
             event => eprintln!("{event:?}"),
         }
-        if event.outcome_of().is_some()
-            && let Err(error) = client.request(1, &TelemetryBlock::request())
-        {
-            eprintln!("{error}");
+        if event.outcome_of().is_some() {
+            std::thread::sleep(Duration::from_millis(100)); // nothing else is to be done meanwhile
+            if let Err(error) = client.request(1, &TelemetryBlock::request()) {
+                eprintln!("{error}");
+            }
         }
         ControlFlow::Continue(())
     })?;

@@ -11,7 +11,9 @@ use val2_alter::{Host, HostConfig, HostEvent};
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::args().nth(1).unwrap_or("/dev/ttyS0".into());
-    let mut host = Host::new(HostConfig::default())?;
+    // A busy computer may read apart what came together: no silence ends a frame.
+    let config = HostConfig { gap: None, ..HostConfig::default() };
+    let mut host = Host::new(config)?;
     drive(&mut host, Port::open(&path)?, |host, event| {
         // 16 units a cycle are 18 mm/s.
         let speed = if (host.statistics().cycles / 100).is_multiple_of(2) { 16 } else { -16 };

@@ -11,7 +11,9 @@ use val2_alter::{Host, HostConfig, HostEvent};
 async fn main() -> Result<(), Box<dyn core::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: PORT")?;
     let mut driver = Driver::new(tokio_serial::new(path, 38400).open_native_async()?);
-    let mut session = Host::new(HostConfig::default())?;
+    // A busy computer may read apart what came together: no silence ends a frame.
+    let config = HostConfig { gap: None, ..HostConfig::default() };
+    let mut session = Host::new(config)?;
     session.handle_connected(now());
     loop {
         // One turn loses nothing when it is dropped: it may be a branch of a `select!`.

@@ -30,6 +30,8 @@ use crate::links::settings;
 const IDLE: Duration = Duration::from_millis(20);
 /// The cycles of a motion segment of the program.
 const SEGMENT: u64 = 36;
+/// The position is told after so many cycles: twice a second.
+const TOLD: u64 = 18;
 
 /// The modes of an ALTER instruction: five bits.
 pub const MODES: RangeInclusive<u8> = 0..=31;
@@ -72,6 +74,8 @@ impl Default for PumaConfig {
 pub enum PumaEvent {
     /// ALTER runs.
     Started(Pose),
+    /// The arm is there.
+    Moves(Pose),
     /// The host refused it.
     Refused,
     /// Nobody answered.
@@ -388,6 +392,9 @@ impl Puma {
             return;
         }
         self.path_cycles += 1;
+        if self.path_cycles.is_multiple_of(TOLD) {
+            self.events.push(PumaEvent::Moves(self.arm.pose()));
+        }
         let stats = controller.statistics();
         let taken = Taken { session: stats.starts, cycle: stats.cycles, values };
         record.judge.add(taken, config.mode.accumulation());
@@ -423,6 +430,7 @@ fn to_json(at: Duration, event: PumaEvent) -> Value {
     let ms = u64::try_from(at.as_millis()).unwrap_or(u64::MAX);
     match event {
         PumaEvent::Started(pose) => json!({"ms": ms, "event": "started", "position_mm": position(&pose)}),
+        PumaEvent::Moves(pose) => json!({"ms": ms, "event": "moves", "position_mm": position(&pose)}),
         PumaEvent::Refused => json!({"ms": ms, "event": "refused"}),
         PumaEvent::GaveUp => json!({"ms": ms, "event": "gave_up"}),
         PumaEvent::BadReply(code) => {

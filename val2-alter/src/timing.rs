@@ -22,7 +22,14 @@ pub const fn window(accumulation: Accumulation) -> Duration {
     Duration::from_nanos(window_nanos(accumulation))
 }
 
-const fn window_nanos(accumulation: Accumulation) -> u64 {
+/// [`Budget::window`] in nanoseconds.
+pub(crate) const fn window_after_nanos(accumulation: Accumulation, baud: u32, request_len: usize) -> u64 {
+    let left = CYCLE_NANOS.saturating_sub(transmission_nanos(request_len, baud));
+    let window = window_nanos(accumulation);
+    if left < window { left } else { window }
+}
+
+pub(crate) const fn window_nanos(accumulation: Accumulation) -> u64 {
     match accumulation {
         Accumulation::Cumulative => 15_000_000,
         Accumulation::NonCumulative => 17_000_000,
@@ -55,12 +62,9 @@ pub struct Budget {
 impl Budget {
     /// The budget of a cycle with a request and a reply of these lengths on the line.
     pub const fn new(accumulation: Accumulation, baud: u32, request_len: usize, reply_len: usize) -> Self {
-        let request = transmission_nanos(request_len, baud);
-        let left = CYCLE_NANOS.saturating_sub(request);
-        let window = window_nanos(accumulation);
         Self {
-            request: Duration::from_nanos(request),
-            window: Duration::from_nanos(if left < window { left } else { window }),
+            request: transmission(request_len, baud),
+            window: Duration::from_nanos(window_after_nanos(accumulation, baud, request_len)),
             reply: transmission(reply_len, baud),
         }
     }

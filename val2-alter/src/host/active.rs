@@ -115,13 +115,15 @@ impl Active {
 
     pub(super) fn course(&self, config: &HostConfig) -> Course {
         let is_offset = config.mode.accumulation() == Accumulation::NonCumulative;
-        let stale = config.keeps(HostRule::Stale);
-        match (self.stage, self.target) {
-            (Stage::Running, Target::Fresh { .. }) => Course::Target,
-            (Stage::Running, Target::Stale) if !stale => Course::Target,
-            (Stage::Interrupted, _) => Course::Rest,
-            (Stage::Running, _) if is_offset => Course::Hold,
-            (Stage::Accepted | Stage::Running | Stage::Stopping { .. }, _) => Course::Zero,
+        match self.stage {
+            Stage::Running => match self.target {
+                Target::Fresh { .. } => Course::Target,
+                Target::Stale if !config.keeps(HostRule::Stale) => Course::Target,
+                Target::Unset | Target::Stale if is_offset => Course::Hold,
+                Target::Unset | Target::Stale => Course::Zero,
+            },
+            Stage::Interrupted => Course::Rest,
+            Stage::Accepted | Stage::Stopping { .. } => Course::Zero,
         }
     }
 

@@ -4,6 +4,7 @@ use core::time::Duration;
 
 use robot_session::Unexpected;
 
+use super::due::after;
 use crate::error::{ConfigError, DecodeError};
 use crate::framing::Framing;
 use crate::limit::Limits;
@@ -91,14 +92,9 @@ pub enum HostRule {
 }
 
 impl HostConfig {
-    /// From the end of a message of `len` bytes to the end of its reply.
-    pub(super) fn window(&self, len: usize) -> Duration {
-        Budget::new(self.mode.accumulation(), self.baud, len, 0).window
-    }
-
     /// When a controller that sends nothing from now on counts as lost.
     pub(super) fn lost_at(&self, now: Duration) -> Duration {
-        now.saturating_add(Duration::from_nanos(timing::CYCLE_NANOS * u64::from(self.silence_cycles)))
+        after(now, timing::CYCLE_NANOS * u64::from(self.silence_cycles))
     }
 
     /// Until when a message is the one that follows a message which arrived at `now`.

@@ -5,7 +5,7 @@ use core::time::Duration;
 use super::config::HostConfig;
 use crate::framing::Framing;
 use crate::message::AXES;
-use crate::timing::{max_reply_len, transmission, transmission_nanos, window};
+use crate::timing::{max_reply_len, transmission_nanos, window_after_nanos, window_nanos};
 
 /// The longest reply in any framing.
 pub(super) const LONGEST: usize = max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
@@ -23,18 +23,20 @@ pub struct Due {
 impl Due {
     /// The answer to a start message that arrived at `now`.
     pub(super) fn start(now: Duration, config: &HostConfig) -> Self {
-        Self::new(now, window(config.mode.accumulation()), config.reply_len(0).saturating_sub(1), config)
+        let window = window_nanos(config.mode.accumulation());
+        Self::new(now, window, config.reply_len(0).saturating_sub(1), config)
     }
 
     /// The reply, of so many values at least, to a standard message of `len` bytes that arrived at `now`.
     pub(super) fn reply(now: Duration, len: usize, values: u32, config: &HostConfig) -> Self {
-        Self::new(now, config.window(len), config.reply_len(values as usize), config)
+        let window = window_after_nanos(config.mode.accumulation(), config.baud, len);
+        Self::new(now, window, config.reply_len(values as usize), config)
     }
 
     /// What may be too late already may be tried once: a deadline lies ahead.
-    fn new(now: Duration, window: Duration, shortest: usize, config: &HostConfig) -> Self {
-        let slack = window.saturating_sub(transmission(shortest, config.baud)).max(Duration::from_nanos(1));
-        Self { begin_by: now.saturating_add(slack), end_by: now.saturating_add(window) }
+    fn new(now: Duration, window: u64, shortest: usize, config: &HostConfig) -> Self {
+        let slack = window.saturating_sub(transmission_nanos(shortest, config.baud)).max(1);
+        Self { begin_by: after(now, slack), end_by: after(now, window) }
     }
 
     /// Whether any reply that is sent at `now` ends in time: then its length need not be known.
@@ -46,5 +48,13 @@ impl Due {
     pub(super) fn fits(&self, now: Duration, len: usize, reserve: Duration, config: &HostConfig) -> bool {
         let takes = u128::from(transmission_nanos(len, config.baud)) + reserve.as_nanos();
         now.as_nanos() + takes <= self.end_by.as_nanos()
+    }
+}
+
+/// So many nanoseconds after `now`: within the same second, as most deadlines are, no carry and no division is needed.
+pub(super) fn after(now: Duration, nanos: u64) -> Duration {
+    match u32::try_from(u64::from(now.subsec_nanos()).saturating_add(nanos)) {
+        Ok(nanos) if nanos < 1_000_000_000 => Duration::new(now.as_secs(), nanos),
+        _ => now.saturating_add(Duration::from_nanos(nanos)),
     }
 }

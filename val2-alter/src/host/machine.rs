@@ -8,7 +8,7 @@ use robot_session::Unexpected;
 use super::config::{ExceptionOutcome, HostConfig, HostRule, LostReason, Policy};
 use super::due::Due;
 use super::input::{Answer, Draft, HostActions, HostInput, Wanted};
-use super::state::{Active, HostMachine, HostPhase, Pending, Stage, Target};
+use super::state::{Active, HostMachine, HostPhase, Pending, Request, Stage, Target};
 use crate::error::SessionError;
 use crate::message::{Exception, MotionPhase, StartCode};
 
@@ -61,7 +61,7 @@ impl HostMachine {
                 | On::Transmit(_),
             ) => return Err(self.unexpected(input)),
             (_, On::Bytes { partial }) => {
-                self.gap_at = config.gap.filter(|_| partial).map(|gap| now.saturating_add(gap));
+                self.gap_at = if partial { config.gap.map(|gap| now.saturating_add(gap)) } else { None };
             }
             (_, On::Start { is_expected, len: _ }) => return Ok(self.start(now, is_expected, config)),
             (_, On::End) => {
@@ -223,13 +223,14 @@ impl HostMachine {
     fn reply(&mut self, now: Duration, draft: Draft, config: &HostConfig) -> HostActions {
         let mut actions = HostActions::default();
         let HostPhase::Active(active) = &mut self.phase else { return actions };
+        let Some(request) = active.request else { return actions };
         let exception = active.to_send(config);
-        let Some(mut request) = active.request.take() else { return actions };
         let Some((select, held)) = active.select(now, draft, request.due, config) else {
-            request.due.begin_by = now;
-            active.request = Some(request);
+            let due = Due { begin_by: now, ..request.due };
+            active.request = Some(Request { due, ..request });
             return actions;
         };
+        active.request = None;
         active.sent = draft.moving & select;
         if request.phase == MotionPhase::Interrupted && config.keeps(HostRule::WordsInterrupted) {
             // Nobody knows whether a controller keeps the words that come while its subroutine runs.

@@ -154,24 +154,39 @@ impl Host {
         self.machine.reply_by()
     }
 
+    #[inline]
     fn read(&mut self, now: Duration) {
         loop {
             let item = self.decoder.next_frame();
             if self.decoder.corruption().is_some() {
-                self.on(now, HostInput::CorruptFrame);
+                self.on_corrupt_frame(now);
             }
             match &item {
                 None => return,
                 Some(Ok(received)) => self.on_message(now, received),
-                Some(Err(error)) => {
-                    self.statistics.corrupt += 1;
-                    if let DecodeError::StartMark { .. } = error {
-                        self.on(now, HostInput::Noise);
-                    }
-                    self.events.push_notice(HostEvent::Corrupt(*error));
-                }
+                Some(Err(error)) => self.on_error(now, *error),
             }
         }
+    }
+
+    #[cold]
+    fn end_frame(&mut self, now: Duration) {
+        self.decoder.finish();
+        self.read(now);
+    }
+
+    #[cold]
+    fn on_corrupt_frame(&mut self, now: Duration) {
+        self.on(now, HostInput::CorruptFrame);
+    }
+
+    #[cold]
+    fn on_error(&mut self, now: Duration, error: DecodeError) {
+        self.statistics.corrupt += 1;
+        if let DecodeError::StartMark { .. } = error {
+            self.on(now, HostInput::Noise);
+        }
+        self.events.push_notice(HostEvent::Corrupt(error));
     }
 
     #[inline(never)] // a message that is passed in registers is copied field by field
@@ -224,8 +239,7 @@ impl Host {
     #[inline(always)] // see `on`
     fn act(&mut self, now: Duration, actions: &HostActions) {
         if actions.end_frame {
-            self.decoder.finish();
-            self.read(now);
+            self.end_frame(now);
         }
         if actions.missed {
             // The arm is at rest for want of a reply: should ALTER go on all the same, it begins again from rest.
@@ -259,30 +273,14 @@ impl Host {
         debug_assert!(pushed.is_ok(), "room was asked for when it began");
     }
 
-    /// A reply that has all words: none is measured.
-    #[inline]
-    fn reply(&mut self, now: Duration, values: [i16; AXES], axes: Axes, out: &mut [u8]) -> Option<usize> {
-        let draft = self.draft(values, axes, 0, [0; AXES]);
-        let Some(Answer::Reply { exception, .. }) = self.on(now, HostInput::Transmit(draft)).send else {
-            return None;
-        };
-        self.statistics.replies += 1;
-        self.limiter.set_axes(axes);
-        self.sent = values;
-        let reply = Reply { exception, ..Reply::all(values) };
-        HostMessage::Reply(reply).encode(self.config.framing, out).ok()
-    }
-
     /// Any answer: the machine says which words fit.
     #[cold]
-    fn answer(
-        &mut self,
-        now: Duration,
-        wanted: Wanted,
-        values: [i16; AXES],
-        axes: Axes,
-        out: &mut [u8],
-    ) -> Option<usize> {
+    fn answer(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        let wanted = self.machine.wanted(&self.config)?;
+        let (values, axes) = match wanted {
+            Wanted::Nothing | Wanted::Start(_) => ([0; AXES], self.limiter.axes()),
+            Wanted::Reply { course, .. } => self.next(course),
+        };
         let doubled = |value: i16| value.to_le_bytes().iter().map(|byte| u8::from(*byte == DLE)).sum::<u8>();
         let words = values.map(|value| 2 + doubled(value));
         let draft = self.draft(values, axes, self.bare(wanted), words);
@@ -336,7 +334,7 @@ impl Host {
     }
 
     /// The next values, and how the axes move by them.
-    #[inline]
+    #[inline(always)] // most of it is one instruction for several axes
     fn next(&self, course: Course) -> ([i16; AXES], Axes) {
         let mut axes = self.limiter.axes();
         if course == Course::Rest {
@@ -400,16 +398,23 @@ impl Session for Host {
         if out.len() < Self::MAX_TRANSMIT {
             return None;
         }
-        let wanted = self.machine.wanted(&self.config)?;
-        let (values, axes) = match wanted {
-            Wanted::Nothing | Wanted::Start(_) => ([0; AXES], self.limiter.axes()),
-            Wanted::Reply { course, .. } => self.next(course),
+        let Wanted::Reply { course, .. } = self.machine.wanted(&self.config)? else {
+            return self.answer(now, out);
         };
-        if self.machine.fits_any(now, &self.config) {
-            self.reply(now, values, axes, out)
-        } else {
-            self.answer(now, wanted, values, axes, out)
+        let (values, axes) = self.next(course);
+        if !self.machine.fits_any(now, &self.config) {
+            return self.answer(now, out);
         }
+        // As nearly always: it has all words, and none is measured.
+        let draft = self.draft(values, axes, 0, [0; AXES]);
+        let Answer::Reply { exception, .. } = self.on(now, HostInput::Transmit(draft)).send? else {
+            return None;
+        };
+        self.statistics.replies += 1;
+        self.limiter.set_axes(axes);
+        self.sent = values;
+        let reply = Reply { exception, ..Reply::all(values) };
+        HostMessage::Reply(reply).encode(self.config.framing, out).ok()
     }
 
     fn poll_timeout(&self) -> Option<Duration> {

@@ -146,6 +146,13 @@ impl fmt::Debug for Value<'_> {
     }
 }
 
+#[cfg(feature = "defmt")]
+impl defmt::Format for Value<'_> {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::Display2Format(self).format(f);
+    }
+}
+
 /// The values of a header or of a data part, in order: as they stood on the wire, or as the program lists them.
 #[derive(Clone, Copy)]
 pub enum Values<'a> {
@@ -199,6 +206,20 @@ impl Eq for Values<'_> {}
 impl fmt::Debug for Values<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_list().entries(self.iter()).finish()
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Values<'_> {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "[");
+        for (at, value) in self.iter().enumerate() {
+            if at > 0 {
+                defmt::write!(f, ", ");
+            }
+            defmt::write!(f, "{:?}", value);
+        }
+        defmt::write!(f, "]");
     }
 }
 

@@ -107,6 +107,13 @@ impl fmt::Debug for Words<'_> {
     }
 }
 
+#[cfg(feature = "defmt")]
+impl defmt::Format for Words<'_> {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        format_list(f, self.iter());
+    }
+}
+
 /// Bits: from the wire, the lowest bit of each byte first, or a slice of the caller's.
 #[derive(Clone, Copy)]
 pub struct Bits<'a>(BitsIn<'a>);
@@ -226,6 +233,25 @@ impl fmt::Debug for Bits<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_list().entries(self.iter().map(u8::from)).finish()
     }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for Bits<'_> {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        format_list(f, self.iter().map(u16::from));
+    }
+}
+
+#[cfg(feature = "defmt")]
+fn format_list(f: defmt::Formatter<'_>, values: impl Iterator<Item = u16>) {
+    defmt::write!(f, "[");
+    for (at, value) in values.enumerate() {
+        if at > 0 {
+            defmt::write!(f, ", ");
+        }
+        defmt::write!(f, "{=u16}", value);
+    }
+    defmt::write!(f, "]");
 }
 
 /// Registers of a reply that is being written, in place.

@@ -68,6 +68,7 @@ pub enum Closing {
 
 /// The command that was not finished when its connection ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Unfinished<P> {
     /// There was none.
     Nothing,

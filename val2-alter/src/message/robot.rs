@@ -118,7 +118,6 @@ impl Start {
 /// The data list of an ALTER instruction: up to [`List::MAX`] words. The source sets no limit; ours makes a start message
 /// no longer than the longest standard message.
 #[derive(Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct List {
     pub(super) words: [i16; List::MAX],
     pub(super) len: usize,
@@ -164,6 +163,13 @@ impl List {
 impl core::fmt::Debug for List {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_list().entries(self.words()).finish()
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for List {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        self.words().format(f);
     }
 }
 

@@ -288,7 +288,7 @@ fn what_cannot_work_is_refused() {
 /// Every time that a session takes may be the last one there is, in its configuration too.
 /// Of the window of 15 ms the longest reply takes 8.854 ms (34 bytes at 38400 baud), and 1 ms is kept.
 #[test]
-fn while_any_reply_fits_the_longest_has_all_words() {
+fn while_the_longest_reply_fits_it_has_all_words() {
     let config = HostConfig::default();
     let longest = Draft { bare: 10, words: [4; 6], moving: 0, at_rest: true, has_room: true };
     let mut asked = HostMachine::new(Policy::Accept, false);
@@ -298,17 +298,17 @@ fn while_any_reply_fits_the_longest_has_all_words() {
     {
         asked.on(Duration::ZERO, input, &config).unwrap();
     }
-    assert!(!asked.fits_any(Duration::ZERO, &config), "nothing is to be answered");
+    assert!(!asked.fits(Duration::ZERO, 34, &config), "nothing is to be answered");
     asked.on(Duration::ZERO, motion, &config).unwrap();
     let select = |now| match asked.clone().on(now, HostInput::Transmit(longest), &config).unwrap().send {
         Some(Answer::Reply { select, held: 0, .. }) => select,
         other => panic!("{other:?}"),
     };
     let last = Duration::from_nanos(5_145_834);
-    assert!(asked.fits_any(last, &config));
+    assert!(asked.fits(last, 34, &config));
     assert_eq!(select(last), 0b11_1111);
     let after = last + Duration::from_nanos(1);
-    assert!(!asked.fits_any(after, &config));
+    assert!(!asked.fits(after, 34, &config));
     assert_eq!(select(after), 0);
 }
 

@@ -128,7 +128,7 @@ impl Active {
     }
 
     /// The words to send, and the axes that must wait; `None`: what must be sent does not fit.
-    #[inline]
+    #[inline(always)] // where the lengths are known, so is their sum
     pub(super) fn select(
         &self,
         now: Duration,
@@ -136,7 +136,11 @@ impl Active {
         due: Due,
         config: &HostConfig,
     ) -> Option<(u8, u8)> {
-        if due.fits_any(now, config) { Some((ALL, 0)) } else { self.select_some(now, draft, due, config) }
+        let len = draft.words.iter().fold(usize::from(draft.bare), |len, word| len + usize::from(*word));
+        if due.fits(now, len, config.reserve, config) || !config.keeps(HostRule::Late) {
+            return Some((ALL, 0));
+        }
+        self.select_some(now, draft, due, config)
     }
 
     #[cold]
@@ -149,9 +153,6 @@ impl Active {
                 + words.map(|(_, len)| usize::from(*len)).sum::<usize>();
             due.fits(now, len, reserve, config)
         };
-        if fits(ALL, config.reserve) || !config.keeps(HostRule::Late) {
-            return Some((ALL, 0));
-        }
         let mut select = if config.keeps(HostRule::WordsKept) { self.kept } else { draft.moving };
         if !fits(select, Duration::ZERO) {
             return None;

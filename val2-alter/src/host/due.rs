@@ -3,12 +3,7 @@
 use core::time::Duration;
 
 use super::config::HostConfig;
-use crate::framing::Framing;
-use crate::message::AXES;
-use crate::timing::{max_reply_len, transmission_nanos, window_after_nanos, window_nanos};
-
-/// The longest reply in any framing.
-pub(super) const LONGEST: usize = max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
+use crate::timing::{transmission_nanos, window_after_nanos, window_nanos};
 
 /// When an answer must leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -37,11 +32,6 @@ impl Due {
     fn new(now: Duration, window: u64, shortest: usize, config: &HostConfig) -> Self {
         let slack = window.saturating_sub(transmission_nanos(shortest, config.baud)).max(1);
         Self { begin_by: after(now, slack), end_by: after(now, window) }
-    }
-
-    /// Whether any reply that is sent at `now` ends in time: then its length need not be known.
-    pub(super) fn fits_any(&self, now: Duration, config: &HostConfig) -> bool {
-        self.fits(now, LONGEST, config.reserve, config)
     }
 
     /// Whether an answer of `len` bytes that is sent at `now` ends in time, with something left.

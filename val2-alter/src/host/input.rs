@@ -61,7 +61,7 @@ pub enum HostInput {
     Subroutine(bool),
 }
 
-/// The answer that could be sent. While [any reply fits](crate::machine::HostMachine::fits_any), its lengths decide nothing.
+/// The answer that could be sent. Its lengths may be greater than they are where that [fits](crate::machine::HostMachine::fits).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Draft {
     /// Its length without words.

@@ -131,10 +131,16 @@ impl HostMachine {
         }
     }
 
-    /// Whether any reply that is sent at `now` ends in time: then it has all words, whatever lengths a [`Draft`] gives.
+    /// Whether a reply of `len` bytes ends in time that is sent at `now`, with the reserve left: then all words of a [`Draft`]
+    /// of that length are sent.
     #[inline]
-    pub fn fits_any(&self, now: Duration, config: &HostConfig) -> bool {
-        matches!(&self.phase, HostPhase::Active(Active { request: Some(request), .. }) if request.due.fits_any(now, config))
+    pub fn fits(&self, now: Duration, len: usize, config: &HostConfig) -> bool {
+        match &self.phase {
+            HostPhase::Active(Active { request: Some(request), .. }) => {
+                request.due.fits(now, len, config.reserve, config)
+            }
+            _ => false,
+        }
     }
 
     fn start(&mut self, now: Duration, is_expected: bool, config: &HostConfig) -> HostActions {

@@ -11,7 +11,6 @@ pub use config::{
     ExceptionOutcome, HostConfig, HostEvent, HostRule, HostStatistics, LostReason, Policy, UnknownReason,
 };
 pub use due::Due;
-use due::LONGEST;
 pub use input::{Answer, Course, Draft, HostActions, HostInput, Wanted};
 pub use state::{Active, HostMachine, HostPhase, Pending, Request, Stage, Target};
 
@@ -22,8 +21,11 @@ use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
 use crate::decoder::{Decoder, Received};
 use crate::error::{ConfigError, DecodeError, SessionError};
 use crate::frame::DLE;
+use crate::framing::Framing;
 use crate::limit::{Axes, Limiter};
-use crate::message::{AXES, Accumulation, Exception, HostMessage, Message, Reply, RobotMessage, StartCode};
+use crate::message::{
+    ALL, AXES, Accumulation, Exception, HostMessage, Message, Reply, RobotMessage, StartCode,
+};
 use crate::timing;
 
 /// The host computer's session. Its verbs are those of [`robot_session::Session`]; it never reads a clock and never blocks.
@@ -48,6 +50,11 @@ pub struct Host {
     limiter: Limiter,
     sent: [i16; AXES],
 }
+
+/// The longest reply, [`Host::MAX_TRANSMIT`]: of each word and of the exception both bytes are doubled, and the checksum.
+const LONGEST_WORD: u8 = 4;
+const LONGEST_BARE: u8 = 10;
+const _: () = assert!(LONGEST_BARE as usize + AXES * LONGEST_WORD as usize == Host::MAX_TRANSMIT);
 
 /// The outcomes that an ALTER may have: its end, and that of a stop.
 const OUTCOMES: usize = 2;
@@ -273,53 +280,63 @@ impl Host {
         debug_assert!(pushed.is_ok(), "room was asked for when it began");
     }
 
-    /// Any answer: the machine says which words fit.
     #[cold]
-    fn answer(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        let wanted = self.machine.wanted(&self.config)?;
-        let (values, axes) = match wanted {
-            Wanted::Nothing | Wanted::Start(_) => ([0; AXES], self.limiter.axes()),
-            Wanted::Reply { course, .. } => self.next(course),
-        };
-        let doubled = |value: i16| value.to_le_bytes().iter().map(|byte| u8::from(*byte == DLE)).sum::<u8>();
-        let words = values.map(|value| 2 + doubled(value));
-        let draft = self.draft(values, axes, self.bare(wanted), words);
-        let message = match self.on(now, HostInput::Transmit(draft)).send? {
-            Answer::Start(code) => {
-                if code == StartCode::Accept {
-                    self.statistics.starts += 1;
-                    self.limiter.restart();
-                    (self.target, self.sent) = ([0; AXES], [0; AXES]);
-                }
-                HostMessage::StartReply(code)
-            }
-            Answer::Reply { select, held, exception } => {
-                self.statistics.replies += 1;
-                self.statistics.held += u64::from(held != 0);
-                self.limiter.set_axes(axes);
-                self.limiter.hold(held);
-                self.sent = values;
-                let mut reply = Reply { exception, ..Reply::all(values) };
-                for (axis, (value, sent)) in reply.values.iter_mut().zip(&mut self.sent).enumerate() {
-                    if select >> axis & 1 == 0 {
-                        (*value, *sent) = (None, 0);
-                    }
-                }
-                HostMessage::Reply(reply)
-            }
-        };
-        message.encode(self.config.framing, out).ok()
+    fn answer_start(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        let draft = self.draft([0; AXES], self.limiter.axes(), self.bare() - 1, [2; AXES]);
+        let Answer::Start(code) = self.on(now, HostInput::Transmit(draft)).send? else { return None };
+        if code == StartCode::Accept {
+            self.statistics.starts += 1;
+            self.limiter.restart();
+            (self.target, self.sent) = ([0; AXES], [0; AXES]);
+        }
+        HostMessage::StartReply(code).encode(self.config.framing, out).ok()
     }
 
-    /// The length of an answer without words.
-    fn bare(&self, wanted: Wanted) -> u8 {
-        let stuffed = usize::from(self.config.framing.stuffed_checksum);
-        let envelope = timing::min_reply_len(0, self.config.framing) + stuffed;
-        let bare = match wanted {
-            Wanted::Nothing | Wanted::Start(_) => envelope - 1,
-            Wanted::Reply { exception, .. } => envelope + usize::from(u8::from(exception) == DLE),
+    /// A reply on a slow line, or late: what it has depends on its length.
+    #[inline(never)]
+    fn reply_measured(
+        &mut self,
+        now: Duration,
+        values: [i16; AXES],
+        axes: Axes,
+        out: &mut [u8],
+    ) -> Option<usize> {
+        let Wanted::Reply { exception, .. } = self.machine.wanted(&self.config)? else { return None };
+        let mut reply = Reply { exception, ..Reply::all(values) };
+        let frame = reply.frame();
+        let bare = self.bare() + u8::from(u8::from(exception) == DLE);
+        let doubled = |value: i16| value.to_le_bytes().iter().map(|byte| u8::from(*byte == DLE)).sum::<u8>();
+        let words = if frame.has_dle() { values.map(|value| 2 + doubled(value)) } else { [2; AXES] };
+        let draft = self.draft(values, axes, bare, words);
+        let Answer::Reply { select, held, .. } = self.on(now, HostInput::Transmit(draft)).send? else {
+            return None;
         };
-        u8::try_from(bare).unwrap_or(u8::MAX)
+        self.replied(values, axes);
+        if select == ALL {
+            return frame.encode(self.config.framing, out).ok();
+        }
+        self.limiter.hold(held);
+        self.statistics.held += u64::from(held != 0);
+        for (axis, (value, sent)) in reply.values.iter_mut().zip(&mut self.sent).enumerate() {
+            if select >> axis & 1 == 0 {
+                (*value, *sent) = (None, 0);
+            }
+        }
+        HostMessage::Reply(reply).encode(self.config.framing, out).ok()
+    }
+
+    #[inline]
+    fn replied(&mut self, values: [i16; AXES], axes: Axes) {
+        self.statistics.replies += 1;
+        self.limiter.set_axes(axes);
+        self.sent = values;
+    }
+
+    /// The length of a reply without words, whose exception is no DLE.
+    fn bare(&self) -> u8 {
+        let Framing { stuffed_checksum, .. } = self.config.framing;
+        let len = timing::min_reply_len(0, self.config.framing) + usize::from(stuffed_checksum);
+        u8::try_from(len).unwrap_or(u8::MAX)
     }
 
     #[inline]
@@ -363,7 +380,8 @@ impl Session for Host {
     type Event = HostEvent;
     type Statistics = HostStatistics;
 
-    const MAX_TRANSMIT: usize = LONGEST;
+    const MAX_TRANSMIT: usize =
+        timing::max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
 
     fn handle_connected(&mut self, now: Duration) {
         self.decoder.clear();
@@ -399,22 +417,21 @@ impl Session for Host {
             return None;
         }
         let Wanted::Reply { course, .. } = self.machine.wanted(&self.config)? else {
-            return self.answer(now, out);
+            return self.answer_start(now, out);
         };
         let (values, axes) = self.next(course);
-        if !self.machine.fits_any(now, &self.config) {
-            return self.answer(now, out);
+        if !self.machine.fits(now, Self::MAX_TRANSMIT, &self.config) {
+            return self.reply_measured(now, values, axes, out);
         }
-        // As nearly always: it has all words, and none is measured.
-        let draft = self.draft(values, axes, 0, [0; AXES]);
-        let Answer::Reply { exception, .. } = self.on(now, HostInput::Transmit(draft)).send? else {
+        // As nearly always: even the longest reply fits.
+        let draft = self.draft(values, axes, LONGEST_BARE, [LONGEST_WORD; AXES]);
+        let Answer::Reply { select, exception, .. } = self.on(now, HostInput::Transmit(draft)).send? else {
             return None;
         };
-        self.statistics.replies += 1;
-        self.limiter.set_axes(axes);
-        self.sent = values;
+        debug_assert_eq!(select, ALL, "the machine was asked whether the longest fits");
+        self.replied(values, axes);
         let reply = Reply { exception, ..Reply::all(values) };
-        HostMessage::Reply(reply).encode(self.config.framing, out).ok()
+        reply.frame().encode(self.config.framing, out).ok()
     }
 
     fn poll_timeout(&self) -> Option<Duration> {

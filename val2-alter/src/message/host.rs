@@ -111,7 +111,7 @@ impl Reply {
     }
 
     #[inline]
-    fn frame(&self) -> Frame {
+    pub(crate) fn frame(&self) -> Frame {
         let mut frame = Frame::empty();
         frame.push([u8::from(self.exception), self.select()]);
         for value in &self.values {

@@ -113,8 +113,9 @@ impl robot_session::Decoder for Decoder {
         if waits { None } else { self.next_item() }
     }
 
+    #[inline]
     fn finish(&mut self) {
-        self.finished = true;
+        self.finished = !self.buffer.is_empty();
     }
 
     fn position(&self) -> u64 {

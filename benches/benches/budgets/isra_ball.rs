@@ -2,8 +2,8 @@ use std::hint::black_box;
 use std::time::Duration;
 
 use benches::{Budget, Count, Link};
-use isra_ball::robot_session::{Decoder as _, Encode as _};
-use isra_ball::{Decoder, Frame, Keys, Packet, Status, timing};
+use isra_ball::robot_session::{Decoder as _, Encode as _, Session as _};
+use isra_ball::{Decoder, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status, timing};
 
 use crate::streams;
 
@@ -18,6 +18,7 @@ pub const LINK: Link = Link {
         Count { what: "decode a packet", goal: Some(40.0), units: 1.0, unit: "op", run: decode },
         Count { what: "… by hand", goal: None, units: 1.0, unit: "op", run: decode_by_hand },
         Count { what: "decode a packet from the stream", goal: None, units: 1.0, unit: "op", run: stream },
+        Count { what: "host: poll, receive the packet", goal: None, units: 1.0, unit: "op", run: poll },
         Count { what: "encode a packet", goal: None, units: 1.0, unit: "op", run: encode },
         streams::valid(Packet::LEN as f64, |rounds| streams::push(rounds, Decoder::new(), &BYTES, 1)),
         streams::noisy(streams::RANDOM_WHOLE, |rounds| {
@@ -78,6 +79,22 @@ fn stream(rounds: u64) {
         assert_eq!(decoder.push(black_box(&BYTES)), 12);
         let frame = decoder.next_frame().expect("a whole packet").expect("a good packet");
         black_box(frame.packet().expect("eight data bytes"));
+    }
+}
+
+/// Three deadlines and an event for twelve bytes: the codec is the smaller part.
+fn poll(rounds: u64) {
+    let config = HostConfig::default();
+    let exchange = timing::exchange_time(config.baud);
+    let mut host = Host::new(config).expect("the defaults work");
+    let mut now = Duration::ZERO;
+    host.handle_connected(now);
+    let mut out = [0];
+    for _ in 0..rounds {
+        now += config.period;
+        assert_eq!(host.poll_transmit(now, black_box(&mut out)), Some(1));
+        host.handle_input(now + exchange, black_box(&BYTES));
+        assert!(matches!(black_box(host.poll_event()), Some(HostEvent::Packet(_) | HostEvent::Old(_))));
     }
 }
 

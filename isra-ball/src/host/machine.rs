@@ -115,7 +115,7 @@ impl HostMachine {
     ///
     /// # Errors
     /// A packet without a connection, a poll that is not due. Nothing has changed then.
-    #[inline]
+    #[inline(always)]
     pub fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
         match (&mut *self, input) {
             (_, Input::Connected) => Ok(self.close(Self::Connected(Polling::begin(now, config)), config)),

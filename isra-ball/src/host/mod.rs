@@ -119,16 +119,9 @@ impl Host {
         &self.machine
     }
 
-    /// What came due, one after the other, then the input.
+    /// What is due before it comes first: [`handle_timeout`](Session::handle_timeout).
+    #[inline]
     fn advance(&mut self, now: Duration, input: Input, packet: Option<Packet>) {
-        loop {
-            let timer = self.machine.on(now, Input::Timer, &self.config);
-            let Ok(action) = timer else { break };
-            if action == Action::None {
-                break;
-            }
-            self.act(now, action, None);
-        }
         match self.machine.on(now, input, &self.config) {
             Ok(action) => self.act(now, action, packet),
             Err(unexpected) => {
@@ -204,11 +197,13 @@ impl Session for Host {
     const MAX_TRANSMIT: usize = 1;
 
     fn handle_connected(&mut self, now: Duration) {
+        self.handle_timeout(now);
         self.decoder.clear();
         self.advance(now, Input::Connected, None);
     }
 
     fn handle_disconnected(&mut self, now: Duration) {
+        self.handle_timeout(now);
         self.decoder.clear();
         self.advance(now, Input::Disconnected, None);
     }
@@ -222,8 +217,13 @@ impl Session for Host {
         }
     }
 
+    /// What came due, one after the other.
     fn handle_timeout(&mut self, now: Duration) {
-        self.advance(now, Input::Timer, None);
+        while let Ok(action) = self.machine.on(now, Input::Timer, &self.config)
+            && action != Action::None
+        {
+            self.act(now, action, None);
+        }
     }
 
     fn poll_event(&mut self) -> Option<HostEvent> {

@@ -10,6 +10,7 @@ use crate::frame::DLE;
 use crate::message::{ALL, AXES, Accumulation, ErrorCode, Exception, MotionPhase};
 
 impl Active {
+    #[inline(always)] // see `HostMachine::on`
     pub(super) fn motion(
         &mut self,
         now: Duration,

@@ -258,6 +258,7 @@ impl HostMachine {
         Unexpected { state: self.name(), input: input.name() }
     }
 
+    #[inline(always)] // see `on`
     fn pass_time(&mut self, now: Duration, config: &HostConfig) -> HostActions {
         let mut actions = HostActions::default();
         let is_due = |at: &Duration| *at <= now;

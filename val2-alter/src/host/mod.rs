@@ -282,8 +282,8 @@ impl Host {
 
     #[cold]
     fn answer_start(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        let draft = self.draft([0; AXES], self.limiter.axes(), self.bare() - 1, [2; AXES]);
-        let Answer::Start(code) = self.on(now, HostInput::Transmit(draft)).send? else { return None };
+        let answer = self.transmit(now, [0; AXES], self.limiter.axes(), self.bare() - 1, [2; AXES])?;
+        let Answer::Start(code) = answer else { return None };
         if code == StartCode::Accept {
             self.statistics.starts += 1;
             self.limiter.restart();
@@ -307,10 +307,8 @@ impl Host {
         let bare = self.bare() + u8::from(u8::from(exception) == DLE);
         let doubled = |value: i16| value.to_le_bytes().iter().map(|byte| u8::from(*byte == DLE)).sum::<u8>();
         let words = if frame.has_dle() { values.map(|value| 2 + doubled(value)) } else { [2; AXES] };
-        let draft = self.draft(values, axes, bare, words);
-        let Answer::Reply { select, held, .. } = self.on(now, HostInput::Transmit(draft)).send? else {
-            return None;
-        };
+        let answer = self.transmit(now, values, axes, bare, words)?;
+        let Answer::Reply { select, held, .. } = answer else { return None };
         self.replied(values, axes);
         if select == ALL {
             return frame.encode(self.config.framing, out).ok();
@@ -323,6 +321,18 @@ impl Host {
             }
         }
         HostMessage::Reply(reply).encode(self.config.framing, out).ok()
+    }
+
+    #[inline(never)] // what is nearly always sent is sent without it: one copy for all else
+    fn transmit(
+        &mut self,
+        now: Duration,
+        values: [i16; AXES],
+        axes: Axes,
+        bare: u8,
+        words: [u8; AXES],
+    ) -> Option<Answer> {
+        self.on(now, HostInput::Transmit(self.draft(values, axes, bare, words))).send
     }
 
     #[inline]
@@ -339,7 +349,7 @@ impl Host {
         u8::try_from(len).unwrap_or(u8::MAX)
     }
 
-    #[inline]
+    #[inline(always)] // see `on`: what tells a `HostInput` from another is kept in the draft's `bool`s
     fn draft(&self, values: [i16; AXES], axes: Axes, bare: u8, words: [u8; AXES]) -> Draft {
         Draft {
             bare,

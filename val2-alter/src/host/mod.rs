@@ -51,7 +51,7 @@ pub struct Host {
     sent: [i16; AXES],
 }
 
-/// The longest reply, [`Host::MAX_TRANSMIT`]: of each word and of the exception both bytes are doubled, and the checksum.
+/// The longest reply has [`Host::MAX_TRANSMIT`] bytes: those of each word, the exception and the checksum are all doubled.
 const LONGEST_WORD: u8 = 4;
 const LONGEST_BARE: u8 = 10;
 const _: () = assert!(LONGEST_BARE as usize + AXES * LONGEST_WORD as usize == Host::MAX_TRANSMIT);
@@ -433,7 +433,7 @@ impl Session for Host {
         if !self.machine.fits(now, Self::MAX_TRANSMIT, &self.config) {
             return self.reply_measured(now, values, axes, out);
         }
-        // As nearly always: even the longest reply fits.
+        // As nearly always at 38400 baud: even the longest reply fits.
         let draft = self.draft(values, axes, LONGEST_BARE, [LONGEST_WORD; AXES]);
         let Answer::Reply { select, exception, .. } = self.on(now, HostInput::Transmit(draft)).send? else {
             return None;

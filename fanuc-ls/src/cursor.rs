@@ -75,6 +75,19 @@ impl<'a> Cursor<'a> {
         if self.take(word) { Ok(()) } else { Err(self.fault(reason)) }
     }
 
+    /// Moves over blanks and words, and the blanks behind them: at once where they stand as controllers print them.
+    ///
+    /// # Errors
+    /// When one of them is not here, for its reason.
+    #[inline(always)]
+    pub(crate) fn expect_all(&mut self, printed: &str, words: &[(&str, Reason)]) -> Result<(), Fault<'a>> {
+        if !self.take(printed) {
+            words.iter().try_for_each(|(word, reason)| self.expect(word, *reason))?;
+        }
+        self.space();
+        Ok(())
+    }
+
     /// A whole number without a sign.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use crate::cursor::Cursor;
 use crate::error::{EncodeError, Reason};
-use crate::text::{Fault, push_fixed, push_number, rounded, word};
+use crate::text::{Fault, fixed_decimal, push_fixed, push_number, rounded, word};
 
 /// A position of `/POS`: `P[1:"name"]{ … };`
 #[derive(Debug, Clone, PartialEq)]
@@ -41,8 +41,11 @@ impl Position {
     pub(crate) fn decode_block(block: &str) -> Result<Self, Fault<'_>> {
         let mut cursor = Cursor::new(block);
         let position = Self::decode(&mut cursor)?;
-        cursor.space();
-        if cursor.rest().trim().is_empty() { Ok(position) } else { Err(cursor.fault(Reason::Position)) }
+        if cursor.bytes().is_empty() || cursor.rest().trim().is_empty() {
+            Ok(position)
+        } else {
+            Err(cursor.fault(Reason::Position))
+        }
     }
 
     fn decode<'a>(cursor: &mut Cursor<'a>) -> Result<Self, Fault<'a>> {
@@ -57,16 +60,13 @@ impl Position {
             cursor.space();
             name = Some(decode_name(cursor)?.to_string());
         }
-        cursor.expect("]", Reason::Position)?;
-        cursor.expect("{", Reason::Position)?;
-        cursor.space();
+        cursor.expect_all("]{\r\n   ", &[("]", Reason::Position), ("{", Reason::Position)])?;
         let mut groups = Vec::with_capacity(1);
         while cursor.take("GP") {
             groups.push(Group::decode(cursor)?);
             cursor.space();
         }
-        cursor.expect("}", Reason::Group)?;
-        cursor.expect(";", Reason::Group)?;
+        cursor.expect_all("};\r\n", &[("}", Reason::Group), (";", Reason::Group)])?;
         Ok(Self { number, name, groups })
     }
 
@@ -153,12 +153,13 @@ impl Group {
     /// What follows `GP`.
     fn decode<'a>(cursor: &mut Cursor<'a>) -> Result<Self, Fault<'a>> {
         let number = cursor.number(Reason::Group)?;
-        cursor.expect(":", Reason::Group)?;
-        let user_frame = decode_frame(cursor, "UF")?;
-        cursor.expect(",", Reason::Frames)?;
-        let user_tool = decode_frame(cursor, "UT")?;
-        cursor.expect(",", Reason::Frames)?;
-        cursor.space();
+        let uf = [(":", Reason::Group), ("UF", Reason::Frames), (":", Reason::Frames)];
+        cursor.expect_all(":\r\n\tUF : ", &uf)?;
+        let user_frame = decode_frame(cursor)?;
+        let ut = [",", "UT", ":"].map(|word| (word, Reason::Frames));
+        cursor.expect_all(", UT : ", &ut)?;
+        let user_tool = decode_frame(cursor)?;
+        cursor.expect_all(",\t\r\n\t", &[(",", Reason::Frames)])?;
         let mut configuration = None;
         // Not behind the name of an axis, which is shorter.
         if !matches!(cursor.bytes(), [_, b' ' | b'=', ..] | [_, _, b' ' | b'=', ..])
@@ -175,9 +176,11 @@ impl Group {
         let mut axes = Vec::with_capacity(6);
         loop {
             axes.push(Axis::decode(cursor)?);
-            if !cursor.bytes().starts_with(b",") {
+            if cursor.take(",\t") || cursor.take(",\r\n\t") {
                 cursor.space();
+                continue;
             }
+            cursor.space();
             // Old controllers leave the comma out between what was never taught.
             if !cursor.take(",") && AxisName::decode(&mut { *cursor }).is_err() {
                 return Ok(Self { number, user_frame, user_tool, configuration, axes });
@@ -255,18 +258,19 @@ impl Axis {
     fn decode<'a>(cursor: &mut Cursor<'a>) -> Result<Self, Fault<'a>> {
         let name = AxisName::decode(cursor)?;
         cursor.expect("=", Reason::Axis)?;
+        if let Some((columns, unit)) = cursor.bytes().split_first_chunk()
+            && let Some(unit) = AxisUnit::printed(unit)
+            && let Some(value) = fixed_decimal(columns)
+        {
+            cursor.advance(14);
+            return Ok(Self { name, value: Some(value), unit });
+        }
         cursor.columns();
         let mut value = None;
         if cursor.take("*") {
             while cursor.take("*") {}
         } else {
             value = Some(cursor.decimal(Reason::Number)?);
-        }
-        // As controllers print them; with any other blanks, behind those.
-        for (unit, text) in [(AxisUnit::Deg, " deg"), (AxisUnit::Mm, "  mm")] {
-            if cursor.take(text) {
-                return Ok(Self { name, value, unit });
-            }
         }
         cursor.space();
         for (unit, text) in [(AxisUnit::Deg, "deg"), (AxisUnit::Mm, "mm")] {
@@ -398,11 +402,20 @@ pub enum AxisUnit {
     Mm,
 }
 
+impl AxisUnit {
+    /// The unit behind ten columns, as controllers print it.
+    #[inline(always)]
+    fn printed(text: &[u8]) -> Option<Self> {
+        match text {
+            [b' ', b'd', b'e', b'g', ..] => Some(Self::Deg),
+            [b' ', b' ', b'm', b'm', ..] => Some(Self::Mm),
+            _ => None,
+        }
+    }
+}
+
 #[inline(always)]
-fn decode_frame<'a>(cursor: &mut Cursor<'a>, name: &'static str) -> Result<Option<u16>, Fault<'a>> {
-    cursor.expect(name, Reason::Frames)?;
-    cursor.expect(":", Reason::Frames)?;
-    cursor.space();
+fn decode_frame<'a>(cursor: &mut Cursor<'a>) -> Result<Option<u16>, Fault<'a>> {
     if cursor.take("F") { Ok(None) } else { cursor.number(Reason::Frames).map(Some) }
 }
 

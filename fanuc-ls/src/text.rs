@@ -174,9 +174,7 @@ pub(crate) fn decimal_prefix(input: &[u8]) -> Option<(f64, usize)> {
 #[inline(always)]
 fn short_decimal(input: &[u8]) -> Option<(f64, usize)> {
     let digits = u64::from_le_bytes(*input.first_chunk()?) ^ u64::from_le_bytes([b'0'; 8]);
-    // The top bit of each byte above 9; a point adds nothing to the byte behind it.
-    let others =
-        (digits.wrapping_add(u64::from_le_bytes([0x7F - 9; 8])) | digits) & u64::from_le_bytes([0x80; 8]);
+    let others = above_nine(digits);
     let point = others.trailing_zeros().checked_sub(7)?;
     let end = (others & others.wrapping_sub(1)).trailing_zeros().checked_sub(7)?;
     if others == 0 || (digits >> point) & 0xFF != u64::from(b'.' ^ b'0') || end > 56 || end == 8 {
@@ -184,12 +182,44 @@ fn short_decimal(input: &[u8]) -> Option<(f64, usize)> {
     }
     // Without the point, and with zeros before it, to eight digits.
     let whole = (1 << point) - 1;
-    let digits = (digits & whole | digits >> 8 & !whole) << (72 - end);
+    let number = eight_digits((digits & whole | digits >> 8 & !whole) << (72 - end));
+    let decimals = (end - point) as usize / 8 - 1;
+    Some((number / POWERS.get(decimals)?, end as usize / 8))
+}
+
+/// The number that [`push_fixed`] writes into ten columns, with three decimals and up to four characters before the point.
+#[inline(always)]
+pub(crate) fn fixed_decimal(columns: &[u8; 10]) -> Option<f64> {
+    let [b' ', b' ', word @ ..] = columns else { return None };
+    let text = u64::from_le_bytes(*word);
+    let digits = text ^ u64::from_le_bytes([b'0'; 8]);
+    if word[4] != b'.' {
+        return None;
+    }
+    let blanks = (text ^ u64::from_le_bytes([b' '; 8])).trailing_zeros() & !7;
+    let negative = (text >> blanks) & 0xFF == u64::from(b'-');
+    let whole = u64::MAX << (blanks + if negative { 8 } else { 0 });
+    if above_nine(digits) != u64::from_le_bytes([0x80, 0x80, 0x80, 0x80, 0, 0, 0, 0]) & !whole | 0x80 << 32 {
+        return None;
+    }
+    let digits = digits & whole;
+    let value = eight_digits((digits << 8) & 0xFF_FFFF_FF00 | digits & 0xFF_FFFF << 40) / 1000.0;
+    Some(if negative { -value } else { value })
+}
+
+/// The top bit of each byte above 9; a point and a blank add nothing to the byte behind them.
+#[inline(always)]
+fn above_nine(digits: u64) -> u64 {
+    (digits.wrapping_add(u64::from_le_bytes([0x7F - 9; 8])) | digits) & u64::from_le_bytes([0x80; 8])
+}
+
+/// The number of eight digits, the first one in the lowest byte.
+#[inline(always)]
+fn eight_digits(digits: u64) -> f64 {
     let pairs = (digits.wrapping_mul(10 << 8 | 1) >> 8) & 0x00FF_00FF_00FF_00FF;
     let fours = (pairs.wrapping_mul(100 << 16 | 1) >> 16) & 0x0000_FFFF_0000_FFFF;
-    let number = u32::try_from(fours.wrapping_mul(10_000 << 32 | 1) >> 32).ok()?;
-    let decimals = (end - point) as usize / 8 - 1;
-    Some((f64::from(number) / POWERS.get(decimals)?, end as usize / 8))
+    let number = fours.wrapping_mul(10_000 << 32 | 1) >> 32;
+    f64::from(number as u32)
 }
 
 #[inline(never)]

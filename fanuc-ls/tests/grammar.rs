@@ -158,3 +158,66 @@ fn a_position_is_used_where_an_instruction_names_it_or_may_choose_it() {
         assert_eq!(unused(other), [1, 2], "{other}");
     }
 }
+
+/// A position reads the same, or fails for the same reason, where each of its blanks stands twice: not in the controller's columns.
+fn reads_the_same_out_of_its_columns(position: &str) {
+    let read = |position: &str| {
+        let program = Program::decode(&format!("/PROG A\n/MN\n/POS\n{position}/END\n"));
+        // A configuration keeps its blanks.
+        let values =
+            |program: Program| format!("{:?}", program.positions).replace(' ', "").replace("\\t", "");
+        program.map(values).map_err(|error| error.reason)
+    };
+    let twice = position.replace(' ', "  ").replace('\t', "\t\t").replace('\n', "\n\n");
+    assert_eq!(read(position), read(&twice), "{position}");
+}
+
+#[test]
+fn a_number_reads_the_same_in_its_columns_and_out_of_them() {
+    let mut columns = Vec::new();
+    for (start, point) in (0..10).flat_map(|start| (0..11).map(move |point| (start, point))) {
+        for sign in [None, Some(b'-'), Some(b'+')] {
+            let mut text: [u8; 10] = *b"1234567890";
+            text[..start].fill(b' ');
+            if let Some(sign) = sign {
+                text[start] = sign;
+            }
+            if point < 10 {
+                text[point] = b'.';
+            }
+            columns.push(text);
+        }
+    }
+    for text in columns {
+        for (at, byte) in (0..10).flat_map(|at| b" -.*0".map(|byte| (at, byte))) {
+            let mut text = text;
+            text[at] = byte;
+            let number = str::from_utf8(&text).unwrap();
+            reads_the_same_out_of_its_columns(&format!(
+                "P[1]{{\n   GP1:\n\tUF : 0, UT : 1,\t\n\tJ1={number} deg\n}};\n"
+            ));
+        }
+    }
+}
+
+#[test]
+fn a_position_reads_the_same_in_its_columns_and_out_of_them() {
+    for (axes, other) in [
+        (
+            "\tJ1=  -108.435 deg,\tJ2=    11.185  mm,\r\n\tJ3=     -.500 deg\r\n",
+            "P[2]{GP1:UF:F,UT:F,J1=1deg};\r\n",
+        ),
+        ("\tCONFIG : 'N U T, 0, 0, 0',\r\n\tX =  1234.500  mm,\tW =  -180.000 deg\r\n", ""),
+    ] {
+        let position = format!("P[1]{{\r\n   GP1:\r\n\tUF : 0, UT : 1,\t\r\n{axes}}};\r\n{other}");
+        reads_the_same_out_of_its_columns(&position);
+        for (at, byte) in (0..position.len()).flat_map(|at| b" \t\r\nP[]{}:;,'-.*0F/=".map(|byte| (at, byte)))
+        {
+            let mut changed = position.clone().into_bytes();
+            changed[at] = byte;
+            reads_the_same_out_of_its_columns(str::from_utf8(&changed).unwrap());
+            changed.remove(at);
+            reads_the_same_out_of_its_columns(str::from_utf8(&changed).unwrap());
+        }
+    }
+}

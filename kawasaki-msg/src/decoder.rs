@@ -293,8 +293,8 @@ impl Cursor {
     /// The message that these bytes begin with, if its end was all that was missing.
     fn completed<'b>(&mut self, bytes: &'b [u8]) -> Option<Message<'b>> {
         let head = self.head.filter(|head| self.scanned == 0 && bytes.get(head.end + 1) == Some(&END))?;
-        self.use_up(head.end + 2);
-        Some(head.message(bytes))
+        self.use_up(head.len());
+        Some(head.whole(bytes))
     }
 
     /// Goes to the next `<`: `None` if there is none yet, else the error that covers what was skipped.

@@ -1,8 +1,5 @@
 //! `<name$header$…$length#field$field$…#>`
 
-use nom::IResult;
-use nom::bytes::streaming::take_till;
-
 use crate::error::{DecodeError, EncodeError};
 use crate::number::{self, Digits};
 use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
@@ -56,22 +53,36 @@ impl<'a> Message<'a> {
     }
 
     /// As [`decode`](Self::decode), of at most so many bytes.
+    #[inline(always)]
     pub(crate) fn decode_within(
         bytes: &'a [u8],
         charset: Charset,
         limit: usize,
     ) -> Result<Option<(Self, usize)>, DecodeError> {
         let bytes = bytes.get(..limit).unwrap_or(bytes);
-        match message(bytes, charset, limit) {
-            Ok((rest, message)) => Ok(Some((message, bytes.len() - rest.len()))),
-            Err(nom::Err::Incomplete(_)) if bytes.len() == limit => {
-                Err(DecodeError::TooLong { offset: 0, limit })
-            }
-            Err(nom::Err::Incomplete(_)) => Ok(None),
-            Err(nom::Err::Error(fault) | nom::Err::Failure(fault)) => {
-                Err(fault.error.moved(bytes.len() - fault.left))
-            }
+        match Self::parse(bytes, charset, limit) {
+            Ok(found) => Ok(Some(found)),
+            Err(Stop::More) if bytes.len() == limit => Err(DecodeError::TooLong { offset: 0, limit }),
+            Err(Stop::More) => Ok(None),
+            Err(Stop::Corrupt(error)) => Err(error),
         }
+    }
+
+    /// The grammar: `< name $ header $ length # data # >`. The message, and where it ends.
+    #[inline(always)]
+    fn parse(input: &'a [u8], charset: Charset, limit: usize) -> Result<(Self, usize), Stop> {
+        mark(input, 0, START)?;
+        let data_at = charset.text_end(input, 1).ok_or(Stop::More)?;
+        mark(input, data_at, DATA)?;
+        let header = input.get(1..data_at).unwrap_or_default();
+        let head = Head::read(header, limit).map_err(|error| Stop::Corrupt(error.moved(1)))?;
+        let rest = input.get(head.data..).unwrap_or_default();
+        if let Some((data, [DATA, END, ..])) = rest.split_at_checked(head.end - head.data)
+            && charset.is_text(data)
+        {
+            return Ok((head.message(header, data), head.len()));
+        }
+        Err(head.lacks(input, charset))
     }
 
     /// Writes the message and gives its length: no blanks, no sign but `-`.
@@ -137,22 +148,6 @@ impl robot_session::Encode for InCharset<'_> {
     }
 }
 
-/// The grammar: `< name $ header $ length # data # >`.
-fn message(input: &[u8], charset: Charset, limit: usize) -> Parsed<'_, Message<'_>> {
-    let (header_at, ()) = mark(START)(input)?;
-    let (rest, header) = text(charset)(header_at)?;
-    let (data_at, ()) = mark(DATA)(rest)?;
-    let head = Head::read(header, limit).map_err(|error| fail(header_at, error))?;
-    let (rest, data) = text(charset)(data_at)?;
-    let (end_at, ()) = mark(DATA)(rest)?;
-    let expected = head.end - head.data;
-    if data.len() != expected {
-        return Err(fail(data_at, DecodeError::Length { offset: 0, expected, found: data.len() }));
-    }
-    let (rest, ()) = mark(END)(end_at)?;
-    Ok((rest, head.message(input)))
-}
-
 /// What the bytes before a data part say: where the parts of the message are in it, from its `<` on.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Head {
@@ -166,14 +161,23 @@ pub(crate) struct Head {
 }
 
 impl Head {
+    /// How many bytes its message has.
+    pub(crate) fn len(&self) -> usize {
+        self.end + "#>".len()
+    }
+
     /// Reads `name $ header $ length`: the last value is the length, what is before it is kept (thesis, section 10.1).
+    #[inline(always)]
     pub(crate) fn read(bytes: &[u8], limit: usize) -> Result<Self, DecodeError> {
-        let separator = |byte: &u8| *byte == SEPARATOR;
-        let no_length = |offset| DecodeError::NoLength { offset };
-        let last = bytes.iter().rposition(separator).ok_or(no_length(bytes.len()))?;
-        let length = bytes.get(last + 1..).and_then(number::parse);
-        let length = length.and_then(|n| usize::try_from(n).ok()).ok_or(no_length(last + 1))?;
-        let name = bytes.iter().position(separator).unwrap_or(last);
+        let digit = |byte: u8| usize::from(byte - b'0');
+        let (last, length) = match *bytes {
+            [ref rest @ .., SEPARATOR, ones @ b'0'..=b'9'] => (rest.len(), digit(ones)),
+            [ref rest @ .., SEPARATOR, tens @ b'0'..=b'9', ones @ b'0'..=b'9'] => {
+                (rest.len(), 10 * digit(tens) + digit(ones))
+            }
+            _ => Self::length(bytes)?,
+        };
+        let name = bytes.iter().position(|byte| *byte == SEPARATOR).unwrap_or(last);
         if name == 0 {
             return Err(DecodeError::NoName { offset: 0 });
         }
@@ -184,64 +188,73 @@ impl Head {
         Ok(Self { name: 1 + name, header: 1 + last, data, end: data + length })
     }
 
-    /// Its message, of which these are the bytes.
+    /// Where the `$` before any length is, and the length.
+    #[inline(never)]
+    fn length(bytes: &[u8]) -> Result<(usize, usize), DecodeError> {
+        let no_length = |offset| DecodeError::NoLength { offset };
+        let last = bytes.iter().rposition(|byte| *byte == SEPARATOR).ok_or(no_length(bytes.len()))?;
+        let length = bytes.get(last + 1..).and_then(number::parse);
+        let length = length.and_then(|n| usize::try_from(n).ok()).ok_or(no_length(last + 1))?;
+        Ok((last, length))
+    }
+
+    /// Its message, of which these are the header and the data part.
     #[inline(always)]
-    pub(crate) fn message(self, bytes: &[u8]) -> Message<'_> {
-        let name = bytes.get(1..self.name).unwrap_or_default();
-        let header = bytes.get(self.name + 1..self.header);
-        let fields = bytes.get(self.data..self.end).filter(|data| !data.is_empty());
-        let values = |bytes: Option<_>| bytes.map_or(Values::NONE, Values::Wire);
-        Message { name: Value::Wire(name), header: values(header), fields: values(fields) }
+    fn message<'a>(&self, header: &'a [u8], data: &'a [u8]) -> Message<'a> {
+        let name = header.get(..self.name - 1).unwrap_or_default();
+        let values = header.get(self.name..self.header - 1).map_or(Values::NONE, Values::Wire);
+        let fields = if data.is_empty() { Values::NONE } else { Values::Wire(data) };
+        Message { name: Value::Wire(name), header: values, fields }
+    }
+
+    /// Its message, which these bytes begin with.
+    pub(crate) fn whole<'a>(&self, bytes: &'a [u8]) -> Message<'a> {
+        let part = |range| bytes.get(range).unwrap_or_default();
+        self.message(part(1..self.data - 1), part(self.data..self.end))
+    }
+
+    /// Why its message is not whole.
+    #[cold]
+    fn lacks(&self, input: &[u8], charset: Charset) -> Stop {
+        let Some(end) = charset.text_end(input, self.data) else { return Stop::More };
+        let length = || {
+            let (expected, found) = (self.end - self.data, end - self.data);
+            let error = DecodeError::Length { offset: self.data, expected, found };
+            if found == expected { Ok(()) } else { Err(Stop::Corrupt(error)) }
+        };
+        let lacks = mark(input, end, DATA).and_then(|()| length()).and_then(|()| mark(input, end + 1, END));
+        lacks.err().unwrap_or(Stop::More)
     }
 }
 
-/// Everything up to a mark that ends a part, or a byte that is no character.
-fn text<'a>(charset: Charset) -> impl FnMut(&'a [u8]) -> Parsed<'a, &'a [u8]> {
-    take_till(move |byte| charset.ends_text(byte))
+/// Why there is no message.
+enum Stop {
+    /// It is not whole.
+    More,
+    Corrupt(DecodeError),
 }
 
-/// One mark. A wrong byte in its place says what the corruption is.
-fn mark<'a>(expected: u8) -> impl Fn(&'a [u8]) -> Parsed<'a, ()> {
-    move |input| match input.split_first() {
-        None => Err(nom::Err::Incomplete(nom::Needed::new(1))),
-        Some((found, rest)) if *found == expected => Ok((rest, ())),
-        Some((&found, rest)) => {
-            let error = match (expected, found) {
-                (START, _) => {
-                    let length = 1 + rest.iter().take_while(|byte| **byte != START).count();
-                    DecodeError::Garbage { offset: 0, length }
-                }
-                (_, START) => DecodeError::Mark { offset: 0, found },
-                (END, _) => DecodeError::NoEndMark { offset: 0, found },
-                (_, END | DATA) => DecodeError::Mark { offset: 0, found },
-                _ => DecodeError::NotAscii { offset: 0, found },
-            };
-            Err(fail(input, error))
+/// A mark at this place. A wrong byte there says what the corruption is.
+#[inline(always)]
+fn mark(input: &[u8], at: usize, expected: u8) -> Result<(), Stop> {
+    match input.get(at) {
+        None => Err(Stop::More),
+        Some(found) if *found == expected => Ok(()),
+        Some(found) => Err(Stop::Corrupt(no_mark(input, at, expected, *found))),
+    }
+}
+
+#[cold]
+fn no_mark(input: &[u8], offset: usize, expected: u8, found: u8) -> DecodeError {
+    match (expected, found) {
+        (START, _) => {
+            let length = input.iter().take_while(|byte| **byte != START).count();
+            DecodeError::Garbage { offset, length }
         }
-    }
-}
-
-type Parsed<'a, T> = IResult<&'a [u8], T, Fault>;
-
-/// An error, and how many bytes were left where it was seen.
-#[derive(Debug)]
-struct Fault {
-    left: usize,
-    error: DecodeError,
-}
-
-fn fail(at: &[u8], error: DecodeError) -> nom::Err<Fault> {
-    nom::Err::Error(Fault { left: at.len(), error })
-}
-
-impl nom::error::ParseError<&[u8]> for Fault {
-    /// Of nom's own parsers only `take_till` is used, which cannot fail.
-    fn from_error_kind(input: &[u8], _: nom::error::ErrorKind) -> Self {
-        Self { left: input.len(), error: DecodeError::NoLength { offset: 0 } }
-    }
-
-    fn append(_: &[u8], _: nom::error::ErrorKind, other: Self) -> Self {
-        other
+        (_, START) => DecodeError::Mark { offset, found },
+        (END, _) => DecodeError::NoEndMark { offset, found },
+        (_, END | DATA) => DecodeError::Mark { offset, found },
+        _ => DecodeError::NotAscii { offset, found },
     }
 }
 

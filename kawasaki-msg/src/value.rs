@@ -44,6 +44,44 @@ impl Charset {
         matches!(byte, START | END | DATA) || !self.has(byte)
     }
 
+    /// Where text ends that begins at a place: at the first byte that [ends it](Self::ends_text).
+    #[inline(always)]
+    pub(crate) fn text_end(self, bytes: &[u8], from: usize) -> Option<usize> {
+        let (words, tail) = bytes.get(from..)?.as_chunks();
+        for (at, word) in words.iter().enumerate() {
+            let ends = self.text_ends(u64::from_le_bytes(*word));
+            if ends != 0 {
+                return Some(from + 8 * at + ends.trailing_zeros() as usize / 8);
+            }
+        }
+        let end = tail.iter().position(|byte| self.ends_text(*byte))?;
+        Some(from + 8 * words.len() + end)
+    }
+
+    /// Whether no byte [ends text](Self::ends_text): eight at a time, the last ones once more perhaps.
+    #[inline(never)] // its constants are in registers here
+    pub(crate) fn is_text(self, bytes: &[u8]) -> bool {
+        let Some(last) = bytes.last_chunk() else { return !bytes.iter().any(|byte| self.ends_text(*byte)) };
+        let mut ends = self.text_ends(u64::from_le_bytes(*last));
+        for word in bytes.as_chunks().0 {
+            ends |= self.text_ends(u64::from_le_bytes(*word));
+        }
+        ends == 0
+    }
+
+    /// The highest bit of the first byte that ends text is the lowest bit that is set.
+    #[inline(always)]
+    fn text_ends(self, word: u64) -> u64 {
+        const ONES: u64 = u64::from_le_bytes([1; 8]);
+        // `<` and `>` differ in one bit.
+        let ends = (word & !(ONES * u64::from(START ^ END))) ^ (ONES * u64::from(START & END));
+        let data = word ^ (ONES * u64::from(DATA));
+        // Of a byte that is 0, and of no byte below the first such one, the highest bit comes up by a borrow.
+        let zeros = (ends.wrapping_sub(ONES) & !ends) | (data.wrapping_sub(ONES) & !data);
+        let others = if matches!(self, Charset::Ascii) { word } else { 0 };
+        (zeros | others) & (ONES << 7)
+    }
+
     /// The byte that a character is on the wire.
     pub(crate) fn byte(self, found: char) -> Result<u8, EncodeError> {
         let byte = u8::try_from(found).map_err(|_| EncodeError::Character { found })?;

@@ -14,6 +14,63 @@ use kawasaki_msg::{
 };
 use proptest::prelude::*;
 
+/// A message read byte by byte, as the grammar says: its name, how many values its header has, its data part, its length.
+type Plain = Result<Option<(String, usize, Vec<u8>, usize)>, DecodeError>;
+
+fn plain(wire: &[u8], charset: Charset) -> Plain {
+    use DecodeError::*;
+    let ends = |byte: u8| b"<>#".contains(&byte) || (charset == Charset::Ascii && byte > 127);
+    let text_end = |from: usize| (from..wire.len()).find(|at| ends(wire[*at]));
+    let no_data_mark = |offset: usize| match wire[offset] {
+        found @ (b'<' | b'>') => Err(Mark { offset, found }),
+        found => Err(NotAscii { offset, found }),
+    };
+    let Some(first) = wire.first() else { return Ok(None) };
+    if *first != b'<' {
+        let length = wire.iter().position(|byte| *byte == b'<').unwrap_or(wire.len());
+        return Err(Garbage { offset: 0, length });
+    }
+    let Some(header_end) = text_end(1) else { return Ok(None) };
+    if wire[header_end] != b'#' {
+        return no_data_mark(header_end);
+    }
+    let header: Vec<&[u8]> = wire[1..header_end].split(|byte| *byte == b'$').collect();
+    let length_at = header_end - header.last().unwrap().len();
+    let length = core::str::from_utf8(header.last().unwrap())
+        .ok()
+        .map(|text| text.trim_matches([' ', '\t', '\n', '\r', '\x0C']));
+    let length = length.filter(|text| !text.starts_with('+')).and_then(|text| text.parse::<i32>().ok());
+    if header.len() == 1 {
+        return Err(NoLength { offset: header_end });
+    }
+    let Some(length) = length.and_then(|length| usize::try_from(length).ok()) else {
+        return Err(NoLength { offset: length_at });
+    };
+    if header[0].is_empty() {
+        return Err(NoName { offset: 1 });
+    }
+    let data_at = header_end + 1;
+    if data_at + length + 2 > Message::MAX_LEN {
+        return Err(TooLong { offset: 1, limit: Message::MAX_LEN });
+    }
+    let Some(end) = text_end(data_at) else { return Ok(None) };
+    if wire[end] != b'#' {
+        return no_data_mark(end);
+    }
+    if end - data_at != length {
+        return Err(Length { offset: data_at, expected: length, found: end - data_at });
+    }
+    match wire.get(end + 1) {
+        None => Ok(None),
+        Some(b'>') => {
+            let name = header[0].iter().map(|byte| char::from(*byte)).collect();
+            Ok(Some((name, header.len() - 2, wire[data_at..end].to_vec(), end + 2)))
+        }
+        Some(found @ b'<') => Err(Mark { offset: end + 1, found: *found }),
+        Some(found) => Err(NoEndMark { offset: end + 1, found: *found }),
+    }
+}
+
 /// A message as the program holds it.
 #[derive(Debug, Clone)]
 struct Owned {
@@ -128,6 +185,26 @@ proptest! {
             _ => bad.fields.push(mark.clone()),
         }
         prop_assert_eq!(bad.encode(Charset::Ascii), Err(EncodeError::Forbidden { found: mark.as_bytes()[0] }));
+    }
+
+    #[test]
+    fn a_message_is_read_as_byte_by_byte(
+        original in message(true),
+        latin1: bool,
+        damage in prop::collection::vec((any::<prop::sample::Index>(), "[<>$# 09x]|\\PC".prop_map(|c| c.as_bytes()[0])), 0..3),
+        cut in prop::option::of(any::<prop::sample::Index>()),
+    ) {
+        let charset = if latin1 { Charset::Latin1 } else { Charset::Ascii };
+        let mut wire = original.encode(Charset::Latin1).unwrap();
+        for (at, byte) in damage {
+            let at = at.index(wire.len());
+            wire[at] = byte;
+        }
+        wire.truncate(cut.map_or(wire.len(), |cut| cut.index(wire.len())));
+        let read = Message::decode(&wire, charset).map(|read| read.map(|(message, used)| {
+            (message.name.to_string(), message.header.iter().count(), data(&message).to_vec(), used)
+        }));
+        prop_assert_eq!(read, plain(&wire, charset), "{}", wire.escape_ascii());
     }
 
     #[test]

@@ -48,7 +48,8 @@ const COUNTS: &[Count] = &[
     per_byte("… by a loop by hand", None, SHORT_BYTES, |rounds| {
         by_hand::queue::<Short>(rounds, packet(short))
     }),
-    per_byte("a packet of lines: messages found and checked only", None, BYTES, find_messages),
+    per_byte("a packet of lines: messages found and checked only", Some(7.0), BYTES, find_messages),
+    per_byte("… by a loop by hand", None, BYTES, find_by_hand),
     per_byte("the longest message, which comes byte by byte", Some(200.0), 4096.0, grow_a_message),
     per_byte("a packet of lines, built", Some(35.0), BYTES, |rounds| build_packets(rounds, line)),
     per_byte("… by a loop by hand", None, BYTES, |rounds| build_by_hand(rounds, line)),
@@ -153,6 +154,19 @@ fn find_messages(rounds: u64) {
             found += u16::from(black_box(message).is_ok());
         }
         assert_eq!(found, JOBS);
+    }
+}
+
+/// The same where the message is, with its marks, its length and its characters checked: no stream, no errors.
+fn find_by_hand(rounds: u64) {
+    let (packet, _) = packet(line);
+    for _ in 0..rounds {
+        let (mut rest, mut found) = (black_box(&packet[..]), 0);
+        while let Some([name, data, after]) = by_hand::find(rest) {
+            black_box((name, data));
+            (rest, found) = (after, found + 1);
+        }
+        assert_eq!((rest.len(), found), (0, JOBS));
     }
 }
 

@@ -127,6 +127,37 @@ fn text(bytes: &[u8], at: &mut usize) -> Option<([u8; 8], usize)> {
     (length > 0).then_some((text, length))
 }
 
+/// The name and the data part of the message that comes first, and what is after it; a header of a name and two digits.
+#[inline(always)]
+pub(super) fn find(bytes: &[u8]) -> Option<[&[u8]; 3]> {
+    let [b'<', rest @ ..] = bytes else { return None };
+    let name = rest.iter().position(|byte| *byte == b'$')?;
+    let (name, rest) = rest.split_at_checked(name)?;
+    let [b'$', tens @ b'0'..=b'9', ones @ b'0'..=b'9', b'#', rest @ ..] = rest else { return None };
+    let (data, rest) = rest.split_at_checked(usize::from(10 * (tens - b'0') + ones - b'0'))?;
+    let [b'#', b'>', rest @ ..] = rest else { return None };
+    (is_text(name) && is_text(data)).then_some([name, data, rest])
+}
+
+/// Eight bytes at a time, the last ones twice perhaps.
+#[inline(always)]
+fn is_text(text: &[u8]) -> bool {
+    const ONES: u64 = u64::from_le_bytes([1; 8]);
+    let marks = |word: &[u8; 8]| {
+        let word = u64::from_le_bytes(*word);
+        let below = |mark: u8| (word ^ (ONES * u64::from(mark))).wrapping_sub(ONES);
+        (word | below(b'<') | below(b'>') | below(b'#')) & (ONES << 7)
+    };
+    let Some(last) = text.last_chunk() else {
+        return !text.iter().any(|byte| matches!(byte, b'<' | b'>' | b'#' | 128..));
+    };
+    let mut found = marks(last);
+    for word in text.as_chunks().0 {
+        found |= marks(word);
+    }
+    found == 0
+}
+
 struct Job<W> {
     order: u16,
     number: u16,

@@ -133,7 +133,7 @@ impl Encode for Frame<'_> {
 
 /// The payload and the length of a whole frame without fault and without doubled bytes, as most are. Any other is looked at a
 /// second time, in steps.
-#[inline]
+#[inline(always)]
 pub(crate) fn in_place<'a>(bytes: &'a [u8], limit: usize, profile: &Profile) -> Option<(&'a [u8], usize)> {
     let mut rest = bytes.strip_prefix(&HEAD)?;
     if profile.flag == Flag::Separate {
@@ -200,7 +200,8 @@ impl Scan {
             self.read = begin;
         }
         loop {
-            self.copy_words(raw, payload);
+            self.copy_blocks::<16>(raw, payload);
+            self.copy_blocks::<8>(raw, payload);
             let (byte, taken) = match *raw.get(self.read..).unwrap_or_default() {
                 [] | [MARK] => return Ok(None),
                 [MARK, MARK, ..] => (MARK, 2),
@@ -221,31 +222,29 @@ impl Scan {
         }
     }
 
-    /// Eight bytes at a time are copied as they are, and count as far as there is no 90h among them; what it doubles is one byte.
+    /// Blocks are copied as they are, and count as far as there is no 90h in them; what it doubles is one byte.
     #[inline]
-    fn copy_words(&mut self, raw: &[u8], payload: &mut [u8]) {
+    fn copy_blocks<const N: usize>(&mut self, raw: &[u8], payload: &mut [u8]) {
         let (mut rest, mut free) =
             (raw.get(self.read..).unwrap_or_default(), payload.get_mut(self.len..).unwrap_or_default());
         let (available, room) = (rest.len(), free.len());
-        while let (Some((word, after)), Some(slot)) =
-            (rest.split_first_chunk::<8>(), free.first_chunk_mut::<8>())
+        while let (Some((block, after)), Some(slot)) =
+            (rest.split_first_chunk::<N>(), free.first_chunk_mut::<N>())
         {
-            *slot = *word;
-            let marks = marks(*word);
-            let copied = if marks == 0 {
+            *slot = *block;
+            if is_clean(block) {
                 rest = after;
-                8
-            } else {
-                let clean = marks.trailing_zeros() as usize / 8;
-                rest = rest.get(clean..).unwrap_or_default();
-                let [MARK, MARK, after @ ..] = rest else {
-                    free = core::mem::take(&mut free).get_mut(clean..).unwrap_or_default();
-                    break;
-                };
-                rest = after;
-                clean + 1
+                free = core::mem::take(&mut free).get_mut(N..).unwrap_or_default();
+                continue;
+            }
+            let clean = place_of_mark(block);
+            rest = rest.get(clean..).unwrap_or_default();
+            let [MARK, MARK, after @ ..] = rest else {
+                free = core::mem::take(&mut free).get_mut(clean..).unwrap_or_default();
+                break;
             };
-            free = core::mem::take(&mut free).get_mut(copied..).unwrap_or_default();
+            rest = after;
+            free = core::mem::take(&mut free).get_mut(clean + 1..).unwrap_or_default();
         }
         self.read += available - rest.len();
         self.len += room - free.len();
@@ -347,6 +346,7 @@ fn find_mark(bytes: &[u8]) -> usize {
 }
 
 /// The place of the first 90h, and the sum of what is before it.
+#[inline(never)]
 fn sum_to_mark(bytes: &[u8]) -> (usize, u32) {
     let (mut rest, mut sum) = (bytes, 0);
     while let Some((block, after)) = rest.split_first_chunk::<64>()
@@ -355,8 +355,15 @@ fn sum_to_mark(bytes: &[u8]) -> (usize, u32) {
         sum += add(block);
         rest = after;
     }
-    while let Some((block, after)) = rest.split_first_chunk::<16>()
+    // Found first and summed then: where both are done to a block this short, each byte is taken out of the vector alone.
+    let mut tail = rest;
+    while let Some((block, after)) = tail.split_first_chunk::<16>()
         && is_clean(block)
+    {
+        tail = after;
+    }
+    while let Some((block, after)) = rest.split_first_chunk::<16>()
+        && after.len() >= tail.len()
     {
         sum += add(block);
         rest = after;
@@ -373,6 +380,20 @@ fn sum_to_mark(bytes: &[u8]) -> (usize, u32) {
 #[inline]
 fn is_clean<const N: usize>(block: &[u8; N]) -> bool {
     !block.iter().fold(false, |any, &b| any | (b == MARK))
+}
+
+/// Where the first 90h of a block is that has one.
+#[inline]
+fn place_of_mark(block: &[u8]) -> usize {
+    let mut place = 0;
+    for word in block.as_chunks().0 {
+        let marks = marks(*word);
+        if marks != 0 {
+            return place + marks.trailing_zeros() as usize / 8;
+        }
+        place += 8;
+    }
+    place
 }
 
 /// The lowest bit that is set is the top of the first byte that is 90h (Mycroft's test for a zero byte).

@@ -63,13 +63,11 @@ impl<'a> Items<'a> {
         }
     }
 
-    /// Cuts an item off: tag, count and `count` values of `size` bytes.
+    /// Cuts an item off: tag, count and `count` values of `size` bytes. The error is the length that it needs.
     #[inline]
-    fn values(&mut self, size: usize, count: u8) -> Result<&'a [u8], DecodeError> {
+    fn values(&mut self, size: usize, count: u8) -> Result<&'a [u8], usize> {
         let needed = 2 + size * usize::from(count);
-        let Some((item, rest)) = self.rest.split_at_checked(needed) else {
-            return Err(self.cut_short(needed));
-        };
+        let (item, rest) = self.rest.split_at_checked(needed).ok_or(needed)?;
         self.rest = rest;
         Ok(item.get(2..).unwrap_or_default())
     }
@@ -104,13 +102,14 @@ impl<'a> Iterator for Items<'a> {
             [tag] => return Some(Err(self.no_count(tag))),
             [] => return None,
         };
-        Some(match tag {
+        let item = match tag {
             t if t == self.tags.f32 => self.values(4, count).map(|v| Item::F32(Values::new(v, order))),
             t if t == self.tags.i16 => self.values(2, count).map(|v| Item::I16(Values::new(v, order))),
             t if t == self.tags.u8 => self.values(1, count).map(Item::U8),
             t if t == self.tags.char => self.values(1, count).map(Item::Char),
-            found => Err(self.no_tag(found)),
-        })
+            found => return Some(Err(self.no_tag(found))),
+        };
+        Some(item.map_err(|needed| self.cut_short(needed)))
     }
 }
 
@@ -190,7 +189,7 @@ macro_rules! number {
                 // One branch for all of them, so that they are copied as a block.
                 Some(match order {
                     ByteOrder::Little => numbers.map(Self::from_le_bytes),
-                    ByteOrder::Big => numbers.map(Self::from_be_bytes),
+                    ByteOrder::Big => read_big(numbers, Self::from_be_bytes),
                 })
             }
         }
@@ -201,6 +200,12 @@ macro_rules! number {
 
 number!(f32);
 number!(i16);
+
+/// Out of line: the other order then is a branch that is not taken, for one number as for many.
+#[cold]
+fn read_big<B: Copy, T, const N: usize>(numbers: &[B; N], read: impl FnMut(B) -> T) -> [T; N] {
+    numbers.map(read)
+}
 
 mod private {
     pub trait Sealed {}

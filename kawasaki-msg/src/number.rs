@@ -28,19 +28,42 @@ pub(crate) fn len(number: i32) -> usize {
     digits as usize + 1 + usize::from(number < 0)
 }
 
-/// Eight digits of a number below 100 000 000, a byte each, the first one lowest, zeros before the number's own. `None`: it has more.
+/// A number below 100 000 000 as it is written, the first digit lowest, and how many they are. `None`: it has more.
 #[inline(always)]
-pub(crate) fn eight_digits(number: u32) -> Option<u64> {
-    let fours = match number {
-        0..100_000_000 => u64::from(number / 10_000) | u64::from(number % 10_000) << 32,
+pub(crate) fn text_of(number: u32) -> Option<(u64, usize)> {
+    let one = |number: u32| u64::from(number) + u64::from(b'0');
+    let two = |number: u32| PAIRS.get(number as usize).map_or(0, |digits| u64::from(*digits));
+    let four = |number: u32| two(number / 100) | two(number % 100) << 16;
+    Some(match number {
+        0..10_000 => match number {
+            0..10 => (one(number), 1),
+            10..100 => (two(number), 2),
+            100..1000 => (one(number / 100) | two(number % 100) << 8, 3),
+            _ => (four(number), 4),
+        },
+        10_000..100_000 => (one(number / 10_000) | four(number % 10_000) << 8, 5),
+        100_000..1_000_000 => (two(number / 10_000) | four(number % 10_000) << 16, 6),
+        1_000_000..10_000_000 => {
+            let (first, last) = (number / 10_000, number % 10_000);
+            (one(first / 100) | two(first % 100) << 8 | four(last) << 24, 7)
+        }
+        10_000_000..100_000_000 => (four(number / 10_000) | four(number % 10_000) << 32, 8),
         _ => return None,
-    };
-    // Fours are parted into pairs, and these into digits; each product is a division by 100, or by 10.
-    let hundreds = ((fours * 5243) >> 19) & 0x0000_007F_0000_007F;
-    let pairs = hundreds | (fours - 100 * hundreds) << 16;
-    let tens = ((pairs * 103) >> 10) & 0x000F_000F_000F_000F;
-    Some(tens | (pairs - 10 * tens) << 8)
+    })
 }
+
+/// The two digits of each number below 100, the first one lower.
+const PAIRS: [u16; 100] = {
+    let mut table = [0; 100];
+    let mut rest: &mut [u16] = &mut table;
+    let (mut tens, mut ones) = (b'0', b'0');
+    while let [first, others @ ..] = rest {
+        *first = u16::from_le_bytes([tens, ones]);
+        rest = others;
+        (tens, ones) = if ones == b'9' { (tens + 1, b'0') } else { (tens, ones + 1) };
+    }
+    table
+};
 
 /// The decimal digits of a number, first to last.
 #[derive(Debug, Clone, Copy)]
@@ -115,13 +138,15 @@ mod tests {
     }
 
     #[test]
-    fn eight_digits_are_the_number() {
-        let every = (0..100_000_000).step_by(997).chain(0..20_000).chain([99_999_999]);
-        for number in every {
-            let digits = eight_digits(number).unwrap().to_le_bytes().map(|digit| digit + b'0');
-            assert_eq!(digits.as_slice(), std::format!("{number:08}").as_bytes());
+    fn a_text_is_the_number() {
+        let every = (0..100_000_000).step_by(997).chain(0..20_000);
+        let ends = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000].map(|end| [end * 10 - 1, end]);
+        for number in every.chain(ends.into_iter().flatten()) {
+            let (text, length) = text_of(number).unwrap();
+            assert_eq!(text.to_le_bytes()[..length], *number.to_string().as_bytes());
+            assert_eq!(text.to_le_bytes()[length..], [0; 8][length..]);
         }
-        assert_eq!([eight_digits(100_000_000), eight_digits(u32::MAX)], [None, None]);
+        assert_eq!([text_of(100_000_000), text_of(u32::MAX)], [None, None]);
     }
 
     #[test]

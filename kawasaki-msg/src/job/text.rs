@@ -41,6 +41,17 @@ impl<const N: usize> Text<N> {
         self.length == 0
     }
 
+    /// Up to eight bytes from a place, zeros after the last one.
+    #[inline(always)]
+    pub(super) fn word(&self, at: usize) -> u64 {
+        let rest = self.bytes.get(at..).unwrap_or_default();
+        u64::from_le_bytes(rest.first_chunk().copied().unwrap_or_else(|| {
+            let mut bytes = [0; 8];
+            bytes.iter_mut().zip(rest).for_each(|(byte, found)| *byte = *found);
+            bytes
+        }))
+    }
+
     /// Puts up to eight bytes to a place, zeros after the last one.
     #[inline(always)]
     pub(super) fn put(&mut self, at: usize, word: u64) {

@@ -1,13 +1,19 @@
 //! The one writer of a job's message.
+//!
+//! A field is written eight bytes at once; byte by byte only at the end of a buffer, and where a number has more than eight digits.
 
+use core::iter::once;
+use core::mem::take;
 use core::ops::RangeInclusive;
+use core::slice;
 
+use super::reader::Swar;
 use super::work::{Decimal, Fields, Unfit, Work};
 use super::{Job, Text};
 use crate::dialect::Dialect;
 use crate::error::{EncodeError, FieldError, FieldFault, Name};
 use crate::message::Message;
-use crate::number::{Digits, eight_digits};
+use crate::number::{Digits, text_of};
 use crate::role::{Field, Role};
 use crate::value::{Charset, DATA, END, SEPARATOR, START, is_mark};
 
@@ -19,177 +25,236 @@ pub(crate) fn encode<W: Work>(
     out: &mut [u8],
 ) -> Result<usize, EncodeError> {
     let entry = dialect.entry(Role::Job).ok_or(EncodeError::NoName)?;
-    let available = out.len();
-    let mut writer = Writer { out, length: 0, charset: dialect.charset(), error: None };
-    writer.push(START);
-    writer.characters(entry.name)?;
-    for field in entry.header {
-        writer.push(SEPARATOR);
-        writer.field(field, job, ranges)?;
+    let (available, of) = (out.len(), (job.order, job.number));
+    let mut writer = Writer { rest: &mut *out, missing: 0, charset: dialect.charset() };
+    writer.characters(START, entry.name)?;
+    if !entry.header.is_empty() {
+        writer = writer.fields(SEPARATOR, entry.header, of)?;
     }
     writer.push(SEPARATOR);
-    let length_at = writer.length;
+    let length_at = writer.length(available);
     // The length of most jobs has two digits.
-    writer.word(u64::from_le_bytes([b'0', b'0', DATA, 0, 0, 0, 0, 0]), 3);
-    let data_at = writer.length;
-    for (place, field) in entry.fields.iter().enumerate() {
-        if place > 0 {
-            writer.push(SEPARATOR);
+    writer.word(u64::from(u16::from_le_bytes(*b"00")), 2);
+    // Here, not where each is written: a loop would calculate every branch of both beforehand.
+    let [order, number] = [job.order, job.number].map(|number| text_of(u32::from(number)).unwrap_or((0, 0)));
+    let (mut mark, mut fields) = (DATA, entry.fields.iter());
+    for field in fields.by_ref().take_while(|field| **field != Field::Work) {
+        match field {
+            Field::Order => writer.digits(mark, false, order),
+            Field::Number => writer.digits(mark, false, number),
+            field => writer = writer.fields(mark, slice::from_ref(field), of)?,
         }
-        writer.field(field, job, ranges)?;
+        mark = SEPARATOR;
     }
-    let data = writer.length - data_at;
-    writer.word(u64::from_le_bytes([DATA, END, 0, 0, 0, 0, 0, 0]), 2);
+    let (mut work, mut error) = (job.work, None);
+    let mut marked = Marked { writer, mark, is_first: true, error: &mut error };
+    let visited = work.fields(ranges, &mut marked);
+    let is_empty = marked.is_first;
+    writer = marked.writer;
+    if let Err(Unfit(())) = visited {
+        let unnamed = FieldError { field: Name::of(""), fault: FieldFault::Missing };
+        return Err(EncodeError::Field(error.unwrap_or(unnamed)));
+    }
+    if is_empty {
+        writer.push(mark);
+    }
+    if !fields.as_slice().is_empty() {
+        writer = writer.fields(SEPARATOR, fields.as_slice(), of)?;
+    }
+    let data = writer.length(available) - length_at - "00#".len();
+    writer.word(u64::from(u16::from_le_bytes([DATA, END])), 2);
+    let length = writer.length(available);
+    match (text_of(u32::try_from(data).unwrap_or(u32::MAX)), out.get_mut(length_at..)) {
+        (Some((digits, 2)), Some([tens, ones, ..])) if length <= available.min(Message::MAX_LEN) => {
+            [*tens, *ones, ..] = digits.to_le_bytes();
+            Ok(length)
+        }
+        (digits, _) => set_length(out, length_at, length, digits),
+    }
+}
+
+/// Puts a length in its place, where two digits are, and gives that of the message, which is written whole.
+#[inline(never)]
+fn set_length(
+    out: &mut [u8],
+    at: usize,
+    length: usize,
+    digits: Option<(u64, usize)>,
+) -> Result<usize, EncodeError> {
     // A job that is longer than a packet has a length of four digits.
-    let (digits, count) = text_of(u32::try_from(data).unwrap_or(u32::MAX)).unwrap_or((0, 8));
-    let needed = writer.length + count - 2;
+    let (digits, count) = digits.unwrap_or((0, 8));
+    let (needed, available) = (length + count - 2, out.len());
     if needed > Message::MAX_LEN {
         return Err(EncodeError::TooLong { length: needed, limit: Message::MAX_LEN });
     }
     // One of a single digit is written with two first.
-    if needed.max(writer.length) > available {
-        return Err(EncodeError::BufferTooSmall { needed: needed.max(writer.length), available });
+    if needed.max(length) > available {
+        return Err(EncodeError::BufferTooSmall { needed: needed.max(length), available });
     }
-    if count != 2 {
-        writer.out.copy_within(length_at + 2..writer.length, length_at + count);
+    match out.get_mut(at..).and_then(<[u8]>::first_chunk_mut::<17>) {
+        // After its mark a message goes on for eleven bytes at most.
+        Some(place) if count == 1 => place.copy_within(2.., 1),
+        _ => out.copy_within(at + 2..length, at + count),
     }
-    let places = writer.out.get_mut(length_at..length_at + count).unwrap_or_default();
+    let places = out.get_mut(at..at + count).unwrap_or_default();
     places.iter_mut().zip(digits.to_le_bytes()).for_each(|(place, digit)| *place = digit);
     Ok(needed)
 }
 
-/// A number below 100 000 000 as it is written, the first digit lowest, and how many they are.
-#[inline(always)]
-fn text_of(number: u32) -> Option<(u64, usize)> {
-    let digits = eight_digits(number)?;
-    // The last digit is there in any case.
-    let zeros = (digits | 1 << 56).trailing_zeros() / 8;
-    Some(((digits | ZEROS) >> (8 * zeros), 8 - zeros as usize))
-}
-
-/// Counts what it has no room for.
+/// Writes into what is left of a buffer, and counts what it has no room for.
 struct Writer<'o> {
-    out: &'o mut [u8],
-    length: usize,
+    rest: &'o mut [u8],
+    missing: usize,
     charset: Charset,
-    error: Option<FieldError>,
 }
 
 impl Writer<'_> {
-    fn field<W: Work>(
-        &mut self,
-        field: &Field<'_>,
-        job: &Job<W>,
-        ranges: &W::Ranges,
-    ) -> Result<(), EncodeError> {
-        match field {
-            Field::Order => self.number(u32::from(job.order)),
-            Field::Number => self.number(u32::from(job.number)),
-            Field::Constant(text) => self.characters(text)?,
-            Field::Work => {
-                let mut work = job.work;
-                if let Err(Unfit(())) = work.fields(ranges, &mut Separated { writer: self, is_first: true }) {
-                    let unnamed = FieldError { field: Name::of(""), fault: FieldFault::Missing };
-                    return Err(EncodeError::Field(self.error.unwrap_or(unnamed)));
-                }
-            }
-            _ => {}
-        }
-        Ok(())
+    /// How many bytes of a buffer of this size are written, and how many more it would have to have.
+    #[inline(always)]
+    const fn length(&self, available: usize) -> usize {
+        available - self.rest.len() + self.missing
     }
 
-    #[inline]
-    fn characters(&mut self, text: &str) -> Result<(), EncodeError> {
+    /// Fields that are none of the job's own, and the marks before them.
+    #[cold]
+    fn fields(
+        mut self,
+        mut mark: u8,
+        fields: &[Field<'_>],
+        (order, number): (u16, u16),
+    ) -> Result<Self, EncodeError> {
+        for field in fields {
+            match field {
+                Field::Order => self.number(mark, false, u32::from(order)),
+                Field::Number => self.number(mark, false, u32::from(number)),
+                Field::Constant(text) => self.characters(mark, text)?,
+                _ => self.push(mark),
+            }
+            mark = SEPARATOR;
+        }
+        Ok(self)
+    }
+
+    #[inline(always)]
+    fn characters(&mut self, mark: u8, text: &str) -> Result<(), EncodeError> {
+        self.push(mark);
         text.chars().try_for_each(|c| {
             self.push(self.charset.byte(c)?);
             Ok(())
         })
     }
 
+    /// A number without decimals, and the mark before it.
     #[inline(always)]
-    fn push(&mut self, byte: u8) {
-        if let Some(place) = self.out.get_mut(self.length) {
-            *place = byte;
+    fn number(&mut self, mark: u8, is_negative: bool, number: u32) {
+        match text_of(number) {
+            Some(text) => self.digits(mark, is_negative, text),
+            None => self.spell(mark, is_negative, digits(number, 0)),
         }
-        self.length += 1;
     }
 
-    #[inline]
-    fn put(&mut self, bytes: &[u8]) {
-        if let Some(place) = self.out.get_mut(self.length..self.length + bytes.len()) {
-            place.copy_from_slice(bytes);
+    #[inline(always)]
+    fn digits(&mut self, mark: u8, is_negative: bool, (text, length): (u64, usize)) {
+        if let Some(place) = self.rest.first_chunk_mut::<16>() {
+            // The first digit is written over a minus that is not there.
+            let [first, second, ..] = place;
+            (*first, *second) = (mark, b'-');
+            let at = 1 + usize::from(is_negative);
+            if let Some(digits) = place.get_mut(at..).and_then(<[u8]>::first_chunk_mut) {
+                *digits = text.to_le_bytes();
+            }
+            self.skip(at + length);
+        } else {
+            self.spell(mark, is_negative, text.to_le_bytes().into_iter().take(length));
         }
-        self.length += bytes.len();
+    }
+
+    /// A number with decimals, and the mark before it.
+    #[inline(always)]
+    fn decimal(&mut self, mark: u8, is_negative: bool, number: u32, places: u8) {
+        let one = TENS.get(usize::from(places));
+        // A point in place of the one.
+        let decimals = one.and_then(|one| text_of(one + number % one));
+        if let (Some(one), Some((text, length))) = (one, decimals) {
+            self.number(mark, is_negative, number / one);
+            self.word(text ^ u64::from(b'1' ^ b'.'), length);
+        } else {
+            self.spell(mark, is_negative, digits(number, places));
+        }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, byte: u8) {
+        match take(&mut self.rest).split_first_mut() {
+            Some((place, rest)) => (*place, self.rest) = (byte, rest),
+            None => self.missing += 1,
+        }
     }
 
     /// So many of eight bytes, the lowest first. What is after them is written next.
     #[inline(always)]
     fn word(&mut self, word: u64, length: usize) {
-        match self.out.get_mut(self.length..).and_then(<[u8]>::first_chunk_mut) {
-            Some(place) => *place = word.to_le_bytes(),
-            None => self.short_word(word, length),
+        if let Some(place) = self.rest.first_chunk_mut() {
+            *place = word.to_le_bytes();
+            self.skip(length);
+        } else {
+            self.append(word.to_le_bytes().into_iter().take(length));
         }
-        self.length += length;
     }
 
-    #[cold]
-    fn short_word(&mut self, word: u64, length: usize) {
-        let places = self.out.get_mut(self.length..).unwrap_or_default();
-        places.iter_mut().zip(word.to_le_bytes()).take(length).for_each(|(place, byte)| *place = byte);
-    }
-
-    /// A number without decimals.
+    /// So many bytes are written.
     #[inline(always)]
-    fn number(&mut self, number: u32) {
-        match text_of(number) {
-            Some((text, length)) => self.word(text, length),
-            None => digits(number, 0).for_each(|byte| self.push(byte)),
-        }
+    fn skip(&mut self, length: usize) {
+        self.rest = take(&mut self.rest).get_mut(length..).unwrap_or_default();
     }
 
-    /// A number with one decimal or more.
     #[inline(always)]
-    fn decimal(&mut self, number: u32, places: u8) {
-        match eight_digits(number) {
-            Some(digits) if places < 8 => {
-                let whole = 8 * (8 - u32::from(places));
-                // One digit is before the point in any case.
-                let zeros = (digits | 1 << (whole - 8)).trailing_zeros() & 0x38;
-                let text = digits | ZEROS;
-                let before = (text & !(u64::MAX << whole)) >> zeros;
-                let point = whole - zeros;
-                self.word(before | u64::from(b'.') << point, point as usize / 8 + 1);
-                self.word(text >> whole, usize::from(places));
-            }
-            _ => digits(number, places).for_each(|byte| self.push(byte)),
-        }
+    fn spell(&mut self, mark: u8, is_negative: bool, digits: impl Iterator<Item = u8>) {
+        self.append(once(mark).chain(is_negative.then_some(b'-')).chain(digits));
+    }
+
+    #[inline(always)]
+    fn append(&mut self, bytes: impl Iterator<Item = u8>) {
+        // By value: what a cold function writes to is kept in no register anywhere.
+        (self.rest, self.missing) = append(take(&mut self.rest), self.missing, bytes);
     }
 }
 
-/// A zero in each of eight bytes.
-const ZEROS: u64 = u64::from_le_bytes([b'0'; 8]);
+/// Byte by byte.
+#[cold]
+#[inline(never)]
+fn append(mut rest: &mut [u8], mut missing: usize, bytes: impl Iterator<Item = u8>) -> (&mut [u8], usize) {
+    for byte in bytes {
+        match take(&mut rest).split_first_mut() {
+            Some((place, others)) => (*place, rest) = (byte, others),
+            None => missing += 1,
+        }
+    }
+    (rest, missing)
+}
 
-/// A separator before each field but the first.
-struct Separated<'w, 'o> {
-    writer: &'w mut Writer<'o>,
+/// One with so many decimals.
+const TENS: [u32; 8] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000];
+
+/// A mark before each field.
+struct Marked<'o, 'e> {
+    writer: Writer<'o>,
+    mark: u8,
     is_first: bool,
+    error: &'e mut Option<FieldError>,
 }
 
-impl Separated<'_, '_> {
+impl Marked<'_, '_> {
+    /// The mark before the next field.
     #[inline(always)]
-    fn separate(&mut self) {
-        if !core::mem::take(&mut self.is_first) {
-            self.writer.push(SEPARATOR);
-        }
-    }
-
-    fn fail(&mut self, name: &str, fault: FieldFault) -> Result<(), Unfit> {
-        Err(self.refuse(FieldError { field: Name::of(name), fault }))
+    fn mark(&mut self) -> u8 {
+        self.is_first = false;
+        core::mem::replace(&mut self.mark, SEPARATOR)
     }
 }
 
-impl Fields for Separated<'_, '_> {
-    #[inline]
+impl Fields for Marked<'_, '_> {
+    #[inline(always)]
     fn decimal(
         &mut self,
         name: &str,
@@ -197,48 +262,73 @@ impl Fields for Separated<'_, '_> {
         places: u8,
         range: RangeInclusive<i32>,
     ) -> Result<(), Unfit> {
-        if !range.contains(value) {
-            let [found, min, max] =
-                [*value, *range.start(), *range.end()].map(|units| Decimal { units, places });
-            return self.fail(name, FieldFault::OutOfRange { found, min, max });
+        let (min, max) = range.into_inner();
+        let units = *value;
+        if units < min || max < units {
+            return Err(unfit(self.error, name, out_of_range(units, min, max, places)));
         }
-        self.separate();
-        if *value < 0 {
-            self.writer.push(b'-');
-        }
+        let (mark, is_negative, number) = (self.mark(), units < 0, units.unsigned_abs());
         match places {
-            0 => self.writer.number(value.unsigned_abs()),
-            _ => self.writer.decimal(value.unsigned_abs(), places),
+            0 => self.writer.number(mark, is_negative, number),
+            _ => self.writer.decimal(mark, is_negative, number, places),
         }
         Ok(())
     }
 
+    #[inline(always)]
     fn text<const N: usize>(
         &mut self,
         name: &str,
         value: &mut Text<N>,
         length: RangeInclusive<usize>,
     ) -> Result<(), Unfit> {
-        let (bytes, charset) = (value.as_bytes(), self.writer.charset);
-        if !length.contains(&bytes.len()) {
-            let (min, max) = (*length.start(), N.min(*length.end()));
-            return self.fail(name, FieldFault::Length { found: bytes.len(), min, max });
+        let (charset, found) = (self.writer.charset, value.as_bytes().len());
+        let (min, max) = length.into_inner();
+        if found < min || max < found {
+            let fault = FieldFault::Length { found, min, max: N.min(max) };
+            return Err(unfit(self.error, name, fault));
         }
-        match bytes.iter().copied().find(|byte| is_mark(*byte) || !charset.has(*byte)) {
-            Some(found) if is_mark(found) => return self.fail(name, FieldFault::Reserved { found }),
-            Some(found) => return self.fail(name, FieldFault::Character { found: char::from(found) }),
-            None => {}
+        let mark = self.mark();
+        self.writer.push(mark);
+        let swar = Swar::new(charset);
+        for at in (0..found).step_by(8) {
+            let word = value.word(at);
+            if swar.ends(word) != 0
+                && let Some(fault) = fault_of(value.as_bytes(), charset)
+            {
+                return Err(unfit(self.error, name, fault));
+            }
+            self.writer.word(word, (found - at).min(8));
         }
-        self.separate();
-        self.writer.put(bytes);
         Ok(())
     }
 
-    #[cold]
     fn refuse(&mut self, error: FieldError) -> Unfit {
-        self.writer.error = Some(error);
+        *self.error = Some(error);
         Unfit(())
     }
+}
+
+#[cold]
+fn unfit(error: &mut Option<FieldError>, name: &str, fault: FieldFault) -> Unfit {
+    *error = Some(FieldError { field: Name::of(name), fault });
+    Unfit(())
+}
+
+#[cold]
+fn out_of_range(found: i32, min: i32, max: i32, places: u8) -> FieldFault {
+    let [found, min, max] = [found, min, max].map(|units| Decimal { units, places });
+    FieldFault::OutOfRange { found, min, max }
+}
+
+/// What a text cannot hold.
+#[cold]
+fn fault_of(text: &[u8], charset: Charset) -> Option<FieldFault> {
+    text.iter().copied().find_map(|found| match found {
+        _ if is_mark(found) => Some(FieldFault::Reserved { found }),
+        _ if !charset.has(found) => Some(FieldFault::Character { found: char::from(found) }),
+        _ => None,
+    })
 }
 
 /// The digits of a number with a point before the last `places`.

@@ -29,23 +29,28 @@ pub(crate) fn encode<W: Work>(
     let mut writer = Writer { rest: &mut *out, missing: 0, charset: dialect.charset() };
     writer.characters(START, entry.name)?;
     if !entry.header.is_empty() {
-        writer = writer.fields(SEPARATOR, entry.header, of)?;
+        (writer, _) = writer.fields(SEPARATOR, entry.header, of)?;
     }
     writer.push(SEPARATOR);
     let length_at = writer.length(available);
     // The length of most jobs has two digits.
     writer.word(u64::from(u16::from_le_bytes(*b"00")), 2);
-    // Here, not where each is written: a loop would calculate every branch of both beforehand.
-    let [order, number] = [job.order, job.number].map(|number| text_of(u32::from(number)).unwrap_or((0, 0)));
-    let (mut mark, mut fields) = (DATA, entry.fields.iter());
-    for field in fields.by_ref().take_while(|field| **field != Field::Work) {
-        match field {
-            Field::Order => writer.digits(mark, false, order),
-            Field::Number => writer.digits(mark, false, number),
-            field => writer = writer.fields(mark, slice::from_ref(field), of)?,
+    let mut mark = DATA;
+    let after = match entry.fields {
+        [Field::Order, Field::Number, Field::Work, after @ ..] => {
+            writer.number(DATA, false, u32::from(job.order));
+            writer.number(SEPARATOR, false, u32::from(job.number));
+            mark = SEPARATOR;
+            after
         }
-        mark = SEPARATOR;
-    }
+        [Field::Work, after @ ..] => after,
+        fields => {
+            let after;
+            (writer, after) = writer.fields(DATA, fields, of)?;
+            mark = SEPARATOR;
+            after
+        }
+    };
     let (mut work, mut error) = (job.work, None);
     let mut marked = Marked { writer, mark, is_first: true, error: &mut error };
     let visited = work.fields(ranges, &mut marked);
@@ -58,8 +63,8 @@ pub(crate) fn encode<W: Work>(
     if is_empty {
         writer.push(mark);
     }
-    if !fields.as_slice().is_empty() {
-        writer = writer.fields(SEPARATOR, fields.as_slice(), of)?;
+    if !after.is_empty() {
+        (writer, _) = writer.fields(SEPARATOR, after, of)?;
     }
     let data = writer.length(available) - length_at - "00#".len();
     writer.word(u64::from(u16::from_le_bytes([DATA, END])), 2);
@@ -115,24 +120,26 @@ impl Writer<'_> {
         available - self.rest.len() + self.missing
     }
 
-    /// Fields that are none of the job's own, and the marks before them.
+    /// Fields up to the job's own, and the marks before them; what is after the job's own.
     #[cold]
-    fn fields(
+    fn fields<'f>(
         mut self,
         mut mark: u8,
-        fields: &[Field<'_>],
+        fields: &'f [Field<'f>],
         (order, number): (u16, u16),
-    ) -> Result<Self, EncodeError> {
-        for field in fields {
+    ) -> Result<(Self, &'f [Field<'f>]), EncodeError> {
+        let mut fields = fields.iter();
+        for field in fields.by_ref() {
             match field {
                 Field::Order => self.number(mark, false, u32::from(order)),
                 Field::Number => self.number(mark, false, u32::from(number)),
                 Field::Constant(text) => self.characters(mark, text)?,
+                Field::Work => break,
                 _ => self.push(mark),
             }
             mark = SEPARATOR;
         }
-        Ok(self)
+        Ok((self, fields.as_slice()))
     }
 
     #[inline(always)]

@@ -4,7 +4,7 @@
 //! names and the order of their fields are ours; a plant that has its own replaces the table.
 
 use crate::error::{ConfigError, EncodeError, MessageError, Name};
-use crate::job::{self, Job, Work};
+use crate::job::{self, Head, Job, Work};
 use crate::lacks::{self, Lack};
 use crate::message::Message;
 use crate::role::{Field, Role};
@@ -29,6 +29,7 @@ use crate::value::{Charset, Value, Values};
 pub struct Dialect<'a> {
     entries: &'a [Entry<'a>],
     charset: Charset,
+    head: Option<Head>,
 }
 
 /// One message of the table.
@@ -82,7 +83,7 @@ impl<'a> Dialect<'a> {
     pub const MAX_FIELDS: usize = 16;
 
     /// The source's two names, and ours for the rest. See the table in the crate's README.
-    pub const DEFAULT: Self = Self { entries: DEFAULT_TABLE, charset: Charset::Ascii };
+    pub const DEFAULT: Self = Self::of(DEFAULT_TABLE);
 
     /// A table of the caller's, in ASCII. It may lack some roles and fields: see [`lacks`](Self::lacks).
     ///
@@ -108,7 +109,18 @@ impl<'a> Dialect<'a> {
                 return Err(ConfigError::Name { role });
             }
         }
-        Ok(Self { entries, charset: Charset::Ascii })
+        Ok(Self::of(entries))
+    }
+
+    const fn of(entries: &'a [Entry<'a>]) -> Self {
+        let (mut head, mut rest) = (None, entries);
+        while let [entry, others @ ..] = rest {
+            if matches!(entry.role, Role::Job) {
+                head = Head::new(entry.name, entry.header, entry.fields);
+            }
+            rest = others;
+        }
+        Self { entries, charset: Charset::Ascii, head }
     }
 
     /// The same table in another character set.
@@ -138,6 +150,11 @@ impl<'a> Dialect<'a> {
     /// The character set of names and fields.
     pub const fn charset(&self) -> Charset {
         self.charset
+    }
+
+    /// What its jobs begin with.
+    pub(crate) const fn head(&self) -> Option<&Head> {
+        self.head.as_ref()
     }
 
     /// All messages of the table.

@@ -106,7 +106,8 @@ pub struct Packet<'b> {
 impl<'b> Packet<'b> {
     /// An empty packet. A buffer shorter than `limits.packet` is a lower limit.
     pub fn new(buffer: &'b mut [u8], limits: Limits, charset: Charset) -> Self {
-        Self { buffer, length: 0, limits, charset }
+        let limit = limits.packet.min(buffer.len());
+        Self { buffer: buffer.get_mut(..limit).unwrap_or_default(), length: 0, limits, charset }
     }
 
     /// Appends a message if there is room for all of it.
@@ -115,7 +116,8 @@ impl<'b> Packet<'b> {
     /// When no packet could ever hold the message, or it cannot be written at all; the packet is as it was.
     pub fn push(&mut self, message: &Message<'_>) -> Result<Room, EncodeError> {
         let charset = self.charset;
-        self.append(|free| message.encode(charset, free))
+        let written = message.encode(charset, self.free());
+        self.append(written)
     }
 
     /// Appends a job if there is room for all of it.
@@ -128,24 +130,36 @@ impl<'b> Packet<'b> {
         job: &Job<W>,
         ranges: &W::Ranges,
     ) -> Result<Room, EncodeError> {
-        self.append(|free| dialect.write_job(job, ranges, free))
+        let written = dialect.write_job(job, ranges, self.free());
+        self.append(written)
     }
 
-    fn append(
-        &mut self,
-        encode: impl FnOnce(&mut [u8]) -> Result<usize, EncodeError>,
-    ) -> Result<Room, EncodeError> {
-        let limit = self.limits.packet.min(self.buffer.len());
-        match encode(self.buffer.get_mut(self.length..limit).unwrap_or_default()) {
+    #[inline(always)]
+    fn free(&mut self) -> &mut [u8] {
+        self.buffer.get_mut(self.length..).unwrap_or_default()
+    }
+
+    /// What was written into the free part belongs to the packet.
+    #[inline(always)]
+    fn append(&mut self, written: Result<usize, EncodeError>) -> Result<Room, EncodeError> {
+        match written {
             Ok(length) => {
                 self.length += length;
                 Ok(Room::Added)
             }
-            Err(EncodeError::BufferTooSmall { needed, .. }) if needed <= limit => Ok(Room::Full),
-            Err(EncodeError::BufferTooSmall { needed, .. } | EncodeError::TooLong { length: needed, .. }) => {
+            Err(error) => self.no_room(error),
+        }
+    }
+
+    #[cold]
+    fn no_room(&self, error: EncodeError) -> Result<Room, EncodeError> {
+        let limit = self.buffer.len();
+        match error {
+            EncodeError::BufferTooSmall { needed, .. } if needed <= limit => Ok(Room::Full),
+            EncodeError::BufferTooSmall { needed, .. } | EncodeError::TooLong { length: needed, .. } => {
                 Err(EncodeError::TooLong { length: needed, limit })
             }
-            Err(error) => Err(error),
+            error => Err(error),
         }
     }
 

@@ -2,6 +2,7 @@
 
 mod drawing;
 mod expected;
+mod head;
 mod layout;
 mod reader;
 mod text;
@@ -10,6 +11,7 @@ mod writer;
 
 pub use drawing::{Bounds, JobKind, Line, Point};
 pub(crate) use expected::Expected;
+pub(crate) use head::Head;
 pub(crate) use layout::check;
 pub use layout::{FieldLayout, FieldType, each_field};
 pub(crate) use reader::read_values;

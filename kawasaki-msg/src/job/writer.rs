@@ -5,11 +5,10 @@
 use core::iter::once;
 use core::mem::take;
 use core::ops::RangeInclusive;
-use core::slice;
 
 use super::reader::Swar;
 use super::work::{Decimal, Fields, Unfit, Work};
-use super::{Job, Text};
+use super::{Head, Job, Text};
 use crate::dialect::Dialect;
 use crate::error::{EncodeError, FieldError, FieldFault, Name};
 use crate::message::Message;
@@ -24,70 +23,58 @@ pub(crate) fn encode<W: Work>(
     ranges: &W::Ranges,
     out: &mut [u8],
 ) -> Result<usize, EncodeError> {
-    let entry = dialect.entry(Role::Job).ok_or(EncodeError::NoName)?;
     let (available, of) = (out.len(), (job.order, job.number));
     let mut writer = Writer { rest: &mut *out, missing: 0, charset: dialect.charset() };
-    writer.characters(START, entry.name)?;
-    if !entry.header.is_empty() {
-        (writer, _) = writer.fields(SEPARATOR, entry.header, of)?;
+    let (length_at, after);
+    if let Some(head) = dialect.head() {
+        writer.head(head);
+        writer.number(false, u32::from(job.order));
+        writer.number(false, u32::from(job.number));
+        (length_at, after) = (head.len() - 2, &[][..]);
+    } else {
+        (writer, length_at, after) = writer.begin(dialect, available, of)?;
     }
-    writer.push(SEPARATOR);
-    let length_at = writer.length(available);
-    // The length of most jobs has two digits.
-    writer.word(u64::from(u16::from_le_bytes(*b"00")), 2);
-    let mut mark = DATA;
-    let after = match entry.fields {
-        [Field::Order, Field::Number, Field::Work, after @ ..] => {
-            writer.number(DATA, false, u32::from(job.order));
-            writer.number(SEPARATOR, false, u32::from(job.number));
-            mark = SEPARATOR;
-            after
-        }
-        [Field::Work, after @ ..] => after,
-        fields => {
-            let after;
-            (writer, after) = writer.fields(DATA, fields, of)?;
-            mark = SEPARATOR;
-            after
-        }
-    };
     let (mut work, mut error) = (job.work, None);
-    let mut marked = Marked { writer, mark, is_first: true, error: &mut error };
-    let visited = work.fields(ranges, &mut marked);
-    let is_empty = marked.is_first;
-    writer = marked.writer;
+    let mut written = Written { writer, is_empty: true, error: &mut error };
+    let visited = work.fields(ranges, &mut written);
+    let is_empty = written.is_empty;
+    writer = written.writer;
     if let Err(Unfit(())) = visited {
         let unnamed = FieldError { field: Name::of(""), fault: FieldFault::Missing };
         return Err(EncodeError::Field(error.unwrap_or(unnamed)));
     }
     if is_empty {
-        writer.push(mark);
+        writer.push(SEPARATOR);
     }
     if !after.is_empty() {
-        (writer, _) = writer.fields(SEPARATOR, after, of)?;
+        (writer, _) = writer.fields(after, of)?;
     }
     let data = writer.length(available) - length_at - "00#".len();
     writer.word(u64::from(u16::from_le_bytes([DATA, END])), 2);
     let length = writer.length(available);
-    match (text_of(u32::try_from(data).unwrap_or(u32::MAX)), out.get_mut(length_at..)) {
-        (Some((digits, 2)), Some([tens, ones, ..])) if length <= available.min(Message::MAX_LEN) => {
-            [*tens, *ones, ..] = digits.to_le_bytes();
-            Ok(length)
-        }
-        (digits, _) => set_length(out, length_at, length, digits),
+    if (10..100).contains(&data)
+        && length <= available.min(Message::MAX_LEN)
+        && let (Some((digits, _)), Some([tens, ones, mark, ..])) =
+            (text_of_length(data), out.get_mut(length_at..))
+    {
+        [*tens, *ones, ..] = digits.to_le_bytes();
+        *mark = DATA;
+        return Ok(length);
     }
+    set_length(out, length_at, length, data)
 }
 
-/// Puts a length in its place, where two digits are, and gives that of the message, which is written whole.
+#[inline(always)]
+fn text_of_length(length: usize) -> Option<(u64, usize)> {
+    u32::try_from(length).ok().and_then(text_of)
+}
+
+/// Puts the length of a message's data and the mark after it in their place, where two digits and any mark are, and gives the length
+/// of the message, which is written whole.
 #[inline(never)]
-fn set_length(
-    out: &mut [u8],
-    at: usize,
-    length: usize,
-    digits: Option<(u64, usize)>,
-) -> Result<usize, EncodeError> {
+fn set_length(out: &mut [u8], at: usize, length: usize, data: usize) -> Result<usize, EncodeError> {
     // A job that is longer than a packet has a length of four digits.
-    let (digits, count) = digits.unwrap_or((0, 8));
+    let (digits, count) = text_of_length(data).unwrap_or((0, 8));
     let (needed, available) = (length + count - 2, out.len());
     if needed > Message::MAX_LEN {
         return Err(EncodeError::TooLong { length: needed, limit: Message::MAX_LEN });
@@ -96,13 +83,20 @@ fn set_length(
     if needed.max(length) > available {
         return Err(EncodeError::BufferTooSmall { needed: needed.max(length), available });
     }
+    let [first, ..] = digits.to_le_bytes();
     match out.get_mut(at..).and_then(<[u8]>::first_chunk_mut::<17>) {
-        // After its mark a message goes on for eleven bytes at most.
-        Some(place) if count == 1 => place.copy_within(2.., 1),
-        _ => out.copy_within(at + 2..length, at + count),
+        Some(place) if count == 1 => {
+            // After its mark a message goes on for eleven bytes at most.
+            place.copy_within(2.., 1);
+            [place[0], place[1]] = [first, DATA];
+        }
+        _ => {
+            out.copy_within(at + 2..length, at + count);
+            let places = out.get_mut(at..=at + count).unwrap_or_default().iter_mut();
+            let bytes = digits.to_le_bytes().into_iter().take(count).chain([DATA]);
+            places.zip(bytes).for_each(|(place, byte)| *place = byte);
+        }
     }
-    let places = out.get_mut(at..at + count).unwrap_or_default();
-    places.iter_mut().zip(digits.to_le_bytes()).for_each(|(place, digit)| *place = digit);
     Ok(needed)
 }
 
@@ -120,31 +114,59 @@ impl Writer<'_> {
         available - self.rest.len() + self.missing
     }
 
-    /// Fields up to the job's own, and the marks before them; what is after the job's own.
+    /// What is before the job's own fields, whatever the table; where the length is, and which fields are after the job's own.
+    #[cold]
+    fn begin<'f>(
+        mut self,
+        dialect: &Dialect<'f>,
+        available: usize,
+        of: (u16, u16),
+    ) -> Result<(Self, usize, &'f [Field<'f>]), EncodeError> {
+        let entry = dialect.entry(Role::Job).ok_or(EncodeError::NoName)?;
+        self.push(START);
+        self.characters(entry.name)?;
+        let (mut writer, _) = self.fields(entry.header, of)?;
+        writer.push(SEPARATOR);
+        let length_at = writer.length(available);
+        writer.word(u64::from(u16::from_le_bytes(*b"00")), 2);
+        let (writer, after) = writer.fields(entry.fields, of)?;
+        Ok((writer, length_at, after))
+    }
+
+    /// Fields up to the job's own; which are after these.
     #[cold]
     fn fields<'f>(
         mut self,
-        mut mark: u8,
         fields: &'f [Field<'f>],
         (order, number): (u16, u16),
     ) -> Result<(Self, &'f [Field<'f>]), EncodeError> {
         let mut fields = fields.iter();
         for field in fields.by_ref() {
             match field {
-                Field::Order => self.number(mark, false, u32::from(order)),
-                Field::Number => self.number(mark, false, u32::from(number)),
-                Field::Constant(text) => self.characters(mark, text)?,
+                Field::Order => self.number(false, u32::from(order)),
+                Field::Number => self.number(false, u32::from(number)),
+                Field::Constant(text) => {
+                    self.push(SEPARATOR);
+                    self.characters(text)?;
+                }
                 Field::Work => break,
-                _ => self.push(mark),
+                _ => self.push(SEPARATOR),
             }
-            mark = SEPARATOR;
         }
         Ok((self, fields.as_slice()))
     }
 
     #[inline(always)]
-    fn characters(&mut self, mark: u8, text: &str) -> Result<(), EncodeError> {
-        self.push(mark);
+    fn head(&mut self, head: &Head) {
+        if let Some(place) = self.rest.first_chunk_mut() {
+            *place = *head.bytes();
+            self.skip(head.len());
+        } else {
+            self.append(head.bytes().iter().copied().take(head.len()));
+        }
+    }
+
+    fn characters(&mut self, text: &str) -> Result<(), EncodeError> {
         text.chars().try_for_each(|c| {
             self.push(self.charset.byte(c)?);
             Ok(())
@@ -153,40 +175,40 @@ impl Writer<'_> {
 
     /// A number without decimals, and the mark before it.
     #[inline(always)]
-    fn number(&mut self, mark: u8, is_negative: bool, number: u32) {
+    fn number(&mut self, is_negative: bool, number: u32) {
         match text_of(number) {
-            Some(text) => self.digits(mark, is_negative, text),
-            None => self.spell(mark, is_negative, digits(number, 0)),
+            Some(text) => self.digits(is_negative, text),
+            None => self.spell(is_negative, digits(number, 0)),
         }
     }
 
     #[inline(always)]
-    fn digits(&mut self, mark: u8, is_negative: bool, (text, length): (u64, usize)) {
+    fn digits(&mut self, is_negative: bool, (text, length): (u64, usize)) {
         if let Some(place) = self.rest.first_chunk_mut::<16>() {
             // The first digit is written over a minus that is not there.
             let [first, second, ..] = place;
-            (*first, *second) = (mark, b'-');
+            (*first, *second) = (SEPARATOR, b'-');
             let at = 1 + usize::from(is_negative);
             if let Some(digits) = place.get_mut(at..).and_then(<[u8]>::first_chunk_mut) {
                 *digits = text.to_le_bytes();
             }
             self.skip(at + length);
         } else {
-            self.spell(mark, is_negative, text.to_le_bytes().into_iter().take(length));
+            self.spell(is_negative, text.to_le_bytes().into_iter().take(length));
         }
     }
 
     /// A number with decimals, and the mark before it.
     #[inline(always)]
-    fn decimal(&mut self, mark: u8, is_negative: bool, number: u32, places: u8) {
+    fn decimal(&mut self, is_negative: bool, number: u32, places: u8) {
         let one = TENS.get(usize::from(places));
         // A point in place of the one.
         let decimals = one.and_then(|one| text_of(one + number % one));
         if let (Some(one), Some((text, length))) = (one, decimals) {
-            self.number(mark, is_negative, number / one);
+            self.number(is_negative, number / one);
             self.word(text ^ u64::from(b'1' ^ b'.'), length);
         } else {
-            self.spell(mark, is_negative, digits(number, places));
+            self.spell(is_negative, digits(number, places));
         }
     }
 
@@ -216,8 +238,8 @@ impl Writer<'_> {
     }
 
     #[inline(always)]
-    fn spell(&mut self, mark: u8, is_negative: bool, digits: impl Iterator<Item = u8>) {
-        self.append(once(mark).chain(is_negative.then_some(b'-')).chain(digits));
+    fn spell(&mut self, is_negative: bool, digits: impl Iterator<Item = u8>) {
+        self.append(once(SEPARATOR).chain(is_negative.then_some(b'-')).chain(digits));
     }
 
     #[inline(always)]
@@ -243,24 +265,14 @@ fn append(mut rest: &mut [u8], mut missing: usize, bytes: impl Iterator<Item = u
 /// One with so many decimals.
 const TENS: [u32; 8] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000];
 
-/// A mark before each field.
-struct Marked<'o, 'e> {
+/// A job's own fields, a mark before each.
+struct Written<'o, 'e> {
     writer: Writer<'o>,
-    mark: u8,
-    is_first: bool,
+    is_empty: bool,
     error: &'e mut Option<FieldError>,
 }
 
-impl Marked<'_, '_> {
-    /// The mark before the next field.
-    #[inline(always)]
-    fn mark(&mut self) -> u8 {
-        self.is_first = false;
-        core::mem::replace(&mut self.mark, SEPARATOR)
-    }
-}
-
-impl Fields for Marked<'_, '_> {
+impl Fields for Written<'_, '_> {
     #[inline(always)]
     fn decimal(
         &mut self,
@@ -274,10 +286,11 @@ impl Fields for Marked<'_, '_> {
         if units < min || max < units {
             return Err(unfit(self.error, name, out_of_range(units, min, max, places)));
         }
-        let (mark, is_negative, number) = (self.mark(), units < 0, units.unsigned_abs());
+        let (is_negative, number) = (units < 0, units.unsigned_abs());
+        self.is_empty = false;
         match places {
-            0 => self.writer.number(mark, is_negative, number),
-            _ => self.writer.decimal(mark, is_negative, number, places),
+            0 => self.writer.number(is_negative, number),
+            _ => self.writer.decimal(is_negative, number, places),
         }
         Ok(())
     }
@@ -295,8 +308,8 @@ impl Fields for Marked<'_, '_> {
             let fault = FieldFault::Length { found, min, max: N.min(max) };
             return Err(unfit(self.error, name, fault));
         }
-        let mark = self.mark();
-        self.writer.push(mark);
+        self.is_empty = false;
+        self.writer.push(SEPARATOR);
         let swar = Swar::new(charset);
         for at in (0..found).step_by(8) {
             let word = value.word(at);

@@ -220,7 +220,7 @@ impl<'a, const WINDOW: usize, const EXPLAINS: bool> Reader<'a, WINDOW, EXPLAINS>
         while length <= N {
             let at = self.at + 1 + length;
             let next = word(self.window, at)?;
-            let ends = self.swar.ends(next);
+            let ends = self.swar.marks(next) | next & self.swar.not_characters;
             if ends == 0 {
                 text.put(length, next);
                 length += 8;
@@ -412,12 +412,6 @@ impl Swar {
         let fours = (pairs.wrapping_mul((100 << 16) + 1) >> 16) & self.fours;
         let eights = if last == 4 { self.eights } else { self.sevens };
         ((fours.wrapping_mul(eights) >> 32) as u32).cast_signed()
-    }
-
-    /// The top bit of each byte that a text cannot hold, up to the first; above it there may be others.
-    #[inline(always)]
-    pub(super) fn ends(&self, word: u64) -> u64 {
-        self.marks(word) | word & self.not_characters
     }
 
     /// The top bit of each byte that is a mark, up to the first; above it there may be others.

@@ -17,12 +17,13 @@ impl<const N: usize> Text<N> {
 
     /// This text; `None` when it is longer than `N` characters, or holds a mark or a character above U+00FF.
     pub fn new(text: &str) -> Option<Self> {
-        let mut new = Self::EMPTY;
+        let (mut new, mut length) = (Self::EMPTY, 0);
         for c in text.chars() {
             let byte = u8::try_from(c).ok().filter(|byte| !is_mark(*byte))?;
-            *new.bytes.get_mut(usize::from(new.length))? = byte;
-            new.length = new.length.checked_add(1)?;
+            *new.bytes.get_mut(length)? = byte;
+            length += 1;
         }
+        new.set_length(length)?;
         Some(new)
     }
 

@@ -6,7 +6,6 @@ use core::iter::once;
 use core::mem::take;
 use core::ops::RangeInclusive;
 
-use super::reader::Swar;
 use super::work::{Decimal, Fields, Unfit, Work};
 use super::{Head, Job, Text};
 use crate::dialect::Dialect;
@@ -14,7 +13,7 @@ use crate::error::{EncodeError, FieldError, FieldFault, Name};
 use crate::message::Message;
 use crate::number::{Digits, text_of};
 use crate::role::{Field, Role};
-use crate::value::{Charset, DATA, END, SEPARATOR, START, is_mark};
+use crate::value::{Charset, DATA, END, SEPARATOR, START};
 
 /// Writes the message of a job and gives its length.
 pub(crate) fn encode<W: Work>(
@@ -310,13 +309,13 @@ impl Fields for Written<'_, '_> {
         }
         self.is_empty = false;
         self.writer.push(SEPARATOR);
-        let swar = Swar::new(charset);
         for at in (0..found).step_by(8) {
+            // No text holds a mark.
             let word = value.word(at);
-            if swar.ends(word) != 0
-                && let Some(fault) = fault_of(value.as_bytes(), charset)
+            if word & 0x8080_8080_8080_8080 != 0
+                && let Some(found) = value.chars().find(|c| charset.byte(*c).is_err())
             {
-                return Err(unfit(self.error, name, fault));
+                return Err(unfit(self.error, name, FieldFault::Character { found }));
             }
             self.writer.word(word, (found - at).min(8));
         }
@@ -339,16 +338,6 @@ fn unfit(error: &mut Option<FieldError>, name: &str, fault: FieldFault) -> Unfit
 fn out_of_range(found: i32, min: i32, max: i32, places: u8) -> FieldFault {
     let [found, min, max] = [found, min, max].map(|units| Decimal { units, places });
     FieldFault::OutOfRange { found, min, max }
-}
-
-/// What a text cannot hold.
-#[cold]
-fn fault_of(text: &[u8], charset: Charset) -> Option<FieldFault> {
-    text.iter().copied().find_map(|found| match found {
-        _ if is_mark(found) => Some(FieldFault::Reserved { found }),
-        _ if !charset.has(found) => Some(FieldFault::Character { found: char::from(found) }),
-        _ => None,
-    })
 }
 
 /// The digits of a number with a point before the last `places`.

@@ -115,8 +115,8 @@ impl<'b> Packet<'b> {
     /// # Errors
     /// When no packet could ever hold the message, or it cannot be written at all; the packet is as it was.
     pub fn push(&mut self, message: &Message<'_>) -> Result<Room, EncodeError> {
-        let charset = self.charset;
-        let written = message.encode(charset, self.free());
+        let Some(free) = self.buffer.get_mut(self.length..) else { return Ok(Room::Full) };
+        let written = message.encode(self.charset, free);
         self.append(written)
     }
 
@@ -130,13 +130,9 @@ impl<'b> Packet<'b> {
         job: &Job<W>,
         ranges: &W::Ranges,
     ) -> Result<Room, EncodeError> {
-        let written = dialect.write_job(job, ranges, self.free());
+        let Some(free) = self.buffer.get_mut(self.length..) else { return Ok(Room::Full) };
+        let written = dialect.write_job(job, ranges, free);
         self.append(written)
-    }
-
-    #[inline(always)]
-    fn free(&mut self) -> &mut [u8] {
-        self.buffer.get_mut(self.length..).unwrap_or_default()
     }
 
     /// What was written into the free part belongs to the packet.

@@ -23,7 +23,7 @@ pub(crate) fn encode<W: Work>(
     out: &mut [u8],
 ) -> Result<usize, EncodeError> {
     let (available, of) = (out.len(), (job.order, job.number));
-    let mut writer = Writer { rest: &mut *out, missing: 0, charset: dialect.charset() };
+    let mut writer = Writer { rest: &mut *out, missing: 0 };
     let (length_at, after);
     if let Some(head) = dialect.head() {
         writer.head(head);
@@ -34,7 +34,7 @@ pub(crate) fn encode<W: Work>(
         (writer, length_at, after) = writer.begin(dialect, available, of)?;
     }
     let (mut work, mut error) = (job.work, None);
-    let mut written = Written { writer, is_empty: true, error: &mut error };
+    let mut written = Written { writer, charset: dialect.charset(), is_empty: true, error: &mut error };
     let visited = work.fields(ranges, &mut written);
     let is_empty = written.is_empty;
     writer = written.writer;
@@ -46,15 +46,15 @@ pub(crate) fn encode<W: Work>(
         writer.push(SEPARATOR);
     }
     if !after.is_empty() {
-        (writer, _) = writer.fields(after, of)?;
+        (writer, _) = writer.fields(after, dialect.charset(), of)?;
     }
     let data = writer.length(available) - length_at - "00#".len();
     writer.word(u64::from(u16::from_le_bytes([DATA, END])), 2);
     let length = writer.length(available);
     if (10..100).contains(&data)
-        && length <= available.min(Message::MAX_LEN)
+        && length <= Message::MAX_LEN
         && let (Some((digits, _)), Some([tens, ones, mark, ..])) =
-            (text_of_length(data), out.get_mut(length_at..))
+            (text_of_length(data), out.get_mut(length_at..length))
     {
         [*tens, *ones, ..] = digits.to_le_bytes();
         *mark = DATA;
@@ -103,7 +103,6 @@ fn set_length(out: &mut [u8], at: usize, length: usize, data: usize) -> Result<u
 struct Writer<'o> {
     rest: &'o mut [u8],
     missing: usize,
-    charset: Charset,
 }
 
 impl Writer<'_> {
@@ -121,14 +120,14 @@ impl Writer<'_> {
         available: usize,
         of: (u16, u16),
     ) -> Result<(Self, usize, &'f [Field<'f>]), EncodeError> {
-        let entry = dialect.entry(Role::Job).ok_or(EncodeError::NoName)?;
+        let (entry, charset) = (dialect.entry(Role::Job).ok_or(EncodeError::NoName)?, dialect.charset());
         self.push(START);
-        self.characters(entry.name)?;
-        let (mut writer, _) = self.fields(entry.header, of)?;
+        self.characters(entry.name, charset)?;
+        let (mut writer, _) = self.fields(entry.header, charset, of)?;
         writer.push(SEPARATOR);
         let length_at = writer.length(available);
         writer.word(u64::from(u16::from_le_bytes(*b"00")), 2);
-        let (writer, after) = writer.fields(entry.fields, of)?;
+        let (writer, after) = writer.fields(entry.fields, charset, of)?;
         Ok((writer, length_at, after))
     }
 
@@ -137,6 +136,7 @@ impl Writer<'_> {
     fn fields<'f>(
         mut self,
         fields: &'f [Field<'f>],
+        charset: Charset,
         (order, number): (u16, u16),
     ) -> Result<(Self, &'f [Field<'f>]), EncodeError> {
         let mut fields = fields.iter();
@@ -146,7 +146,7 @@ impl Writer<'_> {
                 Field::Number => self.number(false, u32::from(number)),
                 Field::Constant(text) => {
                     self.push(SEPARATOR);
-                    self.characters(text)?;
+                    self.characters(text, charset)?;
                 }
                 Field::Work => break,
                 _ => self.push(SEPARATOR),
@@ -157,17 +157,19 @@ impl Writer<'_> {
 
     #[inline(always)]
     fn head(&mut self, head: &Head) {
-        if let Some(place) = self.rest.first_chunk_mut() {
-            *place = *head.bytes();
+        if let Some(place) = self.rest.first_chunk_mut::<32>() {
+            if let Some(begin) = place.first_chunk_mut() {
+                *begin = *head.bytes();
+            }
             self.skip(head.len());
         } else {
             self.append(head.bytes().iter().copied().take(head.len()));
         }
     }
 
-    fn characters(&mut self, text: &str) -> Result<(), EncodeError> {
+    fn characters(&mut self, text: &str, charset: Charset) -> Result<(), EncodeError> {
         text.chars().try_for_each(|c| {
-            self.push(self.charset.byte(c)?);
+            self.push(charset.byte(c)?);
             Ok(())
         })
     }
@@ -267,6 +269,7 @@ const TENS: [u32; 8] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000
 /// A job's own fields, a mark before each.
 struct Written<'o, 'e> {
     writer: Writer<'o>,
+    charset: Charset,
     is_empty: bool,
     error: &'e mut Option<FieldError>,
 }
@@ -301,7 +304,7 @@ impl Fields for Written<'_, '_> {
         value: &mut Text<N>,
         length: RangeInclusive<usize>,
     ) -> Result<(), Unfit> {
-        let (charset, found) = (self.writer.charset, value.as_bytes().len());
+        let (charset, found) = (self.charset, value.as_bytes().len());
         let (min, max) = length.into_inner();
         if found < min || max < found {
             let fault = FieldFault::Length { found, min, max: N.min(max) };

@@ -1,5 +1,6 @@
-//! What a packet of jobs takes in a loop that is written by hand for one layout and one table of messages, byte after byte, with
-//! the checks of the general one: marks, length, order, the next number, ranges, decimals, room in the queue and in the packet.
+//! What a packet of jobs takes in a loop that is written by hand for one layout and one table of messages, with the checks of the
+//! general one: marks, length, order, the next number, ranges, decimals, room in the queue and in the packet. Read byte after byte;
+//! written two digits at a time, after what is the same in all jobs of an order.
 
 use core::hint::black_box;
 
@@ -18,7 +19,7 @@ pub(super) trait Layout: Copy + Send + 'static {
     fn read(bytes: &[u8], at: &mut usize) -> Option<Self::Queued>;
 
     /// A mark before each.
-    fn write(&self, out: &mut Out<'_>) -> Option<()>;
+    fn write(&self, out: &mut Window<'_>) -> Option<()>;
 }
 
 const BOARD: (i32, i32) = (-9_999_999, 9_999_999);
@@ -35,10 +36,12 @@ impl Layout for Line {
     }
 
     #[inline(always)]
-    fn write(&self, out: &mut Out<'_>) -> Option<()> {
+    fn write(&self, out: &mut Window<'_>) -> Option<()> {
         out.number(self.kind.code(), 0, (1, 2))?;
-        let ends = [self.start.x, self.start.y, self.end.x, self.end.y];
-        ends.iter().try_for_each(|end| out.number(*end, 0, BOARD))
+        out.number(self.start.x, 0, BOARD)?;
+        out.number(self.start.y, 0, BOARD)?;
+        out.number(self.end.x, 0, BOARD)?;
+        out.number(self.end.y, 0, BOARD)
     }
 }
 
@@ -63,7 +66,7 @@ impl Layout for PalletMove {
     }
 
     #[inline(always)]
-    fn write(&self, out: &mut Out<'_>) -> Option<()> {
+    fn write(&self, out: &mut Window<'_>) -> Option<()> {
         self.joints.iter().try_for_each(|joint| out.number(*joint, 3, ANGLE))?;
         out.text(self.tool.as_bytes())?;
         out.number(i32::from(self.speed), 0, (1, 100))
@@ -79,7 +82,7 @@ impl Layout for Short {
     }
 
     #[inline(always)]
-    fn write(&self, out: &mut Out<'_>) -> Option<()> {
+    fn write(&self, out: &mut Window<'_>) -> Option<()> {
         out.number(i32::from(self.0), 0, (0, 9))
     }
 }
@@ -213,10 +216,11 @@ pub(super) fn build<W: Layout>(rounds: u64, work: impl Fn(u16) -> W) -> Vec<u8> 
     let mut length = 0;
     for _ in 0..rounds {
         let mut out = Out { bytes: black_box(&mut buffer), length: 0 };
+        let head = Head::new(black_box(50));
         length = 0;
         for number in 1.. {
             let work = black_box(work(number));
-            if out.job(50, number, &work).is_none() {
+            if out.job(&head, number, &work).is_none() {
                 break;
             }
             length = out.length;
@@ -225,8 +229,23 @@ pub(super) fn build<W: Layout>(rounds: u64, work: impl Fn(u16) -> W) -> Vec<u8> 
     buffer[..length].to_vec()
 }
 
+/// `<Tyo$00#order$`: what all jobs of an order begin with.
+struct Head {
+    text: [u8; 16],
+    length: usize,
+}
+
+impl Head {
+    fn new(order: u16) -> Self {
+        let head = format!("<Tyo$00#{order}$");
+        let mut text = [0; 16];
+        text[..head.len()].copy_from_slice(head.as_bytes());
+        Self { text, length: head.len() }
+    }
+}
+
 /// A packet that is being built.
-pub(super) struct Out<'b> {
+struct Out<'b> {
     bytes: &'b mut [u8],
     length: usize,
 }
@@ -234,75 +253,129 @@ pub(super) struct Out<'b> {
 impl Out<'_> {
     /// `None`: there is no room for all of it.
     #[inline(never)]
-    fn job<W: Layout>(&mut self, order: u16, number: u16, work: &W) -> Option<()> {
-        BEGIN.iter().try_for_each(|byte| self.push(*byte))?;
-        let length_at = self.length;
-        // The length of most jobs has two digits.
-        b"00".iter().try_for_each(|byte| self.push(*byte))?;
-        self.push(b'#')?;
-        let data_at = self.length;
-        self.digits(u32::from(order), 0)?;
-        self.push(b'$')?;
-        self.digits(u32::from(number), 0)?;
-        work.write(self)?;
-        let data = self.length - data_at;
-        self.push(b'#')?;
-        self.push(b'>')?;
-        match self.bytes.get_mut(length_at..) {
-            Some([tens, ones, ..]) if (10..100).contains(&data) => {
-                (*tens, *ones) = (b'0' + (data / 10) as u8, b'0' + (data % 10) as u8);
+    fn job<W: Layout>(&mut self, head: &Head, number: u16, work: &W) -> Option<()> {
+        if let Some(place) = self.bytes.get_mut(self.length..).and_then(<[u8]>::first_chunk_mut) {
+            self.length += Window::write(place, head, number, work)?;
+            return Some(());
+        }
+        // At the end of the packet.
+        let mut window = [0; WINDOW];
+        let length = Window::write(&mut window, head, number, work)?;
+        self.bytes.get_mut(self.length..self.length + length)?.copy_from_slice(&window[..length]);
+        self.length += length;
+        Some(())
+    }
+}
+
+/// The longest of the layouts' jobs, and the eight bytes after it that are written at once.
+const WINDOW: usize = 128;
+
+/// The digits of each number below 100.
+static PAIRS: [[u8; 2]; 100] = {
+    let mut pairs = [[0; 2]; 100];
+    let mut number = 0;
+    while number < 100 {
+        pairs[number] = [b'0' + number as u8 / 10, b'0' + number as u8 % 10];
+        number += 1;
+    }
+    pairs
+};
+
+/// The place of a job's message.
+pub(super) struct Window<'b> {
+    bytes: &'b mut [u8; WINDOW],
+    at: usize,
+}
+
+impl Window<'_> {
+    #[inline(always)]
+    fn write<W: Layout>(bytes: &mut [u8; WINDOW], head: &Head, number: u16, work: &W) -> Option<usize> {
+        *bytes.first_chunk_mut()? = head.text;
+        let mut window = Window { bytes, at: head.length };
+        window.digits(u32::from(number))?;
+        work.write(&mut window)?;
+        let data = window.at - "<Tyo$00#".len();
+        window.word(u64::from(u16::from_le_bytes(*b"#>")), 2)?;
+        let length = window.at;
+        match data {
+            0..10 => {
+                bytes.copy_within(7..7 + 16, 6);
+                bytes[5] = b'0' + data as u8;
+                Some(length - 1)
             }
-            Some([ones, ..]) if data < 10 => {
-                *ones = b'0' + data as u8;
-                self.bytes.copy_within(length_at + 2..self.length, length_at + 1);
-                self.length -= 1;
+            10..100 => {
+                [bytes[5], bytes[6]] = PAIRS[data];
+                Some(length)
+            }
+            _ => None,
+        }
+    }
+
+    /// So many of eight bytes.
+    #[inline(always)]
+    fn word(&mut self, word: u64, length: usize) -> Option<()> {
+        *self.bytes.get_mut(self.at..)?.first_chunk_mut()? = word.to_le_bytes();
+        self.at += length;
+        Some(())
+    }
+
+    #[inline(always)]
+    fn digits(&mut self, number: u32) -> Option<()> {
+        let one = |number: u32| u64::from(number) + u64::from(b'0');
+        let two = |number: u32| u64::from(u16::from_le_bytes(PAIRS[number as usize]));
+        let four = |number: u32| two(number / 100) | two(number % 100) << 16;
+        let (text, length) = match number {
+            0..10_000 => match number {
+                0..10 => (one(number), 1),
+                10..100 => (two(number), 2),
+                100..1000 => (one(number / 100) | two(number % 100) << 8, 3),
+                _ => (four(number), 4),
+            },
+            10_000..100_000 => (one(number / 10_000) | four(number % 10_000) << 8, 5),
+            100_000..1_000_000 => (two(number / 10_000) | four(number % 10_000) << 16, 6),
+            1_000_000..10_000_000 => {
+                let (first, last) = (number / 10_000, number % 10_000);
+                (one(first / 100) | two(first % 100) << 8 | four(last) << 24, 7)
             }
             _ => return None,
-        }
-        Some(())
+        };
+        self.word(text, length)
     }
 
+    /// A mark, and a number with no decimals or with three.
     #[inline(always)]
-    fn push(&mut self, byte: u8) -> Option<()> {
-        *self.bytes.get_mut(self.length)? = byte;
-        self.length += 1;
-        Some(())
-    }
-
-    #[inline(always)]
-    fn digits(&mut self, mut rest: u32, places: usize) -> Option<()> {
-        let (mut digits, mut first) = ([b'0'; 10], 10);
-        while rest > 0 || first > 9 - places {
-            first -= 1;
-            digits[first] = b'0' + (rest % 10) as u8;
-            rest /= 10;
-        }
-        let (whole, decimals) = digits.split_at(10 - places);
-        whole[first..].iter().try_for_each(|digit| self.push(*digit))?;
-        if places > 0 {
-            self.push(b'.')?;
-        }
-        decimals.iter().try_for_each(|digit| self.push(*digit))
-    }
-
-    #[inline(always)]
-    fn number(&mut self, number: i32, places: usize, (min, max): (i32, i32)) -> Option<()> {
+    pub(super) fn number(&mut self, number: i32, places: usize, (min, max): (i32, i32)) -> Option<()> {
         if !(min..=max).contains(&number) {
             return None;
         }
-        self.push(b'$')?;
-        if number < 0 {
-            self.push(b'-')?;
+        // A minus that is not there is written over.
+        self.word(u64::from(u16::from_le_bytes(*b"$-")), 1 + usize::from(number < 0))?;
+        let number = number.unsigned_abs();
+        if places == 0 {
+            return self.digits(number);
         }
-        self.digits(number.unsigned_abs(), places)
+        self.digits(number / 1000)?;
+        let [[_, hundreds], [tens, ones]] =
+            [number % 1000 / 100, number % 100].map(|pair| PAIRS[pair as usize]);
+        self.word(u64::from(u32::from_le_bytes([b'.', hundreds, tens, ones])), 4)
     }
 
+    /// A mark, and a text of up to eight bytes.
     #[inline(always)]
-    fn text(&mut self, text: &[u8]) -> Option<()> {
-        self.push(b'$')?;
-        text.iter().try_for_each(|byte| match byte {
-            b'$' | b'#' | b'<' | b'>' | 128.. => None,
-            byte => self.push(*byte),
-        })
+    pub(super) fn text(&mut self, text: &[u8]) -> Option<()> {
+        self.word(u64::from(b'$'), 1)?;
+        let (Some(first), Some(last)) = (text.first_chunk::<4>(), text.last_chunk::<4>()) else {
+            // No text holds a mark.
+            return text
+                .iter()
+                .try_for_each(|byte| self.word(byte.is_ascii().then_some(u64::from(*byte))?, 1));
+        };
+        let [first, last] = [first, last].map(|bytes| u32::from_le_bytes(*bytes));
+        if (first | last) & 0x8080_8080 != 0 {
+            return None;
+        }
+        let rest = text.len() - 4;
+        self.word(first.into(), rest)?;
+        self.word(last.into(), 4)
     }
 }

@@ -243,16 +243,16 @@ impl<'a> Lines<'a> {
         Self { rest: at(text, &part), start: part.start }
     }
 
-    /// Moves over the lines that begin neither a section nor a position, which most do.
+    /// Moves to the next line that may begin a section or a position: where nothing that is printed is before a mark of one.
     fn pass_plain(&mut self) {
-        let mut rest = self.rest.as_bytes();
-        while let Some(b'!'..=b'.' | b'0'..=b'O' | b'Q'..=b'~') =
-            rest.iter().find(|byte| !matches!(byte, b' ' | b'\t'))
-            && let Some(after) = rest.get(line_length(rest) + 1..)
-        {
-            rest = after;
+        let bytes = self.rest.as_bytes();
+        let mut at = mark(bytes, 0);
+        while at < bytes.len() && matches!(bytes.get(at.wrapping_sub(1)), Some(b'!'..=b'~')) {
+            at = mark(bytes, at + 1);
         }
-        let skipped = self.rest.len() - rest.len();
+        let before = bytes.get(..at).unwrap_or(bytes);
+        let line_start = before.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+        let skipped = if at < bytes.len() { line_start } else { at };
         self.rest = self.rest.get(skipped..).unwrap_or("");
         self.start += skipped;
     }
@@ -275,6 +275,18 @@ impl<'a> Iterator for Lines<'a> {
         self.start += length + usize::from(!rest.is_empty());
         Some(line)
     }
+}
+
+/// Where the next byte is that a section or a position begins with, or the end.
+#[inline(always)]
+fn mark(bytes: &[u8], start: usize) -> usize {
+    let is_mark = |byte: &u8| matches!(byte, b'/' | b'P');
+    // Every byte of a block is looked at, which is one comparison for all of them.
+    let is_plain = |block: &&[u8; 16]| !block.iter().fold(false, |found, byte| found | is_mark(byte));
+    let rest = bytes.get(start..).unwrap_or(&[]);
+    let passed = start + rest.as_chunks().0.iter().take_while(is_plain).count() * 16;
+    let rest = bytes.get(passed..).unwrap_or(&[]);
+    passed + rest.iter().position(is_mark).unwrap_or(rest.len())
 }
 
 /// How many bytes are before the line feed. Lines are short: the start of a search for longer ones would cost as much.

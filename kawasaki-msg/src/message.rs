@@ -49,11 +49,14 @@ impl<'a> Message<'a> {
     /// # Errors
     /// The first corruption, with its place in `bytes`. Look for the next `<` after the first byte.
     pub fn decode(bytes: &'a [u8], charset: Charset) -> Result<Option<(Self, usize)>, DecodeError> {
-        Self::decode_within(bytes, charset, Self::MAX_LEN)
+        let bytes = bytes.get(..Self::MAX_LEN).unwrap_or(bytes);
+        match Self::usual(bytes, charset) {
+            None => Self::decode_within(bytes, charset, Self::MAX_LEN),
+            found => Ok(found),
+        }
     }
 
     /// As [`decode`](Self::decode), of at most so many bytes.
-    #[inline(always)]
     pub(crate) fn decode_within(
         bytes: &'a [u8],
         charset: Charset,
@@ -68,8 +71,37 @@ impl<'a> Message<'a> {
         }
     }
 
-    /// The grammar: `< name $ header $ length # data # >`. The message, and where it ends.
+    /// A message as most are: a name, a length of one or two digits, and data. `None` for what [`parse`](Self::parse) finds, or finds wrong.
     #[inline(always)]
+    pub(crate) fn usual(bytes: &'a [u8], charset: Charset) -> Option<(Self, usize)> {
+        let [START, rest @ ..] = bytes else { return None };
+        let mut name = 0;
+        while let Some(byte) = rest.get(name)
+            && *byte != SEPARATOR
+        {
+            if charset.ends_text(*byte) {
+                return None;
+            }
+            name += 1;
+        }
+        let (name, rest) = rest.split_at_checked(name)?;
+        let digit = |byte: u8| usize::from(byte - b'0');
+        let (digits, length, rest) = match rest {
+            [SEPARATOR, tens @ b'0'..=b'9', ones @ b'0'..=b'9', DATA, rest @ ..] => {
+                (2, 10 * digit(*tens) + digit(*ones), rest)
+            }
+            [SEPARATOR, ones @ b'0'..=b'9', DATA, rest @ ..] => (1, digit(*ones), rest),
+            _ => return None,
+        };
+        let (data, [DATA, END, ..]) = rest.split_at_checked(length)? else { return None };
+        if name.is_empty() || data.is_empty() || !charset.is_text(data) {
+            return None;
+        }
+        let message = Message { name: Value::Wire(name), header: Values::NONE, fields: Values::Wire(data) };
+        Some((message, "<$##>".len() + name.len() + digits + data.len()))
+    }
+
+    /// The grammar: `< name $ header $ length # data # >`. The message, and where it ends.
     fn parse(input: &'a [u8], charset: Charset, limit: usize) -> Result<(Self, usize), Stop> {
         mark(input, 0, START)?;
         let data_at = charset.text_end(input, 1).ok_or(Stop::More)?;

@@ -348,3 +348,37 @@ fn is_closed(line: &str) -> bool {
 fn continues(line: &str) -> bool {
     indent(line).starts_with(':')
 }
+
+#[cfg(test)]
+mod tests {
+    use alloc::{format, string::String};
+
+    use super::*;
+
+    /// Every text of five of these characters, at every place of two blocks of sixteen: no line that may begin something is passed,
+    /// and none is looked at whose marks all are behind something printed.
+    #[test]
+    fn lines_are_passed_up_to_one_that_may_begin_something() {
+        let characters = ['/', 'P', 'x', ' ', '\n', 'é'];
+        for code in 0..6_usize.pow(5) {
+            let end: String = (0..5).map(|at| characters[code / 6_usize.pow(at) % 6]).collect();
+            for before in ["", "\n", "x\n"] {
+                for blanks in 0..33 {
+                    let text = format!("{before}{}{end}", " ".repeat(blanks));
+                    let mut lines = Lines::new(&text, 0..text.len());
+                    lines.pass_plain();
+                    let may_begin = |line: &str| line.trim_start().starts_with(['/', 'P']);
+                    let passed = &text[..lines.start];
+                    assert_eq!((passed.len(), lines.rest), (lines.start, &text[lines.start..]), "{text:?}");
+                    assert!(passed.is_empty() || passed.ends_with('\n') || lines.rest.is_empty(), "{text:?}");
+                    assert!(!passed.lines().any(may_begin), "{text:?} at {}", lines.start);
+                    let marks = lines.rest.lines().next().map(|line| {
+                        let printed = |at: usize| line[..at].ends_with(|it| matches!(it, '!'..='~'));
+                        line.match_indices(['/', 'P']).any(|(at, _)| !printed(at))
+                    });
+                    assert!(marks.unwrap_or(true), "{text:?} at {}", lines.start);
+                }
+            }
+        }
+    }
+}

@@ -404,6 +404,35 @@ proptest! {
         });
         prop_assert_eq!(short, long);
     }
+
+    /// Of every width, into a buffer with more room than that and with less.
+    #[test]
+    fn a_job_is_written_as_it_is_printed(
+        order in 1u16..=u16::MAX,
+        number in 1u16..=9999,
+        (whole, narrower) in (any::<i32>(), 0..32),
+        (angle, shorter) in (-2_000_000..=2_000_000, 0..21),
+        speed in 1u8..=100,
+        tool in "[ -\"%-;=?-~]{1,8}",
+        room in 0usize..80,
+    ) {
+        let (whole, angle) = (whole >> narrower, angle >> shorter);
+        let work = Mixed { whole, angle, speed, tool: Text::new(&tool).unwrap(), kind: JobKind::Move };
+        let job = Job { order, number, work };
+        let sign = if angle < 0 { "-" } else { "" };
+        let (units, decimals) = (angle.abs() / 1000, angle.abs() % 1000);
+        let data = format!("{order}${number}${whole}${sign}{units}.{decimals:03}${speed}${tool}$2");
+        let printed = format!("<Tyo${}#{data}#>", data.len());
+        let mut out = vec![b'!'; room];
+        let written = Dialect::DEFAULT.write_job(&job, &(), &mut out);
+        if printed.len() <= room {
+            prop_assert_eq!(written, Ok(printed.len()));
+            prop_assert_eq!(core::str::from_utf8(&out[..printed.len()]), Ok(&*printed));
+        } else {
+            let (needed, available) = (printed.len(), room);
+            prop_assert_eq!(written, Err(EncodeError::BufferTooSmall { needed, available }));
+        }
+    }
 }
 
 /// A number with so many decimals, and one without.

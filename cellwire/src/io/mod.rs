@@ -2,7 +2,6 @@
 
 pub mod broker;
 pub mod capture;
-pub mod coarse;
 pub mod drawing;
 pub mod drive;
 pub mod files;
@@ -26,3 +25,4 @@ pub mod stream;
 pub mod tcp;
 pub mod trace;
 pub mod udp;
+mod wait;

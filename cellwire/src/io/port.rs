@@ -1,12 +1,12 @@
 //! A serial port, or the TCP connection of a serial device server.
 
 use std::io;
-use std::net::TcpStream;
 use std::time::Duration;
 
 use anyhow::Result;
 use robot_session::{Received, Sent, Transport};
 
+use crate::io::stream::Stream;
 use crate::io::{serial, tcp};
 
 /// Where a device on a serial line is reached.
@@ -15,7 +15,7 @@ pub enum AnyPort {
     /// A port of this machine.
     Serial(serial::Port),
     /// A serial device server.
-    Tcp(TcpStream),
+    Tcp(Stream),
 }
 
 impl AnyPort {
@@ -26,7 +26,7 @@ impl AnyPort {
     pub fn open(name: &str, baud: u32, timeout: Duration) -> Result<Self> {
         Ok(match Self::is_serial(name) {
             true => Self::Serial(serial::Port(serial::open(name, baud)?)),
-            false => Self::Tcp(tcp::connect(name, timeout)?),
+            false => Self::Tcp(Stream::new(tcp::connect(name, timeout)?)),
         })
     }
 
@@ -38,7 +38,7 @@ impl AnyPort {
     /// Ends a connection, before another takes its place.
     pub fn close(&mut self) {
         if let Self::Tcp(stream) = self {
-            let _ = stream.shutdown(std::net::Shutdown::Both);
+            stream.close();
         }
     }
 }

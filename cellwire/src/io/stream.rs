@@ -1,12 +1,13 @@
 //! A TCP connection to a peer that may not read.
 
-use std::io::{self, ErrorKind, Write};
-use std::net::TcpStream;
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::net::{Shutdown, TcpStream};
 use std::time::Duration;
 
 use robot_session::{Received, Sent, Transport};
 
 use crate::io::tcp::is_silence;
+use crate::io::wait::readable;
 
 /// So many bytes wait for a peer that does not read, beside those that the system keeps.
 const UNSENT: usize = 64 * 1024;
@@ -25,6 +26,11 @@ impl Stream {
     /// Sends and receives over `stream`, which blocks.
     pub fn new(stream: TcpStream) -> Self {
         Self { stream, unsent: Vec::new() }
+    }
+
+    /// Ends the connection, before another takes its place.
+    pub fn close(&mut self) {
+        let _ = self.stream.shutdown(Shutdown::Both);
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -50,7 +56,15 @@ impl Transport for Stream {
     fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
         self.flush()?;
         let wait = if self.unsent.is_empty() { wait } else { Some(wait.map_or(RETRY, |w| w.min(RETRY))) };
-        self.stream.receive(buffer, wait)
+        if !readable(&self.stream, wait)? {
+            return Ok(Received::Nothing);
+        }
+        match self.stream.read(buffer) {
+            Ok(0) => Ok(Received::Closed),
+            Ok(length) => Ok(Received::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Err(error) => Err(error),
+        }
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {

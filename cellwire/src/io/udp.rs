@@ -2,19 +2,16 @@
 
 use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
-use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
-use robot_session::{Received, Sent, Transport, now};
+use robot_session::{Received, Sent, Transport};
 
 use crate::io::tcp::{advise, is_silence, warn_unless_loopback};
+use crate::io::wait::readable;
 
-/// A socket's own time limit is rounded up by some milliseconds: what is left of a wait is waited in short sleeps.
-const ROUNDED: Duration = Duration::from_millis(10);
-const SLEEP: Duration = Duration::from_micros(250);
-
-/// Opens a socket for the datagrams of whoever sends any; a port alone is one of this machine's loopback address.
+/// Opens a socket for the datagrams of whoever sends any, whose reads do not wait; a port alone is one of this machine's loopback
+/// address.
 ///
 /// # Errors
 /// When the address is invalid, in use, or not this machine's. The error contains advice.
@@ -25,6 +22,7 @@ pub fn bind(address: &str) -> Result<UdpSocket> {
         None => UdpSocket::bind(address),
     };
     let socket = bound.map_err(|error| advise(address, error))?;
+    socket.set_nonblocking(true)?;
     warn_unless_loopback(socket.local_addr()?);
     Ok(socket)
 }
@@ -40,6 +38,7 @@ pub fn connect(address: &str) -> Result<UdpSocket> {
     let any: SocketAddr = if place.is_ipv4() { ([0; 4], 0).into() } else { ([0; 16], 0).into() };
     let socket = UdpSocket::bind(any).with_context(what)?;
     socket.connect(place).with_context(what)?;
+    socket.set_nonblocking(true)?;
     Ok(socket)
 }
 
@@ -92,21 +91,8 @@ impl Transport for Datagrams {
             }
             return Ok(Received::Bytes(length));
         }
-        let until = wait.map(|wait| now().saturating_add(wait));
-        loop {
-            let left = until.map(|until| until.saturating_sub(now()));
-            let is_short = left.is_some_and(|left| left <= ROUNDED);
-            self.socket.set_nonblocking(is_short)?;
-            if !is_short {
-                self.socket.set_read_timeout(left.map(|left| left.saturating_sub(ROUNDED).max(SLEEP)))?;
-            }
-            match self.read(buffer)? {
-                Some(length) => return Ok(Received::Bytes(length)),
-                None if left == Some(Duration::ZERO) => return Ok(Received::Nothing),
-                None if is_short => thread::sleep(left.unwrap_or_default().min(SLEEP)),
-                None => {}
-            }
-        }
+        let arrived = readable(&self.socket, wait)?.then(|| self.read(buffer)).transpose()?.flatten();
+        Ok(arrived.map_or(Received::Nothing, Received::Bytes))
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
@@ -145,7 +131,7 @@ mod tests {
             assert_eq!(end.receive(&mut buffer, WAIT).unwrap(), Received::Bytes(expected.len()));
             assert_eq!(&buffer[..expected.len()], expected);
         }
-        assert_eq!(end.receive(&mut buffer, Some(SLEEP)).unwrap(), Received::Nothing);
+        assert_eq!(end.receive(&mut buffer, Some(Duration::ZERO)).unwrap(), Received::Nothing);
         // Nor does the peer receive from others.
         other.send_to(b"x", from).unwrap();
         end.send(b"answer").unwrap();
@@ -158,7 +144,7 @@ mod tests {
         let mut end = Datagrams::connected(connect(&place.to_string()).unwrap());
         for _ in 0..3 {
             end.send(b"is anybody there?").unwrap();
-            assert_eq!(end.receive(&mut [0; 9], Some(SLEEP)).unwrap(), Received::Nothing);
+            assert_eq!(end.receive(&mut [0; 9], Some(Duration::ZERO)).unwrap(), Received::Nothing);
         }
     }
 

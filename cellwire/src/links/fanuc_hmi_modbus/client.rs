@@ -11,6 +11,7 @@ use serialport::{Parity, StopBits};
 use crate::io::drive::Lost;
 use crate::io::output::remark;
 use crate::io::port::AnyPort;
+use crate::io::stream::Stream;
 use crate::io::{serial, tcp};
 
 /// Where the servers are.
@@ -66,7 +67,7 @@ impl Port {
     fn open(&self) -> Result<AnyPort> {
         Ok(match &self.kind {
             PortKind::Tcp { server, connect_timeout, .. } => {
-                AnyPort::Tcp(tcp::connect(server, *connect_timeout)?)
+                AnyPort::Tcp(Stream::new(tcp::connect(server, *connect_timeout)?))
             }
             PortKind::Serial { path, baud, parity, stop_bits } => {
                 AnyPort::Serial(serial::Port(serial::open_with(path, *baud, *parity, *stop_bits)?))

@@ -62,7 +62,6 @@ impl Meeting {
         match endpoint {
             Endpoint::Listen(address) if datagrams => {
                 let socket = udp::bind(address)?;
-                socket.set_nonblocking(true)?;
                 let place = socket.local_addr()?.to_string();
                 Ok((Self::Datagrams(socket, dialect), "listen", place))
             }

@@ -5,13 +5,16 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Result;
-use kawasaki_msg::{PcEvent, timing};
+use kawasaki_msg::PcEvent;
 use robot_session::{Driver, Session, Transport as _};
 
 use super::meeting::Meeting;
 pub use super::peer::Packets;
 use super::peer::{Peer, outcome};
 use crate::io::trace::Trace;
+
+/// The program acts so often, and a robot that connects waits so long at most.
+const GLANCE: Duration = Duration::from_millis(20);
 
 /// The program of a PC.
 pub trait Program {
@@ -110,7 +113,7 @@ impl<P: Program> Server<'_, P> {
     /// The inner error is why the connection is to be closed.
     fn turn(&mut self) -> Result<Result<(), String>> {
         let Self { session, driver, program, .. } = self;
-        let turn = driver.turn(session, Some(timing::CPU_CYCLE), |session, event| {
+        let turn = driver.turn(session, Some(GLANCE), |session, event| {
             match program.notify(session, Notification::Event(event)) {
                 Err(error) => ControlFlow::Break(Some(error)),
                 Ok(()) if event == PcEvent::Disconnect => ControlFlow::Break(None),

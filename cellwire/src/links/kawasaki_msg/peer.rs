@@ -73,7 +73,7 @@ impl Transport for Peer<'_> {
         if let Some(carrier) = &mut self.carrier {
             return carrier.receive(buffer, wait);
         }
-        thread::sleep(wait.unwrap_or(timing::CPU_CYCLE).min(timing::CPU_CYCLE));
+        thread::sleep(wait.unwrap_or(timing::CPU_CYCLE));
         Ok(Received::Nothing)
     }
 

@@ -11,7 +11,6 @@ use crate::cell::bridge::end::End;
 use crate::cell::bridge::hall::Cell;
 use crate::cell::bridge::metric::Definition;
 use crate::cell::bridge::report::{Command, Outcome};
-use crate::io::coarse::Coarse;
 use crate::io::port::AnyPort;
 
 /// A connection may take so long to open.
@@ -88,7 +87,7 @@ fn run<A: Adapter>(mut adapter: A, mut session: A::Session, place: &str, baud: u
                 session.handle_connected(now());
                 end.connected(place);
                 wait = FIRST_WAIT;
-                let why = connection(&mut adapter, &mut session, Driver::new(Coarse(port)), &mut end);
+                let why = connection(&mut adapter, &mut session, Driver::new(port), &mut end);
                 session.handle_disconnected(now());
                 while let Some(event) = session.poll_event() {
                     let _ = adapter.event(&mut session, event, &mut end);
@@ -111,7 +110,7 @@ fn run<A: Adapter>(mut adapter: A, mut session: A::Session, place: &str, baud: u
 fn connection<A: Adapter>(
     adapter: &mut A,
     session: &mut A::Session,
-    mut driver: Driver<Coarse>,
+    mut driver: Driver<AnyPort>,
     end: &mut End,
 ) -> String {
     while !end.is_stopped() {

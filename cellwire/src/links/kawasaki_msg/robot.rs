@@ -20,6 +20,8 @@ use crate::io::trace::Trace;
 
 /// The motion task looks at its switch at least so often.
 const LONGEST_SLEEP: Duration = Duration::from_millis(50);
+/// It looks for a job so often at least; more often after it had one.
+const LONGEST_IDLE: Duration = Duration::from_millis(8);
 
 /// How the simulated robot is made.
 #[derive(Debug, Clone)]
@@ -268,12 +270,15 @@ fn execute(
 ) -> Samples {
     let mut cycles = Samples::default();
     let (mut before, mut arrival): (Option<(u32, Instant)>, _) = (None, Instant::now());
+    let mut idle = timing::CPU_CYCLE / 4;
     while !stop.load(Ordering::Relaxed) {
         let Some(job) = queue.take() else {
-            thread::sleep(timing::CPU_CYCLE / 4);
+            thread::sleep(idle);
+            idle = (idle * 2).min(LONGEST_IDLE);
             arrival = Instant::now();
             continue;
         };
+        idle = timing::CPU_CYCLE / 4;
         let (order, taken) = (orders.load(Ordering::Acquire), Instant::now());
         if let Some((_, end)) = before.filter(|(last, _)| *last == order) {
             cycles.add(taken - end);

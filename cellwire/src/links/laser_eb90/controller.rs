@@ -35,6 +35,10 @@ pub const STATUS: u16 = 0x0301;
 /// Answers the floats of the instruction that was executed last.
 pub const POSITION: u16 = 0x0302;
 
+/// The motion task looks for a job so often after it had one, and so often at least.
+const SHORTEST_IDLE: Duration = Duration::from_millis(1);
+const LONGEST_IDLE: Duration = Duration::from_millis(8);
+
 /// How a simulated robot behaves.
 #[derive(Debug, Clone, Copy)]
 pub struct Robot {
@@ -279,19 +283,24 @@ struct Motion<'a> {
 
 impl Motion<'_> {
     fn run(self, mut reader: Reader<'_, Job>) {
+        let mut idle = SHORTEST_IDLE;
         while !self.switch.was_killed() {
             let done = self.done.load(Ordering::Relaxed);
             let halted = self.halted.load(Ordering::Relaxed);
             // Halted, it takes nothing, but sees that the queue was emptied.
             match if halted { reader.take_where(|_, _| false) } else { reader.take() } {
                 Some(job) => {
+                    idle = SHORTEST_IDLE;
                     thread::sleep(self.robot.execution);
                     if let Ok(mut executed) = self.executed.lock() {
                         executed.push(job.complete());
                     }
                 }
                 None if done => return,
-                None => thread::sleep(Duration::from_millis(1)),
+                None => {
+                    thread::sleep(idle);
+                    idle = (idle * 2).min(LONGEST_IDLE);
+                }
             }
         }
     }

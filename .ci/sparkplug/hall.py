@@ -325,7 +325,7 @@ if bridge.process.returncode != 0:
 wait("the death of the node", lambda: consumer.bd is None)
 consumer.stop()
 for cell in cells:
-    cell.verify(fail)
+    cell.verify(1 if args.calm else 2, fail)
 stop_all()
 
 print(f"{args.cells} cells, {seconds:.0f} s, QoS {args.qos}, TLS; the broker was ended {outages - len(killed)} times and killed "

@@ -36,8 +36,15 @@ class Cell:
         self.process.kill()
         self.process.wait()
 
-    def verify(self, fail):
+    def verify(self, rounds, fail):
         """Whether the device has executed what was reported as done, and nothing twice."""
+
+    def once(self, rounds, fail, *events):
+        """Whether the device reports each of these events once for each round of orders."""
+        lines = (self.folder / self.log).read_text().splitlines()
+        found = collections.Counter(json.loads(line).get("event") for line in lines)
+        if any(found[event] != rounds for event in events):
+            fail(f"{self.name} was to report each of {events} {rounds} times, and has reported {found}")
 
 
 class Fanuc(Cell):
@@ -69,11 +76,11 @@ class Kawasaki(Cell):
         # Half a metre each: not done before the bridge is killed.
         return f"{self.name}/slow", {"jobs": [self.line(place, 50_000) for place in range(1, 201)]}
 
-    def verify(self, fail):
+    def verify(self, rounds, fail):
         lines = [line.split(",") for line in (self.folder / f"{self.name}.csv").read_text().splitlines()[1:]]
         executed = collections.Counter(tuple(line[2:]) for line in lines)
         quick = [job for job in executed if job[-1] != "50000"]
-        if not quick or len(quick) % 5 or set(executed.values()) != {1}:
+        if len(quick) != 5 * rounds or set(executed.values()) != {1}:
             fail(f"{self.name} has executed {executed}")
 
 
@@ -87,6 +94,9 @@ class Laser(Cell):
             (f"{self.name}/{round}/b", {"instructions": [{"word": 1}]}, "refused"),
         ]
 
+    def verify(self, rounds, fail):
+        self.once(rounds, fail, "queued")
+
 
 class Mma(Cell):
     NAME, SIMULATE, SETTINGS = "mmacell-proto", "mma-robot", 'poll = "200ms"'
@@ -97,6 +107,9 @@ class Mma(Cell):
             (f"{self.name}/{round}/b", {"command": "MOV", "mode": "absolute", "axes": [round, 2, 3, 0]}, "done"),
             (f"{self.name}/{round}/c", {"command": "OVR", "percent": 200}, "refused"),
         ]
+
+    def verify(self, rounds, fail):
+        self.once(rounds, fail, "servo", "move")
 
 
 class Alter(Cell):

@@ -66,6 +66,20 @@ fn a_queue_may_start_on_any_lap_and_wraps_around_them() {
 }
 
 #[test]
+fn a_queue_that_was_moved_to_another_thread_is_split_there() {
+    let mut queue: WorkQueue<String, 3> = WorkQueue::new(9).unwrap();
+    let (mut writer, _) = queue.split();
+    writer.claim().unwrap().push("left behind".into());
+    let last = std::thread::spawn(move || {
+        let (mut writer, mut reader) = queue.split();
+        assert!(reader.is_empty());
+        writer.claim().unwrap().push("there".into());
+        reader.take().unwrap().complete()
+    });
+    assert_eq!(last.join().unwrap(), "there");
+}
+
+#[test]
 fn a_job_of_a_power_of_two_lies_in_one_cache_line() {
     fn assert_in_lines<T: Copy + Default>(mut writer: Writer<'_, T>, mut reader: Reader<'_, T>) {
         while let Ok(claim) = writer.claim() {

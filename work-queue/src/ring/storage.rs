@@ -34,6 +34,9 @@ pub struct WorkQueue<T, const N: usize>(Ring<T, [Slot<T>; N], [AtomicBool; N]>);
 // SAFETY: jobs go from one end to the other; `split_static` alone uses a shared queue, and makes one pair of ends at a time.
 unsafe impl<T: Send, const N: usize> Sync for WorkQueue<T, N> {}
 
+// SAFETY: the jobs go with it. It has no ends, which would borrow it, and `begin` sets its pointers anew where it is then.
+unsafe impl<T: Send, const N: usize> Send for WorkQueue<T, N> {}
+
 /// The two ends of a queue, which are woken by `R` (the reader) and `W` (the writer).
 pub type Ends<'q, T, R = NoWake, W = NoWake> = (Writer<'q, T, R>, Reader<'q, T, W>);
 

@@ -7,7 +7,7 @@
 
 use core::fmt;
 
-pub use crate::error::AssignmentError;
+pub use crate::error::{AssignmentError, ListingError};
 use crate::typed::Multiply;
 
 /// How many slots a controller has.
@@ -189,11 +189,12 @@ impl<'a> Slots<'a> {
     /// Reads a listing; lines about other variables are passed over.
     ///
     /// # Errors
-    /// The first line about `$SNPX_ASG` that cannot be read, with its number, counted from 1.
-    pub fn parse(text: &'a str) -> Result<Self, (usize, AssignmentError)> {
+    /// The first line about `$SNPX_ASG` that cannot be read.
+    pub fn parse(text: &'a str) -> Result<Self, ListingError> {
         let mut all = Self::default();
-        for (number, line) in (1..).zip(text.lines()) {
-            if let Some(Setting { slot, field }) = Setting::parse(line).map_err(|error| (number, error))?
+        for (line, text) in (1..).zip(text.lines()) {
+            if let Some(Setting { slot, field }) =
+                Setting::parse(text).map_err(|error| ListingError { line, error })?
                 && let Some(slot) = all.slots.get_mut(usize::from(slot) - 1)
             {
                 match field {
@@ -304,7 +305,7 @@ mod tests {
         assert_eq!(Setting::parse("SETVAR $SNPX_ASG[3].$SIZE -1"), Err(AssignmentError::Value { slot: 3 }));
         assert_eq!(Setting::parse("SETVAR $SNPX_ASG[3].$COLOR 1"), Err(AssignmentError::Value { slot: 3 }));
         let error = Slots::parse("\nSETVAR $SNPX_ASG[3].$MULTIPLY 0.00001").unwrap_err();
-        assert_eq!(error, (2, AssignmentError::Multiply { found: 0.00001 }));
+        assert_eq!(error, ListingError { line: 2, error: AssignmentError::Multiply { found: 0.00001 } });
     }
 
     #[test]

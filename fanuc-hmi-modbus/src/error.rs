@@ -235,6 +235,19 @@ pub enum ConfigError {
     },
 }
 
+/// A line of a listing that cannot be read.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[error("line {line}: {error}")]
+#[non_exhaustive]
+pub struct ListingError {
+    /// Its number, counted from 1.
+    pub line: usize,
+    /// Why.
+    pub error: AssignmentError,
+}
+
 /// Why an assignment is none.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -175,7 +175,7 @@ impl<'a> Frame<&'a [u8]> {
     ///
     /// # Errors
     /// When the PDU is empty or longer than 253 bytes, which a decoded one never is.
-    pub fn to_owned(self) -> Result<Frame<PduBuf>, EncodeError> {
+    pub fn to_buf(self) -> Result<Frame<PduBuf>, EncodeError> {
         Ok(Frame { transaction: self.transaction, unit: self.unit, pdu: PduBuf::new(&self.pdu)? })
     }
 }
@@ -198,7 +198,7 @@ impl<P: Pdu> Frame<P> {
         seal(out, 1 + len).ok_or(EncodeError::Space { needed: RTU + len, available })
     }
 
-    /// Appends the frame, and returns how many bytes it took.
+    /// Appends the frame.
     ///
     /// # Errors
     /// When the specification does not allow the message; then nothing is appended.
@@ -206,11 +206,11 @@ impl<P: Pdu> Frame<P> {
     /// # Panics
     /// As [`bytes::BufMut::put_slice`], when a buffer that cannot grow is full.
     #[cfg(feature = "bytes")]
-    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<usize, EncodeError> {
+    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         let mut frame = [0; Frame::MAX_LEN];
         let len = self.encode(&mut frame)?;
         out.put_slice(frame.get(..len).unwrap_or_default());
-        Ok(len)
+        Ok(())
     }
 }
 

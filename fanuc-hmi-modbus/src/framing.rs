@@ -1,7 +1,7 @@
 use core::time::Duration;
 
 /// How frames follow one another on the transport.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Framing {
     /// Modbus TCP: MBAP headers.
     Tcp,
@@ -42,11 +42,11 @@ impl Framing {
 }
 
 /// Modbus TCP and nothing else: a `Decoder<Tcp>`, a `Client<8, Tcp>` or a `Server<R, 8, Tcp>` links no CRC.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Tcp;
 
 /// RTU and nothing else, on a serial line or over TCP: what is made for it links no MBAP header.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Rtu;
 
 /// The framings that a decoder or a session is built for: [`Framing`], all of them; or [`Tcp`] or [`Rtu`] alone.

@@ -23,10 +23,7 @@ pub mod text;
 pub mod timing;
 pub mod typed;
 
-pub use robot_session;
 #[doc(no_inline)]
-pub use robot_session::{Decoder as _, Encode as _, Session as _};
-
 pub use assignment::Assignment;
 pub use block::TelemetryBlock;
 pub use client::{
@@ -44,6 +41,7 @@ pub use message::{Bits, BitsMut, Exception, Pdu, PduBuf, Reply, Request, Words, 
 pub use model::Rule;
 pub use position::PositionRegister;
 pub use registers::{Registers, serve};
+pub use robot_session;
 pub use server::{
     Server, ServerAction, ServerConfig, ServerEvent, ServerInput, ServerLink, ServerMachine, ServerStatistics,
 };

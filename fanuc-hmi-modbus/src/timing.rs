@@ -23,7 +23,7 @@ pub const fn silence(baud: u32) -> Duration {
 }
 
 /// How long `bytes` take on the line.
-pub const fn line_time(bytes: usize, baud: u32) -> Duration {
+pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     let baud = if baud == 0 { 1 } else { baud as u64 };
     Duration::from_nanos((bytes as u64).saturating_mul(CHARACTER_BITS as u64 * 1_000_000_000) / baud)
 }
@@ -38,6 +38,9 @@ pub const fn line_time(bytes: usize, baud: u32) -> Duration {
 /// assert!(read_time(37, 230_400).as_millis() < 8);
 /// ```
 pub const fn read_time(registers: u16, baud: u32) -> Duration {
-    let reply = line_time(5 + 2 * registers as usize, baud);
-    line_time(8, baud).saturating_add(reply).saturating_add(silence(baud)).saturating_add(silence(baud))
+    let reply = transmission_time(5 + 2 * registers as usize, baud);
+    transmission_time(8, baud)
+        .saturating_add(reply)
+        .saturating_add(silence(baud))
+        .saturating_add(silence(baud))
 }

@@ -6,7 +6,7 @@ use crate::error::AssignmentError;
 ///
 /// The source does not say; public programs for FANUC controllers read the low word first ("CDAB"). [`OrderProbe`] finds which
 /// by watching a counter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum WordOrder {
@@ -209,7 +209,9 @@ impl Number {
 /// A value that its registers cannot hold.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[error("{value} does not fit: the registers hold {least} to {most}")]
+#[non_exhaustive]
 pub struct NumberError {
     /// The value, before multiplication.
     pub value: f64,

@@ -193,7 +193,7 @@ fn a_frame_needs_all_of_its_room() {
             Some(if longest == 260 { 11 } else { 7 })
         );
         assert_eq!(frame.serve(&mut Stubborn(0), &mut []), None);
-        let owned = frame.to_owned().unwrap();
+        let owned = frame.to_buf().unwrap();
         assert_eq!(owned.as_ref(), frame);
     }
     assert_eq!((Frame::MAX_LEN, Frame::MAX_RTU_LEN), (260, 256));
@@ -329,8 +329,8 @@ fn the_telemetry_block_is_one_request_and_its_reply() {
 
 #[test]
 fn a_serial_line_takes_eleven_bits_a_byte() {
-    assert_eq!(timing::line_time(8, 9600), Duration::from_nanos(9_166_666));
-    assert_eq!(timing::line_time(1, 0), Duration::from_secs(11));
+    assert_eq!(timing::transmission_time(8, 9600), Duration::from_nanos(9_166_666));
+    assert_eq!(timing::transmission_time(1, 0), Duration::from_secs(11));
     assert_eq!(
         (timing::silence(0), timing::silence(19_200)),
         (Duration::from_micros(1750), Duration::from_micros(2005))
@@ -375,8 +375,8 @@ fn assignments_are_checked_one_by_one_and_line_by_line() {
 
 #[test]
 fn times_of_the_line_overflow_nothing() {
-    assert_eq!(timing::line_time(usize::MAX, 1), Duration::from_nanos(u64::MAX));
-    assert_eq!(timing::line_time(1, 0), Duration::from_secs(11));
+    assert_eq!(timing::transmission_time(usize::MAX, 1), Duration::from_nanos(u64::MAX));
+    assert_eq!(timing::transmission_time(1, 0), Duration::from_secs(11));
     assert_eq!(timing::silence(0), Duration::from_micros(1750));
     assert!(timing::read_time(u16::MAX, 0) > Duration::from_secs(1_000_000));
 }

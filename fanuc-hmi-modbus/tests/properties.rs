@@ -138,7 +138,7 @@ fn encoded<P: Pdu + Copy>(transaction: Option<u16>, unit: u8, pdu: &P) -> Result
     let space = EncodeError::Space { needed: len, available: len - 1 };
     assert_eq!(frame.encode(&mut exact[..len - 1]), Err(space));
     let mut grown = Vec::new();
-    assert_eq!(frame.append_to(&mut grown), Ok(len));
+    assert_eq!(frame.append_to(&mut grown), Ok(()));
     assert_eq!(grown, exact);
     Ok(out[..len].to_vec())
 }

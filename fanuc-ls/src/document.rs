@@ -27,9 +27,9 @@ use crate::statement::Statement;
 ///
 /// let Some(Instruction::Motion(mut motion)) = document.instruction(0) else { panic!() };
 /// motion.speed = Speed::mm_per_sec(80.0);
-/// document.set_motion(0, &motion).unwrap();
+/// document.set_motion(0, &motion)?;
 /// assert_eq!(document.to_string(), text.replace("100mm", "80mm"));
-/// # Ok::<(), fanuc_ls::DecodeError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Document {

@@ -73,7 +73,7 @@ fn modbus(tcp: bool, client: bool, stream: &[u8], size: usize) {
     use robot_session::tokio::Codec;
     let framing = if tcp { Framing::Tcp } else { Framing::RTU_OVER_TCP };
     let side = if client { Side::Client } else { Side::Server };
-    let own = |frame: Frame<&[u8]>| frame.to_owned().unwrap();
+    let own = |frame: Frame<&[u8]>| frame.to_buf().unwrap();
     let mut decoder = Decoder::new(framing, side);
     let expected = items(stream, &mut decoder, Decoder::push, Decoder::finish, |d| {
         d.next_frame().map(|frame| frame.map(own))

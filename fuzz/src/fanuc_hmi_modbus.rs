@@ -146,7 +146,7 @@ pub fn fanuc_hmi_modbus_assignment(data: &[u8]) {
     let text = String::from_utf8_lossy(data);
     let slots = match Slots::parse(&text) {
         Ok(slots) => slots,
-        Err((line, _)) => return assert!((1..=text.lines().count()).contains(&line)),
+        Err(error) => return assert!((1..=text.lines().count()).contains(&error.line)),
     };
     let used: Vec<_> = slots.used().collect();
     for (slot, found) in &used {

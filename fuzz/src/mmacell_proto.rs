@@ -4,10 +4,11 @@ use core::time::Duration;
 
 use arbitrary::Unstructured;
 use mmacell_proto::robot_session::Decoder as _;
+use mmacell_proto::robot_session::{Encode as _, Session as _};
 use mmacell_proto::{
     AnyPose, BLOW, Central, CentralConfig, CentralEvent, Command, DecodeError, Decoder, Device, DeviceConfig,
-    DeviceEvent, Dialect, Encode, ErrorCode, Line, Miss, Mode, Order, PlatformPose, Pose, Progress, Reply,
-    RobotPose, Session, Status, Unfinished, VACUUM,
+    DeviceEvent, Dialect, ErrorCode, Line, Miss, Mode, Order, PlatformPose, Pose, Progress, Reply, RobotPose,
+    Status, Unfinished, VACUUM,
 };
 use mmacell_task::{self as task, Event, Failure, Output, Step, Task, TaskConfig};
 

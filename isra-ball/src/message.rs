@@ -8,7 +8,7 @@ use crate::keys::Keys;
 ///
 /// The source gives neither units nor the signs of the axes: the values are the raw −128..=127 of the sensor. Which way the
 /// robot goes is for the caller to decide, and to try out slowly.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Packet {
@@ -40,18 +40,18 @@ impl Packet {
         self.to_data().map(|data| envelope(&data))
     }
 
-    /// Appends the packet in its envelope; the bytes written.
+    /// Appends the packet in its envelope.
     ///
     /// # Errors
     /// [`EncodeError::SensorType`], [`EncodeError::Sensor`], [`EncodeError::BufferTooSmall`].
     #[cfg(feature = "bytes")]
-    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<usize, EncodeError> {
+    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         let bytes = self.to_bytes()?;
         if out.remaining_mut() < Self::LEN {
             return Err(EncodeError::BufferTooSmall { needed: Self::LEN, available: out.remaining_mut() });
         }
         out.put_slice(&bytes);
-        Ok(Self::LEN)
+        Ok(())
     }
 
     /// X, Y, Z, MX, MY, MZ.
@@ -106,7 +106,7 @@ impl Encode for Packet {
 }
 
 /// The bits ab1 and ab0 of the ID byte (§4.2).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 #[repr(u8)]

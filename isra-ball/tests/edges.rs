@@ -27,7 +27,7 @@ fn a_packet_fits_twelve_bytes_and_no_fewer() {
     let mut again = [0; 12];
     assert_eq!((frame.encode(&mut again), again), (Ok(12), BYTES));
     for (room, expected) in
-        [(11, Err(EncodeError::BufferTooSmall { needed: 12, available: 11 })), (12, Ok(12)), (13, Ok(12))]
+        [(11, Err(EncodeError::BufferTooSmall { needed: 12, available: 11 })), (12, Ok(())), (13, Ok(()))]
     {
         let mut buffer = [0; 13];
         assert_eq!(PACKET.append_to(&mut &mut buffer[..room]), expected, "{room}");

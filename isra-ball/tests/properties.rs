@@ -67,7 +67,7 @@ proptest! {
             prop_assert_eq!(Frame::decode(&bytes[..cut]), Ok(None));
         }
         let mut appended = Vec::new();
-        prop_assert_eq!(packet.append_to(&mut appended), Ok(12));
+        prop_assert_eq!(packet.append_to(&mut appended), Ok(()));
         prop_assert_eq!(&appended, &bytes);
     }
 

@@ -18,7 +18,8 @@ use crate::value::{Charset, DATA, END, START};
 /// assert_eq!(decoder.push(b"<TilausKuit"), 11);
 /// assert!(decoder.next_frame().is_none());
 /// assert_eq!(decoder.push(b"taus$2#50#>"), 11);
-/// assert_eq!(decoder.next_frame().unwrap().unwrap().name, "TilausKuittaus");
+/// assert_eq!(decoder.next_frame().expect("whole")?.name, "TilausKuittaus");
+/// # Ok::<(), kawasaki_msg::DecodeError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Decoder<const MESSAGE: usize = { Message::MAX_LEN }> {

@@ -40,6 +40,7 @@ pub use pc::{CommandOutcome, JobSource, LargePc, Pc, PcConfig, PcEvent, Supply, 
 pub use phase::Phase;
 pub use robot::{Acks, LargeRobot, RecoveryLimits, RecoveryStep, Robot, RobotConfig, RobotEvent};
 pub use robot_session;
+pub use robot_work_queue;
 pub use role::{Field, Role};
 pub use statistics::{PcStatistics, RobotStatistics, Times};
 pub use value::{Charset, DATA, END, SEPARATOR, START, Value, Values};

@@ -14,9 +14,9 @@ use crate::value::{Charset, DATA, END, SEPARATOR, START, Value, Values};
 /// let length = start.encode(Charset::Ascii, &mut wire)?;
 /// assert_eq!(&wire[..length], b"<TilausAlkaa$4#50$1#>");
 ///
-/// let (message, used) = Message::decode(&wire[..length], Charset::Ascii).unwrap().unwrap();
+/// let (message, used) = Message::decode(&wire[..length], Charset::Ascii)?.expect("it is whole");
 /// assert_eq!((message, used), (start, length));
-/// # Ok::<(), kawasaki_msg::EncodeError>(())
+/// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

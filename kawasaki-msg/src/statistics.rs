@@ -65,6 +65,7 @@ impl Times {
 /// What a robot session has measured and counted since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct RobotStatistics {
     /// From sending a packet to having received its answer.
     pub exchange: Times,
@@ -95,6 +96,7 @@ pub struct RobotStatistics {
 /// What a PC session has counted since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct PcStatistics {
     /// Packets sent.
     pub packets: u64,

@@ -27,5 +27,5 @@ pub use items::{Item, Items, Values};
 pub use payload::Payload;
 pub use profile::{ByteOrder, Flag, Profile, Tags, Tail, Width};
 pub use robot_session;
-pub use robot_session::{Decoder as _, Encode as _, Session as _};
+pub use robot_work_queue;
 pub use words::{Class, ErrorCodes, Refusal, Words};

@@ -273,5 +273,5 @@ fn an_instruction_that_cannot_be_executed_is_answered_with_its_error_code() {
     let later = now + Duration::from_secs(1);
     let length = controller.poll_transmit(later, &mut out).unwrap();
     assert_eq!(out[..length], word(ErrorCodes::default().bad_parameters));
-    assert_eq!(controller.queue().free(), 4);
+    assert_eq!(controller.queue_mut().free(), 4);
 }

@@ -30,7 +30,6 @@ pub use frame::Line;
 pub use message::{BLOW, Command, ErrorCode, InDialect, Mode, Reply, Status, VACUUM};
 pub use pose::{AnyPose, NoPose, PlatformPose, Pose, RobotPose};
 pub use robot_session;
-pub use robot_session::{Encode, Session};
 pub use units::{Angle, Length};
 
 /// The TCP ports on which the devices listen; the central controller connects to all three and keeps them open for the whole task

@@ -43,6 +43,13 @@ pub struct PlatformPose {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum NoPose {}
 
+#[cfg(feature = "defmt")]
+impl defmt::Format for NoPose {
+    fn format(&self, _: defmt::Formatter<'_>) {
+        match *self {}
+    }
+}
+
 /// The pose of a device that is not known beforehand: four axes or two, as the line is long. For those who listen in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -6,9 +6,10 @@ mod common;
 use core::time::Duration;
 
 use common::{HOME, MS, ZERO, by, central, central_with, closed, connect, go, pose, receive, send};
+use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
     Central, CentralConfig, CentralEvent as Event, Closing, Command, ConfigError, DecodeError, Dialect,
-    EncodeError, ErrorCode, Miss, NoPose, Progress, RobotPose, Session, SessionError, Status, Unfinished,
+    EncodeError, ErrorCode, Miss, NoPose, Progress, RobotPose, SessionError, Status, Unfinished,
 };
 
 const S: Duration = Duration::from_secs(1);

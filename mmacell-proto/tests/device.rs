@@ -7,10 +7,11 @@ use common::{
     HOME, ZERO, answer, ask, central, device_at, device_with, go, obeyed, pose, receive, rejected, send,
 };
 use mmacell_proto::device::machine::Axes;
+use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
     CentralEvent, Command, ConfigError, DecodeError, Device, DeviceClosing, DeviceConfig,
     DeviceEvent as Event, Dialect, EncodeError, ErrorCode, NoPose, Order, PlatformPose, Progress, Rejection,
-    RobotPose, Session, SessionError, Status,
+    RobotPose, SessionError, Status,
 };
 
 /// §4, table of examples: each command, its reply, and what it means.

@@ -3,10 +3,11 @@
 
 use bytes::BytesMut;
 use mmacell_proto::robot_session::Decoder as _;
+use mmacell_proto::robot_session::Encode as _;
 use mmacell_proto::robot_session::tokio::Codec;
 use mmacell_proto::{
-    AnyPose, CentralConfig, Command, DecodeError, Decoder, DeviceConfig, Dialect, Encode, EncodeError,
-    ErrorCode, Expected, Line, Mode, NoPose, PlatformPose, Pose, Reply, RobotPose, Status,
+    AnyPose, CentralConfig, Command, DecodeError, Decoder, DeviceConfig, Dialect, EncodeError, ErrorCode,
+    Expected, Line, Mode, NoPose, PlatformPose, Pose, Reply, RobotPose, Status,
 };
 use tokio_util::codec::{Decoder as _, Encoder as _};
 

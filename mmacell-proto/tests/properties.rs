@@ -2,9 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use mmacell_proto::robot_session::Decoder as _;
+use mmacell_proto::robot_session::Encode as _;
 use mmacell_proto::{
-    Angle, AnyPose, Command, DecodeError, Decoder, Dialect, Encode, EncodeError, ErrorCode, Length, Line,
-    Mode, NoPose, PlatformPose, Pose, Reply, RobotPose, Status,
+    Angle, AnyPose, Command, DecodeError, Decoder, Dialect, EncodeError, ErrorCode, Length, Line, Mode,
+    NoPose, PlatformPose, Pose, Reply, RobotPose, Status,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;

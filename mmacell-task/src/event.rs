@@ -76,6 +76,7 @@ pub enum Failure {
 
 /// What led to [`Step::Faulted`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Fault {
     /// A device failed.

@@ -21,6 +21,7 @@ pub enum Device {
 
 /// What is to be done for the task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Output {
     /// Nothing: the task has entered this step.

@@ -18,7 +18,7 @@ pub trait Decoder {
         Self: 'a;
 
     /// Why bytes are no frame: the fault of the peer or of the line.
-    type Error;
+    type Error: core::error::Error;
 
     /// Takes bytes; returns how many. If it takes none, its buffer is full and `next_frame` returns something.
     #[must_use = "the bytes that were not taken are to be pushed again"]

@@ -3,7 +3,7 @@
 /// A message that can be written as bytes.
 pub trait Encode {
     /// Why a message cannot be written: the fault of the caller.
-    type Error;
+    type Error: core::error::Error;
 
     /// The bytes that [`encode`](Self::encode) writes.
     fn encoded_len(&self) -> usize;

@@ -34,7 +34,7 @@ pub trait Transport {
 }
 
 /// What [`Transport::receive`] brought.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Received {
     /// So many bytes.
     Bytes(usize),
@@ -45,7 +45,7 @@ pub enum Received {
 }
 
 /// Where the bytes are when [`Transport::send`] returns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sent {
     /// In a buffer of the system.
     Buffered,
@@ -54,7 +54,7 @@ pub enum Sent {
 }
 
 /// How a loop ended that no error ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Ended<B> {
     /// The handler has ended it.
     ByHandler(B),
@@ -150,7 +150,7 @@ impl<T: Transport> Driver<T> {
     }
 
     /// The transport.
-    pub fn transport(&mut self) -> &mut T {
+    pub fn transport_mut(&mut self) -> &mut T {
         &mut self.transport
     }
 }

@@ -26,6 +26,11 @@ impl<D: Decoder, I, F: FnMut(D::Frame<'_>) -> I> Codec<D, F> {
     pub fn new(decoder: D, own: F) -> Self {
         Self { decoder, own }
     }
+
+    /// The decoder, to ask it for the position of the frame or the error that came last.
+    pub fn decoder(&self) -> &D {
+        &self.decoder
+    }
 }
 
 impl<D: Decoder, I, F: FnMut(D::Frame<'_>) -> I> tokio_util::codec::Decoder for Codec<D, F> {
@@ -88,6 +93,11 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
         Self { transport, input: vec![0; 65536], out: BytesMut::new() }
+    }
+
+    /// The transport.
+    pub fn transport_mut(&mut self) -> &mut T {
+        &mut self.transport
     }
 
     /// One turn: events, then what is to be sent, then one wait for bytes or for the session's timeout, then the events of that.

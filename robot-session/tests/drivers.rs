@@ -189,13 +189,13 @@ fn a_transport_may_have_a_clock_of_its_own() {
     let (mut session, mut seen) = (Asker::new(&["abc", "longer"]), Vec::new());
     session.timeout = Duration::from_secs(6);
     let mut driver = Driver::new(Line(Duration::ZERO, Vec::new()));
-    session.handle_connected(driver.transport().now());
+    session.handle_connected(driver.transport_mut().now());
     let mut times = Vec::new();
     while seen.last() != Some(&Event::NoAnswer("longer".into())) {
         let before = seen.len();
         let turn = driver.turn(&mut session, None, until("longer", &mut seen)).unwrap();
         assert!(turn.is_continue());
-        times.extend(seen[before..].iter().map(|_| driver.transport().now().as_secs()));
+        times.extend(seen[before..].iter().map(|_| driver.transport_mut().now().as_secs()));
     }
     // Reported in the turn in which it arrived: three letters and the line feed.
     assert_eq!(seen, [Event::Connected, answer("abc"), Event::NoAnswer("longer".into())]);

@@ -2,9 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use mmacell_proto::robot_session::Decoder as _;
-use mmacell_proto::{
-    AnyPose, Command, DecodeError, Decoder, Dialect, Encode, Line, PlatformPose, Reply, RobotPose,
-};
+use mmacell_proto::robot_session::Encode as _;
+use mmacell_proto::{AnyPose, Command, DecodeError, Decoder, Dialect, Line, PlatformPose, Reply, RobotPose};
 use serde_json::{Value, json};
 use testkit::chunking::{after_a_cut, chunkings};
 use testkit::vectors::{Outcome, Vector, includes, vectors};

@@ -181,6 +181,7 @@ pub enum EncodeError {
 /// A call that the session's state or its configuration does not allow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum SessionError {
     /// The ALTER instruction names no exception subroutine: an exception would abort the robot's program (§3).
@@ -209,6 +210,7 @@ pub enum SessionError {
 /// A configuration that cannot work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ConfigError {
     /// What the shortest message of the mode leaves of a cycle is too short for a reply with one value.

@@ -3,7 +3,7 @@
 use crate::frame::DLE;
 
 /// What the source leaves open about the envelope. The default is the text of the source, read literally.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
@@ -44,7 +44,7 @@ impl Default for Framing {
 }
 
 /// The number of DLEs in a start mark.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(try_from = "u8", into = "u8"))]
@@ -75,13 +75,23 @@ impl From<LeadingDle> for u8 {
 }
 
 impl TryFrom<u8> for LeadingDle {
-    type Error = &'static str;
+    type Error = LeadingDleError;
 
-    fn try_from(count: u8) -> Result<Self, Self::Error> {
+    fn try_from(count: u8) -> Result<Self, LeadingDleError> {
         match count {
             1 => Ok(Self::One),
             2 => Ok(Self::Two),
-            _ => Err("a start mark has one or two leading DLEs"),
+            found => Err(LeadingDleError { found }),
         }
     }
+}
+
+/// A count that [`LeadingDle`] does not have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[error("a start mark has one or two leading DLEs, not {found}")]
+#[non_exhaustive]
+pub struct LeadingDleError {
+    /// The count.
+    pub found: u8,
 }

@@ -19,7 +19,7 @@ pub use controller::{
 pub use decoder::{Decoder, Received};
 pub use error::{ConfigError, DecodeError, EncodeError, SessionError};
 pub use frame::{DLE, ETX, Frame, STX};
-pub use framing::{Framing, LeadingDle};
+pub use framing::{Framing, LeadingDle, LeadingDleError};
 pub use host::{
     ExceptionOutcome, Host, HostConfig, HostEvent, HostState, HostStatistics, LostReason, Policy,
     UnknownReason,
@@ -27,7 +27,6 @@ pub use host::{
 pub use limit::{Limiter, Limits};
 pub use message::*;
 pub use robot_session;
-pub use robot_session::{Decoder as _, Session as _};
 pub use scale::Scale;
 
 /// The machines of both ends: pure, without bytes. For those who look into a session, and for the model that proves the pair.

@@ -27,12 +27,18 @@ impl Scale {
     /// 182.044 and 182.0444, which are this number, and calls it specific to the robot.
     pub const PUMA_562: Self = Self { per_mm: 32.0, per_degree: 65536.0 / 360.0 };
 
-    /// The nearest word to a length in mm; refused outside ±1024 mm (at 32 units a mm).
+    /// The nearest word to a length in mm.
+    ///
+    /// # Errors
+    /// Outside ±1024 mm, at 32 units a mm; or no number.
     pub fn translation(&self, mm: f64) -> Result<i16, EncodeError> {
         word(mm * self.per_mm)
     }
 
-    /// The nearest word to an angle in degrees; refused outside ±180°.
+    /// The nearest word to an angle in degrees.
+    ///
+    /// # Errors
+    /// Outside ±180°, at 65536/360 units a degree; or no number.
     pub fn rotation(&self, degrees: f64) -> Result<i16, EncodeError> {
         word(degrees * self.per_degree)
     }

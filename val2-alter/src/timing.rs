@@ -37,7 +37,7 @@ pub(crate) const fn window_nanos(accumulation: Accumulation) -> u64 {
 }
 
 /// How long `bytes` occupy the line: ten bits each (8N1). A baud rate of 0 counts as 1.
-pub const fn transmission(bytes: usize, baud: u32) -> Duration {
+pub const fn transmission_time(bytes: usize, baud: u32) -> Duration {
     Duration::from_nanos(transmission_nanos(bytes, baud))
 }
 
@@ -63,9 +63,9 @@ impl Budget {
     /// The budget of a cycle with a request and a reply of these lengths on the line.
     pub const fn new(accumulation: Accumulation, baud: u32, request_len: usize, reply_len: usize) -> Self {
         Self {
-            request: transmission(request_len, baud),
+            request: transmission_time(request_len, baud),
             window: Duration::from_nanos(window_after_nanos(accumulation, baud, request_len)),
-            reply: transmission(reply_len, baud),
+            reply: transmission_time(reply_len, baud),
         }
     }
 
@@ -90,7 +90,7 @@ impl Budget {
 /// The time that the host may think before it begins a reply of `reply_len` bytes; `None`: the reply does not fit. This is
 /// what the source's table lists.
 pub const fn reply_slack(accumulation: Accumulation, baud: u32, reply_len: usize) -> Option<Duration> {
-    window(accumulation).checked_sub(transmission(reply_len, baud))
+    window(accumulation).checked_sub(transmission_time(reply_len, baud))
 }
 
 /// The shortest standard message, without a doubled DLE: 12 bytes, with transformation 36 (two leading DLEs).

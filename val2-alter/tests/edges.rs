@@ -158,7 +158,7 @@ fn what_was_set_is_what_is_read() {
     let start = Start::new(Mode(23), List::new(&[1, -2]).unwrap());
     assert_eq!(format!("{:?}", start.data), "[1, -2]");
     assert_eq!(timing::max_reply_len(7, Framing::DEFAULT), timing::max_reply_len(6, Framing::DEFAULT));
-    assert_eq!(timing::transmission(48, 38_400), Duration::from_micros(12_500));
+    assert_eq!(timing::transmission_time(48, 38_400), Duration::from_micros(12_500));
 }
 
 #[test]

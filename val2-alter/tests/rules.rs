@@ -47,8 +47,8 @@ fn the_reply_table_is_of_a_line_of_19200_baud() {
 fn the_request_table_is_of_a_line_of_38400_baud() {
     for (transform, len, time) in [(false, 14, 36), (true, 52, 135)] {
         assert_eq!(timing::printed_request_len(transform), len);
-        assert_eq!(tenths(timing::transmission(len, 38_400)), time);
-        assert_ne!(tenths(timing::transmission(len, 19_200)), time);
+        assert_eq!(tenths(timing::transmission_time(len, 38_400)), time);
+        assert_ne!(tenths(timing::transmission_time(len, 19_200)), time);
     }
 }
 
@@ -116,7 +116,7 @@ fn the_worst_case_fits_at_38400_baud_and_not_at_19200() {
     assert_eq!(worst(19_200, false).slack(), None);
     // A request with a transformation alone is longer than the cycle.
     assert_eq!(worst(19_200, true).window, Duration::ZERO);
-    assert_eq!(timing::transmission(1, 0), Duration::from_secs(10));
+    assert_eq!(timing::transmission_time(1, 0), Duration::from_secs(10));
 }
 
 /// "Translation 32, ± 1024 mm; Rotation 182.044, ± 180 °" (§3.3.2)

@@ -79,6 +79,7 @@ pub enum EncodeError {
 /// The fault of the caller: a session that cannot work as configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ConfigError {
     /// Without an interval, each of the requests that have piled up is answered (§9.4).

@@ -55,18 +55,18 @@ impl PosePacket {
         self.count.wrapping_sub(last).wrapping_sub(1)
     }
 
-    /// Appends the line; the bytes written.
+    /// Appends the line.
     ///
     /// # Errors
     /// [`EncodeError::BufferTooSmall`].
     #[cfg(feature = "bytes")]
-    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<usize, EncodeError> {
+    pub fn append_to(&self, out: &mut impl bytes::BufMut) -> Result<(), EncodeError> {
         let text = self.text();
         if out.remaining_mut() < text.len {
             return Err(EncodeError::BufferTooSmall { needed: text.len, available: out.remaining_mut() });
         }
         out.put_slice(text.bytes());
-        Ok(text.len)
+        Ok(())
     }
 
     fn text(&self) -> Text {

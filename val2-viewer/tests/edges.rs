@@ -35,7 +35,7 @@ fn a_packet_is_a_line_of_text() {
         assert_eq!(packet.append_to(&mut &mut buffer[..end]), Err(short));
     }
     let mut appended = Vec::new();
-    assert_eq!(packet.append_to(&mut appended), Ok(LINE.len()));
+    assert_eq!(packet.append_to(&mut appended), Ok(()));
     assert_eq!(appended, LINE);
     assert_eq!(ENQ, 5);
 }

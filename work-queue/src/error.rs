@@ -3,6 +3,7 @@
 /// Discard the rest of the packet, wait until [`drained`](crate::Writer::drained), then ask for a resend from the job after
 /// [`last_number`](crate::Writer::last_number).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[error("the work queue is full")]
 pub struct Full;
 

@@ -3,9 +3,9 @@ use std::hint::black_box;
 
 use benches::{Count, Link, Ratio};
 use mmacell_proto::robot_session::Decoder as _;
+use mmacell_proto::robot_session::{Encode as _, Session as _};
 use mmacell_proto::{
-    Central, CentralConfig, Command, Decoder, Device, DeviceConfig, Dialect, Encode, Line, Mode, Reply,
-    RobotPose, Session,
+    Central, CentralConfig, Command, Decoder, Device, DeviceConfig, Dialect, Line, Mode, Reply, RobotPose,
 };
 
 use crate::streams;

@@ -101,7 +101,7 @@ struct ByHand {
 
 impl Decoder for ByHand {
     type Frame<'a> = &'a [u8];
-    type Error = ();
+    type Error = core::fmt::Error;
 
     fn push(&mut self, bytes: &[u8]) -> usize {
         match (bytes, self.bytes.get_mut(self.length)) {
@@ -114,14 +114,14 @@ impl Decoder for ByHand {
         }
     }
 
-    fn next_frame(&mut self) -> Option<Result<&[u8], ()>> {
+    fn next_frame(&mut self) -> Option<Result<&[u8], core::fmt::Error>> {
         let last = self.bytes.get(self.length.checked_sub(1)?)?;
         let is_whole = *last == b'\n';
         if !is_whole && self.length < self.bytes.len() {
             return None;
         }
         let length = core::mem::take(&mut self.length);
-        Some(if is_whole { Ok(&self.bytes[..length]) } else { Err(()) })
+        Some(if is_whole { Ok(&self.bytes[..length]) } else { Err(core::fmt::Error) })
     }
 
     fn finish(&mut self) {}

@@ -141,7 +141,7 @@ fn session(rounds: u64) {
 fn budgets() -> Vec<Budget> {
     let row = |accumulation, baud, reply_len, what: &str| Budget {
         what: format!("{what}, {accumulation:?}, at {baud} baud"),
-        takes: timing::transmission(reply_len, baud),
+        takes: timing::transmission_time(reply_len, baud),
         window: timing::window(accumulation),
         source: "§3.4",
     };

@@ -1,7 +1,8 @@
 use std::hint::black_box;
 
 use criterion::Criterion;
-use mmacell_proto::{Dialect, Encode, Line, Reply, RobotPose};
+use mmacell_proto::robot_session::Encode as _;
+use mmacell_proto::{Dialect, Line, Reply, RobotPose};
 
 const STATUS: &[u8] = b"OKF+010.000-002.000+005.999-01.2322T+00080+00000\r\n";
 

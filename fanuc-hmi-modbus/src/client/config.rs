@@ -59,7 +59,7 @@ impl ClientConfig {
     /// RTU on a serial line.
     pub const fn rtu(baud: u32) -> Self {
         let tcp = Self::tcp();
-        let longest = timing::line_time(Frame::MAX_RTU_LEN, baud);
+        let longest = timing::transmission_time(Frame::MAX_RTU_LEN, baud);
         Self {
             framing: Framing::Rtu { silence: timing::silence(baud) },
             timeout: tcp.timeout.saturating_add(longest).saturating_add(longest),

@@ -80,6 +80,8 @@ impl fmt::Display for Exception {
     }
 }
 
+impl core::error::Error for Exception {}
+
 #[cfg(test)]
 mod tests {
     use super::Exception;

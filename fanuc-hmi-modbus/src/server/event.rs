@@ -39,6 +39,7 @@ pub enum ServerEvent {
 /// The counters of a server.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct ServerStatistics {
     /// Requests that were carried out, or refused with an exception.
     pub served: u64,

@@ -54,6 +54,7 @@ pub enum BallEvent {
 /// What a ball has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct BallStatistics {
     /// Replies with new values.
     pub fresh: u64,

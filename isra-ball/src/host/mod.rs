@@ -67,6 +67,7 @@ pub enum HostEvent {
 /// What a host has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct HostStatistics {
     /// Polls sent.
     pub polls: u64,

@@ -1,6 +1,7 @@
 //! The drawing: its jobs are straight lines.
 
 use super::work::{Fields, Unfit, Work};
+use crate::error::FieldFault;
 
 /// One straight line. An order is one picture, and its jobs are lines (thesis, section 11).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
@@ -63,10 +64,10 @@ impl From<JobKind> for i32 {
 }
 
 impl TryFrom<i32> for JobKind {
-    type Error = ();
+    type Error = FieldFault;
 
-    fn try_from(code: i32) -> Result<Self, ()> {
-        JobKind::from_code(code).ok_or(())
+    fn try_from(code: i32) -> Result<Self, FieldFault> {
+        JobKind::from_code(code).ok_or(FieldFault::Value { found: code })
     }
 }
 

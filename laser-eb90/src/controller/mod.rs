@@ -79,6 +79,7 @@ pub enum ControllerEvent {
 /// What a controller has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct ControllerStatistics {
     /// Instructions queued.
     pub queued: u64,
@@ -162,7 +163,7 @@ where
     }
 
     /// The queue's end, to clear it or to look at its room.
-    pub fn queue(&mut self) -> &mut Writer<'q, T> {
+    pub fn queue_mut(&mut self) -> &mut Writer<'q, T> {
         &mut self.queue
     }
 

@@ -47,6 +47,7 @@ const OUTCOMES: usize = 4;
 /// What a central controller's end has counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct CentralStatistics {
     /// Connections that were made.
     pub connections: u64,

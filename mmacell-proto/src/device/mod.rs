@@ -53,6 +53,7 @@ pub struct Device<P> {
 /// What a device's end has counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct DeviceStatistics {
     /// Connections that were made.
     pub connections: u64,

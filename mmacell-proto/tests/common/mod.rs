@@ -3,9 +3,10 @@
 
 use core::time::Duration;
 
+use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
     Central, CentralConfig, CentralEvent, Closing, Command, Device, DeviceConfig, DeviceEvent, ErrorCode,
-    Mode, Order, Pose, Rejection, RobotPose, Session, Unfinished,
+    Mode, Order, Pose, Rejection, RobotPose, Unfinished,
 };
 
 pub const ZERO: Duration = Duration::ZERO;

@@ -2,9 +2,10 @@
 
 use core::time::Duration;
 
+use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
     Central, CentralConfig, CentralEvent, Command, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose,
-    Order, PlatformPose, Pose, RobotPose, Session, VACUUM,
+    Order, PlatformPose, Pose, RobotPose, VACUUM,
 };
 use mmacell_task::{self as task, Event, Output, Step, Task, TaskConfig};
 

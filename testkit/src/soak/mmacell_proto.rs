@@ -2,9 +2,10 @@
 
 use core::time::Duration;
 
+use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
     Central, CentralConfig, CentralEvent, Closing, Command, Device, DeviceConfig, DeviceEvent, ErrorCode,
-    Mode, Order, Progress, Rejection, RobotPose, Session, Unfinished,
+    Mode, Order, Progress, Rejection, RobotPose, Unfinished,
 };
 
 use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};

@@ -147,7 +147,7 @@ fn the_window_is_15_ms_cumulative_and_17_ms_non_cumulative() {
     for (mode, window) in [(19, 15 * MS), (18, 17 * MS)] {
         let controller = in_first_cycle(ControllerConfig { mode: Mode(mode), ..Default::default() });
         // The message has 12 bytes.
-        assert_eq!(controller.poll_timeout(), Some(CYCLE + timing::transmission(12, 38_400) + window));
+        assert_eq!(controller.poll_timeout(), Some(CYCLE + timing::transmission_time(12, 38_400) + window));
         let mut late = controller.clone();
         late.handle_input(late.poll_timeout().unwrap(), b"\x10\x10\x02\x00\x00\x10\x03\x00");
         assert_eq!(late.state(), ControllerState::Ending);
@@ -163,7 +163,7 @@ fn what_comes_while_the_message_is_on_the_line_is_no_reply_to_it() {
     let reply = b"\x10\x10\x02\x00\x01\x50\x00\x10\x03\x51";
     // 36 bytes take 18.75 ms.
     let controller = in_first_cycle(ControllerConfig { baud: 19_200, ..Default::default() });
-    let opens = CYCLE + timing::transmission(36, 19_200);
+    let opens = CYCLE + timing::transmission_time(36, 19_200);
     let mut early = controller.clone();
     early.handle_input(opens - MS / 1000, reply);
     assert!(matches!(early.poll_event(), Some(ControllerEvent::Stray(_))));
@@ -251,11 +251,11 @@ fn the_deadline_is_the_window_less_the_reply() {
     start(&mut host, MS);
     let arrived = 28 * MS;
     host.handle_input(arrived, motion);
-    let deadline = arrived + 15 * MS - timing::transmission(8, 38_400);
+    let deadline = arrived + 15 * MS - timing::transmission_time(8, 38_400);
     assert_eq!((host.reply_by(), host.poll_timeout()), (Some(deadline), Some(deadline)));
     host.poll_event();
     // Six words if they fit, else none that is zero.
-    let six = arrived + 14 * MS - timing::transmission(20, 38_400);
+    let six = arrived + 14 * MS - timing::transmission_time(20, 38_400);
     assert_eq!(host.clone().poll_transmit(six, &mut out), Some(20));
     assert_eq!(host.clone().poll_transmit(deadline, &mut out), Some(8));
 

@@ -236,6 +236,7 @@ pub enum UnknownReason {
 /// What a [`Host`](crate::Host) has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct HostStatistics {
     /// Start messages accepted.
     pub starts: u64,

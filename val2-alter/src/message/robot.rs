@@ -10,6 +10,7 @@ use crate::framing::Framing;
 
 /// A message from the controller to the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum RobotMessage {
     /// ALTER begins: to be answered.
     Start(Start),

@@ -60,6 +60,7 @@ pub enum HostEvent {
 /// What a host has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct HostStatistics {
     /// Requests that have or had a packet of their own.
     pub asked: u64,

@@ -60,6 +60,7 @@ pub enum WorkstationEvent {
 /// What a workstation has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub struct WorkstationStatistics {
     /// Requests sent.
     pub requests: u64,

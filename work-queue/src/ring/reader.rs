@@ -228,7 +228,8 @@ impl<'a, T, W: Wake> IntoIterator for &'a Reader<'_, T, W> {
 /// A job that is being executed, in its slot. A reset does not discard it.
 ///
 /// Only [`complete`](Self::complete) frees the slot. If this is dropped without it, the job waits again; if it was the oldest,
-/// [`Reader::take`] returns it next, unless a reset has discarded it meanwhile.
+/// [`Reader::take`] returns it next, unless a reset has discarded it meanwhile. It is the job behind `*`: a job's own method of the
+/// name `number` or `complete` is `(*taken).number()`.
 #[must_use = "a job that is not completed waits again"]
 pub struct Taken<'a, T, W: Wake = NoWake> {
     hold: Hold<T>,

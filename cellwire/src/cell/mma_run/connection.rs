@@ -8,7 +8,8 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use mmacell_proto::{Central, CentralConfig, CentralEvent, Command, Pose, Session as _};
+use mmacell_proto::robot_session::Session as _;
+use mmacell_proto::{Central, CentralConfig, CentralEvent, Command, Pose};
 use robot_session::{Output, now, settle};
 
 use crate::io::tcp;

@@ -5,9 +5,10 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
+use mmacell_proto::robot_session::Session as _;
 use mmacell_proto::{
     Central as Session, CentralConfig, CentralEvent, Closing, Command, NoPose, PlatformPose, Pose, RobotPose,
-    Session as _, Unfinished,
+    Unfinished,
 };
 use mmacell_task::{Device, Event, Failure, Output, Step, Task, TaskConfig};
 use robot_session::{Output as Settled, settle};

@@ -4,9 +4,8 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
-use mmacell_proto::{
-    BLOW, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose, Order, Session as _, VACUUM,
-};
+use mmacell_proto::robot_session::Session as _;
+use mmacell_proto::{BLOW, Device, DeviceConfig, DeviceEvent, ErrorCode, NoPose, Order, VACUUM};
 use robot_session::{Output, settle};
 
 /// What some bytes led to.

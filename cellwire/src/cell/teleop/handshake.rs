@@ -9,7 +9,7 @@ use std::io;
 use std::time::Duration;
 
 use robot_session::{Received, Sent, Transport};
-use val2_alter::timing::transmission;
+use val2_alter::timing::transmission_time;
 
 use super::port::Port;
 
@@ -100,7 +100,7 @@ impl Handshake {
             return;
         }
         let piece: Vec<u8> = self.waiting.drain(..self.waiting.len().min(PIECE)).collect();
-        self.next_at = now + transmission(piece.len(), self.baud);
+        self.next_at = now + transmission_time(piece.len(), self.baud);
         self.port.write(&piece);
     }
 }

@@ -71,18 +71,18 @@ impl Robot {
             self.obey();
             self.follow_port();
             self.reply();
-            self.driver.transport().trace();
+            self.driver.transport_mut().trace();
             self.notify_later();
         }
         self.context.notify(Notification::Ended);
-        self.driver.transport().trace_all();
+        self.driver.transport_mut().trace_all();
         self.context.end_trace("the host ends");
     }
 
     /// The connection of the session is that of the port.
     fn follow_port(&mut self) {
         let now = self.context.clock.now();
-        match (self.driver.transport().is_open(), self.host.state()) {
+        match (self.driver.transport_mut().is_open(), self.host.state()) {
             (true, HostState::Disconnected) => self.host.handle_connected(now),
             (false, HostState::Disconnected) => {}
             (true, _) => {}
@@ -159,17 +159,17 @@ impl Robot {
             Some(demand) => self.host.set_target(now, demand),
             None => self.host.clear_target(now),
         }
-        let (read_at, before) = (self.driver.transport().read_at, self.host.statistics());
+        let (read_at, before) = (self.driver.transport_mut().read_at, self.host.statistics());
         self.turn(Duration::ZERO);
         let after = self.host.statistics();
         if after.replies > before.replies {
-            let thinking = self.driver.transport().written_at.saturating_sub(read_at);
+            let thinking = self.driver.transport_mut().written_at.saturating_sub(read_at);
             let (demand, values) = (demand.unwrap_or([0; AXES]), self.host.values());
             let held = after.held > before.held;
             self.later.push(Notification::Reply { demand, values, thinking, held });
             self.notify_later();
         }
-        if self.driver.transport().read_at == read_at {
+        if self.driver.transport_mut().read_at == read_at {
             let deadline = self.latch.deadline().map_or(IDLE, |at| at.saturating_sub(now));
             self.turn(IDLE.min(deadline));
         }
@@ -250,7 +250,7 @@ impl Robot {
             return self.later.push(Notification::ProbeRefused);
         }
         for baud in [9600, 19_200, 38_400] {
-            let Some(received) = self.driver.transport().listen(baud, &[], LISTEN) else { continue };
+            let Some(received) = self.driver.transport_mut().listen(baud, &[], LISTEN) else { continue };
             let mut decoder = Decoder::<RobotMessage>::new(self.host.config().framing);
             let (mut good, mut corrupt) = (0, 0);
             let mut rest = received.as_slice();
@@ -263,6 +263,6 @@ impl Robot {
             }
             self.later.push(Notification::Probed { port: "robot", baud, good, corrupt });
         }
-        self.driver.transport().end_listening();
+        self.driver.transport_mut().end_listening();
     }
 }

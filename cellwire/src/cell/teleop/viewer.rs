@@ -49,21 +49,21 @@ impl Feed {
                 self.probe();
             }
             let was_connected = self.is_connected;
-            self.driver.transport().port().follow(&mut self.host, &mut self.is_connected);
+            self.driver.transport_mut().port().follow(&mut self.host, &mut self.is_connected);
             if self.is_connected != was_connected {
-                self.driver.transport().clear();
+                self.driver.transport_mut().clear();
             }
             if let Some(pose) = self.poses.try_iter().last() {
                 self.host.set_pose(self.context.clock.now(), pose.0);
             }
             self.turn();
-            self.driver.transport().port().trace();
+            self.driver.transport_mut().port().trace();
         }
         self.context.end_trace("the host ends");
     }
 
     fn turn(&mut self) {
-        let line = self.driver.transport();
+        let line = self.driver.transport_mut();
         if line.is_held() != self.is_held {
             self.is_held = line.is_held();
             self.context.notify(Notification::ViewerHolds(self.is_held));
@@ -86,14 +86,16 @@ impl Feed {
     /// Listens for requests at each rate. The connection is as good as lost meanwhile.
     fn probe(&mut self) {
         self.is_connected = false;
-        self.driver.transport().clear();
+        self.driver.transport_mut().clear();
         self.host.handle_disconnected(self.context.clock.now());
         for baud in [9600, 19_200, 38_400] {
-            let Some(received) = self.driver.transport().port().listen(baud, &[], LISTEN) else { continue };
+            let Some(received) = self.driver.transport_mut().port().listen(baud, &[], LISTEN) else {
+                continue;
+            };
             let good = received.iter().filter(|byte| **byte == ENQ).count();
             let corrupt = received.len() - good;
             self.context.notify(Notification::Probed { port: "viewer", baud, good, corrupt });
         }
-        self.driver.transport().port().end_listening();
+        self.driver.transport_mut().port().end_listening();
     }
 }

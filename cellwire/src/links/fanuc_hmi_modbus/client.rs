@@ -157,7 +157,7 @@ impl Client {
         self.session.handle_disconnected(robot_session::now());
         while self.session.poll_event().is_some() {}
         // The old one first: some servers have room for one.
-        self.driver.transport().close();
+        self.driver.transport_mut().close();
         self.driver = Driver::new(self.port.open().map_err(|error| Lost(format!("{error:#}")))?);
         self.session.handle_connected(robot_session::now());
         Ok(())

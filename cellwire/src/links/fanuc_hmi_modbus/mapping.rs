@@ -66,8 +66,7 @@ impl Mapping {
     /// # Errors
     /// A line that cannot be read, a slot out of range, or a variable that is not modelled.
     pub fn parse(listing: &str, order: WordOrder) -> Result<Self> {
-        let slots = Slots::parse(listing);
-        let slots = slots.map_err(|(line, error)| anyhow::anyhow!("line {line}: {error}"))?;
+        let slots = Slots::parse(listing)?;
         let mut areas = Vec::new();
         for (slot, assignment) in slots.used() {
             assignment.check().with_context(|| format!("slot {slot}"))?;

@@ -49,8 +49,8 @@ pub fn run(
     let mut next_measure = Duration::ZERO;
     let mut connected = false;
     while !stop.load(Ordering::Relaxed) {
-        let now = driver.transport().now();
-        if driver.transport().is_connected() != connected {
+        let now = driver.transport_mut().now();
+        if driver.transport_mut().is_connected() != connected {
             connected = !connected;
             if connected {
                 ball.handle_connected(now)

@@ -70,7 +70,7 @@ pub fn run<P: Program>(
         }
     }
     server.disconnected(meeting, "the PC has ended")?;
-    Ok(server.driver.transport().packets)
+    Ok(server.driver.transport_mut().packets)
 }
 
 struct Server<'r, P: Program> {
@@ -86,8 +86,8 @@ struct Server<'r, P: Program> {
 
 impl<P: Program> Server<'_, P> {
     fn meet(&mut self, meeting: &mut Meeting) -> Result<()> {
-        let now = self.driver.transport().now();
-        let is_open = self.driver.transport().is_connected();
+        let now = self.driver.transport_mut().now();
+        let is_open = self.driver.transport_mut().is_connected();
         if now < self.retry_at || is_open && !meeting.takes_another() {
             return Ok(());
         }
@@ -105,8 +105,8 @@ impl<P: Program> Server<'_, P> {
         };
         self.disconnected(meeting, "another robot has connected")?;
         self.reported.clear();
-        self.driver.transport().connect(carrier);
-        self.session.handle_connected(self.driver.transport().now());
+        self.driver.transport_mut().connect(carrier);
+        self.session.handle_connected(self.driver.transport_mut().now());
         self.program.notify(&mut self.session, Notification::Connected(peer))
     }
 
@@ -128,10 +128,10 @@ impl<P: Program> Server<'_, P> {
     }
 
     fn disconnected(&mut self, meeting: &Meeting, why: &str) -> Result<()> {
-        if !self.driver.transport().disconnect() {
+        if !self.driver.transport_mut().disconnect() {
             return Ok(());
         }
-        let now = self.driver.transport().now();
+        let now = self.driver.transport_mut().now();
         self.retry_at = now.saturating_add(meeting.pause());
         self.session.handle_disconnected(now);
         self.program.notify(&mut self.session, Notification::Disconnected(why))?;

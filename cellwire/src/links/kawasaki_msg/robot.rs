@@ -146,7 +146,7 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
     fn run(&mut self, meeting: &mut Meeting, stop: &AtomicBool) -> Result<()> {
         while !stop.load(Ordering::Relaxed) {
             for number in self.reports.try_iter() {
-                self.session.robot.job_done(self.driver.transport().now(), number)?;
+                self.session.robot.job_done(self.driver.transport_mut().now(), number)?;
             }
             if let Err(why) = self.turn(meeting)? {
                 self.disconnected(&why)?;
@@ -191,16 +191,16 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
             Ok(None) => return Ok(Err("no PC has connected".into())),
             Err(why) => return Ok(Err(why)),
         };
-        self.driver.transport().connect(carrier);
-        self.session.handle_connected(self.driver.transport().now());
+        self.driver.transport_mut().connect(carrier);
+        self.session.handle_connected(self.driver.transport_mut().now());
         self.run.connections += 1;
         self.reported.clear();
         (self.notify)(Notification::Connected(peer)).map(Ok)
     }
 
     fn disconnected(&mut self, why: &str) -> Result<()> {
-        self.session.handle_disconnected(self.driver.transport().now());
-        if self.driver.transport().disconnect() || self.reported != why {
+        self.session.handle_disconnected(self.driver.transport_mut().now());
+        if self.driver.transport_mut().disconnect() || self.reported != why {
             (self.notify)(Notification::Disconnected(why))?;
             why.clone_into(&mut self.reported);
         }

@@ -215,14 +215,14 @@ impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
         let clock = self.clock;
         let measured = Measured { line, clock, woken: clock.now(), counts: RobotCounts::default() };
         let mut driver = Driver::new(measured);
-        controller.handle_connected(driver.transport().now());
+        controller.handle_connected(driver.transport_mut().now());
         while !self.motion.switch.is_off() {
             let handler = |controller: &mut _, event| self.take(controller, event);
             if !turn(&mut driver, &mut controller, Some(READ_TIMEOUT), handler)? {
                 break;
             }
         }
-        let counts = core::mem::take(&mut driver.transport().counts);
+        let counts = core::mem::take(&mut driver.transport_mut().counts);
         Ok(RobotCounts { refused: self.refused, ..counts })
     }
 
@@ -251,11 +251,11 @@ impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
                 controller.answer(now, |_| Ok(()))?;
             }
             CLEAR => {
-                controller.queue().clear();
+                controller.queue_mut().clear();
                 controller.answer(now, |_| Ok(()))?;
             }
             STATUS => {
-                let queue = controller.queue();
+                let queue = controller.queue_mut();
                 let [capacity, held] = [queue.capacity(), queue.capacity() - queue.free()].map(short);
                 let status = [self.motion.robot.boot, capacity, held];
                 controller.answer(now, |values| values.i16(&status).map(drop))?;

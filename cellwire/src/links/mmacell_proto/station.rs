@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
-use mmacell_proto::{Device, DeviceConfig, DeviceEvent, ErrorCode, Order, Session as _};
+use mmacell_proto::robot_session::Session as _;
+use mmacell_proto::{Device, DeviceConfig, DeviceEvent, ErrorCode, Order};
 use robot_session::{Output, settle};
 use serde_json::{Value, json};
 

@@ -171,8 +171,8 @@ pub fn run(
     let mut puma = Puma::new(config);
     let mut driver = Driver::new(RobotLine::new(line, framing));
     while !stop.load(Ordering::Relaxed) {
-        puma.happen(&mut controller, driver.transport());
-        let (now, connected) = (driver.transport().now, driver.transport().line.is_connected());
+        puma.happen(&mut controller, driver.transport_mut());
+        let (now, connected) = (driver.transport_mut().now, driver.transport_mut().line.is_connected());
         puma.operate(&mut controller, now, connected);
         let mut events = Vec::new();
         let wait = puma.wait(&controller, now);
@@ -180,7 +180,7 @@ pub fn run(
             events.push(event);
             ControlFlow::<()>::Continue(())
         })?;
-        let robot = driver.transport();
+        let robot = driver.transport_mut();
         puma.collect(events, &controller, robot);
         for event in puma.events.drain(..) {
             notify(robot.now, event)?;
@@ -380,7 +380,7 @@ impl Puma {
         let config = &self.config.controller;
         let window = Budget::new(config.mode.accumulation(), config.baud, length, 0).window;
         let turn_around = last_byte.saturating_sub(arrived);
-        let byte_time = timing::transmission(1, config.baud);
+        let byte_time = timing::transmission_time(1, config.baud);
         let record = &mut self.record;
         self.turn_around.add(turn_around);
         record.turn_around.add(turn_around);

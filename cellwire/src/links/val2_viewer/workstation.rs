@@ -64,8 +64,8 @@ pub fn run(
     let (mut drawn, mut last_count, mut at_once) = (Drawn::default(), None, 0);
     let (mut connected, mut picture, mut moved) = (false, Duration::ZERO, Duration::ZERO);
     while !stop.load(Ordering::Relaxed) {
-        let now = driver.transport().now();
-        if driver.transport().is_connected() != connected {
+        let now = driver.transport_mut().now();
+        if driver.transport_mut().is_connected() != connected {
             connected = !connected;
             if connected {
                 workstation.handle_connected(now);

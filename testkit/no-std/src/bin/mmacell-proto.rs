@@ -4,9 +4,8 @@
 
 use core::time::Duration;
 
-use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Command, Device, DeviceConfig, RobotPose, Session,
-};
+use mmacell_proto::robot_session::Session as _;
+use mmacell_proto::{Central, CentralConfig, CentralEvent, Command, Device, DeviceConfig, RobotPose};
 use no_std as _;
 
 #[unsafe(no_mangle)]

@@ -337,7 +337,7 @@ impl Alter {
                 (reply, usize::from(draft.bare) + words)
             }
         };
-        if end_by.is_some_and(|end_by| timing::transmission(len, self.host.baud) > end_by) {
+        if end_by.is_some_and(|end_by| timing::transmission_time(len, self.host.baud) > end_by) {
             world.fail(FITS);
         }
         let ticks = on_the_line(len, self.host.baud);

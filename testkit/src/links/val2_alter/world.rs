@@ -320,5 +320,5 @@ impl From<Outgoing> for Message {
 
 /// How many ticks so many bytes are on the line.
 pub(super) fn on_the_line(bytes: usize, baud: u32) -> u8 {
-    timing::transmission(bytes, baud).as_nanos().div_ceil(TICK.as_nanos()) as u8
+    timing::transmission_time(bytes, baud).as_nanos().div_ceil(TICK.as_nanos()) as u8
 }

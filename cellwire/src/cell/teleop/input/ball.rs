@@ -36,7 +36,7 @@ impl Ball {
     }
 
     fn collect(&mut self, events: Vec<HostEvent>, out: &mut Vec<InputEvent>) {
-        let asked = self.driver.transport().written_at;
+        let asked = self.driver.transport_mut().written_at;
         for event in events {
             let now = self.context.clock.now();
             match event {
@@ -65,7 +65,7 @@ impl Ball {
         self.host.handle_disconnected(self.context.clock.now());
         let events = core::iter::from_fn(|| self.host.poll_event()).collect();
         self.collect(events, out);
-        let port = self.driver.transport();
+        let port = self.driver.transport_mut();
         for baud in [4800, 9600, 19_200] {
             let period = self.polls.period.max(timing::min_period(baud));
             let (mut good, mut corrupt) = (0, 0);
@@ -86,7 +86,7 @@ impl Ball {
             }
             self.context.notify(Notification::Probed { port: "ball", baud, good, corrupt });
         }
-        self.driver.transport().end_listening();
+        self.driver.transport_mut().end_listening();
     }
 }
 
@@ -96,7 +96,7 @@ impl Input for Ball {
             self.probe(out);
         }
         let was_connected = self.is_connected;
-        self.driver.transport().follow(&mut self.host, &mut self.is_connected);
+        self.driver.transport_mut().follow(&mut self.host, &mut self.is_connected);
         if was_connected && !self.is_connected {
             out.push(InputEvent::Lost);
         }
@@ -107,11 +107,11 @@ impl Input for Ball {
         });
         debug_assert!(turn.is_ok(), "a port has no errors: it is opened again");
         self.collect(events, out);
-        self.driver.transport().trace();
+        self.driver.transport_mut().trace();
     }
 
     fn end(&mut self) {
-        self.driver.transport().trace_all();
+        self.driver.transport_mut().trace_all();
         self.context.end_trace("the host ends");
     }
 }

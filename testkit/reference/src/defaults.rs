@@ -153,7 +153,12 @@ fn laser(rows: &mut Vec<String>) -> Result<()> {
         "Words",
         "words",
         &words,
-        ["object", "up to 32 ranges of command words, and the error codes", "§2; the numbers ours"],
+        [
+            "object",
+            "up to 32 ranges of command words, by default 0100h to 01FFh interpreted, 0200h to 02FFh immediate, 0300h to 03FFh query; \
+             and the error codes",
+            "§2; the numbers ours",
+        ],
     )?);
     rows! { rows, "laser-eb90", "HostConfig", LaserHostConfig = LaserHostConfig::default(); model
         profile: profile, "object", "Profile", "§3(2)";
@@ -196,7 +201,7 @@ fn mma(rows: &mut Vec<String>) -> Result<()> {
     rows! { rows, "mmacell-proto", "CentralConfig", CentralConfig = CentralConfig::DEFAULT; model
         accepts: accepts, "object", "Dialect", "§4";
         writes: writes, "object", "Dialect", "§4";
-        timeout: time(timeout), "ns", "from 1; null: for ever (a story writes 18446744073709551615)", "ours";
+        timeout: time(timeout), "ns", "above 0; null: for ever", "ours";
         settle: time(settle), "ns", "from 0", "ours";
         tolerance: tolerance, "units of the last digit: 1 µm, 0.1 mrad", "0 to 4294967295", "ours";
     }
@@ -216,8 +221,8 @@ fn modbus(rows: &mut Vec<String>) -> Result<()> {
     };
     rows! { rows, "fanuc-hmi-modbus", "ClientConfig", ClientConfig = ClientConfig::default(); counted
         framing: word(framing), "word", "tcp, rtu (with its silence), rtu_over_tcp (with its stall)", "TCP, SL";
-        timeout: time(timeout), "ns", "from 1; null: for ever", "ours";
-        in_flight: in_flight, "requests", "1 to 16; on a serial line 1", "ours";
+        timeout: time(timeout), "ns", "above 0; null: for ever", "ours";
+        in_flight: in_flight, "requests", "1 to 16, and to the places of the client; on a serial line 1", "ours";
         any_unit: any_unit, "bool", "true or false", "ours";
         broadcast: broadcast, "bool", "true or false", "SL §2.2";
         turnaround: time(turnaround), "ns", "from 0", "SL §2.4.1";
@@ -242,7 +247,7 @@ fn kawasaki(rows: &mut Vec<String>) -> Result<()> {
         clears: clears, "number", "0 to 65535", "§6.3; the number ours";
     }
     rows! { rows, "kawasaki-msg", "RobotConfig", RobotConfig = RobotConfig::TCP; model
-        dialect: { let _ = dialect; "the table of KM-18" }, "table", "KM-27, KM-28", "§10.1; ours";
+        dialect: { let _ = dialect; "the table of messages" }, "table", "a table that `Dialect::new` takes (KM-27, KM-28)", "§10.1; ours";
         limits: limits, "object", "Limits", "§9.5";
         datagrams: datagrams, "bool", "true or false", "ours";
         max_number: max_number, "number", "2 to 9999", "ours";
@@ -260,7 +265,7 @@ fn kawasaki(rows: &mut Vec<String>) -> Result<()> {
         end_foreign_order: end_foreign_order, "bool", "true or false", "ours";
     }
     rows! { rows, "kawasaki-msg", "PcConfig", PcConfig = PcConfig::TCP; model
-        dialect: { let _ = dialect; "the table of KM-18" }, "table", "KM-27, KM-28", "§10.1; ours";
+        dialect: { let _ = dialect; "the table of messages" }, "table", "a table that `Dialect::new` takes (KM-27, KM-28)", "§10.1; ours";
         limits: limits, "object", "Limits", "§9.5";
         datagrams: datagrams, "bool", "true or false", "ours";
         max_number: max_number, "number", "2 to 9999", "ours";

@@ -109,7 +109,8 @@ fn table(rows: &[&Value]) -> String {
             "ns" => range.to_owned(),
             unit => format!("{unit}; {range}"),
         };
-        let about = about.replace("null: ", "none: ");
+        let about =
+            about.replace("null: for ever", "`Duration::MAX`: for ever").replace("null: ", "`None`: ");
         table += &format!(
             "| `{}` | {} | {about} | {} |\n",
             text(row, "field"),
@@ -123,7 +124,7 @@ fn table(rows: &[&Value]) -> String {
 /// A default as a reader expects it: a time with its unit, and what is a table of its own by the name of that.
 fn default(value: &Value, unit: &str) -> String {
     match (value, unit) {
-        (Value::Null, _) => "none".to_owned(),
+        (Value::Null, _) => "`None`".to_owned(),
         (Value::Number(ns), "ns") => time(ns.as_u64().unwrap_or_default()),
         (Value::Object(object), _) if object.values().all(Value::is_number) => {
             let fields: Vec<_> = object.iter().map(|(name, value)| format!("{name} {value}")).collect();

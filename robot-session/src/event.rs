@@ -113,3 +113,37 @@ impl<E, const N: usize> Default for EventQueue<E, N> {
         Self::new()
     }
 }
+
+/// What a session does with its events, however many it holds: an [`EventQueue`] of any length.
+pub trait Events: Default {
+    /// What has happened.
+    type Event;
+
+    /// [`EventQueue::push_notice`].
+    fn push_notice(&mut self, event: Self::Event);
+
+    /// [`EventQueue::has_room`].
+    fn has_room(&self, outcomes: usize) -> bool;
+
+    /// [`EventQueue::pop`].
+    fn pop(&mut self) -> Option<Self::Event>;
+}
+
+impl<E, const N: usize> Events for EventQueue<E, N> {
+    type Event = E;
+
+    #[inline]
+    fn push_notice(&mut self, event: E) {
+        Self::push_notice(self, event);
+    }
+
+    #[inline]
+    fn has_room(&self, outcomes: usize) -> bool {
+        Self::has_room(self, outcomes)
+    }
+
+    #[inline]
+    fn pop(&mut self) -> Option<E> {
+        Self::pop(self)
+    }
+}

@@ -2,13 +2,17 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-#[cfg(feature = "std")]
+#[cfg(any(feature = "model", feature = "std"))]
 extern crate std;
 
 mod buffer;
+mod bytes;
 mod decoder;
 mod encode;
+mod end;
 mod event;
+mod machine;
+mod rules;
 mod session;
 mod settle;
 #[cfg(feature = "std")]
@@ -18,9 +22,13 @@ pub mod tokio;
 mod unexpected;
 
 pub use buffer::StreamBuffer;
+pub use bytes::ByteDecoder;
 pub use decoder::Decoder;
 pub use encode::Encode;
-pub use event::EventQueue;
+pub use end::{ActionOf, Core, CoreOf, End, EventOf, InputOf, Room, TransmitOf};
+pub use event::{EventQueue, Events};
+pub use machine::{Input, Machine, is_due};
+pub use rules::{Rule, Rules};
 pub use session::Session;
 pub use settle::{Output, settle};
 #[cfg(feature = "std")]

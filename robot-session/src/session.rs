@@ -4,8 +4,8 @@ use core::time::Duration;
 
 /// One end of a link, without a clock, a socket or a port.
 ///
-/// After any `handle_…` or request of the caller: call [`poll_event`](Self::poll_event) until it returns `None`, then
-/// [`poll_transmit`](Self::poll_transmit) until it returns `None`, then sleep until bytes arrive or
+/// After any `handle_…` or request of the caller: call [`poll_event`](Self::poll_event) and
+/// [`poll_transmit`](Self::poll_transmit) until both return `None` ([`settle`](crate::settle) does it), then sleep until bytes arrive or
 /// [`poll_timeout`](Self::poll_timeout) is reached. No other order loses anything; calling too often or too late changes only
 /// what the protocol's own deadlines change.
 ///
@@ -14,6 +14,8 @@ use core::time::Duration;
 /// - **Life.** A session begins without a connection. [`handle_connected`](Self::handle_connected) and
 ///   [`handle_disconnected`](Self::handle_disconnected) may come any number of times, on serial lines too: opening a port is a
 ///   connection. Nothing of a connection leaks into the next, except what its machine keeps on purpose.
+/// - **Input.** While [`wants_input`](Self::wants_input) is false, bytes stay in the transport, whose flow control holds the sender.
+///   When it is true, [`handle_input`](Self::handle_input) takes up to [`MAX_INPUT`](Self::MAX_INPUT) bytes at once.
 /// - **Events.** An *outcome* (of a job, an order, a request, a connection) is never dropped. A *notice* (corrupt bytes,
 ///   unasked messages) is: of too many the oldest is dropped and counted, see [`EventQueue`](crate::EventQueue).
 /// - **Statistics.** Plain counters; inputs that the machine did not expect are counted.
@@ -24,6 +26,9 @@ pub trait Session {
     /// Plain counters since the session was made.
     type Statistics: Copy + Default + core::fmt::Debug + PartialEq;
 
+    /// The most bytes that [`handle_input`](Self::handle_input) is given at once: the length of a driver's buffer.
+    const MAX_INPUT: usize;
+
     /// The longest that [`poll_transmit`](Self::poll_transmit) writes at once, in bytes.
     const MAX_TRANSMIT: usize;
 
@@ -33,7 +38,8 @@ pub trait Session {
     /// The connection is lost or closed.
     fn handle_disconnected(&mut self, now: Duration);
 
-    /// Bytes have arrived: all of them are taken. On a transport of datagrams they are one datagram.
+    /// Bytes have arrived, up to [`MAX_INPUT`](Self::MAX_INPUT) while [`wants_input`](Self::wants_input) is true: all of them are taken.
+    /// Of more, a session that stops reading may lose some, and reports that. On a transport of datagrams they are one datagram.
     fn handle_input(&mut self, now: Duration, bytes: &[u8]);
 
     /// Time has passed.
@@ -42,6 +48,12 @@ pub trait Session {
     /// The last byte that [`poll_transmit`](Self::poll_transmit) wrote has left the port. Only a driver that knows this for
     /// certain may say so, and none has to.
     fn handle_transmitted(&mut self, _now: Duration) {}
+
+    /// Whether bytes are to be read from the transport now. False while the session waits for its caller or for something to be sent
+    /// before it reads on.
+    fn wants_input(&self) -> bool {
+        true
+    }
 
     /// What has happened, oldest first.
     fn poll_event(&mut self) -> Option<Self::Event>;

@@ -131,6 +131,7 @@ impl Asker {
 impl Session for Asker {
     type Event = Event;
     type Statistics = u32;
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = LONGEST;
 
     fn handle_connected(&mut self, _: Duration) {

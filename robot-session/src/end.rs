@@ -1,0 +1,298 @@
+//! The session of every end: one loop for all links.
+
+use core::time::Duration;
+
+use crate::event::Events;
+use crate::{Decoder, Input, Machine, Session, Unexpected};
+
+/// What every end consists of.
+#[derive(Debug, Clone)]
+pub struct Core<M: Machine, D, Q> {
+    /// What it works with.
+    pub config: M::Config,
+    /// What it decides.
+    pub machine: M,
+    /// Bytes in, frames out.
+    pub decoder: D,
+    /// What waits for the caller.
+    pub events: Q,
+    /// How many inputs the state did not allow.
+    pub unexpected: u64,
+    /// What the machine was given, if somebody has asked for it: time, state and input.
+    #[cfg(feature = "model")]
+    pub moves: Option<std::vec::Vec<(Duration, M, M::Input)>>,
+}
+
+/// For how many outcomes the event queue must have room. What may have more of them does not begin.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Room {
+    /// Before a connection begins; without room the session stays without one.
+    pub connect: usize,
+    /// Before a frame is read; without room it waits in the decoder.
+    pub read: usize,
+    /// Before something is sent.
+    pub transmit: usize,
+}
+
+/// One end of a link: what its frames mean, what its actions report, how its messages are written. It decides nothing: an `if` about
+/// a rule of the protocol belongs into its [`Machine`].
+///
+/// Whatever implements this is a [`Session`].
+pub trait End: Sized {
+    /// What it decides.
+    type Machine: Machine;
+    /// Bytes in, frames out.
+    type Decoder: Decoder;
+    /// What waits for the caller.
+    type Events: Events;
+    /// [`Session::Statistics`].
+    type Statistics: Copy + Default + core::fmt::Debug + PartialEq;
+    /// What a frame carries that the machine does not look at.
+    type Payload;
+
+    /// [`Session::MAX_INPUT`]. Where the machine may stop to read, so many bytes fit the decoder beside the beginning of a frame.
+    const MAX_INPUT: usize;
+    /// [`Session::MAX_TRANSMIT`].
+    const MAX_TRANSMIT: usize;
+    /// For how many outcomes there must be room.
+    const ROOM: Room;
+
+    /// What it consists of. [`core!`](crate::core) has both accessors.
+    fn core(&self) -> &CoreOf<Self>;
+
+    /// What it consists of.
+    fn core_mut(&mut self) -> &mut CoreOf<Self>;
+
+    /// The next frame as an input. Corrupt bytes and frames that are no input are reported here.
+    fn next_input(&mut self) -> Option<(InputOf<Self>, Option<Self::Payload>)>;
+
+    /// Does what the machine says.
+    fn act(&mut self, now: Duration, action: ActionOf<Self>, payload: Option<Self::Payload>);
+
+    /// Writes what is due; returns its length, and the input which says that it was sent. `None` if `out` is too short: nothing has
+    /// changed then.
+    fn write(
+        &mut self,
+        now: Duration,
+        what: TransmitOf<Self>,
+        out: &mut [u8],
+    ) -> Option<(usize, InputOf<Self>)>;
+
+    /// The event of an input that the state does not allow.
+    fn unexpected(unexpected: Unexpected) -> EventOf<Self>;
+
+    /// [`Session::statistics`].
+    fn counters(&self) -> Self::Statistics;
+
+    /// Bytes have come and are not decoded yet. False: they are not read.
+    #[inline]
+    fn begin_input(&mut self, _now: Duration) -> bool {
+        true
+    }
+
+    /// All bytes are decoded.
+    #[inline]
+    fn end_input(&mut self, _now: Duration) {}
+
+    /// More bytes have come than fit while nothing is read: they are lost.
+    fn overrun(&mut self, _now: Duration) {}
+
+    /// [`Session::handle_transmitted`].
+    fn transmitted(&mut self, _now: Duration) {}
+
+    /// The caller takes an event.
+    #[inline]
+    fn next_event(&mut self) -> Option<EventOf<Self>> {
+        self.core_mut().events.pop()
+    }
+
+    /// Gives the machine an input, and does what it says.
+    #[inline(always)] // where the input is known, little of the machine is left
+    fn advance(&mut self, now: Duration, input: InputOf<Self>, payload: Option<Self::Payload>) {
+        let core = self.core_mut();
+        match core.on(now, input) {
+            Ok(action) => self.act(now, action, payload),
+            Err(unexpected) => {
+                core.unexpected += 1;
+                core.events.push_notice(Self::unexpected(unexpected));
+            }
+        }
+    }
+
+    /// Whether frames are read now.
+    #[inline]
+    fn reads(&self) -> bool {
+        let core = self.core();
+        core.machine.reads() && core.events.has_room(Self::ROOM.read)
+    }
+
+    /// Reads every frame that the decoder has.
+    #[inline]
+    fn read(&mut self, now: Duration) {
+        while self.reads()
+            && let Some((input, payload)) = self.next_input()
+        {
+            self.advance(now, input, payload);
+        }
+    }
+
+    /// Gives up what is no whole frame, and reads what there is behind its beginning.
+    fn finish(&mut self, now: Duration) {
+        self.core_mut().decoder.finish();
+        self.read(now);
+    }
+}
+
+/// The [`Core`] of an end.
+pub type CoreOf<E> = Core<<E as End>::Machine, <E as End>::Decoder, <E as End>::Events>;
+/// The [`Machine::Input`] of an end.
+pub type InputOf<E> = <<E as End>::Machine as Machine>::Input;
+/// The [`Machine::Action`] of an end.
+pub type ActionOf<E> = <<E as End>::Machine as Machine>::Action;
+/// The [`Machine::Transmit`] of an end.
+pub type TransmitOf<E> = <<E as End>::Machine as Machine>::Transmit;
+/// The [`Session::Event`] of an end.
+pub type EventOf<E> = <<E as End>::Events as Events>::Event;
+
+impl Room {
+    /// For none: everything that happens is a notice.
+    pub const NONE: Self = Self { connect: 0, read: 0, transmit: 0 };
+}
+
+impl<M: Machine, D, Q: Default> Core<M, D, Q> {
+    /// Without events.
+    pub fn new(config: M::Config, machine: M, decoder: D) -> Self {
+        Self {
+            config,
+            machine,
+            decoder,
+            events: Q::default(),
+            unexpected: 0,
+            #[cfg(feature = "model")]
+            moves: None,
+        }
+    }
+
+    /// Gives the machine an input.
+    ///
+    /// # Errors
+    /// The state does not allow it. Nothing has changed.
+    #[inline(always)] // where the input is known, little of the machine is left
+    pub fn on(&mut self, now: Duration, input: M::Input) -> Result<M::Action, Unexpected> {
+        #[cfg(feature = "model")]
+        let noted = self.moves.as_ref().map(|_| (now, self.machine.clone(), input.clone()));
+        let result = self.machine.on(now, input, &self.config);
+        #[cfg(feature = "model")]
+        if let (Some(moves), Some(noted), Ok(_)) = (&mut self.moves, noted, &result) {
+            moves.push(noted);
+        }
+        result
+    }
+}
+
+impl<E: End> Session for E {
+    type Event = EventOf<E>;
+    type Statistics = E::Statistics;
+
+    const MAX_INPUT: usize = E::MAX_INPUT;
+    const MAX_TRANSMIT: usize = E::MAX_TRANSMIT;
+
+    fn handle_connected(&mut self, now: Duration) {
+        expire_first(self, now);
+        let core = self.core_mut();
+        core.decoder.clear();
+        let has_room = core.events.has_room(E::ROOM.connect);
+        self.advance(now, if has_room { Input::CONNECTED } else { Input::DISCONNECTED }, None);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        expire_first(self, now);
+        self.core_mut().decoder.clear();
+        self.advance(now, Input::DISCONNECTED, None);
+    }
+
+    #[inline]
+    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
+        expire_first(self, now);
+        if bytes.is_empty() || !self.begin_input(now) {
+            return;
+        }
+        while !bytes.is_empty() {
+            let taken = self.core_mut().decoder.push(bytes);
+            bytes = bytes.get(taken..).unwrap_or_default();
+            self.read(now);
+            if taken == 0 && !self.reads() {
+                self.overrun(now);
+                break;
+            }
+        }
+        self.end_input(now);
+    }
+
+    #[inline]
+    fn handle_timeout(&mut self, now: Duration) {
+        while self.core().machine.expires(now) {
+            self.advance(now, Input::TIMEOUT, None);
+        }
+    }
+
+    fn handle_transmitted(&mut self, now: Duration) {
+        self.transmitted(now);
+    }
+
+    fn wants_input(&self) -> bool {
+        self.reads()
+    }
+
+    #[inline]
+    fn poll_event(&mut self) -> Option<Self::Event> {
+        self.next_event()
+    }
+
+    #[inline]
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        expire_first(self, now);
+        // What waited until something was sent, or an event taken.
+        self.read(now);
+        let core = self.core();
+        let what = core.machine.transmit(now, &core.config)?;
+        if !core.events.has_room(E::ROOM.transmit) {
+            return None;
+        }
+        let (length, sent) = self.write(now, what, out)?;
+        self.advance(now, sent, None);
+        Some(length)
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.core().machine.deadline()
+    }
+
+    fn statistics(&self) -> E::Statistics {
+        self.counters()
+    }
+}
+
+/// What came due, where that comes first.
+#[inline(always)]
+fn expire_first<E: End>(end: &mut E, now: Duration) {
+    if E::Machine::TIME_FIRST {
+        end.handle_timeout(now);
+    }
+}
+
+/// The two accessors of an [`End`](crate::End) whose [`Core`](crate::Core) is its field `core`.
+#[macro_export]
+macro_rules! core {
+    () => {
+        #[inline(always)]
+        fn core(&self) -> &$crate::CoreOf<Self> {
+            &self.core
+        }
+
+        #[inline(always)]
+        fn core_mut(&mut self) -> &mut $crate::CoreOf<Self> {
+            &mut self.core
+        }
+    };
+}

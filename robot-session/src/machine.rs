@@ -1,0 +1,133 @@
+//! What one end of a link decides.
+
+use core::fmt::Debug;
+use core::hash::Hash;
+use core::time::Duration;
+
+use crate::unexpected::Unexpected;
+
+/// The state machine of one end of a link: everything that decides what happens next, without bytes, buffers or a clock.
+///
+/// The state is a value: equal states behave equally. Every time in it is a deadline that is compared with `now` and with nothing
+/// else, so that the states are finitely many and a model can visit all of them. `Duration::MAX` is never.
+pub trait Machine: Clone + Eq + Hash + Debug {
+    /// The end's name.
+    const END: &'static str;
+
+    /// Whether what came due is done before anything else that happens at the same time.
+    ///
+    /// True where what comes late is worthless. False where a reply that has waited for a caller who was late still counts: input is
+    /// read first, and time passes only in [`Session::handle_timeout`](crate::Session::handle_timeout).
+    const TIME_FIRST: bool;
+
+    /// What happens to the end.
+    type Input: Input;
+
+    /// What the end does about it.
+    type Action: Debug;
+
+    /// What the end has to send.
+    type Transmit: Debug;
+
+    /// Its limits and options.
+    type Config;
+
+    /// Takes an input.
+    ///
+    /// # Errors
+    /// The state does not allow the input. Nothing has changed.
+    fn on(
+        &mut self,
+        now: Duration,
+        input: Self::Input,
+        config: &Self::Config,
+    ) -> Result<Self::Action, Unexpected>;
+
+    /// What is to be sent now. It stays due until an input says that it was sent.
+    fn transmit(&self, now: Duration, config: &Self::Config) -> Option<Self::Transmit>;
+
+    /// When [`Input::TIMEOUT`] or something to send is due; `None` if only bytes or the caller can make something happen.
+    fn deadline(&self) -> Option<Duration>;
+
+    /// Whether [`Input::TIMEOUT`] has something to do now. Each time that it comes, it does one thing.
+    fn expires(&self, now: Duration) -> bool;
+
+    /// Whether frames are read now; what comes meanwhile waits.
+    #[inline]
+    fn reads(&self) -> bool {
+        true
+    }
+
+    /// Visits every time in the state.
+    fn each_time(&mut self, f: impl FnMut(&mut Duration));
+
+    /// The state's name.
+    fn name(&self) -> &'static str;
+
+    /// The error of [`on`](Self::on).
+    #[cold]
+    fn unexpected(&self, input: &Self::Input) -> Unexpected {
+        Unexpected { state: self.name(), input: input.name() }
+    }
+}
+
+/// The inputs that every machine has, and their names. [`inputs!`](crate::inputs) implements it.
+pub trait Input: Clone + Debug {
+    /// The connection was made, perhaps again: opening a port is a connection.
+    const CONNECTED: Self;
+    /// The connection is lost or closed.
+    const DISCONNECTED: Self;
+    /// Time has passed.
+    const TIMEOUT: Self;
+
+    /// The input's name.
+    fn name(&self) -> &'static str;
+}
+
+/// Implements [`Input`](trait@crate::Input) for an enum with the variants `Connected`, `Disconnected` and `Timeout`, and with those that
+/// are listed: each is called what its variant is, or as it is said `as`.
+///
+/// ```
+/// #[derive(Debug, Clone)]
+/// enum Input {
+///     Connected,
+///     Disconnected,
+///     Timeout,
+///     Sent,
+///     Packet { fresh: bool },
+/// }
+/// robot_session::inputs!(Input: Sent, Packet { fresh: true } as "Packet(fresh)", Packet { fresh: false } as "Packet(old)");
+///
+/// assert_eq!(robot_session::Input::name(&Input::Packet { fresh: true }), "Packet(fresh)");
+/// ```
+#[macro_export]
+macro_rules! inputs {
+    ($input:ident $(<$parameter:ident $(: $bound:path)?>)?: $($variant:ident $({ $($field:tt)* } as $name:literal)?),* $(,)?) => {
+        impl $(<$parameter $(: $bound)?>)? $crate::Input for $input $(<$parameter>)? {
+            const CONNECTED: Self = Self::Connected;
+            const DISCONNECTED: Self = Self::Disconnected;
+            const TIMEOUT: Self = Self::Timeout;
+
+            fn name(&self) -> &'static str {
+                match self {
+                    Self::Connected => "Connected",
+                    Self::Disconnected => "Disconnected",
+                    Self::Timeout => "Timeout",
+                    $(Self::$variant { $($($field)*,)? .. } => $crate::inputs!(@name $variant $($name)?),)*
+                }
+            }
+        }
+    };
+    (@name $variant:ident) => {
+        stringify!($variant)
+    };
+    (@name $variant:ident $name:literal) => {
+        $name
+    };
+}
+
+/// Whether a deadline has come; `Duration::MAX` is never.
+#[inline]
+pub fn is_due(deadline: Duration, now: Duration) -> bool {
+    now >= deadline && deadline < Duration::MAX
+}

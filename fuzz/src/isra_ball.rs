@@ -65,7 +65,6 @@ pub fn isra_ball_message(data: &[u8]) {
 
 /// Steps of an action, a length, and so many bytes from the line.
 pub fn isra_ball_ball(mut data: &[u8]) {
-    #[allow(clippy::needless_update, reason = "with the feature `model` there is a field more")]
     let config = BallConfig { sensor_type: GOOD.sensor_type, sensor: GOOD.sensor, ..BallConfig::default() };
     let mut ball = Ball::new(config).unwrap();
     let (mut out, now) = ([0; Packet::LEN], Duration::ZERO);

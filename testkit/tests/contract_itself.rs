@@ -112,6 +112,7 @@ const READS_WHOLE_INPUT_ONLY: u8 = 6;
 impl<const FAULT: u8> Session for Sloppy<FAULT> {
     type Event = toy::Event;
     type Statistics = u32;
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Asker::MAX_TRANSMIT;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -260,6 +260,7 @@ impl<const N: usize, F: Framings> Session for Client<N, F> {
     type Event = ClientEvent;
     type Statistics = ClientStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -141,6 +141,7 @@ impl<R: Registers, const N: usize, F: Framings> Session for Server<R, N, F> {
     type Event = ServerEvent;
     type Statistics = ServerStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -5,7 +5,7 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Machine, Unexpected};
 
 use super::config::{BallConfig, Rule};
 
@@ -45,23 +45,32 @@ pub enum Input {
     Connected,
     /// The port is closed or lost.
     Disconnected,
+    /// Time has passed: nothing comes due.
+    Timeout,
     /// The sensor has new values.
     Measured,
     /// ENQ has come.
     Enquiry,
-    /// A reply that [is to be sent](BallMachine::transmits) can be sent.
-    Reply,
+    /// The reply that was due is sent.
+    Sent,
+}
+
+/// What the ball sends: its values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Reply {
+    /// Whether they are new.
+    pub fresh: bool,
 }
 
 /// What the ball does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
-    None,
+    Nothing,
     /// Reports a poll that has no reply of its own.
     Ignore,
-    /// Sends the values.
-    Transmit {
+    /// Reports the values that were sent.
+    Sent {
         /// Whether they are new.
         fresh: bool,
     },
@@ -71,51 +80,68 @@ impl BallMachine {
     /// A ball that has measured nothing, without a connection.
     pub const NEW: Self = Self { link: Link::Disconnected, values: Values::Old };
 
-    /// Moves the machine.
-    ///
+    fn go(&mut self, link: Link) -> Action {
+        self.link = link;
+        Action::Nothing
+    }
+}
+
+impl Machine for BallMachine {
+    const END: &'static str = "ball";
+    const TIME_FIRST: bool = true;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Reply;
+    type Config = BallConfig;
+
     /// # Errors
-    /// A poll without a connection, a reply that nobody asked for. Nothing has changed then.
-    pub fn on(&mut self, _now: Duration, input: Input, config: &BallConfig) -> Result<Action, Unexpected> {
+    /// A poll without a connection, a reply that nobody asked for.
+    fn on(&mut self, _now: Duration, input: Input, config: &BallConfig) -> Result<Action, Unexpected> {
         match (self.link, input) {
-            (Link::Replying, Input::Connected) if !config.keeps(Rule::ForgetPoll) => Ok(Action::None),
+            (Link::Disconnected | Link::Ready | Link::Replying, Input::Timeout) => Ok(Action::Nothing),
+            (Link::Replying, Input::Connected | Input::Disconnected)
+                if !config.rules.keeps(Rule::ForgetPoll) =>
+            {
+                Ok(Action::Nothing)
+            }
             (_, Input::Connected) => Ok(self.go(Link::Ready)),
-            (Link::Replying, Input::Disconnected) if !config.keeps(Rule::ForgetPoll) => Ok(Action::None),
             (_, Input::Disconnected) => Ok(self.go(Link::Disconnected)),
             (_, Input::Measured) => {
                 self.values = Values::New;
-                Ok(Action::None)
+                Ok(Action::Nothing)
             }
             (Link::Ready, Input::Enquiry) => Ok(self.go(Link::Replying)),
             (Link::Replying, Input::Enquiry) => Ok(Action::Ignore),
-            (Link::Replying, Input::Reply) => {
-                self.link = Link::Ready;
+            (Link::Replying, Input::Sent) => {
                 let fresh = self.values == Values::New;
-                if config.keeps(Rule::MarkOld) {
+                self.link = Link::Ready;
+                if config.rules.keeps(Rule::MarkOld) {
                     self.values = Values::Old;
                 }
-                Ok(Action::Transmit { fresh })
+                Ok(Action::Sent { fresh })
             }
-            (Link::Disconnected, Input::Enquiry) | (Link::Disconnected | Link::Ready, Input::Reply) => {
-                Err(Unexpected { state: self.name(), input: input.name() })
+            (Link::Disconnected, Input::Enquiry) | (Link::Disconnected | Link::Ready, Input::Sent) => {
+                Err(self.unexpected(&input))
             }
         }
     }
 
-    /// Whether a reply is to be sent.
-    pub fn transmits(&self) -> bool {
-        self.link == Link::Replying
+    fn transmit(&self, _now: Duration, _config: &BallConfig) -> Option<Reply> {
+        (self.link == Link::Replying).then_some(Reply { fresh: self.values == Values::New })
     }
 
     /// Never: the ball waits for ENQ.
-    pub fn deadline(&self) -> Option<Duration> {
+    fn deadline(&self) -> Option<Duration> {
         None
     }
 
-    /// Visits every time: there is none.
-    pub fn each_time(&mut self, _f: impl FnMut(&mut Duration)) {}
+    fn expires(&self, _now: Duration) -> bool {
+        false
+    }
 
-    /// The state's name.
-    pub fn name(&self) -> &'static str {
+    fn each_time(&mut self, _f: impl FnMut(&mut Duration)) {}
+
+    fn name(&self) -> &'static str {
         match (self.link, self.values) {
             (Link::Disconnected, Values::Old) => "DisconnectedOld",
             (Link::Disconnected, Values::New) => "DisconnectedNew",
@@ -125,22 +151,6 @@ impl BallMachine {
             (Link::Replying, Values::New) => "ReplyingNew",
         }
     }
-
-    fn go(&mut self, link: Link) -> Action {
-        self.link = link;
-        Action::None
-    }
 }
 
-impl Input {
-    /// The input's name.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "Connected",
-            Self::Disconnected => "Disconnected",
-            Self::Measured => "Measured",
-            Self::Enquiry => "Enquiry",
-            Self::Reply => "Reply",
-        }
-    }
-}
+robot_session::inputs!(Input: Measured, Enquiry, Sent);

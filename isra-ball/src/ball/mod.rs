@@ -5,7 +5,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{EventQueue, Session, Unexpected};
+use robot_session::{ByteDecoder, Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
 
 pub use config::BallConfig;
 #[doc(hidden)]
@@ -15,11 +15,11 @@ use crate::envelope::ENQ;
 use crate::error::ConfigError;
 use crate::keys::Keys;
 use crate::message::{Packet, Status};
-use machine::{Action, BallMachine, Input};
+use machine::{Action, BallMachine, Input, Reply};
 
 /// The ball: answers each ENQ with one packet and sends nothing unasked (§4.2).
 ///
-/// The order of calls is the [`Session`]'s; [`measure`](Self::measure) whenever the sensor has new values. There are no timeouts.
+/// The order of calls is the [`Session`](robot_session::Session)'s; [`measure`](Self::measure) whenever the sensor has new values. There are no timeouts.
 ///
 /// - A reply has the newest values when it is sent. If there are none since the last reply, those are sent again, marked as
 ///   [`Status::Old`].
@@ -28,11 +28,9 @@ use machine::{Action, BallMachine, Input};
 /// - Every event is a notice: of more than eight that nobody takes, the oldest are dropped.
 #[derive(Debug, Clone)]
 pub struct Ball {
-    config: BallConfig,
-    machine: BallMachine,
+    core: CoreOf<Self>,
     /// The sensor's values.
     packet: Packet,
-    events: EventQueue<BallEvent, 8>,
     statistics: BallStatistics,
 }
 
@@ -76,89 +74,76 @@ impl Ball {
     /// # Errors
     /// [`ConfigError::Identity`] if sensor type or number is out of range.
     pub fn new(config: BallConfig) -> Result<Self, ConfigError> {
-        Ok(Self {
-            packet: config.packet()?,
-            config,
-            machine: BallMachine::NEW,
-            events: EventQueue::new(),
-            statistics: BallStatistics::default(),
-        })
+        let (packet, statistics) = (config.packet()?, BallStatistics::default());
+        Ok(Self { core: Core::new(config, BallMachine::NEW, ByteDecoder::new()), packet, statistics })
     }
 
     /// New values from the sensor, for the next reply.
     pub fn measure(&mut self, force: [i8; 3], moment: [i8; 3], keys: Keys) {
         self.packet = Packet { force, moment, keys, ..self.packet };
-        self.advance(Duration::ZERO, Input::Measured);
+        self.advance(Duration::ZERO, Input::Measured, None);
     }
 
     /// The state that decides what happens next.
     pub fn machine(&self) -> &BallMachine {
-        &self.machine
+        &self.core.machine
     }
 
-    fn advance(&mut self, now: Duration, input: Input) -> Action {
-        match self.machine.on(now, input, &self.config) {
-            Ok(Action::Ignore) => {
-                self.statistics.ignored += 1;
-                self.events.push_notice(BallEvent::Ignored);
-                Action::Ignore
-            }
-            Ok(action) => action,
-            Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(BallEvent::Unexpected(unexpected));
-                Action::None
-            }
-        }
+    fn reply(&self, Reply { fresh }: Reply) -> Packet {
+        Packet { status: if fresh { Status::Fresh } else { Status::Old }, ..self.packet }
     }
 }
 
-impl Session for Ball {
-    type Event = BallEvent;
+impl End for Ball {
+    type Machine = BallMachine;
+    type Decoder = ByteDecoder;
+    type Events = EventQueue<BallEvent, 8>;
     type Statistics = BallStatistics;
+    type Payload = ();
 
+    const MAX_INPUT: usize = 32;
     const MAX_TRANSMIT: usize = Packet::LEN;
+    const ROOM: Room = Room::NONE;
 
-    fn handle_connected(&mut self, now: Duration) {
-        self.advance(now, Input::Connected);
-    }
+    robot_session::core!();
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.advance(now, Input::Disconnected);
-    }
-
-    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
-        for &byte in bytes {
-            if byte == ENQ {
-                self.advance(now, Input::Enquiry);
-            } else {
-                self.statistics.unknown += 1;
-                self.events.push_notice(BallEvent::Unknown(byte));
+    fn next_input(&mut self) -> Option<(Input, Option<()>)> {
+        loop {
+            match self.core.decoder.next_frame()?.ok()? {
+                ENQ => return Some((Input::Enquiry, None)),
+                byte => {
+                    self.statistics.unknown += 1;
+                    self.core.events.push_notice(BallEvent::Unknown(byte));
+                }
             }
         }
     }
 
-    fn handle_timeout(&mut self, _now: Duration) {}
-
-    fn poll_event(&mut self) -> Option<BallEvent> {
-        self.events.pop()
+    fn act(&mut self, _now: Duration, action: Action, _: Option<()>) {
+        match action {
+            Action::Nothing => {}
+            Action::Ignore => {
+                self.statistics.ignored += 1;
+                self.core.events.push_notice(BallEvent::Ignored);
+            }
+            Action::Sent { fresh } => {
+                *if fresh { &mut self.statistics.fresh } else { &mut self.statistics.old } += 1;
+                self.core.events.push_notice(BallEvent::Reply(self.reply(Reply { fresh })));
+            }
+        }
     }
 
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        let out = out.first_chunk_mut().filter(|_| self.machine.transmits())?;
-        let Action::Transmit { fresh } = self.advance(now, Input::Reply) else { return None };
-        let packet = Packet { status: if fresh { Status::Fresh } else { Status::Old }, ..self.packet };
-        *out = packet.to_bytes().ok()?;
-        *if fresh { &mut self.statistics.fresh } else { &mut self.statistics.old } += 1;
-        self.events.push_notice(BallEvent::Reply(packet));
-        Some(Packet::LEN)
+    fn write(&mut self, _now: Duration, reply: Reply, out: &mut [u8]) -> Option<(usize, Input)> {
+        *out.first_chunk_mut()? = self.reply(reply).to_bytes().ok()?;
+        Some((Packet::LEN, Input::Sent))
     }
 
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
+    fn unexpected(unexpected: Unexpected) -> BallEvent {
+        BallEvent::Unexpected(unexpected)
     }
 
-    fn statistics(&self) -> BallStatistics {
-        BallStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn counters(&self) -> BallStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        BallStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }

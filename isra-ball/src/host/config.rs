@@ -1,5 +1,7 @@
 use core::time::Duration;
 
+use robot_session::Rules;
+
 use crate::error::ConfigError;
 use crate::timing;
 
@@ -22,32 +24,31 @@ pub struct HostConfig {
     /// How old values may become before they are [`HostEvent::Stale`](crate::HostEvent::Stale). Above two
     /// periods and a reply window. Default: 150 ms, which outlasts two lost packets in succession; the source gives none. [`Duration::MAX`] is for ever.
     pub max_age: Duration,
-    /// A rule that the machine leaves out: for the model, which shows what each rule is for.
-    #[cfg(feature = "model")]
+    /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
-    pub without: Option<Rule>,
+    pub rules: Rules<Rule>,
 }
 
-/// The rules of the host's machine that keep old values from being used.
-#[doc(hidden)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Rule {
-    /// After a connection is made, nothing is sent until the reply to a poll of before would have come.
-    DrainFirst,
-    /// The next poll is sent only when the reply to the last one has come or can come no more.
-    AwaitReply,
-    /// A packet that is sooner than the line can carry it is no reply.
-    NotBefore,
-    /// New values are newer than the reply before: without a recent one nothing is known of their age.
-    ProveAge,
-    /// The age of values counts from the poll that the reply before them answered.
-    AgeFromPoll,
-    /// What the ball marks as old is not new.
-    OldIsNotNew,
-    /// What a connection's end ends is reported.
-    ReportEnd,
-    /// A reply on one connection proves nothing on the next: another ball may be there.
-    ForgetReply,
+robot_session::rules! {
+    /// The rules of the host's machine that keep old values from being used.
+    pub enum Rule {
+        /// After a connection is made, nothing is sent until the reply to a poll of before would have come.
+        DrainFirst,
+        /// The next poll is sent only when the reply to the last one has come or can come no more.
+        AwaitReply,
+        /// A packet that is sooner than the line can carry it is no reply.
+        NotBefore,
+        /// New values are newer than the reply before: without a recent one nothing is known of their age.
+        ProveAge,
+        /// The age of values counts from the poll that the reply before them answered.
+        AgeFromPoll,
+        /// What the ball marks as old is not new.
+        OldIsNotNew,
+        /// What a connection's end ends is reported.
+        ReportEnd,
+        /// A reply on one connection proves nothing on the next: another ball may be there.
+        ForgetReply,
+    }
 }
 
 impl HostConfig {
@@ -75,17 +76,6 @@ impl HostConfig {
         }
         Ok(())
     }
-
-    #[cfg(feature = "model")]
-    pub(crate) fn keeps(&self, rule: Rule) -> bool {
-        self.without != Some(rule)
-    }
-
-    #[cfg(not(feature = "model"))]
-    #[expect(clippy::unused_self, reason = "with the feature `model` it has a rule left out")]
-    pub(crate) const fn keeps(&self, _rule: Rule) -> bool {
-        true
-    }
 }
 
 impl Default for HostConfig {
@@ -95,8 +85,7 @@ impl Default for HostConfig {
             period: Duration::from_millis(28),
             max_delay: Duration::from_millis(14),
             max_age: Duration::from_millis(150),
-            #[cfg(feature = "model")]
-            without: None,
+            rules: Rules::ALL,
         }
     }
 }

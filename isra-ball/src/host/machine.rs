@@ -9,7 +9,7 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Machine, Unexpected, is_due};
 
 use super::config::{HostConfig, Rule};
 
@@ -74,9 +74,9 @@ pub enum Input {
     /// The port is closed or lost.
     Disconnected,
     /// Time has passed: one thing that came due is done with each.
-    Timer,
-    /// A poll that [is due](HostMachine::transmits) can be sent and its outcome reported.
-    Poll,
+    Timeout,
+    /// The poll that was due is sent.
+    Sent,
     /// A packet.
     Packet {
         /// Whether the ball marks the values as new.
@@ -84,13 +84,17 @@ pub enum Input {
     },
 }
 
+/// What the host sends: ENQ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Enquiry;
+
 /// What the host does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
-    None,
-    /// Sends ENQ.
-    Transmit,
+    Nothing,
+    /// Counts a poll.
+    Sent,
     /// Reports the packet as the reply, its values to be used.
     New,
     /// Reports the packet as the reply, its values not to be used.
@@ -110,38 +114,41 @@ pub enum Action {
     },
 }
 
-impl HostMachine {
-    /// Moves the machine.
-    ///
+impl Machine for HostMachine {
+    const END: &'static str = "host";
+    const TIME_FIRST: bool = true;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Enquiry;
+    type Config = HostConfig;
+
     /// # Errors
-    /// A packet without a connection, a poll that is not due. Nothing has changed then.
-    #[inline(always)]
-    pub fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
+    /// A packet without a connection, a poll that is not due.
+    #[inline(always)] // where the input is known, little of it is left
+    fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
         match (&mut *self, input) {
             (_, Input::Connected) => Ok(self.close(Self::Connected(Polling::begin(now, config)), config)),
             (_, Input::Disconnected) => Ok(self.close(Self::Disconnected, config)),
-            (Self::Disconnected, Input::Timer) => Ok(Action::None),
-            (Self::Connected(polling), Input::Timer) => Ok(polling.expire(now)),
-            (Self::Connected(polling), Input::Poll) if polling.transmits(now) => {
-                Ok(polling.poll(now, config))
+            (Self::Disconnected, Input::Timeout) => Ok(Action::Nothing),
+            (Self::Connected(polling), Input::Timeout) => Ok(polling.expire(now)),
+            (Self::Connected(polling), Input::Sent) if polling.transmits(now) => {
+                Ok(polling.sent(now, config))
             }
             (Self::Connected(polling), Input::Packet { fresh }) => Ok(polling.packet(now, fresh, config)),
-            (Self::Connected(_), Input::Poll) | (Self::Disconnected, Input::Poll | Input::Packet { .. }) => {
-                Err(Unexpected { state: self.name(), input: input.name() })
+            (Self::Connected(_), Input::Sent) | (Self::Disconnected, Input::Sent | Input::Packet { .. }) => {
+                Err(self.unexpected(&input))
             }
         }
     }
 
-    /// Whether a poll is due.
-    pub fn transmits(&self, now: Duration) -> bool {
+    fn transmit(&self, now: Duration, _config: &HostConfig) -> Option<Enquiry> {
         match self {
-            Self::Disconnected => false,
-            Self::Connected(polling) => polling.transmits(now),
+            Self::Disconnected => None,
+            Self::Connected(polling) => polling.transmits(now).then_some(Enquiry),
         }
     }
 
-    /// When [`Input::Timer`] or [`Input::Poll`] is to come.
-    pub fn deadline(&self) -> Option<Duration> {
+    fn deadline(&self) -> Option<Duration> {
         let Self::Connected(polling) = self else { return None };
         let (Poll::Idle { due: poll } | Poll::Waiting { until: poll, .. }) = polling.poll;
         let next = match polling.values {
@@ -151,16 +158,14 @@ impl HostMachine {
         (next < Duration::MAX).then_some(next)
     }
 
-    /// Until when the values of the last packet reported as new may be used.
-    pub fn live_until(&self) -> Option<Duration> {
+    fn expires(&self, now: Duration) -> bool {
         match self {
-            Self::Connected(Polling { values: Values::Live { until }, .. }) => Some(*until),
-            Self::Connected(Polling { values: Values::Stale, .. }) | Self::Disconnected => None,
+            Self::Disconnected => false,
+            Self::Connected(polling) => polling.expires(now),
         }
     }
 
-    /// Visits every time.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         let Self::Connected(polling) = self else { return };
         match &mut polling.poll {
             Poll::Idle { due } => f(due),
@@ -174,8 +179,7 @@ impl HostMachine {
         f(&mut polling.proof_until);
     }
 
-    /// The state's name.
-    pub fn name(&self) -> &'static str {
+    fn name(&self) -> &'static str {
         let Self::Connected(polling) = self else { return "Disconnected" };
         match (polling.poll, polling.values) {
             (Poll::Idle { .. }, Values::Stale) => "IdleStale",
@@ -184,30 +188,40 @@ impl HostMachine {
             (Poll::Waiting { .. }, Values::Live { .. }) => "WaitingLive",
         }
     }
+}
+
+impl HostMachine {
+    /// Until when the values of the last packet reported as new may be used.
+    pub fn live_until(&self) -> Option<Duration> {
+        match self {
+            Self::Connected(Polling { values: Values::Live { until }, .. }) => Some(*until),
+            Self::Connected(Polling { values: Values::Stale, .. }) | Self::Disconnected => None,
+        }
+    }
 
     /// Goes to a state without what was.
     fn close(&mut self, mut to: Self, config: &HostConfig) -> Action {
         let Self::Connected(was) = *self else {
             *self = to;
-            return Action::None;
+            return Action::Nothing;
         };
-        if let (Self::Connected(polling), false) = (&mut to, config.keeps(Rule::ForgetReply)) {
+        if let (Self::Connected(polling), false) = (&mut to, config.rules.keeps(Rule::ForgetReply)) {
             polling.proof_until = was.proof_until;
         }
         *self = to;
         let missed = matches!(was.poll, Poll::Waiting { .. });
         let stale = matches!(was.values, Values::Live { .. });
-        if (missed || stale) && config.keeps(Rule::ReportEnd) {
+        if (missed || stale) && config.rules.keeps(Rule::ReportEnd) {
             Action::Closed { missed, stale }
         } else {
-            Action::None
+            Action::Nothing
         }
     }
 }
 
 impl Polling {
     fn begin(now: Duration, config: &HostConfig) -> Self {
-        let drain = if config.keeps(Rule::DrainFirst) { config.reply_window() } else { Duration::ZERO };
+        let drain = if config.rules.keeps(Rule::DrainFirst) { config.reply_window() } else { Duration::ZERO };
         Self {
             poll: Poll::Idle { due: now.saturating_add(drain) },
             values: Values::Stale,
@@ -219,34 +233,40 @@ impl Polling {
         matches!(self.poll, Poll::Idle { due } if is_due(due, now))
     }
 
-    fn poll(&mut self, now: Duration, config: &HostConfig) -> Action {
+    fn sent(&mut self, now: Duration, config: &HostConfig) -> Action {
         let due = now.saturating_add(config.period);
         let until = now.saturating_add(config.reply_window());
         self.poll = Poll::Waiting {
             from: now.saturating_add(config.earliest_reply()),
-            until: if config.keeps(Rule::AwaitReply) { until } else { until.min(due) },
+            until: if config.rules.keeps(Rule::AwaitReply) { until } else { until.min(due) },
             due,
             proof_until: now.saturating_add(config.max_age),
         };
-        Action::Transmit
+        Action::Sent
     }
 
     fn packet(&mut self, now: Duration, fresh: bool, config: &HostConfig) -> Action {
         let Poll::Waiting { from, until, due, proof_until } = self.poll else { return Action::Unasked };
-        let is_early = now < from && config.keeps(Rule::NotBefore);
+        let is_early = now < from && config.rules.keeps(Rule::NotBefore);
         let is_late = is_due(until, now);
         if is_early || is_late {
             return Action::Unasked;
         }
-        let proved = if config.keeps(Rule::ProveAge) { self.proof_until } else { proof_until };
+        let proved = if config.rules.keeps(Rule::ProveAge) { self.proof_until } else { proof_until };
         self.poll = Poll::Idle { due };
         self.proof_until = proof_until;
-        if (!fresh && config.keeps(Rule::OldIsNotNew)) || is_due(proved, now) {
+        if (!fresh && config.rules.keeps(Rule::OldIsNotNew)) || is_due(proved, now) {
             return Action::Old;
         }
-        let until = if config.keeps(Rule::AgeFromPoll) { proved } else { now.saturating_add(config.max_age) };
+        let until =
+            if config.rules.keeps(Rule::AgeFromPoll) { proved } else { now.saturating_add(config.max_age) };
         self.values = Values::Live { until };
         Action::New
+    }
+
+    fn expires(&self, now: Duration) -> bool {
+        matches!(self.poll, Poll::Waiting { until, .. } if is_due(until, now))
+            || matches!(self.values, Values::Live { until } if is_due(until, now))
     }
 
     fn expire(&mut self, now: Duration) -> Action {
@@ -259,26 +279,11 @@ impl Polling {
                 self.values = Values::Stale;
                 Action::Stale
             }
-            (Poll::Waiting { .. } | Poll::Idle { .. }, Values::Live { .. } | Values::Stale) => Action::None,
+            (Poll::Waiting { .. } | Poll::Idle { .. }, Values::Live { .. } | Values::Stale) => {
+                Action::Nothing
+            }
         }
     }
 }
 
-impl Input {
-    /// The input's name.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "Connected",
-            Self::Disconnected => "Disconnected",
-            Self::Timer => "Timer",
-            Self::Poll => "Poll",
-            Self::Packet { fresh: true } => "Packet(fresh)",
-            Self::Packet { fresh: false } => "Packet(old)",
-        }
-    }
-}
-
-/// `Duration::MAX` is never.
-fn is_due(deadline: Duration, now: Duration) -> bool {
-    now >= deadline && deadline < Duration::MAX
-}
+robot_session::inputs!(Input: Sent, Packet { fresh: true } as "Packet(fresh)", Packet { fresh: false } as "Packet(old)");

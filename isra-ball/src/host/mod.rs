@@ -5,7 +5,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
 
 pub use config::HostConfig;
 #[doc(hidden)]
@@ -15,11 +15,11 @@ use crate::decoder::Decoder;
 use crate::envelope::ENQ;
 use crate::error::{ConfigError, DecodeError};
 use crate::message::Packet;
-use machine::{Action, HostMachine, Input};
+use machine::{Action, Enquiry, HostMachine, Input};
 
 /// The computer that polls the ball, "Steuerrechner" (§4.2, §9.5): one ENQ a period, one packet back.
 ///
-/// The order of calls is the [`Session`]'s. Every poll has one outcome: [`Packet`](HostEvent::Packet), [`Old`](HostEvent::Old) or
+/// The order of calls is the [`Session`](robot_session::Session)'s. Every poll has one outcome: [`Packet`](HostEvent::Packet), [`Old`](HostEvent::Old) or
 /// [`Missed`](HostEvent::Missed). No poll is sent before the outcomes of the ones before are taken.
 ///
 /// - **Age.** A ball that cannot measure repeats its values and marks them as old; one that measured long ago marks the values as
@@ -34,10 +34,7 @@ use machine::{Action, HostMachine, Input};
 ///   after the time in which the reply to a poll of another host could still come.
 #[derive(Debug, Clone)]
 pub struct Host {
-    config: HostConfig,
-    machine: HostMachine,
-    decoder: Decoder,
-    events: EventQueue<HostEvent, 8>,
+    core: CoreOf<Self>,
     statistics: HostStatistics,
 }
 
@@ -90,9 +87,6 @@ pub struct HostStatistics {
 }
 
 impl Host {
-    /// The outcomes between a poll and the next: values that become stale, the poll's own, and its values that become stale.
-    const OUTCOMES: usize = 3;
-
     /// A host without a connection.
     ///
     /// # Errors
@@ -100,61 +94,19 @@ impl Host {
     /// ball that does nothing wrong could become stale.
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
-        Ok(Self {
-            config,
-            machine: HostMachine::Disconnected,
-            decoder: Decoder::new(),
-            events: EventQueue::new(),
-            statistics: HostStatistics::default(),
-        })
+        let core = Core::new(config, HostMachine::Disconnected, Decoder::new());
+        Ok(Self { core, statistics: HostStatistics::default() })
     }
 
     /// Until when the values of the last [`HostEvent::Packet`] may be used; `None` if they are stale. A consumer that runs apart
     /// from this session compares it with its own clock, and so stops also when this session is not called any more.
     pub fn live_until(&self) -> Option<Duration> {
-        self.machine.live_until()
+        self.core.machine.live_until()
     }
 
     /// The state that decides what happens next.
     pub fn machine(&self) -> &HostMachine {
-        &self.machine
-    }
-
-    /// What is due before it comes first: [`handle_timeout`](Session::handle_timeout).
-    #[inline]
-    fn advance(&mut self, now: Duration, input: Input, packet: Option<Packet>) {
-        match self.machine.on(now, input, &self.config) {
-            Ok(action) => self.act(now, action, packet),
-            Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(HostEvent::Unexpected(unexpected));
-            }
-        }
-    }
-
-    fn act(&mut self, now: Duration, action: Action, packet: Option<Packet>) {
-        match (action, packet) {
-            (Action::New, Some(packet)) => self.report(HostEvent::Packet(packet)),
-            (Action::Old, Some(packet)) => self.report(HostEvent::Old(packet)),
-            (Action::Unasked, Some(packet)) => {
-                self.statistics.unasked += 1;
-                self.events.push_notice(HostEvent::Unasked(packet));
-            }
-            (Action::Missed, _) => {
-                self.give_up_bytes(now);
-                self.report(HostEvent::Missed);
-            }
-            (Action::Stale, _) => self.report(HostEvent::Stale),
-            (Action::Closed { missed, stale }, _) => {
-                if missed {
-                    self.report(HostEvent::Missed);
-                }
-                if stale {
-                    self.report(HostEvent::Stale);
-                }
-            }
-            (Action::None | Action::Transmit | Action::New | Action::Old | Action::Unasked, _) => {}
-        }
+        &self.core.machine
     }
 
     fn report(&mut self, outcome: HostEvent) {
@@ -166,89 +118,77 @@ impl Host {
         };
         *count += 1;
         // A poll is sent only when its outcomes have room.
-        let _ = self.events.push_outcome(outcome);
+        let _ = self.core.events.push_outcome(outcome);
     }
+}
 
-    /// What is not whole is no packet.
-    fn give_up_bytes(&mut self, now: Duration) {
-        self.decoder.finish();
-        self.read(now);
-    }
+impl End for Host {
+    type Machine = HostMachine;
+    type Decoder = Decoder;
+    type Events = EventQueue<HostEvent, 8>;
+    type Statistics = HostStatistics;
+    type Payload = Packet;
 
-    fn read(&mut self, now: Duration) {
-        while let Some(frame) = self.decoder.next_frame() {
-            match frame.and_then(|frame| frame.packet()) {
+    const MAX_INPUT: usize = 256;
+    const MAX_TRANSMIT: usize = 1;
+    /// Between a poll and the next: values that become stale, the poll's own, and its values that become stale.
+    const ROOM: Room = Room { connect: 0, read: 0, transmit: 3 };
+
+    robot_session::core!();
+
+    fn next_input(&mut self) -> Option<(Input, Option<Packet>)> {
+        loop {
+            match self.core.decoder.next_frame()?.and_then(|frame| frame.packet()) {
                 Ok(packet) => {
-                    let fresh = packet.status.is_fresh();
-                    self.advance(now, Input::Packet { fresh }, Some(packet));
+                    return Some((Input::Packet { fresh: packet.status.is_fresh() }, Some(packet)));
                 }
                 Err(error) => {
                     self.statistics.corrupt += 1;
-                    self.events.push_notice(HostEvent::Corrupt(error));
+                    self.core.events.push_notice(HostEvent::Corrupt(error));
                 }
             }
         }
     }
-}
 
-impl Session for Host {
-    type Event = HostEvent;
-    type Statistics = HostStatistics;
-
-    const MAX_TRANSMIT: usize = 1;
-
-    fn handle_connected(&mut self, now: Duration) {
-        self.handle_timeout(now);
-        self.decoder.clear();
-        self.advance(now, Input::Connected, None);
-    }
-
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.handle_timeout(now);
-        self.decoder.clear();
-        self.advance(now, Input::Disconnected, None);
-    }
-
-    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        self.handle_timeout(now);
-        while !bytes.is_empty() {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            self.read(now);
+    fn act(&mut self, now: Duration, action: Action, packet: Option<Packet>) {
+        match (action, packet) {
+            (Action::New, Some(packet)) => self.report(HostEvent::Packet(packet)),
+            (Action::Old, Some(packet)) => self.report(HostEvent::Old(packet)),
+            (Action::Unasked, Some(packet)) => {
+                self.statistics.unasked += 1;
+                self.core.events.push_notice(HostEvent::Unasked(packet));
+            }
+            (Action::Missed, _) => {
+                self.finish(now);
+                self.report(HostEvent::Missed);
+            }
+            (Action::Stale, _) => self.report(HostEvent::Stale),
+            (Action::Closed { missed, stale }, _) => {
+                if missed {
+                    self.report(HostEvent::Missed);
+                }
+                if stale {
+                    self.report(HostEvent::Stale);
+                }
+            }
+            (Action::Sent, _) => self.statistics.polls += 1,
+            (Action::Nothing | Action::New | Action::Old | Action::Unasked, _) => {}
         }
     }
 
-    /// What came due, one after the other.
-    fn handle_timeout(&mut self, now: Duration) {
-        while let Ok(action) = self.machine.on(now, Input::Timer, &self.config)
-            && action != Action::None
-        {
-            self.act(now, action, None);
-        }
+    fn write(&mut self, now: Duration, Enquiry: Enquiry, out: &mut [u8]) -> Option<(usize, Input)> {
+        *out.first_mut()? = ENQ;
+        // What is not whole is no reply to this poll.
+        self.finish(now);
+        Some((1, Input::Sent))
     }
 
-    fn poll_event(&mut self) -> Option<HostEvent> {
-        self.events.pop()
+    fn unexpected(unexpected: Unexpected) -> HostEvent {
+        HostEvent::Unexpected(unexpected)
     }
 
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.handle_timeout(now);
-        let first = out.first_mut()?;
-        if !self.machine.transmits(now) || !self.events.has_room(Self::OUTCOMES) {
-            return None;
-        }
-        self.give_up_bytes(now);
-        self.advance(now, Input::Poll, None);
-        self.statistics.polls += 1;
-        *first = ENQ;
-        Some(1)
-    }
-
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
-    }
-
-    fn statistics(&self) -> HostStatistics {
-        HostStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn counters(&self) -> HostStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        HostStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }

@@ -395,6 +395,7 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> Session for Pc<'_, 
     type Event = PcEvent;
     type Statistics = PcStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
 
     fn handle_connected(&mut self, now: Duration) {

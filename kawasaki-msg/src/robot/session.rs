@@ -303,6 +303,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize> Session for Robot<'_, W,
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -270,6 +270,7 @@ where
     type Event = ControllerEvent;
     type Statistics = ControllerStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -290,6 +290,7 @@ impl Session for Host {
     type Event = HostEvent;
     type Statistics = HostStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
 
     fn handle_connected(&mut self, now: Duration) {

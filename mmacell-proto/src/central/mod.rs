@@ -154,6 +154,7 @@ impl<P: Pose> Session for Central<P> {
     type Event = CentralEvent<P>;
     type Statistics = CentralStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Command::<P>::MAX_LEN;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -234,6 +234,7 @@ impl<P: Pose> Session for Device<P> {
     type Event = DeviceEvent<P>;
     type Statistics = DeviceStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Reply::<P>::MAX_LEN;
 
     fn handle_connected(&mut self, _now: Duration) {

@@ -28,6 +28,7 @@ macro_rules! rows {
         $($rows.push(row($link, $name, stringify!($field), &$json, [$unit, $range, $source])?);)*
     }};
     (@model $type:ident, $value:expr, $($field:ident)*) => { let $type { $($field,)* without: _ } = $value; };
+    (@rules $type:ident, $value:expr, $($field:ident)*) => { let $type { $($field,)* rules: _ } = $value; };
     // The model counts transactions too.
     (@counted $type:ident, $value:expr, $($field:ident)*) => {
         let $type { $($field,)* transactions: _, without: _ } = $value;
@@ -107,13 +108,13 @@ fn alter(rows: &mut Vec<String>) -> Result<()> {
 }
 
 fn others(rows: &mut Vec<String>) -> Result<()> {
-    rows! { rows, "isra-ball", "HostConfig", BallHostConfig = BallHostConfig::default(); model
+    rows! { rows, "isra-ball", "HostConfig", BallHostConfig = BallHostConfig::default(); rules
         baud: baud, "baud", "from 1", "§4.1";
         period: time(period), "ns", "from an exchange, rounded up to a millisecond", "§3.4";
         max_delay: time(max_delay), "ns", "from 0", "ours";
         max_age: time(max_age), "ns", "above 2 · max(period, window) + window; null: for ever", "ours";
     }
-    rows! { rows, "isra-ball", "BallConfig", BallConfig = BallConfig::default(); model
+    rows! { rows, "isra-ball", "BallConfig", BallConfig = BallConfig::default(); rules
         sensor_type: sensor_type, "number", "0 to 7", "§4.2";
         sensor: sensor, "number", "0 to 7", "§4.2";
     }

@@ -23,7 +23,7 @@ pub(crate) fn explore(root: &Path, link: &str, seeds: u64) -> Result<()> {
         crate::input(root, "stories", link)?.with_context(|| format!("{link} has no stories"))?;
     let mut id = u32::try_from(inputs.stories.len())?;
     for (end, about) in &inputs.ends {
-        let rules = ends(link, end)?.rules;
+        let rules = (ends(link, end)?.rules)();
         let mut cells = reachable(root, link, &about.machines)?;
         cells.retain(|cell| !about.unreachable.contains_key(cell));
         let found = |story: &Story| -> Result<Found> {

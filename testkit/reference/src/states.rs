@@ -16,6 +16,18 @@ pub(crate) struct Cell {
     pub(crate) actions: String,
 }
 
+/// The cells of a link whose rows testkit has.
+fn tables(link: &str) -> Option<Vec<testkit::model::Cell>> {
+    use testkit::links;
+    use testkit::model::cells;
+    Some(match link {
+        "isra-ball" => {
+            [cells::<links::isra_ball::rows::Host>(), cells::<links::isra_ball::rows::Ball>()].concat()
+        }
+        _ => return None,
+    })
+}
+
 /// A file, the machine that it begins with if the file does not name it, and the state and the name of the second one in it.
 type Matrix = (&'static str, &'static str, Option<(&'static str, &'static str)>);
 
@@ -23,7 +35,6 @@ type Matrix = (&'static str, &'static str, Option<(&'static str, &'static str)>)
 fn matrices(link: &str) -> &'static [Matrix] {
     match link {
         "kawasaki-msg" => &[("pc_matrix.txt", "pc", None), ("robot_matrix.txt", "robot", None)],
-        "isra-ball" => &[("state_matrix.txt", "host", Some(("DisconnectedOld", "ball")))],
         "val2-viewer" => &[("state_matrix.txt", "host", Some(("Disconnected", "workstation")))],
         _ => &[("state_matrix.txt", "", None)],
     }
@@ -49,6 +60,18 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
 
 /// Every cell of a link.
 pub(crate) fn cells(root: &Path, link: &str) -> Result<Vec<Cell>> {
+    if let Some(table) = tables(link) {
+        return Ok(table
+            .into_iter()
+            .map(|cell| Cell {
+                machine: cell.end.into(),
+                state: cell.state,
+                input: cell.input,
+                to: cell.to,
+                actions: cell.action,
+            })
+            .collect());
+    }
     let mut cells = Vec::new();
     for (file, first, second) in matrices(link) {
         let path = root.join(link).join("tests").join(file);

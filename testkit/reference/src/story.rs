@@ -73,7 +73,7 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
     let Some(inputs) = crate::input::<Inputs>(root, "stories", link)? else { return Ok(None) };
     let mut lines = Vec::new();
     let mut covered: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
-    let mut needed: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+    let mut needed: BTreeMap<&str, BTreeSet<String>> = BTreeMap::new();
     for (index, story) in inputs.stories.iter().enumerate() {
         ensure!(story.id as usize == index + 1, "story {} of {link} is in place {}", story.id, index + 1);
         let context = || format!("story {} of {link}", story.id);
@@ -81,10 +81,10 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
         let before = covered.entry(&story.end).or_default();
         let fresh: Vec<&String> = played.cells.iter().filter(|cell| !before.contains(*cell)).collect();
         let mut needs = Vec::new();
-        for (index, rule) in ends(link, &story.end)?.rules.iter().enumerate() {
+        for (index, rule) in (ends(link, &story.end)?.rules)().into_iter().enumerate() {
             // A script may name times that another way has passed already.
             if play(link, &inputs, story, Some(index)).map_or(true, |other| other.steps != played.steps) {
-                needs.push(*rule);
+                needs.push(rule);
             }
         }
         lines.push(
@@ -115,10 +115,10 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
             .collect();
         let count = reachable.intersection(&covered).count();
         let needed = needed.remove(end.as_str()).unwrap_or_default();
-        let rules = ends(link, end)?.rules;
+        let rules = (ends(link, end)?.rules)();
         let unneeded: Vec<_> = rules
             .iter()
-            .filter(|rule| !needed.contains(*rule) && !about.unneeded.contains_key(**rule))
+            .filter(|rule| !needed.contains(*rule) && !about.unneeded.contains_key(*rule))
             .collect();
         eprintln!(
             "{link} {end}: {count} of {} cells covered, {} cannot be reached; {} of {} rules needed",

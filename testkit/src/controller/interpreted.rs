@@ -254,6 +254,7 @@ impl Session for AsRobot {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = 4096;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -98,6 +98,7 @@ impl Session for Native {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = LargeRobot::<Line>::MAX_TRANSMIT;
 
     fn handle_connected(&mut self, now: Duration) {

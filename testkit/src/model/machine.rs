@@ -71,6 +71,42 @@ macro_rules! forward {
 #[cfg(feature = "links")]
 pub(crate) use forward;
 
+/// A machine that is one of `robot-session`.
+#[cfg(feature = "links")]
+macro_rules! adapt {
+    ($machine:ty) => {
+        impl $crate::model::Machine for $machine {
+            const END: &'static str = <Self as robot_session::Machine>::END;
+            type Input = <Self as robot_session::Machine>::Input;
+            type Action = <Self as robot_session::Machine>::Action;
+            type Config = <Self as robot_session::Machine>::Config;
+
+            fn on(
+                &mut self,
+                now: core::time::Duration,
+                input: Self::Input,
+                config: &Self::Config,
+            ) -> Result<Self::Action, robot_session::Unexpected> {
+                robot_session::Machine::on(self, now, input, config)
+            }
+
+            fn each_time(&mut self, f: impl FnMut(&mut core::time::Duration)) {
+                robot_session::Machine::each_time(self, f);
+            }
+
+            fn name(&self) -> &'static str {
+                robot_session::Machine::name(self)
+            }
+
+            fn input_name(input: &Self::Input) -> &'static str {
+                robot_session::Input::name(input)
+            }
+        }
+    };
+}
+#[cfg(feature = "links")]
+pub(crate) use adapt;
+
 /// One transition of one end.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Edge {

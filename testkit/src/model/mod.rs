@@ -15,6 +15,7 @@ mod explore;
 mod fingerprint;
 mod graph;
 mod machine;
+mod matrix;
 mod pair;
 mod refine;
 mod runs;
@@ -25,9 +26,10 @@ mod system;
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
-#[cfg(feature = "links")]
-pub(crate) use machine::forward;
 pub use machine::{Edge, Edges, Machine, age, drive};
+#[cfg(feature = "links")]
+pub(crate) use machine::{adapt, forward};
+pub use matrix::{Cell, NOW, Rows, cells, check_times};
 pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, draw};
 pub use refine::{Refined, refine};
 pub use system::{System, trace};

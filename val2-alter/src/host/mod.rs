@@ -390,6 +390,7 @@ impl Session for Host {
     type Event = HostEvent;
     type Statistics = HostStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize =
         timing::max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
 

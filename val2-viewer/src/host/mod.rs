@@ -138,6 +138,7 @@ impl Session for Host {
     type Event = HostEvent;
     type Statistics = HostStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = 256;
 
     fn handle_connected(&mut self, now: Duration) {

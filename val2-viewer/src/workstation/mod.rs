@@ -180,6 +180,7 @@ impl Session for Workstation {
     type Event = WorkstationEvent;
     type Statistics = WorkstationStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = 1;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -40,6 +40,7 @@ impl JobSource for Order<'_> {
 impl Session for Journaled<'_> {
     type Event = PcEvent;
     type Statistics = PcStatistics;
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = LargePc::<Order<'_>>::MAX_TRANSMIT;
 
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {

@@ -220,6 +220,7 @@ struct Unpacking<'a> {
 impl Session for Unpacking<'_> {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = LargeRobot::<AnyWork>::MAX_TRANSMIT;
 
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {

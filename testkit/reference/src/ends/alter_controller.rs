@@ -17,15 +17,19 @@ pub(super) const MAKER: Maker = Maker {
     make: |config, without| {
         Ok(Box::new(Driven::<AlterController>(Controller::new(configuration(config, without)?)?)))
     },
-    rules: &[
-        "ReportInterruption",
-        "AfterRequest",
-        "FirstReply",
-        "EndOnMissing",
-        "OneSubroutine",
-        "Attempts",
-        "RestInterrupted",
-    ],
+    rules: || {
+        [
+            "ReportInterruption",
+            "AfterRequest",
+            "FirstReply",
+            "EndOnMissing",
+            "OneSubroutine",
+            "Attempts",
+            "RestInterrupted",
+        ]
+        .map(String::from)
+        .to_vec()
+    },
 };
 
 static RULES: [ControllerRule; 7] = [

@@ -15,24 +15,28 @@ use super::{Do, Driven, Fields, Hooks, Maker, event, kind, show, unexpected};
 
 pub(super) const MAKER: Maker = Maker {
     make: |config, without| Ok(Box::new(Driven::<AlterHost>(Host::new(configuration(config, without)?)?))),
-    rules: &[
-        "Mode",
-        "WordsUntilRead",
-        "WordsInterrupted",
-        "WordsKept",
-        "InTime",
-        "InSequence",
-        "Unread",
-        "SendOnce",
-        "NotInterrupted",
-        "ZerosRead",
-        "Silent",
-        "Stale",
-        "Restart",
-        "Lost",
-        "Late",
-        "Forget",
-    ],
+    rules: || {
+        [
+            "Mode",
+            "WordsUntilRead",
+            "WordsInterrupted",
+            "WordsKept",
+            "InTime",
+            "InSequence",
+            "Unread",
+            "SendOnce",
+            "NotInterrupted",
+            "ZerosRead",
+            "Silent",
+            "Stale",
+            "Restart",
+            "Lost",
+            "Late",
+            "Forget",
+        ]
+        .map(String::from)
+        .to_vec()
+    },
 };
 
 const RULES: [HostRule; 16] = [

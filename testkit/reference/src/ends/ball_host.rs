@@ -1,61 +1,33 @@
 //! The computer that polls the ball.
 
-use core::time::Duration;
-
 use anyhow::{Result, bail};
-use isra_ball::host::Rule;
-use isra_ball::host::machine::{Action, HostMachine, Input, Poll, Values};
-use isra_ball::{Decoder, Host, HostConfig, HostEvent, Packet};
-use robot_session::{Decoder as _, Session as _};
+use isra_ball::{Host, HostConfig, HostEvent};
 use serde_json::{Map, Value};
+use testkit::links::isra_ball::rows;
 
-use super::{Do, Driven, Fields, Hooks, Maker, event, live_until, show, unexpected};
+use super::{About, Fields, Maker, Noted, event, live_until, names, show, unexpected, without};
 
 pub(super) const MAKER: Maker = Maker {
-    make: |config, without| Ok(Box::new(Driven::<BallHost>(Host::new(configuration(config, without)?)?))),
-    rules: &[
-        "DrainFirst",
-        "AwaitReply",
-        "NotBefore",
-        "ProveAge",
-        "AgeFromPoll",
-        "OldIsNotNew",
-        "ReportEnd",
-        "ForgetReply",
-    ],
+    make: |config, rule| Ok(Noted::<BallHost>::boxed(Host::new(configuration(config, rule)?)?)),
+    rules: names::<isra_ball::host::Rule>,
 };
 
-const RULES: [Rule; 8] = [
-    Rule::DrainFirst,
-    Rule::AwaitReply,
-    Rule::NotBefore,
-    Rule::ProveAge,
-    Rule::AgeFromPoll,
-    Rule::OldIsNotNew,
-    Rule::ReportEnd,
-    Rule::ForgetReply,
-];
-
-fn configuration(config: &Map<String, Value>, without: Option<usize>) -> Result<HostConfig> {
-    let mut made = HostConfig::default();
+fn configuration(config: &Map<String, Value>, rule: Option<usize>) -> Result<HostConfig> {
+    let mut made = HostConfig { rules: without(rule), ..HostConfig::default() };
     let mut fields = Fields(config.clone());
     fields.take("baud", &mut made.baud)?;
     fields.time("period", &mut made.period)?;
     fields.time("max_delay", &mut made.max_delay)?;
     fields.time("max_age", &mut made.max_age)?;
     fields.end()?;
-    made.without = without.and_then(|rule| RULES.get(rule)).copied();
     Ok(made)
 }
 
 struct BallHost;
 
-impl Hooks for BallHost {
-    type Session = Host;
-
-    fn call(_: &mut Host, _: Duration, name: &str, _: Value) -> Result<Result<(), String>> {
-        bail!("a host has no call {name}")
-    }
+impl About for BallHost {
+    type End = Host;
+    type Rows = rows::Host;
 
     fn event(host: &Host, happened: HostEvent) -> Result<String> {
         Ok(match happened {
@@ -72,88 +44,4 @@ impl Hooks for BallHost {
             _ => bail!("an event without a name"),
         })
     }
-
-    fn state(host: &Host) -> String {
-        host.machine().name().into()
-    }
-
-    fn cells(before: &Host, after: &Host, now: Duration, input: &Do, _: bool) -> Vec<String> {
-        let mut walk = Walk::new(before, now);
-        match input {
-            Do::Connected => walk.cell("Connected"),
-            Do::Disconnected => walk.cell("Disconnected"),
-            Do::Input(bytes) => {
-                let count = |host: &Host| {
-                    let counted = host.statistics();
-                    counted.packets + counted.old + counted.unasked
-                };
-                if let Some(packet) = received(bytes).filter(|_| count(after) == count(before) + 1) {
-                    walk.cell(Input::Packet { fresh: packet.status.is_fresh() }.name());
-                }
-            }
-            Do::Timeout => {}
-            Do::Transmitted | Do::Nothing | Do::Call { .. } => return Vec::new(),
-        }
-        walk.cells
-    }
-
-    fn transmit_cells(before: &Host, now: Duration, sent: bool) -> Vec<String> {
-        let mut walk = Walk::new(before, now);
-        if sent {
-            walk.cell("Poll");
-        }
-        walk.cells
-    }
-}
-
-/// The machine after what came due: with each input the session first does that.
-struct Walk {
-    machine: HostMachine,
-    now: Duration,
-    cells: Vec<String>,
-}
-
-impl Walk {
-    fn new(before: &Host, now: Duration) -> Self {
-        let mut walk = Self { machine: *before.machine(), now, cells: Vec::new() };
-        loop {
-            walk.cell("Timer");
-            let action = walk.machine.on(now, Input::Timer, &HostConfig::default());
-            if matches!(action, Ok(Action::None) | Err(_)) {
-                return walk;
-            }
-        }
-    }
-
-    fn cell(&mut self, input: &str) {
-        self.cells.push(format!("{}: {input}", row(&self.machine, self.now)));
-    }
-}
-
-/// The row of the matrix.
-fn row(machine: &HostMachine, now: Duration) -> String {
-    let HostMachine::Connected(polling) = machine else { return machine.name().into() };
-    let (poll, in_window) = match polling.poll {
-        Poll::Idle { due } if now >= due => (", due", false),
-        Poll::Idle { .. } => ("", false),
-        Poll::Waiting { from, .. } if now < from => (", early", false),
-        Poll::Waiting { until, .. } if now >= until => (", late", false),
-        Poll::Waiting { .. } => ("", true),
-    };
-    let values = match polling.values {
-        Values::Live { until } if now >= until => ", too old",
-        Values::Live { .. } | Values::Stale => "",
-    };
-    let proof = if in_window && now < polling.proof_until { ", proof" } else { "" };
-    format!("{}{poll}{values}{proof}", machine.name())
-}
-
-/// The packet of a step that has one.
-fn received(bytes: &[u8]) -> Option<Packet> {
-    let mut decoder = Decoder::new();
-    if decoder.push(bytes) < bytes.len() {
-        return None;
-    }
-    let packet = decoder.next_frame()?.and_then(|frame| frame.packet()).ok()?;
-    decoder.next_frame().is_none().then_some(packet)
 }

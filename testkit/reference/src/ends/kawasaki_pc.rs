@@ -17,7 +17,11 @@ use super::{Do, End, Fields, Maker, Omits, Step, event};
 
 pub(super) const MAKER: Maker = Maker {
     make: |config, without| Ok(Box::new(KawasakiPc::new(config, without)?)),
-    rules: &["LearnIdentity", "CancelWaits", "StartOnce", "DoubtCorrupt", "Window", "LateReports"],
+    rules: || {
+        ["LearnIdentity", "CancelWaits", "StartOnce", "DoubtCorrupt", "Window", "LateReports"]
+            .map(String::from)
+            .to_vec()
+    },
 };
 
 const RULES: [PcRule; 6] = [

@@ -18,18 +18,22 @@ use super::{Do, End, Fields, Maker, Omits, Step, event, kind};
 
 pub(super) const MAKER: Maker = Maker {
     make: |config, without| Ok(Box::new(KawasakiRobot::new(config, without)?)),
-    rules: &[
-        "DestroyRest",
-        "EndFillsGap",
-        "GapAtConnection",
-        "StepsByClock",
-        "ClosingIsStep",
-        "SlowInRest",
-        "SettledTwice",
-        "NewStarts",
-        "IgnoreStarts",
-        "DrainStarts",
-    ],
+    rules: || {
+        [
+            "DestroyRest",
+            "EndFillsGap",
+            "GapAtConnection",
+            "StepsByClock",
+            "ClosingIsStep",
+            "SlowInRest",
+            "SettledTwice",
+            "NewStarts",
+            "IgnoreStarts",
+            "DrainStarts",
+        ]
+        .map(String::from)
+        .to_vec()
+    },
 };
 
 const RULES: [RobotRule; 10] = [

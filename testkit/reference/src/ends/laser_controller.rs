@@ -19,7 +19,7 @@ use super::{Before, Do, Driven, Fields, Hooks, Maker, event, kind, show, unexpec
 
 pub(super) const MAKER: Maker = Maker {
     make: |config, without| Ok(Box::new(Driven::<LaserController>(robot(config, without)?))),
-    rules: &["IgnoreShort"],
+    rules: || ["IgnoreShort"].map(String::from).to_vec(),
 };
 
 /// The room of the queue, if a story gives none.
@@ -77,6 +77,7 @@ impl Session for Robot {
     type Event = Happened;
     type Statistics = ControllerStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Controller::<Job>::MAX_TRANSMIT;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -16,15 +16,19 @@ use super::{Do, Driven, Fields, Hooks, Maker, event, kind, show, unexpected};
 
 pub(super) const MAKER: Maker = Maker {
     make: |config, without| Ok(Box::new(Driven::<LaserHost>(Host::new(configuration(config, without)?)?))),
-    rules: &[
-        "DrainFirst",
-        "ConfirmLate",
-        "FinalCodes",
-        "FailedIsUnknown",
-        "OutlastExecution",
-        "UnansweredIsUnknown",
-        "CompareWord",
-    ],
+    rules: || {
+        [
+            "DrainFirst",
+            "ConfirmLate",
+            "FinalCodes",
+            "FailedIsUnknown",
+            "OutlastExecution",
+            "UnansweredIsUnknown",
+            "CompareWord",
+        ]
+        .map(String::from)
+        .to_vec()
+    },
 };
 
 const RULES: [HostRule; 7] = [

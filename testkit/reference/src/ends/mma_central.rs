@@ -18,7 +18,11 @@ pub(super) const MAKER: Maker = Maker {
     make: |config, without| {
         Ok(Box::new(Driven::<MmaCentral>(Central::new(configuration(config, without)?)?)))
     },
-    rules: &["ServoOn", "UnknownWhenSent", "ForgetMotion", "ForgetTarget", "AbortEnds", "StrayEnds"],
+    rules: || {
+        ["ServoOn", "UnknownWhenSent", "ForgetMotion", "ForgetTarget", "AbortEnds", "StrayEnds"]
+            .map(String::from)
+            .to_vec()
+    },
 };
 
 const RULES: [CentralRule; 6] = [

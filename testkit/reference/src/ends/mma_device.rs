@@ -16,7 +16,9 @@ use super::{Do, Driven, Fields, Hooks, Maker, event, kind, show, unexpected};
 
 pub(super) const MAKER: Maker = Maker {
     make: |config, without| Ok(Box::new(Driven::<MmaDevice>(Device::new(configuration(config, without)?)?))),
-    rules: &["TakeOver", "AcceptPending", "AcceptPossible", "OneMotion", "ServoFirst"],
+    rules: || {
+        ["TakeOver", "AcceptPending", "AcceptPossible", "OneMotion", "ServoFirst"].map(String::from).to_vec()
+    },
 };
 
 const RULES: [DeviceRule; 5] = [

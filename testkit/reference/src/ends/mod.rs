@@ -18,9 +18,11 @@ mod viewer_workstation;
 use core::time::Duration;
 
 use anyhow::{Result, bail};
-use robot_session::{Session, Unexpected};
+use robot_session::{End as _, EventOf, Machine as _, Rule, Rules, Session, Unexpected};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
+
+use testkit::model::Rows;
 
 use crate::json::{self, Object};
 
@@ -68,7 +70,12 @@ type Make = fn(&Map<String, Value>, Option<usize>) -> Result<Box<dyn End>>;
 /// How to make an end, and the rules that its machine can be told to leave out, by number.
 pub(crate) struct Maker {
     pub(crate) make: Make,
-    pub(crate) rules: &'static [&'static str],
+    pub(crate) rules: fn() -> Vec<String>,
+}
+
+/// The names of rules.
+fn names<R: Rule>() -> Vec<String> {
+    R::ALL.iter().map(|rule| format!("{rule:?}")).collect()
 }
 
 /// An end of a link by its name.
@@ -186,6 +193,89 @@ impl<H: Hooks> End for Driven<H> {
     fn state(&self) -> String {
         H::state(&self.0)
     }
+}
+
+/// What is particular to an end of `robot-session`.
+trait About {
+    type End: robot_session::End + 'static;
+    type Rows: Rows<Machine = <Self::End as robot_session::End>::Machine>;
+
+    /// A call of the end's user; an error object if the session refuses it.
+    fn call(_: &mut Self::End, _: Duration, name: &str, _: Value) -> Result<Result<(), String>> {
+        bail!("it has no call {name}")
+    }
+
+    fn event(session: &Self::End, event: EventOf<Self::End>) -> Result<String>;
+}
+
+/// A session that notes what its machine is given.
+struct Noted<A: About>(A::End);
+
+impl<A: About + 'static> Noted<A> {
+    fn boxed(mut session: A::End) -> Box<dyn End> {
+        session.core_mut().moves = Some(Vec::new());
+        Box::new(Self(session))
+    }
+
+    /// The cells that were reached since it was asked last.
+    fn cells(&mut self) -> Vec<String> {
+        let moves = self.0.core_mut().moves.replace(Vec::new()).unwrap_or_default();
+        let cell =
+            |(at, machine, input)| format!("{}: {}", A::Rows::row(&machine, at), A::Rows::column(&input));
+        moves.into_iter().map(cell).collect()
+    }
+}
+
+impl<A: About + 'static> End for Noted<A> {
+    fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
+        let session = &mut self.0;
+        let mut step = Step::default();
+        match input {
+            Do::Connected => session.handle_connected(now),
+            Do::Disconnected => session.handle_disconnected(now),
+            Do::Input(bytes) => session.handle_input(now, bytes),
+            Do::Timeout => session.handle_timeout(now),
+            Do::Transmitted => session.handle_transmitted(now),
+            Do::Nothing => {}
+            Do::Call { name, argument } => {
+                step.refused = A::call(session, now, name, argument.clone())?.err()
+            }
+        }
+        let mut buffer = vec![0; <A::End as Session>::MAX_TRANSMIT];
+        loop {
+            let mut idle = true;
+            while !omits.events
+                && let Some(event) = session.poll_event()
+            {
+                step.events.push(A::event(session, event)?);
+                idle = false;
+            }
+            while !omits.transmit
+                && let Some(length) = session.poll_transmit(now, &mut buffer)
+            {
+                step.transmit.push(buffer.get(..length).unwrap_or_default().to_vec());
+                idle = false;
+            }
+            if idle {
+                break;
+            }
+        }
+        step.cells = self.cells();
+        Ok(step)
+    }
+
+    fn deadline(&self) -> Option<Duration> {
+        self.0.poll_timeout()
+    }
+
+    fn state(&self) -> String {
+        self.0.core().machine.name().into()
+    }
+}
+
+/// The rule of a number.
+fn without<R: Rule>(rule: Option<usize>) -> Rules<R> {
+    rule.and_then(|rule| R::ALL.get(rule)).map_or(Rules::ALL, |rule| Rules::without(*rule))
 }
 
 fn event(name: &str) -> Object {

@@ -12,7 +12,7 @@ use super::{Do, Driven, Fields, Hooks, Maker, event, unexpected};
 
 pub(super) const MAKER: Maker = Maker {
     make: |config, without| Ok(Box::new(Driven::<ViewerHost>(Host::new(configuration(config, without)?)?))),
-    rules: &["DrainFirst", "Pace", "Expire", "ForgetRequest"],
+    rules: || ["DrainFirst", "Pace", "Expire", "ForgetRequest"].map(String::from).to_vec(),
 };
 
 const RULES: [Rule; 4] = [Rule::DrainFirst, Rule::Pace, Rule::Expire, Rule::ForgetRequest];

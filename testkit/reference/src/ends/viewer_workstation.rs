@@ -15,7 +15,11 @@ pub(super) const MAKER: Maker = Maker {
     make: |config, without| {
         Ok(Box::new(Driven::<ViewerWorkstation>(Workstation::new(configuration(config, without)?)?)))
     },
-    rules: &["Credit", "AskAgain", "CorruptIsAnswer", "NoiseIsNoAnswer", "Expire", "ReportEnd", "AskFirst"],
+    rules: || {
+        ["Credit", "AskAgain", "CorruptIsAnswer", "NoiseIsNoAnswer", "Expire", "ReportEnd", "AskFirst"]
+            .map(String::from)
+            .to_vec()
+    },
 };
 
 const RULES: [Rule; 7] = [

@@ -3,12 +3,14 @@
 mod machines;
 mod pair;
 mod refine;
+pub mod rows;
 mod world;
 
 pub use refine::refine;
 pub use world::{Act, Exchange, Fate, State, TICK};
 
 use isra_ball::{ball, host};
+use robot_session::Rules;
 
 use crate::model::{Depth, Diagram, MustFail, Pair, Setting, draw};
 use pair::{AGE, ASKED, ONE_OUTCOME, PAIRED, STALE};
@@ -44,7 +46,8 @@ fn must_fail() -> Vec<MustFail> {
     let noisy = Exchange { noise: true, sleeps: false, ..slow };
     let patient = Exchange { config: slow.config.patient(), delay: 3, faults: 0, ..slow };
     let late = Exchange { delay: slow.delay + 4, faults: 0, ..slow };
-    let ball = |rule| Exchange { ball: isra_ball::BallConfig { without: Some(rule), ..slow.ball }, ..slow };
+    let ball =
+        |rule| Exchange { ball: isra_ball::BallConfig { rules: Rules::without(rule), ..slow.ball }, ..slow };
     let two = "2 faults, a ball that may not measure";
     vec![
         MustFail::new("host: drain first", PAIRED, two, host(Rule::DrainFirst, slow)),

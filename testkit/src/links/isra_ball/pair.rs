@@ -8,6 +8,7 @@ use core::time::Duration;
 use crate::model::{Edge, Edges, System, age, drive};
 use isra_ball::ball::machine::{self as ball, BallMachine};
 use isra_ball::host::machine::{self as host, HostMachine};
+use robot_session::Machine as _;
 
 use super::world::{Act, Exchange, Fate, LINE, Packet, State, TICK};
 
@@ -46,7 +47,7 @@ impl System for Exchange {
 
     fn acts(&self, state: &State, acts: &mut Vec<Act>) {
         let faulty = state.faults < self.faults;
-        if state.ball.transmits() {
+        if self.replies(state) {
             acts.extend(
                 (0..=self.delay.saturating_sub(state.waits)).map(|late| Act::Reply(Fate::Late(late))),
             );
@@ -63,14 +64,13 @@ impl System for Exchange {
             }
         }
         if !state.asleep {
-            let timer = { state.host }.on(Duration::ZERO, host::Input::Timer, &self.config.0);
-            if timer != Ok(host::Action::None) {
+            if state.host.expires(Duration::ZERO) {
                 return acts.push(Act::Timer);
             }
             if state.up.first().is_some_and(|packet| packet.ticks == 0) {
                 return acts.push(Act::Receive);
             }
-            if state.host.transmits(Duration::ZERO) {
+            if state.host.transmit(Duration::ZERO, &self.config.0).is_some() {
                 acts.push(Act::Poll { arrives: true });
                 if faulty {
                     acts.push(Act::Poll { arrives: false });
@@ -92,7 +92,7 @@ impl System for Exchange {
         }
         if faulty {
             acts.extend([Act::RestartHost, Act::ReopenHost, Act::RestartBall, Act::OtherBall]);
-            if self.noise && !state.ball.transmits() {
+            if self.noise && !self.replies(state) {
                 acts.push(Act::Noise);
             }
         }
@@ -106,7 +106,7 @@ impl System for Exchange {
         match act {
             Act::Timer => self.expire(state, edges),
             Act::Poll { arrives } => {
-                self.host(state, host::Input::Poll, edges);
+                self.host(state, host::Input::Sent, edges);
                 state.up.iter_mut().for_each(|packet| packet.reply = false);
                 if arrives {
                     self.ask(state, edges);
@@ -193,10 +193,10 @@ impl Exchange {
         let action = drive(&mut state.host, input, &self.config.0, edges);
         let Ok(action) = action else {
             state.wrong = Some(EXPECTED);
-            return Some(host::Action::None);
+            return Some(host::Action::Nothing);
         };
         match action {
-            host::Action::Transmit => state.open = true,
+            host::Action::Sent => state.open = true,
             host::Action::New | host::Action::Old => self.end(state),
             host::Action::Missed => {
                 self.end(state);
@@ -215,14 +215,16 @@ impl Exchange {
                 }
             }
             host::Action::Unasked => self.alarm(state),
-            host::Action::None => {}
+            host::Action::Nothing => {}
         }
         Some(action)
     }
 
     /// What came due comes first.
     fn expire(&self, state: &mut State, edges: &mut Edges<'_>) {
-        while self.host(state, host::Input::Timer, edges) != Some(host::Action::None) {}
+        while state.host.expires(Duration::ZERO) {
+            self.host(state, host::Input::Timeout, edges);
+        }
     }
 
     fn end(&self, state: &mut State) {
@@ -239,8 +241,8 @@ impl Exchange {
 
     fn ball(&self, state: &mut State, input: ball::Input, edges: &mut Edges<'_>) -> Option<bool> {
         match drive(&mut state.ball, input, &self.ball, edges) {
-            Ok(ball::Action::Transmit { fresh }) => Some(fresh),
-            Ok(ball::Action::None | ball::Action::Ignore) => None,
+            Ok(ball::Action::Sent { fresh }) => Some(fresh),
+            Ok(ball::Action::Nothing | ball::Action::Ignore) => None,
             Err(_) => {
                 state.wrong = Some(EXPECTED);
                 None
@@ -248,8 +250,12 @@ impl Exchange {
         }
     }
 
+    fn replies(&self, state: &State) -> bool {
+        state.ball.transmit(Duration::ZERO, &self.ball).is_some()
+    }
+
     fn ask(&self, state: &mut State, edges: &mut Edges<'_>) {
-        if !state.ball.transmits() {
+        if !self.replies(state) {
             state.waits = 0;
         }
         self.ball(state, ball::Input::Enquiry, edges);
@@ -257,7 +263,7 @@ impl Exchange {
     }
 
     fn reply(&self, state: &mut State, fate: Fate, edges: &mut Edges<'_>) {
-        let Some(fresh) = self.ball(state, ball::Input::Reply, edges) else { return };
+        let Some(fresh) = self.ball(state, ball::Input::Sent, edges) else { return };
         if !core::mem::take(&mut state.asked) {
             state.wrong = Some(ASKED);
         }
@@ -293,7 +299,7 @@ impl Exchange {
         if let Some((age, _)) = &mut state.using {
             older(age);
         }
-        if state.ball.transmits() {
+        if self.replies(state) {
             state.waits += 1;
         }
         if measures {

@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use isra_ball::ball::machine::BallMachine;
 use isra_ball::{Ball, Host, HostEvent, Keys};
-use robot_session::Session as _;
+use robot_session::{Machine as _, Session as _};
 
 use super::world::{Act, Exchange, Fate, State, TICK};
 use crate::model::{self, Refined, age};
@@ -146,7 +146,7 @@ impl<'a> Sessions<'a> {
             let due = self.host.poll_timeout().map(|at| at.saturating_sub(now));
             assert_eq!(due, state.host.deadline(), "{walk:?}");
         }
-        if !state.ball.transmits() {
+        if state.ball.transmit(now, &self.exchange.ball).is_none() {
             assert_eq!(self.ball.poll_transmit(now, &mut [0; 12]), None, "{walk:?}");
         }
     }

@@ -5,6 +5,7 @@ use core::time::Duration;
 use isra_ball::ball::machine::BallMachine;
 use isra_ball::host::machine::HostMachine;
 use isra_ball::{BallConfig, HostConfig};
+use robot_session::Rules;
 
 /// The time of a tick.
 pub const TICK: Duration = Duration::from_millis(5);
@@ -41,11 +42,11 @@ impl Config {
         // A packet that is one tick late is in time.
         max_delay: Duration::from_micros(7500),
         max_age: Duration::from_millis(55),
-        without: None,
+        rules: Rules::ALL,
     });
 
     pub(super) fn without(self, rule: isra_ball::host::Rule) -> Self {
-        Self(HostConfig { without: Some(rule), ..self.0 })
+        Self(HostConfig { rules: Rules::without(rule), ..self.0 })
     }
 
     /// Three ticks late is in time, later than the next poll is due.

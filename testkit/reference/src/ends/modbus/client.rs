@@ -16,18 +16,22 @@ use crate::ends::{Do, Driven, End, Fields, Hooks, Maker, event, kind, show, unex
 
 pub(in crate::ends) const MAKER: Maker = Maker {
     make,
-    rules: &[
-        "MatchTransaction",
-        "FreshTransaction",
-        "OneInFlight",
-        "CheckReply",
-        "DrainFirst",
-        "ReadBeforeSend",
-        "WaitForSilence",
-        "CutAtSilence",
-        "EndAtDisconnect",
-        "DropQueued",
-    ],
+    rules: || {
+        [
+            "MatchTransaction",
+            "FreshTransaction",
+            "OneInFlight",
+            "CheckReply",
+            "DrainFirst",
+            "ReadBeforeSend",
+            "WaitForSilence",
+            "CutAtSilence",
+            "EndAtDisconnect",
+            "DropQueued",
+        ]
+        .map(String::from)
+        .to_vec()
+    },
 };
 
 const RULES: [Rule; 10] = [
@@ -283,6 +287,7 @@ impl<const N: usize> Session for Watched<N> {
     type Event = ClientEvent;
     type Statistics = ClientStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
 
     fn handle_connected(&mut self, now: Duration) {

@@ -14,8 +14,12 @@ use serde_json::{Map, Value};
 use super::{Transport, places, prefix, silent_at, timed};
 use crate::ends::{Do, Driven, End, Fields, Hooks, Maker, event, show, unexpected};
 
-pub(in crate::ends) const MAKER: Maker =
-    Maker { make, rules: &["CheckUnit", "NoReplyToBroadcast", "ReplyAfterSilence", "DropReplies"] };
+pub(in crate::ends) const MAKER: Maker = Maker {
+    make,
+    rules: || {
+        ["CheckUnit", "NoReplyToBroadcast", "ReplyAfterSilence", "DropReplies"].map(String::from).to_vec()
+    },
+};
 
 const RULES: [Rule; 4] =
     [Rule::CheckUnit, Rule::NoReplyToBroadcast, Rule::ReplyAfterSilence, Rule::DropReplies];
@@ -159,6 +163,7 @@ impl<const N: usize> Session for Watched<N> {
     type Event = ServerEvent;
     type Statistics = ServerStatistics;
 
+    const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
 
     fn handle_connected(&mut self, now: Duration) {

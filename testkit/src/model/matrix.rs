@@ -1,0 +1,120 @@
+//! A machine as a table: what it does in each state with each input.
+
+use core::fmt::Debug;
+use core::time::Duration;
+
+use robot_session::{Input as _, Machine};
+
+/// The time of the table.
+pub const NOW: Duration = Duration::from_secs(1);
+
+/// The states and inputs of a machine that stand for all others.
+pub trait Rows {
+    /// The machine.
+    type Machine: Machine<Action: PartialEq>;
+
+    /// At least one state for each row, at [`NOW`].
+    fn states() -> Vec<Self::Machine>;
+
+    /// At least one input for each column.
+    fn inputs() -> Vec<<Self::Machine as Machine>::Input>;
+
+    /// What the machine works with.
+    fn config() -> <Self::Machine as Machine>::Config;
+
+    /// The row of a state: its name, and which of its deadlines have come if that makes a difference.
+    fn row(machine: &Self::Machine, _now: Duration) -> String {
+        machine.name().into()
+    }
+
+    /// The column of an input.
+    fn column(input: &<Self::Machine as Machine>::Input) -> String {
+        input.name().into()
+    }
+}
+
+/// What a machine does in a state with an input; no `to`: the input is not expected.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cell {
+    /// [`Machine::END`].
+    pub end: &'static str,
+    /// The state's row.
+    pub state: String,
+    /// The input's column.
+    pub input: String,
+    /// The row of the next state.
+    pub to: Option<String>,
+    /// The action; empty if there is none.
+    pub action: String,
+}
+
+/// Every cell. A timeout is given to a state where it has something to do, and, where time comes first, nothing else is.
+///
+/// # Panics
+/// Where an input that is not expected changes the state, or names itself or the state otherwise than the error does.
+pub fn cells<R: Rows>() -> Vec<Cell> {
+    let (config, mut cells) = (R::config(), Vec::new());
+    for state in R::states() {
+        let (row, expires) = (R::row(&state, NOW), state.expires(NOW));
+        for input in R::inputs() {
+            let (column, is_timeout) = (R::column(&input), is_timeout::<R::Machine>(&input));
+            if is_timeout != expires && (is_timeout || R::Machine::TIME_FIRST) {
+                continue;
+            }
+            let (mut next, name) = (state.clone(), input.name());
+            let (to, action) = match next.on(NOW, input, &config) {
+                Ok(action) => (Some(R::row(&next, NOW)), show(&action)),
+                Err(unexpected) => {
+                    assert_eq!(next, state, "{row}: {column} is not expected");
+                    assert_eq!((unexpected.state, unexpected.input), (state.name(), name));
+                    (None, String::new())
+                }
+            };
+            cells.push(Cell { end: R::Machine::END, state: row.clone(), input: column, to, action });
+        }
+    }
+    cells
+}
+
+/// Holds a machine to what [`Machine`] says of its times.
+///
+/// # Panics
+/// Where it does not keep it.
+pub fn check_times<R: Rows>() {
+    let config = R::config();
+    for state in R::states() {
+        let row = R::row(&state, NOW);
+        let is_due = state.expires(NOW) || state.transmit(NOW, &config).is_some();
+        let is_over = state.deadline().is_some_and(|at| at <= NOW);
+        assert!(!is_due || is_over || state.deadline().is_none(), "{row}: due before its deadline");
+        assert!(is_due || !is_over, "{row}: nothing is due at its deadline");
+        // Each timeout does one thing, and so they come to an end.
+        let mut expired = state.clone();
+        for round in 0.. {
+            assert!(round < 100, "{row}: a timeout is due again and again");
+            if !expired.expires(NOW) {
+                break;
+            }
+            assert!(expired.on(NOW, Input::<R>::TIMEOUT, &config).is_ok(), "{row}: a timeout is expected");
+        }
+        let mut never = state.clone();
+        never.each_time(|time| *time = Duration::MAX);
+        assert_eq!(never.deadline(), None, "{row}: Duration::MAX is never");
+        assert!(!never.expires(Duration::MAX), "{row}: Duration::MAX is never");
+        let mut again = never.clone();
+        again.each_time(|time| assert_eq!(*time, Duration::MAX));
+        assert_eq!(again, never, "{row}: a visit changes nothing");
+    }
+}
+
+type Input<R> = <<R as Rows>::Machine as Machine>::Input;
+
+fn is_timeout<M: Machine>(input: &M::Input) -> bool {
+    input.name() == M::Input::TIMEOUT.name()
+}
+
+/// What a table and a diagram call an action.
+fn show(action: &impl Debug) -> String {
+    let text = format!("{action:?}");
+    if text == "Nothing" { String::new() } else { text }
+}

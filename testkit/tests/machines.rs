@@ -1,0 +1,18 @@
+//! What `robot_session::Machine` says of times, for every machine; and their sizes.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+#![cfg(feature = "links")]
+
+use testkit::links;
+use testkit::model::{Rows, check_times};
+
+/// Its times are kept, and it has so many bytes at most.
+fn check<R: Rows>(size: usize) {
+    check_times::<R>();
+    assert!(size_of::<R::Machine>() <= size, "{} bytes", size_of::<R::Machine>());
+}
+
+#[test]
+fn isra_ball() {
+    check::<links::isra_ball::rows::Host>(112);
+    check::<links::isra_ball::rows::Ball>(2);
+}

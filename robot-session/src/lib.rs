@@ -32,5 +32,5 @@ pub use rules::{Rule, Rules};
 pub use session::Session;
 pub use settle::{Output, settle};
 #[cfg(feature = "std")]
-pub use std_driver::{Driver, Ended, Received, Sent, Transport, drive, now};
+pub use std_driver::{Driver, Ended, Received, Sent, Transport, drive, now, readable};
 pub use unexpected::Unexpected;

@@ -7,8 +7,10 @@ use std::net::TcpStream;
 use std::sync::OnceLock;
 use std::thread;
 use std::time::Instant;
-use std::vec;
 use std::vec::Vec;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fd::AsFd;
 
 use crate::session::Session;
 use crate::settle::{Output, settle};
@@ -31,6 +33,11 @@ pub trait Transport {
     /// # Errors
     /// The transport's own; a connection that is lost in the middle is one.
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent>;
+
+    /// Waits without reading, for a session that does not [want input](Session::wants_input).
+    fn pause(&mut self, wait: Duration) {
+        thread::sleep(wait);
+    }
 }
 
 /// What [`Transport::receive`] brought.
@@ -91,6 +98,9 @@ pub fn drive<S: Session, B>(
     wind_down(session, &mut handler, ended)
 }
 
+/// While a session does not want input, it is asked so often whether its caller has made it want some.
+pub(crate) const HELD: Duration = Duration::from_millis(10);
+
 /// A transport and the buffers of its loop: for a caller who has something else to do between two turns.
 #[derive(Debug)]
 pub struct Driver<T> {
@@ -100,16 +110,14 @@ pub struct Driver<T> {
 }
 
 impl<T: Transport> Driver<T> {
-    /// The longest read: a whole datagram.
-    const LONGEST_READ: usize = 65536;
-
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        Self { transport, input: vec![0; Self::LONGEST_READ], out: Vec::new() }
+        Self { transport, input: Vec::new(), out: Vec::new() }
     }
 
     /// One turn: events, then what is to be sent, then one wait for bytes, until the session's timeout at most and no longer
-    /// than `wait`, then the events of that. When it returns, every event was given to `handler`, unless that broke.
+    /// than `wait`, then the events of that. When it returns, every event was given to `handler`, unless that broke. While the
+    /// session does not [want input](Session::wants_input), bytes stay in the transport, and a wait is 10 ms at most.
     ///
     /// # Errors
     /// The transport's.
@@ -138,12 +146,17 @@ impl<T: Transport> Driver<T> {
         }
         let due = session.poll_timeout().map(|at| at.saturating_sub(transport.now()));
         let wait = due.into_iter().chain(wait).min();
-        match transport.receive(input, wait)? {
-            Received::Bytes(length) => {
-                session.handle_input(transport.now(), input.get(..length).unwrap_or_default());
+        if session.wants_input() {
+            input.resize(S::MAX_INPUT, 0);
+            match transport.receive(input, wait)? {
+                Received::Bytes(length) => {
+                    session.handle_input(transport.now(), input.get(..length).unwrap_or_default());
+                }
+                Received::Nothing => {}
+                Received::Closed => return Ok(ControlFlow::Break(Ended::ByPeer)),
             }
-            Received::Nothing => {}
-            Received::Closed => return Ok(ControlFlow::Break(Ended::ByPeer)),
+        } else {
+            transport.pause(wait.map_or(HELD, |wait| wait.min(HELD)));
         }
         session.handle_timeout(transport.now());
         Ok(report(session, &mut handler).map_break(Ended::ByHandler))
@@ -195,40 +208,42 @@ impl<T: Transport + ?Sized> Transport for &mut T {
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         (**self).send(bytes)
     }
-}
 
-/// A socket's own time limit is rounded up, to 4 ms and more on many systems: what is left of a wait is waited in short sleeps.
-const ROUNDED: Duration = Duration::from_millis(10);
-const SLEEP: Duration = Duration::from_micros(250);
+    fn pause(&mut self, wait: Duration) {
+        (**self).pause(wait);
+    }
+}
 
 impl Transport for TcpStream {
     fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        let until = wait.map(|wait| now().saturating_add(wait));
-        loop {
-            let left = until.map(|until| until.saturating_sub(now()));
-            let is_short = left.is_some_and(|left| left <= ROUNDED);
-            let outcome = if is_short {
-                self.set_nonblocking(true)?;
-                let outcome = self.read(buffer);
-                self.set_nonblocking(false)?;
-                outcome
-            } else {
-                self.set_read_timeout(left.map(|left| left.saturating_sub(ROUNDED).max(SLEEP)))?;
-                self.read(buffer)
-            };
-            match outcome {
-                Ok(0) => return Ok(Received::Closed),
-                Ok(length) => return Ok(Received::Bytes(length)),
-                Err(error) if !is_silence(&error) => return Err(error),
-                Err(_) if left == Some(Duration::ZERO) => return Ok(Received::Nothing),
-                Err(_) if is_short => thread::sleep(left.unwrap_or_default().min(SLEEP)),
-                Err(_) => {}
-            }
+        if !readable(&*self, wait)? {
+            return Ok(Received::Nothing);
+        }
+        match self.read(buffer) {
+            Ok(0) => Ok(Received::Closed),
+            Ok(length) => Ok(Received::Bytes(length)),
+            Err(error) if is_silence(&error) => Ok(Received::Nothing),
+            Err(error) => Err(error),
         }
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         self.write_all(bytes).map(|()| Sent::Buffered)
+    }
+}
+
+/// Whether within `wait` there is something to read, an end or an error. The wait is exact, where a socket's own time limit is
+/// rounded up to 4 ms and more on many systems. A signal may end it early.
+///
+/// # Errors
+/// The system's.
+pub fn readable(socket: impl AsFd, wait: Option<Duration>) -> io::Result<bool> {
+    // What no system can express is as good as no limit.
+    let wait = wait.and_then(|wait| Timespec::try_from(wait).ok());
+    match poll(&mut [PollFd::new(&socket, PollFlags::IN)], wait.as_ref()) {
+        Ok(ready) => Ok(ready > 0),
+        Err(rustix::io::Errno::INTR) => Ok(false),
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -3,13 +3,12 @@
 
 use core::ops::ControlFlow;
 use std::io;
-use std::vec;
 use std::vec::Vec;
 
 use ::tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
 use bytes::{Buf as _, BufMut as _, BytesMut};
 
-use crate::std_driver::{report, wind_down};
+use crate::std_driver::{HELD, report, wind_down};
 use crate::{Decoder, Encode, Ended, Session, now};
 
 /// A decoder as a `tokio_util` codec. Corrupt bytes are an item of the stream and do not end it.
@@ -92,7 +91,7 @@ pub struct Driver<T> {
 impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        Self { transport, input: vec![0; 65536], out: BytesMut::new() }
+        Self { transport, input: Vec::new(), out: BytesMut::new() }
     }
 
     /// The transport.
@@ -100,7 +99,9 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         &mut self.transport
     }
 
-    /// One turn: events, then what is to be sent, then one wait for bytes or for the session's timeout, then the events of that.
+    /// One turn: events and what is to be sent, until there is neither, then one wait for bytes or for the session's timeout, then
+    /// the events of that. While the session does not [want input](Session::wants_input), bytes stay in the transport, and a wait is
+    /// 10 ms at most.
     ///
     /// # Errors
     /// The transport's.
@@ -109,25 +110,32 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         session: &mut S,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        if let ControlFlow::Break(value) = report(session, &mut handler) {
-            return Ok(ControlFlow::Break(Ended::ByHandler(value)));
-        }
-        self.write().await?;
-        loop {
-            let begin = self.out.len();
-            self.out.put_bytes(0, S::MAX_TRANSMIT);
-            let written = session.poll_transmit(now(), self.out.get_mut(begin..).unwrap_or_default());
-            self.out.truncate(begin + written.unwrap_or(0));
-            if written.is_none() {
-                break;
+        let mut idle = false;
+        while !core::mem::replace(&mut idle, true) {
+            while let Some(event) = session.poll_event() {
+                if let ControlFlow::Break(value) = handler(session, event) {
+                    return Ok(ControlFlow::Break(Ended::ByHandler(value)));
+                }
+                idle = false;
             }
+            // What a dropped future has left comes first.
             self.write().await?;
+            while self.transmit(session) {
+                self.write().await?;
+                idle = false;
+            }
         }
         let due = session.poll_timeout().map(|at| at.saturating_sub(now()));
-        let read = self.transport.read(&mut self.input);
-        let read = match due {
-            Some(due) => ::tokio::time::timeout(due, read).await.ok(),
-            None => Some(read.await),
+        let read = if session.wants_input() {
+            self.input.resize(S::MAX_INPUT, 0);
+            let read = self.transport.read(&mut self.input);
+            match due {
+                Some(due) => ::tokio::time::timeout(due, read).await.ok(),
+                None => Some(read.await),
+            }
+        } else {
+            ::tokio::time::sleep(due.map_or(HELD, |due| due.min(HELD))).await;
+            None
         };
         match read.transpose()? {
             Some(0) => return Ok(ControlFlow::Break(Ended::ByPeer)),
@@ -157,6 +165,15 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         };
         session.handle_disconnected(now());
         wind_down(session, &mut handler, ended)
+    }
+
+    /// Whether the session had something to send: it is in `out`.
+    fn transmit<S: Session>(&mut self, session: &mut S) -> bool {
+        let begin = self.out.len();
+        self.out.put_bytes(0, S::MAX_TRANSMIT);
+        let written = session.poll_transmit(now(), self.out.get_mut(begin..).unwrap_or_default());
+        self.out.truncate(begin + written.unwrap_or(0));
+        written.is_some()
     }
 
     /// Writes what is left, cancel-safe: what a write has taken is gone from `out`.

@@ -7,12 +7,13 @@ mod common;
 use core::net::{Ipv4Addr, SocketAddr};
 use core::ops::ControlFlow;
 use core::time::Duration;
-use std::io::{self, BufRead, BufReader, Write};
+use std::io::{self, BufRead, BufReader, Read as _, Write};
 use std::net::{TcpListener, TcpStream};
 use std::thread;
 
+use common::echo::{Echo, EchoEvent};
 use common::{Asker, Event};
-use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, drive};
+use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, drive, now, readable};
 
 /// Answers each line with itself, in pieces; closes the connection at `bye`; is silent at `hush`.
 fn peer() -> SocketAddr {
@@ -127,6 +128,47 @@ fn a_turn_waits_no_longer_than_it_is_told() {
     }
     let took = robot_session::now() - begin;
     assert!(took >= Duration::from_millis(29) && took < Duration::from_secs(10), "{took:?}");
+}
+
+#[test]
+fn what_a_session_does_not_want_yet_stays_in_the_transport() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let mut peer = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let stream = listener.accept().unwrap().0;
+    let requests: Vec<u8> = (0..=250).cycle().take(1000).collect();
+    peer.write_all(&requests).unwrap();
+    let mut answered = 0;
+    let handler = |_: &mut Echo, event| match event {
+        EchoEvent::Answered(_) if answered == 999 => ControlFlow::Break(()),
+        EchoEvent::Answered(_) => {
+            answered += 1;
+            ControlFlow::Continue(())
+        }
+        other => panic!("{other:?}"),
+    };
+    let ended = drive(&mut Echo::new(Duration::from_micros(10)), stream, handler).unwrap();
+    assert_eq!(ended, Ended::ByHandler(()));
+    let mut answers = vec![0; 1000];
+    peer.read_exact(&mut answers).unwrap();
+    assert_eq!(answers, requests);
+}
+
+#[test]
+fn bytes_and_an_end_are_there_to_be_read_and_silence_is_not() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let address = listener.local_addr().unwrap();
+    let stream = TcpStream::connect(address).unwrap();
+    let mut peer = listener.accept().unwrap().0;
+    let wait = Duration::from_micros(2300);
+    let start = now();
+    assert!(!readable(&stream, Some(wait)).unwrap());
+    assert!(now() - start >= wait);
+    assert!(!readable(&stream, Some(Duration::ZERO)).unwrap());
+    peer.write_all(b"x").unwrap();
+    assert!(readable(&stream, Some(Duration::MAX)).unwrap());
+    let another = TcpStream::connect(address).unwrap();
+    drop(listener.accept().unwrap());
+    assert!(readable(&another, None).unwrap());
 }
 
 /// A serial port whose driver waits until the last byte has left.

@@ -8,6 +8,7 @@ use core::ops::ControlFlow;
 use core::time::Duration;
 
 use bytes::BytesMut;
+use common::echo::{Echo, EchoEvent};
 use common::{Asker, Event, Line, Lines, TooLong};
 use robot_session::Ended;
 use robot_session::tokio::{Codec, Driver};
@@ -74,6 +75,40 @@ async fn a_dropped_turn_loses_nothing() {
     }
     assert_eq!(arrived, b"1234567\nsecond\n");
     assert!(dropped > 3, "{dropped}");
+}
+
+#[tokio::test]
+async fn what_a_session_does_not_want_yet_stays_in_the_pipe() {
+    let (near, far) = tokio::io::duplex(7);
+    let (mut reader, mut writer) = tokio::io::split(far);
+    let requests: Vec<u8> = (0..=250).cycle().take(1000).collect();
+    let peer = tokio::spawn({
+        let requests = requests.clone();
+        async move {
+            let (mut answers, mut asked) = (Vec::new(), 0);
+            while answers.len() < requests.len() {
+                let mut byte = [0];
+                tokio::select! {
+                    length = reader.read(&mut byte) => {
+                        assert_eq!(length.unwrap(), 1);
+                        answers.push(byte[0]);
+                    }
+                    length = writer.write(&requests[asked..]), if asked < requests.len() => asked += length.unwrap(),
+                }
+            }
+            (answers, reader, writer)
+        }
+    });
+    let mut answered = 0;
+    let handler = |_: &mut Echo, event| {
+        assert!(matches!(event, EchoEvent::Answered(_)), "{event:?}");
+        answered += 1;
+        if answered == 1000 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let mut driver = Driver::new(near);
+    let ended = driver.drive(&mut Echo::new(Duration::ZERO), handler).await.unwrap();
+    assert_eq!(ended, Ended::ByHandler(()));
+    assert_eq!(peer.await.unwrap().0, requests);
 }
 
 #[test]

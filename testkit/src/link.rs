@@ -113,12 +113,24 @@ impl Link {
 
     /// What has arrived at an end by `now`: call until it gives `None`.
     pub fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
+        self.receive_part(at, now, usize::MAX)
+    }
+
+    /// The same, at most so many bytes at once.
+    pub fn receive_part(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
         let direction = match at {
             End::A => &mut self.to_a,
             End::B => &mut self.to_b,
         };
-        if direction.queue.front()?.0 > now {
+        let (arrives, delivery) = direction.queue.front_mut()?;
+        if *arrives > now {
             return None;
+        }
+        if let Delivery::Bytes(bytes) = delivery
+            && bytes.len() > most
+        {
+            let rest = bytes.split_off(most);
+            return Some(Delivery::Bytes(core::mem::replace(bytes, rest)));
         }
         direction.queue.pop_front().map(|(_, delivery)| delivery)
     }

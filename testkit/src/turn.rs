@@ -12,8 +12,8 @@ pub trait Carrier {
     /// Takes bytes from an end.
     fn send(&mut self, from: End, now: Duration, bytes: &[u8]);
 
-    /// What has arrived at an end by `now`: to be called until it returns `None`.
-    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery>;
+    /// What has arrived at an end by `now`, at most so many bytes at once: to be called until it returns `None`.
+    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery>;
 }
 
 impl Carrier for Link {
@@ -21,12 +21,12 @@ impl Carrier for Link {
         Link::send(self, from, now, bytes);
     }
 
-    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
-        Link::receive(self, at, now)
+    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
+        Link::receive_part(self, at, now, most)
     }
 }
 
-/// One turn of an end: what has arrived, the time, then events and transmissions until there are none.
+/// One turn of an end: what has arrived and is wanted, the time, then events and transmissions until there are none.
 pub fn turn<S: Session>(
     carrier: &mut impl Carrier,
     end: End,
@@ -34,20 +34,28 @@ pub fn turn<S: Session>(
     now: Duration,
     mut handler: impl FnMut(&mut S, S::Event),
 ) {
-    while let Some(delivery) = carrier.receive(end, now) {
-        match delivery {
-            Delivery::Bytes(bytes) => session.handle_input(now, &bytes),
-            Delivery::Closed => session.handle_disconnected(now),
+    let mut buffer = vec![0; S::MAX_TRANSMIT];
+    loop {
+        while session.wants_input()
+            && let Some(delivery) = carrier.receive(end, now, S::MAX_INPUT)
+        {
+            match delivery {
+                Delivery::Bytes(bytes) => session.handle_input(now, &bytes),
+                Delivery::Closed => session.handle_disconnected(now),
+            }
+        }
+        let held = !session.wants_input();
+        session.handle_timeout(now);
+        let settled = settle(session, now, &mut buffer, |session, output| {
+            match output {
+                Output::Event(event) => handler(session, event),
+                Output::Transmit(bytes) => carrier.send(end, now, bytes),
+            }
+            ControlFlow::<()>::Continue(())
+        });
+        debug_assert!(settled.is_continue());
+        if !held || !session.wants_input() {
+            return;
         }
     }
-    session.handle_timeout(now);
-    let mut buffer = vec![0; S::MAX_TRANSMIT];
-    let settled = settle(session, now, &mut buffer, |session, output| {
-        match output {
-            Output::Event(event) => handler(session, event),
-            Output::Transmit(bytes) => carrier.send(end, now, bytes),
-        }
-        ControlFlow::<()>::Continue(())
-    });
-    debug_assert!(settled.is_continue());
 }

@@ -68,4 +68,8 @@ impl<T: Transport> Transport for Traced<'_, T> {
         self.trace.add(self.clock.now(), Way::Sent, bytes);
         self.transport.send(bytes)
     }
+
+    fn pause(&mut self, wait: Duration) {
+        self.transport.pause(wait);
+    }
 }

@@ -25,4 +25,3 @@ pub mod stream;
 pub mod tcp;
 pub mod trace;
 pub mod udp;
-mod wait;

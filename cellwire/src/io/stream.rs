@@ -4,10 +4,9 @@ use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{Shutdown, TcpStream};
 use std::time::Duration;
 
-use robot_session::{Received, Sent, Transport};
+use robot_session::{Received, Sent, Transport, readable};
 
 use crate::io::tcp::is_silence;
-use crate::io::wait::readable;
 
 /// So many bytes wait for a peer that does not read, beside those that the system keeps.
 const UNSENT: usize = 64 * 1024;

@@ -5,10 +5,9 @@ use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
-use robot_session::{Received, Sent, Transport};
+use robot_session::{Received, Sent, Transport, readable};
 
 use crate::io::tcp::{advise, is_silence, warn_unless_loopback};
-use crate::io::wait::readable;
 
 /// Opens a socket for the datagrams of whoever sends any, whose reads do not wait; a port alone is one of this machine's loopback
 /// address.

@@ -1,6 +1,8 @@
 //! A toy link: lines of up to seven bytes. The caller asks, the peer answers with the same line.
 #![allow(dead_code, unreachable_pub, missing_debug_implementations, reason = "a helper of several tests")]
 
+pub mod echo;
+
 use core::time::Duration;
 use std::collections::VecDeque;
 
@@ -131,7 +133,7 @@ impl Asker {
 impl Session for Asker {
     type Event = Event;
     type Statistics = u32;
-    const MAX_INPUT: usize = 65536;
+    const MAX_INPUT: usize = 64;
     const MAX_TRANSMIT: usize = LONGEST;
 
     fn handle_connected(&mut self, _: Duration) {

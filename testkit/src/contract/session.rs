@@ -94,13 +94,13 @@ fn run<E: End>(seed: u64, endless: bool, caller: Caller) -> Trace {
                     let at = rng.below(bytes.len());
                     bytes[at] ^= 1 << rng.below(8);
                 }
-                if connected || is_careless(seed) {
+                if (connected && session.wants_input()) || is_careless(seed) {
                     input(&mut session, now, &bytes, caller);
                 }
             }
             11 => {
                 let noise: Vec<u8> = (0..rng.below(80)).map(|_| rng.next_u64() as u8).collect();
-                if connected || is_careless(seed) {
+                if (connected && session.wants_input()) || is_careless(seed) {
                     input(&mut session, now, &noise, caller);
                 }
             }

@@ -213,9 +213,9 @@ impl Carrier for Line<'_> {
         }
     }
 
-    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
-        let delivery = self.wire.receive(at, now)?;
-        if self.cut && delivery != Delivery::Closed { self.receive(at, now) } else { Some(delivery) }
+    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
+        let delivery = self.wire.receive_part(at, now, most)?;
+        if self.cut && delivery != Delivery::Closed { self.receive(at, now, most) } else { Some(delivery) }
     }
 }
 

@@ -258,7 +258,7 @@ impl Cell {
         let mut line = Line { wire, cut: *cut };
         if *hostile == Some(End::B) {
             // It reads what arrives and answers as it likes.
-            while line.receive(End::B, now).is_some() {}
+            while line.receive(End::B, now, usize::MAX).is_some() {}
             return;
         }
         let due = robot.asked.take_if(|(at, _)| *at <= now).map(|(_, order)| order);
@@ -314,7 +314,7 @@ impl Cell {
         let mut line = Line { wire: &mut self.wire, cut: self.cut };
         if self.hostile == Some(End::A) {
             // Nobody reads what the robot answers.
-            while line.receive(End::A, now).is_some() {}
+            while line.receive(End::A, now, usize::MAX).is_some() {}
             let broken = !self.wire.is_connected();
             if broken && self.connects_at.is_none() {
                 self.connects_at = Some(now + 100 * MS);
@@ -418,10 +418,10 @@ impl Carrier for Line<'_> {
         }
     }
 
-    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
-        let delivery = self.wire.receive(at, now)?;
+    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
+        let delivery = self.wire.receive_part(at, now, most)?;
         // What was on its way is lost; that the connection is gone is not.
-        if self.cut && delivery != Delivery::Closed { self.receive(at, now) } else { Some(delivery) }
+        if self.cut && delivery != Delivery::Closed { self.receive(at, now, most) } else { Some(delivery) }
     }
 }
 

@@ -459,8 +459,8 @@ impl Carrier for HalfOpen<'_> {
         }
     }
 
-    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
-        self.wire.receive(at, now)
+    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
+        self.wire.receive_part(at, now, most)
     }
 }
 

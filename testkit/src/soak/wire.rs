@@ -109,7 +109,12 @@ impl Wire {
 
     /// As [`Link::receive`].
     pub fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
-        let delivery = self.link.receive(at, now)?;
+        self.receive_part(at, now, usize::MAX)
+    }
+
+    /// As [`Link::receive_part`].
+    pub fn receive_part(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
+        let delivery = self.link.receive_part(at, now, most)?;
         if let (Delivery::Bytes(bytes), true) = (&delivery, self.corrupts) {
             self.received[index(at.other())].extend(bytes);
         }
@@ -236,8 +241,8 @@ impl Carrier for Wire {
         Wire::send(self, from, now, bytes);
     }
 
-    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
-        Wire::receive(self, at, now)
+    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
+        Wire::receive_part(self, at, now, most)
     }
 }
 
@@ -254,9 +259,9 @@ impl Carrier for Cable<'_> {
         }
     }
 
-    fn receive(&mut self, at: End, now: Duration) -> Option<Delivery> {
+    fn receive(&mut self, at: End, now: Duration, most: usize) -> Option<Delivery> {
         loop {
-            let delivery = self.wire.receive(at, now)?;
+            let delivery = self.wire.receive_part(at, now, most)?;
             if !self.is_cut {
                 return Some(delivery);
             }

@@ -164,7 +164,7 @@ impl testkit::Carrier for Recorder<'_> {
         self.link.send(from, now, bytes);
     }
 
-    fn receive(&mut self, at: Side, now: Duration) -> Option<testkit::link::Delivery> {
-        self.link.receive(at, now)
+    fn receive(&mut self, at: Side, now: Duration, most: usize) -> Option<testkit::link::Delivery> {
+        self.link.receive_part(at, now, most)
     }
 }

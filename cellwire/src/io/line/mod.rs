@@ -314,6 +314,10 @@ impl Transport for Line {
         Line::send(self, bytes);
         Ok(Sent::Buffered)
     }
+
+    fn pause(&mut self, wait: Duration) {
+        let _ = Transport::receive(self, &mut [], Some(wait));
+    }
 }
 
 impl Drop for Line {

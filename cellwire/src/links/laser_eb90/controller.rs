@@ -200,6 +200,10 @@ impl Transport for Measured<'_> {
         self.counts.answer.add(sent.saturating_sub(self.line.now()));
         Ok(Sent::Buffered)
     }
+
+    fn pause(&mut self, wait: Duration) {
+        Transport::pause(self.line, wait);
+    }
 }
 
 /// The communication task: what the controller's session reports.

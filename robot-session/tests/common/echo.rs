@@ -1,0 +1,163 @@
+//! A toy end: each byte is a request that is answered with the same byte before the next one is read.
+
+use core::time::Duration;
+
+use robot_session::{
+    ByteDecoder, Core, CoreOf, Decoder as _, End, EventQueue, Machine, Room, Unexpected, is_due,
+};
+
+/// What the end is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum EchoMachine {
+    Disconnected,
+    /// A request is read when it comes.
+    Idle,
+    /// The answer is to be sent.
+    Answering {
+        byte: u8,
+        from: Duration,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Input {
+    Connected,
+    Disconnected,
+    Timeout,
+    Byte(u8),
+    Overrun,
+    Sent,
+}
+robot_session::inputs!(Input: Byte, Overrun, Sent);
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    Nothing,
+    Answered(u8),
+    Overrun,
+}
+
+impl Machine for EchoMachine {
+    const END: &'static str = "echo";
+    const TIME_FIRST: bool = false;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = u8;
+    /// How long an answer takes.
+    type Config = Duration;
+
+    fn on(&mut self, now: Duration, input: Input, delay: &Duration) -> Result<Action, Unexpected> {
+        match (*self, input) {
+            (_, Input::Connected) => *self = Self::Idle,
+            (_, Input::Disconnected) => *self = Self::Disconnected,
+            (_, Input::Overrun) => return Ok(Action::Overrun),
+            (Self::Idle, Input::Byte(byte)) => {
+                *self = Self::Answering { byte, from: now.saturating_add(*delay) };
+            }
+            (Self::Answering { byte, from }, Input::Sent) if is_due(from, now) => {
+                *self = Self::Idle;
+                return Ok(Action::Answered(byte));
+            }
+            (_, Input::Timeout | Input::Byte(_) | Input::Sent) => return Err(self.unexpected(&input)),
+        }
+        Ok(Action::Nothing)
+    }
+
+    fn transmit(&self, now: Duration, _: &Duration) -> Option<u8> {
+        match self {
+            Self::Answering { byte, from } if is_due(*from, now) => Some(*byte),
+            _ => None,
+        }
+    }
+
+    fn deadline(&self) -> Option<Duration> {
+        match self {
+            Self::Answering { from, .. } => Some(*from),
+            _ => None,
+        }
+    }
+
+    fn expires(&self, _: Duration) -> bool {
+        false
+    }
+
+    fn reads(&self) -> bool {
+        !matches!(self, Self::Answering { .. })
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+        if let Self::Answering { from, .. } = self {
+            f(from);
+        }
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Disconnected => "Disconnected",
+            Self::Idle => "Idle",
+            Self::Answering { .. } => "Answering",
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EchoEvent {
+    /// An outcome.
+    Answered(u8),
+    Overrun,
+    Unexpected(Unexpected),
+}
+
+pub struct Echo {
+    core: CoreOf<Self>,
+}
+
+impl Echo {
+    pub fn new(delay: Duration) -> Self {
+        Self { core: Core::new(delay, EchoMachine::Disconnected, ByteDecoder::new()) }
+    }
+}
+
+impl End for Echo {
+    type Machine = EchoMachine;
+    type Decoder = ByteDecoder;
+    type Events = EventQueue<EchoEvent, 4>;
+    type Statistics = u64;
+    type Payload = ();
+
+    const MAX_INPUT: usize = 32;
+    const MAX_TRANSMIT: usize = 1;
+    const ROOM: Room = Room { connect: 3, read: 2, transmit: 1 };
+
+    robot_session::core!();
+
+    fn next_input(&mut self) -> Option<(Input, Option<()>)> {
+        let byte = self.core.decoder.next_frame()?.ok()?;
+        Some((Input::Byte(byte), None))
+    }
+
+    fn act(&mut self, _: Duration, action: Action, _: Option<()>) {
+        match action {
+            Action::Nothing => {}
+            Action::Answered(byte) => self.core.events.push_outcome(EchoEvent::Answered(byte)).unwrap(),
+            Action::Overrun => self.core.events.push_notice(EchoEvent::Overrun),
+        }
+    }
+
+    fn write(&mut self, _: Duration, byte: u8, out: &mut [u8]) -> Option<(usize, Input)> {
+        *out.first_mut()? = byte;
+        Some((1, Input::Sent))
+    }
+
+    fn overrun(&mut self, now: Duration) {
+        self.advance(now, Input::Overrun, None);
+    }
+
+    fn unexpected(unexpected: Unexpected) -> EchoEvent {
+        EchoEvent::Unexpected(unexpected)
+    }
+
+    fn counters(&self) -> u64 {
+        self.core.unexpected
+    }
+}

@@ -18,6 +18,8 @@ pub struct Core<M: Machine, D, Q> {
     pub events: Q,
     /// How many inputs the state did not allow.
     pub unexpected: u64,
+    /// Frames may wait in the decoder: reading has stopped.
+    held: bool,
     /// What the machine was given, if somebody has asked for it: time, state and input.
     #[cfg(feature = "model")]
     pub moves: Option<std::vec::Vec<(Duration, M, M::Input)>>,
@@ -109,14 +111,18 @@ pub trait End: Sized {
     /// Gives the machine an input, and does what it says.
     #[inline(always)] // where the input is known, little of the machine is left
     fn advance(&mut self, now: Duration, input: InputOf<Self>, payload: Option<Self::Payload>) {
-        let core = self.core_mut();
-        match core.on(now, input) {
+        match self.core_mut().on(now, input) {
             Ok(action) => self.act(now, action, payload),
-            Err(unexpected) => {
-                core.unexpected += 1;
-                core.events.push_notice(Self::unexpected(unexpected));
-            }
+            Err(unexpected) => self.refuse(unexpected),
         }
+    }
+
+    /// Counts and reports an input that the state does not allow.
+    #[cold]
+    fn refuse(&mut self, unexpected: Unexpected) {
+        let core = self.core_mut();
+        core.unexpected += 1;
+        core.events.push_notice(Self::unexpected(unexpected));
     }
 
     /// Whether frames are read now.
@@ -129,11 +135,11 @@ pub trait End: Sized {
     /// Reads every frame that the decoder has.
     #[inline]
     fn read(&mut self, now: Duration) {
-        while self.reads()
-            && let Some((input, payload)) = self.next_input()
-        {
+        while self.reads() {
+            let Some((input, payload)) = self.next_input() else { return };
             self.advance(now, input, payload);
         }
+        self.core_mut().held = true;
     }
 
     /// Gives up what is no whole frame, and reads what there is behind its beginning.
@@ -168,6 +174,7 @@ impl<M: Machine, D, Q: Default> Core<M, D, Q> {
             decoder,
             events: Q::default(),
             unexpected: 0,
+            held: false,
             #[cfg(feature = "model")]
             moves: None,
         }
@@ -252,8 +259,10 @@ impl<E: End> Session for E {
     #[inline]
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
         expire_first(self, now);
-        // What waited until something was sent, or an event taken.
-        self.read(now);
+        // Until something was sent, or an event taken.
+        if core::mem::take(&mut self.core_mut().held) {
+            self.read(now);
+        }
         let core = self.core();
         let what = core.machine.transmit(now, &core.config)?;
         if !core.events.has_room(E::ROOM.transmit) {

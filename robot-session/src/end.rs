@@ -117,6 +117,13 @@ pub trait End: Sized {
         }
     }
 
+    /// Gives the machine what the caller wants, after what came due where that comes first.
+    #[inline]
+    fn request(&mut self, now: Duration, input: InputOf<Self>) {
+        expire_first(self, now);
+        self.advance(now, input, None);
+    }
+
     /// Counts and reports an input that the state does not allow.
     #[cold]
     fn refuse(&mut self, unexpected: Unexpected) {

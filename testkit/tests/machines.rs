@@ -16,3 +16,9 @@ fn isra_ball() {
     check::<links::isra_ball::rows::Host>(112);
     check::<links::isra_ball::rows::Ball>(2);
 }
+
+#[test]
+fn val2_viewer() {
+    check::<links::val2_viewer::rows::Host>(48);
+    check::<links::val2_viewer::rows::Workstation>(48);
+}

@@ -118,12 +118,12 @@ fn others(rows: &mut Vec<String>) -> Result<()> {
         sensor_type: sensor_type, "number", "0 to 7", "§4.2";
         sensor: sensor, "number", "0 to 7", "§4.2";
     }
-    rows! { rows, "val2-viewer", "HostConfig", ViewerHostConfig = ViewerHostConfig::default(); model
+    rows! { rows, "val2-viewer", "HostConfig", ViewerHostConfig = ViewerHostConfig::default(); rules
         interval: time(interval), "ns", "above 0; null: for ever", "ours";
         max_age: time(max_age), "ns", "above 0; null: for ever", "ours";
         format: { let _ = format; "pose" }, "word", "pose, or a format of the caller's", "§5";
     }
-    rows! { rows, "val2-viewer", "WorkstationConfig", WorkstationConfig = WorkstationConfig::default(); model
+    rows! { rows, "val2-viewer", "WorkstationConfig", WorkstationConfig = WorkstationConfig::default(); rules
         pause: time(pause), "ns", "above 200 ms; null: for ever", "ours";
         stale_after: time(stale_after), "ns", "above 200 ms; null: for ever", "ours";
     }

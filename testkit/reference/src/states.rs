@@ -24,6 +24,10 @@ fn tables(link: &str) -> Option<Vec<testkit::model::Cell>> {
         "isra-ball" => {
             [cells::<links::isra_ball::rows::Host>(), cells::<links::isra_ball::rows::Ball>()].concat()
         }
+        "val2-viewer" => {
+            [cells::<links::val2_viewer::rows::Host>(), cells::<links::val2_viewer::rows::Workstation>()]
+                .concat()
+        }
         _ => return None,
     })
 }
@@ -35,7 +39,6 @@ type Matrix = (&'static str, &'static str, Option<(&'static str, &'static str)>)
 fn matrices(link: &str) -> &'static [Matrix] {
     match link {
         "kawasaki-msg" => &[("pc_matrix.txt", "pc", None), ("robot_matrix.txt", "robot", None)],
-        "val2-viewer" => &[("state_matrix.txt", "host", Some(("Disconnected", "workstation")))],
         _ => &[("state_matrix.txt", "", None)],
     }
 }

@@ -7,7 +7,7 @@
 
 use core::time::Duration;
 
-use val2_viewer::robot_session::{Encode as _, Session as _};
+use val2_viewer::robot_session::{Encode as _, Machine as _, Session as _};
 use val2_viewer::{
     DecodeError, ENQ, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig,
     WorkstationEvent,

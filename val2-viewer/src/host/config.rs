@@ -1,6 +1,6 @@
 use core::time::Duration;
 
-use robot_session::Encode as _;
+use robot_session::{Encode as _, Rules};
 
 use crate::error::ConfigError;
 use crate::message::PosePacket;
@@ -28,24 +28,23 @@ pub struct HostConfig {
     /// Another one has room for [`Host::MAX_TRANSMIT`](crate::Host) bytes. On a line with XON/XOFF it must not contain the bytes
     /// 11h and 13h.
     pub format: Format,
-    /// A rule that the machine leaves out: for the model, which shows what each rule is for.
-    #[cfg(feature = "model")]
+    /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
-    pub without: Option<Rule>,
+    pub rules: Rules<Rule>,
 }
 
-/// The rules of the host's machine.
-#[doc(hidden)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Rule {
-    /// The first packet of a connection waits for all the requests that have piled up.
-    DrainFirst,
-    /// Between two packets there is an interval.
-    Pace,
-    /// A pose that is too old is not sent.
-    Expire,
-    /// A request of one connection is not answered on the next.
-    ForgetRequest,
+robot_session::rules! {
+    /// The rules of the host's machine.
+    pub enum Rule {
+        /// The first packet of a connection waits for all the requests that have piled up.
+        DrainFirst,
+        /// Between two packets there is an interval.
+        Pace,
+        /// A pose that is too old is not sent.
+        Expire,
+        /// A request of one connection is not answered on the next.
+        ForgetRequest,
+    }
 }
 
 impl HostConfig {
@@ -58,17 +57,6 @@ impl HostConfig {
         }
         Ok(())
     }
-
-    #[cfg(feature = "model")]
-    pub(crate) fn keeps(&self, rule: Rule) -> bool {
-        self.without != Some(rule)
-    }
-
-    #[cfg(not(feature = "model"))]
-    #[expect(clippy::unused_self, reason = "with the feature `model` it has a rule left out")]
-    pub(crate) const fn keeps(&self, _rule: Rule) -> bool {
-        true
-    }
 }
 
 impl Default for HostConfig {
@@ -77,8 +65,7 @@ impl Default for HostConfig {
             interval: Duration::from_millis(150),
             max_age: Duration::from_millis(200),
             format: |packet, out| packet.encode(out).ok(),
-            #[cfg(feature = "model")]
-            without: None,
+            rules: Rules::ALL,
         }
     }
 }

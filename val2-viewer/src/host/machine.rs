@@ -6,7 +6,7 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Machine, Unexpected, is_due};
 
 use super::config::{HostConfig, Rule};
 
@@ -56,26 +56,30 @@ pub enum Input {
     /// The port is closed or lost.
     Disconnected,
     /// Time has passed.
-    Timer,
+    Timeout,
     /// The caller has a new pose.
     Pose,
     /// ENQ has come.
     Enquiry,
-    /// A packet that [is to be sent](HostMachine::transmits) can be sent.
-    Answer,
+    /// The packet that was due is sent.
+    Sent,
 }
+
+/// What the host sends: the newest pose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Answer;
 
 /// What the host does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
-    None,
+    Nothing,
     /// Reports a request.
     Accept,
     /// Reports a request that has no packet of its own.
     Ignore,
-    /// Sends the newest pose.
-    Transmit,
+    /// Reports the packet that was sent.
+    Sent,
     /// Reports that the pose is too old.
     Stale,
 }
@@ -84,51 +88,7 @@ impl HostMachine {
     /// A host that knows no pose, without a connection.
     pub const NEW: Self = Self { link: Link::Disconnected, pose: Pose::Unknown };
 
-    /// Moves the machine.
-    ///
-    /// # Errors
-    /// A request without a connection, a packet that is not to be sent. Nothing has changed then.
-    pub fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
-        match (self.link, input) {
-            (link, Input::Connected) => {
-                let interval = if config.keeps(Rule::DrainFirst) { config.interval } else { Duration::ZERO };
-                let from = now.saturating_add(interval);
-                let is_kept = matches!(link, Link::Asked { .. }) && !config.keeps(Rule::ForgetRequest);
-                self.link = if is_kept { Link::Asked { from } } else { Link::Ready { from } };
-                Ok(Action::None)
-            }
-            (Link::Asked { .. }, Input::Disconnected) if !config.keeps(Rule::ForgetRequest) => {
-                Ok(Action::None)
-            }
-            (_, Input::Disconnected) => {
-                self.link = Link::Disconnected;
-                Ok(Action::None)
-            }
-            (_, Input::Timer) => Ok(self.expire(now)),
-            (_, Input::Pose) => {
-                let max_age = if config.keeps(Rule::Expire) { config.max_age } else { Duration::MAX };
-                self.pose = Pose::Known { until: now.saturating_add(max_age) };
-                Ok(Action::None)
-            }
-            (Link::Ready { from }, Input::Enquiry) => {
-                self.link = Link::Asked { from };
-                Ok(Action::Accept)
-            }
-            (Link::Asked { .. }, Input::Enquiry) => Ok(Action::Ignore),
-            (Link::Asked { .. }, Input::Answer) if self.transmits(now) => {
-                let interval = if config.keeps(Rule::Pace) { config.interval } else { Duration::ZERO };
-                self.link = Link::Ready { from: now.saturating_add(interval) };
-                Ok(Action::Transmit)
-            }
-            (Link::Disconnected, Input::Enquiry)
-            | (Link::Disconnected | Link::Ready { .. } | Link::Asked { .. }, Input::Answer) => {
-                Err(Unexpected { state: self.name(), input: input.name() })
-            }
-        }
-    }
-
-    /// Whether a packet is to be sent.
-    pub fn transmits(&self, now: Duration) -> bool {
+    fn transmits(&self, now: Duration) -> bool {
         match (self.link, self.pose) {
             (Link::Asked { from }, Pose::Known { until }) => is_due(from, now) && !is_due(until, now),
             (
@@ -138,8 +98,70 @@ impl HostMachine {
         }
     }
 
-    /// When [`Input::Timer`] or [`Input::Answer`] is to come.
-    pub fn deadline(&self) -> Option<Duration> {
+    fn expire(&mut self, now: Duration) -> Action {
+        if self.expires(now) {
+            self.pose = Pose::Unknown;
+            return Action::Stale;
+        }
+        Action::Nothing
+    }
+}
+
+impl Machine for HostMachine {
+    const END: &'static str = "host";
+    const TIME_FIRST: bool = true;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Answer;
+    type Config = HostConfig;
+
+    /// # Errors
+    /// A request without a connection, a packet that is not due.
+    fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
+        match (self.link, input) {
+            (link, Input::Connected) => {
+                let interval =
+                    if config.rules.keeps(Rule::DrainFirst) { config.interval } else { Duration::ZERO };
+                let from = now.saturating_add(interval);
+                let is_kept = matches!(link, Link::Asked { .. }) && !config.rules.keeps(Rule::ForgetRequest);
+                self.link = if is_kept { Link::Asked { from } } else { Link::Ready { from } };
+                Ok(Action::Nothing)
+            }
+            (Link::Asked { .. }, Input::Disconnected) if !config.rules.keeps(Rule::ForgetRequest) => {
+                Ok(Action::Nothing)
+            }
+            (_, Input::Disconnected) => {
+                self.link = Link::Disconnected;
+                Ok(Action::Nothing)
+            }
+            (_, Input::Timeout) => Ok(self.expire(now)),
+            (_, Input::Pose) => {
+                let max_age = if config.rules.keeps(Rule::Expire) { config.max_age } else { Duration::MAX };
+                self.pose = Pose::Known { until: now.saturating_add(max_age) };
+                Ok(Action::Nothing)
+            }
+            (Link::Ready { from }, Input::Enquiry) => {
+                self.link = Link::Asked { from };
+                Ok(Action::Accept)
+            }
+            (Link::Asked { .. }, Input::Enquiry) => Ok(Action::Ignore),
+            (Link::Asked { .. }, Input::Sent) if self.transmits(now) => {
+                let interval = if config.rules.keeps(Rule::Pace) { config.interval } else { Duration::ZERO };
+                self.link = Link::Ready { from: now.saturating_add(interval) };
+                Ok(Action::Sent)
+            }
+            (Link::Disconnected, Input::Enquiry)
+            | (Link::Disconnected | Link::Ready { .. } | Link::Asked { .. }, Input::Sent) => {
+                Err(self.unexpected(&input))
+            }
+        }
+    }
+
+    fn transmit(&self, now: Duration, _config: &HostConfig) -> Option<Answer> {
+        self.transmits(now).then_some(Answer)
+    }
+
+    fn deadline(&self) -> Option<Duration> {
         let next = match (self.link, self.pose) {
             (_, Pose::Unknown) => return None,
             (Link::Asked { from }, Pose::Known { until }) => from.min(until),
@@ -148,8 +170,11 @@ impl HostMachine {
         (next < Duration::MAX).then_some(next)
     }
 
-    /// Visits every time.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    fn expires(&self, now: Duration) -> bool {
+        matches!(self.pose, Pose::Known { until } if is_due(until, now))
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         if let Link::Ready { from } | Link::Asked { from } = &mut self.link {
             f(from);
         }
@@ -158,8 +183,7 @@ impl HostMachine {
         }
     }
 
-    /// The state's name.
-    pub fn name(&self) -> &'static str {
+    fn name(&self) -> &'static str {
         match (self.link, self.pose) {
             (Link::Disconnected, Pose::Unknown) => "DisconnectedUnknown",
             (Link::Disconnected, Pose::Known { .. }) => "DisconnectedKnown",
@@ -169,33 +193,6 @@ impl HostMachine {
             (Link::Asked { .. }, Pose::Known { .. }) => "AskedKnown",
         }
     }
-
-    fn expire(&mut self, now: Duration) -> Action {
-        match self.pose {
-            Pose::Known { until } if is_due(until, now) => {
-                self.pose = Pose::Unknown;
-                Action::Stale
-            }
-            Pose::Known { .. } | Pose::Unknown => Action::None,
-        }
-    }
 }
 
-impl Input {
-    /// The input's name.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "Connected",
-            Self::Disconnected => "Disconnected",
-            Self::Timer => "Timer",
-            Self::Pose => "Pose",
-            Self::Enquiry => "Enquiry",
-            Self::Answer => "Answer",
-        }
-    }
-}
-
-/// `Duration::MAX` is never.
-fn is_due(deadline: Duration, now: Duration) -> bool {
-    now >= deadline && deadline < Duration::MAX
-}
+robot_session::inputs!(Input: Pose, Enquiry, Sent);

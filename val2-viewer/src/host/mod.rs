@@ -5,7 +5,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{EventQueue, Session, Unexpected};
+use robot_session::{ByteDecoder, Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
 
 #[doc(hidden)]
 pub use config::Rule;
@@ -13,28 +13,26 @@ pub use config::{Format, HostConfig};
 
 use crate::error::ConfigError;
 use crate::message::{ENQ, PosePacket};
-use machine::{Action, HostMachine, Input};
+use machine::{Action, Answer, HostMachine, Input};
 
 /// The computer that knows where the arm is, "Steuerrechner" (§5): answers a request with the newest pose, and sends nothing
 /// unasked.
 ///
-/// The order of calls is the [`Session`]'s; [`set_pose`](Self::set_pose) whenever there is a new pose, which ALTER gives every
+/// The order of calls is the [`Session`](robot_session::Session)'s; [`set_pose`](Self::set_pose) whenever there is a new pose, which ALTER gives every
 /// 28 ms.
 ///
 /// - Requests that have piled up have one answer (§9.4): at most one packet is sent in an [`interval`](HostConfig::interval), the
 ///   first one that long after the connection was made. A host that does not read while ALTER is off reports
-///   [`handle_connected`](Session::handle_connected) when it reads again.
+///   [`handle_connected`](robot_session::Session::handle_connected) when it reads again.
 /// - A pose that is older than [`max_age`](HostConfig::max_age) is not sent: the request waits for a new one.
 /// - A request of one connection is not answered on the next. The pose outlasts it.
 /// - Any other byte than ENQ is an event and changes nothing.
 /// - Every event is a notice: of more than eight that nobody takes, the oldest are dropped.
 #[derive(Debug, Clone)]
 pub struct Host {
-    config: HostConfig,
-    machine: HostMachine,
+    core: CoreOf<Self>,
     /// The next packet: how many were sent before it, and the newest pose.
     packet: PosePacket,
-    events: EventQueue<HostEvent, 8>,
     statistics: HostStatistics,
 }
 
@@ -85,108 +83,75 @@ impl Host {
     /// [`ConfigError::Interval`], [`ConfigError::MaxAge`].
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
-        Ok(Self {
-            config,
-            machine: HostMachine::NEW,
-            packet: PosePacket { count: 0, pose: [0; 12] },
-            events: EventQueue::new(),
-            statistics: HostStatistics::default(),
-        })
+        let core = Core::new(config, HostMachine::NEW, ByteDecoder::new());
+        let packet = PosePacket { count: 0, pose: [0; 12] };
+        Ok(Self { core, packet, statistics: HostStatistics::default() })
     }
 
     /// Sets the pose that requests are answered with from now on.
     pub fn set_pose(&mut self, now: Duration, pose: [i16; 12]) {
         self.packet.pose = pose;
-        self.advance(now, Input::Pose);
+        self.request(now, Input::Pose);
     }
 
     /// The state that decides what happens next.
     pub fn machine(&self) -> &HostMachine {
-        &self.machine
-    }
-
-    /// What came due, then the input.
-    fn advance(&mut self, now: Duration, input: Input) {
-        self.step(now, Input::Timer);
-        self.step(now, input);
-    }
-
-    fn step(&mut self, now: Duration, input: Input) {
-        match self.machine.on(now, input, &self.config) {
-            Ok(Action::None | Action::Transmit) => {}
-            Ok(Action::Accept) => {
-                self.statistics.asked += 1;
-                self.events.push_notice(HostEvent::Asked);
-            }
-            Ok(Action::Ignore) => {
-                self.statistics.ignored += 1;
-                self.events.push_notice(HostEvent::Ignored);
-            }
-            Ok(Action::Stale) => {
-                self.statistics.stale += 1;
-                self.events.push_notice(HostEvent::Stale);
-            }
-            Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(HostEvent::Unexpected(unexpected));
-            }
-        }
+        &self.core.machine
     }
 }
 
-impl Session for Host {
-    type Event = HostEvent;
+impl End for Host {
+    type Machine = HostMachine;
+    type Decoder = ByteDecoder;
+    type Events = EventQueue<HostEvent, 8>;
     type Statistics = HostStatistics;
+    type Payload = ();
 
-    const MAX_INPUT: usize = 65536;
+    const MAX_INPUT: usize = 32;
     const MAX_TRANSMIT: usize = 256;
+    const ROOM: Room = Room::NONE;
 
-    fn handle_connected(&mut self, now: Duration) {
-        self.advance(now, Input::Connected);
-    }
+    robot_session::core!();
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.advance(now, Input::Disconnected);
-    }
-
-    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
-        self.handle_timeout(now);
-        for &byte in bytes {
-            if byte == ENQ {
-                self.step(now, Input::Enquiry);
-            } else {
-                self.statistics.unknown += 1;
-                self.events.push_notice(HostEvent::Unknown(byte));
+    fn next_input(&mut self) -> Option<(Input, Option<()>)> {
+        loop {
+            match self.core.decoder.next_frame()?.ok()? {
+                ENQ => return Some((Input::Enquiry, None)),
+                byte => {
+                    self.statistics.unknown += 1;
+                    self.core.events.push_notice(HostEvent::Unknown(byte));
+                }
             }
         }
     }
 
-    fn handle_timeout(&mut self, now: Duration) {
-        self.step(now, Input::Timer);
+    fn act(&mut self, _now: Duration, action: Action, _: Option<()>) {
+        let (count, event) = match action {
+            Action::Nothing => return,
+            Action::Accept => (&mut self.statistics.asked, HostEvent::Asked),
+            Action::Ignore => (&mut self.statistics.ignored, HostEvent::Ignored),
+            Action::Stale => (&mut self.statistics.stale, HostEvent::Stale),
+            Action::Sent => {
+                let packet = self.packet;
+                self.packet.count = packet.count.wrapping_add(1);
+                (&mut self.statistics.sent, HostEvent::Sent(packet))
+            }
+        };
+        *count += 1;
+        self.core.events.push_notice(event);
     }
 
-    fn poll_event(&mut self) -> Option<HostEvent> {
-        self.events.pop()
+    fn write(&mut self, _now: Duration, Answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
+        let length = (self.core.config.format)(&self.packet, out).filter(|length| *length > 0)?;
+        Some((length, Input::Sent))
     }
 
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.handle_timeout(now);
-        if !self.machine.transmits(now) {
-            return None;
-        }
-        let length = (self.config.format)(&self.packet, out).filter(|length| *length > 0)?;
-        self.step(now, Input::Answer);
-        self.statistics.sent += 1;
-        self.events.push_notice(HostEvent::Sent(self.packet));
-        self.packet.count = self.packet.count.wrapping_add(1);
-        Some(length)
+    fn unexpected(unexpected: Unexpected) -> HostEvent {
+        HostEvent::Unexpected(unexpected)
     }
 
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
-    }
-
-    fn statistics(&self) -> HostStatistics {
-        HostStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn counters(&self) -> HostStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        HostStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }

@@ -1,5 +1,7 @@
 use core::time::Duration;
 
+use robot_session::Rules;
+
 use crate::error::ConfigError;
 use crate::timing;
 
@@ -12,30 +14,29 @@ pub struct WorkstationConfig {
     /// Without a pose for so long, the picture is [stale](crate::WorkstationEvent::Stale). Above [`timing::CYCLE`]. Default: 1.5 s; the
     /// source gives none. [`Duration::MAX`] is never.
     pub stale_after: Duration,
-    /// A rule that the machine leaves out: for the model, which shows what each rule is for.
-    #[cfg(feature = "model")]
+    /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
-    pub without: Option<Rule>,
+    pub rules: Rules<Rule>,
 }
 
-/// The rules of the workstation's machine.
-#[doc(hidden)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Rule {
-    /// It asks again only after an answer.
-    Credit,
-    /// It asks again after a pause.
-    AskAgain,
-    /// A line that cannot be read was the answer.
-    CorruptIsAnswer,
-    /// Noise that is no line was not the answer.
-    NoiseIsNoAnswer,
-    /// A picture without new poses becomes stale.
-    Expire,
-    /// What a connection's end ends is reported.
-    ReportEnd,
-    /// A connection begins with a credit.
-    AskFirst,
+robot_session::rules! {
+    /// The rules of the workstation's machine.
+    pub enum Rule {
+        /// It asks again only after an answer.
+        Credit,
+        /// It asks again after a pause.
+        AskAgain,
+        /// A line that cannot be read was the answer.
+        CorruptIsAnswer,
+        /// Noise that is no line was not the answer.
+        NoiseIsNoAnswer,
+        /// A picture without new poses becomes stale.
+        Expire,
+        /// What a connection's end ends is reported.
+        ReportEnd,
+        /// A connection begins with a credit.
+        AskFirst,
+    }
 }
 
 impl WorkstationConfig {
@@ -49,26 +50,10 @@ impl WorkstationConfig {
         }
         Ok(())
     }
-
-    #[cfg(feature = "model")]
-    pub(crate) fn keeps(&self, rule: Rule) -> bool {
-        self.without != Some(rule)
-    }
-
-    #[cfg(not(feature = "model"))]
-    #[expect(clippy::unused_self, reason = "with the feature `model` it has a rule left out")]
-    pub(crate) const fn keeps(&self, _rule: Rule) -> bool {
-        true
-    }
 }
 
 impl Default for WorkstationConfig {
     fn default() -> Self {
-        Self {
-            pause: Duration::from_secs(2),
-            stale_after: Duration::from_millis(1500),
-            #[cfg(feature = "model")]
-            without: None,
-        }
+        Self { pause: Duration::from_secs(2), stale_after: Duration::from_millis(1500), rules: Rules::ALL }
     }
 }

@@ -7,7 +7,7 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Machine, Unexpected, is_due};
 
 use super::config::{Rule, WorkstationConfig};
 
@@ -64,11 +64,11 @@ pub enum Input {
     /// The port is closed or lost.
     Disconnected,
     /// Time has passed.
-    Timer,
+    Timeout,
     /// A display cycle.
     Draw,
-    /// A request that [is to be sent](WorkstationMachine::transmits) can be sent and its outcome reported.
-    Ask,
+    /// The request that was due is sent.
+    Sent,
     /// A packet.
     Pose,
     /// Bytes that are no packet.
@@ -78,13 +78,17 @@ pub enum Input {
     },
 }
 
+/// What the workstation sends: ENQ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Enquiry;
+
 /// What the workstation does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Action {
     /// Nothing.
-    None,
-    /// Sends ENQ.
-    Transmit,
+    Nothing,
+    /// Counts a request.
+    Sent,
     /// Reports the packet as the answer.
     Pose,
     /// Reports the packet as no answer.
@@ -102,56 +106,49 @@ pub enum Action {
     },
 }
 
-impl WorkstationMachine {
-    /// Moves the machine.
-    ///
+impl Machine for WorkstationMachine {
+    const END: &'static str = "workstation";
+    const TIME_FIRST: bool = true;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Enquiry;
+    type Config = WorkstationConfig;
+
     /// # Errors
-    /// Bytes without a connection, a request that is not due. Nothing has changed then.
-    pub fn on(
-        &mut self,
-        now: Duration,
-        input: Input,
-        config: &WorkstationConfig,
-    ) -> Result<Action, Unexpected> {
+    /// Bytes without a connection, a request that is not due.
+    fn on(&mut self, now: Duration, input: Input, config: &WorkstationConfig) -> Result<Action, Unexpected> {
         match (&mut *self, input) {
             (_, Input::Connected) => Ok(self.close(Self::Connected(Display::NEW), config)),
             (_, Input::Disconnected) => Ok(self.close(Self::Disconnected, config)),
-            (Self::Disconnected, Input::Timer | Input::Draw) => Ok(Action::None),
-            (Self::Connected(display), Input::Timer) => Ok(display.expire(now)),
+            (Self::Disconnected, Input::Timeout | Input::Draw) => Ok(Action::Nothing),
+            (Self::Connected(display), Input::Timeout) => Ok(display.expire(now)),
             (Self::Connected(display), Input::Draw) => Ok(display.draw(now, config)),
-            (Self::Connected(display), Input::Ask) if display.request == Request::Due => {
+            (Self::Connected(display), Input::Sent) if display.request == Request::Due => {
                 display.request = Request::Waiting { again_from: now.saturating_add(config.pause) };
-                Ok(Action::Transmit)
+                Ok(Action::Sent)
             }
             (Self::Connected(display), Input::Pose) => Ok(display.pose(now, config)),
             (Self::Connected(display), Input::Corrupt { line }) => Ok(display.corrupt(line, config)),
-            (Self::Connected(_), Input::Ask)
-            | (Self::Disconnected, Input::Ask | Input::Pose | Input::Corrupt { .. }) => {
-                Err(Unexpected { state: self.name(), input: input.name() })
+            (Self::Connected(_), Input::Sent)
+            | (Self::Disconnected, Input::Sent | Input::Pose | Input::Corrupt { .. }) => {
+                Err(self.unexpected(&input))
             }
         }
     }
 
-    /// Whether a request is to be sent.
-    pub fn transmits(&self) -> bool {
-        matches!(self, Self::Connected(Display { request: Request::Due, .. }))
+    fn transmit(&self, _now: Duration, _config: &WorkstationConfig) -> Option<Enquiry> {
+        matches!(self, Self::Connected(Display { request: Request::Due, .. })).then_some(Enquiry)
     }
 
-    /// When [`Input::Timer`] is to come.
-    pub fn deadline(&self) -> Option<Duration> {
+    fn deadline(&self) -> Option<Duration> {
         self.live_until().filter(|until| *until < Duration::MAX)
     }
 
-    /// Until when the picture follows the arm, without a new pose.
-    pub fn live_until(&self) -> Option<Duration> {
-        match self {
-            Self::Connected(Display { picture: Picture::Live { until }, .. }) => Some(*until),
-            Self::Connected(Display { picture: Picture::Stale, .. }) | Self::Disconnected => None,
-        }
+    fn expires(&self, now: Duration) -> bool {
+        self.live_until().is_some_and(|until| is_due(until, now))
     }
 
-    /// Visits every time.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         let Self::Connected(display) = self else { return };
         if let Request::Waiting { again_from } = &mut display.request {
             f(again_from);
@@ -161,8 +158,7 @@ impl WorkstationMachine {
         }
     }
 
-    /// The state's name.
-    pub fn name(&self) -> &'static str {
+    fn name(&self) -> &'static str {
         let Self::Connected(display) = self else { return "Disconnected" };
         match (display.request, display.picture) {
             (Request::Allowed, Picture::Stale) => "AllowedStale",
@@ -173,23 +169,33 @@ impl WorkstationMachine {
             (Request::Waiting { .. }, Picture::Live { .. }) => "WaitingLive",
         }
     }
+}
+
+impl WorkstationMachine {
+    /// Until when the picture follows the arm, without a new pose.
+    pub fn live_until(&self) -> Option<Duration> {
+        match self {
+            Self::Connected(Display { picture: Picture::Live { until }, .. }) => Some(*until),
+            Self::Connected(Display { picture: Picture::Stale, .. }) | Self::Disconnected => None,
+        }
+    }
 
     /// Goes to a state without what was.
     fn close(&mut self, mut to: Self, config: &WorkstationConfig) -> Action {
         let Self::Connected(was) = *self else {
             *self = to;
-            return Action::None;
+            return Action::Nothing;
         };
-        if let (Self::Connected(display), false) = (&mut to, config.keeps(Rule::AskFirst)) {
+        if let (Self::Connected(display), false) = (&mut to, config.rules.keeps(Rule::AskFirst)) {
             display.request = was.request;
         }
         *self = to;
         let missed = matches!(was.request, Request::Waiting { .. });
         let stale = matches!(was.picture, Picture::Live { .. });
-        if (missed || stale) && config.keeps(Rule::ReportEnd) {
+        if (missed || stale) && config.rules.keeps(Rule::ReportEnd) {
             Action::Closed { missed, stale }
         } else {
-            Action::None
+            Action::Nothing
         }
     }
 }
@@ -201,17 +207,17 @@ impl Display {
         match self.request {
             Request::Allowed => {
                 self.request = Request::Due;
-                Action::None
+                Action::Nothing
             }
-            Request::Due => Action::None,
+            Request::Due => Action::Nothing,
             Request::Waiting { again_from } => {
-                let is_again = is_due(again_from, now) && config.keeps(Rule::AskAgain);
-                if is_again || !config.keeps(Rule::Credit) {
+                let is_again = is_due(again_from, now) && config.rules.keeps(Rule::AskAgain);
+                if is_again || !config.rules.keeps(Rule::Credit) {
                     self.request = Request::Due;
                     return Action::Missed;
                 }
                 self.request = Request::Waiting { again_from: now.saturating_add(config.pause) };
-                Action::None
+                Action::Nothing
             }
         }
     }
@@ -219,7 +225,7 @@ impl Display {
     fn pose(&mut self, now: Duration, config: &WorkstationConfig) -> Action {
         match self.request {
             Request::Waiting { .. } => {
-                let last = if config.keeps(Rule::Expire) { config.stale_after } else { Duration::MAX };
+                let last = if config.rules.keeps(Rule::Expire) { config.stale_after } else { Duration::MAX };
                 self.request = Request::Allowed;
                 self.picture = Picture::Live { until: now.saturating_add(last) };
                 Action::Pose
@@ -230,13 +236,13 @@ impl Display {
 
     fn corrupt(&mut self, line: bool, config: &WorkstationConfig) -> Action {
         let rule = if line { Rule::CorruptIsAnswer } else { Rule::NoiseIsNoAnswer };
-        let is_answer = line == config.keeps(rule);
+        let is_answer = line == config.rules.keeps(rule);
         match self.request {
             Request::Waiting { .. } if is_answer => {
                 self.request = Request::Allowed;
                 Action::Missed
             }
-            Request::Waiting { .. } | Request::Allowed | Request::Due => Action::None,
+            Request::Waiting { .. } | Request::Allowed | Request::Due => Action::Nothing,
         }
     }
 
@@ -246,28 +252,15 @@ impl Display {
                 self.picture = Picture::Stale;
                 Action::Stale
             }
-            Picture::Live { .. } | Picture::Stale => Action::None,
+            Picture::Live { .. } | Picture::Stale => Action::Nothing,
         }
     }
 }
 
-impl Input {
-    /// The input's name.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "Connected",
-            Self::Disconnected => "Disconnected",
-            Self::Timer => "Timer",
-            Self::Draw => "Draw",
-            Self::Ask => "Ask",
-            Self::Pose => "Pose",
-            Self::Corrupt { line: true } => "Corrupt(line)",
-            Self::Corrupt { line: false } => "Corrupt(noise)",
-        }
-    }
-}
-
-/// `Duration::MAX` is never.
-fn is_due(deadline: Duration, now: Duration) -> bool {
-    now >= deadline && deadline < Duration::MAX
-}
+robot_session::inputs!(
+    Input: Draw,
+    Sent,
+    Pose,
+    Corrupt { line: true } as "Corrupt(line)",
+    Corrupt { line: false } as "Corrupt(noise)",
+);

@@ -5,7 +5,7 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
 
 #[doc(hidden)]
 pub use config::Rule;
@@ -14,11 +14,11 @@ pub use config::WorkstationConfig;
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError};
 use crate::message::{ENQ, PosePacket};
-use machine::{Action, Input, WorkstationMachine};
+use machine::{Action, Enquiry, Input, WorkstationMachine};
 
 /// The graphics workstation that draws the arm (§5, §9.4): asks for one pose at a time.
 ///
-/// The order of calls is the [`Session`]'s; [`draw`](Self::draw) in every display cycle, after what has come was passed in.
+/// The order of calls is the [`Session`](robot_session::Session)'s; [`draw`](Self::draw) in every display cycle, after what has come was passed in.
 ///
 /// - **Credit of one.** It asks in the first display cycle of a connection, and then only after an answer. Every request has one
 ///   outcome: [`Pose`](WorkstationEvent::Pose) or [`Missed`](WorkstationEvent::Missed). No request is sent before the outcomes of
@@ -30,10 +30,7 @@ use machine::{Action, Input, WorkstationMachine};
 /// - **Life.** A request ends with its connection, and the picture is stale then.
 #[derive(Debug, Clone)]
 pub struct Workstation {
-    config: WorkstationConfig,
-    machine: WorkstationMachine,
-    decoder: Decoder,
-    events: EventQueue<WorkstationEvent, 8>,
+    core: CoreOf<Self>,
     statistics: WorkstationStatistics,
 }
 
@@ -81,61 +78,74 @@ pub struct WorkstationStatistics {
 }
 
 impl Workstation {
-    /// The outcomes between a request and the next: a picture that becomes stale, the request's own, and its picture.
-    const OUTCOMES: usize = 3;
-
     /// A workstation without a connection.
     ///
     /// # Errors
     /// [`ConfigError::Pause`], [`ConfigError::StaleAfter`].
     pub fn new(config: WorkstationConfig) -> Result<Self, ConfigError> {
         config.check()?;
-        Ok(Self {
-            config,
-            machine: WorkstationMachine::Disconnected,
-            decoder: Decoder::new(),
-            events: EventQueue::new(),
-            statistics: WorkstationStatistics::default(),
-        })
+        let core = Core::new(config, WorkstationMachine::Disconnected, Decoder::new());
+        Ok(Self { core, statistics: WorkstationStatistics::default() })
     }
 
     /// A display cycle, about five times a second while the display is on, and not while it is paused.
     pub fn draw(&mut self, now: Duration) {
-        self.advance(now, Input::Draw, None);
+        self.request(now, Input::Draw);
     }
 
     /// Until when the picture is not stale, without a new pose; `None` if it is.
     pub fn live_until(&self) -> Option<Duration> {
-        self.machine.live_until()
+        self.core.machine.live_until()
     }
 
     /// The state that decides what happens next.
     pub fn machine(&self) -> &WorkstationMachine {
-        &self.machine
+        &self.core.machine
     }
 
-    /// What came due, then the input.
-    fn advance(&mut self, now: Duration, input: Input, packet: Option<PosePacket>) {
-        self.step(now, Input::Timer, None);
-        self.step(now, input, packet);
+    fn report(&mut self, outcome: WorkstationEvent) {
+        let count = match outcome {
+            WorkstationEvent::Pose(_) => &mut self.statistics.poses,
+            WorkstationEvent::Missed => &mut self.statistics.missed,
+            _ => &mut self.statistics.stale,
+        };
+        *count += 1;
+        // A request is sent only when its outcomes have room.
+        let _ = self.core.events.push_outcome(outcome);
     }
+}
 
-    fn step(&mut self, now: Duration, input: Input, packet: Option<PosePacket>) {
-        match self.machine.on(now, input, &self.config) {
-            Ok(action) => self.act(action, packet),
-            Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(WorkstationEvent::Unexpected(unexpected));
+impl End for Workstation {
+    type Machine = WorkstationMachine;
+    type Decoder = Decoder;
+    type Events = EventQueue<WorkstationEvent, 8>;
+    type Statistics = WorkstationStatistics;
+    type Payload = PosePacket;
+
+    const MAX_INPUT: usize = 256;
+    const MAX_TRANSMIT: usize = 1;
+    /// Between a request and the next: a picture that becomes stale, the request's own, and its picture.
+    const ROOM: Room = Room { connect: 0, read: 0, transmit: 3 };
+
+    robot_session::core!();
+
+    fn next_input(&mut self) -> Option<(Input, Option<PosePacket>)> {
+        Some(match self.core.decoder.next_frame()? {
+            Ok(packet) => (Input::Pose, Some(packet)),
+            Err(error) => {
+                self.statistics.corrupt += 1;
+                self.core.events.push_notice(WorkstationEvent::Corrupt(error));
+                (Input::Corrupt { line: error.is_line() }, None)
             }
-        }
+        })
     }
 
-    fn act(&mut self, action: Action, packet: Option<PosePacket>) {
+    fn act(&mut self, _now: Duration, action: Action, packet: Option<PosePacket>) {
         match (action, packet) {
             (Action::Pose, Some(packet)) => self.report(WorkstationEvent::Pose(packet)),
             (Action::Unasked, Some(packet)) => {
                 self.statistics.unasked += 1;
-                self.events.push_notice(WorkstationEvent::Unasked(packet));
+                self.core.events.push_notice(WorkstationEvent::Unasked(packet));
             }
             (Action::Missed, _) => self.report(WorkstationEvent::Missed),
             (Action::Stale, _) => self.report(WorkstationEvent::Stale),
@@ -147,86 +157,22 @@ impl Workstation {
                     self.report(WorkstationEvent::Stale);
                 }
             }
-            (Action::None | Action::Transmit | Action::Pose | Action::Unasked, _) => {}
+            (Action::Sent, _) => self.statistics.requests += 1,
+            (Action::Nothing | Action::Pose | Action::Unasked, _) => {}
         }
     }
 
-    fn report(&mut self, outcome: WorkstationEvent) {
-        let count = match outcome {
-            WorkstationEvent::Pose(_) => &mut self.statistics.poses,
-            WorkstationEvent::Missed => &mut self.statistics.missed,
-            _ => &mut self.statistics.stale,
-        };
-        *count += 1;
-        // A request is sent only when its outcomes have room.
-        let _ = self.events.push_outcome(outcome);
+    fn write(&mut self, _now: Duration, Enquiry: Enquiry, out: &mut [u8]) -> Option<(usize, Input)> {
+        *out.first_mut()? = ENQ;
+        Some((1, Input::Sent))
     }
 
-    fn read(&mut self, now: Duration) {
-        while let Some(frame) = self.decoder.next_frame() {
-            match frame {
-                Ok(packet) => self.step(now, Input::Pose, Some(packet)),
-                Err(error) => {
-                    self.statistics.corrupt += 1;
-                    self.events.push_notice(WorkstationEvent::Corrupt(error));
-                    self.step(now, Input::Corrupt { line: error.is_line() }, None);
-                }
-            }
-        }
-    }
-}
-
-impl Session for Workstation {
-    type Event = WorkstationEvent;
-    type Statistics = WorkstationStatistics;
-
-    const MAX_INPUT: usize = 65536;
-    const MAX_TRANSMIT: usize = 1;
-
-    fn handle_connected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.advance(now, Input::Connected, None);
+    fn unexpected(unexpected: Unexpected) -> WorkstationEvent {
+        WorkstationEvent::Unexpected(unexpected)
     }
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.advance(now, Input::Disconnected, None);
-    }
-
-    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        self.handle_timeout(now);
-        while !bytes.is_empty() {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            self.read(now);
-        }
-    }
-
-    fn handle_timeout(&mut self, now: Duration) {
-        self.step(now, Input::Timer, None);
-    }
-
-    fn poll_event(&mut self) -> Option<WorkstationEvent> {
-        self.events.pop()
-    }
-
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.handle_timeout(now);
-        let first = out.first_mut()?;
-        if !self.machine.transmits() || !self.events.has_room(Self::OUTCOMES) {
-            return None;
-        }
-        self.step(now, Input::Ask, None);
-        self.statistics.requests += 1;
-        *first = ENQ;
-        Some(1)
-    }
-
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
-    }
-
-    fn statistics(&self) -> WorkstationStatistics {
-        WorkstationStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn counters(&self) -> WorkstationStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        WorkstationStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }

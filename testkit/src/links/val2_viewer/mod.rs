@@ -3,6 +3,7 @@
 mod machines;
 mod pair;
 mod refine;
+pub mod rows;
 mod world;
 
 pub use refine::refine;

@@ -4,6 +4,7 @@
 
 use core::time::Duration;
 
+use robot_session::Machine as _;
 use val2_viewer::host::machine::{self as host, HostMachine};
 use val2_viewer::workstation::machine::{self as workstation, Display, Request, WorkstationMachine};
 
@@ -106,18 +107,18 @@ impl System for Exchange {
         let edges: &mut Edges<'_> = &mut edges;
         state.faults += u8::from(act.is_fault());
         match act {
-            Act::HostTimer => _ = self.host(state, host::Input::Timer, edges),
+            Act::HostTimer => _ = self.host(state, host::Input::Timeout, edges),
             Act::Enquire => self.enquire(state, edges),
             Act::Answer(fate) => self.answer(state, fate, edges),
             Act::SendUnasked => self.send(state, Fate::Late(0)),
-            Act::Timer => self.workstation(state, workstation::Input::Timer, edges),
+            Act::Timer => self.workstation(state, workstation::Input::Timeout, edges),
             Act::Draw => {
                 state.credit |= state.since_drawn >= PAUSE;
                 state.since_drawn = 0;
                 self.workstation(state, workstation::Input::Draw, edges);
             }
             Act::Ask { arrives } => {
-                self.workstation(state, workstation::Input::Ask, edges);
+                self.workstation(state, workstation::Input::Sent, edges);
                 if arrives && !state.unplugged {
                     state.requests = (state.requests + 1).min(DRIVER);
                 }
@@ -139,7 +140,7 @@ impl System for Exchange {
                 self.open_host(state, edges);
             }
             Act::CloseHost => {
-                self.host(state, host::Input::Timer, edges);
+                self.host(state, host::Input::Timeout, edges);
                 self.host(state, host::Input::Disconnected, edges);
                 (state.asked, state.pile_asked) = (false, false);
             }
@@ -154,7 +155,7 @@ impl System for Exchange {
                 self.open_workstation(state, edges);
             }
             Act::CloseWorkstation => {
-                self.workstation(state, workstation::Input::Timer, edges);
+                self.workstation(state, workstation::Input::Timeout, edges);
                 self.workstation(state, workstation::Input::Disconnected, edges);
             }
             Act::OpenWorkstation | Act::ReopenWorkstation => {
@@ -217,12 +218,11 @@ impl Exchange {
     /// What the workstation does at once; whether there is something.
     fn push_workstation(&self, state: &State, faulty: bool, acts: &mut Vec<Act>) -> bool {
         let begin = acts.len();
-        let timer = { state.workstation }.on(Duration::ZERO, workstation::Input::Timer, &self.workstation);
-        if timer != Ok(workstation::Action::None) {
+        if state.workstation.expires(Duration::ZERO) {
             acts.push(Act::Timer);
         } else if state.up.first().is_some_and(|packet| packet.ticks == 0) {
             acts.push(Act::Receive);
-        } else if state.workstation.transmits() {
+        } else if state.workstation.transmit(Duration::ZERO, &self.workstation).is_some() {
             acts.push(Act::Ask { arrives: true });
             if faulty {
                 acts.push(Act::Ask { arrives: false });
@@ -245,13 +245,12 @@ impl Exchange {
             }
             return false;
         }
-        let timer = { state.host }.on(Duration::ZERO, host::Input::Timer, &self.host);
-        if timer != Ok(host::Action::None) {
+        if state.host.expires(Duration::ZERO) {
             acts.push(Act::HostTimer);
             return true;
         }
         let reads = state.requests > 0 && state.is_host_open();
-        let answers = state.host.transmits(Duration::ZERO);
+        let answers = state.host.transmit(Duration::ZERO, &self.host).is_some();
         if reads {
             acts.push(Act::Enquire);
         }
@@ -266,11 +265,11 @@ impl Exchange {
     fn host(&self, state: &mut State, input: host::Input, edges: &mut Edges<'_>) -> host::Action {
         let Ok(action) = drive(&mut state.host, input, &self.host, edges) else {
             state.wrong = Some(EXPECTED);
-            return host::Action::None;
+            return host::Action::Nothing;
         };
         match action {
             host::Action::Ignore | host::Action::Stale => self.alarm(state),
-            host::Action::None | host::Action::Accept | host::Action::Transmit => {}
+            host::Action::Nothing | host::Action::Accept | host::Action::Sent => {}
         }
         action
     }
@@ -281,8 +280,8 @@ impl Exchange {
             return;
         };
         match action {
-            workstation::Action::None => {}
-            workstation::Action::Transmit => {
+            workstation::Action::Nothing => {}
+            workstation::Action::Sent => {
                 if !core::mem::take(&mut state.credit) && !self.first_workstation {
                     state.wrong = Some(CREDIT);
                 }
@@ -339,7 +338,7 @@ impl Exchange {
             state.requests -= 1;
             return self.send(state, fate);
         }
-        self.host(state, host::Input::Answer, edges);
+        self.host(state, host::Input::Sent, edges);
         if !core::mem::take(&mut state.asked) {
             state.wrong = Some(ASKED);
         }
@@ -409,21 +408,21 @@ impl Exchange {
             older(ticks, STALE_AFTER + 1);
         }
         if state.alter && !state.host_asleep && !self.first_host {
-            self.host(state, host::Input::Timer, edges);
+            self.host(state, host::Input::Timeout, edges);
             self.host(state, host::Input::Pose, edges);
             state.pose_age = 0;
         }
     }
 
     fn open_host(&self, state: &mut State, edges: &mut Edges<'_>) {
-        self.host(state, host::Input::Timer, edges);
+        self.host(state, host::Input::Timeout, edges);
         self.host(state, host::Input::Connected, edges);
         (state.asked, state.piled) = (false, state.requests);
         (state.since_connected, state.pile_answers, state.pile_asked) = (0, 0, false);
     }
 
     fn open_workstation(&self, state: &mut State, edges: &mut Edges<'_>) {
-        self.workstation(state, workstation::Input::Timer, edges);
+        self.workstation(state, workstation::Input::Timeout, edges);
         self.workstation(state, workstation::Input::Connected, edges);
         state.credit = true;
     }

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Session as _;
+use robot_session::{Machine as _, Session as _};
 use val2_viewer::{ENQ, Host, HostEvent, PosePacket, Workstation, WorkstationEvent};
 
 use super::world::{Act, Exchange, Fate, State, TICK};
@@ -141,7 +141,7 @@ impl<'a> Sessions<'a> {
         if !state.is_workstation_asleep() {
             let due = self.workstation.poll_timeout().map(|at| at.saturating_sub(now));
             assert_eq!(due, state.workstation.deadline(), "{walk:?}");
-            if !state.workstation.transmits() {
+            if state.workstation.transmit(now, &self.exchange.workstation).is_none() {
                 assert_eq!(self.workstation.poll_transmit(now, &mut [0]), None, "{walk:?}");
             }
         }
@@ -150,7 +150,7 @@ impl<'a> Sessions<'a> {
             assert_eq!(due, state.host.deadline(), "{walk:?}");
             // A session that is asked for bytes meets what is due first: the model has that to come.
             let is_due = state.host.deadline().is_some_and(|at| at.is_zero());
-            if !is_due && !state.host.transmits(Duration::ZERO) {
+            if !is_due && state.host.transmit(Duration::ZERO, &self.exchange.host).is_none() {
                 assert_eq!(self.host.poll_transmit(now, &mut [0; Host::MAX_TRANSMIT]), None, "{walk:?}");
             }
         }

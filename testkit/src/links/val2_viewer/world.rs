@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 
+use robot_session::Rules;
 use val2_viewer::host::machine::HostMachine;
 use val2_viewer::workstation::machine::WorkstationMachine;
 use val2_viewer::{HostConfig, WorkstationConfig, host, workstation};
@@ -76,11 +77,11 @@ impl Exchange {
     }
 
     pub(super) fn without_at_host(self, rule: host::Rule) -> Self {
-        Self { host: HostConfig { without: Some(rule), ..self.host }, ..self }
+        Self { host: HostConfig { rules: Rules::without(rule), ..self.host }, ..self }
     }
 
     pub(super) fn without_at_workstation(self, rule: workstation::Rule) -> Self {
-        Self { workstation: WorkstationConfig { without: Some(rule), ..self.workstation }, ..self }
+        Self { workstation: WorkstationConfig { rules: Rules::without(rule), ..self.workstation }, ..self }
     }
 }
 

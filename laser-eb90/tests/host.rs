@@ -7,7 +7,7 @@ mod common;
 use core::time::Duration;
 
 use common::{CUT, MS, READY, STOP, WHERE, cut, echo, host, write_cut};
-use laser_eb90::robot_session::{Session as _, Unexpected};
+use laser_eb90::robot_session::{Machine as _, Session as _, Unexpected};
 use laser_eb90::{
     DecodeError, EncodeError, Frame, Host, HostConfig, HostEvent, Item, Payload, Profile, Refusal,
     SessionError, UnknownReason, timing,

@@ -246,7 +246,13 @@ impl<E: End> Session for E {
     #[inline]
     fn handle_timeout(&mut self, now: Duration) {
         while self.core().machine.expires(now) {
-            self.advance(now, Input::TIMEOUT, None);
+            if self.core().machine.cuts() {
+                self.finish(now);
+            }
+            // What was given up may have been what was waited for.
+            if self.core().machine.expires(now) {
+                self.advance(now, Input::TIMEOUT, None);
+            }
         }
     }
 
@@ -265,7 +271,9 @@ impl<E: End> Session for E {
 
     #[inline]
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        expire_first(self, now);
+        if E::Machine::TIME_BEFORE_TRANSMIT {
+            self.handle_timeout(now);
+        }
         // Until something was sent, or an event taken.
         if core::mem::take(&mut self.core_mut().held) {
             self.read(now);

@@ -20,6 +20,9 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     /// read first, and time passes only in [`Session::handle_timeout`](crate::Session::handle_timeout).
     const TIME_FIRST: bool;
 
+    /// Whether what came due is done before something is sent, also where input comes first.
+    const TIME_BEFORE_TRANSMIT: bool = Self::TIME_FIRST;
+
     /// What happens to the end.
     type Input: Input;
 
@@ -51,6 +54,13 @@ pub trait Machine: Clone + Eq + Hash + Debug {
 
     /// Whether [`Input::TIMEOUT`] has something to do now. Each time that it comes, it does one thing.
     fn expires(&self, now: Duration) -> bool;
+
+    /// Whether the bytes that are held are given up, and so read as what they are, before [`Input::TIMEOUT`] comes. Not where it comes
+    /// all the same: then its action does that.
+    #[inline]
+    fn cuts(&self) -> bool {
+        false
+    }
 
     /// Whether frames are read now; what comes meanwhile waits.
     #[inline]

@@ -22,3 +22,9 @@ fn val2_viewer() {
     check::<links::val2_viewer::rows::Host>(48);
     check::<links::val2_viewer::rows::Workstation>(48);
 }
+
+#[test]
+fn laser_eb90() {
+    check::<links::laser_eb90::rows::Host>(160);
+    check::<links::laser_eb90::rows::Controller>(64);
+}

@@ -2,6 +2,8 @@
 
 use core::time::Duration;
 
+use robot_session::Rules;
+
 use crate::error::ConfigError;
 use crate::profile::Profile;
 use crate::timing;
@@ -21,33 +23,22 @@ pub struct ControllerConfig {
     /// How long no byte must come before corrupt bytes are answered and an incomplete frame is dropped. Default: 50 ms. A PC
     /// that pauses longer within a frame gets an error code for each half.
     pub silence: Duration,
-    /// The rule that the machine leaves out: for the model, which shows that it is needed.
-    #[cfg(feature = "model")]
+    /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
-    pub without: Option<ControllerRule>,
+    pub rules: Rules<Rule>,
 }
 
-/// A rule of the controller that no setting takes out: for the model.
-#[doc(hidden)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ControllerRule {
-    /// Bytes that are too few for a frame are not answered.
-    IgnoreShort,
+robot_session::rules! {
+    /// The rule of the controller's machine that no setting takes out.
+    pub enum Rule {
+        /// Bytes that are too few for a frame are not answered.
+        IgnoreShort,
+    }
 }
 
 impl ControllerConfig {
     pub(crate) fn check(&self) -> Result<(), ConfigError> {
         if self.batch == 0 { Err(ConfigError::NoBatch) } else { Ok(()) }
-    }
-
-    #[cfg(feature = "model")]
-    pub(crate) fn keeps(&self, rule: ControllerRule) -> bool {
-        self.without != Some(rule)
-    }
-
-    #[cfg(not(feature = "model"))]
-    pub(crate) const fn keeps(&self, _: ControllerRule) -> bool {
-        true
     }
 }
 
@@ -59,8 +50,7 @@ impl Default for ControllerConfig {
             batch: 7,
             tick: timing::TICK,
             silence: Duration::from_millis(50),
-            #[cfg(feature = "model")]
-            without: None,
+            rules: Rules::ALL,
         }
     }
 }

@@ -2,9 +2,9 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Machine, Unexpected, is_due};
 
-use super::config::{ControllerConfig, ControllerRule};
+use super::config::{ControllerConfig, Rule};
 use crate::timing;
 use crate::words::Refusal;
 
@@ -81,7 +81,7 @@ pub enum Answer {
 
 /// What happens to the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ControllerInput {
+pub enum Input {
     /// The line was opened.
     Connected,
     /// The line is gone.
@@ -112,43 +112,43 @@ pub enum ControllerInput {
         /// The beginning of another one is left.
         partial: bool,
     },
-    /// The line is silent. The beginning of a frame that was held has been dropped, and has come as corrupt.
-    Silence,
+    /// Time has passed: the line is silent. The beginning of a frame that was held has been dropped, and has come as corrupt.
+    Timeout,
     /// The caller has executed the instruction, or could not.
     Executed(Result<(), Refusal>),
-    /// The answer that is [due](ControllerMachine::due) is put on the line.
-    Transmit,
+    /// The answer that was due is put on the line.
+    Sent,
 }
 
 /// What the controller does about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ControllerAction {
+pub enum Action {
     /// Nothing.
     Nothing,
     /// Has the caller execute the instruction.
     Execute,
     /// Prepares the answer.
     Answer(Answer),
+    /// Counts an answer.
+    Sent,
 }
 
-impl ControllerMachine {
-    /// A controller without a connection.
-    pub const NEW: Self = Self { work: Work::Listening { fault: None }, line: Receiving::Disconnected };
+impl Machine for ControllerMachine {
+    const END: &'static str = "controller";
+    const TIME_FIRST: bool = false;
+    const TIME_BEFORE_TRANSMIT: bool = true;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Answer;
+    type Config = ControllerConfig;
 
-    /// Takes an input; returns what the controller does.
-    ///
     /// # Errors
-    /// An input that the state does not allow: nothing has changed. Neither line nor host can cause one.
-    pub fn on(
-        &mut self,
-        now: Duration,
-        input: ControllerInput,
-        config: &ControllerConfig,
-    ) -> Result<ControllerAction, Unexpected> {
-        use {ControllerAction::Nothing, ControllerInput as On, Receiving as Line, Work as Is};
+    /// An input that the state does not allow. Neither line nor host can cause one.
+    fn on(&mut self, now: Duration, input: Input, config: &ControllerConfig) -> Result<Action, Unexpected> {
+        use {Action::Nothing, Input as On, Receiving as Line, Work as Is};
         let answer = |answer| {
             let due = timing::end_of_tick(now, config.tick);
-            (Is::Answering { answer, due }, ControllerAction::Answer(answer))
+            (Is::Answering { answer, due }, Action::Answer(answer))
         };
         let idle = Is::Listening { fault: None };
         let (work, line, action) = match (self.work, self.line, input) {
@@ -171,10 +171,20 @@ impl ControllerMachine {
                 let silent_at = now.saturating_add(config.silence);
                 (work, Line::Bytes { silent_at, partial }, Nothing)
             }
+            // No silence is awaited any more.
+            (work @ Is::Answering { .. }, Line::Bytes { silent_at, .. }, On::Read { partial: false })
+                if is_due(silent_at, now) =>
+            {
+                (work, Line::Silent, Nothing)
+            }
             (work, Line::Bytes { silent_at, .. }, On::Read { partial }) => {
                 (work, Line::Bytes { silent_at, partial }, Nothing)
             }
             (work, Line::Silent, On::Read { partial: false }) => (work, Line::Silent, Nothing),
+            // What was executed had nobody left to answer.
+            (work @ Is::Listening { .. }, Line::Disconnected, On::Read { partial: false }) => {
+                (work, Line::Disconnected, Nothing)
+            }
             (Is::Listening { fault }, line @ Line::Bytes { .. }, On::Corrupt { refusal, bytes }) => {
                 let fault = fault.unwrap_or(Fault { refusal, bytes: 0 });
                 let bytes = fault.bytes.saturating_add(bytes).min(Fault::ENOUGH);
@@ -201,23 +211,25 @@ impl ControllerMachine {
                 Is::Listening { .. } | Is::Answering { .. },
                 line @ Line::Bytes { .. },
                 On::Immediate { word },
-            ) => (Is::Executing { word, connected: true }, line, ControllerAction::Execute),
-            (Is::Listening { fault: Some(fault) }, Line::Bytes { .. }, On::Silence)
-                if fault.bytes >= Fault::ENOUGH || !config.keeps(ControllerRule::IgnoreShort) =>
+            ) => (Is::Executing { word, connected: true }, line, Action::Execute),
+            (Is::Listening { fault: Some(fault) }, Line::Bytes { .. }, On::Timeout)
+                if fault.bytes >= Fault::ENOUGH || !config.rules.keeps(Rule::IgnoreShort) =>
             {
                 let (work, action) = answer(Answer::Error(fault.refusal));
                 (work, Line::Silent, action)
             }
-            (Is::Listening { .. }, Line::Bytes { .. }, On::Silence) => (idle, Line::Silent, Nothing),
-            (work @ Is::Answering { .. }, Line::Bytes { .. }, On::Silence) => (work, Line::Silent, Nothing),
+            (Is::Listening { .. }, Line::Bytes { .. }, On::Timeout) => (idle, Line::Silent, Nothing),
+            (work @ Is::Answering { .. }, Line::Bytes { .. }, On::Timeout) => (work, Line::Silent, Nothing),
             (Is::Executing { connected: false, .. }, line, On::Executed(_)) => (idle, line, Nothing),
             (Is::Executing { word, connected: true }, line, On::Executed(result)) => {
                 let (work, action) = answer(result.map_or_else(Answer::Error, |()| Answer::Echo(word)));
                 (work, line, action)
             }
-            (Is::Answering { .. }, line, On::Transmit) if self.due(now).is_some() => (idle, line, Nothing),
-            (_, Line::Disconnected, On::Bytes | On::Read { .. } | On::Silence)
-            | (_, Line::Silent, On::Read { partial: true } | On::Silence)
+            (Is::Answering { .. }, line, On::Sent) if self.due(now).is_some() => {
+                (idle, line.at(now), Action::Sent)
+            }
+            (_, Line::Disconnected, On::Bytes | On::Read { .. } | On::Timeout)
+            | (_, Line::Silent, On::Read { partial: true } | On::Timeout)
             | (_, Line::Disconnected | Line::Silent, On::Corrupt { .. })
             | (
                 _,
@@ -227,51 +239,42 @@ impl ControllerMachine {
             | (
                 Is::Executing { .. },
                 Line::Bytes { .. },
-                On::Corrupt { .. } | On::Queued { .. } | On::Refused(_) | On::Immediate { .. } | On::Silence,
+                On::Corrupt { .. } | On::Queued { .. } | On::Refused(_) | On::Immediate { .. } | On::Timeout,
             )
             | (Is::Listening { .. } | Is::Answering { .. }, _, On::Executed(_))
-            | (_, _, On::Transmit) => return Err(Unexpected { state: self.name(), input: input.name() }),
+            | (_, _, On::Sent) => return Err(self.unexpected(&input)),
         };
         (self.work, self.line) = (work, line);
         Ok(action)
     }
 
-    /// When the controller wants [`ControllerInput::Silence`] or may send; `None` if only bytes or the caller can make
-    /// something happen.
-    pub fn deadline(&self) -> Option<Duration> {
-        match (self.work, self.line) {
-            (Work::Executing { .. }, _) | (_, Receiving::Disconnected) => None,
-            (Work::Listening { .. }, Receiving::Silent) => None,
-            (Work::Listening { .. }, Receiving::Bytes { silent_at, .. })
-            | (Work::Answering { .. }, Receiving::Bytes { silent_at, partial: true }) => Some(silent_at),
-            (Work::Answering { due, .. }, Receiving::Silent | Receiving::Bytes { partial: false, .. }) => {
-                Some(due)
-            }
-        }
+    fn transmit(&self, now: Duration, _config: &ControllerConfig) -> Option<Answer> {
+        self.due(now)
     }
 
-    /// The answer that is to be put on the line. It waits while the rest of a frame may come.
-    pub fn due(&self, now: Duration) -> Option<Answer> {
-        let is_receiving = matches!(self.line, Receiving::Bytes { partial: true, .. });
-        match self.work {
-            Work::Answering { answer, due } if now >= due && !is_receiving => Some(answer),
+    fn deadline(&self) -> Option<Duration> {
+        let due = match self.work {
+            Work::Answering { due, .. } if self.line != Receiving::Disconnected => Some(due),
             Work::Answering { .. } | Work::Listening { .. } | Work::Executing { .. } => None,
-        }
+        };
+        self.silent_at().or(due).filter(|at| *at < Duration::MAX)
     }
 
-    /// Whether the line has been silent for so long that the beginning of a frame is dropped. Not while an instruction is
-    /// executed: what comes meanwhile is read after that.
-    pub fn is_silent(&self, now: Duration) -> bool {
-        self.reads_frames() && matches!(self.line, Receiving::Bytes { silent_at, .. } if now >= silent_at)
+    fn expires(&self, now: Duration) -> bool {
+        self.silent_at().is_some_and(|at| is_due(at, now))
     }
 
-    /// Whether frames are read: not while an instruction is executed.
-    pub const fn reads_frames(&self) -> bool {
+    /// The beginning of a frame is dropped when the line has been silent.
+    fn cuts(&self) -> bool {
+        true
+    }
+
+    /// Not while an instruction is executed: what comes meanwhile is read after that.
+    fn reads(&self) -> bool {
         !matches!(self.work, Work::Executing { .. })
     }
 
-    /// Every time in the machine: each is a deadline.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         if let Work::Answering { due, .. } = &mut self.work {
             f(due);
         }
@@ -280,8 +283,7 @@ impl ControllerMachine {
         }
     }
 
-    /// The state's name.
-    pub const fn name(&self) -> &'static str {
+    fn name(&self) -> &'static str {
         match (self.line, self.work) {
             (Receiving::Disconnected, Work::Listening { .. } | Work::Answering { .. }) => "Disconnected",
             (Receiving::Disconnected, Work::Executing { .. }) => "DisconnectedExecuting",
@@ -295,21 +297,40 @@ impl ControllerMachine {
     }
 }
 
-impl ControllerInput {
-    /// The input's name.
-    pub const fn name(&self) -> &'static str {
+impl ControllerMachine {
+    /// A controller without a connection.
+    pub const NEW: Self = Self { work: Work::Listening { fault: None }, line: Receiving::Disconnected };
+
+    /// Whether there is a connection: without one nothing is read.
+    pub fn is_connected(&self) -> bool {
+        self.line != Receiving::Disconnected
+    }
+
+    /// The answer that is to be put on the line. It waits while the rest of a frame may come.
+    fn due(&self, now: Duration) -> Option<Answer> {
+        let is_receiving = matches!(self.line, Receiving::Bytes { partial: true, .. });
+        match self.work {
+            Work::Answering { answer, due } if is_due(due, now) && !is_receiving => Some(answer),
+            Work::Answering { .. } | Work::Listening { .. } | Work::Executing { .. } => None,
+        }
+    }
+
+    /// When a silence is awaited: not while an instruction is executed, and not beside an answer that nothing holds up.
+    fn silent_at(&self) -> Option<Duration> {
+        match (self.work, self.line) {
+            (Work::Listening { .. }, Receiving::Bytes { silent_at, .. })
+            | (Work::Answering { .. }, Receiving::Bytes { silent_at, partial: true }) => Some(silent_at),
+            (Work::Listening { .. } | Work::Executing { .. } | Work::Answering { .. }, _) => None,
+        }
+    }
+}
+
+impl Receiving {
+    /// The same, unless it is silent now.
+    fn at(self, now: Duration) -> Self {
         match self {
-            Self::Connected => "Connected",
-            Self::Disconnected => "Disconnected",
-            Self::Bytes => "Bytes",
-            Self::Corrupt { .. } => "Corrupt",
-            Self::Queued { .. } => "Queued",
-            Self::Refused(_) => "Refused",
-            Self::Immediate { .. } => "Immediate",
-            Self::Read { .. } => "Read",
-            Self::Silence => "Silence",
-            Self::Executed(_) => "Executed",
-            Self::Transmit => "Transmit",
+            Self::Bytes { silent_at, .. } if is_due(silent_at, now) => Self::Silent,
+            Self::Disconnected | Self::Silent | Self::Bytes { .. } => self,
         }
     }
 }
@@ -318,3 +339,5 @@ impl Fault {
     /// The length of the shortest frame: fewer bytes are no frame that somebody waits for.
     pub const ENOUGH: u8 = 8;
 }
+
+robot_session::inputs!(Input: Bytes, Corrupt, Queued, Refused, Immediate, Read, Executed, Sent);

@@ -6,11 +6,13 @@ mod verdict;
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, Encode as _, EventQueue, Session, Unexpected};
+use robot_session::{Core, Decoder as _, Encode as _, End, EventQueue, Machine as _, Room, Unexpected};
 use robot_work_queue::Writer;
 
-pub use self::config::{ControllerConfig, ControllerRule};
-use self::machine::{Answer, ControllerAction, ControllerInput, ControllerMachine, Receiving, Work};
+pub use self::config::ControllerConfig;
+#[doc(hidden)]
+pub use self::config::Rule;
+use self::machine::{Action, Answer, ControllerMachine, Input, Work};
 use self::verdict::{Verdict, judge};
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, EncodeError, SessionError};
@@ -21,7 +23,7 @@ use crate::payload::Payload;
 use crate::words::{Class, Refusal};
 
 /// The controller (下位机): interpreted instructions go into a [`robot_work_queue`] and are answered at once, immediate ones
-/// are executed first (§2). Drive it as every [`Session`].
+/// are executed first (§2). Drive it as every [`Session`](robot_session::Session).
 ///
 /// `T` is what the motion task takes: it is built from an [`Instruction`] by `TryFrom`, which also checks the parameters. It is
 /// called twice for each instruction, because a frame is queued whole or not at all: every instruction is checked, and the
@@ -40,14 +42,11 @@ use crate::words::{Class, Refusal};
 /// - An instruction that is being executed when the connection is lost still waits for its `answer`, which goes nowhere.
 #[derive(Debug)]
 pub struct Controller<'q, T> {
-    config: ControllerConfig,
-    machine: ControllerMachine,
-    decoder: Decoder,
+    core: Core<ControllerMachine, Decoder, EventQueue<ControllerEvent, EVENTS>>,
     queue: Writer<'q, T>,
     /// The parameters of the instruction to execute, then the values of the answer.
     values: [u8; MAX_PAYLOAD],
     len: usize,
-    events: EventQueue<ControllerEvent, EVENTS>,
     statistics: ControllerStatistics,
 }
 
@@ -112,13 +111,10 @@ where
     pub fn new(config: ControllerConfig, queue: Writer<'q, T>) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self {
-            config,
-            machine: ControllerMachine::NEW,
-            decoder: Decoder::new(&config.profile),
+            core: Core::new(config, ControllerMachine::NEW, Decoder::new(&config.profile)),
             queue,
             values: [0; MAX_PAYLOAD],
             len: 0,
-            events: EventQueue::new(),
             statistics: ControllerStatistics::default(),
         })
     }
@@ -135,7 +131,7 @@ where
     ) -> Result<(), SessionError> {
         self.check_executing()?;
         let room = self.values.get_mut(..MAX_PAYLOAD - WORD_LEN).unwrap_or_default();
-        let mut payload = Payload::new(room, &self.config.profile);
+        let mut payload = Payload::new(room, &self.core.config.profile);
         values(&mut payload).map_err(SessionError::Encode)?;
         self.len = payload.as_bytes().len();
         self.executed(now, Ok(()));
@@ -154,9 +150,9 @@ where
 
     /// What is to be executed; `None` when nothing is.
     pub fn instruction(&self) -> Option<Instruction<'_>> {
-        match self.machine.work {
+        match self.core.machine.work {
             Work::Executing { word, .. } => {
-                Some(Instruction { word, parameters: Items::new(self.values(), &self.config.profile) })
+                Some(Instruction { word, parameters: Items::new(self.values(), &self.core.config.profile) })
             }
             Work::Listening { .. } | Work::Answering { .. } => None,
         }
@@ -169,81 +165,19 @@ where
 
     /// The machine.
     pub fn machine(&self) -> &ControllerMachine {
-        &self.machine
+        &self.core.machine
     }
 
     fn check_executing(&self) -> Result<(), SessionError> {
-        let is_taken = self.events.has_room(EVENTS);
-        if is_taken && !self.machine.reads_frames() { Ok(()) } else { Err(SessionError::NotExecuting) }
+        let is_taken = self.core.events.has_room(EVENTS);
+        if is_taken && !self.core.machine.reads() { Ok(()) } else { Err(SessionError::NotExecuting) }
     }
 
     fn executed(&mut self, now: Duration, result: Result<(), Refusal>) {
-        self.advance(now, ControllerInput::Executed(result));
+        self.advance(now, Input::Executed(result), None);
+        // What has come meanwhile.
         self.read(now);
-    }
-
-    /// Reads the frames that are there, until one is to be executed.
-    fn read(&mut self, now: Duration) {
-        while self.machine.reads_frames() {
-            let before = self.decoder.position();
-            let Some(frame) = self.decoder.next_frame() else { break };
-            let input = match frame {
-                Ok(frame) => match judge(frame.items(), &self.config, &mut self.queue) {
-                    Ok(Verdict::Queued { word, count }) => {
-                        self.statistics.queued += u64::from(count);
-                        self.events.push_notice(ControllerEvent::Queued { count });
-                        ControllerInput::Queued { word }
-                    }
-                    Ok(Verdict::Execute { class, instruction: Instruction { word, parameters } }) => {
-                        let parameters = parameters.as_bytes();
-                        if let Some(slot) = self.values.get_mut(..parameters.len()) {
-                            slot.copy_from_slice(parameters);
-                        }
-                        self.len = parameters.len();
-                        self.statistics.executed += 1;
-                        // There is room: the event before was taken when its instruction was answered.
-                        let _ = self.events.push_outcome(ControllerEvent::Execute { class, word });
-                        ControllerInput::Immediate { word }
-                    }
-                    Err(refusal) => ControllerInput::Refused(refusal),
-                },
-                Err(error) => {
-                    self.statistics.corrupt += 1;
-                    self.events.push_notice(ControllerEvent::Corrupt(error));
-                    let checksum = matches!(error, DecodeError::Checksum { .. });
-                    let refusal = if checksum { Refusal::BadChecksum } else { Refusal::BadFrame };
-                    let bytes = u8::try_from(self.decoder.position() - before).unwrap_or(u8::MAX);
-                    ControllerInput::Corrupt { refusal, bytes }
-                }
-            };
-            self.advance(now, input);
-        }
-        if matches!(self.machine.line, Receiving::Bytes { .. }) {
-            self.advance(now, ControllerInput::Read { partial: !self.decoder.is_empty() });
-        }
-    }
-
-    /// Whether the state allows the input.
-    fn advance(&mut self, now: Duration, input: ControllerInput) -> bool {
-        let result = self.machine.on(now, input, &self.config);
-        match result {
-            Ok(ControllerAction::Nothing | ControllerAction::Execute) => {}
-            Ok(ControllerAction::Answer(Answer::Error(refusal))) => {
-                self.len = 0;
-                self.statistics.refused += 1;
-                self.events.push_notice(ControllerEvent::Refused(refusal));
-            }
-            Ok(ControllerAction::Answer(Answer::Echo(_))) => {
-                if !matches!(input, ControllerInput::Executed(_)) {
-                    self.len = 0;
-                }
-            }
-            Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(ControllerEvent::Unexpected(unexpected));
-            }
-        }
-        result.is_ok()
+        self.end_input(now);
     }
 
     fn values(&self) -> &[u8] {
@@ -251,7 +185,7 @@ where
     }
 
     fn encode(&self, answer: Answer, out: &mut [u8]) -> Option<usize> {
-        let Self { config, .. } = self;
+        let Core { config, .. } = &self.core;
         let word = match answer {
             Answer::Echo(word) => word,
             Answer::Error(refusal) => config.words.errors().code(refusal),
@@ -263,69 +197,98 @@ where
     }
 }
 
-impl<T> Session for Controller<'_, T>
+impl<T> End for Controller<'_, T>
 where
     T: for<'a> TryFrom<Instruction<'a>>,
 {
-    type Event = ControllerEvent;
+    type Machine = ControllerMachine;
+    type Decoder = Decoder;
+    type Events = EventQueue<ControllerEvent, EVENTS>;
     type Statistics = ControllerStatistics;
+    /// What is reported of a good frame.
+    type Payload = ControllerEvent;
 
-    const MAX_INPUT: usize = 65536;
+    /// While an instruction is executed, only what came with the end of its frame is held.
+    const MAX_INPUT: usize = Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
+    /// Its one outcome was taken when the instruction before was answered.
+    const ROOM: Room = Room::NONE;
 
-    fn handle_connected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.advance(now, ControllerInput::Connected);
-    }
+    robot_session::core!();
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.advance(now, ControllerInput::Disconnected);
-    }
-
-    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        // Without a connection nothing is queued.
-        if bytes.is_empty() || !self.advance(now, ControllerInput::Bytes) {
-            return;
-        }
-        while !bytes.is_empty() {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            self.read(now);
-            if taken == 0 && !self.machine.reads_frames() {
-                return;
+    /// Instructions are queued here: whether they all can be is known only then.
+    fn next_input(&mut self) -> Option<(Input, Option<ControllerEvent>)> {
+        let before = self.core.decoder.position();
+        let (input, event) = match self.core.decoder.next_frame()? {
+            Ok(frame) => match judge(frame.items(), &self.core.config, &mut self.queue) {
+                Ok(Verdict::Queued { word, count }) => {
+                    self.statistics.queued += u64::from(count);
+                    (Input::Queued { word }, Some(ControllerEvent::Queued { count }))
+                }
+                Ok(Verdict::Execute { class, instruction: Instruction { word, parameters } }) => {
+                    let parameters = parameters.as_bytes();
+                    if let Some(slot) = self.values.get_mut(..parameters.len()) {
+                        slot.copy_from_slice(parameters);
+                    }
+                    self.len = parameters.len();
+                    (Input::Immediate { word }, Some(ControllerEvent::Execute { class, word }))
+                }
+                Err(refusal) => (Input::Refused(refusal), None),
+            },
+            Err(error) => {
+                self.statistics.corrupt += 1;
+                self.core.events.push_notice(ControllerEvent::Corrupt(error));
+                let checksum = matches!(error, DecodeError::Checksum { .. });
+                let refusal = if checksum { Refusal::BadChecksum } else { Refusal::BadFrame };
+                let bytes = u8::try_from(self.core.decoder.position() - before).unwrap_or(u8::MAX);
+                (Input::Corrupt { refusal, bytes }, None)
             }
-        }
+        };
+        Some((input, event))
     }
 
-    fn handle_timeout(&mut self, now: Duration) {
-        if self.machine.is_silent(now) {
-            self.decoder.finish();
-            self.read(now);
-            if self.machine.reads_frames() {
-                self.advance(now, ControllerInput::Silence);
+    fn act(&mut self, _: Duration, action: Action, frame: Option<ControllerEvent>) {
+        match (action, frame) {
+            (Action::Execute, Some(event)) => {
+                self.statistics.executed += 1;
+                // There is room: the event before was taken when its instruction was answered.
+                let _ = self.core.events.push_outcome(event);
             }
+            (Action::Answer(Answer::Echo(_)), Some(event)) => {
+                self.len = 0;
+                self.core.events.push_notice(event);
+            }
+            (Action::Answer(Answer::Error(refusal)), _) => {
+                self.len = 0;
+                self.statistics.refused += 1;
+                self.core.events.push_notice(ControllerEvent::Refused(refusal));
+            }
+            (Action::Sent, _) => self.statistics.answers += 1,
+            // What was executed is answered with the caller's values.
+            (Action::Nothing | Action::Execute | Action::Answer(Answer::Echo(_)), _) => {}
         }
     }
 
-    fn poll_event(&mut self) -> Option<ControllerEvent> {
-        self.events.pop()
+    fn write(&mut self, _: Duration, answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
+        Some((self.encode(answer, out)?, Input::Sent))
     }
 
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.handle_timeout(now);
-        let answer = self.machine.due(now)?;
-        let len = self.encode(answer, out)?;
-        self.statistics.answers += 1;
-        self.advance(now, ControllerInput::Transmit);
-        Some(len)
+    fn unexpected(unexpected: Unexpected) -> ControllerEvent {
+        ControllerEvent::Unexpected(unexpected)
     }
 
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
+    fn counters(&self) -> ControllerStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        ControllerStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 
-    fn statistics(&self) -> ControllerStatistics {
-        ControllerStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn begin_input(&mut self, now: Duration) -> bool {
+        self.advance(now, Input::Bytes, None);
+        self.core.machine.is_connected()
+    }
+
+    fn end_input(&mut self, now: Duration) {
+        let partial = !self.core.decoder.is_empty();
+        self.advance(now, Input::Read { partial }, None);
     }
 }

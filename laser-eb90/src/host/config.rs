@@ -2,6 +2,8 @@
 
 use core::time::Duration;
 
+use robot_session::Rules;
+
 use crate::error::ConfigError;
 use crate::frame::Frame;
 use crate::profile::Profile;
@@ -63,30 +65,29 @@ pub struct HostConfig {
     pub backoff: Duration,
     /// How long the queue may stay full before the frame counts as refused. Default: 60 s.
     pub full_timeout: Duration,
-    /// The rule that the machine leaves out: for the model, which shows that it is needed.
-    #[cfg(feature = "model")]
+    /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
-    pub without: Option<HostRule>,
+    pub rules: Rules<Rule>,
 }
 
-/// A rule of the host's machine that no setting takes out: for the model.
-#[doc(hidden)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum HostRule {
-    /// The first frame of a connection waits until what an earlier host has sent has been answered.
-    DrainFirst,
-    /// An echo confirms, also after an error code.
-    ConfirmLate,
-    /// Only a bad checksum, a bad frame and a full queue are answered by sending again.
-    FinalCodes,
-    /// An immediate instruction whose execution failed has an unknown outcome.
-    FailedIsUnknown,
-    /// What may be executing is waited for before the next frame.
-    OutlastExecution,
-    /// An error code refers to the last transmission alone.
-    UnansweredIsUnknown,
-    /// Another word than the command's is no confirmation.
-    CompareWord,
+robot_session::rules! {
+    /// The rules of the host's machine that no setting takes out.
+    pub enum Rule {
+        /// The first frame of a connection waits until what an earlier host has sent has been answered.
+        DrainFirst,
+        /// An echo confirms, also after an error code.
+        ConfirmLate,
+        /// Only a bad checksum, a bad frame and a full queue are answered by sending again.
+        FinalCodes,
+        /// An immediate instruction whose execution failed has an unknown outcome.
+        FailedIsUnknown,
+        /// What may be executing is waited for before the next frame.
+        OutlastExecution,
+        /// An error code refers to the last transmission alone.
+        UnansweredIsUnknown,
+        /// Another word than the command's is no confirmation.
+        CompareWord,
+    }
 }
 
 impl HostConfig {
@@ -112,8 +113,7 @@ impl HostConfig {
             controller_drops_partial: false,
             backoff: ms(100),
             full_timeout: ms(60_000),
-            #[cfg(feature = "model")]
-            without: None,
+            rules: Rules::ALL,
         }
     }
 
@@ -147,16 +147,6 @@ impl HostConfig {
             .saturating_add(self.max_pause)
             .saturating_add(self.earlier_execution)
             .saturating_add(self.settle)
-    }
-
-    #[cfg(feature = "model")]
-    pub(crate) fn keeps(&self, rule: HostRule) -> bool {
-        self.without != Some(rule)
-    }
-
-    #[cfg(not(feature = "model"))]
-    pub(crate) const fn keeps(&self, _: HostRule) -> bool {
-        true
     }
 }
 

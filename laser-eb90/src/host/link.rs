@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use super::config::{HostConfig, HostRule};
+use super::config::{HostConfig, Rule};
 use crate::words::{Class, Refusal};
 
 /// Where the frame that was sent last has come to.
@@ -91,13 +91,22 @@ pub struct Tries {
     pub full_until: Option<Duration>,
 }
 
+/// Which frame is due.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Due {
+    /// The next one.
+    Next,
+    /// The last one, again.
+    Again,
+}
+
 /// What the host does about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum HostAction {
+pub enum Action {
     /// Nothing.
     Nothing,
-    /// Sends the frame: bytes that came before are no answer to it.
-    Transmit,
+    /// Counts the frame, and forgets the bytes that came before: they are no answer to it.
+    Sent(Due),
     /// Reports what became of a frame.
     Report(Batch, Outcome),
     /// Reports an answer that nobody asked for.
@@ -151,12 +160,12 @@ pub enum UnknownReason {
 
 impl HostLink {
     /// Until when nothing is sent on the next connection, whether it waits for the caller, and what is reported.
-    pub(super) fn disconnect(self, now: Duration, config: &HostConfig) -> (Duration, bool, HostAction) {
-        let lost = |batch| HostAction::Report(batch, Outcome::Unknown(UnknownReason::Disconnected));
+    pub(super) fn disconnect(self, now: Duration, config: &HostConfig) -> (Duration, bool, Action) {
+        let lost = |batch| Action::Report(batch, Outcome::Unknown(UnknownReason::Disconnected));
         match self {
-            Self::Disconnected { quiet_until, held } => (quiet_until, held, HostAction::Nothing),
-            Self::Idle { quiet_until } => (quiet_until, false, HostAction::Nothing),
-            Self::Held { quiet_until } => (quiet_until, true, HostAction::Nothing),
+            Self::Disconnected { quiet_until, held } => (quiet_until, held, Action::Nothing),
+            Self::Idle { quiet_until } => (quiet_until, false, Action::Nothing),
+            Self::Held { quiet_until } => (quiet_until, true, Action::Nothing),
             Self::Awaiting(sent) => (sent.settled_if_taken(now, config), true, lost(sent.batch)),
             Self::Resending { batch, not_before: until, .. } | Self::AwaitingRest { batch, until, .. } => {
                 (until, true, lost(batch))
@@ -166,21 +175,17 @@ impl HostLink {
 }
 
 impl Batch {
-    pub(super) const fn done(self, tries: Tries, now: Duration) -> (HostLink, HostAction) {
+    pub(super) const fn done(self, tries: Tries, now: Duration) -> (HostLink, Action) {
         let Tries { resends, unanswered, .. } = tries;
         let done = Outcome::Done { resends, unanswered };
-        (HostLink::Idle { quiet_until: now }, HostAction::Report(self, done))
+        (HostLink::Idle { quiet_until: now }, Action::Report(self, done))
     }
 
-    pub(super) const fn unknown(
-        self,
-        reason: UnknownReason,
-        quiet_until: Duration,
-    ) -> (HostLink, HostAction) {
-        (HostLink::Held { quiet_until }, HostAction::Report(self, Outcome::Unknown(reason)))
+    pub(super) const fn unknown(self, reason: UnknownReason, quiet_until: Duration) -> (HostLink, Action) {
+        (HostLink::Held { quiet_until }, Action::Report(self, Outcome::Unknown(reason)))
     }
 
-    pub(super) const fn other_word(self, found: u16, quiet_until: Duration) -> (HostLink, HostAction) {
+    pub(super) const fn other_word(self, found: u16, quiet_until: Duration) -> (HostLink, Action) {
         self.unknown(UnknownReason::OtherWord { expected: self.word, found }, quiet_until)
     }
 }
@@ -218,21 +223,21 @@ impl Sent {
         word: u16,
         refusal: Option<Refusal>,
         config: &HostConfig,
-    ) -> (HostLink, HostAction) {
+    ) -> (HostLink, Action) {
         match refusal {
             Some(refusal) if word != self.batch.word => self.refused(now, refusal, config),
-            _ if word == self.batch.word || !config.keeps(HostRule::CompareWord) => {
+            _ if word == self.batch.word || !config.rules.keeps(Rule::CompareWord) => {
                 self.batch.done(self.tries, now)
             }
             _ => self.batch.other_word(word, self.settled_if_taken(now, config)),
         }
     }
 
-    fn refused(mut self, now: Duration, refusal: Refusal, config: &HostConfig) -> (HostLink, HostAction) {
+    fn refused(mut self, now: Duration, refusal: Refusal, config: &HostConfig) -> (HostLink, Action) {
         let Self { batch, .. } = self;
         if refusal == Refusal::BadFrame && now < self.final_from && !config.controller_drops_partial {
             let until = self.settled_if_taken(now, config);
-            return (HostLink::AwaitingRest { batch, tries: self.tries, until }, HostAction::Nothing);
+            return (HostLink::AwaitingRest { batch, tries: self.tries, until }, Action::Nothing);
         }
         let settled = now.max(self.received_by).saturating_add(config.settle);
         let (again, not_before) = match refusal {
@@ -240,35 +245,32 @@ impl Sent {
             Refusal::BadChecksum | Refusal::BadFrame => (self.may_resend(config), settled),
             // The same again would be refused again, or executed again.
             Refusal::UnknownCommand | Refusal::BadBatch | Refusal::BadParameters => {
-                (!config.keeps(HostRule::FinalCodes) && self.may_resend(config), settled)
+                (!config.rules.keeps(Rule::FinalCodes) && self.may_resend(config), settled)
             }
         };
         if again {
-            return (HostLink::Resending { batch, tries: self.tries, not_before }, HostAction::Nothing);
+            return (HostLink::Resending { batch, tries: self.tries, not_before }, Action::Nothing);
         }
         match refusal {
             // The error code refers to the last transmission alone.
-            _ if self.tries.unanswered > 0 && config.keeps(HostRule::UnansweredIsUnknown) => {
+            _ if self.tries.unanswered > 0 && config.rules.keeps(Rule::UnansweredIsUnknown) => {
                 batch.unknown(UnknownReason::Silence, settled)
             }
             Refusal::BadParameters
-                if batch.class == Class::Immediate && config.keeps(HostRule::FailedIsUnknown) =>
+                if batch.class == Class::Immediate && config.rules.keeps(Rule::FailedIsUnknown) =>
             {
                 batch.unknown(UnknownReason::ExecutionFailed, settled)
             }
-            _ => (
-                HostLink::Held { quiet_until: settled },
-                HostAction::Report(batch, Outcome::Refused(refusal)),
-            ),
+            _ => (HostLink::Held { quiet_until: settled }, Action::Report(batch, Outcome::Refused(refusal))),
         }
     }
 
-    pub(super) fn overdue(mut self, now: Duration, config: &HostConfig) -> (HostLink, HostAction) {
+    pub(super) fn overdue(mut self, now: Duration, config: &HostConfig) -> (HostLink, Action) {
         let settled = self.settled_if_taken(now, config);
         if config.resend_on_silence && self.may_resend(config) {
             self.tries.unanswered = self.tries.unanswered.saturating_add(1);
             let Self { batch, tries, .. } = self;
-            return (HostLink::Resending { batch, tries, not_before: settled }, HostAction::Nothing);
+            return (HostLink::Resending { batch, tries, not_before: settled }, Action::Nothing);
         }
         let reason = if self.corrupt { UnknownReason::Corrupt } else { UnknownReason::Silence };
         self.batch.unknown(reason, settled)
@@ -286,7 +288,7 @@ impl Sent {
 
     /// When whatever this transmission can cause has come, if the controller has taken the frame, or may take it.
     fn settled_if_taken(&self, now: Duration, config: &HostConfig) -> Duration {
-        let outlast = config.keeps(HostRule::OutlastExecution);
+        let outlast = config.rules.keeps(Rule::OutlastExecution);
         let over = if outlast { self.executed_by } else { self.received_by };
         now.max(over).saturating_add(config.settle)
     }

@@ -2,10 +2,10 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Machine, Unexpected, is_due};
 
-use super::config::{HostConfig, HostRule};
-pub use super::link::{Batch, HostAction, HostLink, Outcome, Sent, Tries, UnknownReason};
+use super::config::{HostConfig, Rule};
+pub use super::link::{Action, Batch, Due, HostLink, Outcome, Sent, Tries, UnknownReason};
 use crate::words::{Class, Refusal};
 
 /// The host's machine: one frame at a time, and the next only after the answer to the last (§3(5)).
@@ -23,7 +23,7 @@ pub struct HostMachine {
 
 /// What happens to the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum HostInput {
+pub enum Input {
     /// The line was opened.
     Connected,
     /// The line is gone.
@@ -39,8 +39,8 @@ pub enum HostInput {
     },
     /// The caller takes back what is in the next frame.
     TakeBack,
-    /// The frame that is [due](HostMachine::due) is put on the line.
-    Transmit {
+    /// The frame that was due is put on the line.
+    Sent {
         /// The time that it takes there.
         line: Duration,
     },
@@ -55,42 +55,31 @@ pub enum HostInput {
     },
     /// Bytes that are no answer.
     Corrupt,
-    /// The time of [`HostMachine::deadline`] has come.
+    /// Time has passed.
     Timeout,
     /// The caller goes on after a refusal or an unknown outcome.
     Resume,
 }
 
-/// Which frame is due.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Due {
-    /// The next one.
-    Next,
-    /// The last one, again.
-    Again,
-}
+impl Machine for HostMachine {
+    const END: &'static str = "host";
+    const TIME_FIRST: bool = false;
+    const TIME_BEFORE_TRANSMIT: bool = true;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Due;
+    type Config = HostConfig;
 
-impl HostMachine {
-    /// A host without a connection that has sent nothing yet.
-    pub const NEW: Self =
-        Self { link: HostLink::Disconnected { quiet_until: Duration::ZERO, held: false }, next: None };
-
-    /// Takes an input; returns what the host does.
-    ///
     /// # Errors
-    /// An input that the state does not allow: nothing has changed. Neither line nor controller can cause one.
+    /// An input that the state does not allow. Neither line nor controller can cause one.
     #[inline(always)] // where the input is known, little of it is left
-    pub fn on(
-        &mut self,
-        now: Duration,
-        input: HostInput,
-        config: &HostConfig,
-    ) -> Result<HostAction, Unexpected> {
-        use {HostAction::Nothing, HostInput as On, HostLink as Is};
+    fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
+        use {Action::Nothing, HostLink as Is, Input as On};
         let (link, action) = match (&self.link, input) {
             (link, On::Connected) => {
                 let (quiet_until, held, action) = link.disconnect(now, config);
-                let drain = if config.keeps(HostRule::DrainFirst) { config.drain() } else { Duration::ZERO };
+                let drain =
+                    if config.rules.keeps(Rule::DrainFirst) { config.drain() } else { Duration::ZERO };
                 let quiet_until = quiet_until.max(now.saturating_add(drain));
                 (if held { Is::Held { quiet_until } } else { Is::Idle { quiet_until } }, action)
             }
@@ -107,36 +96,34 @@ impl HostMachine {
                 self.next = None;
                 return Ok(Nothing);
             }
-            (link, On::Transmit { line }) => {
-                let (batch, tries) = match (self.due(now), link, self.next) {
-                    (Some(Due::Next), _, Some(next)) => (next, Tries::default()),
-                    (Some(Due::Again), Is::Resending { batch, tries, .. }, _) => (*batch, *tries),
-                    _ => return self.unexpected(input),
+            (link, On::Sent { line }) => {
+                let (due, batch, tries) = match (self.due(now), link, self.next) {
+                    (Some(due @ Due::Next), _, Some(next)) => (due, next, Tries::default()),
+                    (Some(due @ Due::Again), Is::Resending { batch, tries, .. }, _) => (due, *batch, *tries),
+                    _ => return Err(self.unexpected(&input)),
                 };
                 self.next = self.next.filter(|next| *next != batch);
-                (
-                    Is::Awaiting(Sent::new(batch, tries, now.saturating_add(line), config)),
-                    HostAction::Transmit,
-                )
+                let sent = Sent::new(batch, tries, now.saturating_add(line), config);
+                (Is::Awaiting(sent), Action::Sent(due))
             }
             (Is::Awaiting(sent), On::Transmitted) => (Is::Awaiting(sent.transmitted(now, config)), Nothing),
             (Is::Awaiting(sent), On::Answer { word, refusal }) => sent.answered(now, word, refusal, config),
             (Is::Awaiting(sent), On::Corrupt) => (Is::Awaiting(Sent { corrupt: true, ..*sent }), Nothing),
-            (Is::Awaiting(sent), On::Timeout) if now >= sent.deadline => sent.overdue(now, config),
+            (Is::Awaiting(sent), On::Timeout) if is_due(sent.deadline, now) => sent.overdue(now, config),
             (
                 Is::Resending { batch, tries, not_before: until } | Is::AwaitingRest { batch, tries, until },
                 On::Answer { word, refusal },
             ) => match refusal {
-                _ if word == batch.word && config.keeps(HostRule::ConfirmLate) => batch.done(*tries, now),
+                _ if word == batch.word && config.rules.keeps(Rule::ConfirmLate) => batch.done(*tries, now),
                 None => batch.other_word(word, (*until).max(now.saturating_add(config.settle))),
                 // The same corruption is answered a second time.
                 Some(_) => return Ok(Nothing),
             },
-            (Is::AwaitingRest { batch, until, .. }, On::Timeout) if now >= *until => {
+            (Is::AwaitingRest { batch, until, .. }, On::Timeout) if is_due(*until, now) => {
                 batch.unknown(UnknownReason::PartialFrame, *until)
             }
             (Is::Idle { .. } | Is::Held { .. }, On::Answer { word, .. }) => {
-                return Ok(HostAction::Unasked { word });
+                return Ok(Action::Unasked { word });
             }
             (Is::Held { quiet_until }, On::Resume) => (Is::Idle { quiet_until: *quiet_until }, Nothing),
             (Is::Disconnected { quiet_until, held: true }, On::Resume) => {
@@ -157,45 +144,43 @@ impl HostMachine {
                 | Is::Resending { .. }
                 | Is::AwaitingRest { .. },
                 On::Resume,
-            ) => return self.unexpected(input),
+            ) => return Err(self.unexpected(&input)),
         };
         self.link = link;
         Ok(action)
     }
 
-    /// When the host wants [`HostInput::Timeout`] or may send; `None` if only bytes or the caller can make something happen.
-    pub fn deadline(&self) -> Option<Duration> {
-        match self.link {
+    fn transmit(&self, now: Duration, _config: &HostConfig) -> Option<Due> {
+        self.due(now)
+    }
+
+    fn deadline(&self) -> Option<Duration> {
+        let deadline = match self.link {
             HostLink::Disconnected { .. } | HostLink::Held { .. } => None,
             HostLink::Idle { quiet_until } => self.next.map(|_| quiet_until),
             HostLink::Awaiting(sent) => Some(sent.deadline),
             HostLink::Resending { not_before: at, .. } | HostLink::AwaitingRest { until: at, .. } => Some(at),
-        }
+        };
+        deadline.filter(|at| *at < Duration::MAX)
     }
 
-    /// The frame that is to be put on the line.
-    pub fn due(&self, now: Duration) -> Option<Due> {
+    fn expires(&self, now: Duration) -> bool {
         match self.link {
-            HostLink::Idle { quiet_until } if now >= quiet_until => self.next.map(|_| Due::Next),
-            HostLink::Resending { not_before, .. } if now >= not_before => Some(Due::Again),
+            HostLink::Awaiting(sent) => is_due(sent.deadline, now),
+            HostLink::AwaitingRest { until, .. } => is_due(until, now),
             HostLink::Disconnected { .. }
             | HostLink::Idle { .. }
-            | HostLink::Awaiting(_)
             | HostLink::Resending { .. }
-            | HostLink::AwaitingRest { .. }
-            | HostLink::Held { .. } => None,
+            | HostLink::Held { .. } => false,
         }
     }
 
-    /// Whether the next frame can take an instruction of this class: interpreted ones travel together, others alone (§3(6)).
-    pub fn has_room(&self, class: Class, config: &HostConfig) -> bool {
-        self.next.is_none_or(|next| {
-            (next.class, class) == (Class::Interpreted, Class::Interpreted) && next.count < config.batch
-        })
+    /// An answer that is not whole shows that something came.
+    fn cuts(&self) -> bool {
+        matches!(self.link, HostLink::Awaiting(_))
     }
 
-    /// Every time in the machine: each is a deadline.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         match &mut self.link {
             HostLink::Disconnected { quiet_until: at, .. }
             | HostLink::Idle { quiet_until: at }
@@ -215,8 +200,7 @@ impl HostMachine {
         }
     }
 
-    /// The state's name.
-    pub const fn name(&self) -> &'static str {
+    fn name(&self) -> &'static str {
         match self.link {
             HostLink::Disconnected { held: false, .. } => "Disconnected",
             HostLink::Disconnected { held: true, .. } => "DisconnectedHeld",
@@ -227,28 +211,37 @@ impl HostMachine {
             HostLink::Held { .. } => "Held",
         }
     }
-
-    #[cold]
-    const fn unexpected<T>(&self, input: HostInput) -> Result<T, Unexpected> {
-        Err(Unexpected { state: self.name(), input: input.name() })
-    }
 }
 
-impl HostInput {
-    /// The input's name.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "Connected",
-            Self::Disconnected => "Disconnected",
-            Self::Submit { .. } => "Submit",
-            Self::TakeBack => "TakeBack",
-            Self::Transmit { .. } => "Transmit",
-            Self::Transmitted => "Transmitted",
-            Self::Answer { refusal: None, .. } => "Answer",
-            Self::Answer { refusal: Some(_), .. } => "ErrorCode",
-            Self::Corrupt => "Corrupt",
-            Self::Timeout => "Timeout",
-            Self::Resume => "Resume",
+impl HostMachine {
+    /// A host without a connection that has sent nothing yet.
+    pub const NEW: Self =
+        Self { link: HostLink::Disconnected { quiet_until: Duration::ZERO, held: false }, next: None };
+
+    /// Whether the next frame can take an instruction of this class: interpreted ones travel together, others alone (§3(6)).
+    pub fn has_room(&self, class: Class, config: &HostConfig) -> bool {
+        self.next.is_none_or(|next| {
+            (next.class, class) == (Class::Interpreted, Class::Interpreted) && next.count < config.batch
+        })
+    }
+
+    /// The frame that is to be put on the line.
+    #[inline]
+    fn due(&self, now: Duration) -> Option<Due> {
+        match self.link {
+            HostLink::Idle { quiet_until } if is_due(quiet_until, now) => self.next.map(|_| Due::Next),
+            HostLink::Resending { not_before, .. } if is_due(not_before, now) => Some(Due::Again),
+            HostLink::Disconnected { .. }
+            | HostLink::Idle { .. }
+            | HostLink::Awaiting(_)
+            | HostLink::Resending { .. }
+            | HostLink::AwaitingRest { .. }
+            | HostLink::Held { .. } => None,
         }
     }
 }
+
+robot_session::inputs!(
+    Input: Submit, TakeBack, Sent, Transmitted,
+    Answer { refusal: None } as "Answer", Answer { refusal: Some(_) } as "ErrorCode", Corrupt, Resume,
+);

@@ -6,10 +6,12 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, Encode as _, EventQueue, Session, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, Encode as _, End, EventQueue, Room, Unexpected};
 
-pub use self::config::{HostConfig, HostRule};
-use self::machine::{Due, HostAction, HostInput, HostLink, HostMachine, Outcome, UnknownReason};
+pub use self::config::HostConfig;
+#[doc(hidden)]
+pub use self::config::Rule;
+use self::machine::{Action, Batch, Due, HostLink, HostMachine, Input, Outcome, UnknownReason};
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, EncodeError, SessionError};
 use crate::frame::{Frame, MAX_PAYLOAD};
@@ -21,7 +23,7 @@ use crate::words::{Class, Refusal};
 
 /// The host (上位机): sends one frame at a time, compares the echo, resends from its backup (§3(4), §3(5)).
 ///
-/// [`submit`](Self::submit) instructions until it returns [`SessionError::Full`]; drive it as every [`Session`].
+/// [`submit`](Self::submit) instructions until it returns [`SessionError::Full`]; drive it as every [`Session`](robot_session::Session).
 ///
 /// - Interpreted instructions that are submitted while a frame is in flight travel together in the next one, up to
 ///   [`batch`](HostConfig::batch); immediate instructions and queries travel alone.
@@ -39,13 +41,11 @@ use crate::words::{Class, Refusal};
 ///   connection is lost is sent on the next.
 #[derive(Debug, Clone)]
 pub struct Host {
-    config: HostConfig,
-    machine: HostMachine,
-    decoder: Decoder,
-    frames: Frames,
-    /// The values of the query that was answered last.
-    answer: Buffer,
-    events: EventQueue<HostEvent, EVENTS>,
+    core: CoreOf<Self>,
+    /// The frame that is being filled, and the one in flight (备份), which is kept until its answer has come.
+    frames: Buffers,
+    /// The values of the answer that was received last, and those of the query that was answered last.
+    answers: Buffers,
     statistics: HostStatistics,
 }
 
@@ -133,13 +133,11 @@ impl Host {
     /// A configuration that cannot work.
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
+        let core = Core::new(config, HostMachine::NEW, Decoder::new(&config.profile));
         Ok(Self {
-            config,
-            machine: HostMachine::NEW,
-            decoder: Decoder::new(&config.profile),
-            frames: Frames { buffers: [Buffer::EMPTY; 2], swapped: false },
-            answer: Buffer::EMPTY,
-            events: EventQueue::new(),
+            core,
+            frames: Buffers::EMPTY,
+            answers: Buffers::EMPTY,
             statistics: HostStatistics::default(),
         })
     }
@@ -157,13 +155,14 @@ impl Host {
         word: u16,
         parameters: impl FnOnce(&mut Payload<'_>) -> Result<(), EncodeError>,
     ) -> Result<u64, SessionError> {
-        let class = self.config.words.class(word).ok_or(SessionError::UnknownWord { word })?;
-        if !self.machine.has_room(class, &self.config) {
+        let Core { config, machine, .. } = &self.core;
+        let class = config.words.class(word).ok_or(SessionError::UnknownWord { word })?;
+        if !machine.has_room(class, config) {
             return Err(SessionError::Full);
         }
         let next = self.frames.next_mut();
-        let begin = if self.machine.next.is_some() { next.len.into() } else { 0 };
-        let mut payload = Payload::with_len(&mut next.bytes, begin, &self.config.profile);
+        let begin = if machine.next.is_some() { next.len.into() } else { 0 };
+        let mut payload = Payload::with_len(&mut next.bytes, begin, &config.profile);
         let written = payload.word(word).map(drop).and_then(|()| parameters(&mut payload));
         let len = payload.as_bytes().len();
         match written {
@@ -172,210 +171,173 @@ impl Host {
             Ok(()) => {}
         }
         let instruction = next.bytes.get(begin..len).unwrap_or_default();
-        let shorts = Items::new(instruction, &self.config.profile).flatten().skip(1);
+        let shorts = Items::new(instruction, &config.profile).flatten().skip(1);
         let mut shorts = shorts.filter_map(|item| word_of(&item));
-        if shorts.any(|word| class == Class::Interpreted || self.config.words.class(word).is_some()) {
+        if shorts.any(|word| class == Class::Interpreted || config.words.class(word).is_some()) {
             return Err(SessionError::LoneShort);
         }
         next.set_len(len);
         let ticket = self.statistics.submitted;
         self.statistics.submitted += 1;
-        self.advance(Duration::ZERO, HostInput::Submit { ticket, word, class });
+        self.advance(Duration::ZERO, Input::Submit { ticket, word, class }, None);
         Ok(ticket)
     }
 
     /// Goes on after `Refused` or `Unknown`. What has been submitted meanwhile is sent when the line has settled.
     pub fn resume(&mut self) {
-        self.rarely(Duration::ZERO, HostInput::Resume);
+        self.advance(Duration::ZERO, Input::Resume, None);
     }
 
     /// Takes back the instructions that have not been sent yet; returns how many. They will have no event.
     pub fn take_back(&mut self) -> u8 {
-        let count = self.machine.next.map_or(0, |next| next.count);
-        self.rarely(Duration::ZERO, HostInput::TakeBack);
+        let count = self.core.machine.next.map_or(0, |next| next.count);
+        self.advance(Duration::ZERO, Input::TakeBack, None);
         count
     }
 
     /// The values of the query that was answered last.
     pub fn answer(&self) -> Items<'_> {
-        Items::new(self.answer.as_bytes(), &self.config.profile)
+        Items::new(self.answers.last().as_bytes(), &self.core.config.profile)
     }
 
     /// Whether the host waits for [`resume`](Self::resume).
     pub fn is_held(&self) -> bool {
-        matches!(self.machine.link, HostLink::Held { .. } | HostLink::Disconnected { held: true, .. })
+        matches!(self.core.machine.link, HostLink::Held { .. } | HostLink::Disconnected { held: true, .. })
     }
 
     /// Whether nothing is submitted, in flight or unreported.
     pub fn is_idle(&self) -> bool {
-        matches!(self.machine.link, HostLink::Idle { .. } | HostLink::Disconnected { held: false, .. })
-            && self.machine.next.is_none()
-            && self.events.has_room(EVENTS)
+        matches!(self.core.machine.link, HostLink::Idle { .. } | HostLink::Disconnected { held: false, .. })
+            && self.core.machine.next.is_none()
+            && self.core.events.has_room(EVENTS)
     }
 
     /// The machine.
     pub fn machine(&self) -> &HostMachine {
-        &self.machine
+        &self.core.machine
     }
 
-    /// Reads the answers that are there.
-    fn read(&mut self, now: Duration) {
-        while let Some(frame) = self.decoder.next_frame() {
-            let answer = frame.and_then(|frame| Instruction::single(frame.items()));
-            let input = match answer {
-                Ok(Instruction { word, .. }) => {
-                    HostInput::Answer { word, refusal: self.config.words.errors().refusal(word) }
-                }
-                Err(_) => HostInput::Corrupt,
-            };
-            let action = self.machine.on(now, input, &self.config);
-            match answer {
-                Ok(answer) if answers_query(action) => self.answer.copy(answer.parameters.as_bytes()),
-                Ok(_) => {}
-                Err(error) => {
-                    self.statistics.corrupt += 1;
-                    self.events.push_notice(HostEvent::Corrupt(error));
-                }
+    /// The event of what became of a frame.
+    fn report(&mut self, batch: Batch, outcome: Outcome) {
+        let (first, count) = (batch.first, batch.count);
+        let event = match outcome {
+            Outcome::Done { .. } if batch.class == Class::Query => {
+                self.answers.swap();
+                HostEvent::Answer { ticket: first }
             }
-            self.report(action);
-        }
+            Outcome::Done { resends, unanswered } => HostEvent::Done { first, count, resends, unanswered },
+            Outcome::Refused(refusal) => HostEvent::Refused { first, count, refusal },
+            Outcome::Unknown(reason) => HostEvent::Unknown { first, count, reason },
+        };
+        // There is room: a frame is sent when no outcome waits.
+        let _ = self.core.events.push_outcome(event);
     }
+}
 
-    #[inline(always)] // where the input is known, little of the machine is left
-    fn advance(&mut self, now: Duration, input: HostInput) {
-        let action = self.machine.on(now, input, &self.config);
-        self.report(action);
-    }
+impl End for Host {
+    type Machine = HostMachine;
+    type Decoder = Decoder;
+    type Events = EventQueue<HostEvent, EVENTS>;
+    type Statistics = HostStatistics;
+    /// The values of an answer are held here: most have none.
+    type Payload = ();
 
-    /// The same for what is rare, once for all.
-    #[inline(never)]
-    fn rarely(&mut self, now: Duration, input: HostInput) {
-        self.advance(now, input);
+    const MAX_INPUT: usize = Frame::MAX_LEN;
+    const MAX_TRANSMIT: usize = Frame::MAX_LEN;
+    const ROOM: Room = Room { connect: 0, read: 0, transmit: EVENTS };
+
+    robot_session::core!();
+
+    fn next_input(&mut self) -> Option<(Input, Option<()>)> {
+        let frame = self.core.decoder.next_frame()?;
+        let input = match frame.and_then(|frame| Instruction::single(frame.items())) {
+            Ok(Instruction { word, parameters }) => {
+                self.answers.next_mut().copy(parameters.as_bytes());
+                Input::Answer { word, refusal: self.core.config.words.errors().refusal(word) }
+            }
+            Err(error) => {
+                self.statistics.corrupt += 1;
+                self.core.events.push_notice(HostEvent::Corrupt(error));
+                Input::Corrupt
+            }
+        };
+        Some((input, None))
     }
 
     #[inline]
-    fn report(&mut self, action: Result<HostAction, Unexpected>) {
+    fn act(&mut self, _: Duration, action: Action, _: Option<()>) {
         match action {
-            Ok(HostAction::Nothing) => {}
-            // What came before this frame is no answer to it.
-            Ok(HostAction::Transmit) => self.decoder.clear(),
-            Ok(HostAction::Report(batch, outcome)) => {
-                let (first, count) = (batch.first, batch.count);
-                let event = match outcome {
-                    Outcome::Done { .. } if batch.class == Class::Query => {
-                        HostEvent::Answer { ticket: first }
-                    }
-                    Outcome::Done { resends, unanswered } => {
-                        HostEvent::Done { first, count, resends, unanswered }
-                    }
-                    Outcome::Refused(refusal) => HostEvent::Refused { first, count, refusal },
-                    Outcome::Unknown(reason) => HostEvent::Unknown { first, count, reason },
-                };
-                // There is room: a frame is sent when no outcome waits.
-                let _ = self.events.push_outcome(event);
+            Action::Nothing => {}
+            Action::Sent(due) => {
+                // What came before this frame is no answer to it.
+                self.core.decoder.clear();
+                self.statistics.frames += 1;
+                match due {
+                    Due::Next => self.frames.swap(),
+                    Due::Again => self.statistics.resends += 1,
+                }
             }
-            Ok(HostAction::Unasked { word }) => {
+            Action::Report(batch, outcome) => self.report(batch, outcome),
+            Action::Unasked { word } => {
                 self.statistics.unasked += 1;
-                self.events.push_notice(HostEvent::Unasked { word });
-            }
-            Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(HostEvent::Unexpected(unexpected));
+                self.core.events.push_notice(HostEvent::Unasked { word });
             }
         }
     }
-}
 
-impl Session for Host {
-    type Event = HostEvent;
-    type Statistics = HostStatistics;
-
-    const MAX_INPUT: usize = 65536;
-    const MAX_TRANSMIT: usize = Frame::MAX_LEN;
-
-    fn handle_connected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.rarely(now, HostInput::Connected);
+    fn write(&mut self, _: Duration, due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
+        let frame = match due {
+            Due::Next => self.frames.next(),
+            Due::Again => self.frames.last(),
+        };
+        let config = &self.core.config;
+        let len = Frame::new(frame.as_bytes(), &config.profile).encode(out).ok()?;
+        Some((len, Input::Sent { line: timing::transmission_time(len, config.baud) }))
     }
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.rarely(now, HostInput::Disconnected);
+    fn unexpected(unexpected: Unexpected) -> HostEvent {
+        HostEvent::Unexpected(unexpected)
     }
 
-    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        while !bytes.is_empty() {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            self.read(now);
-        }
+    fn counters(&self) -> HostStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        HostStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 
-    fn handle_timeout(&mut self, now: Duration) {
-        if self.machine.deadline().is_none_or(|at| now < at) {
-            return;
-        }
-        if matches!(self.machine.link, HostLink::Awaiting(_)) {
-            self.decoder.finish();
-            self.read(now);
-        }
-        self.rarely(now, HostInput::Timeout);
-    }
-
-    fn handle_transmitted(&mut self, now: Duration) {
-        self.rarely(now, HostInput::Transmitted);
-    }
-
-    fn poll_event(&mut self) -> Option<HostEvent> {
-        self.events.pop()
-    }
-
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.handle_timeout(now);
-        if !self.events.has_room(EVENTS) {
-            return None;
-        }
-        let due = self.machine.due(now)?;
-        let payload = self.frames.get(due).as_bytes();
-        let len = Frame::new(payload, &self.config.profile).encode(out).ok()?;
-        self.frames.swapped ^= due == Due::Next;
-        self.statistics.frames += 1;
-        self.statistics.resends += u64::from(due == Due::Again);
-        let line = timing::transmission_time(len, self.config.baud);
-        self.advance(now, HostInput::Transmit { line });
-        Some(len)
-    }
-
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
-    }
-
-    fn statistics(&self) -> HostStatistics {
-        HostStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn transmitted(&mut self, now: Duration) {
+        self.advance(now, Input::Transmitted, None);
     }
 }
 
-fn answers_query(action: Result<HostAction, Unexpected>) -> bool {
-    matches!(action, Ok(HostAction::Report(batch, Outcome::Done { .. })) if batch.class == Class::Query)
-}
-
-/// The payloads of the frame that is being filled and of the one in flight (备份), which is kept until its answer has come.
+/// The payload that is being written, and the one before.
 #[derive(Debug, Clone)]
-struct Frames {
+struct Buffers {
     buffers: [Buffer; 2],
-    /// The second is being filled.
+    /// The second is being written.
     swapped: bool,
 }
 
-impl Frames {
-    fn get(&self, due: Due) -> &Buffer {
+impl Buffers {
+    const EMPTY: Self = Self { buffers: [Buffer::EMPTY; 2], swapped: false };
+
+    fn next(&self) -> &Buffer {
         let [first, second] = &self.buffers;
-        if self.swapped == (due == Due::Next) { second } else { first }
+        if self.swapped { second } else { first }
     }
 
     fn next_mut(&mut self) -> &mut Buffer {
         let [first, second] = &mut self.buffers;
         if self.swapped { second } else { first }
+    }
+
+    fn last(&self) -> &Buffer {
+        let [first, second] = &self.buffers;
+        if self.swapped { first } else { second }
+    }
+
+    /// What was being written is the last one.
+    fn swap(&mut self) {
+        self.swapped = !self.swapped;
     }
 }
 

@@ -161,7 +161,7 @@ fn laser(rows: &mut Vec<String>) -> Result<()> {
             "§2; the numbers ours",
         ],
     )?);
-    rows! { rows, "laser-eb90", "HostConfig", LaserHostConfig = LaserHostConfig::default(); model
+    rows! { rows, "laser-eb90", "HostConfig", LaserHostConfig = LaserHostConfig::default(); rules
         profile: profile, "object", "Profile", "§3(2)";
         words: words, "object", "Words", "§2; the numbers ours";
         baud: baud, "baud", "from 1; below 9600 the defaults of answer_timeout, execution_timeout, settle and reply_time are longer by what 11 bytes take longer", "ours";
@@ -179,7 +179,7 @@ fn laser(rows: &mut Vec<String>) -> Result<()> {
         backoff: time(backoff), "ns", "from 0", "ours";
         full_timeout: time(full_timeout), "ns", "from 0; null: for ever", "ours";
     }
-    rows! { rows, "laser-eb90", "ControllerConfig", LaserControllerConfig = LaserControllerConfig::default(); model
+    rows! { rows, "laser-eb90", "ControllerConfig", LaserControllerConfig = LaserControllerConfig::default(); rules
         profile: profile, "object", "Profile", "§3(2)";
         words: words, "object", "Words", "§2; the numbers ours";
         batch: batch, "instructions", "1 to 255", "§3(6)";

@@ -71,10 +71,10 @@ macro_rules! forward {
 #[cfg(feature = "links")]
 pub(crate) use forward;
 
-/// A machine that is one of `robot-session`.
+/// A machine that is one of `robot-session`; with a function, if a diagram is to say more of an action than its first word.
 #[cfg(feature = "links")]
 macro_rules! adapt {
-    ($machine:ty) => {
+    ($machine:ty $(, action_name = $action_name:path)?) => {
         impl $crate::model::Machine for $machine {
             const END: &'static str = <Self as robot_session::Machine>::END;
             type Input = <Self as robot_session::Machine>::Input;
@@ -101,6 +101,10 @@ macro_rules! adapt {
             fn input_name(input: &Self::Input) -> &'static str {
                 robot_session::Input::name(input)
             }
+
+            $(fn action_name(action: &Self::Action) -> String {
+                $action_name(action)
+            })?
         }
     };
 }

@@ -31,6 +31,11 @@ pub trait Rows {
     fn column(input: &<Self::Machine as Machine>::Input) -> String {
         input.name().into()
     }
+
+    /// The column of an input, where the state says which it is.
+    fn column_in(_machine: &Self::Machine, input: &<Self::Machine as Machine>::Input) -> String {
+        Self::column(input)
+    }
 }
 
 /// What a machine does in a state with an input; no `to`: the input is not expected.
@@ -57,7 +62,7 @@ pub fn cells<R: Rows>() -> Vec<Cell> {
     for state in R::states() {
         let (row, expires) = (R::row(&state, NOW), state.expires(NOW));
         for input in R::inputs() {
-            let (column, is_timeout) = (R::column(&input), is_timeout::<R::Machine>(&input));
+            let (column, is_timeout) = (R::column_in(&state, &input), is_timeout::<R::Machine>(&input));
             if is_timeout != expires && (is_timeout || R::Machine::TIME_FIRST) {
                 continue;
             }

@@ -6,7 +6,7 @@ use laser_eb90::controller::machine::Answer;
 use laser_eb90::{
     Controller, ControllerConfig, ControllerEvent, Host, HostConfig, HostEvent, Instruction, Item, Refusal,
 };
-use robot_session::Session as _;
+use robot_session::{Machine as _, Session as _};
 use robot_work_queue::Reader as QueueReader;
 use testkit::links::laser_eb90::setup;
 use testkit::links::laser_eb90::world::{
@@ -85,7 +85,8 @@ impl<'a> Ends<'a> {
                 self.controller.refuse(self.now, refusal).map_err(|e| e.to_string())?;
             }
             Act::Reply(_) => {
-                let answer = self.world.controller.due(Duration::ZERO).ok_or("no answer")?;
+                let machine = self.world.controller;
+                let answer = machine.transmit(Duration::ZERO, &self.setup.controller).ok_or("no answer")?;
                 let length = self.controller.poll_transmit(self.now, &mut out).ok_or("no answer is sent")?;
                 equal("the answer", out[..length].to_vec(), bytes(answer))?;
             }

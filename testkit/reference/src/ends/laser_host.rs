@@ -3,45 +3,20 @@
 use core::time::Duration;
 
 use anyhow::{Context, Result, bail};
-use laser_eb90::host::HostRule;
-use laser_eb90::host::machine::HostLink;
-use laser_eb90::{
-    Decoder, EncodeError, Host, HostConfig, HostEvent, Instruction, Payload, Refusal, SessionError,
-    UnknownReason,
-};
-use robot_session::{Decoder as _, Session as _};
+use laser_eb90::{EncodeError, Host, HostConfig, HostEvent, Payload, SessionError, UnknownReason};
+use robot_session::End as _;
 use serde_json::{Map, Value};
+use testkit::links::laser_eb90::rows;
+use testkit::model::Rows as _;
 
-use super::{Do, Driven, Fields, Hooks, Maker, event, kind, show, unexpected};
+use super::{About, Fields, Maker, Noted, event, kind, names, show, unexpected, without};
 
 pub(super) const MAKER: Maker = Maker {
-    make: |config, without| Ok(Box::new(Driven::<LaserHost>(Host::new(configuration(config, without)?)?))),
-    rules: || {
-        [
-            "DrainFirst",
-            "ConfirmLate",
-            "FinalCodes",
-            "FailedIsUnknown",
-            "OutlastExecution",
-            "UnansweredIsUnknown",
-            "CompareWord",
-        ]
-        .map(String::from)
-        .to_vec()
-    },
+    make: |config, rule| Ok(Noted::<LaserHost>::boxed(Host::new(configuration(config, rule)?)?)),
+    rules: names::<laser_eb90::host::Rule>,
 };
 
-const RULES: [HostRule; 7] = [
-    HostRule::DrainFirst,
-    HostRule::ConfirmLate,
-    HostRule::FinalCodes,
-    HostRule::FailedIsUnknown,
-    HostRule::OutlastExecution,
-    HostRule::UnansweredIsUnknown,
-    HostRule::CompareWord,
-];
-
-fn configuration(config: &Map<String, Value>, without: Option<usize>) -> Result<HostConfig> {
+fn configuration(config: &Map<String, Value>, rule: Option<usize>) -> Result<HostConfig> {
     let mut fields = Fields(config.clone());
     let mut baud = laser_eb90::timing::BAUD;
     fields.take("baud", &mut baud)?;
@@ -62,14 +37,15 @@ fn configuration(config: &Map<String, Value>, without: Option<usize>) -> Result<
     fields.time("backoff", &mut made.backoff)?;
     fields.time("full_timeout", &mut made.full_timeout)?;
     fields.end()?;
-    made.without = without.and_then(|rule| RULES.get(rule)).copied();
+    made.rules = without(rule);
     Ok(made)
 }
 
 struct LaserHost;
 
-impl Hooks for LaserHost {
-    type Session = Host;
+impl About for LaserHost {
+    type End = Host;
+    type Rows = rows::Host;
 
     fn call(host: &mut Host, _: Duration, name: &str, argument: Value) -> Result<Result<(), String>> {
         match name {
@@ -92,6 +68,10 @@ impl Hooks for LaserHost {
             _ => bail!("a host has no call {name}"),
         }
         Ok(Ok(()))
+    }
+
+    fn state(host: &Host) -> String {
+        Self::Rows::row(&host.core().machine, Duration::ZERO)
     }
 
     fn event(host: &Host, happened: HostEvent) -> Result<String> {
@@ -129,37 +109,6 @@ impl Hooks for LaserHost {
             _ => bail!("an event without a name"),
         })
     }
-
-    fn state(host: &Host) -> String {
-        let filled = host.machine().name() == "Idle" && host.machine().next.is_some();
-        format!("{}{}", host.machine().name(), if filled { ", filled" } else { "" })
-    }
-
-    fn cells(before: &Host, _: &Host, now: Duration, input: &Do, refused: bool) -> Vec<String> {
-        let due = before.poll_timeout().is_some_and(|due| now >= due);
-        let input = match input {
-            Do::Connected => "Connected".into(),
-            Do::Disconnected => "Disconnected".into(),
-            Do::Timeout if due => "Timeout".into(),
-            Do::Transmitted => "Transmitted".into(),
-            Do::Input(bytes) => match received(before, bytes) {
-                Some(input) => input,
-                None => return Vec::new(),
-            },
-            Do::Call { name, .. } if !refused => match name.as_str() {
-                "submit" => "Submit",
-                "take_back" => "TakeBack",
-                _ => "Resume",
-            }
-            .into(),
-            Do::Call { .. } | Do::Timeout | Do::Nothing => return Vec::new(),
-        };
-        vec![format!("{}: {input}", Self::state(before))]
-    }
-
-    fn transmit_cells(before: &Host, _: Duration, sent: bool) -> Vec<String> {
-        if sent { vec![format!("{}: Transmit", Self::state(before))] } else { Vec::new() }
-    }
 }
 
 /// The parameters of an instruction, as the items of a message object.
@@ -184,31 +133,4 @@ pub(super) fn write(payload: &mut Payload<'_>, items: &[Value]) -> Result<(), En
         }
     }
     Ok(())
-}
-
-/// The input of a step that has one answer, in a story with the default words.
-fn received(host: &Host, bytes: &[u8]) -> Option<String> {
-    let mut decoder = Decoder::new(&HostConfig::default().profile);
-    if decoder.push(bytes) < bytes.len() {
-        return None;
-    }
-    let first =
-        decoder.next_frame()?.and_then(|frame| Instruction::single(frame.items())).map(|answer| answer.word);
-    if decoder.next_frame().is_some() {
-        return None;
-    }
-    let expected = match host.machine().link {
-        HostLink::Awaiting(sent) => sent.batch.word,
-        HostLink::Resending { batch, .. } | HostLink::AwaitingRest { batch, .. } => batch.word,
-        _ => 0x0101,
-    };
-    Some(match first {
-        Err(_) => "Corrupt".into(),
-        Ok(word) => match HostConfig::default().words.errors().refusal(word) {
-            None if word == expected => "Answer, the word".into(),
-            None => "Answer, another word".into(),
-            Some(Refusal::BadChecksum) => "ErrorCode BadChecksum".into(),
-            Some(other) => format!("ErrorCode {other:?}"),
-        },
-    })
 }

@@ -206,6 +206,16 @@ trait About {
     }
 
     fn event(session: &Self::End, event: EventOf<Self::End>) -> Result<String>;
+
+    /// What a story calls the state.
+    fn state(session: &Self::End) -> String {
+        session.core().machine.name().into()
+    }
+
+    /// What has happened beside the session's own events, before them.
+    fn beside(_: &mut Self::End) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// A session that notes what its machine is given.
@@ -220,8 +230,9 @@ impl<A: About + 'static> Noted<A> {
     /// The cells that were reached since it was asked last.
     fn cells(&mut self) -> Vec<String> {
         let moves = self.0.core_mut().moves.replace(Vec::new()).unwrap_or_default();
-        let cell =
-            |(at, machine, input)| format!("{}: {}", A::Rows::row(&machine, at), A::Rows::column(&input));
+        let cell = |(at, machine, input)| {
+            format!("{}: {}", A::Rows::row(&machine, at), A::Rows::column_in(&machine, &input))
+        };
         moves.into_iter().map(cell).collect()
     }
 }
@@ -244,6 +255,9 @@ impl<A: About + 'static> End for Noted<A> {
         let mut buffer = vec![0; <A::End as Session>::MAX_TRANSMIT];
         loop {
             let mut idle = true;
+            if !omits.events {
+                step.events.extend(A::beside(session));
+            }
             while !omits.events
                 && let Some(event) = session.poll_event()
             {
@@ -269,7 +283,7 @@ impl<A: About + 'static> End for Noted<A> {
     }
 
     fn state(&self) -> String {
-        self.0.core().machine.name().into()
+        A::state(&self.0)
     }
 }
 

@@ -1,13 +1,16 @@
 //! laser-eb90: a host and a controller on a serial line.
 
+mod machines;
 mod pair;
+pub mod rows;
 pub mod world;
 
 use core::time::Duration;
 
-use laser_eb90::controller::ControllerRule;
-use laser_eb90::host::HostRule;
+use laser_eb90::controller::Rule as ControllerRule;
+use laser_eb90::host::Rule as HostRule;
 use laser_eb90::{ControllerConfig, HostConfig};
+use robot_session::Rules;
 
 use self::world::{Content, Faults, Reader, Setup};
 use crate::model::{Depth, MustFail, Pair, Setting, draw};
@@ -135,7 +138,7 @@ fn must_fail() -> Vec<MustFail> {
     };
     let host = |rule: HostRule, name, property, setup: Setup, at: &str| {
         let mut setup = setup;
-        setup.host.without = Some(rule);
+        setup.host.rules = Rules::without(rule);
         configured(name, property, at, setup, |_| {})
     };
     let interpreted = |reader, most| setup(reader, &INTERPRETED, most);
@@ -173,7 +176,7 @@ fn must_fail() -> Vec<MustFail> {
         host(UnansweredIsUnknown, "UnansweredIsUnknown", REFUSED, insists, ours),
         host(CompareWord, "CompareWord", DONE, different, "our controller, an execution longer than assumed"),
         configured("IgnoreShort", ONCE, ours, interpreted(OURS, 2), |s| {
-            s.controller.without = Some(ControllerRule::IgnoreShort);
+            s.controller.rules = Rules::without(ControllerRule::IgnoreShort);
         }),
         configured("a mixed frame is refused", DONE_WHOLE, ours, setup(OURS, &[Content::Mixed], 0), |s| {
             s.reader.refuses_mixed = false;

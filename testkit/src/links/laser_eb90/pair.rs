@@ -2,9 +2,10 @@
 
 use core::time::Duration;
 
-use laser_eb90::controller::machine::{Answer, ControllerInput, ControllerMachine, Receiving, Work};
-use laser_eb90::host::machine::{HostAction, HostInput, HostLink, HostMachine, Outcome};
+use laser_eb90::controller::machine::{Answer, ControllerMachine, Input as ControllerInput, Receiving, Work};
+use laser_eb90::host::machine::{Action, HostLink, HostMachine, Input as HostInput, Outcome};
 use laser_eb90::{Class, Refusal};
+use robot_session::Machine as _;
 
 use super::world::{
     Act, Content, Fate, Faults, Found, Held, Job, Reply, Reported, Setup, Transmission, World,
@@ -64,14 +65,14 @@ impl System for Setup {
             }
             return;
         }
-        if world.controller.due(Duration::ZERO).is_some() {
+        if world.controller.transmit(Duration::ZERO, &self.controller).is_some() {
             return self.replies(world, acts);
         }
         if world.host.next.is_none() && usize::from(world.submitted) < self.jobs.len() {
             acts.push(Act::Submit);
             return;
         }
-        let due = world.host.due(Duration::ZERO).is_some();
+        let due = world.host.transmit(Duration::ZERO, &self.host).is_some();
         if due {
             self.fates(world, acts);
         } else if world.host.deadline() == Some(Duration::ZERO) && !world.is_blocked(self) {
@@ -248,7 +249,7 @@ impl Step<'_> {
             }
             Act::Send(fate) => {
                 let line = setup.tick * u32::from(setup.line);
-                self.host(HostInput::Transmit { line });
+                self.host(HostInput::Sent { line });
                 if let HostLink::Awaiting(sent) = self.world.host.link {
                     let job = sent.batch.first as u8;
                     self.world.down.push(Transmission { job, passed: 0, fate });
@@ -264,11 +265,11 @@ impl Step<'_> {
             }
             Act::Reply(fate) => {
                 // The line has been silent while an instruction was executed.
-                if self.world.controller.is_silent(Duration::ZERO) {
+                if self.world.controller.expires(Duration::ZERO) {
                     self.silence();
                 }
-                let due = self.world.controller.due(Duration::ZERO);
-                self.controller(ControllerInput::Transmit);
+                let due = self.world.controller.transmit(Duration::ZERO, &setup.controller);
+                self.controller(ControllerInput::Sent);
                 let late = if let Fate::Late { ticks } = fate { ticks } else { 0 };
                 if let (Some(answer), true) = (due, fate != Fate::Lost) {
                     let corrupt = fate == Fate::Corrupt;
@@ -309,7 +310,7 @@ impl Step<'_> {
     fn host(&mut self, input: HostInput) {
         let action = drive(&mut self.world.host, input, &self.setup.host, &mut self.edges);
         match action {
-            Ok(HostAction::Report(batch, outcome)) => {
+            Ok(Action::Report(batch, outcome)) => {
                 let reported = match outcome {
                     Outcome::Done { unanswered, .. } => Reported::Done { unanswered: unanswered > 0 },
                     Outcome::Refused(_) => Reported::Refused,
@@ -319,7 +320,7 @@ impl Step<'_> {
                 job.again |= job.reported.is_some();
                 job.reported = Some(reported);
             }
-            Ok(HostAction::Nothing | HostAction::Transmit | HostAction::Unasked { .. }) => {}
+            Ok(Action::Nothing | Action::Sent(_) | Action::Unasked { .. }) => {}
             Err(_) => self.world.unexpected = true,
         }
     }
@@ -335,7 +336,7 @@ impl Step<'_> {
         self.world.executing = self.world.executing.saturating_sub(1);
         self.carry_down();
         self.carry_up();
-        if self.world.controller.is_silent(Duration::ZERO) {
+        if self.world.controller.expires(Duration::ZERO) {
             self.silence();
         }
     }
@@ -431,7 +432,9 @@ impl Step<'_> {
             self.world.held = Held::Nothing;
         }
         self.read();
-        self.controller(ControllerInput::Silence);
+        if self.world.controller.expires(Duration::ZERO) {
+            self.controller(ControllerInput::Timeout);
+        }
     }
 
     fn carry_up(&mut self) {

@@ -2,12 +2,10 @@
 
 use core::time::Duration;
 
-use laser_eb90::controller::machine::{Answer, ControllerAction, ControllerInput, ControllerMachine};
-use laser_eb90::host::machine::{HostAction, HostInput, HostMachine};
+use laser_eb90::controller::machine::{Answer, ControllerMachine};
+use laser_eb90::host::machine::HostMachine;
 use laser_eb90::{ControllerConfig, HostConfig, Refusal};
-use robot_session::Unexpected;
-
-use crate::model::{Machine, forward};
+use robot_session::Machine as _;
 
 /// An interpreted instruction and an immediate one.
 pub const CUT: u16 = 0x0101;
@@ -285,60 +283,6 @@ impl World {
 
     /// Whether the controller executes.
     pub fn is_executing(&self) -> bool {
-        !self.controller.reads_frames()
-    }
-}
-
-impl Machine for HostMachine {
-    const END: &'static str = "host";
-    type Input = HostInput;
-    type Action = HostAction;
-    type Config = HostConfig;
-
-    fn on(&mut self, now: Duration, input: HostInput, config: &HostConfig) -> Result<HostAction, Unexpected> {
-        HostMachine::on(self, now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        HostMachine::each_time(self, f);
-    }
-
-    fn name(&self) -> &'static str {
-        HostMachine::name(self)
-    }
-
-    fn input_name(input: &HostInput) -> &'static str {
-        input.name()
-    }
-
-    fn action_name(action: &HostAction) -> String {
-        match action {
-            HostAction::Nothing => String::new(),
-            HostAction::Transmit => "Transmit".into(),
-            HostAction::Report(_, outcome) => {
-                let outcome = format!("{outcome:?}");
-                let words: Vec<&str> = outcome.split(|c: char| !c.is_alphanumeric()).collect();
-                if words[0] == "Unknown" { format!("Unknown, {}", words[1]) } else { words[0].into() }
-            }
-            HostAction::Unasked { .. } => "Unasked".into(),
-        }
-    }
-}
-
-impl Machine for ControllerMachine {
-    const END: &'static str = "controller";
-    type Input = ControllerInput;
-    type Action = ControllerAction;
-    type Config = ControllerConfig;
-
-    forward!();
-
-    fn action_name(action: &ControllerAction) -> String {
-        match action {
-            ControllerAction::Nothing => String::new(),
-            ControllerAction::Execute => "Execute".into(),
-            ControllerAction::Answer(Answer::Echo(_)) => "Echo".into(),
-            ControllerAction::Answer(Answer::Error(_)) => "Error".into(),
-        }
+        !self.controller.reads()
     }
 }

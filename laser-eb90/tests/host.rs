@@ -272,10 +272,14 @@ fn after_an_unknown_immediate_instruction_its_execution_is_waited_for() {
 #[test]
 fn the_values_of_a_query_stay_until_the_next_is_answered() {
     let mut host = host(HostConfig::default());
-    let answer = |host: &mut Host, ticket: u64, value: f32| {
+    let answer = |host: &mut Host, ticket: u64, value: f32, early: Option<u16>| {
         host.submit(WHERE, |_| Ok(())).unwrap();
         let now = READY + MS * (100 + 100 * u32::try_from(ticket).unwrap());
         transmit(host, now).unwrap();
+        if let Some(code) = early {
+            host.handle_input(now + MS, &echo(code));
+            assert_eq!(host.machine().name(), "AwaitingRest");
+        }
         let (mut buffer, mut out) = ([0; 16], Vec::new());
         let mut payload = Payload::new(&mut buffer, &Profile::default());
         payload.word(WHERE).unwrap().f32(&[value]).unwrap();
@@ -288,8 +292,13 @@ fn the_values_of_a_query_stay_until_the_next_is_answered() {
             other => panic!("{other:?}"),
         }
     };
-    let values: [[f32; 1]; 2] = [answer(&mut host, 0, 1.5), answer(&mut host, 1, -2.5)];
-    assert_eq!(values, [[1.5], [-2.5]]);
+    let values: [[f32; 1]; 3] = [
+        answer(&mut host, 0, 1.5, None),
+        answer(&mut host, 1, -2.5, None),
+        // The first half of the query was answered too.
+        answer(&mut host, 2, 3.5, Some(0xE002)),
+    ];
+    assert_eq!(values, [[1.5], [-2.5], [3.5]]);
 }
 
 #[test]

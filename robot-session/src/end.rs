@@ -96,6 +96,12 @@ pub trait End: Sized {
     #[inline]
     fn end_input(&mut self, _now: Duration) {}
 
+    /// [`Session::wants_input`]: while frames are read. An end may also take what fits its decoder.
+    #[inline]
+    fn takes_input(&self) -> bool {
+        self.reads()
+    }
+
     /// More bytes have come than fit while nothing is read: they are lost.
     fn overrun(&mut self, _now: Duration) {}
 
@@ -261,7 +267,7 @@ impl<E: End> Session for E {
     }
 
     fn wants_input(&self) -> bool {
-        self.reads()
+        self.takes_input()
     }
 
     #[inline]

@@ -208,7 +208,6 @@ where
     /// What is reported of a good frame.
     type Payload = ControllerEvent;
 
-    /// While an instruction is executed, only what came with the end of its frame is held.
     const MAX_INPUT: usize = Frame::MAX_LEN;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     /// Its one outcome was taken when the instruction before was answered.
@@ -280,6 +279,11 @@ where
     fn counters(&self) -> ControllerStatistics {
         let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
         ControllerStatistics { dropped_notices, unexpected, ..self.statistics }
+    }
+
+    /// Also while an instruction is executed: a frame that comes before the answer withdraws it, and so it must not wait in the port.
+    fn takes_input(&self) -> bool {
+        true
     }
 
     fn begin_input(&mut self, now: Duration) -> bool {

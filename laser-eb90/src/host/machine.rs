@@ -218,6 +218,16 @@ impl HostMachine {
     pub const NEW: Self =
         Self { link: HostLink::Disconnected { quiet_until: Duration::ZERO, held: false }, next: None };
 
+    /// Whether an answer with this word is that of the query that was sent last.
+    pub fn is_asked(&self, word: u16) -> bool {
+        match self.link {
+            HostLink::Awaiting(Sent { batch, .. })
+            | HostLink::Resending { batch, .. }
+            | HostLink::AwaitingRest { batch, .. } => batch.class == Class::Query && batch.word == word,
+            HostLink::Disconnected { .. } | HostLink::Idle { .. } | HostLink::Held { .. } => false,
+        }
+    }
+
     /// Whether the next frame can take an instruction of this class: interpreted ones travel together, others alone (§3(6)).
     pub fn has_room(&self, class: Class, config: &HostConfig) -> bool {
         self.next.is_none_or(|next| {

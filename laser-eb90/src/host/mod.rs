@@ -44,8 +44,8 @@ pub struct Host {
     core: CoreOf<Self>,
     /// The frame that is being filled, and the one in flight (备份), which is kept until its answer has come.
     frames: Buffers,
-    /// The values of the answer that was received last, and those of the query that was answered last.
-    answers: Buffers,
+    /// The values of the query that was answered last.
+    answer: Buffer,
     statistics: HostStatistics,
 }
 
@@ -137,7 +137,7 @@ impl Host {
         Ok(Self {
             core,
             frames: Buffers::EMPTY,
-            answers: Buffers::EMPTY,
+            answer: Buffer::EMPTY,
             statistics: HostStatistics::default(),
         })
     }
@@ -197,7 +197,7 @@ impl Host {
 
     /// The values of the query that was answered last.
     pub fn answer(&self) -> Items<'_> {
-        Items::new(self.answers.last().as_bytes(), &self.core.config.profile)
+        Items::new(self.answer.as_bytes(), &self.core.config.profile)
     }
 
     /// Whether the host waits for [`resume`](Self::resume).
@@ -221,10 +221,7 @@ impl Host {
     fn report(&mut self, batch: Batch, outcome: Outcome) {
         let (first, count) = (batch.first, batch.count);
         let event = match outcome {
-            Outcome::Done { .. } if batch.class == Class::Query => {
-                self.answers.swap();
-                HostEvent::Answer { ticket: first }
-            }
+            Outcome::Done { .. } if batch.class == Class::Query => HostEvent::Answer { ticket: first },
             Outcome::Done { resends, unanswered } => HostEvent::Done { first, count, resends, unanswered },
             Outcome::Refused(refusal) => HostEvent::Refused { first, count, refusal },
             Outcome::Unknown(reason) => HostEvent::Unknown { first, count, reason },
@@ -239,7 +236,6 @@ impl End for Host {
     type Decoder = Decoder;
     type Events = EventQueue<HostEvent, EVENTS>;
     type Statistics = HostStatistics;
-    /// The values of an answer are held here: most have none.
     type Payload = ();
 
     const MAX_INPUT: usize = Frame::MAX_LEN;
@@ -252,7 +248,9 @@ impl End for Host {
         let frame = self.core.decoder.next_frame()?;
         let input = match frame.and_then(|frame| Instruction::single(frame.items())) {
             Ok(Instruction { word, parameters }) => {
-                self.answers.next_mut().copy(parameters.as_bytes());
+                if self.core.machine.is_asked(word) {
+                    self.answer.copy(parameters.as_bytes());
+                }
                 Input::Answer { word, refusal: self.core.config.words.errors().refusal(word) }
             }
             Err(error) => {

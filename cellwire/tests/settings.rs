@@ -22,12 +22,13 @@ fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
     (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
 }
 
-/// The fields of a struct, as its `Debug` form names them; of the model alone is `without`, and how many transactions there are.
+/// The fields of a struct, as its `Debug` form names them; of the model alone are `rules`, `without`, and how many
+/// transactions there are.
 fn fields(config: &impl Debug) -> Vec<String> {
     let text = format!("{config:#?}");
     let lines = text.lines().filter(|line| line.starts_with("    ") && !line.starts_with("     "));
     let names = lines.filter_map(|line| line.trim().split_once(':')).map(|(name, _)| name.to_owned());
-    names.filter(|name| !["without", "transactions"].contains(&name.as_str())).collect()
+    names.filter(|name| !["rules", "without", "transactions"].contains(&name.as_str())).collect()
 }
 
 /// Every field has a setting of its name, or settings in a group of its name, but those that are `exempt`: each has a reason there.

@@ -38,6 +38,22 @@ pub(crate) enum Do {
     Call { name: String, argument: Value },
 }
 
+impl Do {
+    /// Gives it to a session. A call of the end's user is the end's own: its name and argument.
+    fn give(&self, session: &mut impl Session, now: Duration) -> Option<(&str, &Value)> {
+        match self {
+            Self::Connected => session.handle_connected(now),
+            Self::Disconnected => session.handle_disconnected(now),
+            Self::Input(bytes) => session.handle_input(now, bytes),
+            Self::Timeout => session.handle_timeout(now),
+            Self::Transmitted => session.handle_transmitted(now),
+            Self::Nothing => {}
+            Self::Call { name, argument } => return Some((name, argument)),
+        }
+        None
+    }
+}
+
 /// What the driver of a session does not do in a step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Omits {
@@ -145,16 +161,8 @@ impl<H: Hooks> End for Driven<H> {
         let session = &mut self.0;
         let before = session.before();
         let mut step = Step::default();
-        match input {
-            Do::Connected => session.handle_connected(now),
-            Do::Disconnected => session.handle_disconnected(now),
-            Do::Input(bytes) => session.handle_input(now, bytes),
-            Do::Timeout => session.handle_timeout(now),
-            Do::Transmitted => session.handle_transmitted(now),
-            Do::Nothing => {}
-            Do::Call { name, argument } => {
-                step.refused = H::call(session, now, name, argument.clone())?.err()
-            }
+        if let Some((name, argument)) = input.give(session, now) {
+            step.refused = H::call(session, now, name, argument.clone())?.err();
         }
         step.cells = H::cells(&before, session, now, input, step.refused.is_some());
         let mut buffer = vec![0; H::Session::MAX_TRANSMIT];
@@ -241,16 +249,8 @@ impl<A: About + 'static> End for Noted<A> {
     fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
         let session = &mut self.0;
         let mut step = Step::default();
-        match input {
-            Do::Connected => session.handle_connected(now),
-            Do::Disconnected => session.handle_disconnected(now),
-            Do::Input(bytes) => session.handle_input(now, bytes),
-            Do::Timeout => session.handle_timeout(now),
-            Do::Transmitted => session.handle_transmitted(now),
-            Do::Nothing => {}
-            Do::Call { name, argument } => {
-                step.refused = A::call(session, now, name, argument.clone())?.err()
-            }
+        if let Some((name, argument)) = input.give(session, now) {
+            step.refused = A::call(session, now, name, argument.clone())?.err();
         }
         let mut buffer = vec![0; <A::End as Session>::MAX_TRANSMIT];
         loop {

@@ -2,6 +2,8 @@
 
 use core::time::Duration;
 
+use robot_session::is_due;
+
 use crate::framing::Framing;
 
 /// Whether bytes are arriving.
@@ -32,6 +34,6 @@ impl Line {
 
     /// Whether the silence is over.
     pub(crate) fn is_due(self, now: Duration) -> bool {
-        matches!(self, Self::Busy { silent_at } if now >= silent_at)
+        matches!(self, Self::Busy { silent_at } if is_due(silent_at, now))
     }
 }

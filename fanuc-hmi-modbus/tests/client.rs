@@ -287,7 +287,7 @@ fn a_lost_connection_ends_every_request_and_nothing_is_sent_again() {
     let again = client.request(1, &read(0, 1)).unwrap();
     assert_eq!(sent(&mut client, 2 * MS).len(), 0);
     client.handle_input(2 * MS, &[1]);
-    assert_eq!(all(&mut client), [Seen::Unexpected("disconnected", "bytes received")]);
+    assert_eq!(all(&mut client), [Seen::Unexpected("Disconnected", "Received")]);
     client.handle_connected(2 * MS);
     assert_eq!(sent(&mut client, 2 * MS)[0][..2], [0, 2], "a new transaction");
     client.handle_input(3 * MS, &bytes(Some(2), 1, Reply::HoldingRegisters((&[1]).into())));
@@ -360,7 +360,7 @@ fn a_time_of_duration_max_never_comes() {
         // A serial line is drained for ever.
         let requests = sent(&mut client, late).len();
         assert_eq!(requests, usize::from(!matches!(config.framing, Framing::Rtu { .. })), "{config:?}");
-        assert_eq!(client.poll_timeout(), Some(Duration::MAX), "{config:?}");
+        assert_eq!(client.poll_timeout(), None, "{config:?}");
         client.handle_timeout(late);
         assert_eq!(all(&mut client), [], "{config:?}");
         let transaction = (config.framing == Framing::Tcp).then_some(1);

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use crate::event::Events;
-use crate::{Decoder, Input, Machine, Session, Unexpected};
+use crate::{Decoder, Expiry, Input, Machine, Session, Unexpected};
 
 /// What every end consists of.
 #[derive(Debug, Clone)]
@@ -102,7 +102,7 @@ pub trait End: Sized {
         self.reads()
     }
 
-    /// More bytes have come than fit while nothing is read: they are lost.
+    /// More bytes have come than fit while nothing is read: they are lost, but for what fits after this.
     fn overrun(&mut self, _now: Duration) {}
 
     /// [`Session::handle_transmitted`].
@@ -233,7 +233,9 @@ impl<E: End> Session for E {
 
     #[inline]
     fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        expire_first(self, now);
+        if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeInput) {
+            self.handle_timeout(now);
+        }
         if bytes.is_empty() || !self.begin_input(now) {
             return;
         }
@@ -243,7 +245,11 @@ impl<E: End> Session for E {
             self.read(now);
             if taken == 0 && !self.reads() {
                 self.overrun(now);
-                break;
+                let taken = self.core_mut().decoder.push(bytes);
+                if taken == 0 {
+                    break;
+                }
+                bytes = bytes.get(taken..).unwrap_or_default();
             }
         }
         self.end_input(now);
@@ -277,7 +283,7 @@ impl<E: End> Session for E {
 
     #[inline]
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        if E::Machine::TIME_BEFORE_TRANSMIT {
+        if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeTransmit) {
             self.handle_timeout(now);
         }
         // Until something was sent, or an event taken.
@@ -306,7 +312,7 @@ impl<E: End> Session for E {
 /// What came due, where that comes first.
 #[inline(always)]
 fn expire_first<E: End>(end: &mut E, now: Duration) {
-    if E::Machine::TIME_FIRST {
+    if E::Machine::EXPIRY == Expiry::First {
         end.handle_timeout(now);
     }
 }

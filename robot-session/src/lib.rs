@@ -27,7 +27,7 @@ pub use decoder::Decoder;
 pub use encode::Encode;
 pub use end::{ActionOf, Core, CoreOf, End, EventOf, InputOf, Room, TransmitOf};
 pub use event::{EventQueue, Events};
-pub use machine::{Input, Machine, is_due};
+pub use machine::{Expiry, Input, Machine, is_due};
 pub use rules::{Rule, Rules};
 pub use session::Session;
 pub use settle::{Output, settle};

@@ -14,14 +14,8 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     /// The end's name.
     const END: &'static str;
 
-    /// Whether what came due is done before anything else that happens at the same time.
-    ///
-    /// True where what comes late is worthless. False where a reply that has waited for a caller who was late still counts: input is
-    /// read first, and time passes only in [`Session::handle_timeout`](crate::Session::handle_timeout).
-    const TIME_FIRST: bool;
-
-    /// Whether what came due is done before something is sent, also where input comes first.
-    const TIME_BEFORE_TRANSMIT: bool = Self::TIME_FIRST;
+    /// What else of the same moment waits until what came due is done.
+    const EXPIRY: Expiry;
 
     /// What happens to the end.
     type Input: Input;
@@ -79,6 +73,21 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     fn unexpected(&self, input: &Self::Input) -> Unexpected {
         Unexpected { state: self.name(), input: input.name() }
     }
+}
+
+/// What waits until what came due at the same moment is done.
+///
+/// Where input does not wait, a reply that a late caller reads after its deadline still counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Expiry {
+    /// Everything waits: what comes late is worthless.
+    First,
+    /// Bytes wait: after a silence they do not go on with what came before it.
+    BeforeInput,
+    /// What is to be sent waits: it depends on what came due.
+    BeforeTransmit,
+    /// Nothing waits: time passes only in [`Session::handle_timeout`](crate::Session::handle_timeout).
+    Last,
 }
 
 /// The inputs that every machine has, and their names. [`inputs!`](crate::inputs) implements it.

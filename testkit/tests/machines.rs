@@ -28,3 +28,14 @@ fn laser_eb90() {
     check::<links::laser_eb90::rows::Host>(160);
     check::<links::laser_eb90::rows::Controller>(64);
 }
+
+#[test]
+fn fanuc_hmi_modbus() {
+    use links::fanuc_hmi_modbus::rows::{Client, Rtu, RtuOverTcp, Server, Tcp};
+    check::<Client<Tcp>>(144);
+    check::<Client<Rtu>>(144);
+    check::<Client<RtuOverTcp>>(144);
+    check::<Server<Tcp>>(24);
+    check::<Server<Rtu>>(24);
+    check::<Server<RtuOverTcp>>(24);
+}

@@ -1,8 +1,9 @@
 use core::time::Duration;
 
+use robot_session::Rules;
+
 use crate::frame::Frame;
 use crate::framing::Framing;
-use crate::model::Rule;
 use crate::timing;
 
 /// How a client reaches its servers.
@@ -32,10 +33,35 @@ pub struct ClientConfig {
     #[cfg(feature = "model")]
     #[doc(hidden)]
     pub transactions: u16,
-    /// For the model only: the rule that the machine does not keep.
-    #[cfg(feature = "model")]
+    /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
-    pub without: Option<Rule>,
+    pub rules: Rules<Rule>,
+}
+
+robot_session::rules! {
+    /// The rules of the client's machine.
+    pub enum Rule {
+        /// A reply belongs to the request with its transaction.
+        MatchTransaction,
+        /// No transaction is used again while a reply to it may come.
+        FreshTransaction,
+        /// Without transactions one request is in flight at once.
+        OneInFlight,
+        /// A reply has to fit its request.
+        CheckReply,
+        /// On a serial line a request of another client may be in flight at the beginning.
+        DrainFirst,
+        /// Nothing is sent before what has arrived was read.
+        ReadBeforeSend,
+        /// On a serial line nothing is sent while bytes arrive.
+        WaitForSilence,
+        /// Bytes after a silence do not go on with what came before it.
+        CutAtSilence,
+        /// What is in flight ends with the connection.
+        EndAtDisconnect,
+        /// What waits to be sent ends with the connection.
+        DropQueued,
+    }
 }
 
 impl ClientConfig {
@@ -51,8 +77,7 @@ impl ClientConfig {
             settle: Duration::from_secs(1),
             #[cfg(feature = "model")]
             transactions: u16::MAX,
-            #[cfg(feature = "model")]
-            without: None,
+            rules: Rules::ALL,
         }
     }
 
@@ -82,7 +107,7 @@ impl ClientConfig {
 
     /// How many requests may be in flight at once.
     pub(crate) fn most_in_flight(&self) -> usize {
-        match self.framing.has_transactions() || !self.keeps(Rule::OneInFlight) {
+        match self.framing.has_transactions() || !self.rules.keeps(Rule::OneInFlight) {
             true => self.in_flight,
             false => 1,
         }
@@ -95,14 +120,6 @@ impl ClientConfig {
             return 0;
         }
         transaction.wrapping_add(1)
-    }
-
-    /// Whether the machine keeps a rule: always, but in the model.
-    pub(crate) fn keeps(&self, _rule: Rule) -> bool {
-        #[cfg(feature = "model")]
-        return self.without != Some(_rule);
-        #[cfg(not(feature = "model"))]
-        true
     }
 }
 

@@ -2,8 +2,7 @@
 
 use core::time::Duration;
 
-use super::config::ClientConfig;
-use crate::model::Rule;
+use super::config::{ClientConfig, Rule};
 
 /// A request and the place that holds its bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -43,11 +42,23 @@ pub enum Stage {
 }
 
 impl Held {
+    /// When it times out.
+    pub(super) const fn deadline(&self) -> Option<Duration> {
+        match self.stage {
+            Stage::InFlight { deadline, .. } => Some(deadline),
+            Stage::Queued
+            | Stage::QueuedBroadcast
+            | Stage::Ended
+            | Stage::TimedOut { .. }
+            | Stage::Expired { .. } => None,
+        }
+    }
+
     /// Whether it is in flight, and a frame with this transaction belongs to it.
     pub(super) fn waits(&self, transaction: u16, config: &ClientConfig) -> bool {
         match self.stage {
             Stage::InFlight { transaction: found, .. } => {
-                found == transaction || !config.keeps(Rule::MatchTransaction)
+                found == transaction || !config.rules.keeps(Rule::MatchTransaction)
             }
             _ => false,
         }

@@ -2,13 +2,12 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Expiry, Machine, Unexpected, is_due};
 
-use super::config::ClientConfig;
-use super::held::{Held, Stage};
-use super::places::Places;
-use crate::line::Line;
-use crate::model::Rule;
+use super::config::{ClientConfig, Rule};
+pub use super::held::{Held, Stage};
+pub use super::places::Places;
+pub use crate::line::Line;
 
 /// The state of a client with `N` places for requests.
 ///
@@ -44,7 +43,7 @@ pub enum Quiet {
     Over,
     /// A late reply may come, or a broadcast is carried out.
     Until {
-        /// It ends with the first [`ClientInput::Timer`] from then on: a driver gives that after it has read what has arrived,
+        /// It ends with the first [`Input::Timeout`] from then on: a driver gives that after it has read what has arrived,
         /// however late it runs.
         end: Duration,
     },
@@ -52,11 +51,13 @@ pub enum Quiet {
 
 /// What happens to a client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ClientInput {
+pub enum Input {
     /// A connection was made.
     Connected,
     /// The connection is lost.
     Disconnected,
+    /// Time has passed. Given after what has arrived was read; one thing that came due is done with each.
+    Timeout,
     /// The caller makes a request.
     Request {
         /// To all units.
@@ -67,8 +68,6 @@ pub enum ClientInput {
         /// The place.
         place: u8,
     },
-    /// The caller asks for what is to be sent.
-    Transmit,
     /// Bytes have arrived. Given before they are decoded.
     Received,
     /// They held a well-formed frame.
@@ -78,13 +77,22 @@ pub enum ClientInput {
         /// Whether it can be the reply to the request that [`ClientMachine::expects`] names.
         fits: bool,
     },
-    /// The time of [`ClientMachine::deadline`] has come. Given after what has arrived was read, until nothing is left to do.
-    Timer,
+    /// The request that was due is sent.
+    Sent(Due),
+}
+
+/// The request that a client sends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Due {
+    /// Its place.
+    pub place: u8,
+    /// Its transaction; 0 where frames have none.
+    pub transaction: u16,
 }
 
 /// What a client does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ClientAction {
+pub enum Action {
     /// Nothing.
     Nothing,
     /// It keeps a new request in this place.
@@ -92,15 +100,10 @@ pub enum ClientAction {
         /// The place.
         place: u8,
     },
-    /// It sends the request of this place.
-    Send {
-        /// The place.
-        place: u8,
-        /// The transaction; 0 where frames have none.
-        transaction: u16,
-    },
-    /// It sends the request of this place to all units, and reports that.
-    Announce {
+    /// The request that was sent waits for its reply.
+    Sent,
+    /// It reports that the request of this place was sent to all units.
+    Announced {
         /// The place.
         place: u8,
     },
@@ -121,7 +124,7 @@ pub enum ClientAction {
     },
     /// It reports requests that have timed out.
     TimedOut(Places),
-    /// It forgets what the decoder holds, and reports requests that were in flight and others that were not sent.
+    /// It reports requests that were in flight and others that were not sent.
     Reset {
         /// In flight: whether they were carried out is unknown.
         lost: Places,
@@ -132,66 +135,74 @@ pub enum ClientAction {
     Cut,
 }
 
-impl ClientInput {
-    /// Its name.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "connected",
-            Self::Disconnected => "disconnected",
-            Self::Request { broadcast: false } => "request",
-            Self::Request { broadcast: true } => "broadcast request",
-            Self::Taken { .. } => "outcome taken",
-            Self::Transmit => "transmit",
-            Self::Received => "bytes received",
-            Self::Reply { fits: true, .. } => "reply",
-            Self::Reply { fits: false, .. } => "reply that does not fit",
-            Self::Timer => "timer",
-        }
-    }
-}
+robot_session::inputs!(
+    Input: Request { broadcast: false } as "Request",
+    Request { broadcast: true } as "Request(broadcast)",
+    Taken,
+    Received,
+    Reply { fits: true } as "Reply",
+    Reply { fits: false } as "Reply(misfit)",
+    Sent,
+);
 
-impl<const N: usize> ClientMachine<N> {
-    /// Without a connection, without requests.
-    pub const NEW: Self = Self { link: ClientLink::Down, requests: [None; N], transaction: 1 };
+impl<const N: usize> Machine for ClientMachine<N> {
+    const END: &'static str = "client";
+    /// A reply that has waited for a caller who is late still counts.
+    const EXPIRY: Expiry = Expiry::Last;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Due;
+    type Config = ClientConfig;
 
-    /// Takes an input.
-    ///
     /// # Errors
-    /// The state does not allow it: bytes without a connection, a request without a free place, an outcome that was not given.
-    /// Nothing has changed then.
+    /// Bytes without a connection, a request without a free place, an outcome that was not given, a request sent that was not due.
     #[inline(always)] // where the input is known, little of it is left
-    pub fn on(
-        &mut self,
-        now: Duration,
-        input: ClientInput,
-        config: &ClientConfig,
-    ) -> Result<ClientAction, Unexpected> {
+    fn on(&mut self, now: Duration, input: Input, config: &ClientConfig) -> Result<Action, Unexpected> {
         let action = match input {
-            ClientInput::Connected => Some(self.connected(now, config)),
-            ClientInput::Disconnected => Some(self.disconnected(config)),
-            ClientInput::Request { broadcast } => self.request(broadcast),
-            ClientInput::Taken { place } => self.taken(place),
-            ClientInput::Transmit => Some(self.transmit(now, config)),
-            ClientInput::Received => match &mut self.link {
+            Input::Connected => Some(self.connected(now, config)),
+            Input::Disconnected => Some(self.disconnected(config)),
+            Input::Timeout => Some(self.timeout(now, config)),
+            Input::Request { broadcast } => self.request(broadcast),
+            Input::Taken { place } => self.taken(place),
+            Input::Received => match &mut self.link {
                 ClientLink::Down => None,
                 ClientLink::Up { line, .. } => {
                     // Bytes that come after a silence do not go on with what came before it.
-                    let cuts = line.is_due(now) && config.keeps(Rule::CutAtSilence);
+                    let cuts = line.is_due(now) && config.rules.keeps(Rule::CutAtSilence);
                     *line = Line::received(now, config.framing);
-                    Some(if cuts { ClientAction::Cut } else { ClientAction::Nothing })
+                    Some(if cuts { Action::Cut } else { Action::Nothing })
                 }
             },
-            ClientInput::Reply { transaction, fits } => match self.link {
+            Input::Reply { transaction, fits } => match self.link {
                 ClientLink::Down => None,
                 ClientLink::Up { .. } => Some(self.reply(transaction, fits, config)),
             },
-            ClientInput::Timer => Some(self.timer(now, config)),
+            Input::Sent(due) => self.sent(now, due, config),
         };
-        action.ok_or_else(|| Unexpected { state: self.name(), input: input.name() })
+        action.ok_or_else(|| self.unexpected(&input))
     }
 
-    /// When [`ClientInput::Timer`] is due.
-    pub fn deadline(&self) -> Option<Duration> {
+    #[inline(always)]
+    fn transmit(&self, now: Duration, config: &ClientConfig) -> Option<Due> {
+        if !self.may_send(now, config) {
+            return None;
+        }
+        // What is in flight was asked for before what waits.
+        let mut in_flight = 0;
+        let queued = self.held().find(|held| {
+            in_flight += usize::from(matches!(held.stage, Stage::InFlight { .. }));
+            matches!(held.stage, Stage::Queued | Stage::QueuedBroadcast)
+        });
+        let Held { place, stage } = *queued?;
+        let transaction = if config.framing.has_transactions() && stage == Stage::Queued {
+            free_transaction(&self.requests, self.transaction, config)
+        } else {
+            0
+        };
+        (in_flight < config.most_in_flight()).then_some(Due { place, transaction })
+    }
+
+    fn deadline(&self) -> Option<Duration> {
         let ClientLink::Up { line, quiet } = self.link else { return None };
         let silent_at = match line {
             Line::Silent => None,
@@ -201,15 +212,15 @@ impl<const N: usize> ClientMachine<N> {
             Quiet::Over => None,
             Quiet::Until { end } => Some(end),
         };
-        let deadline = |held: &Held| match held.stage {
-            Stage::InFlight { deadline, .. } => Some(deadline),
-            _ => None,
-        };
-        self.held().filter_map(deadline).chain(silent_at).chain(end).min()
+        let deadlines = self.held().filter_map(Held::deadline).chain(silent_at).chain(end);
+        deadlines.min().filter(|at| *at < Duration::MAX)
     }
 
-    /// Visits every time in the state.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    fn expires(&self, now: Duration) -> bool {
+        self.deadline().is_some_and(|at| at <= now)
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         if let ClientLink::Up { line, quiet } = &mut self.link {
             if let Line::Busy { silent_at } = line {
                 f(silent_at);
@@ -225,17 +236,26 @@ impl<const N: usize> ClientMachine<N> {
         }
     }
 
-    /// The state's name.
-    pub fn name(&self) -> &'static str {
-        let ClientLink::Up { line, quiet } = self.link else { return "disconnected" };
+    fn name(&self) -> &'static str {
+        let ClientLink::Up { line, quiet } = self.link else { return "Disconnected" };
         let is_queued = |held: &Held| matches!(held.stage, Stage::Queued | Stage::QueuedBroadcast);
         match (self.in_flight(), quiet, line) {
-            (1.., _, _) => "waiting",
-            (0, Quiet::Until { .. }, _) => "quiet",
-            (0, Quiet::Over, Line::Busy { .. }) => "receiving",
-            (0, Quiet::Over, Line::Silent) if self.held().any(is_queued) => "ready",
-            (0, Quiet::Over, Line::Silent) => "idle",
+            (1.., _, _) => "Waiting",
+            (0, Quiet::Until { .. }, _) => "Quiet",
+            (0, Quiet::Over, Line::Busy { .. }) => "Receiving",
+            (0, Quiet::Over, Line::Silent) if self.held().any(is_queued) => "Ready",
+            (0, Quiet::Over, Line::Silent) => "Idle",
         }
+    }
+}
+
+impl<const N: usize> ClientMachine<N> {
+    /// Without a connection, without requests.
+    pub const NEW: Self = Self { link: ClientLink::Down, requests: [None; N], transaction: 1 };
+
+    /// Whether there is a connection.
+    pub fn is_connected(&self) -> bool {
+        self.link != ClientLink::Down
     }
 
     /// How many requests are in flight.
@@ -265,10 +285,10 @@ impl<const N: usize> ClientMachine<N> {
     }
 
     /// Off TCP the line is left alone first: a client that ran here before may have asked for something.
-    fn connected(&mut self, now: Duration, config: &ClientConfig) -> ClientAction {
+    fn connected(&mut self, now: Duration, config: &ClientConfig) -> Action {
         let reset = self.disconnected(config);
         let drain = config.timeout.saturating_add(config.settle);
-        let quiet = if config.framing.is_serial() && config.keeps(Rule::DrainFirst) {
+        let quiet = if config.framing.is_serial() && config.rules.keeps(Rule::DrainFirst) {
             Quiet::Until { end: now.saturating_add(drain) }
         } else {
             Quiet::Over
@@ -278,17 +298,17 @@ impl<const N: usize> ClientMachine<N> {
     }
 
     /// What waits is not sent on the next connection unless the caller asks again.
-    fn disconnected(&mut self, config: &ClientConfig) -> ClientAction {
+    fn disconnected(&mut self, config: &ClientConfig) -> Action {
         let (mut lost, mut not_sent) = (Places::default(), Places::default());
         if self.link != ClientLink::Down {
             for held in self.requests.iter_mut().map_while(Option::as_mut) {
                 match held.stage {
-                    Stage::Queued | Stage::QueuedBroadcast if !config.keeps(Rule::DropQueued) => {}
+                    Stage::Queued | Stage::QueuedBroadcast if !config.rules.keeps(Rule::DropQueued) => {}
                     Stage::Queued | Stage::QueuedBroadcast => {
                         not_sent.insert(held.place);
                         held.stage = Stage::Ended;
                     }
-                    Stage::InFlight { .. } if !config.keeps(Rule::EndAtDisconnect) => {}
+                    Stage::InFlight { .. } if !config.rules.keeps(Rule::EndAtDisconnect) => {}
                     Stage::InFlight { .. } => {
                         lost.insert(held.place);
                         held.stage = Stage::Ended;
@@ -303,10 +323,10 @@ impl<const N: usize> ClientMachine<N> {
             }
             self.link = ClientLink::Down;
         }
-        ClientAction::Reset { lost, not_sent }
+        Action::Reset { lost, not_sent }
     }
 
-    fn request(&mut self, broadcast: bool) -> Option<ClientAction> {
+    fn request(&mut self, broadcast: bool) -> Option<Action> {
         let place = self.free_place()?;
         let expired = self.held().position(|held| held.place == place);
         if let Some(expired) = expired {
@@ -315,10 +335,10 @@ impl<const N: usize> ClientMachine<N> {
         let stage = if broadcast { Stage::QueuedBroadcast } else { Stage::Queued };
         let free = self.requests.iter_mut().find(|held| held.is_none())?;
         *free = Some(Held { place, stage });
-        Some(ClientAction::Keep { place })
+        Some(Action::Keep { place })
     }
 
-    fn taken(&mut self, place: u8) -> Option<ClientAction> {
+    fn taken(&mut self, place: u8) -> Option<Action> {
         let index = self.held().position(|held| held.place == place)?;
         let held = self.requests.get_mut(index)?.as_mut()?;
         match held.stage {
@@ -328,62 +348,61 @@ impl<const N: usize> ClientMachine<N> {
                 return None;
             }
         }
-        Some(ClientAction::Nothing)
+        Some(Action::Nothing)
     }
 
-    fn transmit(&mut self, now: Duration, config: &ClientConfig) -> ClientAction {
-        let ClientLink::Up { line, quiet } = &mut self.link else { return ClientAction::Nothing };
-        let is_quiet = match *quiet {
+    /// As far as the line and earlier requests are concerned.
+    fn may_send(&self, now: Duration, config: &ClientConfig) -> bool {
+        let ClientLink::Up { line, quiet } = self.link else { return false };
+        let is_quiet = match quiet {
             Quiet::Over => false,
             // Without the rule a driver that runs late sends before it has read the late reply.
-            Quiet::Until { end } => config.keeps(Rule::ReadBeforeSend) || now < end,
+            Quiet::Until { end } => config.rules.keeps(Rule::ReadBeforeSend) || now < end,
         };
-        let is_busy = !line.may_send(config.framing) && config.keeps(Rule::WaitForSilence);
-        if is_quiet || is_busy {
-            return ClientAction::Nothing;
-        }
-        let transaction = match config.framing.has_transactions() {
-            true => free_transaction(&self.requests, self.transaction, config),
-            false => 0,
-        };
-        // What is in flight was asked for before what waits.
-        let mut in_flight = 0;
-        let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
-        let queued = requests.find(|held| {
-            in_flight += usize::from(matches!(held.stage, Stage::InFlight { .. }));
-            matches!(held.stage, Stage::Queued | Stage::QueuedBroadcast)
-        });
-        let Some(held) = queued else { return ClientAction::Nothing };
-        if in_flight >= config.most_in_flight() {
-            return ClientAction::Nothing;
-        }
-        let place = held.place;
-        if held.stage == Stage::QueuedBroadcast {
-            held.stage = Stage::Ended;
-            *quiet = Quiet::Until { end: now.saturating_add(config.turnaround) };
-            return ClientAction::Announce { place };
-        }
-        held.stage = Stage::InFlight { transaction, deadline: now.saturating_add(config.timeout) };
-        *quiet = Quiet::Over;
-        if config.framing.has_transactions() {
-            self.transaction = config.after(transaction);
-        }
-        ClientAction::Send { place, transaction }
+        let is_busy = !line.may_send(config.framing) && config.rules.keeps(Rule::WaitForSilence);
+        !is_quiet && !is_busy
     }
 
-    fn reply(&mut self, transaction: u16, fits: bool, config: &ClientConfig) -> ClientAction {
+    #[inline(always)]
+    fn sent(&mut self, now: Duration, due: Due, config: &ClientConfig) -> Option<Action> {
+        let Due { place, transaction } = due;
+        if !self.may_send(now, config) {
+            return None;
+        }
+        let ClientLink::Up { quiet, .. } = &mut self.link else { return None };
+        let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
+        let held = requests.find(|held| held.place == place)?;
+        match held.stage {
+            Stage::Queued => {
+                held.stage = Stage::InFlight { transaction, deadline: now.saturating_add(config.timeout) };
+                *quiet = Quiet::Over;
+                if config.framing.has_transactions() {
+                    self.transaction = config.after(transaction);
+                }
+                Some(Action::Sent)
+            }
+            Stage::QueuedBroadcast => {
+                held.stage = Stage::Ended;
+                *quiet = Quiet::Until { end: now.saturating_add(config.turnaround) };
+                Some(Action::Announced { place })
+            }
+            Stage::InFlight { .. } | Stage::Ended | Stage::TimedOut { .. } | Stage::Expired { .. } => None,
+        }
+    }
+
+    fn reply(&mut self, transaction: u16, fits: bool, config: &ClientConfig) -> Action {
         let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
         if let Some(held) = requests.find(|held| held.waits(transaction, config)) {
             // Without a transaction it may be a late reply to an earlier request: the right one may still come.
-            if !fits && !config.framing.has_transactions() && config.keeps(Rule::CheckReply) {
-                return ClientAction::Stray { late: None };
+            if !fits && !config.framing.has_transactions() && config.rules.keeps(Rule::CheckReply) {
+                return Action::Stray { late: None };
             }
             held.stage = Stage::Ended;
             let place = held.place;
-            return if fits || !config.keeps(Rule::CheckReply) {
-                ClientAction::Replied { place }
+            return if fits || !config.rules.keeps(Rule::CheckReply) {
+                Action::Replied { place }
             } else {
-                ClientAction::Refused { place }
+                Action::Refused { place }
             };
         }
         let is_late = |held: &Held| match held.stage {
@@ -394,7 +413,7 @@ impl<const N: usize> ClientMachine<N> {
         };
         // The newest: off TCP the best guess.
         let Some(index) = self.requests.iter().rposition(|held| held.as_ref().is_some_and(is_late)) else {
-            return ClientAction::Stray { late: None };
+            return Action::Stray { late: None };
         };
         let late = self.requests.get_mut(index).and_then(Option::as_mut).map(|held| {
             let stage = core::mem::replace(&mut held.stage, Stage::Ended);
@@ -403,35 +422,36 @@ impl<const N: usize> ClientMachine<N> {
         if let Some((_, true)) = late {
             self.remove(index);
         }
-        ClientAction::Stray { late: late.map(|(place, _)| place) }
+        Action::Stray { late: late.map(|(place, _)| place) }
     }
 
     /// One thing at a time: the end of a frame may bring the reply to a request that would time out.
-    fn timer(&mut self, now: Duration, config: &ClientConfig) -> ClientAction {
-        let ClientLink::Up { line, quiet } = &mut self.link else { return ClientAction::Nothing };
+    fn timeout(&mut self, now: Duration, config: &ClientConfig) -> Action {
+        let ClientLink::Up { line, quiet } = &mut self.link else { return Action::Nothing };
         if line.is_due(now) {
             *line = Line::Silent;
-            return if config.keeps(Rule::CutAtSilence) { ClientAction::Cut } else { ClientAction::Nothing };
+            return if config.rules.keeps(Rule::CutAtSilence) { Action::Cut } else { Action::Nothing };
         }
-        if matches!(quiet, Quiet::Until { end } if now >= *end) {
+        if matches!(quiet, Quiet::Until { end } if is_due(*end, now)) {
             *quiet = Quiet::Over;
+            return Action::Nothing;
         }
         let mut places = Places::default();
         for held in self.requests.iter_mut().map_while(Option::as_mut) {
             if let Stage::InFlight { transaction, deadline } = held.stage
-                && now >= deadline
+                && is_due(deadline, now)
             {
                 held.stage = Stage::TimedOut { transaction };
                 places.insert(held.place);
             }
         }
         if places == Places::default() {
-            return ClientAction::Nothing;
+            return Action::Nothing;
         }
         if !config.framing.has_transactions() {
             *quiet = Quiet::Until { end: now.saturating_add(config.settle) };
         }
-        ClientAction::TimedOut(places)
+        Action::TimedOut(places)
     }
 
     fn remove(&mut self, index: usize) -> Option<Held> {
@@ -460,7 +480,7 @@ fn free_transaction(requests: &[Option<Held>], next: u16, config: &ClientConfig)
     };
     let mut transaction = next;
     for _ in requests {
-        if !config.keeps(Rule::FreshTransaction) || !in_use(transaction) {
+        if !config.rules.keeps(Rule::FreshTransaction) || !in_use(transaction) {
             break;
         }
         transaction = config.after(transaction);

@@ -3,19 +3,19 @@
 mod config;
 mod event;
 mod held;
-mod machine;
+pub mod machine;
 mod places;
 
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Decoder as _, Encode as _, EventQueue, Session, Unexpected};
+use robot_session::{Core, Encode as _, End, EventQueue, Room, Unexpected};
 
 pub use config::ClientConfig;
+#[doc(hidden)]
+pub use config::Rule;
 pub use event::{ClientEvent, ClientStatistics, Failure, Ticket};
-pub use held::{Held, Stage};
-pub use machine::{ClientAction, ClientInput, ClientLink, ClientMachine, Quiet};
-pub use places::Places;
+use machine::{Action, ClientMachine, Due, Input, Places};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, Mismatch, SessionError};
@@ -25,8 +25,8 @@ use crate::message::{PduBuf, Reply, Request, function};
 
 /// The client's end of one connection or serial line, with `N` places for requests, 16 at most, and for the framings `F`.
 ///
-/// A [`Session`]: its verbs, and the order of calling them, are the trait's. [`request`](Self::request) at any time; requests
-/// are sent in the order in which they were made, and wait for a connection if there is none.
+/// A [`Session`](robot_session::Session): its verbs, and the order of calling them, are the trait's.
+/// [`request`](Self::request) at any time; requests are sent in the order in which they were made, and wait for a connection if there is none.
 ///
 /// Every request ends in exactly one [`ClientEvent::Replied`], [`ClientEvent::Announced`] or [`ClientEvent::Failed`], and is sent
 /// once at most. Its place is taken until that event was polled, so no event is ever lost: a full client refuses requests.
@@ -38,11 +38,10 @@ use crate::message::{PduBuf, Reply, Request, function};
 /// All bytes are taken. Corrupt ones cost the frames that they touch and are reported.
 #[derive(Debug, Clone)]
 pub struct Client<const N: usize = 8, F = Framing> {
-    config: ClientConfig,
-    machine: ClientMachine<N>,
-    decoder: Decoder<F>,
+    core: Core<ClientMachine<N>, Decoder<F>, EventQueue<ClientEvent, EVENTS>>,
     places: [Place; N],
-    events: EventQueue<ClientEvent, EVENTS>,
+    /// The bytes before those that are read now ended within corruption.
+    was_corrupt: bool,
     statistics: ClientStatistics,
 }
 
@@ -60,7 +59,14 @@ struct Place {
     pdu: PduBuf,
 }
 
-/// What a frame is to the request that it seems to belong to.
+/// A frame, in the decoder, and why it is not what the request that it seems to belong to asks for.
+#[doc(hidden)]
+#[derive(Debug)]
+pub struct Found {
+    range: Range<usize>,
+    misfit: Option<Misfit>,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Misfit {
     Mismatch(Mismatch),
@@ -88,12 +94,11 @@ impl<const N: usize, F: Framings> Client<N, F> {
             is_reply: false,
             pdu: PduBuf::EMPTY,
         };
+        let framing = F::of(config.framing).ok_or(ConfigError::Framing)?;
         Ok(Self {
-            config,
-            machine: ClientMachine::NEW,
-            decoder: Decoder::new(F::of(config.framing).ok_or(ConfigError::Framing)?, Side::Server),
+            core: Core::new(config, ClientMachine::NEW, Decoder::new(framing, Side::Server)),
             places: [place; N],
-            events: EventQueue::new(),
+            was_corrupt: false,
             statistics: ClientStatistics::default(),
         })
     }
@@ -103,11 +108,11 @@ impl<const N: usize, F: Framings> Client<N, F> {
     /// # Errors
     /// The specification does not allow the request, every place is taken, or a broadcast would read.
     pub fn request(&mut self, unit: u8, request: &Request<'_>) -> Result<Ticket, SessionError> {
-        let broadcast = self.config.is_broadcast(unit);
+        let broadcast = self.core.config.is_broadcast(unit);
         if broadcast && request.reads() {
             return Err(SessionError::BroadcastRead { function: request.function() });
         }
-        let free = self.machine.free_place();
+        let free = self.core.machine.free_place();
         let Some((place, kept)) = free.and_then(|free| Some((free, self.places.get_mut(usize::from(free))?)))
         else {
             PduBuf::new(request)?;
@@ -119,7 +124,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
         (kept.ticket, kept.unit) = (ticket, unit);
         (kept.quantity, kept.is_reply) = (request.quantity_read(), false);
         self.statistics.requests += 1;
-        self.step(Duration::ZERO, ClientInput::Request { broadcast });
+        self.advance(Duration::ZERO, Input::Request { broadcast }, None);
         Ok(ticket)
     }
 
@@ -135,92 +140,30 @@ impl<const N: usize, F: Framings> Client<N, F> {
 
     /// How many requests are in flight.
     pub fn in_flight(&self) -> usize {
-        self.machine.in_flight()
+        self.core.machine.in_flight()
     }
 
     /// The bytes of a reply that is not whole. Where there are some after its request has timed out, on TCP, the server has cut it
     /// off, or will go on with it at any time: best connect again.
     pub const fn pending(&self) -> usize {
-        self.decoder.pending()
+        self.core.decoder.pending()
     }
 
     /// The state of the machine.
     pub const fn machine(&self) -> &ClientMachine<N> {
-        &self.machine
+        &self.core.machine
     }
 
     /// The configuration.
     pub const fn config(&self) -> &ClientConfig {
-        &self.config
-    }
-
-    #[inline(always)] // as `ClientMachine::on`
-    fn step(&mut self, now: Duration, input: ClientInput) -> ClientAction {
-        match self.machine.on(now, input, &self.config) {
-            Ok(action) => action,
-            Err(unexpected) => {
-                self.unexpected(unexpected);
-                ClientAction::Nothing
-            }
-        }
-    }
-
-    #[cold]
-    fn unexpected(&mut self, unexpected: Unexpected) {
-        self.statistics.unexpected += 1;
-        self.events.push_notice(ClientEvent::Unexpected(unexpected));
-    }
-
-    /// Gives the machine every frame that the decoder has.
-    fn decode(&mut self, now: Duration) {
-        while let Some(found) = self.decoder.advance() {
-            match found {
-                Ok(range) => self.frame(now, range),
-                // More of the same was reported already.
-                Err(DecodeError::Noise { .. }) => {}
-                Err(error) => {
-                    self.statistics.corrupt += 1;
-                    self.events.push_notice(ClientEvent::Corrupt(error));
-                }
-            }
-        }
-    }
-
-    fn frame(&mut self, now: Duration, range: Range<usize>) {
-        let Some(frame) = self.decoder.frame(range.clone()) else { return };
-        let transaction = frame.transaction.unwrap_or(0);
-        let expects = self.machine.expects(transaction, &self.config);
-        let place = expects.and_then(|place| self.places.get(usize::from(place)));
-        let misfit = place.and_then(|place| place.misfit(&frame, self.config.any_unit));
-        let input = ClientInput::Reply { transaction, fits: misfit.is_none() };
-        match self.machine.on(now, input, &self.config) {
-            Ok(ClientAction::Replied { place }) => {
-                let Some(place) = self.places.get_mut(usize::from(place)) else { return };
-                place.keep_reply(frame.pdu);
-                self.statistics.replies += 1;
-                let ticket = place.ticket;
-                let unit = frame.unit;
-                self.report(ClientEvent::Replied { ticket, unit });
-            }
-            Ok(ClientAction::Refused { place }) => {
-                let failure = match misfit {
-                    Some(Misfit::Malformed(error)) => Failure::Malformed(error),
-                    Some(Misfit::Mismatch(mismatch)) => Failure::Refused(mismatch),
-                    None => return,
-                };
-                self.fail(place, failure);
-            }
-            Ok(ClientAction::Stray { late }) => self.stray(range, late, misfit),
-            Ok(_) => {}
-            Err(unexpected) => self.unexpected(unexpected),
-        }
+        &self.core.config
     }
 
     #[cold]
     fn stray(&mut self, range: Range<usize>, late: Option<u8>, misfit: Option<Misfit>) {
-        let Some(frame) = self.decoder.frame(range) else { return };
+        let Some(frame) = self.core.decoder.frame(range) else { return };
         self.statistics.strays += 1;
-        self.events.push_notice(ClientEvent::Stray {
+        self.core.events.push_notice(ClientEvent::Stray {
             transaction: frame.transaction,
             unit: frame.unit,
             function: frame.pdu.first().copied().unwrap_or_default() & 0x7F,
@@ -232,13 +175,18 @@ impl<const N: usize, F: Framings> Client<N, F> {
         });
     }
 
-    fn reset(&mut self, action: ClientAction) {
-        let ClientAction::Reset { lost, not_sent } = action else { return };
-        self.decoder.clear();
-        lost.iter().for_each(|place| self.fail(place, Failure::Disconnected));
-        not_sent.iter().for_each(|place| self.fail(place, Failure::NotSent));
+    #[cold]
+    fn fail_all(&mut self, places: Places, failure: Failure) {
+        places.iter().for_each(|place| self.fail(place, failure));
     }
 
+    #[cold]
+    fn corrupt(&mut self, error: DecodeError) {
+        self.statistics.corrupt += 1;
+        self.core.events.push_notice(ClientEvent::Corrupt(error));
+    }
+
+    #[cold]
     fn fail(&mut self, place: u8, failure: Failure) {
         self.statistics.failures += 1;
         if let Some(ticket) = self.ticket(place) {
@@ -248,7 +196,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
 
     /// There is room for every place's outcome.
     fn report(&mut self, outcome: ClientEvent) {
-        let _ = self.events.push_outcome(outcome);
+        let _ = self.core.events.push_outcome(outcome);
     }
 
     fn ticket(&self, place: u8) -> Option<Ticket> {
@@ -256,91 +204,122 @@ impl<const N: usize, F: Framings> Client<N, F> {
     }
 }
 
-impl<const N: usize, F: Framings> Session for Client<N, F> {
-    type Event = ClientEvent;
+impl<const N: usize, F: Framings> End for Client<N, F> {
+    type Machine = ClientMachine<N>;
+    type Decoder = Decoder<F>;
+    type Events = EventQueue<ClientEvent, EVENTS>;
     type Statistics = ClientStatistics;
+    type Payload = Found;
 
     const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
+    /// Every place's outcome has room.
+    const ROOM: Room = Room::NONE;
 
-    fn handle_connected(&mut self, now: Duration) {
-        let action = self.step(now, ClientInput::Connected);
-        self.reset(action);
-    }
+    robot_session::core!();
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        let action = self.step(now, ClientInput::Disconnected);
-        self.reset(action);
-    }
-
-    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        if bytes.is_empty() {
-            return;
-        }
-        match self.machine.on(now, ClientInput::Received, &self.config) {
-            Ok(ClientAction::Cut) => self.decoder.finish(),
-            Ok(_) => {}
-            Err(unexpected) => return self.unexpected(unexpected),
-        }
-        let was_corrupt = self.decoder.corruption().is_some();
-        while !bytes.is_empty() {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            self.decode(now);
-        }
-        // On TCP the server is out of step: its next valid frame may never come.
-        if let (false, Framing::Tcp, Some(error)) =
-            (was_corrupt, self.config.framing, self.decoder.corruption())
-        {
-            self.events.push_notice(ClientEvent::OutOfStep(error));
-        }
-    }
-
-    fn handle_timeout(&mut self, now: Duration) {
+    #[inline(always)]
+    fn next_input(&mut self) -> Option<(Input, Option<Found>)> {
         loop {
-            match self.step(now, ClientInput::Timer) {
-                ClientAction::Cut => {
-                    self.decoder.finish();
-                    self.decode(now);
+            let range = match self.core.decoder.advance()? {
+                Ok(range) => range,
+                // More of the same was reported already.
+                Err(DecodeError::Noise { .. }) => continue,
+                Err(error) => {
+                    self.corrupt(error);
+                    continue;
                 }
-                ClientAction::TimedOut(places) => {
-                    places.iter().for_each(|place| self.fail(place, Failure::TimedOut));
-                }
-                _ => return,
-            }
+            };
+            let Core { config, machine, decoder, .. } = &self.core;
+            let frame = decoder.frame(range.clone())?;
+            let transaction = frame.transaction.unwrap_or(0);
+            let expects = machine.expects(transaction, config);
+            let place = expects.and_then(|place| self.places.get(usize::from(place)));
+            let misfit = place.and_then(|place| place.misfit(&frame, config.any_unit));
+            let input = Input::Reply { transaction, fits: misfit.is_none() };
+            return Some((input, Some(Found { range, misfit })));
         }
     }
 
-    fn poll_event(&mut self) -> Option<ClientEvent> {
-        let event = self.events.pop()?;
+    #[inline(always)] // where the input is known, few actions are left
+    fn act(&mut self, now: Duration, action: Action, found: Option<Found>) {
+        match (action, found) {
+            (Action::Replied { place }, Some(Found { range, .. })) => {
+                let Some(frame) = self.core.decoder.frame(range) else { return };
+                let Some(place) = self.places.get_mut(usize::from(place)) else { return };
+                place.keep_reply(frame.pdu);
+                self.statistics.replies += 1;
+                let (ticket, unit) = (place.ticket, frame.unit);
+                self.report(ClientEvent::Replied { ticket, unit });
+            }
+            (Action::Refused { place }, Some(Found { misfit: Some(misfit), .. })) => {
+                self.fail(
+                    place,
+                    match misfit {
+                        Misfit::Malformed(error) => Failure::Malformed(error),
+                        Misfit::Mismatch(mismatch) => Failure::Refused(mismatch),
+                    },
+                );
+            }
+            (Action::Stray { late }, Some(Found { range, misfit })) => self.stray(range, late, misfit),
+            (Action::Announced { place }, _) => {
+                if let Some(ticket) = self.ticket(place) {
+                    self.report(ClientEvent::Announced { ticket });
+                }
+            }
+            (Action::TimedOut(places), _) => self.fail_all(places, Failure::TimedOut),
+            (Action::Reset { lost, not_sent }, _) => {
+                self.fail_all(lost, Failure::Disconnected);
+                self.fail_all(not_sent, Failure::NotSent);
+            }
+            (Action::Cut, _) => self.finish(now),
+            (Action::Nothing | Action::Keep { .. } | Action::Sent, _)
+            | (Action::Replied { .. } | Action::Refused { .. } | Action::Stray { .. }, _) => {}
+        }
+    }
+
+    #[inline(always)]
+    fn write(&mut self, _now: Duration, due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
+        let out = out.get_mut(..Self::MAX_TRANSMIT)?;
+        let place = self.places.get(usize::from(due.place))?;
+        let transaction = self.core.decoder.has_transactions().then_some(due.transaction);
+        let frame = Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() };
+        Some((frame.encode(out).ok()?, Input::Sent(due)))
+    }
+
+    fn unexpected(unexpected: Unexpected) -> ClientEvent {
+        ClientEvent::Unexpected(unexpected)
+    }
+
+    fn counters(&self) -> ClientStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        ClientStatistics { dropped_notices, unexpected, ..self.statistics }
+    }
+
+    #[inline(always)]
+    fn begin_input(&mut self, now: Duration) -> bool {
+        self.was_corrupt = self.core.decoder.corruption().is_some();
+        self.advance(now, Input::Received, None);
+        self.core.machine.is_connected()
+    }
+
+    /// On TCP the server is out of step: its next valid frame may never come.
+    #[inline(always)]
+    fn end_input(&mut self, _now: Duration) {
+        if let (false, Framing::Tcp, Some(error)) =
+            (self.was_corrupt, self.core.config.framing, self.core.decoder.corruption())
+        {
+            self.core.events.push_notice(ClientEvent::OutOfStep(error));
+        }
+    }
+
+    #[inline]
+    fn next_event(&mut self) -> Option<ClientEvent> {
+        let event = self.core.events.pop()?;
         if let Some(ticket) = event.outcome_of() {
-            self.step(Duration::ZERO, ClientInput::Taken { place: ticket.place });
+            self.advance(Duration::ZERO, Input::Taken { place: ticket.place }, None);
         }
         Some(event)
-    }
-
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        let out = out.get_mut(..Self::MAX_TRANSMIT)?;
-        let (place, transaction) = match self.step(now, ClientInput::Transmit) {
-            ClientAction::Send { place, transaction } => (place, transaction),
-            ClientAction::Announce { place } => {
-                let ticket = self.ticket(place)?;
-                self.report(ClientEvent::Announced { ticket });
-                (place, 0)
-            }
-            _ => return None,
-        };
-        let place = self.places.get(usize::from(place))?;
-        let transaction = self.decoder.has_transactions().then_some(transaction);
-        Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() }.encode(out).ok()
-    }
-
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
-    }
-
-    fn statistics(&self) -> ClientStatistics {
-        ClientStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Which of a client's places for requests.
 
 /// A set of places.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Places(u16);
 
 impl Places {
@@ -18,5 +18,11 @@ impl Places {
     /// The places, in the order of their numbers.
     pub fn iter(self) -> impl Iterator<Item = u8> {
         (0..16).filter(move |place| self.0 >> place & 1 == 1)
+    }
+}
+
+impl core::fmt::Debug for Places {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
     }
 }

@@ -1,5 +1,6 @@
+use robot_session::Rules;
+
 use crate::framing::Framing;
-use crate::model::Rule;
 use crate::timing;
 
 /// How a server is reached.
@@ -12,22 +13,29 @@ pub struct ServerConfig {
     pub unit: Option<u8>,
     /// Whether unit 0 is a broadcast: carried out, never answered. Off on TCP, where 0 is often the server itself; on for RTU.
     pub broadcast: bool,
-    /// For the model only: the rule that the machine does not keep.
-    #[cfg(feature = "model")]
+    /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
-    pub without: Option<Rule>,
+    pub rules: Rules<Rule>,
+}
+
+robot_session::rules! {
+    /// The rules of the server's machine.
+    pub enum Rule {
+        /// Only requests for the server's own unit are carried out.
+        CheckUnit,
+        /// A broadcast is not answered.
+        NoReplyToBroadcast,
+        /// On a serial line nothing is sent while bytes arrive.
+        ReplyAfterSilence,
+        /// Replies end with the connection.
+        DropReplies,
+    }
 }
 
 impl ServerConfig {
     /// Modbus TCP: every unit is answered.
     pub const fn tcp() -> Self {
-        Self {
-            framing: Framing::Tcp,
-            unit: None,
-            broadcast: false,
-            #[cfg(feature = "model")]
-            without: None,
-        }
+        Self { framing: Framing::Tcp, unit: None, broadcast: false, rules: Rules::ALL }
     }
 
     /// RTU on a serial line.
@@ -54,14 +62,6 @@ impl ServerConfig {
     /// Whether a request to this unit is a broadcast.
     pub const fn is_broadcast(&self, unit: u8) -> bool {
         self.broadcast && unit == 0
-    }
-
-    /// Whether the machine keeps a rule: always, but in the model.
-    pub(crate) fn keeps(&self, _rule: Rule) -> bool {
-        #[cfg(feature = "model")]
-        return self.without != Some(_rule);
-        #[cfg(not(feature = "model"))]
-        true
     }
 }
 

@@ -2,11 +2,10 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Expiry, Machine, Unexpected};
 
-use super::config::ServerConfig;
-use crate::line::Line;
-use crate::model::Rule;
+use super::config::{Rule, ServerConfig};
+pub use crate::line::Line;
 
 /// The state of a server with `N` places for replies.
 ///
@@ -26,6 +25,8 @@ pub enum ServerLink {
     Up {
         /// Whether bytes are arriving.
         line: Line,
+        /// On a serial line what arrives is not read until it is silent.
+        serial: bool,
         /// The replies that wait to be sent.
         replies: u8,
     },
@@ -33,41 +34,35 @@ pub enum ServerLink {
 
 /// What happens to a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ServerInput {
+pub enum Input {
     /// A connection was made.
     Connected,
     /// The connection is lost.
     Disconnected,
+    /// Time has passed.
+    Timeout,
     /// Bytes have arrived. Given before they are decoded.
     Received,
-    /// They held a frame for this unit.
+    /// They held a frame.
     Request {
-        /// The unit.
+        /// The unit that it is for.
         unit: u8,
     },
-    /// The caller asks for what is to be sent.
-    Transmit,
-    /// The time of [`ServerMachine::deadline`] has come. Given until nothing is left to do.
-    Timer,
+    /// The reply that was due is sent.
+    Sent,
 }
+
+/// What a server sends: its oldest reply.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Due;
 
 /// What a server does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ServerAction {
+pub enum Action {
     /// Nothing.
     Nothing,
-    /// It forgets what the decoder holds, and the replies that were not sent.
+    /// It forgets the replies that were not sent.
     Reset,
-    /// It judges what has arrived, the bytes that arrive now among it.
-    Judge {
-        /// The line was silent before them: they do not go on with what came before.
-        cut: bool,
-    },
-    /// It keeps what arrives until the line is silent.
-    Keep {
-        /// As in `Judge`: what came before is judged.
-        cut: bool,
-    },
     /// The line is silent: what the decoder holds will not be continued, and is judged.
     Cut,
     /// It carries the request out, and keeps the reply.
@@ -78,129 +73,132 @@ pub enum ServerAction {
     Ignore,
     /// There is no place for a reply: the request is not carried out.
     Refuse,
-    /// It sends the oldest reply.
-    Send,
+    /// The oldest reply was sent.
+    Sent,
 }
 
-impl ServerInput {
-    /// Its name.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "connected",
-            Self::Disconnected => "disconnected",
-            Self::Received => "bytes received",
-            Self::Request { .. } => "request",
-            Self::Transmit => "transmit",
-            Self::Timer => "timer",
-        }
-    }
-}
+robot_session::inputs!(Input: Received, Request, Sent);
 
 impl<const N: usize> ServerMachine<N> {
     /// Without a connection.
     pub const NEW: Self = Self { link: ServerLink::Down };
 
-    /// Takes an input.
-    ///
-    /// # Errors
-    /// The state does not allow it: bytes without a connection. Nothing has changed then.
-    pub fn on(
-        &mut self,
-        now: Duration,
-        input: ServerInput,
-        config: &ServerConfig,
-    ) -> Result<ServerAction, Unexpected> {
-        let ServerLink::Up { line, replies } = &mut self.link else {
-            return match input {
-                ServerInput::Connected => {
-                    self.link = ServerLink::Up { line: Line::Silent, replies: 0 };
-                    Ok(ServerAction::Reset)
-                }
-                ServerInput::Disconnected => Ok(ServerAction::Reset),
-                ServerInput::Received | ServerInput::Request { .. } => {
-                    Err(Unexpected { state: self.name(), input: input.name() })
-                }
-                ServerInput::Transmit | ServerInput::Timer => Ok(ServerAction::Nothing),
-            };
-        };
-        Ok(match input {
-            ServerInput::Connected | ServerInput::Disconnected if !config.keeps(Rule::DropReplies) => {
-                ServerAction::Nothing
-            }
-            ServerInput::Connected => {
-                self.link = ServerLink::Up { line: Line::Silent, replies: 0 };
-                ServerAction::Reset
-            }
-            ServerInput::Disconnected => {
-                self.link = ServerLink::Down;
-                ServerAction::Reset
-            }
-            ServerInput::Received => {
-                let cut = line.is_due(now);
-                *line = Line::received(now, config.framing);
-                if config.framing.is_serial() {
-                    ServerAction::Keep { cut }
-                } else {
-                    ServerAction::Judge { cut }
-                }
-            }
-            ServerInput::Request { unit } if config.is_broadcast(unit) => {
-                if config.keeps(Rule::NoReplyToBroadcast) {
-                    ServerAction::ServeBroadcast
-                } else {
-                    *replies += 1;
-                    ServerAction::Serve
-                }
-            }
-            ServerInput::Request { unit }
-                if config.keeps(Rule::CheckUnit) && config.unit.is_some_and(|own| own != unit) =>
-            {
-                ServerAction::Ignore
-            }
-            ServerInput::Request { .. } if usize::from(*replies) >= N => ServerAction::Refuse,
-            ServerInput::Request { .. } => {
-                *replies += 1;
-                ServerAction::Serve
-            }
-            ServerInput::Transmit => {
-                let may_send = line.may_send(config.framing) || !config.keeps(Rule::ReplyAfterSilence);
-                if may_send && *replies > 0 {
-                    *replies -= 1;
-                    ServerAction::Send
-                } else {
-                    ServerAction::Nothing
-                }
-            }
-            ServerInput::Timer if line.is_due(now) => {
-                *line = Line::Silent;
-                ServerAction::Cut
-            }
-            ServerInput::Timer => ServerAction::Nothing,
-        })
+    /// Whether there is a connection.
+    pub fn is_connected(&self) -> bool {
+        self.link != ServerLink::Down
     }
 
-    /// When [`ServerInput::Timer`] is due.
-    pub fn deadline(&self) -> Option<Duration> {
+    fn request(&mut self, unit: u8, config: &ServerConfig) -> Option<Action> {
+        if !self.reads() {
+            return None;
+        }
+        let ServerLink::Up { replies, .. } = &mut self.link else { return None };
+        if config.is_broadcast(unit) && config.rules.keeps(Rule::NoReplyToBroadcast) {
+            return Some(Action::ServeBroadcast);
+        }
+        let is_own = config.is_broadcast(unit) || config.unit.is_none_or(|own| own == unit);
+        if !is_own && config.rules.keeps(Rule::CheckUnit) {
+            return Some(Action::Ignore);
+        }
+        if usize::from(*replies) >= N {
+            return Some(Action::Refuse);
+        }
+        *replies += 1;
+        Some(Action::Serve)
+    }
+
+    fn sent(&mut self, now: Duration, config: &ServerConfig) -> Option<Action> {
+        self.transmit(now, config)?;
+        let ServerLink::Up { replies, .. } = &mut self.link else { return None };
+        *replies -= 1;
+        Some(Action::Sent)
+    }
+}
+
+impl<const N: usize> Machine for ServerMachine<N> {
+    const END: &'static str = "server";
+    const EXPIRY: Expiry = Expiry::BeforeInput;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Due;
+    type Config = ServerConfig;
+
+    /// # Errors
+    /// Bytes without a connection, a request while none is read, a reply that was not due.
+    #[inline]
+    fn on(&mut self, now: Duration, input: Input, config: &ServerConfig) -> Result<Action, Unexpected> {
+        let action = match (input, &mut self.link) {
+            (Input::Connected | Input::Disconnected, ServerLink::Up { .. })
+                if !config.rules.keeps(Rule::DropReplies) =>
+            {
+                Some(Action::Nothing)
+            }
+            (Input::Connected, link) => {
+                let serial = config.framing.is_serial();
+                *link = ServerLink::Up { line: Line::Silent, serial, replies: 0 };
+                Some(Action::Reset)
+            }
+            (Input::Disconnected, link) => {
+                *link = ServerLink::Down;
+                Some(Action::Reset)
+            }
+            (Input::Timeout, ServerLink::Up { line, .. }) if line.is_due(now) => {
+                *line = Line::Silent;
+                Some(Action::Cut)
+            }
+            (Input::Timeout, _) => Some(Action::Nothing),
+            (Input::Received, ServerLink::Up { line, .. }) => {
+                *line = Line::received(now, config.framing);
+                Some(Action::Nothing)
+            }
+            (Input::Request { unit }, ServerLink::Up { .. }) => self.request(unit, config),
+            (Input::Sent, ServerLink::Up { .. }) => self.sent(now, config),
+            (Input::Received | Input::Request { .. } | Input::Sent, ServerLink::Down) => None,
+        };
+        action.ok_or_else(|| self.unexpected(&input))
+    }
+
+    #[inline]
+    fn transmit(&self, _now: Duration, config: &ServerConfig) -> Option<Due> {
+        let ServerLink::Up { line, replies, .. } = self.link else { return None };
+        let may_send = line.may_send(config.framing) || !config.rules.keeps(Rule::ReplyAfterSilence);
+        (may_send && replies > 0).then_some(Due)
+    }
+
+    fn deadline(&self) -> Option<Duration> {
         match self.link {
-            ServerLink::Up { line: Line::Busy { silent_at }, .. } => Some(silent_at),
-            ServerLink::Up { line: Line::Silent, .. } | ServerLink::Down => None,
+            ServerLink::Up { line: Line::Busy { silent_at }, .. } if silent_at < Duration::MAX => {
+                Some(silent_at)
+            }
+            ServerLink::Up { .. } | ServerLink::Down => None,
         }
     }
 
-    /// Visits every time in the state.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    #[inline]
+    fn expires(&self, now: Duration) -> bool {
+        matches!(self.link, ServerLink::Up { line, .. } if line.is_due(now))
+    }
+
+    #[inline]
+    fn reads(&self) -> bool {
+        match self.link {
+            ServerLink::Up { line, serial, .. } => !serial || line == Line::Silent,
+            ServerLink::Down => true,
+        }
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         if let ServerLink::Up { line: Line::Busy { silent_at }, .. } = &mut self.link {
             f(silent_at);
         }
     }
 
-    /// The state's name.
-    pub fn name(&self) -> &'static str {
+    fn name(&self) -> &'static str {
         match self.link {
-            ServerLink::Down => "disconnected",
-            ServerLink::Up { line: Line::Busy { .. }, .. } => "receiving",
-            ServerLink::Up { line: Line::Silent, replies: 1.. } => "replying",
-            ServerLink::Up { line: Line::Silent, replies: 0 } => "idle",
+            ServerLink::Down => "Disconnected",
+            ServerLink::Up { line: Line::Busy { .. }, .. } => "Receiving",
+            ServerLink::Up { line: Line::Silent, replies: 1.., .. } => "Replying",
+            ServerLink::Up { line: Line::Silent, replies: 0, .. } => "Idle",
         }
     }
 }

@@ -2,16 +2,19 @@
 
 mod config;
 mod event;
-mod machine;
+pub mod machine;
 mod replies;
 
+use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Decoder as _, EventQueue, Session};
+use robot_session::{Core, Decoder as _, End, EventQueue, Room, Unexpected};
 
+#[doc(hidden)]
+pub use config::Rule;
 pub use config::ServerConfig;
 pub use event::{ServerEvent, ServerStatistics};
-pub use machine::{ServerAction, ServerInput, ServerLink, ServerMachine};
+use machine::{Action, Due, Input, ServerMachine};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError};
@@ -22,8 +25,8 @@ use replies::Replies;
 
 /// One connection to a server, or one serial line, with `N` places for replies that wait to be sent, and for the framings `F`.
 ///
-/// A [`Session`]: its verbs, and the order of calling them, are the trait's. Requests are carried out on the
-/// [`Registers`] as they arrive, on a serial line when the line has been silent for 3.5 characters; replies are sent in the
+/// A [`Session`](robot_session::Session): its verbs, and the order of calling them, are the trait's. Requests are carried out on
+/// the [`Registers`] as they arrive, on a serial line when the line has been silent for 3.5 characters; replies are sent in the
 /// same order. Any number of connections can share registers: implement [`Registers`] for what they share.
 ///
 /// All bytes are taken. If more than `N` replies wait, further requests are neither carried out nor answered, and reported as
@@ -33,12 +36,11 @@ use replies::Replies;
 /// A server that shares its line with others receives their replies as corrupt bytes.
 #[derive(Debug, Clone)]
 pub struct Server<R, const N: usize = 8, F = Framing> {
-    config: ServerConfig,
-    machine: ServerMachine<N>,
-    decoder: Decoder<F>,
+    core: Core<ServerMachine<N>, Decoder<F>, EventQueue<ServerEvent, 8>>,
     registers: R,
     replies: Replies<N>,
-    events: EventQueue<ServerEvent, 8>,
+    /// The bytes before those that are read now ended within corruption.
+    was_corrupt: bool,
     statistics: ServerStatistics,
 }
 
@@ -52,13 +54,12 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
         if let Some(found) = config.unit.filter(|unit| config.is_broadcast(*unit)) {
             return Err(ConfigError::Unit { found });
         }
+        let framing = F::of(config.framing).ok_or(ConfigError::Framing)?;
         Ok(Self {
-            config,
-            machine: ServerMachine::NEW,
-            decoder: Decoder::new(F::of(config.framing).ok_or(ConfigError::Framing)?, Side::Client),
+            core: Core::new(config, ServerMachine::NEW, Decoder::new(framing, Side::Client)),
             registers,
             replies: Replies::EMPTY,
-            events: EventQueue::new(),
+            was_corrupt: false,
             statistics: ServerStatistics::default(),
         })
     }
@@ -75,155 +76,121 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
 
     /// The state of the machine.
     pub const fn machine(&self) -> &ServerMachine<N> {
-        &self.machine
+        &self.core.machine
     }
 
     /// The configuration.
     pub const fn config(&self) -> &ServerConfig {
-        &self.config
+        &self.core.config
+    }
+
+    #[cold]
+    fn corrupt(&mut self, error: DecodeError) {
+        self.statistics.corrupt += 1;
+        self.core.events.push_notice(ServerEvent::Corrupt(error));
+    }
+}
+
+impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
+    type Machine = ServerMachine<N>;
+    type Decoder = Decoder<F>;
+    type Events = EventQueue<ServerEvent, 8>;
+    type Statistics = ServerStatistics;
+    /// The place of a request in the decoder.
+    type Payload = Range<usize>;
+
+    const MAX_INPUT: usize = 65536;
+    const MAX_TRANSMIT: usize = Frame::MAX_LEN;
+    const ROOM: Room = Room::NONE;
+
+    robot_session::core!();
+
+    #[inline]
+    fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
+        loop {
+            match self.core.decoder.advance()? {
+                Ok(range) => {
+                    let unit = self.core.decoder.frame(range.clone())?.unit;
+                    return Some((Input::Request { unit }, Some(range)));
+                }
+                // More of the same was reported already.
+                Err(DecodeError::Noise { .. }) => {}
+                Err(error) => self.corrupt(error),
+            }
+        }
     }
 
     #[inline]
-    fn step(&mut self, now: Duration, input: ServerInput) -> ServerAction {
-        match self.machine.on(now, input, &self.config) {
-            Ok(action) => action,
-            Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(ServerEvent::Unexpected(unexpected));
-                ServerAction::Nothing
-            }
+    fn act(&mut self, now: Duration, action: Action, request: Option<Range<usize>>) {
+        match action {
+            Action::Reset => return self.replies.clear(),
+            Action::Cut => return self.finish(now),
+            Action::Nothing | Action::Ignore | Action::Sent => return,
+            Action::Serve | Action::ServeBroadcast | Action::Refuse => {}
         }
-    }
-
-    /// Gives the machine every frame that the decoder has.
-    fn judge(&mut self, now: Duration) {
-        while let Some(found) = self.decoder.advance() {
-            match found {
-                Ok(range) => self.request(now, range),
-                // More of the same was reported already.
-                Err(DecodeError::Noise { .. }) => {}
-                Err(error) => {
-                    self.statistics.corrupt += 1;
-                    self.events.push_notice(ServerEvent::Corrupt(error));
-                }
-            }
-        }
-    }
-
-    fn request(&mut self, now: Duration, range: core::ops::Range<usize>) {
-        let Some(frame) = self.decoder.frame(range.clone()) else { return };
+        let Some(frame) = request.and_then(|range| self.core.decoder.frame(range)) else { return };
         let (transaction, unit) = (frame.transaction, frame.unit);
         let function = frame.pdu.first().copied().unwrap_or_default();
-        let action = self.step(now, ServerInput::Request { unit });
-        let Some(frame) = self.decoder.frame(range) else { return };
         let exception = match action {
-            ServerAction::Serve => {
+            Action::Serve => {
                 self.replies.push(transaction.is_some(), |out| frame.serve(&mut self.registers, out))
             }
-            ServerAction::ServeBroadcast => {
+            Action::ServeBroadcast => {
                 let mut out = [0; Frame::MAX_LEN];
                 let length = frame.serve(&mut self.registers, &mut out).unwrap_or(0);
                 out.get(..length).and_then(|reply| replies::exception(reply, transaction.is_some()))
             }
-            ServerAction::Refuse => {
+            _ => {
                 self.statistics.refused += 1;
-                self.events.push_notice(ServerEvent::Refused { transaction, unit, function });
-                return;
+                return self.core.events.push_notice(ServerEvent::Refused { transaction, unit, function });
             }
-            _ => return,
         };
         self.statistics.served += 1;
-        self.events.push_notice(ServerEvent::Served { transaction, unit, function, exception });
-    }
-}
-
-impl<R: Registers, const N: usize, F: Framings> Session for Server<R, N, F> {
-    type Event = ServerEvent;
-    type Statistics = ServerStatistics;
-
-    const MAX_INPUT: usize = 65536;
-    const MAX_TRANSMIT: usize = Frame::MAX_LEN;
-
-    fn handle_connected(&mut self, now: Duration) {
-        if self.step(now, ServerInput::Connected) == ServerAction::Reset {
-            self.decoder.clear();
-            self.replies.clear();
-        }
-    }
-
-    fn handle_disconnected(&mut self, now: Duration) {
-        if self.step(now, ServerInput::Disconnected) == ServerAction::Reset {
-            self.decoder.clear();
-            self.replies.clear();
-        }
-    }
-
-    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        if bytes.is_empty() {
-            return;
-        }
-        let (cut, judges) = match self.step(now, ServerInput::Received) {
-            ServerAction::Judge { cut } => (cut, true),
-            ServerAction::Keep { cut } => (cut, false),
-            _ => return,
-        };
-        if cut {
-            self.decoder.finish();
-            self.judge(now);
-        }
-        let was_corrupt = self.decoder.corruption().is_some();
-        while !bytes.is_empty() {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            if judges {
-                self.judge(now);
-            } else if taken == 0 {
-                self.discard();
-            }
-        }
-        // On TCP the client is out of step: its next valid frame may never come.
-        if let (false, Framing::Tcp, Some(error)) =
-            (was_corrupt, self.config.framing, self.decoder.corruption())
-        {
-            self.events.push_notice(ServerEvent::OutOfStep(error));
-        }
-    }
-
-    fn handle_timeout(&mut self, now: Duration) {
-        while self.step(now, ServerInput::Timer) == ServerAction::Cut {
-            self.decoder.finish();
-            self.judge(now);
-        }
-    }
-
-    fn poll_event(&mut self) -> Option<ServerEvent> {
-        self.events.pop()
+        self.core.events.push_notice(ServerEvent::Served { transaction, unit, function, exception });
     }
 
     #[inline]
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+    fn write(&mut self, _now: Duration, Due: Due, out: &mut [u8]) -> Option<(usize, Input)> {
         let out = out.first_chunk_mut::<{ Frame::MAX_LEN }>()?;
-        match self.step(now, ServerInput::Transmit) {
-            ServerAction::Send => self.replies.pop(out),
-            _ => None,
+        Some((self.replies.pop(out)?, Input::Sent))
+    }
+
+    fn unexpected(unexpected: Unexpected) -> ServerEvent {
+        ServerEvent::Unexpected(unexpected)
+    }
+
+    fn counters(&self) -> ServerStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        ServerStatistics { dropped_notices, unexpected, ..self.statistics }
+    }
+
+    #[inline]
+    fn begin_input(&mut self, now: Duration) -> bool {
+        self.was_corrupt = self.core.decoder.corruption().is_some();
+        self.advance(now, Input::Received, None);
+        self.core.machine.is_connected()
+    }
+
+    /// On TCP the client is out of step: its next valid frame may never come.
+    #[inline]
+    fn end_input(&mut self, _now: Duration) {
+        if let (false, Framing::Tcp, Some(error)) =
+            (self.was_corrupt, self.core.config.framing, self.core.decoder.corruption())
+        {
+            self.core.events.push_notice(ServerEvent::OutOfStep(error));
         }
     }
 
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
+    /// Also while a frame arrives that only the silence ends.
+    #[inline]
+    fn takes_input(&self) -> bool {
+        true
     }
 
-    fn statistics(&self) -> ServerStatistics {
-        ServerStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
-    }
-}
-
-impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     /// A burst without a silence fills the buffer: it holds no frame of a serial line.
-    fn discard(&mut self) {
-        let noise = DecodeError::Noise { length: self.decoder.pending() };
-        self.decoder.clear();
-        self.statistics.corrupt += 1;
-        self.events.push_notice(ServerEvent::Corrupt(noise));
+    fn overrun(&mut self, _now: Duration) {
+        let noise = DecodeError::Noise { length: self.core.decoder.pending() };
+        self.core.decoder.clear();
+        self.corrupt(noise);
     }
 }

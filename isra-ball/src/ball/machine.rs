@@ -5,7 +5,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Machine, Unexpected};
+use robot_session::{Expiry, Machine, Unexpected};
 
 use super::config::{BallConfig, Rule};
 
@@ -88,7 +88,7 @@ impl BallMachine {
 
 impl Machine for BallMachine {
     const END: &'static str = "ball";
-    const TIME_FIRST: bool = true;
+    const EXPIRY: Expiry = Expiry::First;
     type Input = Input;
     type Action = Action;
     type Transmit = Reply;

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Machine, Unexpected, is_due};
+use robot_session::{Expiry, Machine, Unexpected, is_due};
 
 use super::config::{ControllerConfig, Rule};
 use crate::timing;
@@ -135,8 +135,7 @@ pub enum Action {
 
 impl Machine for ControllerMachine {
     const END: &'static str = "controller";
-    const TIME_FIRST: bool = false;
-    const TIME_BEFORE_TRANSMIT: bool = true;
+    const EXPIRY: Expiry = Expiry::BeforeTransmit;
     type Input = Input;
     type Action = Action;
     type Transmit = Answer;

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Machine, Unexpected, is_due};
+use robot_session::{Expiry, Machine, Unexpected, is_due};
 
 use super::config::{HostConfig, Rule};
 pub use super::link::{Action, Batch, Due, HostLink, Outcome, Sent, Tries, UnknownReason};
@@ -63,8 +63,7 @@ pub enum Input {
 
 impl Machine for HostMachine {
     const END: &'static str = "host";
-    const TIME_FIRST: bool = false;
-    const TIME_BEFORE_TRANSMIT: bool = true;
+    const EXPIRY: Expiry = Expiry::BeforeTransmit;
     type Input = Input;
     type Action = Action;
     type Transmit = Due;

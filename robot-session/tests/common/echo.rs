@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use robot_session::{
-    ByteDecoder, Core, CoreOf, Decoder as _, End, EventQueue, Machine, Room, Unexpected, is_due,
+    ByteDecoder, Core, CoreOf, Decoder as _, End, EventQueue, Expiry, Machine, Room, Unexpected, is_due,
 };
 
 /// What the end is doing.
@@ -39,7 +39,7 @@ pub enum Action {
 
 impl Machine for EchoMachine {
     const END: &'static str = "echo";
-    const TIME_FIRST: bool = false;
+    const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
     type Action = Action;
     type Transmit = u8;

@@ -31,7 +31,7 @@ macro_rules! rows {
     (@rules $type:ident, $value:expr, $($field:ident)*) => { let $type { $($field,)* rules: _ } = $value; };
     // The model counts transactions too.
     (@counted $type:ident, $value:expr, $($field:ident)*) => {
-        let $type { $($field,)* transactions: _, without: _ } = $value;
+        let $type { $($field,)* transactions: _, rules: _ } = $value;
     };
     // Its fields may become more.
     (@open $type:ident, $value:expr, $($field:ident)*) => { let $type { $($field,)* .. } = $value; };
@@ -229,7 +229,7 @@ fn modbus(rows: &mut Vec<String>) -> Result<()> {
         turnaround: time(turnaround), "ns", "from 0", "SL §2.4.1";
         settle: time(settle), "ns", "from 0", "ours";
     }
-    rows! { rows, "fanuc-hmi-modbus", "ServerConfig", ServerConfig = ServerConfig::default(); model
+    rows! { rows, "fanuc-hmi-modbus", "ServerConfig", ServerConfig = ServerConfig::default(); rules
         framing: word(framing), "word", "tcp, rtu (with its silence), rtu_over_tcp (with its stall)", "TCP, SL";
         unit: unit, "number", "0 to 255; null: every unit", "SL §2.2";
         broadcast: broadcast, "bool", "true or false", "SL §2.2";

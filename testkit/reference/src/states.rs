@@ -32,6 +32,18 @@ fn tables(link: &str) -> Option<Vec<testkit::model::Cell>> {
             [cells::<links::laser_eb90::rows::Host>(), cells::<links::laser_eb90::rows::Controller>()]
                 .concat()
         }
+        "fanuc-hmi-modbus" => {
+            use links::fanuc_hmi_modbus::rows::{Client, Rtu, RtuOverTcp, Server, Tcp};
+            [
+                cells::<Client<Tcp>>(),
+                cells::<Client<Rtu>>(),
+                cells::<Client<RtuOverTcp>>(),
+                cells::<Server<Tcp>>(),
+                cells::<Server<Rtu>>(),
+                cells::<Server<RtuOverTcp>>(),
+            ]
+            .concat()
+        }
         _ => return None,
     })
 }

@@ -3,7 +3,7 @@
 use core::fmt::Debug;
 use core::time::Duration;
 
-use robot_session::{Input as _, Machine};
+use robot_session::{Expiry, Input as _, Machine};
 
 /// The time of the table.
 pub const NOW: Duration = Duration::from_secs(1);
@@ -36,6 +36,15 @@ pub trait Rows {
     fn column_in(_machine: &Self::Machine, input: &<Self::Machine as Machine>::Input) -> String {
         Self::column(input)
     }
+
+    /// The column of an input, where the time says too which it is.
+    fn column_at(
+        machine: &Self::Machine,
+        _now: Duration,
+        input: &<Self::Machine as Machine>::Input,
+    ) -> String {
+        Self::column_in(machine, input)
+    }
 }
 
 /// What a machine does in a state with an input; no `to`: the input is not expected.
@@ -62,8 +71,8 @@ pub fn cells<R: Rows>() -> Vec<Cell> {
     for state in R::states() {
         let (row, expires) = (R::row(&state, NOW), state.expires(NOW));
         for input in R::inputs() {
-            let (column, is_timeout) = (R::column_in(&state, &input), is_timeout::<R::Machine>(&input));
-            if is_timeout != expires && (is_timeout || R::Machine::TIME_FIRST) {
+            let (column, is_timeout) = (R::column_at(&state, NOW, &input), is_timeout::<R::Machine>(&input));
+            if is_timeout != expires && (is_timeout || R::Machine::EXPIRY == Expiry::First) {
                 continue;
             }
             let (mut next, name) = (state.clone(), input.name());
@@ -75,7 +84,11 @@ pub fn cells<R: Rows>() -> Vec<Cell> {
                     (None, String::new())
                 }
             };
-            cells.push(Cell { end: R::Machine::END, state: row.clone(), input: column, to, action });
+            let cell = Cell { end: R::Machine::END, state: row.clone(), input: column, to, action };
+            // Of states that differ in their times alone.
+            if !cells.contains(&cell) {
+                cells.push(cell);
+            }
         }
     }
     cells

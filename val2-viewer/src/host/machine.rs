@@ -6,7 +6,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Machine, Unexpected, is_due};
+use robot_session::{Expiry, Machine, Unexpected, is_due};
 
 use super::config::{HostConfig, Rule};
 
@@ -109,7 +109,7 @@ impl HostMachine {
 
 impl Machine for HostMachine {
     const END: &'static str = "host";
-    const TIME_FIRST: bool = true;
+    const EXPIRY: Expiry = Expiry::First;
     type Input = Input;
     type Action = Action;
     type Transmit = Answer;

@@ -7,7 +7,7 @@
 
 use core::time::Duration;
 
-use robot_session::{Machine, Unexpected, is_due};
+use robot_session::{Expiry, Machine, Unexpected, is_due};
 
 use super::config::{Rule, WorkstationConfig};
 
@@ -108,7 +108,7 @@ pub enum Action {
 
 impl Machine for WorkstationMachine {
     const END: &'static str = "workstation";
-    const TIME_FIRST: bool = true;
+    const EXPIRY: Expiry = Expiry::First;
     type Input = Input;
     type Action = Action;
     type Transmit = Enquiry;

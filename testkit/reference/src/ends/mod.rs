@@ -239,7 +239,7 @@ impl<A: About + 'static> Noted<A> {
     fn cells(&mut self) -> Vec<String> {
         let moves = self.0.core_mut().moves.replace(Vec::new()).unwrap_or_default();
         let cell = |(at, machine, input)| {
-            format!("{}: {}", A::Rows::row(&machine, at), A::Rows::column_in(&machine, &input))
+            format!("{}: {}", A::Rows::row(&machine, at), A::Rows::column_at(&machine, at, &input))
         };
         moves.into_iter().map(cell).collect()
     }

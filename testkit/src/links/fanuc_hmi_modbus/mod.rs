@@ -3,9 +3,13 @@
 mod machines;
 mod pair;
 mod refine;
+pub mod rows;
 mod world;
 
-use fanuc_hmi_modbus::{ClientConfig, Framing, Rule, ServerConfig};
+use fanuc_hmi_modbus::client::Rule as Client;
+use fanuc_hmi_modbus::server::Rule as Server;
+use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig};
+use robot_session::Rules;
 
 use self::world::{COLLISION, COSTS, ENDS, FOREIGN_REPLY, Job, OTHER_UNIT, STALE, Setup, TICK};
 use crate::model::{Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, draw};
@@ -112,25 +116,27 @@ pub fn refine_all() -> Vec<Refined> {
     setups.iter().map(refine::refine).collect()
 }
 
-fn without(mut setup: Setup, rule: Rule) -> Setup {
-    setup.client.without = Some(rule);
-    setup.server.without = Some(rule);
+fn without(mut setup: Setup, rule: Client) -> Setup {
+    setup.client.rules = Rules::without(rule);
+    setup
+}
+
+fn server_without(mut setup: Setup, rule: Server) -> Setup {
+    setup.server.rules = Rules::without(rule);
     setup
 }
 
 fn tcp_must_fail() -> Vec<MustFail> {
-    let case = |name, rule, property, setup: Setup| {
-        MustFail::new(name, property, "3 requests", without(setup, rule))
-    };
+    let case = |name, property, setup: Setup| MustFail::new(name, property, "3 requests", setup);
     let mut few = tcp(4, 1, 2);
     few.client.transactions = 1;
     vec![
-        case("MatchTransaction", Rule::MatchTransaction, FOREIGN_REPLY, tcp(3, 2, 2)),
-        case("FreshTransaction", Rule::FreshTransaction, FOREIGN_REPLY, few),
-        case("CheckReply", Rule::CheckReply, FOREIGN_REPLY, tcp(3, 1, 1)),
-        case("EndAtDisconnect", Rule::EndAtDisconnect, ENDS, tcp(3, 1, 1)),
-        case("DropQueued", Rule::DropQueued, STALE, tcp(3, 1, 1)),
-        case("DropReplies", Rule::DropReplies, FOREIGN_REPLY, tcp(3, 1, 2)),
+        case("MatchTransaction", FOREIGN_REPLY, without(tcp(3, 2, 2), Client::MatchTransaction)),
+        case("FreshTransaction", FOREIGN_REPLY, without(few, Client::FreshTransaction)),
+        case("CheckReply", FOREIGN_REPLY, without(tcp(3, 1, 1), Client::CheckReply)),
+        case("EndAtDisconnect", ENDS, without(tcp(3, 1, 1), Client::EndAtDisconnect)),
+        case("DropQueued", STALE, without(tcp(3, 1, 1), Client::DropQueued)),
+        case("DropReplies", FOREIGN_REPLY, server_without(tcp(3, 1, 2), Server::DropReplies)),
         MustFail::new("timeout", STANDSTILL, "3 requests", patient(tcp(3, 1, 1))),
     ]
 }
@@ -151,19 +157,19 @@ fn rtu_must_fail() -> Vec<MustFail> {
     vec![
         case("settle", FOREIGN_REPLY, no_settle),
         case("turnaround", COSTS, strict(no_turnaround)),
-        case("OneInFlight", FOREIGN_REPLY, without(two, Rule::OneInFlight)),
-        case("CheckReply", FOREIGN_REPLY, without(unicast(), Rule::CheckReply)),
-        case("DrainFirst", FOREIGN_REPLY, without(unicast(), Rule::DrainFirst)),
-        case("ReadBeforeSend", FOREIGN_REPLY, without(exact, Rule::ReadBeforeSend)),
-        case("WaitForSilence", COLLISION, without(unicast(), Rule::WaitForSilence)),
-        case("CutAtSilence", COSTS, without(unicast(), Rule::CutAtSilence)),
-        case("CheckUnit", OTHER_UNIT, without(mixed(), Rule::CheckUnit)),
+        case("OneInFlight", FOREIGN_REPLY, without(two, Client::OneInFlight)),
+        case("CheckReply", FOREIGN_REPLY, without(unicast(), Client::CheckReply)),
+        case("DrainFirst", FOREIGN_REPLY, without(unicast(), Client::DrainFirst)),
+        case("ReadBeforeSend", FOREIGN_REPLY, without(exact, Client::ReadBeforeSend)),
+        case("WaitForSilence", COLLISION, without(unicast(), Client::WaitForSilence)),
+        case("CutAtSilence", COSTS, without(unicast(), Client::CutAtSilence)),
+        case("CheckUnit", OTHER_UNIT, server_without(mixed(), Server::CheckUnit)),
         case(
             "NoReplyToBroadcast",
             FOREIGN_REPLY,
-            without(rtu(&[Job::Broadcast, Job::Unicast], 2), Rule::NoReplyToBroadcast),
+            server_without(rtu(&[Job::Broadcast, Job::Unicast], 2), Server::NoReplyToBroadcast),
         ),
-        case("ReplyAfterSilence", COLLISION, without(unicast(), Rule::ReplyAfterSilence)),
+        case("ReplyAfterSilence", COLLISION, server_without(unicast(), Server::ReplyAfterSilence)),
     ]
 }
 
@@ -177,9 +183,9 @@ fn rtu_over_tcp_must_fail() -> Vec<MustFail> {
     vec![
         case("settle", FOREIGN_REPLY, no_settle),
         case("timeout", STANDSTILL, patient(unicast())),
-        case("OneInFlight", FOREIGN_REPLY, without(two, Rule::OneInFlight)),
-        case("CutAtSilence", COSTS, without(unicast(), Rule::CutAtSilence)),
-        case("DropReplies", FOREIGN_REPLY, without(unicast(), Rule::DropReplies)),
+        case("OneInFlight", FOREIGN_REPLY, without(two, Client::OneInFlight)),
+        case("CutAtSilence", COSTS, without(unicast(), Client::CutAtSilence)),
+        case("DropReplies", FOREIGN_REPLY, server_without(unicast(), Server::DropReplies)),
     ]
 }
 

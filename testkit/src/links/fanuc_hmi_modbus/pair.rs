@@ -2,10 +2,9 @@
 
 use core::time::Duration;
 
-use fanuc_hmi_modbus::{
-    ClientAction, ClientInput, ClientLink, ClientMachine, Places, ServerAction, ServerInput, ServerMachine,
-    Stage,
-};
+use fanuc_hmi_modbus::client::machine::{self as client, ClientLink, ClientMachine, Places, Stage};
+use fanuc_hmi_modbus::server::machine::{self as server, ServerMachine};
+use robot_session::Machine as _;
 
 use super::world::{
     Act, COLLISION, COSTS, ENDED_TWICE, ENDS, FOREIGN_REPLY, Fate, Flags, Frame, Job, Line, OTHER_UNIT,
@@ -14,44 +13,44 @@ use super::world::{
 use crate::model::{Edge, Edges, System, age, drive};
 
 impl Setup {
-    fn client(&self, world: &mut World, input: ClientInput, edges: &mut Edges<'_>) -> ClientAction {
+    fn client(&self, world: &mut World, input: client::Input, edges: &mut Edges<'_>) -> client::Action {
         drive(&mut world.client, input, &self.client, edges).unwrap_or_else(|_| {
             world.flags.unexpected = true;
-            ClientAction::Nothing
+            client::Action::Nothing
         })
     }
 
-    fn server(&self, world: &mut World, input: ServerInput, edges: &mut Edges<'_>) -> ServerAction {
+    fn server(&self, world: &mut World, input: server::Input, edges: &mut Edges<'_>) -> server::Action {
         drive(&mut world.server, input, &self.server, edges).unwrap_or_else(|_| {
             world.flags.unexpected = true;
-            ServerAction::Nothing
+            server::Action::Nothing
         })
     }
 
     /// What the client's session does with an action, and its caller with the outcome.
-    fn report(&self, world: &mut World, action: ClientAction, edges: &mut Edges<'_>) {
+    fn report(&self, world: &mut World, action: client::Action, edges: &mut Edges<'_>) {
         match action {
-            ClientAction::TimedOut(places) => self.end_all(world, places, Outcome::Unknown, edges),
-            ClientAction::Reset { lost, not_sent } => {
+            client::Action::TimedOut(places) => self.end_all(world, places, Outcome::Unknown, edges),
+            client::Action::Reset { lost, not_sent } => {
                 world.client_holds.clear();
                 self.end_all(world, lost, Outcome::Unknown, edges);
                 self.end_all(world, not_sent, Outcome::NotSent, edges);
             }
             // What is whole among what the decoder held is found.
-            ClientAction::Cut => {
+            client::Action::Cut => {
                 for frame in core::mem::take(&mut world.client_holds) {
                     if frame.what != What::Half {
                         self.take(world, frame, edges);
                     }
                 }
             }
-            ClientAction::Refused { place } => self.end(world, place, Outcome::Unknown, edges),
-            ClientAction::Nothing
-            | ClientAction::Keep { .. }
-            | ClientAction::Send { .. }
-            | ClientAction::Announce { .. }
-            | ClientAction::Replied { .. }
-            | ClientAction::Stray { .. } => {}
+            client::Action::Refused { place } => self.end(world, place, Outcome::Unknown, edges),
+            client::Action::Nothing
+            | client::Action::Keep { .. }
+            | client::Action::Sent
+            | client::Action::Announced { .. }
+            | client::Action::Replied { .. }
+            | client::Action::Stray { .. } => {}
         }
     }
 
@@ -64,24 +63,21 @@ impl Setup {
         let record = &mut world.records[usize::from(job)];
         world.flags.ended_twice |= record.outcome != Outcome::None;
         record.outcome = outcome;
-        self.client(world, ClientInput::Taken { place }, edges);
+        self.client(world, client::Input::Taken { place }, edges);
     }
 
     fn send(&self, world: &mut World, fate: Fate, edges: &mut Edges<'_>) {
         // Bytes of another frame are arriving: on a serial line both are lost.
         let collides = self.is_serial()
-            && matches!(world.client.link, ClientLink::Up { line: fanuc_hmi_modbus::Line::Busy { silent_at }, .. } if !silent_at.is_zero());
-        let action = self.client(world, ClientInput::Transmit, edges);
-        let (place, transaction) = match action {
-            ClientAction::Send { place, transaction } => (place, transaction),
-            ClientAction::Announce { place } => (place, 0),
-            _ => return,
-        };
+            && matches!(world.client.link, ClientLink::Up { line: client::Line::Busy { silent_at }, .. } if !silent_at.is_zero());
+        let Some(due) = world.client.transmit(Duration::ZERO, &self.client) else { return };
+        let action = self.client(world, client::Input::Sent(due), edges);
+        let client::Due { place, transaction } = due;
         world.flags.collision |= collides;
         let job = world.places[usize::from(place)];
         let asked = world.records[usize::from(job)].epoch;
         world.flags.stale |= asked != 0 && asked != world.epoch;
-        if let ClientAction::Announce { place } = action {
+        if let client::Action::Announced { place } = action {
             self.end(world, place, Outcome::Announced, edges);
         }
         if fate != Fate::Lost && !collides && world.line == Line::Good {
@@ -102,14 +98,25 @@ impl Setup {
         if verdict == Verdict::Exception {
             frame.what = What::Exception;
         }
-        let action = self.server(world, ServerInput::Received, edges);
-        if let ServerAction::Judge { cut: true } | ServerAction::Keep { cut: true } = action {
-            self.judge_held(world, edges);
+        self.received(world, edges);
+        if world.server.reads() {
+            self.judge(world, frame, edges);
+        } else {
+            world.server_holds.push(frame);
         }
-        match action {
-            ServerAction::Judge { .. } => self.judge(world, frame, edges),
-            ServerAction::Keep { .. } => world.server_holds.push(frame),
-            _ => {}
+    }
+
+    /// Bytes come to the server.
+    fn received(&self, world: &mut World, edges: &mut Edges<'_>) {
+        self.server_timer(world, edges);
+        self.server(world, server::Input::Received, edges);
+    }
+
+    fn server_timer(&self, world: &mut World, edges: &mut Edges<'_>) {
+        while world.server.expires(Duration::ZERO) {
+            if self.server(world, server::Input::Timeout, edges) == server::Action::Cut {
+                self.judge_held(world, edges);
+            }
         }
     }
 
@@ -125,8 +132,8 @@ impl Setup {
 
     fn judge(&self, world: &mut World, frame: Frame, edges: &mut Edges<'_>) {
         let unit = self.unit(frame.job);
-        let action = self.server(world, ServerInput::Request { unit }, edges);
-        if !matches!(action, ServerAction::Serve | ServerAction::ServeBroadcast) {
+        let action = self.server(world, server::Input::Request { unit }, edges);
+        if !matches!(action, server::Action::Serve | server::Action::ServeBroadcast) {
             return;
         }
         world.flags.other_unit |= self.jobs[usize::from(frame.job)] == Job::Absent;
@@ -137,14 +144,14 @@ impl Setup {
         if unit == 0 {
             world.busy = 2;
         }
-        if action == ServerAction::Serve {
+        if action == server::Action::Serve {
             world.replies.push(frame);
         }
     }
 
     fn reply(&self, world: &mut World, fate: Fate, edges: &mut Edges<'_>) {
         let collides = self.is_serial() && world.server.deadline().is_some_and(|at| !at.is_zero());
-        if self.server(world, ServerInput::Transmit, edges) != ServerAction::Send {
+        if self.server(world, server::Input::Sent, edges) != server::Action::Sent {
             return;
         }
         world.flags.collision |= collides;
@@ -165,7 +172,7 @@ impl Setup {
 
     fn read(&self, world: &mut World, edges: &mut Edges<'_>) {
         let frame = world.up.remove(0);
-        let action = self.client(world, ClientInput::Received, edges);
+        let action = self.client(world, client::Input::Received, edges);
         self.report(world, action, edges);
         if frame.what == What::Half || !world.client_holds.is_empty() {
             // What follows without a silence may be the rest.
@@ -181,8 +188,8 @@ impl Setup {
         let asked = expects.map(|place| self.unit(world.places[usize::from(place)]));
         let fits =
             frame.what != What::OtherUnit && asked.is_none_or(|unit| unit == self.unit(frame.job).max(1));
-        let action = self.client(world, ClientInput::Reply { transaction, fits }, edges);
-        if let ClientAction::Replied { place } = action {
+        let action = self.client(world, client::Input::Reply { transaction, fits }, edges);
+        if let client::Action::Replied { place } = action {
             world.flags.foreign_reply |=
                 world.places[usize::from(place)] != frame.job || frame.what == What::OtherUnit;
             let outcome = if frame.what == What::Exception { Outcome::Refused } else { Outcome::Done };
@@ -212,18 +219,15 @@ impl Setup {
             Line::Lost { server: false, .. } => ready.push(Act::ServerNotices),
             Line::Lost { .. } => ready.push(Act::Connect),
         }
-        let mut next = world.client.clone();
-        let sends = next.on(Duration::ZERO, ClientInput::Transmit, &self.client);
-        if !matches!(sends, Ok(ClientAction::Nothing) | Err(_)) {
+        if world.client.transmit(Duration::ZERO, &self.client).is_some() {
             ready.push(Act::ClientSend(Fate::Good));
         }
-        let mut next = world.server;
-        if next.on(Duration::ZERO, ServerInput::Transmit, &self.server) == Ok(ServerAction::Send) {
+        if world.server.transmit(Duration::ZERO, &self.server).is_some() {
             ready.push(Act::ServerSend(Fate::Good));
         }
         let mut next = world.client.clone();
         if usize::from(world.next) < self.jobs.len()
-            && next.on(Duration::ZERO, ClientInput::Request { broadcast: false }, &self.client).is_ok()
+            && next.on(Duration::ZERO, client::Input::Request { broadcast: false }, &self.client).is_ok()
         {
             ready.push(Act::Ask);
         }
@@ -252,8 +256,8 @@ impl System for Setup {
             faults: self.faults,
             flags: Flags::default(),
         };
-        self.client(&mut world, ClientInput::Connected, &mut None);
-        self.server(&mut world, ServerInput::Connected, &mut None);
+        self.client(&mut world, client::Input::Connected, &mut None);
+        self.server(&mut world, server::Input::Connected, &mut None);
         world
     }
 
@@ -304,8 +308,8 @@ impl System for Setup {
             Act::Ask => {
                 let job = world_mut.next;
                 let broadcast = self.jobs[usize::from(job)] == Job::Broadcast;
-                if let ClientAction::Keep { place } =
-                    self.client(world_mut, ClientInput::Request { broadcast }, edges)
+                if let client::Action::Keep { place } =
+                    self.client(world_mut, client::Input::Request { broadcast }, edges)
                 {
                     world_mut.places[usize::from(place)] = job;
                     let up = world_mut.client.link != ClientLink::Down;
@@ -315,43 +319,35 @@ impl System for Setup {
             }
             Act::ClientSend(fate) => self.send(world_mut, fate, edges),
             Act::ServerRead(verdict) => self.serve(world_mut, verdict, edges),
-            Act::ServerTimer => {
-                if self.server(world_mut, ServerInput::Timer, edges) == ServerAction::Cut {
-                    self.judge_held(world_mut, edges);
-                }
-            }
+            Act::ServerTimer => self.server_timer(world_mut, edges),
             Act::ServerSend(fate) => self.reply(world_mut, fate, edges),
             Act::ClientRead => self.read(world_mut, edges),
-            Act::ClientTimer => loop {
-                let action = self.client(world_mut, ClientInput::Timer, edges);
-                if action == ClientAction::Nothing {
-                    break;
+            Act::ClientTimer => {
+                while world_mut.client.expires(Duration::ZERO) {
+                    let action = self.client(world_mut, client::Input::Timeout, edges);
+                    self.report(world_mut, action, edges);
                 }
-                self.report(world_mut, action, edges);
-            },
+            }
             Act::Lose => world_mut.lose(false, false),
             Act::Noise => {
                 let frame = Frame { job: 0, transaction: 0, ticks: 0, what: What::Noise };
                 if world_mut.busy == 0 {
-                    let action = self.server(world_mut, ServerInput::Received, edges);
-                    if action == (ServerAction::Keep { cut: true }) {
-                        self.judge_held(world_mut, edges);
-                    }
+                    self.received(world_mut, edges);
                     world_mut.server_holds.push(frame);
                 }
             }
             Act::ClientNotices => {
-                let action = self.client(world_mut, ClientInput::Disconnected, edges);
+                let action = self.client(world_mut, client::Input::Disconnected, edges);
                 self.report(world_mut, action, edges);
                 if let Line::Lost { client, .. } = &mut world_mut.line {
                     *client = true;
                 }
             }
             Act::ServerNotices => {
-                if self.server(world_mut, ServerInput::Disconnected, edges) == ServerAction::Reset {
+                if self.server(world_mut, server::Input::Disconnected, edges) == server::Action::Reset {
                     world_mut.replies.clear();
-                    world_mut.server_holds.clear();
                 }
+                world_mut.server_holds.clear();
                 if let Line::Lost { server, .. } = &mut world_mut.line {
                     *server = true;
                 }
@@ -359,12 +355,12 @@ impl System for Setup {
             Act::Connect => {
                 world_mut.line = Line::Good;
                 world_mut.epoch += 1;
-                let action = self.client(world_mut, ClientInput::Connected, edges);
+                let action = self.client(world_mut, client::Input::Connected, edges);
                 self.report(world_mut, action, edges);
-                if self.server(world_mut, ServerInput::Connected, edges) == ServerAction::Reset {
+                if self.server(world_mut, server::Input::Connected, edges) == server::Action::Reset {
                     world_mut.replies.clear();
-                    world_mut.server_holds.clear();
                 }
+                world_mut.server_holds.clear();
             }
             Act::RestartClient => {
                 for record in world_mut.records.iter_mut().take(world_mut.next.into()) {
@@ -375,7 +371,7 @@ impl System for Setup {
                 world_mut.client = ClientMachine::NEW;
                 world_mut.client_holds.clear();
                 if self.is_serial() {
-                    self.client(world_mut, ClientInput::Connected, edges);
+                    self.client(world_mut, client::Input::Connected, edges);
                 } else {
                     world_mut.lose(true, false);
                 }
@@ -385,7 +381,7 @@ impl System for Setup {
                 world_mut.replies.clear();
                 world_mut.server_holds.clear();
                 if self.is_serial() {
-                    self.server(world_mut, ServerInput::Connected, edges);
+                    self.server(world_mut, server::Input::Connected, edges);
                 } else {
                     world_mut.lose(false, true);
                 }

@@ -3,11 +3,12 @@
 use core::time::Duration;
 use std::collections::BTreeSet;
 
+use fanuc_hmi_modbus::client::machine::Due;
 use fanuc_hmi_modbus::{
-    Client, ClientAction, ClientEvent, ClientInput, Exception, Failure, Frame, Registers, Reply, Request,
-    Server, ServerEvent, Ticket, Words, WordsMut,
+    Client, ClientEvent, Exception, Failure, Frame, Registers, Reply, Request, Server, ServerEvent, Ticket,
+    Words, WordsMut,
 };
-use robot_session::{Encode as _, Session as _};
+use robot_session::{Encode as _, Machine as _, Session as _};
 
 use super::world::{Act, Fate, Job, Outcome, Setup, TICK, Verdict, World};
 use crate::model::{self, Refined, age};
@@ -157,13 +158,8 @@ impl<'a> Sessions<'a> {
     }
 
     fn send(&mut self, before: &World, after: &World, walk: &[Act]) {
-        let mut machine = before.client.clone();
-        let action = machine.on(Duration::ZERO, ClientInput::Transmit, &self.setup.client);
-        let (place, transaction) = match action {
-            Ok(ClientAction::Send { place, transaction }) => (place, transaction),
-            Ok(ClientAction::Announce { place }) => (place, 0),
-            other => panic!("{other:?}: {walk:?}"),
-        };
+        let due = before.client.transmit(Duration::ZERO, &self.setup.client);
+        let Due { place, transaction } = due.unwrap_or_else(|| panic!("nothing is due: {walk:?}"));
         let job = before.places[usize::from(place)];
         let mut out = [0; Frame::MAX_LEN];
         let length = self.client.poll_transmit(self.now, &mut out).expect("a request is to be sent");

@@ -1,5 +1,4 @@
-//! Both ends of Modbus. A copy of each machine is given what the session gives to its own, and must stay equal to it: so the cells
-//! of frames, of outcomes and of the timer are known that a session does not show.
+//! Both ends of Modbus.
 
 mod client;
 mod server;
@@ -7,7 +6,7 @@ mod server;
 use core::time::Duration;
 
 use anyhow::{Result, bail};
-use fanuc_hmi_modbus::{Framing, Line, timing};
+use fanuc_hmi_modbus::{Framing, timing};
 
 use super::Fields;
 
@@ -53,30 +52,4 @@ fn places(fields: &mut Fields) -> Result<usize> {
     let mut places = 8;
     fields.take("places", &mut places)?;
     Ok(places)
-}
-
-/// How the matrix begins the names of its states.
-fn prefix(framing: Framing) -> &'static str {
-    match framing {
-        Framing::Tcp => "TCP",
-        Framing::Rtu { .. } => "RTU",
-        Framing::RtuOverTcp { .. } => "RTU over TCP",
-    }
-}
-
-/// What the matrix calls an input that comes before a time, or at it; both, where there is no time.
-fn timed(due: Option<Duration>, now: Duration, before: &'static str, at: &'static str) -> Vec<&'static str> {
-    match due {
-        None => vec![before, at],
-        Some(due) if now < due => vec![before],
-        Some(_) => vec![at],
-    }
-}
-
-/// When the line is silent.
-fn silent_at(line: Line) -> Option<Duration> {
-    match line {
-        Line::Silent => None,
-        Line::Busy { silent_at } => Some(silent_at),
-    }
 }

@@ -1,30 +1,19 @@
 //! The server, with 100 of everything.
 
-use core::time::Duration;
-
 use anyhow::{Result, bail};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, Decoder, Exception, Frame, Framing, Line, Registers, Rule, Server, ServerAction,
-    ServerConfig, ServerEvent, ServerInput, ServerLink, ServerMachine, ServerStatistics, Side, Words,
-    WordsMut,
+    Bits, BitsMut, Exception, Framing, Registers, Server, ServerConfig, ServerEvent, Words, WordsMut,
 };
-use robot_session::{Decoder as _, Session};
+use robot_session::End as _;
 use serde_json::{Map, Value};
+use testkit::links::fanuc_hmi_modbus::rows;
 
-use super::{Transport, places, prefix, silent_at, timed};
-use crate::ends::{Do, Driven, End, Fields, Hooks, Maker, event, show, unexpected};
+use super::{Transport, places};
+use crate::ends::{About, End, Fields, Maker, Noted, event, names, show, unexpected, without};
 
-pub(in crate::ends) const MAKER: Maker = Maker {
-    make,
-    rules: || {
-        ["CheckUnit", "NoReplyToBroadcast", "ReplyAfterSilence", "DropReplies"].map(String::from).to_vec()
-    },
-};
+pub(in crate::ends) const MAKER: Maker = Maker { make, rules: names::<fanuc_hmi_modbus::server::Rule> };
 
-const RULES: [Rule; 4] =
-    [Rule::CheckUnit, Rule::NoReplyToBroadcast, Rule::ReplyAfterSilence, Rule::DropReplies];
-
-fn make(config: &Map<String, Value>, without: Option<usize>) -> Result<Box<dyn End>> {
+fn make(config: &Map<String, Value>, rule: Option<usize>) -> Result<Box<dyn End>> {
     let mut fields = Fields(config.clone());
     let transport = Transport::take(&mut fields)?;
     let mut made = match transport.framing()? {
@@ -37,24 +26,33 @@ fn make(config: &Map<String, Value>, without: Option<usize>) -> Result<Box<dyn E
     fields.take("broadcast", &mut made.broadcast)?;
     let places = places(&mut fields)?;
     fields.end()?;
-    made.without = without.and_then(|rule| RULES.get(rule)).copied();
+    made.rules = without(rule);
+    match made.framing {
+        Framing::Tcp => boxed::<rows::Tcp>(made, places),
+        Framing::Rtu { .. } => boxed::<rows::Rtu>(made, places),
+        Framing::RtuOverTcp { .. } => boxed::<rows::RtuOverTcp>(made, places),
+    }
+}
+
+fn boxed<T: rows::Transport + 'static>(config: ServerConfig, places: usize) -> Result<Box<dyn End>> {
     Ok(match places {
-        2 => Box::new(Driven::<ModbusServer<2>>(Watched::new(made)?)),
-        8 => Box::new(Driven::<ModbusServer<8>>(Watched::new(made)?)),
+        2 => Noted::<ModbusServer<T, 2>>::boxed(Server::new(config, Tables::new())?),
+        8 => Noted::<ModbusServer<T, 8>>::boxed(Server::new(config, Tables::new())?),
         _ => bail!("a server of the stories has 2 or 8 places"),
     })
 }
 
-struct ModbusServer<const N: usize>;
+struct ModbusServer<T, const N: usize>(core::marker::PhantomData<T>);
 
-impl<const N: usize> Hooks for ModbusServer<N> {
-    type Session = Watched<N>;
+impl<T: rows::Transport + 'static, const N: usize> About for ModbusServer<T, N> {
+    type End = Server<Tables, N>;
+    type Rows = rows::Server<T, N>;
 
-    fn call(_: &mut Watched<N>, _: Duration, name: &str, _: Value) -> Result<Result<(), String>> {
-        bail!("a server has no call {name}")
+    fn state(server: &Server<Tables, N>) -> String {
+        rows::server_state(&server.core().machine)
     }
 
-    fn event(_: &Watched<N>, happened: ServerEvent) -> Result<String> {
+    fn event(_: &Server<Tables, N>, happened: ServerEvent) -> Result<String> {
         Ok(match happened {
             ServerEvent::Served { transaction, unit, function, exception } => event("served")
                 .optional("transaction", transaction.as_ref())?
@@ -72,170 +70,6 @@ impl<const N: usize> Hooks for ModbusServer<N> {
             ServerEvent::Unexpected(what) => unexpected(what)?,
             _ => bail!("an event without a name"),
         })
-    }
-
-    fn state(watched: &Watched<N>) -> String {
-        let machine = watched.server.machine();
-        match machine.link {
-            ServerLink::Up { replies: 0, .. } | ServerLink::Down => machine.name().into(),
-            ServerLink::Up { replies, .. } => format!("{} ({replies})", machine.name()),
-        }
-    }
-
-    fn cells(_: &Watched<N>, after: &Watched<N>, _: Duration, _: &Do, _: bool) -> Vec<String> {
-        after.cells.clone()
-    }
-
-    fn transmit_cells(before: &Watched<N>, _: Duration, _: bool) -> Vec<String> {
-        let mut copy = before.clone();
-        copy.reaches(&["transmit"]);
-        copy.cells
-    }
-}
-
-/// A server, and a copy of its machine with what that is given.
-#[derive(Clone)]
-struct Watched<const N: usize> {
-    server: Server<Tables, N>,
-    machine: ServerMachine<N>,
-    decoder: Decoder,
-    cells: Vec<String>,
-}
-
-impl<const N: usize> Watched<N> {
-    fn new(config: ServerConfig) -> Result<Self> {
-        Ok(Self {
-            server: Server::new(config, Tables::new())?,
-            machine: ServerMachine::NEW,
-            decoder: Decoder::new(config.framing, Side::Client),
-            cells: Vec::new(),
-        })
-    }
-
-    /// The names of the machine's state in the matrix.
-    fn states(&self) -> Vec<&'static str> {
-        let ServerLink::Up { line, replies } = self.machine.link else { return vec!["without a connection"] };
-        let silent = line == Line::Silent;
-        // Over TCP bytes do not make the line busy: two states of the matrix are one.
-        let arriving = !silent || self.server.config().framing == Framing::Tcp;
-        let all = [
-            ("idle", replies == 0 && silent),
-            ("bytes are arriving", replies == 0 && arriving),
-            ("a reply waits", replies == 1 && silent),
-            ("a reply waits, bytes are arriving", replies == 1 && arriving),
-            ("two replies wait", replies == 2 && silent && N == 2),
-        ];
-        all.into_iter().filter_map(|(name, is)| is.then_some(name)).collect()
-    }
-
-    fn reaches(&mut self, inputs: &[&str]) {
-        let prefix = prefix(self.server.config().framing);
-        for state in self.states() {
-            self.cells.extend(inputs.iter().map(|input| format!("{prefix}, {state}: {input}")));
-        }
-    }
-
-    fn gives(&mut self, now: Duration, inputs: &[&str], input: ServerInput) -> ServerAction {
-        self.reaches(inputs);
-        self.machine.on(now, input, self.server.config()).unwrap_or(ServerAction::Ignore)
-    }
-
-    fn is_equal(&self) {
-        assert!(self.machine == *self.server.machine(), "{:?}, {:?}", self.machine, self.server.machine());
-    }
-
-    fn judge(&mut self, now: Duration) {
-        let mut decoder = self.decoder.clone();
-        while let Some(found) = decoder.next_frame() {
-            let Ok(Frame { unit, .. }) = found else { continue };
-            let name = match unit {
-                0 => "a request for unit 0",
-                1 => "a request for this unit",
-                _ => "a request for another unit",
-            };
-            self.gives(now, &[name], ServerInput::Request { unit });
-        }
-        self.decoder = decoder;
-    }
-}
-
-impl<const N: usize> Session for Watched<N> {
-    type Event = ServerEvent;
-    type Statistics = ServerStatistics;
-
-    const MAX_INPUT: usize = 65536;
-    const MAX_TRANSMIT: usize = Frame::MAX_LEN;
-
-    fn handle_connected(&mut self, now: Duration) {
-        if self.gives(now, &["connected"], ServerInput::Connected) == ServerAction::Reset {
-            self.decoder.clear();
-        }
-        self.server.handle_connected(now);
-        self.is_equal();
-    }
-
-    fn handle_disconnected(&mut self, now: Duration) {
-        if self.gives(now, &["disconnected"], ServerInput::Disconnected) == ServerAction::Reset {
-            self.decoder.clear();
-        }
-        self.server.handle_disconnected(now);
-        self.is_equal();
-    }
-
-    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
-        if let (ServerLink::Up { line, .. }, false) = (self.machine.link, bytes.is_empty()) {
-            let names = timed(silent_at(line), now, "bytes", "bytes after a silence");
-            let action = self.gives(now, &names, ServerInput::Received);
-            if matches!(action, ServerAction::Judge { cut: true } | ServerAction::Keep { cut: true }) {
-                self.decoder.finish();
-                self.judge(now);
-            }
-            let mut rest = bytes;
-            while !rest.is_empty() {
-                let taken = self.decoder.push(rest);
-                rest = rest.get(taken..).unwrap_or_default();
-                if matches!(action, ServerAction::Judge { .. }) {
-                    self.judge(now);
-                } else if taken == 0 {
-                    self.decoder.clear();
-                }
-            }
-        }
-        self.server.handle_input(now, bytes);
-        self.is_equal();
-    }
-
-    fn handle_timeout(&mut self, now: Duration) {
-        loop {
-            let names = timed(self.machine.deadline(), now, "timer, early", "timer");
-            if self.gives(now, &names, ServerInput::Timer) != ServerAction::Cut {
-                break;
-            }
-            self.decoder.finish();
-            self.judge(now);
-        }
-        self.server.handle_timeout(now);
-        self.is_equal();
-    }
-
-    fn poll_event(&mut self) -> Option<ServerEvent> {
-        self.server.poll_event()
-    }
-
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        // Its cell is known before: `transmit_cells`.
-        let _ = self.machine.on(now, ServerInput::Transmit, self.server.config());
-        let length = self.server.poll_transmit(now, out);
-        self.is_equal();
-        length
-    }
-
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.server.poll_timeout()
-    }
-
-    fn statistics(&self) -> ServerStatistics {
-        self.server.statistics()
     }
 }
 

@@ -1,0 +1,275 @@
+//! The rows of both machines' tables, for each transport.
+
+use core::marker::PhantomData;
+use core::time::Duration;
+
+use fanuc_hmi_modbus::client::machine::{self as client, ClientLink, ClientMachine, Due, Quiet, Stage};
+use fanuc_hmi_modbus::server::machine::{self as server, Line, ServerLink, ServerMachine};
+use fanuc_hmi_modbus::{ClientConfig, ServerConfig};
+use robot_session::{Input as _, Machine as _, is_due};
+
+use crate::model::{NOW, Rows};
+
+/// Shorter than `NOW`, also twice: what begins at zero is over.
+const TIME: Duration = Duration::from_millis(400);
+
+/// What the tables differ in.
+pub trait Transport {
+    /// How the names of its rows begin.
+    const NAME: &'static str;
+
+    /// A client of it.
+    fn client() -> ClientConfig;
+
+    /// A server of it.
+    fn server() -> ServerConfig;
+}
+
+/// Modbus TCP.
+#[derive(Debug)]
+pub enum Tcp {}
+
+/// A serial line.
+#[derive(Debug)]
+pub enum Rtu {}
+
+/// RTU frames through a TCP connection.
+#[derive(Debug)]
+pub enum RtuOverTcp {}
+
+impl Transport for Tcp {
+    const NAME: &'static str = "TCP";
+
+    fn client() -> ClientConfig {
+        ClientConfig::tcp()
+    }
+
+    fn server() -> ServerConfig {
+        ServerConfig::tcp()
+    }
+}
+
+impl Transport for Rtu {
+    const NAME: &'static str = "RTU";
+
+    fn client() -> ClientConfig {
+        ClientConfig::rtu(19_200)
+    }
+
+    fn server() -> ServerConfig {
+        ServerConfig::rtu(1, 19_200)
+    }
+}
+
+impl Transport for RtuOverTcp {
+    const NAME: &'static str = "RTU over TCP";
+
+    fn client() -> ClientConfig {
+        ClientConfig::rtu_over_tcp()
+    }
+
+    fn server() -> ServerConfig {
+        ServerConfig::rtu_over_tcp(1)
+    }
+}
+
+/// The client, with `N` places.
+#[derive(Debug)]
+pub struct Client<T, const N: usize = 2>(PhantomData<T>);
+
+/// The state of a client with its requests, oldest first.
+pub fn client_state<const N: usize>(machine: &ClientMachine<N>) -> String {
+    let stages: Vec<&str> = machine
+        .held()
+        .map(|held| match held.stage {
+            Stage::Queued => "queued",
+            Stage::QueuedBroadcast => "queued broadcast",
+            Stage::InFlight { .. } => "in flight",
+            Stage::Ended => "ended",
+            Stage::TimedOut { .. } => "timed out",
+            Stage::Expired { .. } => "expired",
+        })
+        .collect();
+    let list = if stages.is_empty() { String::new() } else { format!(" ({})", stages.join(", ")) };
+    format!("{}{list}", machine.name())
+}
+
+impl<T: Transport, const N: usize> Client<T, N> {
+    /// The transaction of the first request.
+    fn first() -> u16 {
+        u16::from(T::NAME == Tcp::NAME)
+    }
+}
+
+impl<T: Transport, const N: usize> Rows for Client<T, N> {
+    type Machine = ClientMachine<N>;
+
+    fn states() -> Vec<ClientMachine<N>> {
+        use client::Input as On;
+        let config = Self::config();
+        let after = |inputs: &[(Duration, On)]| {
+            let mut machine = ClientMachine::NEW;
+            for (now, input) in inputs {
+                machine.on(*now, *input, &config).expect("a state that can be reached");
+            }
+            machine
+        };
+        let (ask, announce) = (On::Request { broadcast: false }, On::Request { broadcast: true });
+        let sent = On::Sent(Due { place: 0, transaction: Self::first() });
+        let reply = On::Reply { transaction: Self::first(), fits: true };
+        let mut states = Vec::new();
+        // Nothing is over yet; everything is.
+        for at in [NOW, Duration::ZERO] {
+            // On a serial line the drain is over.
+            let open = [(Duration::ZERO, On::Connected), (NOW, On::Timeout)];
+            let up = |inputs: &[On]| {
+                let inputs: Vec<_> = inputs.iter().map(|input| (at, *input)).collect();
+                after(&[&open[..], &inputs].concat())
+            };
+            let timed_out = [(Duration::ZERO, ask), (Duration::ZERO, sent), (at + TIME, On::Timeout)];
+            let timed_out = [&open[..], &timed_out].concat();
+            let taken = [&timed_out[..], &[(at, On::Taken { place: 0 })]].concat();
+            states.extend([
+                ClientMachine::NEW,
+                after(&[(at, ask)]),
+                after(&[(at, On::Connected)]),
+                up(&[]),
+                up(&[ask]),
+                up(&[ask, ask]),
+                up(&[announce]),
+                up(&[On::Received]),
+                up(&[ask, sent]),
+                up(&[ask, sent, On::Received]),
+                up(&[ask, sent, reply]),
+                after(&timed_out),
+                after(&taken),
+                up(&[announce, sent]),
+            ]);
+        }
+        states
+    }
+
+    fn inputs() -> Vec<client::Input> {
+        use client::Input as On;
+        let transaction = Self::first();
+        let mut inputs = vec![
+            On::Connected,
+            On::Disconnected,
+            On::Timeout,
+            On::Request { broadcast: false },
+            On::Request { broadcast: true },
+            On::Taken { place: 0 },
+            On::Received,
+            On::Reply { transaction, fits: true },
+            On::Reply { transaction, fits: false },
+            On::Sent(Due { place: 0, transaction }),
+        ];
+        // Without transactions every reply has that of every request.
+        if transaction > 0 {
+            inputs.push(On::Reply { transaction: 77, fits: true });
+        }
+        inputs
+    }
+
+    fn config() -> ClientConfig {
+        ClientConfig { timeout: TIME, settle: TIME, turnaround: TIME, ..T::client() }
+    }
+
+    fn row(machine: &ClientMachine<N>, _now: Duration) -> String {
+        let bytes = match machine.link {
+            ClientLink::Up { line: Line::Busy { .. }, .. } if machine.name() != "Receiving" => ", bytes",
+            ClientLink::Up { .. } | ClientLink::Down => "",
+        };
+        format!("{}, {}{bytes}", T::NAME, client_state(machine))
+    }
+
+    fn column_at(machine: &ClientMachine<N>, now: Duration, input: &client::Input) -> String {
+        let (is_silent, is_quiet_over) = match machine.link {
+            ClientLink::Up { line, quiet } => (
+                matches!(line, Line::Busy { silent_at } if is_due(silent_at, now)),
+                matches!(quiet, Quiet::Until { end } if is_due(end, now)),
+            ),
+            ClientLink::Down => (false, false),
+        };
+        let more = match *input {
+            client::Input::Received if is_silent => " after a silence",
+            client::Input::Timeout if is_silent => " of a silence",
+            client::Input::Timeout if is_quiet_over => " of the quiet",
+            client::Input::Timeout => " of a request",
+            client::Input::Reply { transaction, .. } => {
+                let is_late = |stage| match stage {
+                    Stage::TimedOut { transaction: found } | Stage::Expired { transaction: found } => {
+                        found == transaction
+                    }
+                    _ => false,
+                };
+                let is_expected = machine.held().any(
+                    |held| matches!(held.stage, Stage::InFlight { transaction: found, .. } if found == transaction),
+                );
+                // A frame is compared with the request in flight that it belongs to.
+                match machine.link {
+                    ClientLink::Up { .. } if is_expected => "",
+                    _ if machine.held().any(|held| is_late(held.stage)) => return "Reply(late)".into(),
+                    _ => return "Reply(of nothing)".into(),
+                }
+            }
+            _ => "",
+        };
+        format!("{}{more}", input.name())
+    }
+}
+
+/// The server, with `N` places.
+#[derive(Debug)]
+pub struct Server<T, const N: usize = 2>(PhantomData<T>);
+
+/// The state of a server with the number of its replies.
+pub fn server_state<const N: usize>(machine: &ServerMachine<N>) -> String {
+    match machine.link {
+        ServerLink::Up { replies: 0, .. } | ServerLink::Down => machine.name().into(),
+        ServerLink::Up { replies, .. } => format!("{} ({replies})", machine.name()),
+    }
+}
+
+impl<T: Transport, const N: usize> Rows for Server<T, N> {
+    type Machine = ServerMachine<N>;
+
+    fn states() -> Vec<ServerMachine<N>> {
+        let serial = T::NAME == Rtu::NAME;
+        let mut states = vec![ServerMachine::NEW];
+        for replies in 0..=2 {
+            let busy = |at: Duration| Line::Busy { silent_at: at };
+            for line in [Line::Silent, busy(NOW + TIME), busy(NOW - TIME)] {
+                // On TCP frames have their length.
+                if line == Line::Silent || (T::NAME != Tcp::NAME && replies < 2) {
+                    states.push(ServerMachine { link: ServerLink::Up { line, serial, replies } });
+                }
+            }
+        }
+        states
+    }
+
+    fn inputs() -> Vec<server::Input> {
+        use server::Input as On;
+        let requests = [1, 2, 0].map(|unit| On::Request { unit });
+        [&[On::Connected, On::Disconnected, On::Timeout, On::Received, On::Sent], &requests[..]].concat()
+    }
+
+    fn config() -> ServerConfig {
+        T::server()
+    }
+
+    fn row(machine: &ServerMachine<N>, _now: Duration) -> String {
+        let is_full = matches!(machine.link, ServerLink::Up { replies, .. } if usize::from(replies) == N);
+        format!("{}, {}{}", T::NAME, server_state(machine), if is_full { ", full" } else { "" })
+    }
+
+    fn column(input: &server::Input) -> String {
+        match input {
+            server::Input::Request { unit: 1 } => "Request".into(),
+            server::Input::Request { unit: 0 } => "Request(unit 0)".into(),
+            server::Input::Request { .. } => "Request(another unit)".into(),
+            _ => input.name().into(),
+        }
+    }
+}

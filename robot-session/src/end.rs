@@ -146,7 +146,7 @@ pub trait End: Sized {
     }
 
     /// Reads every frame that the decoder has.
-    #[inline]
+    #[inline(always)] // into the one place that often has bytes
     fn read(&mut self, now: Duration) {
         while self.reads() {
             let Some((input, payload)) = self.next_input() else { return };
@@ -288,7 +288,7 @@ impl<E: End> Session for E {
         }
         // Until something was sent, or an event taken.
         if core::mem::take(&mut self.core_mut().held) {
-            self.read(now);
+            read_on(self, now);
         }
         let core = self.core();
         let what = core.machine.transmit(now, &core.config)?;
@@ -315,6 +315,12 @@ fn expire_first<E: End>(end: &mut E, now: Duration) {
     if E::Machine::EXPIRY == Expiry::First {
         end.handle_timeout(now);
     }
+}
+
+/// Reads what has waited.
+#[inline(never)]
+fn read_on<E: End>(end: &mut E, now: Duration) {
+    end.read(now);
 }
 
 /// The two accessors of an [`End`](crate::End) whose [`Core`](crate::Core) is its field `core`.

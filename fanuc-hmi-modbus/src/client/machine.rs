@@ -390,21 +390,24 @@ impl<const N: usize> ClientMachine<N> {
         }
     }
 
+    #[inline(always)]
     fn reply(&mut self, transaction: u16, fits: bool, config: &ClientConfig) -> Action {
+        let fits = fits || !config.rules.keeps(Rule::CheckReply);
         let mut requests = self.requests.iter_mut().map_while(Option::as_mut);
-        if let Some(held) = requests.find(|held| held.waits(transaction, config)) {
-            // Without a transaction it may be a late reply to an earlier request: the right one may still come.
-            if !fits && !config.framing.has_transactions() && config.rules.keeps(Rule::CheckReply) {
-                return Action::Stray { late: None };
-            }
-            held.stage = Stage::Ended;
-            let place = held.place;
-            return if fits || !config.rules.keeps(Rule::CheckReply) {
-                Action::Replied { place }
-            } else {
-                Action::Refused { place }
-            };
+        let Some(held) = requests.find(|held| held.waits(transaction, config)) else {
+            return self.late_reply(transaction);
+        };
+        // Without a transaction it may be a late reply to an earlier request: the right one may still come.
+        if !fits && !config.framing.has_transactions() {
+            return Action::Stray { late: None };
         }
+        held.stage = Stage::Ended;
+        let place = held.place;
+        if fits { Action::Replied { place } } else { Action::Refused { place } }
+    }
+
+    #[cold]
+    fn late_reply(&mut self, transaction: u16) -> Action {
         let is_late = |held: &Held| match held.stage {
             Stage::TimedOut { transaction: found } | Stage::Expired { transaction: found } => {
                 found == transaction

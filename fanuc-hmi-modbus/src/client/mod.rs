@@ -59,14 +59,7 @@ struct Place {
     pdu: PduBuf,
 }
 
-/// A frame, in the decoder, and why it is not what the request that it seems to belong to asks for.
-#[doc(hidden)]
-#[derive(Debug)]
-pub struct Found {
-    range: Range<usize>,
-    misfit: Option<Misfit>,
-}
-
+/// Why a frame cannot be the reply to a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Misfit {
     Mismatch(Mismatch),
@@ -124,7 +117,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
         (kept.ticket, kept.unit) = (ticket, unit);
         (kept.quantity, kept.is_reply) = (request.quantity_read(), false);
         self.statistics.requests += 1;
-        self.advance(Duration::ZERO, Input::Request { broadcast }, None);
+        self.tell(Input::Request { broadcast });
         Ok(ticket)
     }
 
@@ -159,9 +152,26 @@ impl<const N: usize, F: Framings> Client<N, F> {
         &self.core.config
     }
 
+    /// Gives the machine an input of which nothing follows but its state.
+    #[inline(always)] // as `ClientMachine::on`
+    fn tell(&mut self, input: Input) {
+        if let Err(unexpected) = self.core.on(Duration::ZERO, input) {
+            self.refuse(unexpected);
+        }
+    }
+
+    /// Why a frame is not what the request that it seems to belong to asks for.
+    #[inline(always)]
+    fn misfit(&self, frame: &Frame<&[u8]>) -> Option<Misfit> {
+        let Core { config, machine, .. } = &self.core;
+        let place = machine.expects(frame.transaction.unwrap_or(0), config)?;
+        self.places.get(usize::from(place))?.misfit(frame, config.any_unit)
+    }
+
     #[cold]
-    fn stray(&mut self, range: Range<usize>, late: Option<u8>, misfit: Option<Misfit>) {
-        let Some(frame) = self.core.decoder.frame(range) else { return };
+    fn stray(&mut self, late: Option<u8>, frame: Option<Range<usize>>) {
+        let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
+        let misfit = self.misfit(&frame);
         self.statistics.strays += 1;
         self.core.events.push_notice(ClientEvent::Stray {
             transaction: frame.transaction,
@@ -173,6 +183,31 @@ impl<const N: usize, F: Framings> Client<N, F> {
                 Some(Misfit::Malformed(_)) | None => None,
             },
         });
+    }
+
+    #[inline(always)]
+    fn replied(&mut self, place: u8, frame: Option<Range<usize>>) {
+        let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
+        let Some(place) = self.places.get_mut(usize::from(place)) else { return };
+        place.keep_reply(frame.pdu);
+        self.statistics.replies += 1;
+        let (ticket, unit) = (place.ticket, frame.unit);
+        self.report(ClientEvent::Replied { ticket, unit });
+    }
+
+    /// The request has ended, and its place still says what it asked for.
+    #[cold]
+    fn refused(&mut self, place: u8, frame: Option<Range<usize>>) {
+        let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
+        let misfit = self
+            .places
+            .get(usize::from(place))
+            .and_then(|kept| kept.misfit(&frame, self.core.config.any_unit));
+        match misfit {
+            Some(Misfit::Malformed(error)) => self.fail(place, Failure::Malformed(error)),
+            Some(Misfit::Mismatch(mismatch)) => self.fail(place, Failure::Refused(mismatch)),
+            None => {}
+        }
     }
 
     #[cold]
@@ -209,7 +244,8 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
     type Decoder = Decoder<F>;
     type Events = EventQueue<ClientEvent, EVENTS>;
     type Statistics = ClientStatistics;
-    type Payload = Found;
+    /// The place of a frame in the decoder.
+    type Payload = Range<usize>;
 
     const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
@@ -219,7 +255,7 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
     robot_session::core!();
 
     #[inline(always)]
-    fn next_input(&mut self) -> Option<(Input, Option<Found>)> {
+    fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
         loop {
             let range = match self.core.decoder.advance()? {
                 Ok(range) => range,
@@ -230,51 +266,30 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
                     continue;
                 }
             };
-            let Core { config, machine, decoder, .. } = &self.core;
-            let frame = decoder.frame(range.clone())?;
+            let frame = self.core.decoder.frame(range.clone())?;
             let transaction = frame.transaction.unwrap_or(0);
-            let expects = machine.expects(transaction, config);
-            let place = expects.and_then(|place| self.places.get(usize::from(place)));
-            let misfit = place.and_then(|place| place.misfit(&frame, config.any_unit));
-            let input = Input::Reply { transaction, fits: misfit.is_none() };
-            return Some((input, Some(Found { range, misfit })));
+            return Some((Input::Reply { transaction, fits: self.misfit(&frame).is_none() }, Some(range)));
         }
     }
 
     #[inline(always)] // where the input is known, few actions are left
-    fn act(&mut self, now: Duration, action: Action, found: Option<Found>) {
-        match (action, found) {
-            (Action::Replied { place }, Some(Found { range, .. })) => {
-                let Some(frame) = self.core.decoder.frame(range) else { return };
-                let Some(place) = self.places.get_mut(usize::from(place)) else { return };
-                place.keep_reply(frame.pdu);
-                self.statistics.replies += 1;
-                let (ticket, unit) = (place.ticket, frame.unit);
-                self.report(ClientEvent::Replied { ticket, unit });
-            }
-            (Action::Refused { place }, Some(Found { misfit: Some(misfit), .. })) => {
-                self.fail(
-                    place,
-                    match misfit {
-                        Misfit::Malformed(error) => Failure::Malformed(error),
-                        Misfit::Mismatch(mismatch) => Failure::Refused(mismatch),
-                    },
-                );
-            }
-            (Action::Stray { late }, Some(Found { range, misfit })) => self.stray(range, late, misfit),
-            (Action::Announced { place }, _) => {
+    fn act(&mut self, now: Duration, action: Action, frame: Option<Range<usize>>) {
+        match action {
+            Action::Nothing | Action::Keep { .. } | Action::Sent => {}
+            Action::Replied { place } => self.replied(place, frame),
+            Action::Announced { place } => {
                 if let Some(ticket) = self.ticket(place) {
                     self.report(ClientEvent::Announced { ticket });
                 }
             }
-            (Action::TimedOut(places), _) => self.fail_all(places, Failure::TimedOut),
-            (Action::Reset { lost, not_sent }, _) => {
+            Action::Refused { place } => self.refused(place, frame),
+            Action::Stray { late } => self.stray(late, frame),
+            Action::TimedOut(places) => self.fail_all(places, Failure::TimedOut),
+            Action::Reset { lost, not_sent } => {
                 self.fail_all(lost, Failure::Disconnected);
                 self.fail_all(not_sent, Failure::NotSent);
             }
-            (Action::Cut, _) => self.finish(now),
-            (Action::Nothing | Action::Keep { .. } | Action::Sent, _)
-            | (Action::Replied { .. } | Action::Refused { .. } | Action::Stray { .. }, _) => {}
+            Action::Cut => self.finish(now),
         }
     }
 
@@ -299,8 +314,15 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
     #[inline(always)]
     fn begin_input(&mut self, now: Duration) -> bool {
         self.was_corrupt = self.core.decoder.corruption().is_some();
-        self.advance(now, Input::Received, None);
-        self.core.machine.is_connected()
+        match self.core.on(now, Input::Received) {
+            Ok(Action::Cut) => self.finish(now),
+            Ok(_) => {}
+            Err(unexpected) => {
+                self.refuse(unexpected);
+                return false;
+            }
+        }
+        true
     }
 
     /// On TCP the server is out of step: its next valid frame may never come.
@@ -317,7 +339,7 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
     fn next_event(&mut self) -> Option<ClientEvent> {
         let event = self.core.events.pop()?;
         if let Some(ticket) = event.outcome_of() {
-            self.advance(Duration::ZERO, Input::Taken { place: ticket.place }, None);
+            self.tell(Input::Taken { place: ticket.place });
         }
         Some(event)
     }
@@ -325,6 +347,7 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
 
 impl Place {
     /// Why a frame cannot be the reply to the request in this place.
+    #[inline(always)]
     fn misfit(&self, frame: &Frame<&[u8]>, any_unit: bool) -> Option<Misfit> {
         if self.unit != frame.unit && !any_unit {
             return Some(Misfit::Mismatch(Mismatch::Unit { expected: self.unit, found: frame.unit }));

@@ -1,8 +1,8 @@
 //! Which of a client's places for requests.
 
-/// A set of places.
+/// A set of places, below 16. An action with two of them is wider than a register: packed into one it would be taken apart again.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
-pub struct Places(u16);
+pub struct Places(u32);
 
 impl Places {
     pub(super) fn insert(&mut self, place: u8) {

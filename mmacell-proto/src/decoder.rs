@@ -10,10 +10,13 @@ use crate::frame::{Line, find_end};
 ///
 /// A line that is too long is dropped up to its end, however long it is, and gives one error there: nothing within it is
 /// taken for a message, and the line after it is found.
+pub type Decoder = LineDecoder<{ Line::MAX_LEN }>;
+
+/// A [`Decoder`] that holds `N` bytes, [`Line::MAX_LEN`] at least: more than a line where lines wait.
 #[derive(Debug, Clone)]
-pub struct Decoder {
+pub struct LineDecoder<const N: usize> {
     dialect: Dialect,
-    buffer: StreamBuffer<{ Line::MAX_LEN }>,
+    buffer: StreamBuffer<N>,
     /// So many of the bytes hold no end of a line.
     searched: usize,
     /// The stream offset after what was given last: what is between it and the buffer is the beginning of a line that is too long.
@@ -21,16 +24,12 @@ pub struct Decoder {
     finished: bool,
 }
 
-impl Decoder {
+impl<const N: usize> LineDecoder<N> {
     /// A decoder at the beginning of a stream.
     pub const fn new(dialect: Dialect) -> Self {
+        const { assert!(N >= Line::MAX_LEN, "a line has to fit") };
         let buffer = StreamBuffer::new();
         Self { dialect, buffer, searched: 0, position: 0, finished: false }
-    }
-
-    /// Bytes that are held and not looked at yet, but for those of a line that is too long.
-    pub(crate) const fn held(&self) -> usize {
-        self.buffer.len()
     }
 
     /// Out of line, so that the short way is short.
@@ -39,7 +38,7 @@ impl Decoder {
         let Some((content, used)) = find_end(self.buffer.bytes(), self.searched, &self.dialect) else {
             return self.without_end().map(Err);
         };
-        let (length, is_too_long) = (content.len(), self.is_too_long());
+        let (length, is_too_long) = (content.len(), self.is_too_long() || used > Line::MAX_LEN);
         self.searched = 0;
         self.position = self.buffer.position() + used as u64;
         if is_too_long {
@@ -53,7 +52,7 @@ impl Decoder {
     #[inline]
     fn without_end(&mut self) -> Option<DecodeError> {
         self.searched = self.buffer.len();
-        if self.searched == Line::MAX_LEN {
+        if self.searched >= Line::MAX_LEN {
             self.drop_line();
         }
         if self.finished { self.incomplete() } else { None }
@@ -63,7 +62,7 @@ impl Decoder {
     fn drop_line(&mut self) {
         // The end of the line may be cut in two: keep its first half.
         let kept = usize::from(self.buffer.bytes().ends_with(b"\r"));
-        self.buffer.take(Line::MAX_LEN - kept);
+        self.buffer.take(self.searched - kept);
         self.searched = kept;
     }
 
@@ -85,7 +84,7 @@ impl Decoder {
     }
 }
 
-impl robot_session::Decoder for Decoder {
+impl<const N: usize> robot_session::Decoder for LineDecoder<N> {
     type Frame<'a> = Line<'a>;
     type Error = DecodeError;
 
@@ -126,7 +125,7 @@ impl robot_session::Decoder for Decoder {
     }
 }
 
-impl Default for Decoder {
+impl<const N: usize> Default for LineDecoder<N> {
     fn default() -> Self {
         Self::new(Dialect::STRICT)
     }
@@ -145,9 +144,17 @@ mod tests {
         pieces: impl IntoIterator<Item = &'a [u8]>,
         dialect: Dialect,
     ) -> Vec<Result<Vec<u8>, DecodeError>> {
-        let mut decoder = Decoder::new(dialect);
+        let pieces: Vec<&[u8]> = pieces.into_iter().collect();
+        let lines = lines_of::<64>(&pieces, dialect);
+        assert_eq!(lines_of::<100>(&pieces, dialect), lines, "however much is held");
+        assert_eq!(lines_of::<512>(&pieces, dialect), lines, "however much is held");
+        lines
+    }
+
+    fn lines_of<const N: usize>(pieces: &[&[u8]], dialect: Dialect) -> Vec<Result<Vec<u8>, DecodeError>> {
+        let mut decoder = LineDecoder::<N>::new(dialect);
         let mut lines = Vec::new();
-        for mut rest in pieces {
+        for mut rest in pieces.iter().copied() {
             while !rest.is_empty() {
                 let taken = decoder.push(rest);
                 assert!(taken > 0, "there is room after None");

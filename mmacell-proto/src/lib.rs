@@ -22,7 +22,7 @@ mod units;
 pub use central::{
     Central, CentralConfig, CentralEvent, CentralStatistics, Closing, Miss, Progress, Unfinished,
 };
-pub use decoder::Decoder;
+pub use decoder::{Decoder, LineDecoder};
 pub use device::{Device, DeviceClosing, DeviceConfig, DeviceEvent, DeviceStatistics, Order, Rejection};
 pub use dialect::Dialect;
 pub use error::{ConfigError, DecodeError, EncodeError, Expected, SessionError};

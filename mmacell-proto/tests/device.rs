@@ -1,13 +1,19 @@
 //! The device's end by itself.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "one test is over TCP")]
 
 mod common;
+
+use core::ops::ControlFlow;
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::thread;
 
 use common::{
     HOME, ZERO, answer, ask, central, device_at, device_with, go, obeyed, pose, receive, rejected, send,
 };
 use mmacell_proto::device::machine::Axes;
-use mmacell_proto::robot_session::Session as _;
+use mmacell_proto::robot_session::{Ended, Session as _, drive};
 use mmacell_proto::{
     CentralEvent, Command, ConfigError, DecodeError, Device, DeviceClosing, DeviceConfig,
     DeviceEvent as Event, Dialect, EncodeError, ErrorCode, NoPose, Order, PlatformPose, Progress, Rejection,
@@ -222,6 +228,42 @@ fn a_central_controller_that_does_not_wait_loses_nothing() {
     assert_eq!(d.poll_event(), Some(Event::Asked { order: Order::Stop }));
     d.handle_disconnected(ZERO);
     assert_eq!(d.poll_event(), None, "what waits when it hangs up is not obeyed");
+}
+
+/// The transport holds what the device does not want yet: a central controller that does not wait gets every reply, in order.
+#[test]
+fn a_thousand_commands_in_one_write_are_answered_in_order() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let stream = listener.accept().unwrap().0;
+    let device = thread::spawn(move || {
+        let mut d = Device::<RobotPose>::new(DeviceConfig::DEFAULT).unwrap();
+        d.set_pose(HOME);
+        let ended = drive(&mut d, stream, |d, event| match event {
+            Event::Asked { order } if d.accept(order).is_ok() => ControlFlow::Continue(()),
+            Event::Closed { reason } => ControlFlow::Break(reason),
+            other => panic!("{other:?}"),
+        });
+        (ended.unwrap(), d.statistics())
+    });
+    let commands =
+        (0..1000).map(|at| if at % 3 == 0 { format!("OVR+{:05}\r\n", at % 101) } else { "STA\r\n".into() });
+    let all: Vec<u8> = commands.chain(["CLO\r\n".into()]).flat_map(String::into_bytes).collect();
+    let mut writer = client.try_clone().unwrap();
+    let writer = thread::spawn(move || writer.write_all(&all));
+    let mut replies = vec![0; 1000usize.div_ceil(3) * 4 + 666 * 50 + 4];
+    client.read_exact(&mut replies).unwrap();
+    let mut replies = core::str::from_utf8(&replies).unwrap().split_terminator("\r\n");
+    for at in 0..1000 {
+        let reply = replies.next().unwrap();
+        let percent = if at % 3 == 0 { "OK".into() } else { format!("F+{:05}+00000", (at - at % 3) % 101) };
+        assert!(reply.ends_with(&percent), "{at}: {reply}");
+    }
+    assert_eq!((replies.next(), replies.next()), (Some("OK"), None));
+    writer.join().unwrap().unwrap();
+    let (ended, statistics) = device.join().unwrap();
+    assert_eq!(ended, Ended::ByHandler(DeviceClosing::Agreed));
+    assert_eq!((statistics.replies, statistics.rejected), (1001, 0));
 }
 
 /// However the bytes arrive, the connection ends when more wait than can be kept, and not before.

@@ -96,10 +96,10 @@ pub trait End: Sized {
     #[inline]
     fn end_input(&mut self, _now: Duration) {}
 
-    /// [`Session::wants_input`]: while frames are read. An end may also take what fits its decoder.
+    /// [`Session::wants_input`]: while frames are read, and none waits to be read on. An end may also take what fits its decoder.
     #[inline]
     fn takes_input(&self) -> bool {
-        self.reads()
+        self.reads() && !self.core().held
     }
 
     /// More bytes have come than fit while nothing is read: they are lost, but for what fits after this.

@@ -39,3 +39,12 @@ fn fanuc_hmi_modbus() {
     check::<Server<Rtu>>(24);
     check::<Server<RtuOverTcp>>(24);
 }
+
+#[test]
+fn mmacell_proto() {
+    use links::mmacell_proto::rows::{Central, Device, Moved, Progress};
+    check::<Central>(64);
+    check::<Progress>(64);
+    check::<Device>(44);
+    check::<Moved>(44);
+}

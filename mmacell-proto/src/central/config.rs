@@ -1,5 +1,7 @@
 use core::time::Duration;
 
+use robot_session::Rules;
+
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
 
@@ -18,28 +20,27 @@ pub struct CentralConfig {
     pub settle: Duration,
     /// How far from its target a device has arrived, in units of the last digit: 1 µm, 0.1 mrad. Default: 10.
     pub tolerance: u32,
-    /// The rule that the machine is to do without. For the model's must-fail cases only.
-    #[cfg(feature = "model")]
+    /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
-    pub without: Option<CentralRule>,
+    pub rules: Rules<Rule>,
 }
 
-/// A rule of the machine that no other setting takes out.
-#[doc(hidden)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum CentralRule {
-    /// A device has arrived only with its servo motors on.
-    ServoOn,
-    /// A command that was sent and not answered is unknown.
-    UnknownWhenSent,
-    /// What is known of a motion belongs to its connection.
-    ForgetMotion,
-    /// A halt ends the motion's target.
-    ForgetTarget,
-    /// An abort after the command was sent ends the connection.
-    AbortEnds,
-    /// A reply that nobody asked for ends the connection.
-    StrayEnds,
+robot_session::rules! {
+    /// The rules of the machine that no other setting takes out.
+    pub enum Rule {
+        /// A device has arrived only with its servo motors on.
+        ServoOn,
+        /// A command that was sent and not answered is unknown.
+        UnknownWhenSent,
+        /// What is known of a motion belongs to its connection.
+        ForgetMotion,
+        /// A halt ends the motion's target.
+        ForgetTarget,
+        /// An abort after the command was sent ends the connection.
+        AbortEnds,
+        /// A reply that nobody asked for ends the connection.
+        StrayEnds,
+    }
 }
 
 impl CentralConfig {
@@ -50,23 +51,11 @@ impl CentralConfig {
         timeout: Duration::from_secs(1),
         settle: Duration::from_millis(100),
         tolerance: 10,
-        #[cfg(feature = "model")]
-        without: None,
+        rules: Rules::ALL,
     };
 
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         if self.timeout.is_zero() { Err(ConfigError::Timeout) } else { Ok(()) }
-    }
-
-    #[cfg(feature = "model")]
-    pub(super) fn keeps(&self, rule: CentralRule) -> bool {
-        self.without != Some(rule)
-    }
-
-    #[cfg(not(feature = "model"))]
-    #[expect(clippy::unused_self, reason = "only the model takes rules out")]
-    pub(super) const fn keeps(&self, _: CentralRule) -> bool {
-        true
     }
 }
 

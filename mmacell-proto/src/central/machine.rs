@@ -3,7 +3,7 @@
 //! The connection: one command is outstanding at a time, because replies have no number (§3).
 //!
 //! ```text
-//!     Down ── connected ──► Idle ── request ──► Sending ── transmit ──► Awaiting
+//!     Down ── connected ──► Idle ── request ──► Sending ──── sent ────► Awaiting
 //!                            ▲                     │ abort                 │
 //!                            └─────────────────────┴───────────────────────┤ its reply
 //!                                                                          │
@@ -16,9 +16,9 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Expiry, Machine, Unexpected, is_due};
 
-use super::config::{CentralConfig, CentralRule as Rule};
+use super::config::{CentralConfig, Rule};
 use super::event::{CentralEvent as Event, Closing, Miss, Progress, Unfinished};
 use crate::error::DecodeError;
 use crate::message::{Command, Mode, Reply, Status};
@@ -104,119 +104,147 @@ pub enum Place<P> {
 
 /// What happens at the central controller's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum CentralInput<P> {
+pub enum Input<P> {
     /// A connection was made.
     Connected,
     /// The connection is gone.
     Disconnected,
+    /// Time has passed.
+    Timeout,
     /// The caller requests a command.
     Request(Command<P>),
     /// The caller aborts the command.
     Abort,
-    /// Bytes can be sent.
-    Transmit,
     /// A well-formed reply.
     Reply(Reply<P>),
     /// A line that is no reply.
     Corrupt(DecodeError),
-    /// The deadline may have come.
-    Due,
+    /// The command that was due is sent.
+    Sent,
 }
 
 /// What the session is to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum CentralAction<P> {
+pub enum Action<P> {
     /// Nothing.
-    None,
-    /// Send this command.
-    Send(Command<P>),
+    Nothing,
+    /// The connection begins.
+    Connected {
+        /// What is to be reported of the one before.
+        before: Option<Event<P>>,
+    },
+    /// The reply to what was sent is awaited.
+    Sent,
     /// Report this.
     Report(Event<P>),
 }
 
-type Step<P> = Result<CentralAction<P>, Unexpected>;
+robot_session::inputs!(Input<P: Pose>: Request, Abort, Reply, Corrupt, Sent);
 
-impl<P: Pose> CentralMachine<P> {
-    /// Without a connection.
-    pub const NEW: Self = Self { link: CentralLink::Down, motion: Motion::NONE };
+impl<P: Pose> Machine for CentralMachine<P> {
+    const END: &'static str = "central";
+    /// A reply that has waited for a caller who is late still counts.
+    const EXPIRY: Expiry = Expiry::Last;
+    type Input = Input<P>;
+    type Action = Action<P>;
+    type Transmit = Command<P>;
+    type Config = CentralConfig;
 
-    /// Takes an input, and returns what is to be done.
-    ///
     /// # Errors
-    /// The state does not allow this input, and nothing has changed: a request while another command is not finished or
-    /// without a connection, bytes without a connection.
-    #[inline]
-    pub fn on(&mut self, now: Duration, input: CentralInput<P>, config: &CentralConfig) -> Step<P> {
-        use CentralAction as A;
-        use CentralInput as I;
+    /// A request while another command is not finished or without a connection, bytes without a connection, a command sent that was
+    /// not due.
+    #[inline(always)] // where the input is known, little of it is left
+    fn on(
+        &mut self,
+        now: Duration,
+        input: Input<P>,
+        config: &CentralConfig,
+    ) -> Result<Action<P>, Unexpected> {
+        use Action as A;
         use CentralLink as L;
+        use Input as I;
         Ok(match (&self.link, &input) {
             (&L::Awaiting { command, .. }, I::Reply(reply)) => self.reply(now, command, reply, config),
-            (&L::Sending { command }, I::Transmit) => {
+            (&L::Sending { command }, I::Sent) => {
                 self.link = L::Awaiting { command, deadline: now.saturating_add(config.timeout) };
                 self.ask(now, command);
-                A::Send(command)
+                A::Sent
             }
             (L::Idle, &I::Request(command)) => {
                 self.link = L::Sending { command };
-                A::None
+                A::Nothing
             }
-            (L::Awaiting { deadline, .. }, I::Due) if now >= *deadline => self.end(Closing::Timeout, config),
+            (L::Awaiting { deadline, .. }, I::Timeout) if is_due(*deadline, now) => {
+                A::Report(self.end(Closing::Timeout, config))
+            }
             (&L::Sending { command }, I::Abort) => {
                 self.link = L::Idle;
                 A::Report(Event::Aborted { command })
             }
-            (&L::Awaiting { command, .. }, I::Abort) if !config.keeps(Rule::AbortEnds) => {
+            (&L::Awaiting { command, .. }, I::Abort) if !config.rules.keeps(Rule::AbortEnds) => {
                 self.link = L::Idle;
                 A::Report(Event::Aborted { command })
             }
-            (L::Awaiting { .. }, I::Abort) => self.end(Closing::Aborted, config),
-            (L::Idle | L::Sending { .. }, I::Reply(_)) if !config.keeps(Rule::StrayEnds) => A::None,
+            (L::Awaiting { .. }, I::Abort) => A::Report(self.end(Closing::Aborted, config)),
+            (L::Idle | L::Sending { .. }, I::Reply(_)) if !config.rules.keeps(Rule::StrayEnds) => A::Nothing,
             // The next one could be taken for another command's.
-            (L::Idle | L::Sending { .. }, I::Reply(_)) => self.end(Closing::Mismatch, config),
+            (L::Idle | L::Sending { .. }, I::Reply(_)) => A::Report(self.end(Closing::Mismatch, config)),
             (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Corrupt(error)) => {
-                self.end(Closing::Malformed(*error), config)
+                A::Report(self.end(Closing::Malformed(*error), config))
             }
             (L::Down | L::Ended, I::Connected) => {
                 self.open(config);
-                A::None
+                A::Connected { before: None }
             }
             (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Connected) => {
-                let action = self.end(Closing::Disconnected, config);
+                let before = Some(self.end(Closing::Disconnected, config));
                 self.open(config);
-                action
+                A::Connected { before }
             }
             (L::Down | L::Ended, I::Disconnected) => {
                 self.link = L::Down;
-                A::None
+                A::Nothing
             }
             (L::Idle | L::Sending { .. } | L::Awaiting { .. }, I::Disconnected) => {
-                let action = self.end(Closing::Disconnected, config);
+                let event = self.end(Closing::Disconnected, config);
                 self.link = L::Down;
-                action
+                A::Report(event)
             }
             // What still arrives on a connection that has ended.
-            (L::Ended, I::Reply(_) | I::Corrupt(_)) => A::None,
-            (L::Down | L::Idle | L::Sending { .. } | L::Awaiting { .. } | L::Ended, I::Due) => A::None,
-            (L::Down | L::Idle | L::Awaiting { .. } | L::Ended, I::Transmit) => A::None,
-            (L::Down | L::Idle | L::Ended, I::Abort) => A::None,
+            (L::Ended, I::Reply(_) | I::Corrupt(_)) => A::Nothing,
+            (L::Down | L::Idle | L::Sending { .. } | L::Awaiting { .. } | L::Ended, I::Timeout) => A::Nothing,
+            (L::Down | L::Idle | L::Ended, I::Abort) => A::Nothing,
             (L::Down | L::Sending { .. } | L::Awaiting { .. } | L::Ended, I::Request(_))
-            | (L::Down, I::Reply(_) | I::Corrupt(_)) => {
-                return Err(Unexpected { state: self.name(), input: input.name() });
+            | (L::Down, I::Reply(_) | I::Corrupt(_))
+            | (L::Down | L::Idle | L::Awaiting { .. } | L::Ended, I::Sent) => {
+                return Err(self.unexpected(&input));
             }
         })
     }
 
-    /// When [`CentralInput::Due`] is to come.
-    pub const fn deadline(&self) -> Option<Duration> {
+    #[inline]
+    fn transmit(&self, _now: Duration, _config: &CentralConfig) -> Option<Command<P>> {
+        if let CentralLink::Sending { command } = self.link { Some(command) } else { None }
+    }
+
+    #[inline]
+    fn deadline(&self) -> Option<Duration> {
         match self.link {
-            CentralLink::Awaiting { deadline, .. } => Some(deadline),
-            CentralLink::Down | CentralLink::Idle | CentralLink::Sending { .. } | CentralLink::Ended => None,
+            CentralLink::Awaiting { deadline, .. } if deadline < Duration::MAX => Some(deadline),
+            CentralLink::Awaiting { .. }
+            | CentralLink::Down
+            | CentralLink::Idle
+            | CentralLink::Sending { .. }
+            | CentralLink::Ended => None,
         }
     }
 
-    /// Every time in the state; each is a deadline.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    #[inline]
+    fn expires(&self, now: Duration) -> bool {
+        self.deadline().is_some_and(|deadline| now >= deadline)
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         if let CentralLink::Awaiting { deadline, .. } = &mut self.link {
             f(deadline);
         }
@@ -225,8 +253,7 @@ impl<P: Pose> CentralMachine<P> {
         }
     }
 
-    /// The name of the connection's state.
-    pub const fn name(&self) -> &'static str {
+    fn name(&self) -> &'static str {
         match self.link {
             CentralLink::Down => "Down",
             CentralLink::Idle => "Idle",
@@ -235,25 +262,30 @@ impl<P: Pose> CentralMachine<P> {
             CentralLink::Ended => "Ended",
         }
     }
+}
+
+impl<P: Pose> CentralMachine<P> {
+    /// Without a connection.
+    pub const NEW: Self = Self { link: CentralLink::Down, motion: Motion::NONE };
 
     fn open(&mut self, config: &CentralConfig) {
         self.link = CentralLink::Idle;
-        if config.keeps(Rule::ForgetMotion) {
+        if config.rules.keeps(Rule::ForgetMotion) {
             self.motion = Motion::NONE;
         }
     }
 
-    fn end(&mut self, reason: Closing, config: &CentralConfig) -> CentralAction<P> {
+    fn end(&mut self, reason: Closing, config: &CentralConfig) -> Event<P> {
         let unfinished = match self.link {
             CentralLink::Sending { command } => Unfinished::NotSent(command),
-            CentralLink::Awaiting { command, .. } if config.keeps(Rule::UnknownWhenSent) => {
+            CentralLink::Awaiting { command, .. } if config.rules.keeps(Rule::UnknownWhenSent) => {
                 Unfinished::Unknown(command)
             }
             CentralLink::Awaiting { command, .. } => Unfinished::NotSent(command),
             CentralLink::Down | CentralLink::Idle | CentralLink::Ended => Unfinished::Nothing,
         };
         self.link = CentralLink::Ended;
-        CentralAction::Report(Event::Closed { reason, unfinished })
+        Event::Closed { reason, unfinished }
     }
 
     fn reply(
@@ -262,19 +294,19 @@ impl<P: Pose> CentralMachine<P> {
         command: Command<P>,
         reply: &Reply<P>,
         config: &CentralConfig,
-    ) -> CentralAction<P> {
+    ) -> Action<P> {
         let event = match (&command, reply) {
             (_, &Reply::Error { error }) => Event::Refused { command, error },
             (Command::Status, Reply::Status(status)) => {
                 Event::Status { status: *status, motion: self.observe(status, config) }
             }
             (Command::Status, Reply::Ok) | (_, Reply::Status(_)) => {
-                return self.end(Closing::Mismatch, config);
+                return Action::Report(self.end(Closing::Mismatch, config));
             }
             (Command::Close, Reply::Ok) => {
                 self.link = CentralLink::Ended;
                 let (reason, unfinished) = (Closing::Agreed, Unfinished::Nothing);
-                return CentralAction::Report(Event::Closed { reason, unfinished });
+                return Action::Report(Event::Closed { reason, unfinished });
             }
             (_, Reply::Ok) => {
                 self.agree(now, command, config);
@@ -282,7 +314,7 @@ impl<P: Pose> CentralMachine<P> {
             }
         };
         self.link = CentralLink::Idle;
-        CentralAction::Report(event)
+        Action::Report(event)
     }
 
     /// The device has agreed to a command.
@@ -302,7 +334,9 @@ impl<P: Pose> CentralMachine<P> {
             (Command::Move { mode: Mode::Relative, .. } | Command::Reset, _) => {
                 Motion::Starting { target: Target::Unknown, believed_from }
             }
-            (Command::Stop | Command::Servo { on: false }, motion) if !config.keeps(Rule::ForgetTarget) => {
+            (Command::Stop | Command::Servo { on: false }, motion)
+                if !config.rules.keeps(Rule::ForgetTarget) =>
+            {
                 motion
             }
             (Command::Stop | Command::Servo { on: false }, Motion::Rest { pose, .. }) => {
@@ -368,29 +402,13 @@ impl<P> Motion<P> {
 impl<P: Pose> Target<P> {
     /// What it means that a device is at rest.
     fn judge(self, status: &Status<P>, config: &CentralConfig) -> Progress {
-        let servo = status.servo || !config.keeps(Rule::ServoOn);
+        let servo = status.servo || !config.rules.keeps(Rule::ServoOn);
         match self {
             Self::None => Progress::Still,
             Self::Unknown | Self::At(_) if !servo => Progress::Missed(Miss::ServoOff),
             Self::Unknown => Progress::Still,
             Self::At(pose) if status.pose.is_near(pose, config.tolerance) => Progress::Arrived,
             Self::At(_) => Progress::Missed(Miss::Elsewhere),
-        }
-    }
-}
-
-impl<P> CentralInput<P> {
-    /// The name of the input.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "Connected",
-            Self::Disconnected => "Disconnected",
-            Self::Request(_) => "Request",
-            Self::Abort => "Abort",
-            Self::Transmit => "Transmit",
-            Self::Reply(_) => "Reply",
-            Self::Corrupt(_) => "Corrupt",
-            Self::Due => "Due",
         }
     }
 }

@@ -6,13 +6,13 @@ pub mod machine;
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, Encode as _, EventQueue, Session};
+use robot_session::{Core, Decoder as _, Encode as _, End, EventQueue, Room, Unexpected};
 
 pub use self::config::CentralConfig;
 #[doc(hidden)]
-pub use self::config::CentralRule;
+pub use self::config::Rule;
 pub use self::event::{CentralEvent, Closing, Miss, Progress, Unfinished};
-use self::machine::{CentralAction, CentralInput, CentralLink, CentralMachine};
+use self::machine::{Action, CentralLink, CentralMachine, Input};
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, SessionError};
 use crate::message::{Command, Reply};
@@ -21,7 +21,7 @@ use crate::pose::Pose;
 /// The central controller's end of the connections to one device, whose axes are `P`: [`RobotPose`](crate::RobotPose),
 /// [`PlatformPose`](crate::PlatformPose), or [`NoPose`](crate::NoPose) for one without axes.
 ///
-/// [`request`](Self::request) a command and drive the session as [`Session`] requires; its outcome is an event, and then the next
+/// [`request`](Self::request) a command and drive the session as [`Session`](robot_session::Session) requires; its outcome is an event, and then the next
 /// one may be requested.
 ///
 /// - One command is outstanding at a time: replies have no number, only their order shows whose they are. Hence everything but
@@ -33,11 +33,8 @@ use crate::pose::Pose;
 /// - What is known of a motion belongs to its connection: after a new one a status is [`Progress::Still`] or
 ///   [`Progress::Moving`] until a motion is commanded.
 #[derive(Debug, Clone)]
-pub struct Central<P> {
-    config: CentralConfig,
-    machine: CentralMachine<P>,
-    decoder: Decoder,
-    events: EventQueue<CentralEvent<P>, OUTCOMES>,
+pub struct Central<P: Pose> {
+    core: Core<CentralMachine<P>, Decoder, EventQueue<CentralEvent<P>, OUTCOMES>>,
     statistics: CentralStatistics,
 }
 
@@ -71,10 +68,7 @@ impl<P: Pose> Central<P> {
     pub fn new(config: CentralConfig) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self {
-            config,
-            machine: CentralMachine::NEW,
-            decoder: Decoder::new(config.accepts),
-            events: EventQueue::new(),
+            core: Core::new(config, CentralMachine::NEW, Decoder::new(config.accepts)),
             statistics: CentralStatistics::default(),
         })
     }
@@ -86,14 +80,14 @@ impl<P: Pose> Central<P> {
     /// wire. Nothing changes.
     pub fn request(&mut self, command: Command<P>) -> Result<(), SessionError> {
         if command.has_values() {
-            command.in_dialect(self.config.writes).encode(&mut [0; 40])?;
+            command.in_dialect(self.core.config.writes).encode(&mut [0; 40])?;
         }
-        if !self.events.has_room(OUTCOMES) {
+        if !self.core.events.has_room(OUTCOMES) {
             return Err(SessionError::Busy);
         }
-        match self.machine.on(Duration::ZERO, CentralInput::Request(command), &self.config) {
+        match self.core.on(Duration::ZERO, Input::Request(command)) {
             Ok(_) => Ok(()),
-            Err(_) if matches!(self.machine.link, CentralLink::Down | CentralLink::Ended) => {
+            Err(_) if matches!(self.core.machine.link, CentralLink::Down | CentralLink::Ended) => {
                 Err(SessionError::NotConnected)
             }
             Err(_) => Err(SessionError::Busy),
@@ -103,113 +97,92 @@ impl<P: Pose> Central<P> {
     /// Aborts the command that is not finished, if there is one. If it was not sent, it will not be; if it was, its outcome is
     /// unknown and the connection has ended. To stop a motion that was agreed to, request [`Command::Stop`].
     pub fn abort(&mut self, now: Duration) {
-        self.apply(now, CentralInput::Abort);
+        self.advance(now, Input::Abort, None);
     }
 
     /// Whether a command may be requested.
     pub fn is_idle(&self) -> bool {
-        matches!(self.machine.link, CentralLink::Idle) && self.events.has_room(OUTCOMES)
+        matches!(self.core.machine.link, CentralLink::Idle) && self.core.events.has_room(OUTCOMES)
     }
 
     /// Whether there is a connection that has not ended.
     pub const fn is_connected(&self) -> bool {
-        !matches!(self.machine.link, CentralLink::Down | CentralLink::Ended)
+        !matches!(self.core.machine.link, CentralLink::Down | CentralLink::Ended)
     }
 
     /// Whether the connection has ended, and is to be closed.
     pub const fn is_ended(&self) -> bool {
-        matches!(self.machine.link, CentralLink::Ended)
+        matches!(self.core.machine.link, CentralLink::Ended)
     }
 
     /// Its state.
     pub const fn machine(&self) -> &CentralMachine<P> {
-        &self.machine
+        &self.core.machine
     }
 
     /// How it was configured.
     pub const fn config(&self) -> &CentralConfig {
-        &self.config
+        &self.core.config
     }
 
-    #[inline]
-    fn apply(&mut self, now: Duration, input: CentralInput<P>) {
-        match self.machine.on(now, input, &self.config) {
-            Ok(CentralAction::None | CentralAction::Send(_)) => {}
-            Ok(CentralAction::Report(event)) => {
-                if let CentralEvent::Closed { unfinished: Unfinished::Unknown(_), .. } = event {
-                    self.statistics.unknown += 1;
-                }
-                // A command is requested, and a connection begun, only where there is room for their outcomes.
-                let _ = self.events.push_outcome(event);
-            }
-            Err(unexpected) => {
-                self.statistics.unexpected += 1;
-                self.events.push_notice(CentralEvent::Unexpected(unexpected));
-            }
+    fn report(&mut self, event: CentralEvent<P>) {
+        if let CentralEvent::Closed { unfinished: Unfinished::Unknown(_), .. } = event {
+            self.statistics.unknown += 1;
         }
+        // A command is requested, and a connection begun, only where there is room for their outcomes.
+        let _ = self.core.events.push_outcome(event);
     }
 }
 
-impl<P: Pose> Session for Central<P> {
-    type Event = CentralEvent<P>;
+impl<P: Pose> End for Central<P> {
+    type Machine = CentralMachine<P>;
+    type Decoder = Decoder;
+    type Events = EventQueue<CentralEvent<P>, OUTCOMES>;
     type Statistics = CentralStatistics;
+    type Payload = ();
 
     const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Command::<P>::MAX_LEN;
+    /// Two outcomes at most: the connection before, and this one.
+    const ROOM: Room = Room { connect: 2, ..Room::NONE };
 
-    fn handle_connected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.statistics.connections += 1;
-        // Two outcomes at most: the connection before, and this one.
-        if self.events.has_room(2) {
-            self.apply(now, CentralInput::Connected);
-            self.events.push_notice(CentralEvent::Connected);
-        } else {
-            self.apply(now, CentralInput::Disconnected);
-        }
-    }
+    robot_session::core!();
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.apply(now, CentralInput::Disconnected);
+    #[inline]
+    fn next_input(&mut self) -> Option<(Input<P>, Option<()>)> {
+        let line = self.core.decoder.next_frame()?;
+        let reply = line.and_then(|line| Reply::decode(line, &self.core.config.accepts));
+        self.statistics.lines += 1;
+        Some((reply.map_or_else(Input::Corrupt, Input::Reply), None))
     }
 
     #[inline]
-    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        loop {
-            let taken = self.decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
-            while let Some(line) = self.decoder.next_frame() {
-                let reply = line.and_then(|line| Reply::decode(line, &self.config.accepts));
-                self.statistics.lines += 1;
-                self.apply(now, reply.map_or_else(CentralInput::Corrupt, CentralInput::Reply));
+    fn act(&mut self, _now: Duration, action: Action<P>, _: Option<()>) {
+        match action {
+            Action::Nothing => {}
+            Action::Connected { before } => {
+                self.statistics.connections += 1;
+                if let Some(closed) = before {
+                    self.report(closed);
+                }
+                self.core.events.push_notice(CentralEvent::Connected);
             }
-            if bytes.is_empty() {
-                return;
-            }
+            Action::Sent => self.statistics.commands += 1,
+            Action::Report(event) => self.report(event),
         }
     }
 
-    fn handle_timeout(&mut self, now: Duration) {
-        self.apply(now, CentralInput::Due);
+    #[inline]
+    fn write(&mut self, _now: Duration, command: Command<P>, out: &mut [u8]) -> Option<(usize, Input<P>)> {
+        Some((command.in_dialect(self.core.config.writes).encode(out).ok()?, Input::Sent))
     }
 
-    fn poll_event(&mut self) -> Option<CentralEvent<P>> {
-        self.events.pop()
+    fn unexpected(unexpected: Unexpected) -> CentralEvent<P> {
+        CentralEvent::Unexpected(unexpected)
     }
 
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        let CentralLink::Sending { command } = self.machine.link else { return None };
-        let len = command.in_dialect(self.config.writes).encode(out).ok()?;
-        self.apply(now, CentralInput::Transmit);
-        self.statistics.commands += 1;
-        Some(len)
-    }
-
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
-    }
-
-    fn statistics(&self) -> CentralStatistics {
-        CentralStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn counters(&self) -> CentralStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        CentralStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }

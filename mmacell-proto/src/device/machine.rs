@@ -5,8 +5,8 @@
 //! ```text
 //!     Down ── connected ──► Idle ── command ──► Asked ── accept, refuse ──► Answering
 //!                            ▲ └── status, refused by the protocol ───────────┘ │
-//!                            └───────────────── transmit ───────────────────────┘
-//!     Asked ── accept CLO ──► Leaving ── transmit ──► Ended
+//!                            └─────────────────── sent ─────────────────────────┘
+//!     Asked ── accept CLO ──► Leaving ── sent ──► Ended
 //! ```
 //!
 //! The axes (§4.2 to §4.7):
@@ -23,9 +23,11 @@
 //!
 #![doc = include_str!("../../diagrams/device.md")]
 
-use robot_session::Unexpected;
+use core::time::Duration;
 
-use super::config::{DeviceConfig, DeviceRule as Rule};
+use robot_session::{Expiry, Machine, Unexpected};
+
+use super::config::{DeviceConfig, Rule};
 use super::event::{DeviceClosing, DeviceEvent as Event, Order, Rejection};
 use crate::error::DecodeError;
 use crate::message::{Command, ErrorCode, Mode, Reply, Status};
@@ -88,11 +90,13 @@ pub enum Axes {
 
 /// What happens at the device's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum DeviceInput<P> {
+pub enum Input<P> {
     /// A connection was made.
     Connected,
     /// The connection is gone.
     Disconnected,
+    /// Time has passed.
+    Timeout,
     /// A well-formed command.
     Command(Command<P>),
     /// A line that is no command.
@@ -103,8 +107,8 @@ pub enum DeviceInput<P> {
     Accept(Order<P>),
     /// The owner refuses an order.
     Refuse(Order<P>, ErrorCode),
-    /// Bytes can be sent.
-    Transmit,
+    /// The reply that was due is sent.
+    Sent,
     /// The axes are here; `None` if that is not known or has no form on the wire.
     Pose(Option<P>),
     /// The axes are at rest.
@@ -115,74 +119,85 @@ pub enum DeviceInput<P> {
 
 /// What the session is to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum DeviceAction<P> {
+pub enum Action<P> {
     /// Nothing.
-    None,
-    /// Send this reply.
-    Send(Reply<P>),
-    /// Send the reply to `CLO`, then report the end of the connection.
-    Leave,
+    Nothing,
+    /// The connection begins.
+    Connected,
+    /// The next command can be read.
+    Sent,
+    /// The reply to `CLO` was sent: it reports the end of the connection.
+    Left,
     /// Report this.
     Report(Event<P>),
 }
 
-type Step<P> = Result<DeviceAction<P>, Unexpected>;
+robot_session::inputs!(
+    Input<P: Pose>: Command, Corrupt, Overrun, Accept, Refuse, Sent, Pose, Arrived, Failed
+);
 
-impl<P: Pose> DeviceMachine<P> {
-    /// Without a connection, servo motors off, the override at 100 %, its pose unknown.
-    pub const NEW: Self = Self { link: DeviceLink::Down, axes: Axes::Off, pose: None, percent: 100 };
+impl<P: Pose> Machine for DeviceMachine<P> {
+    const END: &'static str = "device";
+    const EXPIRY: Expiry = Expiry::Last;
+    type Input = Input<P>;
+    type Action = Action<P>;
+    type Transmit = Reply<P>;
+    type Config = DeviceConfig;
 
-    /// Takes an input, and returns what is to be done.
-    ///
     /// # Errors
-    /// The state does not allow this input, and nothing has changed: a command that is read while another one is not answered or
-    /// without a connection, an order accepted or refused that is not pending.
+    /// A command that is read while another one is not answered or without a connection, an order accepted or refused that is not
+    /// pending, a reply sent that was not due.
     #[inline]
-    pub fn on(&mut self, input: DeviceInput<P>, config: &DeviceConfig) -> Step<P> {
-        use DeviceAction as A;
-        use DeviceInput as I;
+    fn on(
+        &mut self,
+        _now: Duration,
+        input: Input<P>,
+        config: &DeviceConfig,
+    ) -> Result<Action<P>, Unexpected> {
+        use Action as A;
         use DeviceLink as L;
+        use Input as I;
         Ok(match (&self.link, &input) {
             (L::Idle, &I::Command(command)) => match self.read(command, config) {
                 Ok(action) => action,
                 Err(reason) => self.reject(reason, config),
             },
             (L::Idle, &I::Corrupt(error)) => self.reject(Rejection::Malformed(error), config),
-            (&L::Answering { reply }, I::Transmit) => {
+            (L::Answering { .. }, I::Sent) => {
                 self.link = L::Idle;
-                A::Send(reply)
+                A::Sent
             }
-            (L::Leaving, I::Transmit) => {
+            (L::Leaving, I::Sent) => {
                 self.link = L::Ended;
-                A::Leave
+                A::Left
             }
             (&L::Asked { order }, I::Accept(accepted))
-                if order == *accepted || !config.keeps(Rule::AcceptPending) =>
+                if order == *accepted || !config.rules.keeps(Rule::AcceptPending) =>
             {
                 self.accept(order, config)
             }
             (L::Asked { order }, &I::Refuse(refused, error)) if *order == refused => {
                 self.link = L::Answering { reply: Reply::Error { error } };
-                A::None
+                A::Nothing
             }
             (L::Answering { .. } | L::Leaving | L::Asked { .. }, I::Connected)
-                if !config.keeps(Rule::TakeOver) =>
+                if !config.rules.keeps(Rule::TakeOver) =>
             {
-                A::None
+                A::Nothing
             }
             (
                 L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
                 I::Connected,
             ) => {
                 self.link = L::Idle;
-                A::None
+                A::Connected
             }
             (
                 L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
                 I::Disconnected,
             ) => {
                 self.link = L::Down;
-                A::None
+                A::Nothing
             }
             (L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving, I::Overrun) => {
                 self.link = L::Ended;
@@ -193,49 +208,80 @@ impl<P: Pose> DeviceMachine<P> {
                 I::Pose(pose),
             ) => {
                 self.pose = *pose;
-                A::None
+                A::Nothing
             }
             (
                 L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
                 I::Arrived,
             ) => {
                 self.axes = self.axes.arrived();
-                A::None
+                A::Nothing
             }
             (
                 L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
                 I::Failed(error),
             ) => {
                 self.axes = Axes::Fault { error: *error };
-                A::None
+                A::Nothing
             }
-            (L::Down | L::Idle | L::Asked { .. } | L::Ended, I::Transmit) => A::None,
+            (
+                L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
+                I::Timeout,
+            ) => A::Nothing,
             // What still arrives on a connection that has ended.
-            (L::Ended, I::Command(_) | I::Corrupt(_) | I::Overrun) => A::None,
+            (L::Ended, I::Command(_) | I::Corrupt(_) | I::Overrun) => A::Nothing,
             (L::Down | L::Asked { .. } | L::Answering { .. } | L::Leaving, I::Command(_) | I::Corrupt(_))
             | (L::Down, I::Overrun)
+            | (L::Down | L::Idle | L::Asked { .. } | L::Ended, I::Sent)
             | (
                 L::Down | L::Idle | L::Asked { .. } | L::Answering { .. } | L::Leaving | L::Ended,
                 I::Accept(_) | I::Refuse(..),
             ) => {
-                return Err(Unexpected { state: self.name(), input: input.name() });
+                return Err(self.unexpected(&input));
             }
         })
     }
 
-    /// Whether a command can be read.
-    pub const fn reads(&self) -> bool {
-        matches!(self.link, DeviceLink::Idle | DeviceLink::Ended | DeviceLink::Down)
-    }
-
-    /// What is to be sent now.
-    pub const fn pending(&self) -> Option<Reply<P>> {
+    #[inline]
+    fn transmit(&self, _now: Duration, _config: &DeviceConfig) -> Option<Reply<P>> {
         match self.link {
             DeviceLink::Answering { reply } => Some(reply),
             DeviceLink::Leaving => Some(Reply::Ok),
             DeviceLink::Down | DeviceLink::Idle | DeviceLink::Asked { .. } | DeviceLink::Ended => None,
         }
     }
+
+    fn deadline(&self) -> Option<Duration> {
+        None
+    }
+
+    fn expires(&self, _now: Duration) -> bool {
+        false
+    }
+
+    /// A command is read when the reply to the one before has been sent.
+    #[inline]
+    fn reads(&self) -> bool {
+        matches!(self.link, DeviceLink::Idle | DeviceLink::Ended | DeviceLink::Down)
+    }
+
+    fn each_time(&mut self, _: impl FnMut(&mut Duration)) {}
+
+    fn name(&self) -> &'static str {
+        match self.link {
+            DeviceLink::Down => "Down",
+            DeviceLink::Idle => "Idle",
+            DeviceLink::Asked { .. } => "Asked",
+            DeviceLink::Answering { .. } => "Answering",
+            DeviceLink::Leaving => "Leaving",
+            DeviceLink::Ended => "Ended",
+        }
+    }
+}
+
+impl<P: Pose> DeviceMachine<P> {
+    /// Without a connection, servo motors off, the override at 100 %, its pose unknown.
+    pub const NEW: Self = Self { link: DeviceLink::Down, axes: Axes::Off, pose: None, percent: 100 };
 
     /// What the device reports of itself; `None` while its pose is not known.
     pub fn status(&self) -> Option<Status<P>> {
@@ -248,24 +294,12 @@ impl<P: Pose> DeviceMachine<P> {
         })
     }
 
-    /// The name of the connection's state.
-    pub const fn name(&self) -> &'static str {
-        match self.link {
-            DeviceLink::Down => "Down",
-            DeviceLink::Idle => "Idle",
-            DeviceLink::Asked { .. } => "Asked",
-            DeviceLink::Answering { .. } => "Answering",
-            DeviceLink::Leaving => "Leaving",
-            DeviceLink::Ended => "Ended",
-        }
-    }
-
-    fn read(&mut self, command: Command<P>, config: &DeviceConfig) -> Result<DeviceAction<P>, Rejection> {
+    fn read(&mut self, command: Command<P>, config: &DeviceConfig) -> Result<Action<P>, Rejection> {
         let order = match command {
             Command::Status => {
                 let status = self.status().ok_or(Rejection::NoPose)?;
                 self.link = DeviceLink::Answering { reply: Reply::Status(status) };
-                return Ok(DeviceAction::None);
+                return Ok(Action::Nothing);
             }
             Command::Servo { on } => Order::Servo { on },
             Command::Override { percent } => Order::Override { percent },
@@ -282,14 +316,14 @@ impl<P: Pose> DeviceMachine<P> {
         };
         self.axes.after(order, config).ok_or(Rejection::NotNow { state: self.axes.name() })?;
         self.link = DeviceLink::Asked { order };
-        Ok(DeviceAction::Report(Event::Asked { order }))
+        Ok(Action::Report(Event::Asked { order }))
     }
 
-    fn accept(&mut self, order: Order<P>, config: &DeviceConfig) -> DeviceAction<P> {
+    fn accept(&mut self, order: Order<P>, config: &DeviceConfig) -> Action<P> {
         let possible = self.axes.after(order, config);
         let axes = match possible {
             Some(axes) => axes,
-            None if config.keeps(Rule::AcceptPossible) => {
+            None if config.rules.keeps(Rule::AcceptPossible) => {
                 return self.reject(Rejection::NotNow { state: self.axes.name() }, config);
             }
             None => Axes::Moving,
@@ -309,12 +343,12 @@ impl<P: Pose> DeviceMachine<P> {
             | Order::Acquire { .. }
             | Order::Grip { .. } => DeviceLink::Answering { reply: Reply::Ok },
         };
-        DeviceAction::None
+        Action::Nothing
     }
 
-    fn reject(&mut self, reason: Rejection, config: &DeviceConfig) -> DeviceAction<P> {
+    fn reject(&mut self, reason: Rejection, config: &DeviceConfig) -> Action<P> {
         self.link = DeviceLink::Answering { reply: Reply::Error { error: config.refusal } };
-        DeviceAction::Report(Event::Rejected { reason })
+        Action::Report(Event::Rejected { reason })
     }
 }
 
@@ -329,10 +363,10 @@ impl Axes {
                 Self::Off
             }
             (Self::Still, Order::Move { .. }) => Self::Moving,
-            (Self::Moving | Self::Stopping, Order::Move { .. }) if !config.keeps(Rule::OneMotion) => {
+            (Self::Moving | Self::Stopping, Order::Move { .. }) if !config.rules.keeps(Rule::OneMotion) => {
                 Self::Moving
             }
-            (Self::Off, Order::Move { .. }) if !config.keeps(Rule::ServoFirst) => Self::Moving,
+            (Self::Off, Order::Move { .. }) if !config.rules.keeps(Rule::ServoFirst) => Self::Moving,
             (Self::Off | Self::Moving | Self::Stopping, Order::Move { .. }) => return None,
             (Self::Off | Self::Still | Self::Fault { .. }, Order::Stop)
             | (Self::Fault { .. }, Order::Servo { on: false }) => self,
@@ -380,25 +414,6 @@ impl Axes {
         match self {
             Self::Moving | Self::Stopping => Self::Still,
             Self::Off | Self::Still | Self::Fault { .. } => self,
-        }
-    }
-}
-
-impl<P> DeviceInput<P> {
-    /// The name of the input.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "Connected",
-            Self::Disconnected => "Disconnected",
-            Self::Command(_) => "Command",
-            Self::Corrupt(_) => "Corrupt",
-            Self::Overrun => "Overrun",
-            Self::Accept(_) => "Accept",
-            Self::Refuse(..) => "Refuse",
-            Self::Transmit => "Transmit",
-            Self::Pose(_) => "Pose",
-            Self::Arrived => "Arrived",
-            Self::Failed(_) => "Failed",
         }
     }
 }

@@ -199,14 +199,14 @@ fn mma(rows: &mut Vec<String>) -> Result<()> {
         blank: blank, "bool", "true or false", "§4";
         wide_integers: wide_integers, "bool", "true or false", "§4";
     }
-    rows! { rows, "mmacell-proto", "CentralConfig", CentralConfig = CentralConfig::DEFAULT; model
+    rows! { rows, "mmacell-proto", "CentralConfig", CentralConfig = CentralConfig::DEFAULT; rules
         accepts: accepts, "object", "Dialect", "§4";
         writes: writes, "object", "Dialect", "§4";
         timeout: time(timeout), "ns", "above 0; null: for ever", "ours";
         settle: time(settle), "ns", "from 0", "ours";
         tolerance: tolerance, "units of the last digit: 1 µm, 0.1 mrad", "0 to 4294967295", "ours";
     }
-    rows! { rows, "mmacell-proto", "DeviceConfig", DeviceConfig = DeviceConfig::DEFAULT; model
+    rows! { rows, "mmacell-proto", "DeviceConfig", DeviceConfig = DeviceConfig::DEFAULT; rules
         accepts: accepts, "object", "Dialect", "§4";
         writes: writes, "object", "Dialect", "§4";
         refusal: refusal, "error number", "other than 0, in the range of an integer of `writes`", "§5";

@@ -44,6 +44,10 @@ fn tables(link: &str) -> Option<Vec<testkit::model::Cell>> {
             ]
             .concat()
         }
+        "mmacell-proto" => {
+            use links::mmacell_proto::rows::{Central, Device, Moved, Progress};
+            [cells::<Central>(), cells::<Progress>(), cells::<Device>(), cells::<Moved>()].concat()
+        }
         _ => return None,
     })
 }

@@ -32,7 +32,7 @@ pub trait Rows {
         input.name().into()
     }
 
-    /// The column of an input, where the state says which it is.
+    /// The column of an input, where the state says which it is; empty if the table has none.
     fn column_in(_machine: &Self::Machine, input: &<Self::Machine as Machine>::Input) -> String {
         Self::column(input)
     }
@@ -72,7 +72,9 @@ pub fn cells<R: Rows>() -> Vec<Cell> {
         let (row, expires) = (R::row(&state, NOW), state.expires(NOW));
         for input in R::inputs() {
             let (column, is_timeout) = (R::column_at(&state, NOW, &input), is_timeout::<R::Machine>(&input));
-            if is_timeout != expires && (is_timeout || R::Machine::EXPIRY == Expiry::First) {
+            if column.is_empty()
+                || (is_timeout != expires && (is_timeout || R::Machine::EXPIRY == Expiry::First))
+            {
                 continue;
             }
             let (mut next, name) = (state.clone(), input.name());

@@ -52,7 +52,7 @@ fn place(part: usize) -> RobotPose {
 }
 
 /// One device, its connection, and the central controller's end of it. The conditioning system has no axes that anybody asks for.
-struct Station<P, D> {
+struct Station<P: Pose, D: Pose> {
     name: task::Device,
     wire: Wire,
     central: Central<P>,

@@ -31,7 +31,7 @@ pub(super) struct Arrival {
 }
 
 /// A device at its address.
-pub(super) struct Connection<P> {
+pub(super) struct Connection<P: Pose> {
     from: usize,
     address: String,
     timeout: Duration,

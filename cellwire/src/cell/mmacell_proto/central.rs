@@ -70,7 +70,7 @@ pub struct Log {
 }
 
 #[derive(Debug)]
-struct End<P> {
+struct End<P: Pose> {
     session: Session<P>,
     sent_at: Duration,
     outgoing: Vec<u8>,

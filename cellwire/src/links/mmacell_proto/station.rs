@@ -13,7 +13,7 @@ use super::axes::{Axes, Simulated};
 
 /// A robot or a platform.
 #[derive(Debug)]
-pub struct Station<P> {
+pub struct Station<P: Simulated> {
     device: Device<P>,
     body: Body<P>,
 }
@@ -93,14 +93,17 @@ impl<P: Simulated> Station<P> {
         let (mut answer, mut buffer) = (Answer::default(), [0; 64]);
         self.advance(now);
         let Self { device, body } = self;
-        device.handle_input(now, bytes);
-        let _ = settle(device, now, &mut buffer, |device, output| {
-            match output {
-                Output::Event(event) => body.take(now, device, event, &mut answer),
-                Output::Transmit(bytes) => answer.replies.extend_from_slice(bytes),
-            }
-            ControlFlow::<()>::Continue(())
-        });
+        // Every order is decided at once, so that more is wanted after each piece.
+        for piece in bytes.chunks(Device::<P>::MAX_INPUT) {
+            device.handle_input(now, piece);
+            let _ = settle(device, now, &mut buffer, |device, output| {
+                match output {
+                    Output::Event(event) => body.take(now, device, event, &mut answer),
+                    Output::Transmit(bytes) => answer.replies.extend_from_slice(bytes),
+                }
+                ControlFlow::<()>::Continue(())
+            });
+        }
         answer
     }
 

@@ -3,39 +3,23 @@
 use core::time::Duration;
 
 use anyhow::{Result, bail};
-use mmacell_proto::central::CentralRule;
-use mmacell_proto::central::machine::{CentralLink, Motion, Target};
+use mmacell_proto::central::machine::{self, CentralMachine};
 use mmacell_proto::{
-    Central, CentralConfig, CentralEvent, Closing, Command, Decoder, Miss, PlatformPose, Progress, Reply,
-    SessionError, Unfinished,
+    Central, CentralConfig, CentralEvent, Closing, Command, Miss, PlatformPose, Progress, SessionError,
+    Unfinished,
 };
-use robot_session::{Decoder as _, Session as _};
 use serde_json::{Map, Value};
+use testkit::links::mmacell_proto::rows;
 
-use super::{Do, Driven, Fields, Hooks, Maker, event, kind, show, unexpected};
+use super::{About, Fields, Maker, Noted, cell, event, kind, names, show, unexpected, without};
 
 pub(super) const MAKER: Maker = Maker {
-    make: |config, without| {
-        Ok(Box::new(Driven::<MmaCentral>(Central::new(configuration(config, without)?)?)))
-    },
-    rules: || {
-        ["ServoOn", "UnknownWhenSent", "ForgetMotion", "ForgetTarget", "AbortEnds", "StrayEnds"]
-            .map(String::from)
-            .to_vec()
-    },
+    make: |config, rule| Ok(Noted::<MmaCentral>::boxed(Central::new(configuration(config, rule)?)?)),
+    rules: names::<mmacell_proto::central::Rule>,
 };
 
-const RULES: [CentralRule; 6] = [
-    CentralRule::ServoOn,
-    CentralRule::UnknownWhenSent,
-    CentralRule::ForgetMotion,
-    CentralRule::ForgetTarget,
-    CentralRule::AbortEnds,
-    CentralRule::StrayEnds,
-];
-
-fn configuration(config: &Map<String, Value>, without: Option<usize>) -> Result<CentralConfig> {
-    let mut made = CentralConfig::DEFAULT;
+fn configuration(config: &Map<String, Value>, rule: Option<usize>) -> Result<CentralConfig> {
+    let mut made = CentralConfig { rules: without(rule), ..CentralConfig::DEFAULT };
     let mut fields = Fields(config.clone());
     fields.take("accepts", &mut made.accepts)?;
     fields.take("writes", &mut made.writes)?;
@@ -43,7 +27,6 @@ fn configuration(config: &Map<String, Value>, without: Option<usize>) -> Result<
     fields.time("settle", &mut made.settle)?;
     fields.take("tolerance", &mut made.tolerance)?;
     fields.end()?;
-    made.without = without.and_then(|rule| RULES.get(rule)).copied();
     Ok(made)
 }
 
@@ -51,8 +34,9 @@ type Session = Central<PlatformPose>;
 
 struct MmaCentral;
 
-impl Hooks for MmaCentral {
-    type Session = Session;
+impl About for MmaCentral {
+    type End = Session;
+    type Rows = rows::Central;
 
     fn call(central: &mut Session, now: Duration, name: &str, argument: Value) -> Result<Result<(), String>> {
         match name {
@@ -114,104 +98,11 @@ impl Hooks for MmaCentral {
         })
     }
 
-    fn state(central: &Session) -> String {
-        match central.machine().link {
-            CentralLink::Down => "Down".into(),
-            CentralLink::Idle => "Idle".into(),
-            CentralLink::Sending { .. } => format!("Sending {{ command: {GO} }}"),
-            CentralLink::Awaiting { command, .. } => {
-                format!("Awaiting {{ command: {}, deadline: 1s }}", of(command))
-            }
-            CentralLink::Ended => "Ended".into(),
-        }
+    fn cells(
+        machine: &CentralMachine<PlatformPose>,
+        at: Duration,
+        input: &machine::Input<PlatformPose>,
+    ) -> Vec<String> {
+        [cell::<rows::Central>(machine, at, input), cell::<rows::Progress>(machine, at, input)].concat()
     }
-
-    fn cells(before: &Session, _: &Session, now: Duration, input: &Do, refused: bool) -> Vec<String> {
-        let mut cells = Vec::new();
-        let input = match input {
-            Do::Connected => "Connected".to_owned(),
-            Do::Disconnected => "Disconnected".into(),
-            Do::Timeout => "Due".into(),
-            Do::Call { name, .. } if name == "abort" => "Abort".into(),
-            Do::Call { .. } if !refused => format!("Request({GO})"),
-            Do::Call { .. } | Do::Transmitted | Do::Nothing => return Vec::new(),
-            Do::Input(bytes) => {
-                let Some(reply) = received(before, bytes) else { return Vec::new() };
-                if let (Some(reply), CentralLink::Awaiting { command, .. }) = (reply, before.machine().link) {
-                    let state = motion(before.machine().motion, now);
-                    cells.push(format!("{state}: {} to {}", short(CentralReply(reply)), short(command)));
-                }
-                match reply {
-                    None => "Corrupt(Incomplete)".into(),
-                    Some(Reply::Ok) => "Reply(Ok)".into(),
-                    Some(Reply::Error { .. }) => "Reply(Error { error: Generic })".into(),
-                    Some(Reply::Status(_)) => STATUS.into(),
-                }
-            }
-        };
-        let to = match before.machine().link {
-            CentralLink::Awaiting { command, .. } => format!(" to {}", of(command)),
-            _ => String::new(),
-        };
-        // At a deadline that has not come nothing happens, and the matrix asks at the deadline.
-        let due = before.poll_timeout().is_none_or(|due| now >= due);
-        if input != "Due" || due {
-            cells.push(format!("{}: {input}{to}", Self::state(before)));
-        }
-        cells
-    }
-
-    fn transmit_cells(before: &Session, _: Duration, sent: bool) -> Vec<String> {
-        if sent { vec![format!("{}: Transmit", Self::state(before))] } else { Vec::new() }
-    }
-}
-
-/// The commands of the matrix.
-const GO: &str = "Move { mode: Absolute, pose: there }";
-const STATUS: &str =
-    "Reply(Status(Status { moving: false, pose: here, servo: true, percent: 100, error: None }))";
-
-fn of(command: Command<PlatformPose>) -> &'static str {
-    match command {
-        Command::Status => "Status",
-        Command::Close => "Close",
-        _ => GO,
-    }
-}
-
-/// As the matrix prints it.
-struct CentralReply(Reply<PlatformPose>);
-
-impl core::fmt::Debug for CentralReply {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "Reply({:?})", self.0)
-    }
-}
-
-fn short(value: impl core::fmt::Debug) -> String {
-    format!("{value:?}")
-        .replace("PlatformPose { a: Angle(0), b: Angle(0) }", "here")
-        .replace("PlatformPose { a: Angle(500), b: Angle(0) }", "there")
-}
-
-/// The motion's state, with the time at which "at rest" is believed as one that has come or has not.
-fn motion(motion: Motion<PlatformPose>, now: Duration) -> String {
-    short(match motion {
-        Motion::Starting { target, believed_from } => {
-            let later = now < believed_from && !matches!(target, Target::Unknown);
-            Motion::Starting { target, believed_from: Duration::from_secs(later.into()) }
-        }
-        other => other,
-    })
-}
-
-/// The reply of a step that has one line; no reply: a line that is none.
-fn received(central: &Session, bytes: &[u8]) -> Option<Option<Reply<PlatformPose>>> {
-    let accepts = central.config().accepts;
-    let mut decoder = Decoder::new(accepts);
-    if decoder.push(bytes) < bytes.len() {
-        return None;
-    }
-    let reply = decoder.next_frame()?.and_then(|line| Reply::decode(line, &accepts)).ok();
-    if decoder.next_frame().is_some() { None } else { Some(reply) }
 }

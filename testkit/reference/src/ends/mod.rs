@@ -18,7 +18,7 @@ mod viewer_workstation;
 use core::time::Duration;
 
 use anyhow::{Result, bail};
-use robot_session::{End as _, EventOf, Machine as _, Rule, Rules, Session, Unexpected};
+use robot_session::{End as _, EventOf, InputOf, Machine as _, Rule, Rules, Session, Unexpected};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
@@ -220,10 +220,27 @@ trait About {
         session.core().machine.name().into()
     }
 
+    /// What a machine is given, as the cells of its tables.
+    fn cells(machine: &MachineOf<Self>, at: Duration, input: &InputOf<Self::End>) -> Vec<String> {
+        cell::<Self::Rows>(machine, at, input)
+    }
+
     /// What has happened beside the session's own events, before them.
     fn beside(_: &mut Self::End) -> Vec<String> {
         Vec::new()
     }
+}
+
+type MachineOf<A> = <<A as About>::End as robot_session::End>::Machine;
+
+/// The cell of a table.
+fn cell<R: Rows>(
+    machine: &R::Machine,
+    at: Duration,
+    input: &<R::Machine as robot_session::Machine>::Input,
+) -> Vec<String> {
+    let column = R::column_at(machine, at, input);
+    if column.is_empty() { Vec::new() } else { vec![format!("{}: {column}", R::row(machine, at))] }
 }
 
 /// A session that notes what its machine is given.
@@ -238,10 +255,7 @@ impl<A: About + 'static> Noted<A> {
     /// The cells that were reached since it was asked last.
     fn cells(&mut self) -> Vec<String> {
         let moves = self.0.core_mut().moves.replace(Vec::new()).unwrap_or_default();
-        let cell = |(at, machine, input)| {
-            format!("{}: {}", A::Rows::row(&machine, at), A::Rows::column_at(&machine, at, &input))
-        };
-        moves.into_iter().map(cell).collect()
+        moves.into_iter().flat_map(|(at, machine, input)| A::cells(&machine, at, &input)).collect()
     }
 }
 

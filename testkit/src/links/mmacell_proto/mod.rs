@@ -3,13 +3,16 @@
 mod machines;
 mod pair;
 mod refine;
+pub mod rows;
 mod world;
 
 use core::time::Duration;
 
-use mmacell_proto::central::CentralRule;
-use mmacell_proto::device::DeviceRule;
+use mmacell_proto::central::Rule as CentralRule;
+use mmacell_proto::device::Rule as DeviceRule;
 use mmacell_proto::{CentralConfig, DeviceConfig};
+
+use robot_session::Rules;
 
 pub use self::refine::refine;
 pub use self::world::{Act, Setup, World};
@@ -46,28 +49,30 @@ fn must_fail() -> Vec<MustFail> {
     };
     let device = |rule: &'static str, property, without| {
         let mut setup = setup(2, 2);
-        setup.device.without = Some(without);
+        setup.device.rules = Rules::without(without);
         MustFail::new(rule, property, "2 motions, 2 faults", setup)
     };
     vec![
         central("CentralConfig::tolerance", world::ARRIVED, |config| config.tolerance = u32::MAX),
-        central("CentralRule::ServoOn", world::ARRIVED, |config| config.without = Some(CentralRule::ServoOn)),
+        central("CentralRule::ServoOn", world::ARRIVED, |config| {
+            config.rules = Rules::without(CentralRule::ServoOn)
+        }),
         central("CentralConfig::settle", world::NOT_MISSED, |config| config.settle = Duration::ZERO),
         central("CentralConfig::timeout", crate::model::STANDSTILL, |config| config.timeout = Duration::MAX),
         central("CentralRule::UnknownWhenSent", world::NOT_DONE, |config| {
-            config.without = Some(CentralRule::UnknownWhenSent);
+            config.rules = Rules::without(CentralRule::UnknownWhenSent);
         }),
         central("CentralRule::ForgetMotion", world::NO_TARGET, |config| {
-            config.without = Some(CentralRule::ForgetMotion);
+            config.rules = Rules::without(CentralRule::ForgetMotion);
         }),
         central("CentralRule::ForgetTarget", world::NO_TARGET, |config| {
-            config.without = Some(CentralRule::ForgetTarget);
+            config.rules = Rules::without(CentralRule::ForgetTarget);
         }),
         central("CentralRule::AbortEnds", world::NOT_DONE, |config| {
-            config.without = Some(CentralRule::AbortEnds);
+            config.rules = Rules::without(CentralRule::AbortEnds);
         }),
         central("CentralRule::StrayEnds", world::STRAY, |config| {
-            config.without = Some(CentralRule::StrayEnds);
+            config.rules = Rules::without(CentralRule::StrayEnds);
         }),
         device("DeviceRule::TakeOver", world::DONE, DeviceRule::TakeOver),
         device("DeviceRule::AcceptPending", world::DONE, DeviceRule::AcceptPending),

@@ -2,12 +2,13 @@
 
 use core::time::Duration;
 
-use mmacell_proto::central::machine::{CentralAction, CentralInput, CentralLink, CentralMachine};
-use mmacell_proto::device::machine::{Axes, DeviceAction, DeviceInput, DeviceMachine};
+use mmacell_proto::central::machine::{self as central, CentralLink, CentralMachine};
+use mmacell_proto::device::machine::{self as device, Axes, DeviceMachine};
 use mmacell_proto::{
     CentralEvent, Closing, Command, DecodeError, DeviceEvent, ErrorCode, Miss, Mode, Order, Progress, Reply,
     Unfinished,
 };
+use robot_session::Machine as _;
 
 use super::world::{
     ARRIVED, Act, BETWEEN, DONE, EXPECTED, HOME, IN_FAULT, Job, NO_BREAK, NO_TARGET, NOT_DONE, NOT_MISSED,
@@ -74,7 +75,7 @@ impl System for Setup {
         let reads = world.down.is_some() && world.device.reads() && world.owner[1].is_none();
         add(reads, Act::Deliver);
         add(world.owner[0].is_some(), Act::Accept);
-        add(world.device.pending().is_some() && world.up.is_none(), Act::Reply);
+        add(world.pending_reply().is_some() && world.up.is_none(), Act::Reply);
         add(world.up.is_some(), Act::Return);
         add(world.central.deadline() == Some(Duration::ZERO), Act::Due);
         add(world.going.is_some(), Act::Arrive);
@@ -82,15 +83,15 @@ impl System for Setup {
         add(world.ages(), Act::Tick);
         if world.faults > 0 {
             add(world.going.is_some(), Act::Stall);
-            let status = matches!(world.device.pending(), Some(Reply::Status(status)) if status.moving);
+            let status = matches!(world.pending_reply(), Some(Reply::Status(status)) if status.moving);
             add(status && world.young && world.up.is_none(), Act::LateReply);
             for error in [ErrorCode::Generic, ErrorCode::Other(77)] {
                 add(world.owner[0].is_some(), Act::Refuse(error));
             }
             add(!matches!(world.device.axes, Axes::Fault { .. }), Act::Fail);
-            let status = matches!(world.device.pending(), Some(Reply::Status(status)) if status.servo && !status.moving);
+            let status = matches!(world.pending_reply(), Some(Reply::Status(status)) if status.servo && !status.moving);
             add(status && world.up.is_none(), Act::ServoOffReply);
-            add(world.device.pending().is_some() && world.up.is_none() && !world.cut, Act::RepeatReply);
+            add(world.pending_reply().is_some() && world.up.is_none() && !world.cut, Act::RepeatReply);
             add(world.up.is_some(), Act::Garble);
             add(reads, Act::Misread);
             add(open && !world.cut, Act::Usurp);
@@ -108,34 +109,33 @@ impl System for Setup {
             Act::Connect => {
                 world.hang_up(false);
                 (world.target, world.truth) = (None, UNKNOWN);
-                self.device(&mut world, DeviceInput::Connected, edges);
-                self.central(&mut world, CentralInput::Connected, edges);
+                self.device(&mut world, device::Input::Connected, edges);
+                self.central(&mut world, central::Input::Connected, edges);
             }
             Act::Move => {
                 let pose = target(world.next);
                 world.pending = Some(world.next);
                 world.next += 1;
                 let command = Command::Move { mode: Mode::Absolute, pose };
-                self.central(&mut world, CentralInput::Request(command), edges);
+                self.central(&mut world, central::Input::Request(command), edges);
             }
-            Act::Request(command) => self.central(&mut world, CentralInput::Request(command), edges),
-            Act::Abort => self.central(&mut world, CentralInput::Abort, edges),
-            Act::Transmit => self.central(&mut world, CentralInput::Transmit, edges),
+            Act::Request(command) => self.central(&mut world, central::Input::Request(command), edges),
+            Act::Abort => self.central(&mut world, central::Input::Abort, edges),
+            Act::Transmit => self.ask(&mut world, edges),
             Act::Deliver => {
                 if let Some(command) = world.down.take() {
                     if command == Command::Status {
                         let servo = world.device.axes.servo();
                         world.truth = Truth { at: world.at, moves: world.going.is_some(), servo };
                     }
-                    self.device(&mut world, DeviceInput::Command(command), edges);
+                    self.device(&mut world, device::Input::Command(command), edges);
                 }
             }
             Act::Accept => self.accept(&mut world, edges),
             Act::Reply => {
                 // What has once reported that it moves does not report that it has not begun.
-                world.young &=
-                    !matches!(world.device.pending(), Some(Reply::Status(status)) if status.moving);
-                self.device(&mut world, DeviceInput::Transmit, edges);
+                world.young &= !matches!(world.pending_reply(), Some(Reply::Status(status)) if status.moving);
+                self.answer(&mut world, edges);
             }
             Act::Return => {
                 if let Some(reply) = world.up.take() {
@@ -151,7 +151,7 @@ impl System for Setup {
                     }
                 }
             }
-            Act::Due => self.central(&mut world, CentralInput::Due, edges),
+            Act::Due => self.central(&mut world, central::Input::Timeout, edges),
             Act::Tick => {
                 age(&mut world.central, TICK);
                 world.young = false;
@@ -168,7 +168,7 @@ impl System for Setup {
             }
             Act::LateReply => {
                 world.faults -= 1;
-                self.device(&mut world, DeviceInput::Transmit, edges);
+                self.answer(&mut world, edges);
                 if let Some(Reply::Status(status)) = &mut world.up {
                     status.moving = false;
                 }
@@ -176,18 +176,19 @@ impl System for Setup {
             Act::Refuse(error) => {
                 world.faults -= 1;
                 if let Some(order) = world.take_order() {
-                    let _ = drive(&mut world.device, DeviceInput::Refuse(order, error), &self.device, edges);
+                    let _ =
+                        drive(&mut world.device, device::Input::Refuse(order, error), &self.device, edges);
                 }
             }
             Act::Fail => {
                 world.faults -= 1;
                 world.going = None;
-                self.device(&mut world, DeviceInput::Failed(ErrorCode::Servo1), edges);
+                self.device(&mut world, device::Input::Failed(ErrorCode::Servo1), edges);
             }
             Act::ServoOffReply => {
                 world.faults -= 1;
                 world.truth.servo = false;
-                self.device(&mut world, DeviceInput::Transmit, edges);
+                self.answer(&mut world, edges);
                 if let Some(Reply::Status(status)) = &mut world.up {
                     status.servo = false;
                 }
@@ -195,24 +196,24 @@ impl System for Setup {
             Act::RepeatReply => {
                 world.faults -= 1;
                 world.foreign = true;
-                self.device(&mut world, DeviceInput::Transmit, edges);
+                self.answer(&mut world, edges);
                 world.again = world.up;
             }
             Act::Garble => {
                 world.faults -= 1;
                 world.foreign = true;
                 world.hang_up(world.cut);
-                self.central(&mut world, CentralInput::Corrupt(DecodeError::Incomplete), edges);
+                self.central(&mut world, central::Input::Corrupt(DecodeError::Incomplete), edges);
             }
             Act::Misread => {
                 world.faults -= 1;
                 world.down = None;
-                self.device(&mut world, DeviceInput::Corrupt(DecodeError::Incomplete), edges);
+                self.device(&mut world, device::Input::Corrupt(DecodeError::Incomplete), edges);
             }
             Act::Usurp => {
                 world.faults -= 1;
                 world.hang_up(true);
-                self.device(&mut world, DeviceInput::Connected, edges);
+                self.device(&mut world, device::Input::Connected, edges);
             }
             Act::Cut => {
                 world.faults -= 1;
@@ -221,8 +222,8 @@ impl System for Setup {
             Act::Break => {
                 world.faults -= 1;
                 world.hang_up(world.cut);
-                self.device(&mut world, DeviceInput::Disconnected, edges);
-                self.central(&mut world, CentralInput::Disconnected, edges);
+                self.device(&mut world, device::Input::Disconnected, edges);
+                self.central(&mut world, central::Input::Disconnected, edges);
             }
             Act::RestartDevice => {
                 world.faults -= 1;
@@ -287,27 +288,41 @@ impl System for Setup {
 }
 
 impl Setup {
-    fn central(&self, world: &mut World, input: CentralInput<Pose>, edges: &mut Edges<'_>) {
+    fn central(&self, world: &mut World, input: central::Input<Pose>, edges: &mut Edges<'_>) {
         let action = drive(&mut world.central, input, &self.central, edges);
         match action {
-            Ok(CentralAction::None) => {}
-            Ok(CentralAction::Send(command)) => world.down = (!world.cut).then_some(command),
-            Ok(CentralAction::Report(event)) => self.report(world, event),
+            Ok(
+                central::Action::Nothing
+                | central::Action::Connected { before: None }
+                | central::Action::Sent,
+            ) => {}
+            Ok(central::Action::Report(event) | central::Action::Connected { before: Some(event) }) => {
+                self.report(world, event);
+            }
             Err(_) => world.wrong = Some(EXPECTED),
         }
     }
 
-    fn device(&self, world: &mut World, input: DeviceInput<Pose>, edges: &mut Edges<'_>) {
+    fn ask(&self, world: &mut World, edges: &mut Edges<'_>) {
+        let command = world.central.transmit(Duration::ZERO, &self.central);
+        self.central(world, central::Input::Sent, edges);
+        world.down = command.filter(|_| !world.cut);
+    }
+
+    fn answer(&self, world: &mut World, edges: &mut Edges<'_>) {
+        let reply = world.device.transmit(Duration::ZERO, &self.device);
+        self.device(world, device::Input::Sent, edges);
+        world.up = reply.filter(|_| !world.cut);
+    }
+
+    fn device(&self, world: &mut World, input: device::Input<Pose>, edges: &mut Edges<'_>) {
         match drive(&mut world.device, input, &self.device, edges) {
-            Ok(DeviceAction::None) => {}
-            Ok(DeviceAction::Send(reply)) => world.up = (!world.cut).then_some(reply),
-            Ok(DeviceAction::Leave) => world.up = (!world.cut).then_some(Reply::Ok),
-            Ok(DeviceAction::Report(DeviceEvent::Asked { order })) => {
+            Ok(device::Action::Report(DeviceEvent::Asked { order })) => {
                 if let Some(free) = world.owner.iter_mut().find(|slot| slot.is_none()) {
                     *free = Some(order);
                 }
             }
-            Ok(DeviceAction::Report(_)) => {}
+            Ok(_) => {}
             Err(_) => world.wrong = Some(EXPECTED),
         }
     }
@@ -318,8 +333,8 @@ impl Setup {
         let (in_fault, off) =
             (matches!(world.device.axes, Axes::Fault { .. }), world.device.axes == Axes::Off);
         // It is not pending any more, or not possible.
-        let Ok(DeviceAction::None) =
-            drive(&mut world.device, DeviceInput::Accept(order), &self.device, edges)
+        let Ok(device::Action::Nothing) =
+            drive(&mut world.device, device::Input::Accept(order), &self.device, edges)
         else {
             return;
         };
@@ -349,14 +364,14 @@ impl Setup {
 
     fn rest(&self, world: &mut World, at: Pose, edges: &mut Edges<'_>) {
         world.at = at;
-        self.device(world, DeviceInput::Pose(Some(at)), edges);
-        self.device(world, DeviceInput::Arrived, edges);
+        self.device(world, device::Input::Pose(Some(at)), edges);
+        self.device(world, device::Input::Arrived, edges);
     }
 
     fn receive(&self, world: &mut World, reply: Reply<Pose>, edges: &mut Edges<'_>) {
         let truth = core::mem::replace(&mut world.truth, UNKNOWN);
-        match drive(&mut world.central, CentralInput::Reply(reply), &self.central, edges) {
-            Ok(CentralAction::Report(CentralEvent::Status { motion, .. })) => match motion {
+        match drive(&mut world.central, central::Input::Reply(reply), &self.central, edges) {
+            Ok(central::Action::Report(CentralEvent::Status { motion, .. })) => match motion {
                 // After a reset only the servo motors can be judged.
                 Progress::Missed(Miss::ServoOff) if world.target.is_none() && world.resets() => {}
                 Progress::Arrived | Progress::Missed(_) if world.target.is_none() => {
@@ -368,7 +383,7 @@ impl Setup {
                 Progress::Missed(_) if truth.moves => world.wrong = Some(NOT_MISSED),
                 _ => {}
             },
-            Ok(CentralAction::Report(event)) => {
+            Ok(central::Action::Report(event)) => {
                 if let CentralEvent::Done { command } = event {
                     match command {
                         Command::Move { pose, .. } => world.target = Some(pose),
@@ -378,7 +393,7 @@ impl Setup {
                 }
                 self.report(world, event);
             }
-            Ok(CentralAction::None | CentralAction::Send(_)) => {}
+            Ok(_) => {}
             Err(_) => world.wrong = Some(EXPECTED),
         }
     }

@@ -6,7 +6,7 @@ use mmacell_proto::central::machine::CentralLink;
 use mmacell_proto::{
     Central, CentralEvent, Command, Device, DeviceEvent, ErrorCode, Mode, Order, Reply, Unfinished,
 };
-use robot_session::Session as _;
+use robot_session::{Machine as _, Session as _};
 
 use super::world::{Act, BETWEEN, HOME, Outcome, Pose, Setup, TICK, World, target};
 use crate::model::{self, Refined, age};
@@ -143,7 +143,7 @@ impl<'a> Sessions<'a> {
     }
 
     fn reply(&mut self, before: &World, after: &World, walk: &[Act]) {
-        let reply: Reply<Pose> = before.device.pending().expect("a reply is to be sent");
+        let reply: Reply<Pose> = before.pending_reply().expect("a reply is to be sent");
         let mut out = [0; 64];
         let length = self.device.poll_transmit(self.now, &mut out).expect("a reply is to be sent");
         assert_eq!(out[..length], bytes(&reply), "{walk:?}");
@@ -208,7 +208,7 @@ impl<'a> Sessions<'a> {
         if !matches!(world.central.link, CentralLink::Sending { .. }) {
             assert_eq!(self.central.poll_transmit(now, &mut [0; 64]), None, "{walk:?}");
         }
-        if world.device.pending().is_none() {
+        if world.pending_reply().is_none() {
             assert_eq!(self.device.poll_transmit(now, &mut [0; 64]), None, "{walk:?}");
         }
         assert_eq!((self.central.statistics().unexpected, self.device.statistics().unexpected), (0, 0));

@@ -5,6 +5,7 @@ use core::time::Duration;
 use mmacell_proto::central::machine::{CentralMachine, Motion, Target};
 use mmacell_proto::device::machine::DeviceMachine;
 use mmacell_proto::{CentralConfig, Command, DeviceConfig, ErrorCode, Order, PlatformPose, Reply};
+use robot_session::Machine as _;
 
 pub(super) const TICK: Duration = Duration::from_millis(50);
 pub(super) const HOME: PlatformPose = PlatformPose::ORIGIN;
@@ -167,6 +168,11 @@ pub enum Act {
 }
 
 impl World {
+    /// The reply that the device is to send.
+    pub(super) fn pending_reply(&self) -> Option<Reply<Pose>> {
+        self.device.transmit(Duration::ZERO, &DeviceConfig::DEFAULT)
+    }
+
     /// What is on its way is lost.
     pub(super) fn hang_up(&mut self, cut: bool) {
         (self.cut, self.down, self.up, self.again) = (cut, None, None, None);

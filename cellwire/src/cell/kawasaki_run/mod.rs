@@ -7,6 +7,6 @@ mod session;
 mod settings;
 
 pub use jobs::Jobs;
-pub use journal::{Journal, Outcome};
+pub use journal::Journal;
 pub use run::{Ended, Runner};
 pub use settings::Settings;

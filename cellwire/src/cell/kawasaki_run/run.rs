@@ -9,10 +9,11 @@ use robot_session::now;
 use serde_json::{Value, json};
 
 use super::jobs::Jobs;
-use super::journal::{Journal, Outcome};
+use super::journal::{Entry, Journal};
 use super::session::{Journaled, Order};
 use crate::cell::word::{Operator, Word};
 use crate::io::drive::Lost;
+use crate::io::journal::{Outcome, Span};
 use crate::io::trace::Trace;
 use crate::links::kawasaki_msg::meeting::Meeting;
 use crate::links::kawasaki_msg::pc::{self, Notification, Program};
@@ -93,7 +94,7 @@ impl<'a> Runner<'a> {
     pub fn run(mut self, journal: &'a mut Journal, meeting: &mut Meeting, trace: &Trace) -> Result<Ended> {
         let layout = self.jobs.layout().clone();
         let mut pc = kawasaki_msg::LargePc::sized(self.config)?.with_ranges(layout)?;
-        if let Some(flight) = journal.flight() {
+        if let Some(flight) = &journal.record().flight {
             if flight.max_number != self.config.max_number {
                 bail!(
                     "order {} was begun with max_number = {}: finish it with the same",
@@ -117,7 +118,7 @@ impl<'a> Runner<'a> {
 
     /// The next order: all jobs that are not done.
     fn begin(&mut self, session: &mut Journaled<'a>) -> Result<()> {
-        let used = session.journal.orders();
+        let used = &session.journal.record().numbers;
         let free = || core::iter::repeat_with(|| fastrand::u16(1..)).find(|number| !used.contains(number));
         // After 65 thousand orders every number was used.
         let any = || if used.len() < usize::from(u16::MAX) / 2 { free() } else { None };
@@ -201,11 +202,12 @@ impl<'a> Runner<'a> {
 
     /// Of the jobs that were asked about, the first `done` are.
     fn answer(&mut self, session: &mut Journaled<'a>, first: usize, count: usize, done: usize) -> Result<()> {
+        let answer = |outcome, first, count| Entry::Answer(Span { outcome, first, count });
         if done > 0 {
-            session.journal.answer(Outcome::Done, first, done)?;
+            session.journal.note(&answer(Outcome::Done, first, done))?;
         }
         if done < count {
-            session.journal.answer(Outcome::NotSent, first + done, count - done)?;
+            session.journal.note(&answer(Outcome::NotSent, first + done, count - done))?;
         }
         self.question = None;
         (self.operator.progress)(session.journal.count(Outcome::Done));
@@ -221,7 +223,7 @@ impl<'a> Runner<'a> {
 
     /// The jobs of the order up to this count are done.
     fn done(&mut self, session: &Journaled<'a>, executed: u32) -> Result<()> {
-        let Some(flight) = session.journal.flight() else { return Ok(()) };
+        let Some(flight) = &session.journal.record().flight else { return Ok(()) };
         let from = self.reported;
         self.reported = executed.max(from);
         let indices = from as usize..executed as usize;
@@ -246,16 +248,16 @@ impl<'a> Runner<'a> {
         match event {
             PcEvent::Progress { executed, .. } => return self.done(session, executed),
             PcEvent::ExecutedAhead { index } => {
-                session.journal.ahead(index)?;
-                let place =
-                    session.journal.flight().and_then(|flight| flight.places.get(index as usize).copied());
+                session.journal.note(&Entry::Ahead { ahead: index })?;
+                let flight = session.journal.record().flight.as_ref();
+                let place = flight.and_then(|flight| flight.places.get(index as usize).copied());
                 let line = place.map(|place| self.span("done", place, 1));
                 return line.map_or(Ok(()), &mut *self.operator.notify);
             }
             PcEvent::OrderOver { executed, complete, .. } => {
                 self.done(session, executed)?;
-                let was_sent = session.journal.flight().is_some_and(|flight| flight.sent > 0);
-                session.journal.end(executed, executed)?;
+                let was_sent = session.journal.record().flight.as_ref().is_some_and(|flight| flight.sent > 0);
+                session.journal.note(&Entry::End { end: executed, unknown: executed })?;
                 (self.operator.notify)(serde_json::to_value(event)?)?;
                 if complete || self.paused || self.stopping || !was_sent {
                     return Ok(());
@@ -268,12 +270,12 @@ impl<'a> Runner<'a> {
             }
             PcEvent::OutcomeUnknown { order, executed, sent } => {
                 self.done(session, executed)?;
-                session.journal.end(executed, sent)?;
+                session.journal.note(&Entry::End { end: executed, unknown: sent })?;
                 let why = "the robot has forgotten the order: it was restarted, or was given another one";
                 return (self.operator.notify)(json!({"event": "unknown", "order": order, "why": why}));
             }
             PcEvent::OrderRefused { given_up: true, active, .. } => {
-                session.journal.end(0, 0)?;
+                session.journal.note(&Entry::End { end: 0, unknown: 0 })?;
                 self.ended = Some(Ended::Refused { active });
             }
             PcEvent::JobUnfit { index, error, .. } => bail!("job {} of the order: {error}", index + 1),

@@ -3,14 +3,18 @@
 mod csv;
 mod dxf;
 mod gcode;
-mod journal;
 mod program;
 mod route;
 mod run;
 mod settings;
 
-pub use journal::{Journal, Outcome};
 pub use program::Program;
 pub use route::Instruction;
 pub use run::{Ended, Runner};
 pub use settings::{Coordinate, Mapping, Settings};
+
+use crate::io::journal::{self, Outcome};
+
+/// The journal of a program: the outcome of each instruction. Done is what the controller has queued, or executed if it is
+/// immediate.
+pub type Journal = journal::Journal<Vec<Outcome>>;

@@ -8,11 +8,12 @@ use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError};
 use robot_session::{Driver, Session as _, Transport, now};
 use serde_json::json;
 
-use super::journal::{Journal, Outcome};
+use super::Journal;
 use super::program::Program;
 use super::route::Instruction;
 use crate::cell::word::{Operator, Word};
 use crate::io::drive::{Lost, turn};
+use crate::io::journal::{Outcome, Span};
 
 /// The operator's words are looked at so often.
 const GLANCE: Duration = Duration::from_millis(50);
@@ -113,11 +114,12 @@ impl<'a> Runner<'a> {
     /// Submits the next frame, and notes before it is sent that it may have been; false at the end of the program.
     fn submit(&mut self, host: &mut Host) -> Result<bool> {
         let open = |known: &Outcome| matches!(known, Outcome::NotSent | Outcome::Refused);
-        let Some(first) = self.journal.outcomes().iter().position(open) else { return Ok(false) };
+        let outcomes = self.journal.outcomes();
+        let Some(first) = outcomes.iter().position(open) else { return Ok(false) };
         let mut count = 0;
         for instruction in self.program.instructions.iter().skip(first) {
             let Instruction { word, values, .. } = instruction;
-            if count > 0 && !self.journal.outcomes().get(first + count).is_some_and(open) {
+            if count > 0 && !outcomes.get(first + count).is_some_and(open) {
                 break;
             }
             match host.submit(*word, |parameters| match values.as_slice() {
@@ -138,7 +140,7 @@ impl<'a> Runner<'a> {
         if count == 0 {
             bail!("the host takes no instruction: please report this as a bug");
         }
-        self.journal.note(Outcome::Unknown, first, count)?;
+        self.journal.note(&Span { outcome: Outcome::Unknown, first, count })?;
         self.flight = Some((first, count));
         Ok(true)
     }
@@ -162,7 +164,7 @@ impl<'a> Runner<'a> {
 
     fn outcome(&mut self, outcome: Outcome, why: &str) -> Result<()> {
         let Some((first, count)) = self.flight.take() else { return Ok(()) };
-        self.journal.note(outcome, first, count)?;
+        self.journal.note(&Span { outcome, first, count })?;
         (self.operator.progress)(self.journal.count(Outcome::Done));
         let mut line =
             json!({"event": outcome, "first": first + 1, "count": count, "lines": self.lines(first, count)});
@@ -199,7 +201,7 @@ impl<'a> Runner<'a> {
                     continue;
                 }
             };
-            self.journal.note(outcome, first, count)?;
+            self.journal.note(&Span { outcome, first, count })?;
             (self.operator.progress)(self.journal.count(Outcome::Done));
             let answer = if outcome == Outcome::Done { "done" } else { "repeat" };
             (self.operator.notify)(

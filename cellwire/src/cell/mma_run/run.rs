@@ -9,12 +9,13 @@ use mmacell_task::{Device, Event, Failure, Output, Step, Task};
 use robot_session::now;
 use serde_json::json;
 
+use super::Journal;
 use super::connection::{Arrival, Connection};
-use super::journal::{Journal, State};
 use super::periphery::{Happened, Periphery};
 use super::settings::Settings;
 use crate::cell::word::{Operator, Word};
 use crate::io::drive::Lost;
+use crate::io::journal::{Outcome, Span};
 
 /// The periphery and the operator are looked at so often.
 const GLANCE: Duration = Duration::from_millis(2);
@@ -66,14 +67,14 @@ impl<'a> Runner<'a> {
     /// # Errors
     /// When the journal cannot be written.
     pub fn settle_begun(&mut self) -> Result<bool> {
-        while let Some(part) = self.journal.first(State::Begun) {
+        while let Some(part) = self.journal.first(Outcome::Unknown) {
             self.part = part;
             self.ask("an earlier run has ended while the robot was at this part: clear the gripper")?;
             loop {
                 let Ok(line) = self.operator.words.recv() else { return Ok(false) };
                 match Word::parse(&line) {
-                    Some(Word::Done) => self.note(State::Placed)?,
-                    Some(Word::Repeat) => self.note(State::Waiting)?,
+                    Some(Word::Done) => self.note(Outcome::Done)?,
+                    Some(Word::Repeat) => self.note(Outcome::NotSent)?,
                     Some(Word::Stop | Word::Abort) => return Ok(false),
                     _ => {
                         (self.operator.notify)(json!({"event": "hint", "hint": Word::HINT}))?;
@@ -98,7 +99,7 @@ impl<'a> Runner<'a> {
         addresses: &Addresses,
         periphery: &mut dyn Periphery,
     ) -> Result<Ended> {
-        let Some(first) = self.journal.first(State::Waiting) else { return Ok(Ended::Complete) };
+        let Some(first) = self.journal.first(Outcome::NotSent) else { return Ok(Ended::Complete) };
         self.part = first;
         let (sender, inbox) = mpsc::channel();
         let Addresses { robot, platform, timeout } = addresses;
@@ -149,7 +150,7 @@ impl<'a> Runner<'a> {
                 if arrival.from == ROBOT { robot.arrived(arrival) } else { platform.arrived(arrival) }
             }
         }
-        match (self.journal.first(State::Waiting), self.journal.first(State::Begun), self.lost.take()) {
+        match (self.journal.first(Outcome::NotSent), self.journal.first(Outcome::Unknown), self.lost.take()) {
             (None, None, _) => Ok(Ended::Complete),
             (_, _, Some(why)) => Err(Lost(why).into()),
             _ => Ok(Ended::Stopped),
@@ -222,9 +223,9 @@ impl<'a> Runner<'a> {
         (self.operator.notify)(json!({"event": "step", "step": step, "part": self.part + 1}))?;
         match step {
             // From now on the robot may have touched it.
-            Step::GoPick => self.note(State::Begun),
+            Step::GoPick => self.note(Outcome::Unknown),
             Step::Placed => {
-                self.note(State::Placed)?;
+                self.note(Outcome::Done)?;
                 (self.operator.notify)(json!({"event": "placed", "part": self.part + 1}))?;
                 self.next(task, Event::Next)
             }
@@ -248,7 +249,7 @@ impl<'a> Runner<'a> {
 
     /// The next part, the end, or a pause; `go` leads on.
     fn next(&mut self, task: &mut Task, go: Event) -> Result<()> {
-        match self.journal.first(State::Waiting) {
+        match self.journal.first(Outcome::NotSent) {
             None => task.handle_event(now(), Event::Finish),
             Some(_) if self.stopping => task.handle_event(now(), Event::Finish),
             Some(_) if self.paused => self.held = true,
@@ -260,9 +261,9 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    fn note(&mut self, state: State) -> Result<()> {
-        self.journal.note(self.part, state)?;
-        (self.operator.progress)(self.journal.count(State::Placed));
+    fn note(&mut self, outcome: Outcome) -> Result<()> {
+        self.journal.note(&Span { outcome, first: self.part, count: 1 })?;
+        (self.operator.progress)(self.journal.count(Outcome::Done));
         Ok(())
     }
 
@@ -302,11 +303,11 @@ impl<'a> Runner<'a> {
                     task.handle_event(now(), Event::Abort);
                 }
                 Some(Word::Done) if core::mem::take(&mut self.question) => {
-                    self.note(State::Placed)?;
+                    self.note(Outcome::Done)?;
                     self.next(task, go)?;
                 }
                 Some(Word::Repeat) if core::mem::take(&mut self.question) => {
-                    self.note(State::Waiting)?;
+                    self.note(Outcome::NotSent)?;
                     task.handle_event(now(), go);
                 }
                 Some(Word::Done | Word::Repeat) | None => {

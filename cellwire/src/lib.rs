@@ -13,7 +13,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use self::cell::fanuc_hmi_modbus::plausibility::Implausible;
+use self::cell::telemetry::plausibility::Implausible;
 use self::command::{
     alter, bridge, decode, demo, encode, fanuc, kawasaki, laser, ls, manual, mma, modbus, settings, simulate,
     vectors,

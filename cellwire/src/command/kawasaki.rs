@@ -10,8 +10,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
 use super::settings::SetArgs;
-use crate::cell::kawasaki_run::{Ended, Jobs, Journal, Runner, Settings};
-use crate::cell::word::Operator;
+use crate::cell::run::Operator;
+use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use crate::io::input::seconds;
 use crate::io::journal::{self, Outcome};
 use crate::io::output::{log, ready};

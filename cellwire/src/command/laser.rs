@@ -8,8 +8,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
 use super::settings::SetArgs;
-use crate::cell::laser_run::{Ended, Journal, Program, Runner, Settings};
-use crate::cell::word::Operator;
+use crate::cell::run::Operator;
+use crate::cell::run::laser::{Ended, Journal, Program, Runner, Settings};
 use crate::io::journal::{self, Outcome};
 use crate::io::output::log;
 use crate::io::port::AnyPort;

@@ -8,8 +8,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
 use super::settings::SetArgs;
-use crate::cell::mma_run::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated};
-use crate::cell::word::Operator;
+use crate::cell::run::Operator;
+use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated};
 use crate::io::journal::{self, Outcome};
 use crate::io::output::log;
 use crate::io::tcp::ConnectArgs;

@@ -1,6 +1,8 @@
 //! The teleoperation cell, seen from each of its links.
 
 mod ball;
+pub mod cell;
+pub mod cycles;
 mod plot;
 mod robot;
 mod viewer;

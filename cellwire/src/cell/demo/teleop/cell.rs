@@ -11,10 +11,12 @@ use val2_alter::timing;
 use val2_alter::{Accumulation, ControllerConfig, Exception, HostConfig, HostState, MotionPhase};
 
 use super::cycles::{Cycle, Cycles};
-use super::input::InputConfig;
-use super::latch::{Latch, LatchConfig};
-use super::{LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, polls};
-use crate::cell::options::DemoOptions;
+use crate::cell::demo::DemoOptions;
+use crate::cell::teleop::input::InputConfig;
+use crate::cell::teleop::latch::{Latch, LatchConfig};
+use crate::cell::teleop::{
+    LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config, polls,
+};
 use crate::io::line::{Clock, Line, LineFaults};
 use crate::io::pauses::{Pauses, Watch};
 use crate::io::samples::Samples;
@@ -65,7 +67,7 @@ impl CellConfig {
     pub fn of(options: &DemoOptions) -> Self {
         Self {
             time: options.seconds.unwrap_or(OWN_RUN),
-            alter: HostConfig { limits: LIMITS, subroutine: true, ..super::host_config() },
+            alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
             controller: PumaConfig::default().controller,
             polls: polls(isra_ball::timing::BAUD),
             ball: BallConfig::default(),

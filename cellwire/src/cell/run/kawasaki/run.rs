@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::jobs::Jobs;
 use super::journal::{Entry, Journal};
 use super::session::{Journaled, Order};
-use crate::cell::word::{Operator, Word};
+use crate::cell::run::{Operator, Word};
 use crate::io::drive::Lost;
 use crate::io::journal::{Outcome, Span};
 use crate::io::trace::Trace;

@@ -1,4 +1,8 @@
-//! The operator of a program that runs, and what they type.
+//! The clients that run a piece of work on a machine, each part of it once; its operator, and what they type.
+
+pub mod kawasaki;
+pub mod laser;
+pub mod mma;
 
 use std::sync::mpsc::Receiver;
 

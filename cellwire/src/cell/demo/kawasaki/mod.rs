@@ -1,5 +1,7 @@
 //! `cellwire demo kawasaki-msg`: the source's own application, a PC that lets a robot draw a picture.
 
+pub mod tally;
+
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
@@ -9,8 +11,8 @@ use anyhow::{Result, anyhow, bail, ensure};
 use indicatif::ProgressBar;
 use kawasaki_msg::{Bounds, LargePc, PcConfig, PcEvent, Point, RobotConfig, timing};
 
-use super::tally::{Ledger, Outcome};
-use crate::cell::options::DemoOptions;
+use self::tally::{Ledger, Outcome};
+use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Picture};
 use crate::io::tcp::{self, FaultyProxy};

@@ -4,7 +4,7 @@ use std::sync::mpsc::Receiver;
 
 use kawasaki_msg::Dialect;
 
-use crate::cell::options::DemoOptions;
+use crate::cell::demo::DemoOptions;
 use crate::cell::report::Jobs;
 use crate::links::kawasaki_msg::layout::AnyWork;
 use crate::links::kawasaki_msg::robot::Stroke;

@@ -4,9 +4,9 @@ use anyhow::Result;
 use isra_ball::{BallConfig, timing};
 
 use super::{plot, robot};
-use crate::cell::options::{DemoOptions, MustFail};
+use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
+use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
-use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::teleop::polls;
 use crate::links::settings::{self, Configure, Table};
 

@@ -1,6 +1,11 @@
 //! `cellwire demo fanuc-hmi-modbus`: a trajectory becomes a spline program, the simulated robot runs it, its telemetry is
 //! logged over Modbus TCP and compared with the trajectory.
 
+mod robot;
+mod settings;
+
+pub use settings::Settings;
+
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::thread;
@@ -11,24 +16,23 @@ use fanuc_hmi_modbus::TelemetryBlock;
 use fanuc_ls::{Program, Rules};
 use serde_json::json;
 
-use super::logger::{Logger, Reading, Source};
-use super::plot;
-use super::recording::{self, Comparison, ComparisonError, Recording};
-use super::robot::Run;
-use super::settings::Settings;
-use super::task::BackgroundTask;
-use crate::cell::options::{DemoOptions, MustFail};
+use self::robot::Run;
+use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
+use crate::cell::telemetry::logger::{Logger, Reading, Source};
+use crate::cell::telemetry::plot;
+use crate::cell::telemetry::recording::{self, Comparison, ComparisonError, Recording};
+use crate::cell::telemetry::task::BackgroundTask;
 use crate::io::files;
 use crate::io::line::Clock;
 use crate::io::listener::Listener;
 use crate::io::samples::Samples;
 use crate::io::serve::Service;
 use crate::io::tcp;
+use crate::links;
 use crate::links::fanuc_hmi_modbus::controller::{Controller, PERIOD, Pose};
 use crate::links::fanuc_hmi_modbus::options::json;
 use crate::links::fanuc_hmi_modbus::simulate::serve_tcp;
-use crate::links::settings;
 use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Quaternion, Resampling, Sampling, Trajectory,
 };
@@ -46,7 +50,7 @@ const SPEED: (f64, f64) = (100.0, 20.0);
 /// # Errors
 /// When no port is free, a file cannot be written, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings = settings::read("fanuc-hmi-modbus", Settings::default(), &options.settings)?;
+    let settings = links::settings::read("fanuc-hmi-modbus", Settings::default(), &options.settings)?;
     let seconds = options.seconds.map_or(8.0, |seconds| seconds.as_secs_f64());
     let laps = (seconds / LAP).ceil().max(1.0);
     let trajectory = trajectory((seconds / laps - 2.0 * REST).max(0.5), laps > 1.0)?;

@@ -1,5 +1,16 @@
 //! `cellwire demo mmacell-proto`: the pick-and-place task over three TCP connections into a simulated cell.
 
+pub mod cell;
+pub mod central;
+pub mod judged;
+mod periphery;
+mod settings;
+pub mod timeline;
+pub mod verdict;
+pub mod workpiece;
+
+pub use settings::Settings;
+
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -11,18 +22,16 @@ use anyhow::{Context, Result, bail};
 use mmacell_proto::CentralConfig;
 use mmacell_task::{Step, TaskConfig};
 
-use super::cell::{Cell, Which};
-use super::central::{Central, Log, Now};
-use super::judged::Judged;
-use super::settings::Settings;
-use super::timeline;
-use crate::cell::options::DemoOptions;
+use self::cell::{Cell, Which};
+use self::central::{Central, Log, Now};
+use self::judged::Judged;
+use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Jobs, Report};
 use crate::io::tcp::{self, FaultyProxy};
 use crate::io::trace::{Trace, Way};
+use crate::links;
 use crate::links::mmacell_proto::connections::{Connections, Stop};
 use crate::links::mmacell_proto::station::MotionFaults;
-use crate::links::settings;
 
 /// How often a read breaks the connection when faults are wanted.
 const BREAKS: f64 = 0.001;
@@ -35,7 +44,7 @@ const STANDSTILL: Duration = Duration::from_secs(20);
 /// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stands still.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { parts, speed, stall_every, task, central } =
-        settings::read("mmacell-proto", Settings::default(), &options.settings)?;
+        links::settings::read("mmacell-proto", Settings::default(), &options.settings)?;
     // A time limit counts, not a number of parts, unless both are given.
     let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
     let stalls = MotionFaults { stall_every, ..MotionFaults::default() };
@@ -349,7 +358,6 @@ mod tests {
 
     use super::*;
     use crate::io::trace::TraceArgs;
-    use crate::links::settings;
 
     fn options(faults: bool, set: &[&str]) -> DemoOptions {
         DemoOptions {
@@ -360,7 +368,7 @@ mod tests {
             must_fail: None,
             drawing: None,
             trace: TraceArgs::off(),
-            settings: set.iter().filter_map(|text| settings::parse(text).ok()).collect(),
+            settings: set.iter().filter_map(|text| links::settings::parse(text).ok()).collect(),
             progress: ProgressBar::hidden(),
         }
     }

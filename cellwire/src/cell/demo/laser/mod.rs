@@ -1,5 +1,9 @@
 //! `cellwire demo laser-eb90`.
 
+pub mod host;
+pub mod path;
+pub mod tally;
+
 use std::sync::Mutex;
 use std::thread;
 use std::time::Duration;
@@ -7,10 +11,10 @@ use std::time::Duration;
 use anyhow::Result;
 use laser_eb90::{HostConfig, timing};
 
-use super::host::{Cutter, Plan};
-use super::path::{self, Cut, SHEET};
-use super::tally::Tally;
-use crate::cell::options::DemoOptions;
+use self::host::{Cutter, Plan};
+use self::path::{Cut, SHEET};
+use self::tally::Tally;
+use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Point};
 use crate::io::line::{Clock, Line, LineFaults};

@@ -7,9 +7,9 @@ use anyhow::Result;
 use val2_alter::{AXES, ControllerConfig, ErrorCode, HostConfig, Scale, timing};
 
 use super::plot;
-use crate::cell::options::{DemoOptions, MustFail};
+use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
+use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
-use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::teleop::{LIMITS, host_config};
 use crate::links::settings::{self, Configure, Table};
 use crate::links::val2_alter::puma::{PumaConfig, error_text};

@@ -3,9 +3,9 @@
 use anyhow::Result;
 
 use super::plot;
-use crate::cell::options::{DemoOptions, MustFail};
+use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
+use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::Report;
-use crate::cell::teleop::cell::{self, CellConfig, CellRecord};
 use crate::links::settings::{self, Configure, Table};
 use crate::links::val2_viewer::options::ViewerSettings;
 

@@ -7,9 +7,9 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use val2_alter::{Limits, Scale, timing};
 
-use crate::cell::options::DemoOptions;
-use crate::cell::teleop::cell::{CellConfig, CellRecord};
-use crate::cell::teleop::cycles::Cycle;
+use crate::cell::demo::DemoOptions;
+use crate::cell::demo::teleop::cell::{CellConfig, CellRecord};
+use crate::cell::demo::teleop::cycles::Cycle;
 use crate::io::files;
 
 const ASKED: RGBColor = RGBColor(200, 90, 40);

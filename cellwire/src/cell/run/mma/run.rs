@@ -13,7 +13,7 @@ use super::Journal;
 use super::connection::{Arrival, Connection};
 use super::periphery::{Happened, Periphery};
 use super::settings::Settings;
-use crate::cell::word::{Operator, Word};
+use crate::cell::run::{Operator, Word};
 use crate::io::drive::Lost;
 use crate::io::journal::{Outcome, Span};
 

@@ -11,7 +11,7 @@ use serde_json::json;
 use super::Journal;
 use super::program::Program;
 use super::route::Instruction;
-use crate::cell::word::{Operator, Word};
+use crate::cell::run::{Operator, Word};
 use crate::io::drive::{Lost, turn};
 use crate::io::journal::{Outcome, Span};
 

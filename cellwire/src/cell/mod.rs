@@ -1,6 +1,5 @@
 //! Scenarios: simulated devices and clients put together, with what is measured and drawn.
 
-pub mod bridge;
 pub mod demo;
 pub mod operator;
 pub mod report;

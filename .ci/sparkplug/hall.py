@@ -29,6 +29,7 @@ links = [link for link in LINKS if args.link in (None, link.NAME)]
 processors = sorted(os.sched_getaffinity(0))
 if args.alone:
     os.sched_setaffinity(0, processors[:-1])
+BRIDGE = str(Path(args.cellwire).with_name("cellwire-bridge"))
 LOGIN, GROUP, NODE, HOST = ("bridge", "correct horse"), "hall", "bridge-1", "scada"
 folder = args.place / "run"
 subprocess.run(["rm", "-rf", folder], check=True)
@@ -147,7 +148,7 @@ class Bridge:
     def start(self):
         self.began = time.time()
         place = ["taskset", "-c", str(processors[-1])] if args.alone else []
-        self.process = spawn([*place, args.cellwire, "bridge", str(self.hall)], "bridge.log", stderr=open(folder / "bridge.err", "a"))
+        self.process = spawn([*place, BRIDGE, "--config", str(self.hall)], "bridge.log", stderr=open(folder / "bridge.err", "a"))
 
     def look(self):
         try:
@@ -211,7 +212,7 @@ file = "hall.redb"
 listen = "127.0.0.1:{health_port}"
 
 """ + "\n".join(cell.table() for cell in cells))
-checked = subprocess.run([args.cellwire, "bridge", str(hall), "--check"], capture_output=True, text=True)
+checked = subprocess.run([BRIDGE, "--config", str(hall), "--check"], capture_output=True, text=True)
 if checked.returncode != 0:
     fail(checked.stderr)
 

@@ -1,6 +1,6 @@
-//! The parts of the `cellwire` tool, which is the only crate of the workspace that opens a socket or a port.
+//! The parts of the `cellwire` tool: it and `cellwire-bridge` are the only crates of the workspace that open a socket or a port.
 //!
-//! This is a library only for its tests. The tool is the interface; the API of this library may change at any time.
+//! This is a library only for its tests and for `cellwire-bridge`. The tool is the interface; the API of this library may change at any time.
 
 #![allow(clippy::std_instead_of_core, reason = "the tool is a program with std")]
 
@@ -13,10 +13,9 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use self::cell::fanuc_hmi_modbus::plausibility::Implausible;
+use self::cell::telemetry::plausibility::Implausible;
 use self::command::{
-    alter, bridge, decode, demo, encode, fanuc, kawasaki, laser, ls, manual, mma, modbus, settings, simulate,
-    vectors,
+    alter, decode, demo, encode, fanuc, kawasaki, laser, ls, manual, mma, modbus, settings, simulate, vectors,
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
@@ -42,7 +41,6 @@ Examples:
   cellwire ls make path.csv --mode dynamic             a robot program of spline moves from a trajectory
   cellwire alter --robot /dev/ttyS0 --ball /dev/ttyS1  the operator's screen of a teleoperation cell
   cellwire simulate kawasaki-pc --listen 127.0.0.1:9105   a PC to test a robot against
-  cellwire bridge hall-3.toml                          many cells to one MQTT broker
 
 Exit status:
   0 success   1 corrupt input, or a broken promise   2 the command could not be run
@@ -63,7 +61,6 @@ enum Command {
     Mma(mma::Args),
     Vectors(vectors::Args),
     Alter(alter::Args),
-    Bridge(bridge::Args),
     Completions(manual::Completions),
     Man(manual::Man),
 }
@@ -84,9 +81,8 @@ pub fn main() -> ExitCode {
         Command::Mma(args) => mma::run(&args),
         Command::Vectors(args) => vectors::run(&args),
         Command::Alter(args) => alter::run(&args),
-        Command::Bridge(args) => bridge::run(&args),
-        Command::Completions(args) => manual::completions(&args, command_line()).map(|()| true),
-        Command::Man(args) => manual::man(&args, command_line()).map(|()| true),
+        Command::Completions(args) => manual::completions(args.shell, command_line()).map(|()| true),
+        Command::Man(args) => manual::man(&args.folder, command_line()).map(|()| true),
     };
     let status = match outcome {
         Ok(true) => ExitCode::SUCCESS,
@@ -134,11 +130,7 @@ fn command_line() -> clap::Command {
         command =
             command.mut_subcommand(name, |it| it.mut_subcommand(inner, |it| with_settings(it, &settings)));
     }
-    command = command.mut_subcommand("modbus", |it| with_settings(it, &client_settings()));
-    command.mut_subcommand("bridge", |it| {
-        let before = it.get_after_help().map(ToString::to_string).unwrap_or_default();
-        it.after_long_help(format!("{before}\n\n{}", bridge::help()))
-    })
+    command.mut_subcommand("modbus", |it| with_settings(it, &client_settings()))
 }
 
 /// The command, whose long help ends with these settings.

@@ -7,11 +7,11 @@ use core::time::Duration;
 use mmacell_task::Step;
 use testkit::link::{self, Delivery, Faults, Link};
 
-use cellwire::cell::mmacell_proto::cell::{self, Cell, Which};
-use cellwire::cell::mmacell_proto::central::{Central, Log, Now};
-use cellwire::cell::mmacell_proto::judged::{Judged, MOST_STEPS};
-use cellwire::cell::mmacell_proto::verdict::{End, attempts, is_in_order, leaves_open};
-use cellwire::cell::mmacell_proto::workpiece::Record;
+use cellwire::cell::demo::mma::cell::{self, Cell, Which};
+use cellwire::cell::demo::mma::central::{Central, Log, Now};
+use cellwire::cell::demo::mma::judged::{Judged, MOST_STEPS};
+use cellwire::cell::demo::mma::verdict::{End, attempts, is_in_order, leaves_open};
+use cellwire::cell::demo::mma::workpiece::Record;
 use cellwire::io::samples::Samples;
 use cellwire::links::mmacell_proto::station::MotionFaults;
 

@@ -1,7 +1,7 @@
 //! Trajectories read from a table and made into spline moves, in the source's three ways.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use cellwire::cell::fanuc_hmi_modbus::task::{BackgroundTask, TaskError};
+use cellwire::cell::telemetry::task::{BackgroundTask, TaskError};
 use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Pose, Report, ResampleError, Resampling, Sampling, SpeedStep,
     Trajectory, TrajectoryError, TrajectoryReason,

@@ -112,7 +112,7 @@ fn settings_inside_others_are_listed() {
     has(device("puma"), &["leading_dle", "baud", "gap", "scale.per_mm", "layout.order", "home.x", "restart"]);
     has(device("laser"), &["tail", "tags", "words", "queue", "execution", "silence"]);
     has(device("kawasaki-robot"), &["charset", "limits.packet", "bounds.max.x", "recovery.pauses", "acks"]);
-    let demo = |link: &str| cellwire::cell::settings(link);
+    let demo = |link: &str| cellwire::cell::demo::settings(link);
     has(demo("kawasaki-msg"), &["charset", "robot.patience", "robot.recovery.pauses", "pc.silence", "port"]);
     has(demo("laser-eb90"), &["baud", "resends", "tail", "robot.queue", "robot.silence"]);
     has(demo("val2-viewer"), &["baud", "stale_after", "host.interval", "host.max_age"]);

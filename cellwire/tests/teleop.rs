@@ -17,7 +17,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::Duration;
 
-use cellwire::cell::teleop::cell::{self, CellConfig};
+use cellwire::cell::demo::teleop::cell::{self, CellConfig};
 use cellwire::cell::teleop::input::InputConfig;
 use cellwire::cell::teleop::latch::LatchConfig;
 use cellwire::cell::teleop::{

@@ -8,7 +8,7 @@ use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::settings::SetArgs;
-use crate::cell::{self, DemoOptions, MustFail};
+use crate::cell::demo::{self, DemoOptions, MustFail};
 use crate::io::input::seconds;
 use crate::io::interrupt;
 use crate::io::trace::TraceArgs;
@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> Result<bool> {
             settings: settings.clone(),
             progress: progress.clone(),
         };
-        let report = cell::demo(link.name(), &options).map_err(|error| args.set.located(error))?;
+        let report = demo::run(link.name(), &options).map_err(|error| args.set.located(error))?;
         progress.finish_and_clear();
         let check_times = args.check_times || args.must_fail == Some(MustFail::Late);
         all &= report.is_good() && (report.is_in_time() || !check_times);

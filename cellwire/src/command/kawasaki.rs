@@ -10,13 +10,14 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
 use super::settings::SetArgs;
-use crate::cell::kawasaki_run::{Ended, Jobs, Journal, Outcome, Runner, Settings};
-use crate::cell::word::Operator;
+use crate::cell::run::Operator;
+use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use crate::io::input::seconds;
+use crate::io::journal::{self, Outcome};
 use crate::io::output::{log, ready};
 use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
-use crate::io::{files, input, interrupt, journal};
+use crate::io::{files, input, interrupt};
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
 use crate::links::settings;
@@ -167,7 +168,7 @@ fn execute(file: &Path, args: &RunArgs, read: impl FnOnce(&Settings) -> Result<J
         return Ok(true);
     }
     let path = args.journal.clone().unwrap_or_else(|| journal::beside(file));
-    let mut journal = Journal::open(&path, &jobs, args.again)?;
+    let mut journal = Journal::open(&path, "file of jobs", jobs.fingerprint(), jobs.work.len(), args.again)?;
     let ended = serve(args, &settings, config, &jobs, &mut journal);
     if let Some(file) = &args.out {
         files::write(file, outcomes(&jobs, &journal).as_bytes())?;
@@ -196,7 +197,7 @@ fn serve(
 ) -> Result<Ended> {
     let (all, before) = (jobs.work.len(), journal.count(Outcome::Done));
     ensure!(
-        before < all || journal.flight().is_some(),
+        before < all || journal.record().flight.is_some(),
         "these jobs were run to their end, as {} says; --again runs them again",
         journal.path().display()
     );
@@ -230,12 +231,8 @@ fn serve(
 /// `number,line,outcome` of every job.
 fn outcomes(jobs: &Jobs, journal: &Journal) -> String {
     let mut text = String::from("number,line,outcome\n");
-    for (number, (line, outcome)) in (1..).zip(jobs.lines.iter().zip(journal.outcomes())) {
-        let outcome = match outcome {
-            Outcome::NotSent => "not_sent",
-            Outcome::Done => "done",
-            Outcome::Unknown => "unknown",
-        };
+    for (number, (line, outcome)) in (1..).zip(jobs.lines.iter().zip(&*journal.outcomes())) {
+        let outcome = outcome.name();
         text.push_str(&format!("{number},{line},{outcome}\n"));
     }
     text

@@ -8,12 +8,13 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
 use super::settings::SetArgs;
-use crate::cell::laser_run::{Ended, Journal, Outcome, Program, Runner, Settings};
-use crate::cell::word::Operator;
+use crate::cell::run::Operator;
+use crate::cell::run::laser::{Ended, Journal, Program, Runner, Settings};
+use crate::io::journal::{self, Outcome};
 use crate::io::output::log;
 use crate::io::port::AnyPort;
 use crate::io::tcp::ConnectArgs;
-use crate::io::{files, input, journal};
+use crate::io::{files, input};
 use crate::links::settings;
 
 /// Runs programs on a laser robot over its serial line (EB 90 frames).
@@ -94,7 +95,8 @@ pub fn run(args: &Args) -> Result<bool> {
         return Ok(true);
     }
     let path = args.journal.clone().unwrap_or_else(|| journal::beside(&args.file));
-    let mut journal = Journal::open(&path, &program, args.again)?;
+    let (work, parts) = (program.fingerprint(), program.instructions.len());
+    let mut journal = Journal::open(&path, "program", work, parts, args.again)?;
     let ended = execute(args, &program, &mut journal, host);
     if let Some(file) = &args.out {
         files::write(file, outcomes(&program, &journal).as_bytes())?;
@@ -148,13 +150,8 @@ fn execute(
 /// `number,line,word,outcome` of every instruction.
 fn outcomes(program: &Program, journal: &Journal) -> String {
     let mut text = String::from("number,line,word,outcome\n");
-    for (number, (instruction, outcome)) in (1..).zip(program.instructions.iter().zip(journal.outcomes())) {
-        let outcome = match outcome {
-            Outcome::NotSent => "not_sent",
-            Outcome::Done => "done",
-            Outcome::Unknown => "unknown",
-            Outcome::Refused => "refused",
-        };
+    for (number, (instruction, outcome)) in (1..).zip(program.instructions.iter().zip(&*journal.outcomes())) {
+        let outcome = outcome.name();
         text.push_str(&format!("{number},{},{:#06x},{outcome}\n", instruction.line, instruction.word));
     }
     text

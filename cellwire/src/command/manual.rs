@@ -1,11 +1,11 @@
-//! `cellwire completions` and `cellwire man`: the tool's commands as a shell and `man` want them.
+//! `cellwire completions` and `cellwire man`: commands as a shell and `man` want them.
 
 use std::io::{Write as _, stdout};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::Command;
-use clap_complete::Shell;
+pub use clap_complete::Shell;
 
 /// Prints what a shell needs to complete the commands, their options and values.
 ///
@@ -13,7 +13,7 @@ use clap_complete::Shell;
 #[derive(Debug, clap::Args)]
 pub struct Completions {
     /// The shell
-    shell: Shell,
+    pub shell: Shell,
 }
 
 /// Writes a manual page for each command.
@@ -22,16 +22,16 @@ pub struct Completions {
 #[derive(Debug, clap::Args)]
 pub struct Man {
     /// The folder, which is made if it is not there
-    folder: PathBuf,
+    pub folder: PathBuf,
 }
 
 /// Prints the completions.
 ///
 /// # Errors
 /// When nobody reads standard output.
-pub fn completions(args: &Completions, mut tool: Command) -> Result<()> {
-    let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut tool, "cellwire", &mut text);
+pub fn completions(shell: Shell, mut program: Command) -> Result<()> {
+    let (mut text, name) = (Vec::new(), program.get_name().to_owned());
+    clap_complete::generate(shell, &mut program, name, &mut text);
     Ok(stdout().write_all(&text)?)
 }
 
@@ -39,8 +39,8 @@ pub fn completions(args: &Completions, mut tool: Command) -> Result<()> {
 ///
 /// # Errors
 /// When a page cannot be written.
-pub fn man(args: &Man, tool: Command) -> Result<()> {
-    std::fs::create_dir_all(&args.folder)
-        .and_then(|()| clap_mangen::generate_to(tool, &args.folder))
-        .with_context(|| args.folder.display().to_string())
+pub fn man(folder: &Path, program: Command) -> Result<()> {
+    std::fs::create_dir_all(folder)
+        .and_then(|()| clap_mangen::generate_to(program, folder))
+        .with_context(|| folder.display().to_string())
 }

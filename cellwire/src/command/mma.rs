@@ -8,11 +8,12 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::json;
 
 use super::settings::SetArgs;
-use crate::cell::mma_run::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated, State};
-use crate::cell::word::Operator;
+use crate::cell::run::Operator;
+use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated};
+use crate::io::journal::{self, Outcome};
 use crate::io::output::log;
 use crate::io::tcp::ConnectArgs;
-use crate::io::{files, input, journal};
+use crate::io::{files, input};
 use crate::links::settings;
 
 /// Runs the pick-and-place task of an MM&A micro-manipulation cell.
@@ -108,7 +109,7 @@ pub fn run(args: &Args) -> Result<bool> {
         return Ok(true);
     }
     let path = args.journal.clone().unwrap_or_else(|| journal::beside(&args.task));
-    let mut journal = Journal::open(&path, &settings.fingerprint(), parts, args.again)?;
+    let mut journal = Journal::open(&path, "task", settings.fingerprint(), parts, args.again)?;
     let ended = execute(args, &settings, &mut journal);
     if let Some(file) = &args.out {
         files::write(file, states(&journal).as_bytes())?;
@@ -116,14 +117,14 @@ pub fn run(args: &Args) -> Result<bool> {
     let ended = ended?;
     log(&json!({
         "event": "ended", "why": if ended == Ended::Complete { "complete" } else { "stopped" },
-        "placed": journal.count(State::Placed), "begun": journal.count(State::Begun),
-        "waiting": journal.count(State::Waiting), "journal": journal.path(),
+        "placed": journal.count(Outcome::Done), "begun": journal.count(Outcome::Unknown),
+        "waiting": journal.count(Outcome::NotSent), "journal": journal.path(),
     }))?;
     Ok(ended == Ended::Complete)
 }
 
 fn execute(args: &RunArgs, settings: &Settings, journal: &mut Journal) -> Result<Ended> {
-    let (all, before) = (journal.parts().len(), journal.count(State::Placed));
+    let (all, before) = (journal.record().len(), journal.count(Outcome::Done));
     ensure!(
         before < all,
         "every part of this task is placed, as {} says; --again begins anew",
@@ -157,11 +158,11 @@ fn execute(args: &RunArgs, settings: &Settings, journal: &mut Journal) -> Result
 /// `part,state` of every part.
 fn states(journal: &Journal) -> String {
     let mut text = String::from("part,state\n");
-    for (number, state) in (1..).zip(journal.parts()) {
+    for (number, state) in (1..).zip(journal.record()) {
         let state = match state {
-            State::Waiting => "waiting",
-            State::Begun => "unknown",
-            State::Placed => "placed",
+            Outcome::NotSent => "waiting",
+            Outcome::Done => "placed",
+            other => other.name(),
         };
         text.push_str(&format!("{number},{state}\n"));
     }

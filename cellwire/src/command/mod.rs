@@ -1,7 +1,6 @@
 //! The commands: arguments, help, and what is printed.
 
 pub mod alter;
-pub mod bridge;
 mod codec;
 pub mod decode;
 pub mod demo;

@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, anyhow};
 use serde_json::{Map, Value};
 
-use crate::cell;
-use crate::cell::operator;
+use crate::cell::{demo, operator};
 use crate::io::input;
 use crate::links::settings::{self, Refused, Setting};
 use crate::links::{LINKS, devices};
@@ -79,7 +78,7 @@ pub fn help(command: &str, arguments: &[String]) -> String {
     let found = match command {
         "alter" => Some(("alter", settings::list(operator::Settings::default()))),
         "simulate" => devices().find(|device| named(device.name())).map(|it| (it.name(), it.settings())),
-        "demo" => link.map(|link| (link.name(), cell::settings(link.name()))),
+        "demo" => link.map(|link| (link.name(), demo::settings(link.name()))),
         _ => link.map(|link| (link.name(), link.settings())),
     };
     match found {

@@ -1,11 +1,9 @@
 //! Transports, the times of a serial line, captures, files, signals.
 
-pub mod broker;
 pub mod capture;
 pub mod drawing;
 pub mod drive;
 pub mod files;
-pub mod http;
 pub mod input;
 pub mod interrupt;
 pub mod journal;
@@ -20,7 +18,6 @@ pub mod samples;
 pub mod serial;
 pub mod serve;
 pub mod sheet;
-pub mod store;
 pub mod stream;
 pub mod tcp;
 pub mod trace;

@@ -1,16 +1,14 @@
-//! The screen as a picture in each state, as `screens/` has it.
+//! The screen as text in each state, as `screens/` has it.
 
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
 use isra_ball::{Keys, Packet, Status};
-use ratatui::Terminal;
-use ratatui::backend::TestBackend;
-use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use val2_alter::{ErrorCode, List, LostReason, Motion, MotionPhase, Start, Transform};
 
+use super::tests::{drawn, rows};
 use super::*;
 use crate::cell::operator::model::tests::model;
 use crate::cell::teleop::Notification;
@@ -18,49 +16,23 @@ use crate::cell::teleop::input::Sample;
 
 const MS: Duration = Duration::from_millis(1);
 
+/// The screen as text, and below it which columns of which rows are not in the terminal's own colors.
 fn picture(model: &Model) -> String {
-    let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
-    terminal.draw(|frame| draw(frame, model)).unwrap();
-    svg(terminal.backend().buffer())
-}
-
-fn svg(buffer: &Buffer) -> String {
-    let mut out = String::from(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"740\" height=\"460\" viewBox=\"0 0 740 460\">\n\
-         <rect width=\"740\" height=\"460\" fill=\"#1c1c1c\"/>\n\
-         <g font-family=\"DejaVu Sans Mono, monospace\" font-size=\"15\" xml:space=\"preserve\">\n",
-    );
-    for (row, cells) in buffer.content().chunks(80).enumerate() {
-        for (column, cell) in cells.iter().enumerate() {
-            let (x, y) = (10 + 9 * column, 14 + 18 * row);
-            if cell.bg != Color::Reset {
-                writeln!(
-                    out,
-                    "<rect x=\"{x}\" y=\"{y}\" width=\"9\" height=\"18\" fill=\"{}\"/>",
-                    name(cell.bg)
-                )
-                .unwrap();
-            }
-            if cell.symbol() != " " {
-                let ink = if cell.fg == Color::Reset { "#d0d0d0" } else { name(cell.fg) };
-                let text = cell.symbol().replace('&', "&amp;").replace('<', "&lt;");
-                writeln!(out, "<text x=\"{x}\" y=\"{}\" fill=\"{ink}\">{text}</text>", y + 14).unwrap();
+    let buffer = drawn(model);
+    let mut out: String = rows(&buffer).iter().map(|row| format!("{}\n", row.trim_end())).collect();
+    out += "\n";
+    for (row, cells) in (1..).zip(buffer.content().chunks(80)) {
+        let mut column = 1;
+        for run in cells.chunk_by(|a, b| (a.fg, a.bg) == (b.fg, b.bg)) {
+            let (first, ink) = (column, (run[0].fg, run[0].bg));
+            column += run.len();
+            if ink != (Color::Reset, Color::Reset) {
+                writeln!(out, "row {row}, columns {first} to {}: {} on {}", column - 1, ink.0, ink.1)
+                    .unwrap();
             }
         }
     }
-    out + "</g>\n</svg>\n"
-}
-
-fn name(color: Color) -> &'static str {
-    match color {
-        Color::Black => "#101010",
-        Color::Red => "#e05050",
-        Color::Green => "#40b060",
-        Color::LightGreen => "#70e080",
-        Color::Yellow => "#e0b040",
-        Color::DarkGray => "#686868",
-        _ => "#909090",
-    }
+    out
 }
 
 /// A cell in which ALTER runs and the ball is pushed so.
@@ -124,7 +96,7 @@ fn the_screen_has_a_picture_in_each_state() {
     ];
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("screens");
     for (state, model) in pictures {
-        let (drawn, file) = (picture(&model), folder.join(format!("{state}.svg")));
+        let (drawn, file) = (picture(&model), folder.join(format!("{state}.txt")));
         // `DRAW_SCREENS=1 cargo test -p cellwire pictures` draws them again.
         if std::env::var_os("DRAW_SCREENS").is_some() {
             std::fs::write(&file, &drawn).unwrap();

@@ -344,6 +344,7 @@ mod tests {
     use isra_ball::{Keys, Packet, Status};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
+    use ratatui::buffer::Buffer;
     use val2_alter::{ErrorCode, List, Motion, MotionPhase, Start, Transform};
 
     use super::*;
@@ -351,10 +352,13 @@ mod tests {
     use crate::cell::teleop::Notification;
     use crate::cell::teleop::input::Sample;
 
-    fn picture(model: &Model) -> Vec<String> {
+    pub(super) fn drawn(model: &Model) -> Buffer {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
         terminal.draw(|frame| draw(frame, model)).unwrap();
-        let buffer = terminal.backend().buffer();
+        terminal.backend().buffer().clone()
+    }
+
+    pub(super) fn rows(buffer: &Buffer) -> Vec<String> {
         let cells: Vec<_> = buffer.content().iter().map(|cell| cell.symbol()).collect();
         cells.chunks(80).map(|row| row.concat()).collect()
     }
@@ -396,7 +400,7 @@ mod tests {
             Notification::Reply { demand, values: [8, -8, 0, 0, -13, 10], thinking: ms(1), held: false },
         );
         assert_eq!(
-            picture(&model),
+            rows(&drawn(&model)),
             [
                 " MOVING  Space or Esc stops                                                     ",
                 "cycles 1  missed 0  held 0  rejected 0  p99 1.00 ms                             ",
@@ -431,7 +435,7 @@ mod tests {
         let mut model = model();
         model.traces.robot.add(Duration::from_millis(5), crate::io::trace::Way::Sent, &[0x10, 0x02]);
         model.view = View::Debug(0);
-        let rows = picture(&model);
+        let rows = rows(&drawn(&model));
         assert!(rows.iter().any(|row| row.starts_with("│10 02 # 0.005000 s sent")), "{rows:#?}");
     }
 }

@@ -14,11 +14,8 @@
 //! its keys, not for the disk, not for a port that is opened again. Orders come to it through a channel that it empties before a
 //! reply; what it has to report and to trace leaves after the reply, and is dropped or kept where nobody takes it.
 
-pub mod cell;
 mod config;
 mod context;
-pub mod cycles;
-pub mod demo;
 mod filter;
 mod gripper;
 mod handshake;
@@ -29,7 +26,6 @@ mod port;
 mod profile;
 mod robot;
 mod sample;
-
 mod viewer;
 pub mod window;
 

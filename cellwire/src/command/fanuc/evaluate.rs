@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 
 use super::print;
-use crate::cell::fanuc_hmi_modbus::plot;
-use crate::cell::fanuc_hmi_modbus::recording::{self, Comparison, ComparisonError};
 use crate::cell::report::Report;
+use crate::cell::telemetry::plot;
+use crate::cell::telemetry::recording::{self, Comparison, ComparisonError};
 use crate::command::ls::ArmArgs;
 use crate::io::output::remark;
 

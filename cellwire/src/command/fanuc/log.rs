@@ -13,10 +13,10 @@ use indicatif::{ProgressBar, ProgressDrawTarget};
 use serde_json::{Value, json};
 
 use super::print;
-use crate::cell::fanuc_hmi_modbus::logger::{Logger, Reading, Source};
-use crate::cell::fanuc_hmi_modbus::plausibility::{Fault, Implausible, Plausibility};
-use crate::cell::fanuc_hmi_modbus::recording::{self, Recording};
 use crate::cell::report::Report;
+use crate::cell::telemetry::logger::{Logger, Reading, Source};
+use crate::cell::telemetry::plausibility::{Fault, Implausible, Plausibility};
+use crate::cell::telemetry::recording::{self, Recording};
 use crate::command::ls::{GeometryArgs, limits};
 use crate::command::settings::SetArgs;
 use crate::io::line::Clock;

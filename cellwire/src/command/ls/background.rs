@@ -7,7 +7,7 @@ use anyhow::Result;
 use fanuc_hmi_modbus::Assignment;
 
 use super::{rules, write};
-use crate::cell::fanuc_hmi_modbus::task::BackgroundTask;
+use crate::cell::telemetry::task::BackgroundTask;
 use crate::io::output::remark;
 
 /// Writes the background task that puts the tool's pose and speed into registers for `cellwire fanuc log`.

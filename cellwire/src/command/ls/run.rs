@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use fanuc_hmi_modbus::WordOrder;
 
-use crate::cell::fanuc_hmi_modbus::path::{self, Sample};
+use crate::cell::telemetry::path::{self, Sample};
 use crate::io::files;
 use crate::io::input::seconds;
 use crate::io::output::{log, remark};

@@ -1,0 +1,105 @@
+//! The command line.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Result;
+use clap::{CommandFactory as _, FromArgMatches as _, Parser};
+use serde_json::json;
+
+use crate::{Hall, Health, Hub, http, links};
+use cellwire::command::manual::{self, Shell};
+use cellwire::command::settings::lines;
+use cellwire::io::output::{self, log, remark};
+use cellwire::io::{interrupt, tcp};
+
+/// Connects the cells of a hall to an MQTT 5 broker: Sparkplug B, through a store, commands back.
+#[derive(Debug, Parser)]
+#[command(name = "cellwire-bridge", version, long_about = include_str!("command.txt"), after_help = EXAMPLES)]
+struct Args {
+    /// The hall
+    #[arg(long, value_name = "HALL.toml", required_unless_present_any = ["completions", "man"])]
+    config: Option<PathBuf>,
+    /// Connect to nobody: check the file, with the line of what is wrong
+    #[arg(long)]
+    check: bool,
+    /// Print what a shell needs to complete the options
+    #[arg(long, value_name = "SHELL", exclusive = true)]
+    completions: Option<Shell>,
+    /// Write the manual page into this folder
+    #[arg(long, value_name = "FOLDER", exclusive = true)]
+    man: Option<PathBuf>,
+}
+
+/// Links and broker get two seconds each, and the rest is the disk's.
+const LONGEST_END: Duration = Duration::from_secs(10);
+
+const EXAMPLES: &str = "\
+Examples:
+  cellwire-bridge --config hall-3.toml --check
+  cellwire-bridge --config hall-3.toml
+  curl http://127.0.0.1:9464/metrics
+  mosquitto_sub -V 5 -t 'spBv1.0/#' -F '%t'   # see that something comes
+
+docs/bridge.md has a whole hall, the metrics of every link, and the commands.";
+
+/// Runs the bridge. Exit status: 0 success, 2 the command could not be run, 4 nobody reads standard output.
+pub fn main() -> ExitCode {
+    let help = Args::command().get_after_help().map(ToString::to_string).unwrap_or_default();
+    let command = Args::command().after_long_help(format!("{help}\n\n{}", settings()));
+    let matches = command.clone().get_matches();
+    let args = Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let outcome = match (args.config, args.completions, &args.man) {
+        (Some(hall), ..) => run(&hall, args.check),
+        (None, Some(shell), _) => manual::completions(shell, command),
+        (None, None, folder) => folder.as_ref().map_or(Ok(()), |folder| manual::man(folder, command)),
+    };
+    let status = match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) if output::is_closed(&error) => ExitCode::from(4),
+        Err(error) => {
+            remark(&format!("error: {error:#}"));
+            ExitCode::from(2)
+        }
+    };
+    output::finish();
+    status
+}
+
+/// Runs until interrupted.
+fn run(file: &Path, check: bool) -> Result<()> {
+    let hall = Hall::read(file)?;
+    let clients = links::clients(&hall)?;
+    if check {
+        let cells: Vec<&String> = hall.cell.keys().collect();
+        log(&json!({"hall": file, "broker": hall.broker.address, "cells": cells}))?;
+        return Ok(());
+    }
+    output::never_wait()?;
+    interrupt::note_within(
+        LONGEST_END,
+        "the bridge has not ended in 10 s, and is ended: what is in the store is kept",
+    )?;
+    let health = Arc::new(Health::default());
+    let place = match &hall.health.listen {
+        Some(address) => {
+            let health = Arc::clone(&health);
+            Some(http::serve(tcp::listen(address)?, move |path| health.reply(path))?.to_string())
+        }
+        None => None,
+    };
+    // The cells are not stopped by whoever has read the lines and reads no more.
+    let mut print = |line| drop(log(&line));
+    let hub = Hub::start(&hall, clients, health, &mut print)?;
+    log(&json!({"ready": "bridge", "cells": hall.cell.len(), "health": place}))?;
+    hub.run()
+}
+
+/// What can be set of the cells of each link, for the end of the long help.
+fn settings() -> String {
+    let link =
+        |(name, settings): (&str, Vec<_>)| format!("Settings of a cell of {name}:\n\n{}\n", lines(&settings));
+    links::settings().into_iter().map(link).collect()
+}

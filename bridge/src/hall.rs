@@ -1,0 +1,292 @@
+//! The file of a hall: the broker, and a table for each cell.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use serde::{Deserialize, Deserializer};
+use serde_json::{Map, Value};
+
+use crate::broker::{self, Password, Tls};
+use cellwire::io::input;
+use cellwire::links::settings;
+
+/// A hall.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Hall {
+    /// Where everything goes.
+    pub broker: Broker,
+    /// What waits for it.
+    pub store: StoreSettings,
+    /// Who may look after the bridge.
+    #[serde(default)]
+    pub health: Health,
+    /// What the broker may order.
+    #[serde(default)]
+    pub commands: Commands,
+    /// The cells, by their names.
+    #[serde(default)]
+    pub cell: BTreeMap<String, Cell>,
+    #[serde(skip)]
+    path: PathBuf,
+    #[serde(skip)]
+    text: String,
+}
+
+/// The broker.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Broker {
+    /// HOST:PORT.
+    pub address: String,
+    /// Sparkplug's group.
+    pub group: String,
+    /// Sparkplug's edge node: this bridge, and no other of the group.
+    pub node: String,
+    /// The client's name at the broker; by default GROUP-NODE.
+    pub client: Option<String>,
+    /// The name to log in with.
+    pub user: Option<String>,
+    /// A file with the password in its first line.
+    pub password_file: Option<PathBuf>,
+    /// Without it the connection is open to everybody on the way.
+    pub tls: Option<TlsFiles>,
+    /// Without a message for one and a half times so long the broker counts the bridge as gone.
+    #[serde(default = "keep_alive", deserialize_with = "time")]
+    pub keep_alive: Duration,
+    /// The host application without which nothing is sent.
+    pub primary_host: Option<String>,
+    /// 1: a record is kept until the broker has it. 0, as Sparkplug has it: until the socket has it.
+    #[serde(default = "one")]
+    pub qos: u8,
+}
+
+/// PEM files.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TlsFiles {
+    /// The certificates of the authorities that may vouch for the broker.
+    pub ca: PathBuf,
+    /// The bridge's own certificate.
+    pub certificate: Option<PathBuf>,
+    /// Its key.
+    pub key: Option<PathBuf>,
+}
+
+/// The store.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoreSettings {
+    /// Its file.
+    pub file: PathBuf,
+    /// The most records; the oldest make room for more.
+    #[serde(default = "million")]
+    pub records: u64,
+}
+
+/// Health.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Health {
+    /// Where `/metrics` and `/health` are; a port alone is one of this machine's loopback address.
+    pub listen: Option<String>,
+}
+
+/// Commands.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Commands {
+    /// The most that a command's time may differ from now.
+    #[serde(default = "half_a_minute", deserialize_with = "time")]
+    pub max_age: Duration,
+}
+
+/// A cell.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cell {
+    /// The name of its link's crate.
+    pub link: String,
+    /// Where its device is: HOST:PORT, or the path of a serial port.
+    pub address: Option<String>,
+    /// Where its device connects to.
+    pub listen: Option<String>,
+    /// Whether commands are taken.
+    #[serde(default)]
+    pub commands: bool,
+    /// As `--set` takes them.
+    #[serde(default)]
+    pub settings: Map<String, Value>,
+}
+
+impl Default for Commands {
+    fn default() -> Self {
+        Self { max_age: half_a_minute() }
+    }
+}
+
+/// Commands are remembered for longer than this.
+const OLDEST: Duration = Duration::from_secs(3600);
+
+impl Hall {
+    /// Reads the file, and checks everything but the links of the cells. Files that it names are beside it.
+    ///
+    /// # Errors
+    /// With the line of what is wrong.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = input::text(path)?;
+        let mut hall: Self = toml::from_str(&text)
+            .map_err(|error| anyhow!("{}: {}", path.display(), error.to_string().trim_end()))?;
+        (hall.path, hall.text) = (path.to_owned(), text);
+        hall.check().map_err(|(name, error)| hall.located(&name, error))?;
+        for name in hall.cell.keys() {
+            check_name(name).map_err(|error| {
+                hall.located(&format!("cell.{name}"), error.context(format!("cell {name}")))
+            })?;
+        }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let beside = |file: &mut PathBuf| *file = folder.join(&file);
+        beside(&mut hall.store.file);
+        hall.broker.password_file.iter_mut().for_each(beside);
+        if let Some(tls) = &mut hall.broker.tls {
+            beside(&mut tls.ca);
+            tls.certificate.iter_mut().chain(&mut tls.key).for_each(beside);
+        }
+        hall.broker.login().map_err(|error| hall.located("broker.password_file", error))?;
+        hall.broker.tls().map_err(|error| hall.located("broker.tls", error))?;
+        Ok(hall)
+    }
+
+    /// The error of what has this name in the file, with its line.
+    pub fn located(&self, name: &str, error: anyhow::Error) -> anyhow::Error {
+        match settings::line_of(&self.text, name) {
+            Some(line) => anyhow!("{}, line {line}: {error:#}", self.path.display()),
+            None => anyhow!("{}: {error:#}", self.path.display()),
+        }
+    }
+
+    /// What is wrong, and where.
+    fn check(&self) -> Result<(), (String, anyhow::Error)> {
+        let wrong = |name: &str, why: &dyn Display| Err((name.to_owned(), anyhow!("{name}: {why}")));
+        let broker = &self.broker;
+        for (name, value) in [("broker.group", &broker.group), ("broker.node", &broker.node)] {
+            if let Err(error) = check_name(value) {
+                return wrong(name, &error);
+            }
+        }
+        if let Err(error) = broker.place() {
+            return wrong("broker.address", &error);
+        }
+        if let Some(Err(error)) = broker.primary_host.as_deref().map(check_name) {
+            return wrong("broker.primary_host", &error);
+        }
+        if broker.qos > 1 {
+            return wrong("broker.qos", &"give 0 or 1");
+        }
+        if !(Duration::from_secs(5)..=Duration::from_secs(3600)).contains(&broker.keep_alive) {
+            return wrong("broker.keep_alive", &"give 5s to 1h");
+        }
+        if broker.user.is_none() && broker.password_file.is_some() {
+            return wrong("broker.password_file", &"there is no broker.user whose password it is");
+        }
+        if broker.tls.as_ref().is_some_and(|tls| tls.certificate.is_some() != tls.key.is_some()) {
+            return wrong("broker.tls", &"give certificate and key, or neither");
+        }
+        if self.store.records == 0 {
+            return wrong("store.records", &"give 1 or more");
+        }
+        if self.commands.max_age > OLDEST {
+            return wrong("commands.max_age", &"give 1h at the most");
+        }
+        match self.cell.is_empty() {
+            true => wrong("cell", &"there is no cell: give a table [cell.NAME] for each"),
+            false => Ok(()),
+        }
+    }
+}
+
+impl Broker {
+    /// Host and port.
+    ///
+    /// # Errors
+    /// When the address is none.
+    pub fn place(&self) -> Result<(String, u16)> {
+        let advice = "give HOST:PORT, such as broker.example:8883";
+        let (host, port) = self.address.rsplit_once(':').context(advice)?;
+        ensure!(!host.is_empty(), advice);
+        Ok((host.trim_matches(['[', ']']).to_owned(), port.parse().context(advice)?))
+    }
+
+    /// Name and password.
+    ///
+    /// # Errors
+    /// When the password cannot be read.
+    pub fn login(&self) -> Result<Option<(String, Password)>> {
+        let Some(user) = &self.user else { return Ok(None) };
+        let password = match &self.password_file {
+            Some(file) => input::text(file)?.lines().next().unwrap_or_default().to_owned(),
+            None => String::new(),
+        };
+        Ok(Some((user.clone(), Password(password))))
+    }
+
+    /// The certificates.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or has no certificate or key.
+    pub fn tls(&self) -> Result<Option<Tls>> {
+        let Some(files) = &self.tls else { return Ok(None) };
+        let certificates = |path: &Path| -> Result<Vec<u8>> {
+            let text = input::text(path)?;
+            broker::check_certificates(&text).with_context(|| path.display().to_string())?;
+            Ok(text.into_bytes())
+        };
+        let client = match (&files.certificate, &files.key) {
+            (Some(certificate), Some(path)) => {
+                let key = input::text(path)?;
+                ensure!(
+                    key.contains("PRIVATE KEY-----"),
+                    "{} has no PRIVATE KEY in PEM form",
+                    path.display()
+                );
+                Some((certificates(certificate)?, Password(key)))
+            }
+            _ => None,
+        };
+        Ok(Some(Tls { authorities: certificates(&files.ca)?, client }))
+    }
+}
+
+/// A name that is a level of a topic.
+fn check_name(name: &str) -> Result<()> {
+    ensure!(!name.is_empty() && name.len() <= 64, "give a name of 1 to 64 bytes");
+    if let Some(bad) = name.chars().find(|c| matches!(c, '+' | '#' | '/') || c.is_control()) {
+        bail!("a topic's level has no {bad:?}");
+    }
+    Ok(())
+}
+
+fn time<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    humantime::parse_duration(&text)
+        .map_err(|_| serde::de::Error::custom("not a time with its unit, such as 15s"))
+}
+
+fn keep_alive() -> Duration {
+    Duration::from_secs(15)
+}
+
+fn half_a_minute() -> Duration {
+    Duration::from_secs(30)
+}
+
+fn one() -> u8 {
+    1
+}
+
+fn million() -> u64 {
+    1_000_000
+}

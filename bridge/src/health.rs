@@ -1,0 +1,198 @@
+//! How the bridge is, in the text format of Prometheus.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::sync::{Mutex, PoisonError};
+
+use super::uplink::Counts;
+use crate::http::Reply;
+
+/// How the bridge is, for whoever asks.
+#[derive(Debug, Default)]
+pub struct Health(Mutex<Figures>);
+
+/// How the bridge is.
+#[derive(Debug, Clone, Default)]
+pub struct Figures {
+    /// Records are published.
+    pub is_online: bool,
+    /// Records in the store.
+    pub stored: u64,
+    /// Records that the broker was sent and has not acknowledged.
+    pub in_flight: usize,
+    /// Records made.
+    pub records: u64,
+    /// Records that had to make room in a full store.
+    pub dropped_full: u64,
+    /// Reports of cells that were dropped because the disk was too slow.
+    pub dropped_busy: u64,
+    /// Records of cells that the hall's file has no more.
+    pub dropped_orphans: u64,
+    /// The disk does not take what is to be written.
+    pub is_stuck: bool,
+    /// The connection to the broker.
+    pub uplink: Counts,
+    /// Commands by what became of them.
+    pub commands: BTreeMap<&'static str, u64>,
+    /// The cells.
+    pub cells: Vec<CellHealth>,
+}
+
+/// How a cell is.
+#[derive(Debug, Clone)]
+pub struct CellHealth {
+    /// Its name.
+    pub name: String,
+    /// Its link is connected.
+    pub is_connected: bool,
+    /// The number of its last record.
+    pub number: u64,
+    /// Its records that wait because the broker refuses its topic.
+    pub held: usize,
+}
+
+impl Health {
+    /// From now on it is so.
+    pub fn set(&self, figures: Figures) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = figures;
+    }
+
+    /// The answer to a request for a path.
+    pub fn reply(&self, path: &str) -> Reply {
+        let figures = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        match path {
+            "/metrics" => {
+                Reply { status: 200, kind: "text/plain; version=0.0.4; charset=utf-8", body: figures.text() }
+            }
+            "/health" => {
+                let (status, body) = if figures.is_stuck {
+                    (503, "the store cannot be written\n")
+                } else if figures.is_online {
+                    (200, "online\n")
+                } else {
+                    (503, "no broker, or no host application\n")
+                };
+                Reply { status, kind: "text/plain; charset=utf-8", body: body.into() }
+            }
+            _ => Reply {
+                status: 404,
+                kind: "text/plain; charset=utf-8",
+                body: "there are /metrics and /health\n".into(),
+            },
+        }
+    }
+}
+
+impl Figures {
+    fn text(&self) -> String {
+        let mut text = String::new();
+        let mut family = |name: &str, kind: &str, help: &str, samples: &[(String, f64)]| {
+            let _ =
+                writeln!(text, "# HELP cellwire_bridge_{name} {help}\n# TYPE cellwire_bridge_{name} {kind}");
+            for (labels, value) in samples {
+                let _ = writeln!(text, "cellwire_bridge_{name}{labels} {value}");
+            }
+        };
+        let one = |value: u64| vec![(String::new(), number(value))];
+        let Counts { connections, published, acknowledged, rejected, refused } = self.uplink;
+        family("online", "gauge", "1 while records are published.", &one(self.is_online.into()));
+        family("store_stuck", "gauge", "1 while the disk takes nothing.", &one(self.is_stuck.into()));
+        family("store_records", "gauge", "Records that the broker has not acknowledged.", &one(self.stored));
+        family(
+            "in_flight_records",
+            "gauge",
+            "Records published and not acknowledged.",
+            &one(self.in_flight as u64),
+        );
+        family("records_total", "counter", "Records made.", &one(self.records));
+        family(
+            "published_total",
+            "counter",
+            "Records published, again or for the first time.",
+            &one(published),
+        );
+        family("acknowledged_total", "counter", "Records that the broker has.", &one(acknowledged));
+        family("rejected_total", "counter", "How often the broker has not taken a record.", &one(rejected));
+        family(
+            "connections_total",
+            "counter",
+            "Connections that the broker has accepted.",
+            &one(connections),
+        );
+        let dropped = [
+            ("full", self.dropped_full),
+            ("busy", self.dropped_busy),
+            ("orphan", self.dropped_orphans),
+            ("refused", refused),
+        ];
+        let dropped = dropped.map(|(why, count)| (format!("{{why=\"{why}\"}}"), number(count)));
+        family(
+            "dropped_total",
+            "counter",
+            "Records lost: the store was full, the disk too slow, the cell is no more in the hall's file, or the broker refuses it.",
+            &dropped,
+        );
+        let commands = self
+            .commands
+            .iter()
+            .map(|(outcome, count)| (format!("{{outcome=\"{outcome}\"}}"), number(*count)));
+        family("commands_total", "counter", "Commands by outcome.", &commands.collect::<Vec<_>>());
+        let label = |cell: &CellHealth| {
+            let name = cell.name.replace('\\', "\\\\").replace('"', "\\\"");
+            format!("{{cell=\"{name}\"}}")
+        };
+        let links = self.cells.iter().map(|cell| (label(cell), number(cell.is_connected.into())));
+        family(
+            "link_connected",
+            "gauge",
+            "1 while the cell's link is connected.",
+            &links.collect::<Vec<_>>(),
+        );
+        let numbers = self.cells.iter().map(|cell| (label(cell), number(cell.number)));
+        family(
+            "record_number",
+            "counter",
+            "The number of the cell's last record.",
+            &numbers.collect::<Vec<_>>(),
+        );
+        let held = self.cells.iter().map(|cell| (label(cell), number(cell.held as u64)));
+        family(
+            "held_records",
+            "gauge",
+            "Records that wait because the broker refuses the cell's topic.",
+            &held.collect::<Vec<_>>(),
+        );
+        text
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "Prometheus has doubles")]
+fn number(count: u64) -> f64 {
+    count as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_text_of_prometheus() {
+        let health = Health::default();
+        assert_eq!((health.reply("/health").status, health.reply("/x").status), (503, 404));
+        let cells = vec![CellHealth { name: "a \"b\\".into(), is_connected: true, number: 7, held: 2 }];
+        health.set(Figures { is_online: true, stored: 3, cells, ..Figures::default() });
+        assert_eq!(health.reply("/health").status, 200);
+        let text = health.reply("/metrics").body;
+        for line in [
+            "# TYPE cellwire_bridge_online gauge",
+            "cellwire_bridge_online 1",
+            "cellwire_bridge_store_records 3",
+            "cellwire_bridge_dropped_total{why=\"full\"} 0",
+            "cellwire_bridge_dropped_total{why=\"refused\"} 0",
+            "cellwire_bridge_record_number{cell=\"a \\\"b\\\\\"} 7",
+            "cellwire_bridge_held_records{cell=\"a \\\"b\\\\\"} 2",
+        ] {
+            assert!(text.lines().any(|found| found == line), "{line} in\n{text}");
+        }
+    }
+}

@@ -1,0 +1,431 @@
+//! The hub: takes what the cells report, keeps it in the store, and publishes it from there.
+//!
+//! ```text
+//!  device ◀──link──▶ cell's thread ──reports──▶ hub ──▶ store ──▶ uplink ──▶ broker
+//!                          ▲                     │ ▲                           │
+//!                          └──────commands───────┘ └────────commands───────────┘
+//! ```
+//!
+//! One thread has the store. A turn gathers what has come, writes it at once, and then acts on it: nothing is published that is not
+//! on the disk, no command is given to a cell that is not remembered, and a record leaves the store when the broker has it.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use serde_json::{Value as Json, json};
+
+use super::cell::Cell;
+use super::commands::{Commands, Decision, Interrupted};
+use super::end::End;
+use super::hall::Hall;
+use super::health::{CellHealth, Figures, Health};
+use super::links::Client;
+use super::metric::{self, CONNECTED, EVENT, NUMBER, Named, STORE};
+use super::payload::{Metric, Payload, Value};
+use super::refusals::Apart;
+use super::report::{Command, Input, Outcome, Report, What};
+use super::uplink::{self, Event, Places, Uplink};
+use crate::store::{Batch, Store};
+use cellwire::io::interrupt;
+
+/// So many reports wait for the hub.
+const ROOM: usize = 10_000;
+/// What comes within this time is written at once: a disk takes some hundred writes a second.
+const GATHER: Duration = Duration::from_millis(20);
+/// So much is written at once.
+const MOST: usize = 5_000;
+/// Health and interrupts are looked at so often.
+const TICK: Duration = Duration::from_millis(200);
+/// Old commands are forgotten so often.
+const FORGET: Duration = Duration::from_secs(3600);
+/// At the end the broker gets so long to take what it was sent.
+const FAREWELL: Duration = Duration::from_secs(2);
+/// A disk that takes nothing is tried again so often.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// The hub.
+#[allow(missing_debug_implementations, reason = "it holds a store")]
+pub struct Hub<'a> {
+    cells: Vec<Cell>,
+    threads: Vec<JoinHandle<()>>,
+    places: Places,
+    store: Store,
+    uplink: Uplink,
+    commands: Commands,
+    inbox: Receiver<Input>,
+    stop: Arc<AtomicBool>,
+    busy: Arc<AtomicU64>,
+    health: Arc<Health>,
+    figures: Figures,
+    log: &'a mut dyn FnMut(Json),
+    /// Why there was no broker when that was logged last.
+    lost: Option<String>,
+    /// Of which cells records were refused for good, and why.
+    refused: HashSet<(usize, String)>,
+    forget_at: Instant,
+    show_at: Instant,
+}
+
+/// What a turn is to do when everything is written.
+#[derive(Default)]
+struct Turn {
+    batch: Batch,
+    give: Vec<(usize, Command)>,
+}
+
+impl<'a> Hub<'a> {
+    /// Opens the store and starts the cells. `log` gets what a person may want to know.
+    ///
+    /// # Errors
+    /// When the store cannot be opened, or the system has no room for a thread.
+    pub fn start(
+        hall: &Hall,
+        clients: Vec<Client>,
+        health: Arc<Health>,
+        log: &'a mut dyn FnMut(Json),
+    ) -> Result<Self> {
+        let store = Store::open(&hall.store.file, hall.store.records)?;
+        let mut turn = Turn::default();
+        let identity = match store.get("store")? {
+            Some(identity) => identity,
+            None => {
+                let identity = format!("{:016x}", fastrand::u64(..));
+                turn.batch.names.push(("store".into(), Some(identity.clone())));
+                identity
+            }
+        };
+        let (commands, unknown) = Commands::open(&store, hall.commands.max_age, &mut turn.batch)?;
+        let (sender, inbox) = sync_channel(ROOM);
+        let (stop, busy) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
+        let (mut cells, mut threads) = (Vec::new(), Vec::new());
+        for (place, ((name, cell), client)) in hall.cell.iter().zip(clients).enumerate() {
+            let (commands, inbox) = channel();
+            let number: u64 =
+                store.get(&number_of(name))?.and_then(|text| text.parse().ok()).unwrap_or_default();
+            let now = metric::now();
+            let values = [
+                (STORE, metric::text(&*identity)),
+                (NUMBER, uplink::number(number)),
+                (CONNECTED, Value::Boolean(false)),
+            ];
+            cells.push(Cell {
+                name: name.clone(),
+                definitions: client.definitions().collect(),
+                values: values.into_iter().map(|(name, value)| (name, (now, value))).collect(),
+                is_connected: false,
+                is_born: false,
+                number,
+                kept: number,
+                takes_commands: cell.commands,
+                commands,
+            });
+            let end =
+                End::new(place, SyncSender::clone(&sender), inbox, Arc::clone(&stop), Arc::clone(&busy));
+            let thread = thread::Builder::new().name(name.clone());
+            let thread = thread.spawn(move || client.run(end));
+            threads.push(thread.with_context(|| format!("cannot start a thread for cell {name}"))?);
+        }
+        let places = cells.iter().enumerate().map(|(place, cell)| (cell.name.clone(), place)).collect();
+        let bd_seq = store.get(uplink::BD_SEQ)?.and_then(|text| text.parse().ok()).unwrap_or_default();
+        let uplink = Uplink::new(&hall.broker, bd_seq, sender)?;
+        let (figures, forget_at, show_at) = (Figures::default(), Instant::now(), Instant::now());
+        let mut hub = Self {
+            cells,
+            threads,
+            places,
+            store,
+            uplink,
+            commands,
+            inbox,
+            stop,
+            busy,
+            health,
+            figures,
+            log,
+            lost: None,
+            refused: HashSet::new(),
+            forget_at,
+            show_at,
+        };
+        for Interrupted { cell, report } in unknown {
+            let Some(&place) = hub.places.get(&cell) else { continue };
+            hub.count("unknown");
+            hub.record(place, metric::now(), report, &mut turn.batch);
+        }
+        hub.write(&mut turn.batch)?;
+        Ok(hub)
+    }
+
+    /// Runs until it is interrupted.
+    ///
+    /// # Errors
+    /// When the store cannot be read or written, or nobody takes the log.
+    pub fn run(mut self) -> Result<()> {
+        while !interrupt::requested() {
+            self.turn(false)?;
+        }
+        self.stop.store(true, Ordering::Relaxed);
+        // What the links report last is kept, and published if there is a broker.
+        self.until(|hub| hub.threads.iter().all(JoinHandle::is_finished))?;
+        self.turn(true)?;
+        self.uplink.disconnect();
+        self.until(|hub| hub.uplink.is_offline())
+    }
+
+    /// Until it is so, but not for long.
+    fn until(&mut self, is_so: impl Fn(&Self) -> bool) -> Result<()> {
+        let end = Instant::now() + FAREWELL;
+        while !is_so(self) && Instant::now() < end {
+            self.turn(true)?;
+        }
+        Ok(())
+    }
+
+    fn turn(&mut self, ends: bool) -> Result<()> {
+        let mut turn = Turn::default();
+        let now = Instant::now();
+        let due = self
+            .uplink
+            .due()
+            .filter(|_| !ends)
+            .map_or(TICK, |due| due.saturating_duration_since(now).min(TICK));
+        match self.inbox.recv_timeout(due) {
+            Ok(input) => {
+                self.take(input, &mut turn);
+                let gathered = Instant::now() + GATHER;
+                for _ in 0..MOST {
+                    let left = gathered.saturating_duration_since(Instant::now());
+                    match self.inbox.recv_timeout(left) {
+                        Ok(input) => self.take(input, &mut turn),
+                        Err(_) => break,
+                    }
+                }
+            }
+            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+        }
+        if now >= self.forget_at {
+            self.forget_at = now + FORGET;
+            self.commands.forget(metric::now(), &mut turn.batch);
+        }
+        let (orphans, apart) = self.uplink.prepare(ends, &mut turn.batch);
+        apart.into_iter().for_each(|apart| self.refused(apart));
+        if orphans > 0 && self.figures.dropped_orphans == 0 {
+            let why = "it has records of cells that the hall's file has no more: they are dropped";
+            (self.log)(json!({"store": "orphans", "why": why}));
+        }
+        self.figures.dropped_orphans += orphans;
+        self.write(&mut turn.batch)?;
+        for (place, command) in turn.give {
+            if let Some(cell) = self.cells.get(place) {
+                // A thread that is gone has reported nothing: the command is unknown at the next start.
+                let _ = cell.commands.send(command);
+            }
+        }
+        if let Some(why) = self.uplink.turn(&self.store, &mut self.cells, &self.places)? {
+            self.lost(why);
+        }
+        if now >= self.show_at {
+            self.show_at = now + TICK;
+            self.show();
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, input: Input, turn: &mut Turn) {
+        match input {
+            Input::Cell(place, Report { at, what: What::Values(named) }) => {
+                let is_connected = named.iter().find_map(|(name, value)| match value {
+                    Value::Boolean(connected) if *name == CONNECTED => Some(*connected),
+                    _ => None,
+                });
+                if let (Some(is_connected), Some(cell)) = (is_connected, self.cells.get_mut(place)) {
+                    cell.is_connected = is_connected;
+                    let event = named.iter().find_map(|(name, value)| match value {
+                        Value::String(text) if *name == EVENT => serde_json::from_str(text).ok(),
+                        _ => None,
+                    });
+                    (self.log)(json!({"cell": cell.name, "link": event.unwrap_or(Json::Null)}));
+                }
+                self.record(place, at, named, &mut turn.batch);
+            }
+            Input::Cell(place, Report { at, what: What::Outcome { id, outcome, detail } }) => {
+                let Some(cell) = self.cells.get(place) else { return };
+                (self.log)(json!({"cell": cell.name, "command": id, "outcome": outcome, "detail": detail}));
+                let named = self.commands.finish(&cell.name, &id, outcome, detail, &mut turn.batch);
+                self.count(outcome.name());
+                self.record(place, at, named, &mut turn.batch);
+            }
+            Input::Broker(generation, happened) => {
+                let event = self.uplink.happened(generation, happened, &mut turn.batch);
+                self.broker(event, turn);
+            }
+        }
+    }
+
+    fn broker(&mut self, event: Event, turn: &mut Turn) {
+        match event {
+            Event::None => {}
+            Event::Connected => {
+                self.lost = None;
+                (self.log)(json!({"broker": "connected"}));
+            }
+            Event::Held { place, why } => self.held(place, &why),
+            Event::Released(place) => {
+                if let Some(cell) = self.cells.get(place) {
+                    (self.log)(json!({"cell": cell.name, "records": "released"}));
+                }
+            }
+            Event::Rebirth => (self.log)(json!({"broker": "rebirth"})),
+            Event::Lost(why) => self.lost(why),
+            Event::Strange(why) => (self.log)(json!({"broker": "strange", "why": why})),
+            Event::Write { device, payload } => self.command(&device, &payload, turn),
+        }
+    }
+
+    /// Once for each reason: it is tried for as long as it takes.
+    fn lost(&mut self, why: String) {
+        if self.lost.as_ref() != Some(&why) {
+            (self.log)(json!({"broker": "disconnected", "why": why}));
+            self.lost = Some(why);
+        }
+    }
+
+    fn held(&mut self, place: usize, why: &str) {
+        if let Some(cell) = self.cells.get(place) {
+            let advice = "they wait in the store, and one of them is tried each minute: see the broker's access control for this \
+                          cell's topics, and held_records";
+            (self.log)(json!({"cell": cell.name, "records": "held", "why": why, "advice": advice}));
+        }
+    }
+
+    /// Once for each cell and reason: every one is counted.
+    fn refused(&mut self, Apart { place, why, .. }: Apart) {
+        if self.refused.insert((place, why.clone()))
+            && let Some(cell) = self.cells.get(place)
+        {
+            let advice = "it is dropped, and so is each after it that the broker refuses so: see its limits, and \
+                          dropped_total{why=\"refused\"}";
+            (self.log)(json!({"cell": cell.name, "record": "refused", "why": why, "advice": advice}));
+        }
+    }
+
+    fn command(&mut self, device: &str, payload: &Payload, turn: &mut Turn) {
+        let Some((place, cell)) =
+            self.places.get(device).and_then(|place| Some((*place, self.cells.get(*place)?)))
+        else {
+            return (self.log)(
+                json!({"broker": "strange", "why": format!("a command for {device}, which is no cell")}),
+            );
+        };
+        let now = metric::now();
+        match self.commands.decide(device, cell.takes_commands, payload, now, &mut turn.batch) {
+            Decision::Give(command, named) => {
+                (self.log)(json!({"cell": device, "command": command.id, "outcome": Outcome::Accepted}));
+                self.record(place, now, named, &mut turn.batch);
+                self.count("accepted");
+                turn.give.push((place, command));
+            }
+            Decision::Report(named) => {
+                self.count("not_given");
+                self.record(place, now, named, &mut turn.batch);
+            }
+            Decision::Strange(why) => {
+                let event = json!({"event": "command_refused", "why": why});
+                (self.log)(json!({"cell": device, "command": event}));
+                self.count("not_given");
+                self.record(place, now, vec![(EVENT, metric::text(event.to_string()))], &mut turn.batch);
+            }
+        }
+    }
+
+    /// Gives a report its number, and puts it into the batch.
+    fn record(&mut self, place: usize, at: u64, named: Vec<Named>, batch: &mut Batch) {
+        let Some(cell) = self.cells.get_mut(place) else { return };
+        cell.number += 1;
+        let number = uplink::number(cell.number);
+        let named = [(NUMBER, number)].into_iter().chain(named);
+        let mut metrics = Vec::new();
+        for (name, value) in named {
+            let Some(definition) = cell.definitions.iter().find(|definition| definition.name == name) else {
+                continue;
+            };
+            metrics.push(Metric::new(name, definition.kind, at, Some(value.clone())));
+            cell.values.insert(definition.name, (at, value));
+        }
+        batch.append.push(uplink::record(&cell.name, Payload { timestamp: None, metrics, seq: None }));
+        self.figures.records += 1;
+    }
+
+    /// Writes it. What a full disk does not take waits until it does, and the links wait with it.
+    fn write(&mut self, batch: &mut Batch) -> Result<()> {
+        let news = self.cells.iter_mut().filter(|cell| cell.number != cell.kept);
+        batch.names.extend(news.map(|cell| {
+            cell.kept = cell.number;
+            (number_of(&cell.name), Some(cell.number.to_string()))
+        }));
+        if batch.append.is_empty() && batch.remove.is_empty() && batch.names.is_empty() {
+            return Ok(());
+        }
+        let mut logged = String::new();
+        let dropped = loop {
+            let opened = if logged.is_empty() { Ok(()) } else { self.store.reopen() };
+            let error = match opened.and_then(|()| self.store.write(batch)) {
+                Ok(dropped) => break dropped,
+                Err(error) if interrupt::requested() => return Err(error),
+                Err(error) => format!("{error:#}"),
+            };
+            if error != logged {
+                let advice = "nothing is taken or published until this is mended";
+                (self.log)(json!({"store": "stuck", "why": error, "advice": advice}));
+                logged = error;
+            }
+            self.figures.is_stuck = true;
+            self.show();
+            thread::sleep(RETRY);
+        };
+        if core::mem::take(&mut self.figures.is_stuck) {
+            (self.log)(json!({"store": "written"}));
+        }
+        if dropped > 0 && self.figures.dropped_full == 0 {
+            (self.log)(json!({"store": "full", "why": "the oldest records make room: see store.records"}));
+        }
+        if dropped > 0 {
+            let oldest = self.store.records(0, 1)?.first().map_or(u64::MAX, |(key, _)| *key);
+            self.uplink.made_room(oldest);
+        }
+        self.figures.dropped_full += dropped;
+        Ok(())
+    }
+
+    fn count(&mut self, outcome: &'static str) {
+        *self.figures.commands.entry(outcome).or_default() += 1;
+    }
+
+    fn show(&mut self) {
+        let cells = self.cells.iter().enumerate().map(|(place, cell)| CellHealth {
+            name: cell.name.clone(),
+            is_connected: cell.is_connected,
+            number: cell.number,
+            held: self.uplink.held(place),
+        });
+        self.figures.dropped_busy = self.busy.load(Ordering::Relaxed);
+        self.health.set(Figures {
+            cells: cells.collect(),
+            is_online: self.uplink.is_online(),
+            stored: self.store.len(),
+            in_flight: self.uplink.in_flight(),
+            uplink: self.uplink.counts,
+            commands: self.figures.commands.clone(),
+            ..self.figures
+        });
+    }
+}
+
+fn number_of(cell: &str) -> String {
+    format!("number/{cell}")
+}

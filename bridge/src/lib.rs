@@ -1,0 +1,30 @@
+//! The parts of `cellwire-bridge`: many cells to one MQTT broker, with topics and payloads of Sparkplug B.
+//!
+//! This is a library only for its tests. The program is the interface; the API of this library may change at any time.
+
+#![allow(clippy::std_instead_of_core, reason = "a program with std")]
+
+pub mod broker;
+pub mod cell;
+mod command;
+pub mod commands;
+pub mod end;
+pub mod hall;
+pub mod health;
+pub mod holds;
+pub mod http;
+pub mod hub;
+pub mod links;
+pub mod metric;
+pub mod node;
+pub mod payload;
+pub mod reconnect;
+pub mod refusals;
+pub mod report;
+pub mod store;
+pub mod uplink;
+
+pub use command::main;
+pub use hall::Hall;
+pub use health::Health;
+pub use hub::Hub;

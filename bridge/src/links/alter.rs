@@ -1,0 +1,84 @@
+//! The motion of an arm under VAL II ALTER. The bridge accepts ALTER and leaves the path as it is: every reply is zero.
+
+use std::time::Duration;
+
+use anyhow::Result;
+use robot_session::now;
+use serde_json::json;
+use val2_alter::{Host, HostConfig, HostEvent, MotionPhase, Transform};
+
+use super::client::{self, Adapter};
+use super::paced::Paced;
+use crate::end::End;
+use crate::hall::Cell;
+use crate::metric::{Definition, Named, define, text, whole};
+use crate::payload::{Kind, Value};
+use crate::report::Command;
+
+const METRICS: [Definition; 6] = [
+    define("Motion/Phase", Kind::String),
+    define("Motion/Segment", Kind::Int64),
+    define("Motion/Fraction", Kind::Float),
+    define("Position/X", Kind::Float),
+    define("Position/Y", Kind::Float),
+    define("Position/Z", Kind::Float),
+];
+
+impl Default for Paced<HostConfig> {
+    fn default() -> Self {
+        // Bytes that came together may be read far apart.
+        Self {
+            report: Duration::from_millis(500),
+            session: HostConfig { gap: None, ..HostConfig::default() },
+        }
+    }
+}
+
+struct Alter {
+    report: Duration,
+    next: Duration,
+}
+
+pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
+    let Paced { report, session } = settings;
+    let adapter = Alter { report, next: Duration::ZERO };
+    client::of(cell, &METRICS, Some(session.baud), Host::new(session)?, adapter)
+}
+
+impl Adapter for Alter {
+    type Session = Host;
+
+    fn event(&mut self, _: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
+        match event {
+            HostEvent::Motion(motion) if now() >= self.next => {
+                self.next = now().saturating_add(self.report);
+                let phase = if motion.phase == MotionPhase::Running { "running" } else { "interrupted" };
+                let mut values = vec![
+                    ("Motion/Phase", text(phase)),
+                    ("Motion/Segment", whole(motion.segment)),
+                    ("Motion/Fraction", Value::Float(motion.fraction())),
+                ];
+                values.extend(motion.transform.into_iter().flat_map(position));
+                end.values(values);
+            }
+            HostEvent::Start(start) => end.event(&json!({"event": "start", "mode": start.mode})),
+            HostEvent::End(over) => end.event(&json!({"event": "end", "error": u8::from(over.error)})),
+            HostEvent::Lost(reason) => end.event(&json!({"event": "lost", "reason": format!("{reason:?}")})),
+            HostEvent::Missed => end.event(&json!({"event": "missed"})),
+            HostEvent::Rejected(error) => end.event(&json!({"event": "rejected", "error": u8::from(error)})),
+            HostEvent::Corrupt(error) => end.event(&json!({"event": "corrupt", "error": error})),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn command(&mut self, _: &mut Host, _: Command) -> Result<(), String> {
+        Err("an arm under ALTER is moved by `cellwire alter` alone, where a hand can stop it".into())
+    }
+}
+
+/// Millimetres, from 1/32 mm.
+fn position(Transform([.., x, y, z]): Transform) -> impl Iterator<Item = Named> {
+    let mm = |word: i16| Value::Float(f32::from(word) / 32.0);
+    [("Position/X", mm(x)), ("Position/Y", mm(y)), ("Position/Z", mm(z))].into_iter()
+}

@@ -1,0 +1,75 @@
+//! The forces and keys of a control ball.
+
+use std::time::Duration;
+
+use anyhow::Result;
+use isra_ball::{Host, HostConfig, HostEvent, Keys, Packet};
+use robot_session::now;
+use serde_json::json;
+
+use super::client::{self, Adapter};
+use super::paced::Paced;
+use crate::end::End;
+use crate::hall::Cell;
+use crate::metric::{Definition, define, whole};
+use crate::payload::{Kind, Value};
+use crate::report::Command;
+
+const METRICS: [Definition; 8] = [
+    define("Force/X", Kind::Int64),
+    define("Force/Y", Kind::Int64),
+    define("Force/Z", Kind::Int64),
+    define("Moment/X", Kind::Int64),
+    define("Moment/Y", Kind::Int64),
+    define("Moment/Z", Kind::Int64),
+    define("Keys", Kind::Int64),
+    define("Stale", Kind::Boolean),
+];
+
+impl Default for Paced<HostConfig> {
+    fn default() -> Self {
+        // Nothing is steered: values may be old, and polls far apart.
+        let (period, max_age) = (Duration::from_millis(100), Duration::from_secs(1));
+        let session = HostConfig { period, max_age, ..HostConfig::default() };
+        Self { report: Duration::from_millis(500), session }
+    }
+}
+
+struct Ball {
+    report: Duration,
+    next: Duration,
+    keys: Keys,
+}
+
+pub(super) fn client(cell: &Cell, settings: Paced<HostConfig>) -> Result<super::Client> {
+    let Paced { report, session } = settings;
+    let adapter = Ball { report, next: Duration::ZERO, keys: Keys::NONE };
+    client::of(cell, &METRICS, Some(session.baud), Host::new(session)?, adapter)
+}
+
+impl Adapter for Ball {
+    type Session = Host;
+
+    fn event(&mut self, _: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
+        match event {
+            HostEvent::Packet(packet) if now() >= self.next || packet.keys != self.keys => {
+                (self.next, self.keys) = (now().saturating_add(self.report), packet.keys);
+                end.values(values(&packet));
+            }
+            HostEvent::Stale => end.values(vec![("Stale", Value::Boolean(true))]),
+            HostEvent::Corrupt(error) => end.event(&json!({"event": "corrupt", "error": error})),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn command(&mut self, _: &mut Host, _: Command) -> Result<(), String> {
+        Err("a ball takes no commands".into())
+    }
+}
+
+fn values(packet: &Packet) -> Vec<(&'static str, Value)> {
+    let axes = packet.force.iter().chain(&packet.moment).map(|axis| whole(*axis));
+    let values = axes.chain([whole(packet.keys.0), Value::Boolean(false)]);
+    METRICS.iter().map(|definition| definition.name).zip(values).collect()
+}

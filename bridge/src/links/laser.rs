@@ -1,0 +1,195 @@
+//! The instructions of a laser robot, and a query for its status.
+
+use std::time::Duration;
+
+use anyhow::Result;
+use laser_eb90::{Host, HostConfig, HostEvent, SessionError, timing};
+use robot_session::now;
+use serde::Deserialize;
+use serde_json::{Value as Json, json};
+
+use super::client::{self, Adapter};
+use super::order;
+use crate::end::End;
+use crate::hall::Cell;
+use crate::metric::{Definition, define, text};
+use crate::payload::Kind;
+use crate::report::{Command, Outcome};
+use cellwire::links::laser_eb90::controller::STATUS;
+use cellwire::links::settings::{self, Configure, Table};
+
+const METRICS: [Definition; 1] = [define("Status/Values", Kind::String)];
+
+/// What can be set.
+#[derive(Debug, Clone)]
+pub(super) struct Settings {
+    query: u16,
+    poll: Duration,
+    session: HostConfig,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self::at_baud(timing::BAUD)
+    }
+}
+
+impl Settings {
+    fn at_baud(baud: u32) -> Self {
+        Self { query: STATUS, poll: Duration::from_secs(1), session: HostConfig::at_baud(baud) }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { query, poll, session } = self;
+        table.whole(
+            "query",
+            0..=u16::MAX,
+            "",
+            "the command word of the query for the status; 0: none",
+            query,
+        );
+        let range = Duration::from_millis(100)..=Duration::from_secs(3600);
+        table.time("poll", range, "the time from one query to the next", poll);
+        session.configure(table);
+    }
+}
+
+/// What a command may order: instructions that fit one frame.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Order {
+    instructions: Vec<Instruction>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Instruction {
+    word: u16,
+    #[serde(default)]
+    values: Vec<f32>,
+}
+
+struct Laser {
+    settings: Settings,
+    next: Duration,
+    order: Option<Order>,
+    /// The number of the first instruction of the order that the session has.
+    running: Option<u64>,
+}
+
+pub(super) fn client(cell: &Cell, given: Settings) -> Result<super::Client> {
+    // Some defaults follow from the rate.
+    let baud = given.session.baud;
+    let settings = settings::read(&cell.link, Settings::at_baud(baud), &cell.settings)?;
+    let session = Host::new(settings.session)?;
+    let adapter = Laser { settings, next: Duration::ZERO, order: None, running: None };
+    client::of(cell, &METRICS, Some(baud), session, adapter)
+}
+
+impl Adapter for Laser {
+    type Session = Host;
+
+    fn step(&mut self, host: &mut Host, end: &mut End) -> Option<Duration> {
+        let now = now();
+        if !host.is_idle() {
+            return None;
+        }
+        if let Some(order) = self.order.take() {
+            match order.submit(host) {
+                Ok(first) => self.running = Some(first),
+                Err(why) => {
+                    host.take_back();
+                    end.finish(Outcome::Refused, why);
+                }
+            }
+        } else if self.settings.query != 0 && now >= self.next {
+            self.next = now.saturating_add(self.settings.poll);
+            if let Err(error) = host.submit(self.settings.query, |_| Ok(())) {
+                end.event(&json!({"event": "no_query", "why": error.to_string()}));
+            }
+        }
+        Some(self.next.saturating_sub(now).max(Duration::from_millis(1)))
+    }
+
+    fn event(&mut self, host: &mut Host, event: HostEvent, end: &mut End) -> Result<(), String> {
+        let (first, outcome, why) = match event {
+            HostEvent::Done { first, unanswered, .. } => {
+                let why = if unanswered > 0 {
+                    format!("after {unanswered} tries without an answer")
+                } else {
+                    String::new()
+                };
+                (first, Outcome::Done, why)
+            }
+            HostEvent::Answer { ticket } if self.running == Some(ticket) => {
+                (ticket, Outcome::Done, serde_json::to_string(&host.answer()).unwrap_or_default())
+            }
+            HostEvent::Answer { .. } => {
+                let values = serde_json::to_string(&host.answer()).unwrap_or_default();
+                end.values(vec![("Status/Values", text(values))]);
+                return Ok(());
+            }
+            HostEvent::Refused { first, refusal, .. } => {
+                host.resume();
+                (first, Outcome::Refused, format!("the controller answers {refusal:?}"))
+            }
+            HostEvent::Unknown { first, reason, .. } => {
+                host.resume();
+                (first, Outcome::Unknown, format!("{reason:?}"))
+            }
+            HostEvent::Unasked { word } => {
+                end.event(&json!({"event": "unasked", "word": word}));
+                return Ok(());
+            }
+            HostEvent::Corrupt(error) => {
+                end.event(&json!({"event": "corrupt", "error": error}));
+                return Ok(());
+            }
+            _ => return Ok(()),
+        };
+        // A frame is never mixed: it is the order's, or the query for the status.
+        match self.running.take_if(|running| *running == first) {
+            Some(_) => end.finish(outcome, why),
+            None => {
+                end.event(&json!({"event": "query_failed", "outcome": outcome, "why": Json::String(why)}))
+            }
+        }
+        Ok(())
+    }
+
+    fn command(&mut self, _: &mut Host, command: Command) -> Result<(), String> {
+        let order: Order = order(&command.order)?;
+        if order.instructions.is_empty() {
+            return Err("it has no instructions".into());
+        }
+        self.order = Some(order);
+        Ok(())
+    }
+
+    fn lost(&mut self) {
+        (self.order, self.running) = (None, None);
+    }
+}
+
+impl Order {
+    /// Submits all of it into one frame; the number of the first instruction.
+    fn submit(&self, host: &mut Host) -> Result<u64, String> {
+        let mut first = None;
+        for Instruction { word, values } in &self.instructions {
+            let ticket = host.submit(*word, |parameters| match values.as_slice() {
+                [] => Ok(()),
+                values => parameters.f32(values).map(drop),
+            });
+            match ticket {
+                Ok(ticket) => drop(first.get_or_insert(ticket)),
+                Err(SessionError::Full) => {
+                    return Err("more than fits one frame, or of more than one class".into());
+                }
+                Err(error) => return Err(format!("instruction {word:#06x}: {error}")),
+            }
+        }
+        first.ok_or_else(|| "it has no instructions".into())
+    }
+}

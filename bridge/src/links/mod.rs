@@ -1,0 +1,116 @@
+//! The bridge's client of each link.
+
+mod alter;
+mod ball;
+mod client;
+mod kawasaki;
+mod laser;
+mod mma;
+mod modbus;
+mod paced;
+mod viewer;
+
+use anyhow::{Context, Result, ensure};
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value as Json};
+
+use super::end::End;
+use super::hall::{Cell, Hall};
+use super::metric::{COMMON, Definition};
+use cellwire::links::by_name;
+use cellwire::links::settings::{self, Configure, Refused, Setting};
+
+/// A link's client.
+#[allow(missing_debug_implementations, reason = "it holds what runs")]
+pub struct Client {
+    /// The metrics of its own.
+    metrics: &'static [Definition],
+    run: Box<dyn FnOnce(End) + Send>,
+}
+
+impl Client {
+    fn new(metrics: &'static [Definition], run: impl FnOnce(End) + Send + 'static) -> Self {
+        Self { metrics, run: Box::new(run) }
+    }
+
+    /// Every metric that it may report.
+    pub fn definitions(&self) -> impl Iterator<Item = Definition> + use<> {
+        COMMON.into_iter().chain(self.metrics.iter().copied())
+    }
+
+    /// Runs until the bridge ends.
+    pub fn run(self, end: End) {
+        (self.run)(end);
+    }
+}
+
+/// The client of every cell, in the order of the cells.
+///
+/// # Errors
+/// With the line of what is wrong.
+pub fn clients(hall: &Hall) -> Result<Vec<Client>> {
+    let of_cell = |(name, cell): (&String, &Cell)| {
+        client(cell).map_err(|error| {
+            let place = match error.downcast_ref::<Refused>() {
+                Some(refused) => format!("cell.{name}.settings.{}", refused.name),
+                None => format!("cell.{name}"),
+            };
+            hall.located(&place, error.context(format!("cell {name}")))
+        })
+    };
+    hall.cell.iter().map(of_cell).collect()
+}
+
+/// The client of a cell's link, with the cell's settings. It connects when it is run.
+///
+/// # Errors
+/// When the cell has no such link, address or setting.
+fn client(cell: &Cell) -> Result<Client> {
+    ensure!(
+        cell.address.is_some() != cell.listen.is_some(),
+        "give address (HOST:PORT, or the path of a serial port), or listen where the device connects to the PC"
+    );
+    let name = by_name(&cell.link)?.name();
+    let link = links().into_iter().find(|link| link.name == name);
+    (link.with_context(|| format!("{name} has no client of the bridge"))?.client)(cell)
+}
+
+/// What can be set of each link's client, by the name of the link.
+pub fn settings() -> Vec<(&'static str, Vec<Setting>)> {
+    links().into_iter().map(|link| (link.name, link.settings)).collect()
+}
+
+/// The client of a cell, with the settings of the cell.
+type MakeClient = dyn Fn(&Cell) -> Result<Client>;
+
+/// A link that the bridge has a client of.
+struct Link {
+    name: &'static str,
+    settings: Vec<Setting>,
+    client: Box<MakeClient>,
+}
+
+fn links() -> [Link; 7] {
+    [
+        link("kawasaki-msg", kawasaki::client),
+        link("val2-alter", alter::client),
+        link("val2-viewer", viewer::client),
+        link("isra-ball", ball::client),
+        link("fanuc-hmi-modbus", modbus::client),
+        link("laser-eb90", laser::client),
+        link("mmacell-proto", mma::client),
+    ]
+}
+
+fn link<S: Configure + Default + 'static>(
+    name: &'static str,
+    client: fn(&Cell, S) -> Result<Client>,
+) -> Link {
+    let client = move |cell: &Cell| client(cell, settings::read(name, S::default(), &cell.settings)?);
+    Link { name, settings: settings::list(S::default()), client: Box::new(client) }
+}
+
+/// The one thing that a command orders, and its parameters.
+fn order<T: DeserializeOwned>(order: &Map<String, Json>) -> Result<T, String> {
+    serde_json::from_value(Json::Object(order.clone())).map_err(|error| error.to_string())
+}

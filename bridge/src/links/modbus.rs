@@ -1,0 +1,230 @@
+//! The telemetry of a FANUC controller, and writes to its registers.
+
+use std::time::Duration;
+
+use anyhow::Result;
+use fanuc_hmi_modbus::{
+    Client, ClientConfig, ClientEvent, Failure, Reply, Request, TelemetryBlock, Ticket, WordOrder, Words,
+};
+use robot_session::now;
+use serde::Deserialize;
+use serde_json::json;
+
+use super::client::{self, Adapter};
+use super::order;
+use crate::end::End;
+use crate::hall::Cell;
+use crate::metric::{Definition, define, whole};
+use crate::payload::{Kind, Value};
+use crate::report::{Command, Outcome};
+use cellwire::links::fanuc_hmi_modbus::options::word_order;
+use cellwire::links::settings::{Configure, Table};
+
+/// So many requests in a row without a reply, and the controller counts as gone.
+const MOST_SILENT: u32 = 3;
+
+const METRICS: [Definition; 19] = [
+    define("Telemetry/Life Counter", Kind::Int64),
+    define("Telemetry/Override", Kind::Int64),
+    define("Telemetry/Position/X", Kind::Float),
+    define("Telemetry/Position/Y", Kind::Float),
+    define("Telemetry/Position/Z", Kind::Float),
+    define("Telemetry/Position/W", Kind::Float),
+    define("Telemetry/Position/P", Kind::Float),
+    define("Telemetry/Position/R", Kind::Float),
+    define("Telemetry/Quaternion/W", Kind::Float),
+    define("Telemetry/Quaternion/X", Kind::Float),
+    define("Telemetry/Quaternion/Y", Kind::Float),
+    define("Telemetry/Quaternion/Z", Kind::Float),
+    define("Telemetry/Velocity/X", Kind::Float),
+    define("Telemetry/Velocity/Y", Kind::Float),
+    define("Telemetry/Velocity/Z", Kind::Float),
+    define("Telemetry/Quaternion Rate/W", Kind::Float),
+    define("Telemetry/Quaternion Rate/X", Kind::Float),
+    define("Telemetry/Quaternion Rate/Y", Kind::Float),
+    define("Telemetry/Quaternion Rate/Z", Kind::Float),
+];
+
+/// What can be set.
+#[derive(Debug, Clone)]
+pub(super) struct Settings {
+    poll: Duration,
+    unit: u8,
+    register: u16,
+    word_order: WordOrder,
+    session: ClientConfig,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let (poll, word_order) = (Duration::from_millis(500), WordOrder::default());
+        Self { poll, unit: 1, register: TelemetryBlock::ADDRESS, word_order, session: ClientConfig::tcp() }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { poll, unit, register, word_order: order, session } = self;
+        let range = Duration::from_millis(10)..=Duration::from_secs(3600);
+        table.time("poll", range, "the time from one request for the telemetry to the next", poll);
+        table.whole("unit", 0..=u8::MAX, "", "the Modbus unit", unit);
+        table.whole(
+            "register",
+            0..=16_000,
+            "",
+            "the PDU address of the telemetry's first register",
+            register,
+        );
+        word_order(table, order);
+        session.configure(table);
+    }
+}
+
+/// What a command may order.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+enum Order {
+    #[serde(rename = "write_coil")]
+    Coil { address: u16, value: bool },
+    #[serde(rename = "write_register")]
+    Register { address: u16, value: u16 },
+    #[serde(rename = "write_registers")]
+    Registers { address: u16, values: Vec<u16> },
+}
+
+struct Modbus {
+    settings: Settings,
+    next: Duration,
+    /// The request for the telemetry that is in flight.
+    asked: Option<Ticket>,
+    silent: u32,
+    /// What is to be written as soon as nothing is in flight, and then its request.
+    order: Option<Order>,
+    writing: Option<Ticket>,
+}
+
+pub(super) fn client(cell: &Cell, settings: Settings) -> Result<super::Client> {
+    let session = Client::<1>::new(settings.session)?;
+    let (asked, order, writing) = (None, None, None);
+    let adapter = Modbus { settings, next: Duration::ZERO, asked, silent: 0, order, writing };
+    client::of(cell, &METRICS, None, session, adapter)
+}
+
+impl Adapter for Modbus {
+    type Session = Client<1>;
+
+    fn step(&mut self, session: &mut Client<1>, end: &mut End) -> Option<Duration> {
+        let now = now();
+        if session.in_flight() == 0
+            && let Some(order) = self.order.take()
+        {
+            match order.request(session, self.settings.unit) {
+                Ok(ticket) => self.writing = Some(ticket),
+                Err(error) => end.finish(Outcome::Refused, error.to_string()),
+            }
+        }
+        if session.in_flight() == 0 && now >= self.next {
+            let quantity = TelemetryBlock::QUANTITY;
+            let request = Request::ReadHoldingRegisters { address: self.settings.register, quantity };
+            self.asked = session.request(self.settings.unit, &request).ok();
+            self.next = (self.next + self.settings.poll).max(now); // a late one skips what it missed
+        }
+        Some(self.next.saturating_sub(now).max(Duration::from_millis(1)))
+    }
+
+    fn event(&mut self, session: &mut Client<1>, event: ClientEvent, end: &mut End) -> Result<(), String> {
+        match event {
+            ClientEvent::Replied { ticket, .. } => {
+                self.silent = 0;
+                let reply = session.reply(ticket);
+                if self.writing.take_if(|writing| *writing == ticket).is_some() {
+                    match reply {
+                        Some(Reply::Exception { exception, .. }) => {
+                            end.finish(Outcome::Refused, exception.to_string());
+                        }
+                        _ => end.finish(Outcome::Done, ""),
+                    }
+                } else if self.asked.take_if(|asked| *asked == ticket).is_some() {
+                    match reply {
+                        Some(Reply::HoldingRegisters(words)) => match words.first_chunk() {
+                            Some(registers) => end.values(self.values(&registers)),
+                            None => end.event(&json!({"event": "short_reply"})),
+                        },
+                        Some(Reply::Exception { exception, .. }) => {
+                            end.event(&json!({"event": "refused", "why": exception.to_string()}));
+                        }
+                        _ => {}
+                    }
+                }
+            }
+            ClientEvent::Announced { ticket } if self.writing.take_if(|it| *it == ticket).is_some() => {
+                end.finish(Outcome::Unknown, "it was sent to every unit: nobody replies");
+            }
+            ClientEvent::Failed { ticket, failure } => {
+                if self.writing.take_if(|writing| *writing == ticket).is_some() {
+                    let was_sent = failure != Failure::NotSent;
+                    end.finish(
+                        if was_sent { Outcome::Unknown } else { Outcome::Refused },
+                        failure.to_string(),
+                    );
+                }
+                self.asked.take_if(|asked| *asked == ticket);
+                end.event(&json!({"event": "failed", "why": failure.to_string()}));
+                self.silent += u32::from(failure == Failure::TimedOut);
+                if self.silent >= MOST_SILENT {
+                    self.silent = 0;
+                    return Err(format!("no reply to {MOST_SILENT} requests in a row"));
+                }
+                // The rest of a reply that was cut would be taken from the next one.
+                if session.pending() > 0 {
+                    return Err("a reply was cut".into());
+                }
+            }
+            ClientEvent::Stray { unit, function, .. } => {
+                end.event(&json!({"event": "stray", "unit": unit, "function": function}));
+            }
+            ClientEvent::Corrupt(error) | ClientEvent::OutOfStep(error) => {
+                end.event(&json!({"event": "corrupt", "error": error}));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn command(&mut self, _: &mut Client<1>, command: Command) -> Result<(), String> {
+        self.order = Some(order(&command.order)?);
+        Ok(())
+    }
+
+    fn lost(&mut self) {
+        (self.asked, self.writing, self.order, self.next) = (None, None, None, now());
+    }
+}
+
+impl Modbus {
+    fn values(&self, registers: &[u16; 37]) -> Vec<(&'static str, Value)> {
+        let block = TelemetryBlock::from_registers(registers, self.settings.word_order);
+        let floats =
+            [&block.position[..], &block.wpr, &block.quaternion, &block.velocity, &block.quaternion_rate];
+        let floats = floats.into_iter().flatten().map(|value| Value::Float(*value));
+        let wholes = [whole(block.life_counter), whole(block.override_percent)];
+        METRICS.iter().map(|definition| definition.name).zip(wholes.into_iter().chain(floats)).collect()
+    }
+}
+
+impl Order {
+    fn request(&self, session: &mut Client<1>, unit: u8) -> Result<Ticket, fanuc_hmi_modbus::SessionError> {
+        match self {
+            Self::Coil { address, value } => {
+                session.request(unit, &Request::WriteCoil { address: *address, value: *value })
+            }
+            Self::Register { address, value } => {
+                session.request(unit, &Request::WriteRegister { address: *address, value: *value })
+            }
+            Self::Registers { address, values } => {
+                let values = Words::from(values.as_slice());
+                session.request(unit, &Request::WriteRegisters { address: *address, values })
+            }
+        }
+    }
+}

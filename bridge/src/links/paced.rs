@@ -1,0 +1,21 @@
+//! Settings of a link whose device reports faster than anybody reads.
+
+use std::time::Duration;
+
+use cellwire::links::settings::{Configure, Table};
+
+/// What can be set: the least from one report to the next, and the session's own.
+#[derive(Debug, Clone)]
+pub(super) struct Paced<C> {
+    pub report: Duration,
+    pub session: C,
+}
+
+impl<C: Configure> Configure for Paced<C> {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { report, session } = self;
+        let range = Duration::ZERO..=Duration::from_secs(3600);
+        table.time("report", range, "the least time from one report to the next", report);
+        session.configure(table);
+    }
+}

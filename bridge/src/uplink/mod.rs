@@ -1,0 +1,449 @@
+//! The connection to the broker: births, deaths, and the records of the store in their order.
+
+mod publish;
+
+use std::collections::HashMap;
+use std::sync::mpsc::SyncSender;
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use prost::Message;
+
+use super::cell::Cell;
+use super::hall::Broker;
+use super::holds::{Holds, Refused};
+use super::metric::whole;
+use super::node::{Node, Publication, Received};
+use super::payload::{Payload, Value};
+use super::reconnect::Reconnect;
+use super::refusals::{Apart, Refusals};
+use super::report::Input;
+use crate::broker::{Happened, Options, Refusal, Session};
+use crate::store::{Batch, Store};
+
+/// An attempt that has come to nothing for so long is given up.
+const PATIENCE: Duration = Duration::from_secs(15);
+
+/// The name, in the store, of the number of the next connection.
+pub const BD_SEQ: &str = "bdseq";
+
+/// The places of the cells, by their names.
+pub type Places = HashMap<String, usize>;
+
+/// A record as it is in the store.
+#[derive(Clone, PartialEq, Message)]
+pub struct Record {
+    /// The cell's name.
+    #[prost(string, tag = "1")]
+    pub cell: String,
+    /// What it reports.
+    #[prost(message, optional, tag = "2")]
+    pub payload: Option<Payload>,
+}
+
+/// The connection.
+#[allow(missing_debug_implementations, reason = "it holds a session with the broker")]
+pub struct Uplink {
+    options: Options,
+    group: String,
+    name: String,
+    host: Option<String>,
+    acknowledged: bool,
+    hub: SyncSender<Input>,
+    node: Node,
+    /// The number of the next connection in its births and deaths.
+    bd_seq: u8,
+    /// The number of the connection: what an earlier one reports later is nobody's.
+    generation: u64,
+    phase: Phase,
+    reconnect: Reconnect,
+    /// When the host application has been online last.
+    host_at: u64,
+    is_born: bool,
+    /// The first record that was not published on this connection.
+    next: u64,
+    /// Records from this one on were made on this connection, and are not historical.
+    live: u64,
+    flight: HashMap<u64, Flying>,
+    refusals: Refusals,
+    /// The cells whose topics it refuses.
+    holds: Holds,
+    /// Records that the broker refuses for good.
+    apart: Vec<Apart>,
+    /// The longest packet that the broker takes.
+    longest: usize,
+    /// Records of cells that are no more.
+    orphans: Vec<u64>,
+    /// What was counted.
+    pub counts: Counts,
+}
+
+/// What an uplink counts.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Counts {
+    /// Connections that the broker has accepted.
+    pub connections: u64,
+    /// Records that were published, again or for the first time.
+    pub published: u64,
+    /// Records that the broker has.
+    pub acknowledged: u64,
+    /// How often the broker has not taken a record.
+    pub rejected: u64,
+    /// Records that it refuses for good: they are dropped.
+    pub refused: u64,
+}
+
+/// A record on its way.
+struct Flying {
+    /// The cell.
+    place: usize,
+    /// The bytes of its packet.
+    length: usize,
+}
+
+enum Phase {
+    /// Until the next attempt.
+    Offline { until: Instant },
+    /// Until the store has the number of the connection.
+    Ready,
+    /// Until the broker has accepted connection and subscriptions.
+    Opening { session: Session, until: Instant },
+    /// Until the host application is online.
+    Waiting { session: Session },
+    /// Records are published.
+    Online { session: Session },
+    /// A death was said; until the broker closes the connection.
+    Leaving { _session: Session, until: Instant },
+}
+
+impl Uplink {
+    /// A connection that is opened at the first turn.
+    ///
+    /// # Errors
+    /// When a file of the broker's settings cannot be read.
+    pub fn new(broker: &Broker, bd_seq: u8, hub: SyncSender<Input>) -> Result<Self> {
+        let (host, port) = broker.place()?;
+        let client = broker.client.clone().unwrap_or_else(|| format!("{}-{}", broker.group, broker.node));
+        let (login, tls, will) = (broker.login()?, broker.tls()?, (String::new(), Vec::new()));
+        let options = Options { host, port, client, login, tls, keep_alive: broker.keep_alive, will };
+        Ok(Self {
+            options,
+            group: broker.group.clone(),
+            name: broker.node.clone(),
+            host: broker.primary_host.clone(),
+            acknowledged: broker.qos == 1,
+            hub,
+            node: Node::new(&broker.group, &broker.node, bd_seq),
+            bd_seq,
+            generation: 0,
+            phase: Phase::Offline { until: Instant::now() },
+            reconnect: Reconnect::default(),
+            host_at: 0,
+            is_born: false,
+            next: 0,
+            live: 0,
+            flight: HashMap::new(),
+            refusals: Refusals::default(),
+            holds: Holds::default(),
+            apart: Vec::new(),
+            longest: usize::MAX,
+            orphans: Vec::new(),
+            counts: Counts::default(),
+        })
+    }
+
+    /// Whether records are published.
+    pub fn is_online(&self) -> bool {
+        matches!(self.phase, Phase::Online { .. })
+    }
+
+    /// Whether there is no connection.
+    pub fn is_offline(&self) -> bool {
+        matches!(self.phase, Phase::Offline { .. } | Phase::Ready)
+    }
+
+    /// How many records are on their way.
+    pub fn in_flight(&self) -> usize {
+        self.flight.len()
+    }
+
+    /// How many records of the cell wait because the broker refuses its topic.
+    pub fn held(&self, place: usize) -> usize {
+        self.holds.count(place)
+    }
+
+    /// The store has no record below this key any more.
+    pub fn made_room(&mut self, first: u64) {
+        self.holds.made_room(first);
+    }
+
+    /// When [`turn`](Self::turn) has something to do at the latest.
+    pub fn due(&self) -> Option<Instant> {
+        match self.phase {
+            Phase::Offline { until } | Phase::Opening { until, .. } | Phase::Leaving { until, .. } => {
+                Some(until)
+            }
+            Phase::Ready | Phase::Waiting { .. } | Phase::Online { .. } => None,
+        }
+    }
+
+    /// Something has happened on the connection of this number; what it means for the hub. Records that are done with go into the
+    /// batch.
+    pub fn happened(&mut self, generation: u64, happened: Happened, batch: &mut Batch) -> Event {
+        if generation != self.generation {
+            return Event::None;
+        }
+        match happened {
+            Happened::Connected(longest) => {
+                self.counts.connections += 1;
+                self.longest = longest.map_or(usize::MAX, |longest| longest as usize);
+                self.reconnect.accepted(Instant::now());
+                let topics = self.node.subscriptions(self.host.as_deref());
+                if let Phase::Opening { session, .. } = &self.phase {
+                    session.subscribe(&topics);
+                }
+                Event::None
+            }
+            Happened::Subscribed => {
+                self.advance(|session| Phase::Waiting { session });
+                if self.host.is_none() {
+                    self.go_online();
+                }
+                Event::Connected
+            }
+            Happened::Message { topic, payload } => self.received(self.node.receive(&topic, &payload)),
+            Happened::Published(key) => self.published(key, batch),
+            Happened::Rejected { token: key, why, refusal } => self.rejected(key, why, refusal),
+            Happened::TooLong => {
+                // If any is too long the longest is.
+                if let Some(key) =
+                    self.flight.iter().max_by_key(|(_, flying)| flying.length).map(|(key, _)| *key)
+                {
+                    self.counts.rejected += 1;
+                    self.set_apart(key, "PacketTooLarge".into());
+                }
+                Event::None
+            }
+            Happened::TakenOver => self.leave_name(),
+            Happened::Dropped => {
+                if self.reconnect.dropped(Instant::now()) {
+                    self.leave_name()
+                } else {
+                    Event::None
+                }
+            }
+            Happened::Closed(why) => {
+                let was_left = matches!(self.phase, Phase::Leaving { .. });
+                self.closed();
+                if was_left { Event::None } else { Event::Lost(why) }
+            }
+        }
+    }
+
+    /// The broker has it. If that ends a hold, what was held is next.
+    fn published(&mut self, key: u64, batch: &mut Batch) -> Event {
+        let Some(Flying { place, .. }) = self.flight.remove(&key) else { return Event::None };
+        self.counts.acknowledged += 1;
+        self.refusals.forget(key);
+        batch.remove.push(key);
+        let Some(held) = self.holds.take(place, key) else { return Event::None };
+        self.live = self.live.max(self.next);
+        self.next = held.first().map_or(self.next, |first| self.next.min(*first));
+        Event::Released(place)
+    }
+
+    /// The broker does not take it. After a hole in the numbers of messages births follow anew, which begin them at 0.
+    fn rejected(&mut self, key: u64, why: String, refusal: Refusal) -> Event {
+        self.counts.rejected += 1;
+        match refusal {
+            Refusal::Topic => {
+                let Some(Flying { place, .. }) = self.flight.remove(&key) else { return Event::None };
+                self.refusals.forget(key);
+                let refused = self.holds.refuse(place, key, Instant::now());
+                self.is_born &= refused == Refused::Another;
+                if refused == Refused::Begins { Event::Held { place, why } } else { Event::None }
+            }
+            Refusal::Passing if !self.refusals.is_for_good(key, Instant::now()) => {
+                self.disconnect();
+                Event::Lost(format!("the broker does not take a record now: {why}"))
+            }
+            Refusal::Message | Refusal::Passing => {
+                self.set_apart(key, why);
+                Event::None
+            }
+        }
+    }
+
+    /// It has been refused for good: the next turn drops it.
+    fn set_apart(&mut self, key: u64, why: String) {
+        if let Some(Flying { place, .. }) = self.flight.remove(&key) {
+            self.refusals.forget(key);
+            self.holds.forget(place, key);
+            self.apart.push(Apart { key, place, why });
+        }
+    }
+
+    /// Another client has this name: two that fight for it would deliver nothing.
+    fn leave_name(&mut self) -> Event {
+        let wait = self.reconnect.leave_name().as_secs();
+        self.disconnect();
+        Event::Lost(format!(
+            "another client has this name: every bridge has a node, and client, of its own; tried again in about {wait} s"
+        ))
+    }
+
+    fn received(&mut self, received: Received) -> Event {
+        match received {
+            Received::Rebirth => {
+                self.is_born = false;
+                Event::Rebirth
+            }
+            Received::Write { device, payload } => Event::Write { device, payload },
+            Received::State { host, online, timestamp } => {
+                if self.host.as_deref() != Some(host.as_str()) || timestamp < self.host_at {
+                    return Event::Strange(format!("a STATE of {host} at {timestamp}, older than the last"));
+                }
+                self.host_at = timestamp;
+                match (online, &self.phase) {
+                    (true, Phase::Waiting { .. }) => self.go_online(),
+                    (false, Phase::Online { .. }) => {
+                        self.disconnect();
+                        return Event::Lost(format!("the host application {host} is offline"));
+                    }
+                    _ => {}
+                }
+                Event::None
+            }
+            Received::Strange(why) => Event::Strange(why),
+        }
+    }
+
+    /// Births follow, then every record from the oldest on.
+    fn go_online(&mut self) {
+        self.advance(|session| Phase::Online { session });
+        (self.is_born, self.next, self.live) = (false, 0, u64::MAX);
+        self.flight.clear();
+        self.holds.connected(Instant::now());
+    }
+
+    fn advance(&mut self, next: impl FnOnce(Session) -> Phase) {
+        let offline = Phase::Offline { until: Instant::now() };
+        self.phase = match core::mem::replace(&mut self.phase, offline) {
+            Phase::Opening { session, .. } | Phase::Waiting { session } | Phase::Online { session } => {
+                next(session)
+            }
+            other => other,
+        };
+    }
+
+    /// Says the node's death, and ends the connection.
+    pub fn disconnect(&mut self) {
+        if let Phase::Online { session } = &self.phase {
+            let Publication { topic, payload } = self.node.death();
+            session.publish(&topic, payload, true, None);
+        }
+        let until = Instant::now() + Duration::from_secs(1);
+        self.advance(|session| {
+            session.close();
+            Phase::Leaving { _session: session, until }
+        });
+    }
+
+    fn closed(&mut self) {
+        self.generation += 1;
+        let now = Instant::now();
+        let wait = self.reconnect.next(now);
+        self.phase = Phase::Offline { until: now + wait };
+    }
+
+    /// What has to be written before [`turn`](Self::turn): the number of a connection that is due, and which records are dropped.
+    /// Returns how many are of cells that are no more, and those that the broker refuses.
+    pub fn prepare(&mut self, ends: bool, batch: &mut Batch) -> (u64, Vec<Apart>) {
+        if let Phase::Offline { until } = self.phase
+            && until <= Instant::now()
+            && !ends
+        {
+            self.node = Node::new(&self.group, &self.name, self.bd_seq);
+            self.bd_seq = self.bd_seq.wrapping_add(1);
+            batch.names.push((BD_SEQ.into(), Some(self.bd_seq.to_string())));
+            self.phase = Phase::Ready;
+        }
+        let orphans = self.orphans.len() as u64;
+        batch.remove.append(&mut self.orphans);
+        let apart = core::mem::take(&mut self.apart);
+        batch.remove.extend(apart.iter().map(|apart| apart.key));
+        self.counts.refused += apart.len() as u64;
+        (orphans, apart)
+    }
+
+    /// Does what is due: connects, and publishes what there is. Returns why a connection came to nothing.
+    ///
+    /// # Errors
+    /// When the store cannot be read, or the system has no room for a thread.
+    pub fn turn(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<Option<String>> {
+        let is_due = self.due().is_some_and(|due| due <= Instant::now());
+        match &self.phase {
+            Phase::Ready => self.open()?,
+            Phase::Opening { .. } if is_due => {
+                self.closed();
+                return Ok(Some("the broker does not answer".into()));
+            }
+            Phase::Leaving { .. } if is_due => self.closed(),
+            Phase::Online { .. } => self.publish(store, cells, places)?,
+            _ => {}
+        }
+        Ok(None)
+    }
+
+    fn open(&mut self) -> Result<()> {
+        let Publication { topic, payload } = self.node.death();
+        self.options.will = (topic, payload);
+        let (hub, generation) = (self.hub.clone(), self.generation);
+        let session = Session::open(&self.options, move |happened| {
+            let _ = hub.send(Input::Broker(generation, happened));
+        })?;
+        self.phase = Phase::Opening { session, until: Instant::now() + PATIENCE };
+        Ok(())
+    }
+}
+
+/// What something that has happened means for the hub.
+#[derive(Debug)]
+pub enum Event {
+    /// Nothing.
+    None,
+    /// The broker has accepted connection and subscriptions.
+    Connected,
+    /// The connection is over, and why.
+    Lost(String),
+    /// The records of the cell of this place are held: the broker refuses its topic, and why.
+    Held {
+        /// The cell.
+        place: usize,
+        /// Why.
+        why: String,
+    },
+    /// They are published now.
+    Released(usize),
+    /// All births follow once more.
+    Rebirth,
+    /// Metrics of a cell are to be written.
+    Write {
+        /// The cell.
+        device: String,
+        /// The metrics.
+        payload: Payload,
+    },
+    /// Nothing that is understood, and why.
+    Strange(String),
+}
+
+/// A record of a cell.
+pub fn record(cell: &str, payload: Payload) -> Vec<u8> {
+    Record { cell: cell.into(), payload: Some(payload) }.encode_to_vec()
+}
+
+/// The number of a record, as a value.
+pub fn number(number: u64) -> Value {
+    whole(i64::try_from(number).unwrap_or(i64::MAX))
+}

@@ -1,0 +1,165 @@
+//! What is published on a connection: births, the records of the store in their order, and deaths.
+
+use std::time::Instant;
+
+use anyhow::Result;
+use prost::Message as _;
+
+use super::{Flying, Phase, Places, Record, Uplink};
+use crate::broker::Session;
+use crate::cell::Cell;
+use crate::metric::{DETAIL, EVENT};
+use crate::node::{Node, Publication};
+use crate::payload::Metric;
+use crate::refusals::Apart;
+use crate::store::Store;
+
+/// So many records are on their way.
+const IN_FLIGHT: usize = 500;
+/// So many are read at once.
+const CHUNK: usize = 100;
+
+impl Uplink {
+    /// Publishes births, records and deaths, as long as there is room.
+    pub(super) fn publish(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<()> {
+        let is_done = self.publish_births(store, cells)
+            && self.publish_trials(store, cells)?
+            && self.publish_records(store, cells, places)?;
+        if is_done && self.next >= store.next() {
+            self.publish_deaths(cells);
+        }
+        Ok(())
+    }
+
+    /// False where there is no room for more.
+    fn publish_births(&mut self, store: &Store, cells: &mut [Cell]) -> bool {
+        let Phase::Online { session } = &self.phase else { return false };
+        if !self.is_born {
+            if self.live == u64::MAX {
+                self.live = store.next();
+            }
+            if !say(session, self.node.birth(cells.len())) {
+                return false;
+            }
+            self.node.published();
+            self.is_born = true;
+            cells.iter_mut().for_each(|cell| cell.is_born = false);
+        }
+        cells
+            .iter_mut()
+            .enumerate()
+            .filter(|(place, cell)| cell.is_connected && !cell.is_born && !self.holds.is_held(*place))
+            .all(|(_, cell)| bear(session, &mut self.node, cell, self.longest))
+    }
+
+    /// One record of each cell that is held and due. False where there is no room for more.
+    fn publish_trials(&mut self, store: &Store, cells: &mut [Cell]) -> Result<bool> {
+        while let Some((place, key)) = self.holds.due(Instant::now()) {
+            let stored = store.records(key, 1)?.into_iter().find(|(found, _)| *found == key);
+            let payload = stored.and_then(|(_, bytes)| Record::decode(bytes.as_slice()).ok()?.payload);
+            let (Some(cell), Some(payload)) = (cells.get_mut(place), payload) else {
+                self.holds.forget(place, key); // it has made room
+                continue;
+            };
+            if !self.publish_record(cell, place, key, payload.metrics, true) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// What is next in the store, but of cells that are held. False where there is no room for more.
+    fn publish_records(&mut self, store: &Store, cells: &mut [Cell], places: &Places) -> Result<bool> {
+        while self.flight.len() < IN_FLIGHT {
+            let records = store.records(self.next, CHUNK)?;
+            if records.is_empty() {
+                break;
+            }
+            for (key, bytes) in records {
+                let record = Record::decode(bytes.as_slice()).unwrap_or_default();
+                let place = places.get(&record.cell).copied().unwrap_or(usize::MAX);
+                if let (Some(cell), Some(payload)) = (cells.get_mut(place), record.payload) {
+                    // After a hold has ended others are on their way among what was held.
+                    if !self.flight.contains_key(&key)
+                        && !self.holds.keep(place, key)
+                        && !self.publish_record(cell, place, key, payload.metrics, key < self.live)
+                    {
+                        return Ok(false);
+                    }
+                } else {
+                    self.orphans.push(key);
+                }
+                self.next = key + 1;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Publishes a record, after the birth of its cell. False where there is no room for it.
+    fn publish_record(
+        &mut self,
+        cell: &mut Cell,
+        place: usize,
+        key: u64,
+        mut metrics: Vec<Metric>,
+        is_historical: bool,
+    ) -> bool {
+        let Phase::Online { session } = &self.phase else { return false };
+        if !cell.is_born && !bear(session, &mut self.node, cell, self.longest) {
+            return false;
+        }
+        if is_historical {
+            metrics.iter_mut().for_each(|metric| metric.is_historical = Some(true));
+        }
+        let Publication { topic, payload } = self.node.data(&cell.name, metrics);
+        let length = Session::packet_len(&topic, &payload, self.acknowledged);
+        if length > self.longest {
+            self.holds.forget(place, key);
+            self.apart.push(Apart { key, place, why: "PacketTooLarge".into() });
+            return true;
+        }
+        if !session.publish(&topic, payload, self.acknowledged, Some(key)) {
+            return false;
+        }
+        self.node.published();
+        self.counts.published += 1;
+        self.flight.insert(key, Flying { place, length });
+        self.holds.tried(place, key);
+        true
+    }
+
+    fn publish_deaths(&mut self, cells: &mut [Cell]) {
+        let Phase::Online { session } = &self.phase else { return };
+        for cell in cells.iter_mut().filter(|cell| cell.is_born && !cell.is_connected) {
+            if !say(session, self.node.device_death(&cell.name)) {
+                return;
+            }
+            self.node.published();
+            cell.is_born = false;
+        }
+    }
+}
+
+/// Publishes as Sparkplug has births and deaths: with QoS 0.
+fn say(session: &Session, Publication { topic, payload }: Publication) -> bool {
+    session.publish(&topic, payload, false, None)
+}
+
+/// Publishes the birth of a cell. What happened last is left out where the broker does not take so much; a birth that is too long even
+/// so ends the connection, and nothing follows it.
+fn bear(session: &Session, node: &mut Node, cell: &mut Cell, longest: usize) -> bool {
+    let fits = |birth: &Publication| Session::packet_len(&birth.topic, &birth.payload, false) <= longest;
+    let value = |name: &str| cell.values.get(name).map(|(at, value)| (*at, value));
+    let mut birth = node.device_birth(&cell.name, &cell.definitions, value);
+    if !fits(&birth) {
+        let short = |name: &str| value(name).filter(|_| name != EVENT && name != DETAIL);
+        birth = node.device_birth(&cell.name, &cell.definitions, short);
+    }
+    let is_born = fits(&birth);
+    if !say(session, birth) || !is_born {
+        return false;
+    }
+    node.published();
+    cell.is_born = true;
+    true
+}

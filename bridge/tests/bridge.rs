@@ -1,0 +1,439 @@
+//! `cellwire-bridge`: what is wrong in a hall's file is found before anything is connected. What happens with a broker is
+//! `.ci/bridge`.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::std_instead_of_core, reason = "a test of a program")]
+
+#[path = "bridge/broker.rs"]
+mod broker;
+#[path = "bridge/held.rs"]
+mod held;
+#[path = "bridge/limits.rs"]
+mod limits;
+#[path = "../../cellwire/tests/tool/running.rs"]
+mod tool;
+
+use std::io::{Read as _, Write as _};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use broker::Broker;
+use cellwire::command::simulate;
+use clap::Parser;
+use tool::{DEADLINE, Running};
+
+const HALL: &str = r#"[broker]
+address = "broker:8883"
+group = "hall"
+node = "bridge"
+
+[store]
+file = "hall.redb"
+
+[cell.robot]
+link = "fanuc-hmi-modbus"
+address = "10.0.0.1:502"
+settings = { poll = "100ms" }
+"#;
+
+fn check(folder: &Path, text: &str) -> (Option<i32>, String) {
+    let file = folder.join("hall.toml");
+    std::fs::write(&file, text).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cellwire-bridge"));
+    let output = command.args(["--check", "--config"]).arg(&file).output().unwrap();
+    let out = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
+    (
+        output.status.code(),
+        out.replace(file.to_str().unwrap(), "hall.toml").replace(folder.to_str().unwrap(), "FOLDER"),
+    )
+}
+
+/// A simulated ball: this program once more, because the tool is none of this package.
+fn ball() -> Running {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["-q", "--exact", "simulated_ball", "--ignored", "--nocapture"]);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    Running::start(command)
+}
+
+#[test]
+#[ignore = "a process of the other tests"]
+fn simulated_ball() {
+    #[derive(Parser)]
+    struct Simulate {
+        #[command(flatten)]
+        args: simulate::Args,
+    }
+    let Simulate { args } = Simulate::parse_from(["simulate", "ball", "--listen", "127.0.0.1:0"]);
+    simulate::run(&args).unwrap();
+}
+
+/// A bridge whose broker is at `broker` and whose one cell is a ball.
+fn bridge(folder: &Path, broker: &str, ball: &Running) -> Running {
+    Running::start(bridge_command(folder, broker, ball))
+}
+
+fn bridge_command(folder: &Path, broker: &str, ball: &Running) -> Command {
+    hall_command(folder, broker, "", &[("ball", ball)])
+}
+
+/// A bridge whose broker is at `broker`, with `store` among the settings of its store, and with these cells.
+fn hall_command(folder: &Path, broker: &str, store: &str, balls: &[(&str, &Running)]) -> Command {
+    let cells = balls.iter().map(|(name, ball)| {
+        format!(
+            "[cell.{name}]\nlink = \"isra-ball\"\naddress = \"{}\"\nsettings = {{ report = \"0s\" }}\n",
+            ball.address()
+        )
+    });
+    let hall = format!(
+        "[broker]\naddress = \"{broker}\"\ngroup = \"g\"\nnode = \"n\"\n\
+         [store]\nfile = \"s.redb\"\n{store}\n[health]\nlisten = \"127.0.0.1:0\"\n{}",
+        cells.collect::<String>()
+    );
+    let file = folder.join("hall.toml");
+    std::fs::write(&file, hall).unwrap();
+    // A write beyond a limit is an error then, and no signal.
+    let mut command = Command::new("bash");
+    command
+        .args(["-c", "trap '' XFSZ; exec \"$0\" --config \"$1\"", env!("CARGO_BIN_EXE_cellwire-bridge")])
+        .arg(file);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// What the bridge answers to a request for a path.
+fn get(bridge: &Running, path: &str) -> String {
+    let mut stream = TcpStream::connect(bridge.ready["health"].as_str().unwrap()).unwrap();
+    stream.set_read_timeout(Some(DEADLINE)).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: bridge\r\nConnection: close\r\n\r\n").unwrap();
+    let mut text = String::new();
+    stream.read_to_string(&mut text).unwrap();
+    text
+}
+
+const REFUSED: &str = "dropped_total{why=\"refused\"}";
+
+fn figure(bridge: &Running, name: &str) -> u64 {
+    figure_in(&get(bridge, "/metrics"), name)
+}
+
+fn figure_in(text: &str, name: &str) -> u64 {
+    let value = text.lines().find_map(|line| line.strip_prefix(&format!("cellwire_bridge_{name} ")));
+    value.unwrap_or_else(|| panic!("{name} in {text}")).parse().unwrap()
+}
+
+fn until(what: &str, is_so: impl Fn() -> bool) {
+    let end = Instant::now() + DEADLINE;
+    while !is_so() {
+        assert!(Instant::now() < end, "{what}");
+        std::thread::sleep(Duration::from_millis(100));
+    }
+}
+
+#[test]
+fn what_a_full_disk_does_not_take_waits() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let mut bridge = bridge(folder.path(), &nobody, &ball);
+    until("records", || figure(&bridge, "store_records") > 3);
+    let limit = |size: &str| {
+        let pid = bridge.id().to_string();
+        let status =
+            Command::new("prlimit").args(["--pid", &pid, &format!("--fsize={size}:unlimited")]).status();
+        assert!(status.unwrap().success());
+    };
+    limit("1");
+    until("a store that is stuck", || figure(&bridge, "store_stuck") == 1);
+    assert!(get(&bridge, "/health").contains("the store cannot be written"));
+    limit("unlimited");
+    until("a store that is written", || figure(&bridge, "store_stuck") == 0);
+    let before = figure(&bridge, "store_records");
+    until("more records", || figure(&bridge, "store_records") > before + 3);
+    let stuck = bridge.line("\"store\":\"stuck\"");
+    assert!(stuck.contains("File too large"), "{stuck}");
+    bridge.line("\"store\":\"written\"");
+    // Each record that was made waits for the broker; also those of the end.
+    let text = get(&bridge, "/metrics");
+    for nothing in ["full", "busy", "orphan"] {
+        assert!(text.contains(&format!("dropped_total{{why=\"{nothing}\"}} 0")), "{text}");
+    }
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+    drop(bridge);
+    let bridge = self::bridge(folder.path(), &nobody, &ball);
+    until("the same records", || {
+        let text = get(&bridge, "/metrics");
+        let value = |name: &str| text.lines().find_map(|line| line.strip_prefix(name)).map(str::to_owned);
+        let numbers = ["store_records ", "record_number{cell=\"ball\"} "];
+        let [stored, number] = numbers.map(|name| value(&format!("cellwire_bridge_{name}")));
+        stored.is_some() && stored == number
+    });
+}
+
+#[test]
+fn a_broker_that_refuses_or_is_silent_is_reported_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let broker = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut bridge = bridge(folder.path(), &broker.local_addr().unwrap().to_string(), &ball);
+    // The connection is accepted by the system, and nobody reads it.
+    let line = bridge.line("\"broker\"");
+    assert!(line.contains("the broker does not answer"), "{line}");
+    // CONNACK, reason 87h.
+    for stream in broker.incoming().take(4) {
+        let mut stream = stream.unwrap();
+        let _ = stream.write_all(&[0x20, 3, 0, 0x87, 0]);
+        let mut first = [0];
+        let _ = stream.read(&mut first);
+    }
+    let line = bridge.line("\"broker\"");
+    let why = "the broker refuses the connection: NotAuthorized: see user and password_file";
+    assert!(line.contains(why), "{line}");
+    assert!(figure(&bridge, "store_records") > 0);
+    assert_eq!(figure(&bridge, "online"), 0);
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+}
+
+#[test]
+fn a_record_that_is_refused_for_good_is_dropped_and_the_next_ones_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let mut peer = broker.accept(&[]);
+    for place in 0..40 {
+        let message = peer.message();
+        // Payload format invalid.
+        peer.acknowledge(&message, if [2, 5, 6, 9].contains(&place) { 0x99 } else { 0 });
+    }
+    until("acknowledged records", || figure(&bridge, "acknowledged_total") == 36);
+    assert_eq!((figure(&bridge, REFUSED), figure(&bridge, "rejected_total")), (4, 4));
+    assert_eq!(figure(&bridge, "connections_total"), 1);
+    let made = figure(&bridge, "records_total");
+    assert!(figure(&bridge, "store_records") <= made - 40 + 9, "they are in the store no more");
+    let line = bridge.line("\"refused\"");
+    assert!(line.contains("PayloadFormatInvalid") && line.contains("\"cell\":\"ball\""), "{line}");
+    assert!(line.contains("it is dropped"), "{line}");
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+    assert!(!bridge.rest().iter().any(|line| line.contains("\"refused\"")), "once for each reason");
+}
+
+#[test]
+fn a_record_that_is_too_long_is_dropped_where_the_broker_does_not_say_which() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let mut peer = broker.accept(&[]);
+    let first = peer.message();
+    // Mosquitto's answer, which is none of PUBACK's reason codes.
+    peer.acknowledge(&first, 0x95);
+    drop(peer);
+    until("a record that is dropped", || figure(&bridge, REFUSED) == 1);
+    let line = bridge.line("\"broker\":\"disconnected\"");
+    assert!(line.contains("the broker does not take a message that is so long: see its limit"), "{line}");
+    let made = figure(&bridge, "records_total");
+    let mut peer = broker.accept(&[]);
+    let mut seen = Vec::new();
+    while seen.last().is_none_or(|last| *last <= made) {
+        let message = peer.message();
+        seen.push(message.record());
+        peer.acknowledge(&message, 0);
+    }
+    assert_eq!((1..=made).filter(|number| !seen.contains(number)).count(), 1);
+    let count = seen.len() as u64;
+    until("acknowledged records", || figure(&bridge, "acknowledged_total") == count);
+    assert_eq!(figure(&bridge, REFUSED), 1);
+    let line = bridge.line("\"refused\"");
+    assert!(line.contains("PacketTooLarge"), "{line}");
+}
+
+#[test]
+fn a_record_that_may_be_taken_later_waits() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let mut peer = broker.accept(&[]);
+    let first = peer.message();
+    // Quota exceeded.
+    peer.acknowledge(&first, 0x97);
+    let line = bridge.line("\"broker\":\"disconnected\"");
+    assert!(line.contains("the broker does not take a record now: QuotaExceeded"), "{line}");
+    drop(peer);
+    let mut peer = broker.accept(&[]);
+    let again = peer.message();
+    assert!(again.contains("\"event\":\"connected\"") && first.contains("\"event\":\"connected\""));
+    peer.acknowledge(&again, 0);
+    until("an acknowledged record", || figure(&bridge, "acknowledged_total") == 1);
+    assert_eq!(figure(&bridge, REFUSED), 0);
+}
+
+#[test]
+fn two_bridges_with_one_name_do_not_fight_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let why =
+        "another client has this name: every bridge has a node, and client, of its own; tried again in about";
+    // A broker that ends one connection after the other as soon as it has accepted it.
+    for _ in 0..3 {
+        broker.accept(&[]).message();
+    }
+    let line = bridge.line("another client");
+    assert!(line.contains(&format!("{why} 60 s")), "{line}");
+    assert!(broker.is_left_alone(Duration::from_secs(5)));
+    let before = figure(&bridge, "store_records");
+    until("records that wait", || figure(&bridge, "store_records") > before);
+
+    // Another one with the same store.
+    let second = bridge_command(folder.path(), &broker.address(), &ball).output().unwrap();
+    let error = String::from_utf8(second.stderr).unwrap();
+    assert_eq!(second.status.code(), Some(2), "{error}");
+    assert!(error.trim_end().ends_with("is open in another process: one bridge, one store"), "{error}");
+    until("records that wait", || figure(&bridge, "store_records") > before + 1);
+    assert_eq!(bridge.signal("-TERM"), Some(0));
+}
+
+#[test]
+fn a_bridge_whose_name_is_taken_leaves_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let broker = Broker::new();
+    let mut bridge = bridge(folder.path(), &broker.address(), &ball);
+    let mut peer = broker.accept(&[]);
+    peer.message();
+    // DISCONNECT: session taken over.
+    peer.send(&[0xE0, 2, 0x8E, 0]);
+    let line = bridge.line("\"broker\":\"disconnected\"");
+    assert!(line.contains("another client has this name: every bridge has a node"), "{line}");
+    assert!(broker.is_left_alone(Duration::from_secs(5)));
+}
+
+#[test]
+fn a_disk_that_does_not_answer_does_not_keep_the_bridge() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball();
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    // Once the file SLOW is there each write to the disk takes an hour.
+    let (source, library, slow) =
+        (folder.path().join("slow.c"), folder.path().join("slow.so"), folder.path().join("slow"));
+    let text = "#include <stdlib.h>\n#include <unistd.h>\n\
+                static int wait(void) { if (access(getenv(\"SLOW\"), F_OK) == 0) sleep(3600); return 0; }\n\
+                int fsync(int f) { (void)f; return wait(); }\nint fdatasync(int f) { (void)f; return wait(); }\n";
+    std::fs::write(&source, text).unwrap();
+    let built = Command::new("cc").args(["-shared", "-fPIC", "-o"]).args([&library, &source]).status();
+    assert!(built.unwrap().success());
+    let mut command = bridge_command(folder.path(), &nobody, &ball);
+    let mut bridge = Running::start({
+        command.env("LD_PRELOAD", &library).env("SLOW", &slow);
+        command
+    });
+    until("records", || figure(&bridge, "store_records") > 3);
+    std::fs::write(&slow, "").unwrap();
+    let before = figure(&bridge, "records_total");
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(figure(&bridge, "records_total") <= before + 100, "the store is written no more");
+    let start = Instant::now();
+    assert_eq!(bridge.signal("-TERM"), Some(130));
+    let took = start.elapsed();
+    assert!(took >= Duration::from_secs(10) && took < Duration::from_secs(20), "{took:?}");
+    let line = bridge.line("the bridge has not ended");
+    assert_eq!(line, "the bridge has not ended in 10 s, and is ended: what is in the store is kept");
+}
+
+#[test]
+fn a_hall_is_checked_without_a_connection() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = "{\"hall\":\"hall.toml\",\"broker\":\"broker:8883\",\"cells\":[\"robot\"]}\n";
+    assert_eq!(check(folder.path(), HALL), (Some(0), line.into()));
+    assert!(!folder.path().join("hall.redb").exists());
+}
+
+#[test]
+fn what_is_wrong_has_its_line() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("empty.pem"), "nothing").unwrap();
+    let bad = "-----BEGIN CERTIFICATE-----\nno base64!\n-----END CERTIFICATE-----\n";
+    std::fs::write(folder.path().join("bad.pem"), bad).unwrap();
+    for (from, to, error) in [
+        ("broker:8883", "broker", "line 2: broker.address: give HOST:PORT, such as broker.example:8883"),
+        ("\"hall\"", "\"a/b\"", "line 3: broker.group: a topic's level has no '/'"),
+        ("node = \"bridge\"", "node = \"bridge\"\nqos = 2", "line 5: broker.qos: give 0 or 1"),
+        (
+            "node = \"bridge\"",
+            "node = \"bridge\"\ntls = { ca = \"empty.pem\" }",
+            "line 5: FOLDER/empty.pem: it has no BEGIN CERTIFICATE in PEM form",
+        ),
+        (
+            "node = \"bridge\"",
+            "node = \"bridge\"\ntls = { ca = \"bad.pem\" }",
+            "line 5: FOLDER/bad.pem: a certificate in it is not in PEM form: base64 decode error: InvalidCharacter(33)",
+        ),
+        (
+            "10.0.0.1:502",
+            "/dev/ttyS0",
+            "line 9: cell robot: /dev/ttyS0 would be a serial port, and this link has none: give HOST:PORT",
+        ),
+        (
+            "\"fanuc-hmi-modbus\"\naddress = \"10.0.0.1:502\"\nsettings = { poll = \"100ms\" }",
+            "\"kawasaki-msg\"\naddress = \"10.0.0.1:502\"\nsettings = { udp = true }",
+            "line 9: cell robot: over UDP the robot sends first: give listen instead of address",
+        ),
+        ("\"fanuc-hmi-modbus\"", "\"fanuc\"", "line 9: cell robot: no link is called fanuc"),
+        (
+            "poll = \"100ms\"",
+            "poll = 100",
+            "line 12: cell robot: poll=100: not a time with its unit, such as 250ms or 1.5s, give 10ms to 1h",
+        ),
+        (
+            "address = \"10.0.0.1:502\"\n",
+            "",
+            "line 9: cell robot: give address (HOST:PORT, or the path of a serial port), or listen where the device connects to \
+             the PC",
+        ),
+    ] {
+        assert_eq!(
+            check(folder.path(), &HALL.replace(from, to)),
+            (Some(2), format!("error: hall.toml, {error}\n"))
+        );
+    }
+    let (status, error) = check(folder.path(), &HALL.replace("link = \"fanuc-hmi-modbus\"", "links = 1"));
+    assert_eq!(status, Some(2));
+    assert!(error.contains("at line 10, column 1") && error.contains("unknown field `links`"), "{error}");
+}
+
+#[test]
+fn the_hall_of_the_page_is_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let ca = "-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n";
+    std::fs::write(folder.path().join("ca.pem"), ca).unwrap();
+    std::fs::write(folder.path().join("bridge.password"), "correct horse\n").unwrap();
+    let page = include_str!("../../docs/bridge.md");
+    let hall = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let cells = r#"["arm","assembly","ball","cutter","handling","painter","screen"]"#;
+    let line = format!("{{\"hall\":\"hall.toml\",\"broker\":\"broker.example:8883\",\"cells\":{cells}}}\n");
+    assert_eq!(check(folder.path(), hall), (Some(0), line));
+}
+
+#[test]
+fn a_shell_and_man_have_its_options() {
+    let folder = tempfile::tempdir().unwrap();
+    let bridge = |option: &str, value: &Path| {
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_cellwire-bridge")).arg(option).arg(value).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let completions = bridge("--completions", Path::new("bash"));
+    assert!(
+        completions.contains("default cellwire-bridge\n") && completions.contains("--config"),
+        "{completions}"
+    );
+    assert_eq!(bridge("--man", folder.path()), "");
+    let page = std::fs::read_to_string(folder.path().join("cellwire-bridge.1")).unwrap();
+    assert!(page.contains("Settings of a cell of kawasaki"), "{page}");
+}

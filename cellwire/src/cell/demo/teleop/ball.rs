@@ -1,0 +1,87 @@
+//! `cellwire demo isra-ball`: the teleoperation cell, seen from the ball.
+
+use anyhow::Result;
+use isra_ball::{BallConfig, timing};
+
+use super::{plot, robot};
+use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
+use crate::cell::demo::{DemoOptions, MustFail};
+use crate::cell::report::{Budget, Report};
+use crate::cell::teleop::polls;
+use crate::links::settings::{self, Configure, Table};
+
+/// What can be set of the demo.
+#[derive(Debug)]
+pub struct Settings {
+    polls: isra_ball::HostConfig,
+    ball: BallConfig,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { polls: polls(timing::BAUD), ball: BallConfig::default() }
+    }
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { polls, ball } = self;
+        polls.configure(table);
+        ball.configure(table);
+    }
+}
+
+/// Runs the cell.
+///
+/// # Errors
+/// When there are no pseudo-terminals, or a setting is none of this demo's.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let settings = settings::read("isra-ball", Settings::default(), &options.settings)?;
+    let config = CellConfig { polls: settings.polls, ball: settings.ball, ..CellConfig::of(options) };
+    let record = cell::run(&config, &options.progress)?;
+    plot::write(options, &config, &record)?;
+    let CellRecord { mut ball, host, line_faults: [_, line_faults, _], pauses, .. } = record;
+    if options.spoils(MustFail::Lost) {
+        // One more may be on the line when the run ends, and pieces of packets count as packets that arrived.
+        ball.fresh += 2 + host.ball_corrupt + host.ball_late;
+    }
+    let title = format!(
+        "a hand on the ball steers the robot: one poll in its cycle of 28 ms, at {} baud",
+        config.polls.baud
+    );
+    let mut report = Report::new("isra-ball", title);
+    let answered = host.fresh + host.old;
+    report.fact("polls", "polls", answered + host.ball_missed);
+    report.fact("fresh", "packets with new values", host.fresh);
+    report.fact("old", "packets with old values", host.old);
+    report.fact("missed", "polls without a packet", host.ball_missed);
+    report.fact("late", "packets that are no reply", host.ball_late);
+    report.fact("corrupt", "corrupt packets, or pieces of one", host.ball_corrupt);
+    report.fact("line_faults", "bytes corrupted on the line", line_faults);
+    report.fact("paused_us", "the machine stood still, µs in all", robot::micros(pauses.total()));
+    report.fact("stale", "times that the values were older than 150 ms", host.ball_stale);
+    report.fact("key_presses", "gripper keys sent on", host.gripper_keys.len());
+    report.fact("key_presses_refused", "gripper keys while ALTER was off", host.gripper_keys_refused);
+    let budget = Budget { time: config.polls.period, source: "§3.4: the robot's cycle" };
+    // Nobody waits longer than that for a packet.
+    let mut exchange = host.exchange.clone();
+    (0..host.ball_missed).for_each(|_| exchange.add(2 * budget.time));
+    let label = "poll to packet, a poll without one being two periods";
+    report.timing("exchange", label, &exchange, Some(budget));
+    // In a period in which the machine stands still, nobody is asked to answer.
+    let paused = pauses.total().as_nanos() / budget.time.as_nanos().max(1);
+    report.require(u128::from(answered) + paused > host.ball_missed.into(), || {
+        format!("{answered} polls were answered, {} were not", host.ball_missed)
+    });
+    // A packet too late for its poll looks like the answer to the next one: they have no numbers.
+    let fastest = host.exchange.at(0.0);
+    report.require(host.ball_missed > 0 || fastest >= timing::exchange_time(config.polls.baud), || {
+        format!("a packet came in {fastest:?}, faster than the line carries it")
+    });
+    // The last one may be on the line when the run ends.
+    let (sent, arrived) = (ball.fresh + ball.old, answered + host.ball_late + host.ball_corrupt);
+    report.require(config.faults || sent <= arrived + 1, || {
+        format!("the ball sent {sent} packets, {arrived} arrived, whole or not")
+    });
+    Ok(report)
+}

@@ -1,0 +1,58 @@
+//! `cellwire demo val2-viewer`: the teleoperation cell, seen from the workstation.
+
+use anyhow::Result;
+
+use super::plot;
+use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
+use crate::cell::demo::{DemoOptions, MustFail};
+use crate::cell::report::Report;
+use crate::links::settings::{self, Configure, Table};
+use crate::links::val2_viewer::options::ViewerSettings;
+
+/// What can be set of the demo: the workstation, and the host that answers it.
+#[derive(Debug, Default)]
+pub struct Settings {
+    viewer: ViewerSettings,
+    host: val2_viewer::HostConfig,
+}
+
+impl Configure for Settings {
+    fn configure(&mut self, table: &mut Table<'_>) {
+        let Self { viewer, host } = self;
+        viewer.configure(table);
+        table.group("host", |table| host.configure(table));
+    }
+}
+
+/// Runs the cell.
+///
+/// # Errors
+/// When there are no pseudo-terminals, or a setting is none of this demo's.
+pub fn demo(options: &DemoOptions) -> Result<Report> {
+    let Settings { viewer, host } = settings::read("val2-viewer", Settings::default(), &options.settings)?;
+    let config = CellConfig { viewer, viewer_host: host, ..CellConfig::of(options) };
+    let record = cell::run(&config, &options.progress)?;
+    plot::write(options, &config, &record)?;
+    let CellRecord { mut drawn, host, line_faults: [_, _, line_faults], .. } = record;
+    if options.spoils(MustFail::Repeated) {
+        drawn.most_at_once += 1;
+    }
+    let mut report = Report::new("val2-viewer", "a workstation draws the robot, one pose for each request");
+    report.fact("requests", "requests", drawn.asked);
+    report.fact("sent", "poses sent", host.poses);
+    report.fact("poses", "poses drawn", drawn.poses);
+    report.fact("gaps", "poses that never came", drawn.gaps);
+    report.fact("corrupt", "corrupt lines, or pieces of one", drawn.damaged);
+    report.fact("line_faults", "bytes corrupted on the line", line_faults);
+    report.fact("stale", "times that the picture was stale", drawn.stale);
+    report.fact("pauses", "times that the operator paused it to ask again", drawn.pauses);
+    report.fact("most_at_once", "most poses between two pictures", drawn.most_at_once);
+    report.require(drawn.poses > 0, || "no pose was drawn".into());
+    report
+        .require(drawn.most_at_once <= 1, || format!("{} poses came at once: a backlog", drawn.most_at_once));
+    // The last one may be on the line when the run ends.
+    report.require(config.faults || host.poses <= drawn.poses + 1, || {
+        format!("{} poses were sent, {} came", host.poses, drawn.poses)
+    });
+    Ok(report)
+}

@@ -1,0 +1,162 @@
+//! What became of every job, and how far the order in flight is.
+
+use std::borrow::Cow;
+
+use anyhow::Result;
+use serde::{Deserialize, Serialize};
+
+use crate::io::journal::{self, Outcome, Record, Span};
+
+/// The journal of a file of jobs.
+pub type Journal = journal::Journal<Orders>;
+
+/// An order that has no outcome yet. Its jobs are counted from 0 in the order, not in the file.
+#[derive(Debug, Clone)]
+pub struct Flight {
+    /// Its number.
+    pub order: u16,
+    /// The highest job number that was agreed on.
+    pub max_number: u16,
+    /// Its jobs, by their places in the file.
+    pub places: Vec<usize>,
+    /// So many are known to be executed, from the first on.
+    pub executed: u32,
+    /// From this one on none was sent.
+    pub sent: u32,
+    /// Those that were executed ahead of others.
+    pub ahead: Vec<u32>,
+}
+
+/// What is noted.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(untagged, deny_unknown_fields)]
+pub enum Entry {
+    /// An order of all jobs that are not sent.
+    Order {
+        /// Its number.
+        order: u16,
+        /// The highest job number that was agreed on.
+        max_number: u16,
+    },
+    /// How far it is.
+    Progress {
+        /// So many jobs are executed.
+        executed: u32,
+        /// So many are sent, or about to be.
+        sent: u32,
+    },
+    /// A job of the order was executed ahead of others.
+    Ahead {
+        /// Which.
+        ahead: u32,
+    },
+    /// The order is over.
+    End {
+        /// So many jobs were executed, and those that were ahead.
+        end: u32,
+        /// Of those from there to this one nobody knows.
+        unknown: u32,
+    },
+    /// What the operator says.
+    Answer(Span),
+}
+
+/// What became of the jobs, and of the orders that they were sent in.
+#[derive(Debug)]
+pub struct Orders {
+    outcomes: Vec<Outcome>,
+    /// The order in flight.
+    pub flight: Option<Flight>,
+    /// The numbers of all orders.
+    pub numbers: Vec<u16>,
+}
+
+impl Journal {
+    /// Begins an order of all jobs that are not sent; their places.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn begin(&mut self, order: u16, max_number: u16) -> Result<Vec<usize>> {
+        self.note(&Entry::Order { order, max_number })?;
+        Ok(self.record().flight.as_ref().map(|flight| flight.places.clone()).unwrap_or_default())
+    }
+
+    /// How far the order is, if that is news. It has to be noted before the packet is sent.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn progress(&mut self, executed: u32, sent: u32) -> Result<()> {
+        match &self.record().flight {
+            Some(flight) if (flight.executed, flight.sent) != (executed, sent) => {
+                self.note(&Entry::Progress { executed, sent })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Record for Orders {
+    type Entry = Entry;
+
+    fn new(jobs: usize) -> Self {
+        Self { outcomes: Record::new(jobs), flight: None, numbers: Vec::new() }
+    }
+
+    fn take(&mut self, entry: &Entry) {
+        match entry {
+            Entry::Order { order, max_number } => {
+                let open = |(place, known): (usize, &Outcome)| (*known == Outcome::NotSent).then_some(place);
+                let places = self.outcomes.iter().enumerate().filter_map(open).collect();
+                let (order, max_number) = (*order, *max_number);
+                self.flight =
+                    Some(Flight { order, max_number, places, executed: 0, sent: 0, ahead: Vec::new() });
+                self.numbers.push(order);
+            }
+            Entry::Progress { executed, sent } => {
+                if let Some(flight) = &mut self.flight {
+                    (flight.executed, flight.sent) = (*executed, (*sent).max(flight.sent));
+                    flight.ahead.retain(|index| index >= executed);
+                }
+            }
+            Entry::Ahead { ahead } => {
+                if let Some(flight) = &mut self.flight {
+                    flight.ahead.push(*ahead);
+                }
+            }
+            Entry::End { end, unknown } => {
+                if let Some(flight) = self.flight.take() {
+                    flight.settle(&mut self.outcomes, *end, *unknown);
+                }
+            }
+            Entry::Answer(span) => self.outcomes.take(span),
+        }
+    }
+
+    fn settled(&self) -> &[Outcome] {
+        &self.outcomes
+    }
+
+    /// Those in flight are unknown until they are reported.
+    fn outcomes(&self) -> Cow<'_, [Outcome]> {
+        let mut outcomes = Cow::from(&self.outcomes);
+        if let Some(flight) = &self.flight {
+            flight.settle(outcomes.to_mut(), flight.executed, flight.sent);
+        }
+        outcomes
+    }
+}
+
+impl Flight {
+    /// Enters the outcomes of its jobs.
+    fn settle(&self, outcomes: &mut [Outcome], executed: u32, unknown: u32) {
+        for (index, place) in (0..).zip(&self.places) {
+            if let Some(known) = outcomes.get_mut(*place) {
+                *known = match index {
+                    _ if index < executed || self.ahead.contains(&index) => Outcome::Done,
+                    _ if index < unknown => Outcome::Unknown,
+                    _ => Outcome::NotSent,
+                };
+            }
+        }
+    }
+}

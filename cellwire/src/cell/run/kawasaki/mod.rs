@@ -1,0 +1,12 @@
+//! Orders for a Kawasaki robot, for a person to run: every job once, and what became of each is kept in a journal.
+
+mod jobs;
+mod journal;
+mod run;
+mod session;
+mod settings;
+
+pub use jobs::Jobs;
+pub use journal::Journal;
+pub use run::{Ended, Runner};
+pub use settings::Settings;

@@ -1,0 +1,364 @@
+//! The run: one order after another, until every job is done.
+
+use std::sync::mpsc::TryRecvError;
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use kawasaki_msg::{PcConfig, PcEvent, Phase, SessionError};
+use robot_session::now;
+use serde_json::{Value, json};
+
+use super::jobs::Jobs;
+use super::journal::{Entry, Journal};
+use super::session::{Journaled, Order};
+use crate::cell::run::{Operator, Word};
+use crate::io::drive::Lost;
+use crate::io::journal::{Outcome, Span};
+use crate::io::trace::Trace;
+use crate::links::kawasaki_msg::meeting::Meeting;
+use crate::links::kawasaki_msg::pc::{self, Notification, Program};
+
+/// How a run has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// Every job is done.
+    Complete,
+    /// The operator has stopped it, or nobody answers a question.
+    Stopped,
+    /// The robot refuses the order: it is in this one, or in none and takes none.
+    Refused {
+        /// Its order; 0 for none.
+        active: u16,
+    },
+}
+
+/// Jobs that are executed.
+#[allow(missing_debug_implementations, reason = "it holds what notifies")]
+pub struct Runner<'a> {
+    jobs: &'a Jobs,
+    config: PcConfig<'static>,
+    operator: Operator<'a>,
+    /// The number of the next order, if somebody has named one.
+    order: Option<u16>,
+    /// How long no robot may be connected.
+    absence: Option<Duration>,
+    paused: bool,
+    stopping: bool,
+    ended: Option<Ended>,
+    /// The jobs that are asked about, and how many there are.
+    question: Option<(usize, usize)>,
+    /// So many jobs were done before the order began, and so many of it are reported as done.
+    before: usize,
+    reported: u32,
+    /// Whether a robot is connected, and since when it is so.
+    connected: bool,
+    since: Duration,
+    met: bool,
+    alarm: bool,
+}
+
+impl<'a> Runner<'a> {
+    /// A run that goes on where the journal has ended. Without a robot for so long as `absence` says it ends.
+    pub fn new(
+        jobs: &'a Jobs,
+        config: PcConfig<'static>,
+        order: Option<u16>,
+        absence: Option<Duration>,
+        operator: Operator<'a>,
+    ) -> Self {
+        let (paused, stopping, ended, question, before, reported) = (false, false, None, None, 0, 0);
+        let (connected, since, met, alarm) = (false, now(), false, false);
+        Self {
+            jobs,
+            config,
+            operator,
+            order,
+            absence,
+            paused,
+            stopping,
+            ended,
+            question,
+            before,
+            reported,
+            connected,
+            since,
+            met,
+            alarm,
+        }
+    }
+
+    /// Runs to the end of the jobs, or until it is stopped.
+    ///
+    /// # Errors
+    /// No robot for too long; a journal that cannot be written; a configuration that cannot work.
+    pub fn run(mut self, journal: &'a mut Journal, meeting: &mut Meeting, trace: &Trace) -> Result<Ended> {
+        let layout = self.jobs.layout().clone();
+        let mut pc = kawasaki_msg::LargePc::sized(self.config)?.with_ranges(layout)?;
+        if let Some(flight) = &journal.record().flight {
+            if flight.max_number != self.config.max_number {
+                bail!(
+                    "order {} was begun with max_number = {}: finish it with the same",
+                    flight.order,
+                    flight.max_number
+                );
+            }
+            let source = Order { jobs: &self.jobs.work, places: flight.places.clone() };
+            pc.resume(flight.order, source, flight.executed, flight.sent, flight.ahead.iter().copied())?;
+            self.reported = flight.executed;
+            self.before = self.jobs.work.len() - flight.places.len();
+            let (order, sent) = (flight.order, flight.sent);
+            (self.operator.notify)(
+                json!({"event": "order_resumed", "order": order, "executed": flight.executed, "sent": sent}),
+            )?;
+        }
+        let session = Journaled { pc, journal, failed: None };
+        pc::run(meeting, session, trace, &mut self)?;
+        Ok(self.ended.unwrap_or(Ended::Stopped))
+    }
+
+    /// The next order: all jobs that are not done.
+    fn begin(&mut self, session: &mut Journaled<'a>) -> Result<()> {
+        let used = &session.journal.record().numbers;
+        let free = || core::iter::repeat_with(|| fastrand::u16(1..)).find(|number| !used.contains(number));
+        // After 65 thousand orders every number was used.
+        let any = || if used.len() < usize::from(u16::MAX) / 2 { free() } else { None };
+        let number = self.order.take().or_else(any).unwrap_or_else(|| fastrand::u16(1..));
+        let places = session.journal.begin(number, self.config.max_number)?;
+        (self.before, self.reported) = (self.jobs.work.len() - places.len(), 0);
+        session.pc.start(number, Order { jobs: &self.jobs.work, places })?;
+        Ok(())
+    }
+
+    /// The order ends after the job that is being executed; where the plant lacks that, after those that the robot has queued.
+    fn break_off(session: &mut Journaled<'a>) {
+        if let Err(SessionError::Lacks { .. }) = session.pc.interrupt() {
+            // It is ending already, or is not begun: then it is tried again.
+            let _ = session.pc.end();
+        }
+    }
+
+    /// What the operator has typed since.
+    fn listen(&mut self, session: &mut Journaled<'a>) -> Result<()> {
+        loop {
+            let text = match self.operator.words.try_recv() {
+                Ok(text) => text,
+                Err(TryRecvError::Empty) => return Ok(()),
+                Err(TryRecvError::Disconnected) => {
+                    // Nobody could let it go on.
+                    self.stopping |= self.paused || self.question.is_some();
+                    return Ok(());
+                }
+            };
+            let event = match (Word::parse(&text), self.question) {
+                (Some(Word::Stop | Word::Abort), _) => {
+                    self.stopping = true;
+                    "stopping"
+                }
+                (Some(Word::Done), Some((first, count))) => {
+                    self.answer(session, first, count, count)?;
+                    continue;
+                }
+                (Some(Word::Repeat), Some((first, count))) => {
+                    self.answer(session, first, count, 0)?;
+                    continue;
+                }
+                (None, Some((first, count))) => {
+                    // The number of the last job that is done.
+                    let last = text.trim().parse().ok().filter(|last| (first..=first + count).contains(last));
+                    match last {
+                        Some(last) => self.answer(session, first, count, last - first)?,
+                        None => self.hint(&format!(
+                            "answer done, repeat or stop, or the number of the last job that is done: {first} to {}",
+                            first + count
+                        ))?,
+                    }
+                    continue;
+                }
+                (Some(Word::Pause), None) => {
+                    self.paused = true;
+                    "paused"
+                }
+                (Some(Word::Continue), None) => {
+                    self.paused = false;
+                    "continued"
+                }
+                (Some(Word::Done | Word::Repeat), None) => "no_question",
+                (Some(Word::Pause | Word::Continue), Some(_)) => {
+                    self.hint("answer done, repeat or stop")?;
+                    continue;
+                }
+                (None, None) => {
+                    self.hint(Word::HINT)?;
+                    continue;
+                }
+            };
+            (self.operator.notify)(json!({"event": event}))?;
+        }
+    }
+
+    fn hint(&mut self, hint: &str) -> Result<()> {
+        (self.operator.notify)(json!({"event": "hint", "hint": hint}))
+    }
+
+    /// Of the jobs that were asked about, the first `done` are.
+    fn answer(&mut self, session: &mut Journaled<'a>, first: usize, count: usize, done: usize) -> Result<()> {
+        let answer = |outcome, first, count| Entry::Answer(Span { outcome, first, count });
+        if done > 0 {
+            session.journal.note(&answer(Outcome::Done, first, done))?;
+        }
+        if done < count {
+            session.journal.note(&answer(Outcome::NotSent, first + done, count - done))?;
+        }
+        self.question = None;
+        (self.operator.progress)(session.journal.count(Outcome::Done));
+        (self.operator.notify)(json!({"event": "answered", "first": first + 1, "count": count, "done": done}))
+    }
+
+    fn ask(&mut self, first: usize, count: usize) -> Result<()> {
+        self.question = Some((first, count));
+        let line = self.span("question", first, count);
+        let answers = ["done", "repeat", "stop", "the number of the last job that is done"];
+        (self.operator.notify)(with(line, &[("answers", json!(answers))]))
+    }
+
+    /// The jobs of the order up to this count are done.
+    fn done(&mut self, session: &Journaled<'a>, executed: u32) -> Result<()> {
+        let Some(flight) = &session.journal.record().flight else { return Ok(()) };
+        let from = self.reported;
+        self.reported = executed.max(from);
+        let indices = from as usize..executed as usize;
+        let places = flight.places.get(indices).unwrap_or_default();
+        let lines: Vec<Value> = places
+            .chunk_by(|a, b| a + 1 == *b)
+            .filter_map(|run| Some(self.span("done", *run.first()?, run.len())))
+            .collect();
+        lines.into_iter().try_for_each(&mut *self.operator.notify)?;
+        (self.operator.progress)(self.before + executed as usize);
+        Ok(())
+    }
+
+    /// An event about jobs that follow one another: the number of the first, and the lines of the file that they are from.
+    fn span(&self, event: &str, first: usize, count: usize) -> Value {
+        let line = |at: usize| self.jobs.lines.get(at).copied().unwrap_or_default();
+        let lines = [line(first), line(first + count.max(1) - 1)];
+        json!({"event": event, "first": first + 1, "count": count, "lines": lines})
+    }
+
+    fn event(&mut self, session: &mut Journaled<'a>, event: PcEvent) -> Result<()> {
+        match event {
+            PcEvent::Progress { executed, .. } => return self.done(session, executed),
+            PcEvent::ExecutedAhead { index } => {
+                session.journal.note(&Entry::Ahead { ahead: index })?;
+                let flight = session.journal.record().flight.as_ref();
+                let place = flight.and_then(|flight| flight.places.get(index as usize).copied());
+                let line = place.map(|place| self.span("done", place, 1));
+                return line.map_or(Ok(()), &mut *self.operator.notify);
+            }
+            PcEvent::OrderOver { executed, complete, .. } => {
+                self.done(session, executed)?;
+                let was_sent = session.journal.record().flight.as_ref().is_some_and(|flight| flight.sent > 0);
+                session.journal.note(&Entry::End { end: executed, unknown: executed })?;
+                (self.operator.notify)(serde_json::to_value(event)?)?;
+                if complete || self.paused || self.stopping || !was_sent {
+                    return Ok(());
+                }
+                // Somebody at the robot has ended it.
+                self.paused = true;
+                return self.hint(
+                    "the robot has ended the order: type continue when the rest may be executed, or stop",
+                );
+            }
+            PcEvent::OutcomeUnknown { order, executed, sent } => {
+                self.done(session, executed)?;
+                session.journal.note(&Entry::End { end: executed, unknown: sent })?;
+                let why = "the robot has forgotten the order: it was restarted, or was given another one";
+                return (self.operator.notify)(json!({"event": "unknown", "order": order, "why": why}));
+            }
+            PcEvent::OrderRefused { given_up: true, active, .. } => {
+                session.journal.note(&Entry::End { end: 0, unknown: 0 })?;
+                self.ended = Some(Ended::Refused { active });
+            }
+            PcEvent::JobUnfit { index, error, .. } => bail!("job {} of the order: {error}", index + 1),
+            PcEvent::PeerStatus { phase, order, .. } => {
+                let before = core::mem::replace(&mut self.alarm, phase == Phase::Alarm);
+                if !self.alarm || before {
+                    return Ok(());
+                }
+                let what = "the robot has raised an alarm and executes nothing: reset it there, or type stop";
+                return (self.operator.notify)(json!({"event": "alarm", "order": order, "what": what}));
+            }
+            _ => {}
+        }
+        (self.operator.notify)(serde_json::to_value(event)?)
+    }
+
+    fn check_absence(&self) -> Result<()> {
+        let Some(most) = self.absence.filter(|most| !self.connected && now() - self.since > *most) else {
+            return Ok(());
+        };
+        let seconds = most.as_secs_f64();
+        match self.met {
+            true => Err(Lost(format!("the robot is gone: no connection for {seconds} s")).into()),
+            false => bail!("no robot has connected in {seconds} s: see --robot-timeout"),
+        }
+    }
+}
+
+impl<'a> Program for Runner<'a> {
+    type Session = Journaled<'a>;
+
+    fn step(&mut self, session: &mut Journaled<'a>) -> Result<bool> {
+        if let Some(error) = session.failed.take() {
+            return Err(error);
+        }
+        self.listen(session)?;
+        if session.pc.order().is_some() {
+            if self.stopping && !self.connected {
+                // Nothing can be sent: the robot executes what it has queued.
+                return Ok(false);
+            }
+            if self.paused || self.stopping {
+                Self::break_off(session);
+            }
+            self.check_absence()?;
+            return Ok(true);
+        }
+        if self.ended.is_some() || self.stopping {
+            return Ok(false);
+        }
+        if self.question.is_some() || self.paused {
+            return Ok(true);
+        }
+        if let Some((first, count)) = session.journal.unknown() {
+            self.ask(first, count)?;
+        } else if session.journal.count(Outcome::NotSent) == 0 {
+            self.ended = Some(Ended::Complete);
+        } else {
+            self.begin(session)?;
+        }
+        Ok(self.ended.is_none())
+    }
+
+    fn notify(&mut self, session: &mut Journaled<'a>, notification: Notification<'_>) -> Result<()> {
+        let line = match notification {
+            Notification::Event(event) => return self.event(session, event),
+            Notification::Connected(peer) => {
+                (self.connected, self.since, self.met) = (true, now(), true);
+                json!({"event": "connected", "peer": peer})
+            }
+            Notification::Disconnected(why) => {
+                (self.connected, self.since) = (false, now());
+                json!({"event": "disconnected", "why": why})
+            }
+            Notification::Traced(path) => json!({"event": "trace", "path": path}),
+        };
+        (self.operator.notify)(line)
+    }
+}
+
+fn with(mut line: Value, more: &[(&str, Value)]) -> Value {
+    if let Some(line) = line.as_object_mut() {
+        line.extend(more.iter().map(|(key, value)| ((*key).to_owned(), value.clone())));
+    }
+    line
+}

@@ -1,0 +1,20 @@
+//! Runs a program on a laser robot: every instruction once, and what became of each is kept in a journal.
+
+mod csv;
+mod dxf;
+mod gcode;
+mod program;
+mod route;
+mod run;
+mod settings;
+
+pub use program::Program;
+pub use route::Instruction;
+pub use run::{Ended, Runner};
+pub use settings::{Coordinate, Mapping, Settings};
+
+use crate::io::journal::{self, Outcome};
+
+/// The journal of a program: the outcome of each instruction. Done is what the controller has queued, or executed if it is
+/// immediate.
+pub type Journal = journal::Journal<Vec<Outcome>>;

@@ -1,0 +1,252 @@
+//! The run: one frame at a time, so that never more than one is unknown.
+
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use laser_eb90::{Class, Host, HostConfig, HostEvent, SessionError};
+use robot_session::{Driver, Session as _, Transport, now};
+use serde_json::json;
+
+use super::Journal;
+use super::program::Program;
+use super::route::Instruction;
+use crate::cell::run::{Operator, Word};
+use crate::io::drive::{Lost, turn};
+use crate::io::journal::{Outcome, Span};
+
+/// The operator's words are looked at so often.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// How a run has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// Every instruction is done.
+    Complete,
+    /// The operator has stopped it, or nobody answers a question.
+    Stopped,
+    /// The controller refuses an instruction.
+    Refused,
+}
+
+/// A program that is run.
+#[allow(missing_debug_implementations, reason = "it holds what notifies")]
+pub struct Runner<'a> {
+    program: &'a Program,
+    journal: &'a mut Journal,
+    config: HostConfig,
+    operator: Operator<'a>,
+    paused: bool,
+    stopping: bool,
+    /// The instructions in flight, and the host's number of the first.
+    flight: Option<(usize, usize)>,
+    refused: bool,
+    unknown: bool,
+}
+
+impl<'a> Runner<'a> {
+    /// A run that goes on where the journal has ended.
+    pub fn new(
+        program: &'a Program,
+        journal: &'a mut Journal,
+        config: HostConfig,
+        operator: Operator<'a>,
+    ) -> Self {
+        let (paused, stopping, flight, refused, unknown) = (false, false, None, false, false);
+        Self { program, journal, config, operator, paused, stopping, flight, refused, unknown }
+    }
+
+    /// Asks about every instruction whose outcome an earlier run has left unknown; false when the operator stops.
+    ///
+    /// # Errors
+    /// When the journal cannot be written.
+    pub fn settle_unknown(&mut self) -> Result<bool> {
+        while let Some((first, count)) = self.journal.unknown() {
+            if !self.ask(first, count, "an earlier run has ended before the answer")? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Runs to the end of the program, or until it is stopped.
+    ///
+    /// # Errors
+    /// A lost connection; a journal that cannot be written. The journal has every outcome then, too.
+    pub fn run<T: Transport>(&mut self, transport: T) -> Result<Ended> {
+        let mut driver = Driver::new(transport);
+        let mut host = Host::new(self.config)?;
+        host.handle_connected(now());
+        loop {
+            self.listen()?;
+            if host.is_idle() && self.flight.is_none() {
+                if self.stopping {
+                    return Ok(Ended::Stopped);
+                }
+                if !self.paused && !self.submit(&mut host)? {
+                    return Ok(Ended::Complete);
+                }
+            }
+            let goes_on = turn(&mut driver, &mut host, Some(GLANCE), |host, event| self.take(host, event));
+            if !matches!(goes_on, Ok(true)) && self.flight.is_some() {
+                self.outcome(Outcome::Unknown, "the connection was lost")?;
+            }
+            match goes_on {
+                Ok(true) => {}
+                Ok(false) => return Err(Lost("the controller's port is gone".into()).into()),
+                Err(error) if error.is::<std::io::Error>() => {
+                    return Err(Lost(format!("the controller's port: {error:#}")).into());
+                }
+                Err(error) => return Err(error),
+            }
+            if self.refused {
+                return Ok(Ended::Refused);
+            }
+            if core::mem::take(&mut self.unknown) {
+                if !self.settle_unknown()? {
+                    return Ok(Ended::Stopped);
+                }
+                host.resume();
+            }
+        }
+    }
+
+    /// Submits the next frame, and notes before it is sent that it may have been; false at the end of the program.
+    fn submit(&mut self, host: &mut Host) -> Result<bool> {
+        let open = |known: &Outcome| matches!(known, Outcome::NotSent | Outcome::Refused);
+        let outcomes = self.journal.outcomes();
+        let Some(first) = outcomes.iter().position(open) else { return Ok(false) };
+        let mut count = 0;
+        for instruction in self.program.instructions.iter().skip(first) {
+            let Instruction { word, values, .. } = instruction;
+            if count > 0 && !outcomes.get(first + count).is_some_and(open) {
+                break;
+            }
+            match host.submit(*word, |parameters| match values.as_slice() {
+                [] => Ok(()),
+                values => parameters.f32(values).map(drop),
+            }) {
+                Ok(_) => count += 1,
+                Err(SessionError::Full) => break,
+                Err(error) => {
+                    let line = instruction.line;
+                    return Err(error).with_context(|| format!("line {line} cannot be sent"));
+                }
+            }
+            if self.config.words.class(*word) != Some(Class::Interpreted) {
+                break;
+            }
+        }
+        if count == 0 {
+            bail!("the host takes no instruction: please report this as a bug");
+        }
+        self.journal.note(&Span { outcome: Outcome::Unknown, first, count })?;
+        self.flight = Some((first, count));
+        Ok(true)
+    }
+
+    fn take(&mut self, _: &mut Host, event: HostEvent) -> Result<()> {
+        match event {
+            HostEvent::Done { .. } => self.outcome(Outcome::Done, ""),
+            HostEvent::Refused { refusal, .. } => {
+                self.refused = true;
+                self.outcome(Outcome::Refused, &format!("the controller answers {refusal:?}"))
+            }
+            HostEvent::Unknown { reason, .. } => {
+                self.unknown = true;
+                self.outcome(Outcome::Unknown, &format!("{reason:?}"))
+            }
+            HostEvent::Unasked { word } => (self.operator.notify)(json!({"event": "unasked", "word": word})),
+            HostEvent::Corrupt(error) => (self.operator.notify)(json!({"event": "corrupt", "error": error})),
+            other => (self.operator.notify)(json!({"event": "notice", "what": format!("{other:?}")})),
+        }
+    }
+
+    fn outcome(&mut self, outcome: Outcome, why: &str) -> Result<()> {
+        let Some((first, count)) = self.flight.take() else { return Ok(()) };
+        self.journal.note(&Span { outcome, first, count })?;
+        (self.operator.progress)(self.journal.count(Outcome::Done));
+        let mut line =
+            json!({"event": outcome, "first": first + 1, "count": count, "lines": self.lines(first, count)});
+        if let (Some(line), false) = (line.as_object_mut(), why.is_empty()) {
+            line.insert("why".into(), why.into());
+        }
+        (self.operator.notify)(line)
+    }
+
+    /// The lines of the file that instructions are from.
+    fn lines(&self, first: usize, count: usize) -> [u64; 2] {
+        let line = |at: usize| self.program.instructions.get(at).map_or(0, |it| it.line);
+        [line(first), line(first + count - 1)]
+    }
+
+    /// Asks what became of instructions; false when the operator stops or says nothing any more.
+    fn ask(&mut self, first: usize, count: usize, why: &str) -> Result<bool> {
+        let lines = self.lines(first, count);
+        (self.operator.notify)(json!({
+            "event": "question", "first": first + 1, "count": count, "lines": lines, "why": why,
+            "answers": ["done", "repeat", "stop"],
+        }))?;
+        loop {
+            let outcome = match self.operator.words.recv().map(|word| self.word(&word)) {
+                Ok(Ok(Word::Done)) => Outcome::Done,
+                Ok(Ok(Word::Repeat)) => Outcome::NotSent,
+                Ok(Ok(Word::Stop | Word::Abort)) | Err(_) => return Ok(false),
+                Ok(Ok(Word::Pause | Word::Continue)) => {
+                    (self.operator.notify)(json!({"event": "hint", "hint": "answer done, repeat or stop"}))?;
+                    continue;
+                }
+                Ok(Err(error)) => {
+                    error?;
+                    continue;
+                }
+            };
+            self.journal.note(&Span { outcome, first, count })?;
+            (self.operator.progress)(self.journal.count(Outcome::Done));
+            let answer = if outcome == Outcome::Done { "done" } else { "repeat" };
+            (self.operator.notify)(
+                json!({"event": "answered", "first": first + 1, "count": count, "answer": answer}),
+            )?;
+            return Ok(true);
+        }
+    }
+
+    /// What the operator has typed since.
+    fn listen(&mut self) -> Result<()> {
+        // While it is paused there is nothing else to do.
+        loop {
+            let wait = if self.paused && self.flight.is_none() { GLANCE } else { Duration::ZERO };
+            let text = match self.operator.words.recv_timeout(wait) {
+                Ok(text) => text,
+                Err(RecvTimeoutError::Timeout) => return Ok(()),
+                Err(RecvTimeoutError::Disconnected) => {
+                    // Nobody could let it go on.
+                    self.stopping |= self.paused;
+                    return Ok(());
+                }
+            };
+            let (event, paused) = match self.word(&text) {
+                Ok(Word::Pause) => ("paused", true),
+                Ok(Word::Continue) => ("continued", false),
+                Ok(Word::Stop | Word::Abort) => {
+                    self.stopping = true;
+                    ("stopping", self.paused)
+                }
+                Ok(Word::Done | Word::Repeat) => ("no_question", self.paused),
+                Err(error) => {
+                    error?;
+                    continue;
+                }
+            };
+            self.paused = paused;
+            (self.operator.notify)(json!({"event": event}))?;
+        }
+    }
+
+    fn word(&mut self, text: &str) -> Result<Word, Result<()>> {
+        match Word::parse(text) {
+            Some(word) => Ok(word),
+            None => Err((self.operator.notify)(json!({"event": "hint", "hint": Word::HINT}))),
+        }
+    }
+}

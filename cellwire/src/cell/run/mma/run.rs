@@ -1,0 +1,332 @@
+//! The run: the task between two sessions, the periphery, and an operator.
+
+use std::sync::mpsc::{self, TryRecvError};
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use mmacell_proto::{CentralEvent, Closing, PlatformPose, Pose, RobotPose};
+use mmacell_task::{Device, Event, Failure, Output, Step, Task};
+use robot_session::now;
+use serde_json::json;
+
+use super::Journal;
+use super::connection::{Arrival, Connection};
+use super::periphery::{Happened, Periphery};
+use super::settings::Settings;
+use crate::cell::run::{Operator, Word};
+use crate::io::drive::Lost;
+use crate::io::journal::{Outcome, Span};
+
+/// The periphery and the operator are looked at so often.
+const GLANCE: Duration = Duration::from_millis(2);
+const ROBOT: usize = 0;
+
+/// Where the devices are.
+#[derive(Debug, Clone)]
+pub struct Addresses {
+    /// The robot's controller.
+    pub robot: String,
+    /// The platform's.
+    pub platform: String,
+    /// How long a connection may take to open.
+    pub timeout: Duration,
+}
+
+/// How a run has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// Every part is placed.
+    Complete,
+    /// The operator has stopped it, or nobody answers a question.
+    Stopped,
+}
+
+/// A task that is run.
+#[allow(missing_debug_implementations, reason = "it holds what notifies")]
+pub struct Runner<'a> {
+    journal: &'a mut Journal,
+    operator: Operator<'a>,
+    part: usize,
+    paused: bool,
+    stopping: bool,
+    /// A part is placed, and the next is not to begin yet.
+    held: bool,
+    question: bool,
+    lost: Option<String>,
+}
+
+impl<'a> Runner<'a> {
+    /// A run that goes on where the journal has ended.
+    pub fn new(journal: &'a mut Journal, operator: Operator<'a>) -> Self {
+        let (part, paused, stopping, held, question, lost) = (0, false, false, false, false, None);
+        Self { journal, operator, part, paused, stopping, held, question, lost }
+    }
+
+    /// Asks about the part that an earlier run has begun; false when the operator stops.
+    ///
+    /// # Errors
+    /// When the journal cannot be written.
+    pub fn settle_begun(&mut self) -> Result<bool> {
+        while let Some(part) = self.journal.first(Outcome::Unknown) {
+            self.part = part;
+            self.ask("an earlier run has ended while the robot was at this part: clear the gripper")?;
+            loop {
+                let Ok(line) = self.operator.words.recv() else { return Ok(false) };
+                match Word::parse(&line) {
+                    Some(Word::Done) => self.note(Outcome::Done)?,
+                    Some(Word::Repeat) => self.note(Outcome::NotSent)?,
+                    Some(Word::Stop | Word::Abort) => return Ok(false),
+                    _ => {
+                        (self.operator.notify)(json!({"event": "hint", "hint": Word::HINT}))?;
+                        continue;
+                    }
+                }
+                self.question = false;
+                break;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Runs until every part is placed, or until it is stopped.
+    ///
+    /// # Errors
+    /// A device that cannot be reached; a connection that was lost and not regained before the end; a journal that cannot be
+    /// written.
+    pub fn run(
+        &mut self,
+        settings: &Settings,
+        addresses: &Addresses,
+        periphery: &mut dyn Periphery,
+    ) -> Result<Ended> {
+        let Some(first) = self.journal.first(Outcome::NotSent) else { return Ok(Ended::Complete) };
+        self.part = first;
+        let (sender, inbox) = mpsc::channel();
+        let Addresses { robot, platform, timeout } = addresses;
+        let mut robot: Connection<RobotPose> =
+            Connection::open(ROBOT, robot, *timeout, settings.central, &sender)?;
+        let mut platform: Connection<PlatformPose> =
+            Connection::open(1, platform, *timeout, settings.central, &sender)?;
+        let mut task = Task::new(settings.task);
+        // The periphery has no session of the cell's protocol.
+        task.handle_event(now(), Event::Ready(Device::Conditioning));
+        while task.step() != Step::Finished {
+            self.listen(&mut task)?;
+            task.handle_timeout(now());
+            loop {
+                let mut idle = true;
+                for event in robot.settle() {
+                    self.report(&mut task, Device::Robot, &event);
+                    idle = false;
+                }
+                for event in platform.settle() {
+                    self.report(&mut task, Device::Platform, &event);
+                    idle = false;
+                }
+                while let Some(happened) = periphery.poll() {
+                    self.periphery(&mut task, happened)?;
+                    idle = false;
+                }
+                while let Some(output) = task.poll_output(now()) {
+                    self.carry_out(&mut task, output, &mut robot, &mut platform, periphery)?;
+                    idle = false;
+                }
+                if idle {
+                    break;
+                }
+            }
+            if !matches!(task.step(), Step::Closing | Step::Finished) {
+                let again = [robot.reconnect(), platform.reconnect()].into_iter().flatten();
+                again.for_each(|why| self.lost = Some(why));
+                if robot.is_open() && platform.is_open() {
+                    self.lost = None;
+                }
+            }
+            let due = [task.poll_timeout(), robot.timeout(), platform.timeout()].into_iter().flatten().min();
+            let wait = due.map_or(GLANCE, |at| at.saturating_sub(now()).min(GLANCE));
+            let first = inbox.recv_timeout(wait).ok();
+            for arrival in first.into_iter().chain(inbox.try_iter()) {
+                let arrival: Arrival = arrival;
+                if arrival.from == ROBOT { robot.arrived(arrival) } else { platform.arrived(arrival) }
+            }
+        }
+        match (self.journal.first(Outcome::NotSent), self.journal.first(Outcome::Unknown), self.lost.take()) {
+            (None, None, _) => Ok(Ended::Complete),
+            (_, _, Some(why)) => Err(Lost(why).into()),
+            _ => Ok(Ended::Stopped),
+        }
+    }
+
+    fn report<P: Pose>(&mut self, task: &mut Task, device: Device, event: &CentralEvent<P>) {
+        match event {
+            CentralEvent::Connected => task.handle_event(now(), Event::Ready(device)),
+            CentralEvent::Closed { reason, .. } if *reason != Closing::Agreed => {
+                self.lost = Some(format!("the connection to the {} was lost: {reason:?}", name(device)));
+            }
+            _ => {}
+        }
+        if let Some(event) = Event::from_central(device, event) {
+            task.handle_event(now(), event);
+        }
+    }
+
+    fn periphery(&mut self, task: &mut Task, happened: Happened) -> Result<()> {
+        let event = match happened {
+            Happened::Part(platform, pick) => Event::PartFound { platform, pick },
+            Happened::Slot(place) => Event::SlotFound { place },
+            Happened::Nothing => Event::NotFound,
+            Happened::ValveSet => Event::Done(Device::Gripper),
+            Happened::Switch(high) => Event::Switch { high },
+            Happened::Failed(why) => {
+                (self.operator.notify)(json!({"event": "periphery", "why": why}))?;
+                Event::Failed { device: Device::Vision, failure: Failure::Aborted }
+            }
+            Happened::Lost => bail!(Lost("the connection to the periphery was lost".into())),
+        };
+        task.handle_event(now(), event);
+        Ok(())
+    }
+
+    fn carry_out(
+        &mut self,
+        task: &mut Task,
+        output: Output,
+        robot: &mut Connection<RobotPose>,
+        platform: &mut Connection<PlatformPose>,
+        periphery: &mut dyn Periphery,
+    ) -> Result<()> {
+        let refused = match output {
+            Output::Entered(step) => return self.entered(task, step),
+            Output::Robot(command) => (!robot.request(command)).then_some(Device::Robot),
+            Output::Platform(command) => (!platform.request(command)).then_some(Device::Platform),
+            Output::Conditioning(_) => {
+                task.handle_event(now(), Event::Done(Device::Conditioning));
+                None
+            }
+            Output::Acquire { camera } => {
+                periphery.acquire(camera, self.part);
+                None
+            }
+            Output::Grip { gripper, open } => {
+                periphery.set_valve(gripper, open);
+                None
+            }
+            _ => None,
+        };
+        if let Some(device) = refused {
+            task.handle_event(now(), Event::Failed { device, failure: Failure::Lost });
+        }
+        Ok(())
+    }
+
+    fn entered(&mut self, task: &mut Task, step: Step) -> Result<()> {
+        (self.operator.notify)(json!({"event": "step", "step": step, "part": self.part + 1}))?;
+        match step {
+            // From now on the robot may have touched it.
+            Step::GoPick => self.note(Outcome::Unknown),
+            Step::Placed => {
+                self.note(Outcome::Done)?;
+                (self.operator.notify)(json!({"event": "placed", "part": self.part + 1}))?;
+                self.next(task, Event::Next)
+            }
+            Step::Unpicked => self.ask("the part was missed or lost as often as it may be"),
+            Step::NothingFound => self.ask("a camera sees nothing"),
+            Step::Faulted => {
+                let why = match (&self.lost, task.fault()) {
+                    (Some(why), _) => why.clone(),
+                    (None, Some(fault)) => format!("{fault:?}"),
+                    (None, None) => "a fault".into(),
+                };
+                if self.stopping {
+                    task.handle_event(now(), Event::Finish);
+                    return Ok(());
+                }
+                self.ask(&why)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The next part, the end, or a pause; `go` leads on.
+    fn next(&mut self, task: &mut Task, go: Event) -> Result<()> {
+        match self.journal.first(Outcome::NotSent) {
+            None => task.handle_event(now(), Event::Finish),
+            Some(_) if self.stopping => task.handle_event(now(), Event::Finish),
+            Some(_) if self.paused => self.held = true,
+            Some(part) => {
+                self.part = part;
+                task.handle_event(now(), go);
+            }
+        }
+        Ok(())
+    }
+
+    fn note(&mut self, outcome: Outcome) -> Result<()> {
+        self.journal.note(&Span { outcome, first: self.part, count: 1 })?;
+        (self.operator.progress)(self.journal.count(Outcome::Done));
+        Ok(())
+    }
+
+    fn ask(&mut self, why: &str) -> Result<()> {
+        self.question = true;
+        (self.operator.notify)(json!({
+            "event": "question", "part": self.part + 1, "why": why, "answers": ["done", "repeat", "stop"],
+        }))
+    }
+
+    /// What the operator has typed since. Nobody there is one who stops at the next question.
+    fn listen(&mut self, task: &mut Task) -> Result<()> {
+        loop {
+            let word = match self.operator.words.try_recv() {
+                Ok(line) => Word::parse(&line),
+                Err(TryRecvError::Empty) => return Ok(()),
+                Err(TryRecvError::Disconnected) if self.question || self.held => Some(Word::Stop),
+                Err(TryRecvError::Disconnected) => return Ok(()),
+            };
+            let go = if task.step() == Step::Faulted { Event::Recover } else { Event::Next };
+            match word {
+                Some(Word::Pause) => self.paused = true,
+                Some(Word::Continue) => {
+                    self.paused = false;
+                    if core::mem::take(&mut self.held) {
+                        self.next(task, Event::Next)?;
+                    }
+                }
+                Some(Word::Stop) => {
+                    self.stopping = true;
+                    if core::mem::take(&mut self.question) | core::mem::take(&mut self.held) {
+                        task.handle_event(now(), Event::Finish);
+                    }
+                }
+                Some(Word::Abort) => {
+                    self.stopping = true;
+                    task.handle_event(now(), Event::Abort);
+                }
+                Some(Word::Done) if core::mem::take(&mut self.question) => {
+                    self.note(Outcome::Done)?;
+                    self.next(task, go)?;
+                }
+                Some(Word::Repeat) if core::mem::take(&mut self.question) => {
+                    self.note(Outcome::NotSent)?;
+                    task.handle_event(now(), go);
+                }
+                Some(Word::Done | Word::Repeat) | None => {
+                    (self.operator.notify)(json!({"event": "hint", "hint": Word::HINT}))?;
+                    continue;
+                }
+            }
+            (self.operator.notify)(json!({"event": "operator", "word": word}))?;
+            if word == Some(Word::Stop) {
+                return Ok(());
+            }
+        }
+    }
+}
+
+fn name(device: Device) -> &'static str {
+    match device {
+        Device::Robot => "robot",
+        Device::Platform => "platform",
+        _ => "periphery",
+    }
+}

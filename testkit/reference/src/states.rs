@@ -1,4 +1,4 @@
-//! `reference/states/<link>.json`: every cell of every machine, from the matrices that the links' own tests compare with the machines.
+//! `reference/states/<link>.json`: every cell of every machine, from the rows in testkit or from the matrix that a link still has as a text.
 
 use std::path::Path;
 

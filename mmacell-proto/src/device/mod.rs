@@ -28,9 +28,9 @@ use crate::pose::Pose;
 ///
 /// Every line gets exactly one reply (§3). The session answers a status by itself, and refuses with
 /// [`refusal`](DeviceConfig::refusal) what is unknown, malformed, or not possible now; whatever else the owner refuses, with any
-/// error number. There are no deadlines at this end. A command is read when the reply to the one before has been sent, and until then the session
-/// wants no input: a central controller that does not wait loses nothing until it hangs up, and what was not read then is not
-/// obeyed. Input that comes all the same may wait too, up to [`BACKLOG`](Self::BACKLOG) bytes; more ends the connection.
+/// error number. There are no deadlines at this end. A command is read when the reply to the one before has been sent, and until
+/// then the session wants no input: a central controller that does not wait loses nothing until it hangs up, and what was not read
+/// then is not obeyed. Input that comes all the same may wait too, up to [`BACKLOG`](Self::BACKLOG) bytes; more ends the connection.
 ///
 /// A new connection takes the place of the one before at once, also where nobody has reported that one gone: the one before may
 /// be half open. Nothing of it is answered on the new one; what the axes do goes on.

@@ -286,7 +286,7 @@ impl<E: End> Session for E {
         if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeTransmit) {
             self.handle_timeout(now);
         }
-        // Until something was sent, or an event taken.
+        // Until an event was taken, or the caller has done something.
         if core::mem::take(&mut self.core_mut().held) {
             read_on(self, now);
         }
@@ -297,6 +297,10 @@ impl<E: End> Session for E {
         }
         let (length, sent) = self.write(now, what, out)?;
         self.advance(now, sent, None);
+        // At once: whoever polls until there is nothing more would miss the event of a frame that is read when nothing is sent.
+        if core::mem::take(&mut self.core_mut().held) {
+            read_on(self, now);
+        }
         Some(length)
     }
 

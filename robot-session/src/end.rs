@@ -240,16 +240,13 @@ impl<E: End> Session for E {
             return;
         }
         while !bytes.is_empty() {
-            let taken = self.core_mut().decoder.push(bytes);
-            bytes = bytes.get(taken..).unwrap_or_default();
+            let takes = push(self, &mut bytes);
             self.read(now);
-            if taken == 0 && !self.reads() {
+            if !takes && !self.reads() {
                 self.overrun(now);
-                let taken = self.core_mut().decoder.push(bytes);
-                if taken == 0 {
+                if !push(self, &mut bytes) {
                     break;
                 }
-                bytes = bytes.get(taken..).unwrap_or_default();
             }
         }
         self.end_input(now);
@@ -287,9 +284,7 @@ impl<E: End> Session for E {
             self.handle_timeout(now);
         }
         // Until an event was taken, or the caller has done something.
-        if core::mem::take(&mut self.core_mut().held) {
-            read_on(self, now);
-        }
+        read_held(self, now);
         let core = self.core();
         let what = core.machine.transmit(now, &core.config)?;
         if !core.events.has_room(E::ROOM.transmit) {
@@ -298,9 +293,7 @@ impl<E: End> Session for E {
         let (length, sent) = self.write(now, what, out)?;
         self.advance(now, sent, None);
         // At once: whoever polls until there is nothing more would miss the event of a frame that is read when nothing is sent.
-        if core::mem::take(&mut self.core_mut().held) {
-            read_on(self, now);
-        }
+        read_held(self, now);
         Some(length)
     }
 
@@ -321,10 +314,24 @@ fn expire_first<E: End>(end: &mut E, now: Duration) {
     }
 }
 
-/// Reads what has waited.
-#[inline(never)]
-fn read_on<E: End>(end: &mut E, now: Duration) {
-    end.read(now);
+/// Gives the decoder what it takes of the bytes, and says whether it takes any.
+#[inline(always)]
+fn push<E: End>(end: &mut E, bytes: &mut &[u8]) -> bool {
+    let taken = end.core_mut().decoder.push(bytes);
+    *bytes = bytes.get(taken..).unwrap_or_default();
+    taken > 0
+}
+
+/// Reads what has waited, if anything has.
+#[inline(always)]
+fn read_held<E: End>(end: &mut E, now: Duration) {
+    #[inline(never)] // most ends never wait
+    fn read_on<E: End>(end: &mut E, now: Duration) {
+        end.read(now);
+    }
+    if core::mem::take(&mut end.core_mut().held) {
+        read_on(end, now);
+    }
 }
 
 /// The two accessors of an [`End`](crate::End) whose [`Core`](crate::Core) is its field `core`.

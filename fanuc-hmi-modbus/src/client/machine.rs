@@ -253,11 +253,6 @@ impl<const N: usize> ClientMachine<N> {
     /// Without a connection, without requests.
     pub const NEW: Self = Self { link: ClientLink::Down, requests: [None; N], transaction: 1 };
 
-    /// Whether there is a connection.
-    pub fn is_connected(&self) -> bool {
-        self.link != ClientLink::Down
-    }
-
     /// How many requests are in flight.
     pub fn in_flight(&self) -> usize {
         self.held().filter(|held| matches!(held.stage, Stage::InFlight { .. })).count()

@@ -163,9 +163,14 @@ impl<const N: usize, F: Framings> Client<N, F> {
     /// Why a frame is not what the request that it seems to belong to asks for.
     #[inline(always)]
     fn misfit(&self, frame: &Frame<&[u8]>) -> Option<Misfit> {
-        let Core { config, machine, .. } = &self.core;
-        let place = machine.expects(frame.transaction.unwrap_or(0), config)?;
-        self.places.get(usize::from(place))?.misfit(frame, config.any_unit)
+        let place = self.core.machine.expects(frame.transaction.unwrap_or(0), &self.core.config)?;
+        self.misfit_of(place, frame)
+    }
+
+    /// Why a frame is not what the request in this place asks for.
+    #[inline(always)]
+    fn misfit_of(&self, place: u8, frame: &Frame<&[u8]>) -> Option<Misfit> {
+        self.places.get(usize::from(place))?.misfit(frame, self.core.config.any_unit)
     }
 
     #[cold]
@@ -199,11 +204,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
     #[cold]
     fn refused(&mut self, place: u8, frame: Option<Range<usize>>) {
         let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
-        let misfit = self
-            .places
-            .get(usize::from(place))
-            .and_then(|kept| kept.misfit(&frame, self.core.config.any_unit));
-        match misfit {
+        match self.misfit_of(place, &frame) {
             Some(Misfit::Malformed(error)) => self.fail(place, Failure::Malformed(error)),
             Some(Misfit::Mismatch(mismatch)) => self.fail(place, Failure::Refused(mismatch)),
             None => {}

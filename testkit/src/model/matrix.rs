@@ -32,18 +32,13 @@ pub trait Rows {
         input.name().into()
     }
 
-    /// The column of an input, where the state says which it is; empty if the table has none.
-    fn column_in(_machine: &Self::Machine, input: &<Self::Machine as Machine>::Input) -> String {
-        Self::column(input)
-    }
-
-    /// The column of an input, where the time says too which it is.
+    /// The column of an input, where the state or the time says which it is; empty if the table has none.
     fn column_at(
-        machine: &Self::Machine,
+        _machine: &Self::Machine,
         _now: Duration,
         input: &<Self::Machine as Machine>::Input,
     ) -> String {
-        Self::column_in(machine, input)
+        Self::column(input)
     }
 }
 

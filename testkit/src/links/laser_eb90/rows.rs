@@ -84,7 +84,7 @@ impl Rows for Host {
         format!("{}{}", machine.name(), if filled { ", filled" } else { "" })
     }
 
-    fn column_in(machine: &HostMachine, input: &host::Input) -> String {
+    fn column_at(machine: &HostMachine, _now: Duration, input: &host::Input) -> String {
         let expected = match machine.link {
             HostLink::Awaiting(sent) => sent.batch.word,
             HostLink::Resending { batch, .. } | HostLink::AwaitingRest { batch, .. } => batch.word,

@@ -310,7 +310,7 @@ impl Setup {
     }
 
     fn answer(&self, world: &mut World, edges: &mut Edges<'_>) {
-        let reply = world.device.transmit(Duration::ZERO, &self.device);
+        let reply = world.pending_reply();
         self.device(world, device::Input::Sent, edges);
         world.up = reply.filter(|_| !world.cut);
     }

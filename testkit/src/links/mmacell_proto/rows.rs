@@ -140,7 +140,7 @@ impl Rows for Progress {
     }
 
     /// A reply that fits its command.
-    fn column_in(machine: &Self::Machine, input: &central::Input<Pose>) -> String {
+    fn column_at(machine: &Self::Machine, _now: Duration, input: &central::Input<Pose>) -> String {
         let CentralLink::Awaiting { command, .. } = machine.link else { return String::new() };
         let command = match command {
             Command::Move { mode: Mode::Absolute, .. } => "MOV",
@@ -279,7 +279,7 @@ impl Rows for Moved {
     }
 
     /// The order that is pending.
-    fn column_in(machine: &Self::Machine, input: &device::Input<Pose>) -> String {
+    fn column_at(machine: &Self::Machine, _now: Duration, input: &device::Input<Pose>) -> String {
         match (input, machine.link) {
             (device::Input::Accept(accepted), DeviceLink::Asked { order }) if *accepted == order => {
                 let order = match order {

@@ -3,8 +3,8 @@
 use core::marker::PhantomData;
 
 use crate::error::DecodeError;
-use crate::frame::{DLE, ETX, Frame, Reading, STX, find_dle, plain_data, plain_len};
-use crate::framing::{Framing, LeadingDle};
+use crate::frame::{Frame, Reading, find_dle, plain_data, plain_len};
+use crate::framing::{DLE, ETX, Framing, LeadingDle, STX};
 use crate::message::Message;
 
 /// A message and where its frame is.

@@ -1,14 +1,7 @@
 //! The envelope: `DLE DLE STX <data> DLE ETX <checksum>`, every DLE in the data doubled (§3.2).
 
 use crate::error::{DecodeError, EncodeError};
-use crate::framing::{Framing, LeadingDle};
-
-/// Data link escape: begins both marks, and is doubled inside the data.
-pub const DLE: u8 = 0x10;
-/// Start of text: the start mark is DLE DLE STX.
-pub const STX: u8 = 0x02;
-/// End of text: the end mark is DLE ETX.
-pub const ETX: u8 = 0x03;
+use crate::framing::{DLE, ETX, Framing, LeadingDle, STX};
 
 /// The data of one frame, without marks, doubled DLEs and checksum.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,6 +1,11 @@
-//! What the source leaves open about the envelope (§3.2).
+//! The bytes of the envelope, and what the source leaves open about it (§3.2).
 
-use crate::frame::DLE;
+/// Data link escape: begins both marks, and is doubled inside the data.
+pub const DLE: u8 = 0x10;
+/// Start of text: the start mark is DLE DLE STX.
+pub const STX: u8 = 0x02;
+/// End of text: the end mark is DLE ETX.
+pub const ETX: u8 = 0x03;
 
 /// What the source leaves open about the envelope. The default is the text of the source, read literally.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

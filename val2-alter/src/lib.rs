@@ -18,8 +18,8 @@ pub use controller::{
 };
 pub use decoder::{Decoder, Received};
 pub use error::{ConfigError, DecodeError, EncodeError, SessionError};
-pub use frame::{DLE, ETX, Frame, STX};
-pub use framing::{Framing, LeadingDle, LeadingDleError};
+pub use frame::Frame;
+pub use framing::{DLE, ETX, Framing, LeadingDle, LeadingDleError, STX};
 pub use host::{
     ExceptionOutcome, Host, HostConfig, HostEvent, HostState, HostStatistics, LostReason, Policy,
     UnknownReason,

@@ -6,7 +6,7 @@ use super::config::{ExceptionOutcome, HostConfig, HostRule, UnknownReason};
 use super::due::Due;
 use super::input::{Course, Draft, HostActions};
 use super::state::{Active, Pending, Request, Stage, Target};
-use crate::frame::DLE;
+use crate::framing::DLE;
 use crate::message::{ALL, AXES, Accumulation, ErrorCode, Exception, MotionPhase};
 
 impl Active {

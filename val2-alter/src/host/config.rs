@@ -4,12 +4,11 @@ use core::time::Duration;
 
 use robot_session::Unexpected;
 
-use super::due::after;
 use crate::error::{ConfigError, DecodeError};
 use crate::framing::Framing;
 use crate::limit::Limits;
 use crate::message::{End, ErrorCode, Exception, Mode, Motion, Start};
-use crate::timing::{self, Budget};
+use crate::timing::{self, Budget, after};
 
 /// How a [`Host`](crate::Host) behaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use super::config::HostConfig;
-use crate::timing::{transmission_nanos, window_after_nanos, window_nanos};
+use crate::timing::{after, transmission_nanos, window_after_nanos, window_nanos};
 
 /// When an answer must leave.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -38,13 +38,5 @@ impl Due {
     pub(super) fn fits(&self, now: Duration, len: usize, reserve: Duration, config: &HostConfig) -> bool {
         let takes = u128::from(transmission_nanos(len, config.baud)) + reserve.as_nanos();
         now.as_nanos() + takes <= self.end_by.as_nanos()
-    }
-}
-
-/// So many nanoseconds after `now`: within the same second, as most deadlines are, no carry and no division is needed.
-pub(super) fn after(now: Duration, nanos: u64) -> Duration {
-    match u32::try_from(u64::from(now.subsec_nanos()).saturating_add(nanos)) {
-        Ok(nanos) if nanos < 1_000_000_000 => Duration::new(now.as_secs(), nanos),
-        _ => now.saturating_add(Duration::from_nanos(nanos)),
     }
 }

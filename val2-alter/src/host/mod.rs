@@ -20,8 +20,7 @@ use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
 
 use crate::decoder::{Decoder, Received};
 use crate::error::{ConfigError, DecodeError, SessionError};
-use crate::frame::DLE;
-use crate::framing::Framing;
+use crate::framing::{DLE, Framing};
 use crate::limit::{Axes, Limiter};
 use crate::message::{
     ALL, AXES, Accumulation, Exception, HostMessage, Message, Reply, RobotMessage, StartCode,

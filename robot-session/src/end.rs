@@ -72,7 +72,7 @@ pub trait End: Sized {
     fn act(&mut self, now: Duration, action: ActionOf<Self>, payload: Option<Self::Payload>);
 
     /// Writes what is due; returns its length, and the input which says that it was sent. `None` if `out` is too short: nothing has
-    /// changed then.
+    /// changed then. A length of zero: it cannot be sent, and the input says why.
     fn write(
         &mut self,
         now: Duration,
@@ -158,7 +158,7 @@ pub trait End: Sized {
     /// Gives up what is no whole frame, and reads what there is behind its beginning.
     fn finish(&mut self, now: Duration) {
         self.core_mut().decoder.finish();
-        self.read(now);
+        read_on(self, now);
     }
 }
 
@@ -233,7 +233,7 @@ impl<E: End> Session for E {
 
     #[inline]
     fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeInput) {
+        if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeInput | Expiry::BeforeBytes) {
             self.handle_timeout(now);
         }
         if bytes.is_empty() || !self.begin_input(now) {
@@ -280,7 +280,7 @@ impl<E: End> Session for E {
 
     #[inline]
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeTransmit) {
+        if matches!(E::Machine::EXPIRY, Expiry::First | Expiry::BeforeTransmit | Expiry::BeforeBytes) {
             self.handle_timeout(now);
         }
         // Until an event was taken, or the caller has done something.
@@ -294,7 +294,7 @@ impl<E: End> Session for E {
         self.advance(now, sent, None);
         // At once: whoever polls until there is nothing more would miss the event of a frame that is read when nothing is sent.
         read_held(self, now);
-        Some(length)
+        (length > 0).then_some(length)
     }
 
     fn poll_timeout(&self) -> Option<Duration> {
@@ -322,13 +322,15 @@ fn push<E: End>(end: &mut E, bytes: &mut &[u8]) -> bool {
     taken > 0
 }
 
+/// Reads where that is rare.
+#[inline(never)]
+fn read_on<E: End>(end: &mut E, now: Duration) {
+    end.read(now);
+}
+
 /// Reads what has waited, if anything has.
 #[inline(always)]
 fn read_held<E: End>(end: &mut E, now: Duration) {
-    #[inline(never)] // most ends never wait
-    fn read_on<E: End>(end: &mut E, now: Duration) {
-        end.read(now);
-    }
     if core::mem::take(&mut end.core_mut().held) {
         read_on(end, now);
     }

@@ -86,6 +86,8 @@ pub enum Expiry {
     BeforeInput,
     /// What is to be sent waits: it depends on what came due.
     BeforeTransmit,
+    /// Both wait; what the caller wants does not.
+    BeforeBytes,
     /// Nothing waits: time passes only in [`Session::handle_timeout`](crate::Session::handle_timeout).
     Last,
 }

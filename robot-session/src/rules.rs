@@ -9,11 +9,11 @@ pub trait Rule: Copy + PartialEq + fmt::Debug + 'static {
     const ALL: &'static [Self];
 }
 
-/// Which rules a machine keeps: all of them. With the feature `model` one can be left out, and this has a size.
+/// Which rules a machine keeps: all of them. With the feature `model` one or two can be left out, and this has a size.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Rules<R> {
     #[cfg(feature = "model")]
-    without: Option<R>,
+    without: [Option<R>; 2],
     rules: PhantomData<R>,
 }
 
@@ -21,7 +21,7 @@ impl<R> Rules<R> {
     /// Every rule is kept.
     pub const ALL: Self = Self {
         #[cfg(feature = "model")]
-        without: None,
+        without: [None, None],
         rules: PhantomData,
     };
 }
@@ -30,14 +30,20 @@ impl<R: Rule> Rules<R> {
     /// Every rule but one.
     #[cfg(feature = "model")]
     pub const fn without(rule: R) -> Self {
-        Self { without: Some(rule), rules: PhantomData }
+        Self { without: [Some(rule), None], rules: PhantomData }
+    }
+
+    /// Every rule but two.
+    #[cfg(feature = "model")]
+    pub const fn without_both(first: R, second: R) -> Self {
+        Self { without: [Some(first), Some(second)], rules: PhantomData }
     }
 
     /// Whether the machine keeps a rule.
     #[cfg(feature = "model")]
     #[inline]
     pub fn keeps(&self, rule: R) -> bool {
-        self.without != Some(rule)
+        !self.without.contains(&Some(rule))
     }
 
     /// Whether the machine keeps a rule: without the feature `model` it always does.
@@ -57,8 +63,10 @@ impl<R> Default for Rules<R> {
 impl<R: fmt::Debug> fmt::Debug for Rules<R> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         #[cfg(feature = "model")]
-        if let Some(rule) = &self.without {
-            return write!(f, "All but {rule:?}");
+        match &self.without {
+            [Some(rule), None] => return write!(f, "All but {rule:?}"),
+            [Some(first), Some(second)] => return write!(f, "All but {first:?} and {second:?}"),
+            [None, _] => {}
         }
         f.write_str("All")
     }

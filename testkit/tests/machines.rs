@@ -24,6 +24,12 @@ fn val2_viewer() {
 }
 
 #[test]
+fn val2_alter() {
+    check::<links::val2_alter::rows::Host>(200);
+    check::<links::val2_alter::rows::Controller>(100);
+}
+
+#[test]
 fn laser_eb90() {
     check::<links::laser_eb90::rows::Host>(160);
     check::<links::laser_eb90::rows::Controller>(64);

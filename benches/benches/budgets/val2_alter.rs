@@ -18,7 +18,7 @@ pub const LINK: Link = Link {
     name: "val2-alter",
     counts: COUNTS,
     ratios: &[
-        Ratio { what: SESSION, times: 2.0, of: &[STREAM] },
+        Ratio { what: SESSION, times: 2.5, of: &[STREAM] },
         Ratio { what: streams::RANDOM, times: 3.0, of: &[streams::RANDOM_WHOLE] },
         Ratio { what: streams::WORST, times: 3.0, of: &[streams::WORST_WHOLE] },
     ],

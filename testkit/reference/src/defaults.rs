@@ -80,7 +80,7 @@ fn alter(rows: &mut Vec<String>) -> Result<()> {
         velocity: velocity, "units of a word in a cycle, for each axis", "0 to 65535; above 32767 counts as 32767", "ours";
         acceleration: acceleration, "units of a word in a cycle, per cycle, for each axis", "0 to 65535; above 32767 counts as 32767", "ours";
     }
-    rows! { rows, "val2-alter", "HostConfig", AlterHostConfig = AlterHostConfig::default(); model
+    rows! { rows, "val2-alter", "HostConfig", AlterHostConfig = AlterHostConfig::default(); rules
         framing: framing, "object", "Framing", "§3.2";
         baud: baud, "baud", "0 counts as 1; from what one value in the window needs", "§3.2";
         mode: mode, "number", "0 to 255", "§10.4";
@@ -94,7 +94,7 @@ fn alter(rows: &mut Vec<String>) -> Result<()> {
         reserve: time(reserve), "ns", "from 0 to what one value in the window leaves", "ours";
         max_delay: time(max_delay), "ns", "from 0", "ours";
     }
-    rows! { rows, "val2-alter", "ControllerConfig", AlterControllerConfig = AlterControllerConfig::default(); model
+    rows! { rows, "val2-alter", "ControllerConfig", AlterControllerConfig = AlterControllerConfig::default(); rules
         framing: framing, "object", "Framing", "§3.2";
         baud: baud, "baud", "0 counts as 1; from what one value in the window needs", "§3.2";
         mode: mode, "number", "0 to 255", "§10.4";

@@ -28,6 +28,10 @@ fn tables(link: &str) -> Option<Vec<testkit::model::Cell>> {
             [cells::<links::val2_viewer::rows::Host>(), cells::<links::val2_viewer::rows::Workstation>()]
                 .concat()
         }
+        "val2-alter" => {
+            [cells::<links::val2_alter::rows::Host>(), cells::<links::val2_alter::rows::Controller>()]
+                .concat()
+        }
         "laser-eb90" => {
             [cells::<links::laser_eb90::rows::Host>(), cells::<links::laser_eb90::rows::Controller>()]
                 .concat()

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Session as _;
+use robot_session::{Machine as _, Session as _};
 use testkit::links::val2_alter::{Act, Alter, Fate, Message as Sent, Reply as Answer, TICK, World};
 use testkit::model::{Edge, Options, System, explore};
 use val2_alter::{
@@ -39,7 +39,11 @@ impl<'a> Ends<'a> {
         let now = self.now;
         match act {
             Act::Send(fate) => {
-                let due = self.world.controller.due(Duration::ZERO).ok_or("nothing is due")?;
+                let due = self
+                    .world
+                    .controller
+                    .transmit(Duration::ZERO, &self.system.controller)
+                    .ok_or("nothing is due")?;
                 let length = self.controller.poll_transmit(now, &mut out).ok_or("nothing is sent")?;
                 equal("the message", message(&out[..length])?, Sent::from(due))?;
                 carry(&mut self.down, &out[..length], fate);

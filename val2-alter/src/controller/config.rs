@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Rules, Unexpected};
 
 use crate::error::ConfigError;
 use crate::framing::Framing;
@@ -30,30 +30,29 @@ pub struct ControllerConfig {
     pub unselected: Unselected,
     /// A silence of more than this inside a frame ends the frame. Default: 4 ms.
     pub gap: Option<Duration>,
-    /// The rules of the machine that do not apply.
-    #[cfg(feature = "model")]
+    /// The rules that its machine keeps.
     #[doc(hidden)]
-    pub without: &'static [ControllerRule],
+    pub rules: Rules<Rule>,
 }
 
-/// A rule of the controller's machine that the model takes out to show what it is needed for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[doc(hidden)]
-pub enum ControllerRule {
-    /// An interruption is in one message at least.
-    ReportInterruption,
-    /// What arrives while the message is still on the line is no answer to it.
-    AfterRequest,
-    /// Only the first reply of a window counts.
-    FirstReply,
-    /// A missing reply ends ALTER.
-    EndOnMissing,
-    /// While the subroutine runs no exception starts it again.
-    OneSubroutine,
-    /// An unread start message is sent again.
-    Attempts,
-    /// The arm does not move while the subroutine runs.
-    RestInterrupted,
+robot_session::rules! {
+    /// A rule of the controller's machine that the model takes out to show what it is needed for.
+    pub enum Rule {
+        /// An interruption is in one message at least.
+        ReportInterruption,
+        /// What arrives while the message is still on the line is no answer to it.
+        AfterRequest,
+        /// Only the first reply of a window counts.
+        FirstReply,
+        /// A missing reply ends ALTER.
+        EndOnMissing,
+        /// While the subroutine runs no exception starts it again.
+        OneSubroutine,
+        /// An unread start message is sent again.
+        Attempts,
+        /// The arm does not move while the subroutine runs.
+        RestInterrupted,
+    }
 }
 
 impl ControllerConfig {
@@ -66,16 +65,6 @@ impl ControllerConfig {
         let budget = Budget::new(self.mode.accumulation(), self.baud, request, reply);
         let window = ConfigError::Window { baud: self.baud, mode: self.mode.0 };
         budget.slack().map(|_| ()).ok_or(window)
-    }
-
-    #[cfg(feature = "model")]
-    pub(super) fn keeps(&self, rule: ControllerRule) -> bool {
-        !self.without.contains(&rule)
-    }
-
-    #[cfg(not(feature = "model"))]
-    pub(super) const fn keeps(&self, _: ControllerRule) -> bool {
-        true
     }
 }
 
@@ -91,8 +80,7 @@ impl Default for ControllerConfig {
             attempts: 3,
             unselected: Unselected::default(),
             gap: Some(Duration::from_millis(4)),
-            #[cfg(feature = "model")]
-            without: &[],
+            rules: Rules::ALL,
         }
     }
 }

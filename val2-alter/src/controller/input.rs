@@ -5,7 +5,7 @@ use crate::message::{ErrorCode, Exception, MotionPhase, StartCode};
 
 /// What the session understood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum ControllerInput {
+pub enum Input {
     /// The port was opened.
     Connected,
     /// The port is gone.
@@ -28,10 +28,8 @@ pub enum ControllerInput {
     Corrupt(ErrorCode),
     /// Time has passed.
     Timeout,
-    /// The window's time has come, and all that was received was read.
-    WindowClosed,
-    /// The message that is due, of so many bytes, can be sent.
-    Transmit {
+    /// The message that was due, of so many bytes, is sent.
+    Sent {
         /// Its length.
         len: u8,
     },
@@ -48,33 +46,33 @@ pub enum ControllerInput {
     Return,
 }
 
-/// What the session is to do: everything that is set.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct ControllerActions {
-    /// End the frame that has begun.
-    pub end_frame: bool,
-    /// End the frame that has begun, then give [`ControllerInput::WindowClosed`].
-    pub close_window: bool,
-    /// Send the message.
-    pub send: Option<Outgoing>,
-    /// A new ALTER: all words are zero.
-    pub restart: bool,
-    /// A reply was taken, and moves the arm or does not.
-    pub taken: Option<Taken>,
-    /// The arm is at rest in this cycle.
-    pub rest: bool,
-    /// Report a reply that could not be read, or did not come.
-    pub bad_reply: Option<ErrorCode>,
-    /// Report an exception: the subroutine begins, or the program is aborted.
-    pub exception: Option<Handling>,
-    /// Report what became of the start.
-    pub start: Option<StartOutcome>,
-    /// Report the end of ALTER.
-    pub ended: Option<ErrorCode>,
-    /// Report a message that no window was open for.
-    pub stray: bool,
+/// What the controller does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Action {
+    /// Nothing.
+    Nothing,
     /// The caller's request is not possible.
-    pub refused: Option<SessionError>,
+    Refuse(SessionError),
+    /// A new ALTER: all words are zero.
+    Begin,
+    /// A message was sent.
+    Sent(Outgoing),
+    /// A reply was taken; it may have an exception.
+    Take(Taken, Option<Handling>),
+    /// Reports what became of the start.
+    Start(StartOutcome),
+    /// The answer to a start message could not be read, or did not come: it is sent again, or that was the last one.
+    BadStart(ErrorCode, Option<StartOutcome>),
+    /// A reply could not be read: the arm is at rest.
+    BadReply(ErrorCode),
+    /// No reply came, which ends ALTER: the arm is at rest.
+    Missing,
+    /// The arm is at rest: the program ends ALTER.
+    Rest,
+    /// The same, and ALTER is over.
+    End(ErrorCode),
+    /// Reports a message that no window was open for.
+    Stray,
 }
 
 /// A message that is due.
@@ -118,26 +116,18 @@ pub enum StartOutcome {
     GaveUp,
 }
 
-impl ControllerInput {
-    /// The input's name.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "connected",
-            Self::Disconnected => "disconnected",
-            Self::Bytes { .. } => "bytes",
-            Self::StartReply(StartCode::Accept) => "accept",
-            Self::StartReply(StartCode::Repeat) => "repeat",
-            Self::StartReply(StartCode::Refuse) => "refuse",
-            Self::Reply { exception: Exception::None, .. } => "reply",
-            Self::Reply { .. } => "reply with an exception",
-            Self::Corrupt(_) => "corrupt bytes",
-            Self::Timeout => "timeout",
-            Self::WindowClosed => "window closed",
-            Self::Transmit { .. } => "transmit",
-            Self::Start { .. } => "start",
-            Self::Finish => "finish",
-            Self::Interrupt => "interrupt",
-            Self::Return => "return",
-        }
-    }
-}
+robot_session::inputs!(
+    Input:
+    Bytes,
+    StartReply { 0: StartCode::Accept } as "Accept",
+    StartReply { 0: StartCode::Repeat } as "Repeat",
+    StartReply { 0: StartCode::Refuse } as "Refuse",
+    Reply { exception: Exception::None } as "Reply",
+    Reply { exception: _ } as "Reply(exception)",
+    Corrupt,
+    Sent,
+    Start,
+    Finish,
+    Interrupt,
+    Return,
+);

@@ -2,37 +2,38 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Expiry, Machine, Unexpected, is_due};
 
-use super::config::{ControllerConfig, ControllerRule};
-use super::input::{ControllerActions, ControllerInput, Handling, Outgoing, StartOutcome, Taken};
-use super::state::{Alter, ControllerMachine, ControllerPhase, Progress, Turn};
+use super::config::{ControllerConfig, Rule};
+pub use super::input::{Action, Handling, Input, Outgoing, StartOutcome, Taken};
+pub use super::state::{Alter, ControllerMachine, ControllerPhase, Progress, Turn};
 use crate::error::SessionError;
 use crate::message::{ErrorCode, Exception, MotionPhase, StartCode};
 use crate::timing::{Budget, CYCLE};
 
-type Step = Result<ControllerActions, Unexpected>;
+impl Machine for ControllerMachine {
+    const END: &'static str = "controller";
+    const EXPIRY: Expiry = Expiry::BeforeBytes;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Outgoing;
+    type Config = ControllerConfig;
 
-impl ControllerMachine {
-    /// Takes an input; on an error nothing has changed.
-    ///
     /// # Errors
-    /// [`Unexpected`]: the port is not open, or it is not the time.
-    pub fn on(&mut self, now: Duration, input: ControllerInput, config: &ControllerConfig) -> Step {
-        use {ControllerInput as On, ControllerPhase as Is};
-        let nothing = ControllerActions::default();
+    /// The port is not open, or it is not the time.
+    fn on(&mut self, now: Duration, input: Input, config: &ControllerConfig) -> Result<Action, Unexpected> {
+        use {ControllerPhase as Is, Input as On};
         match (&mut self.phase, input) {
             (phase, On::Connected | On::Disconnected) => {
                 let on = matches!(phase, Is::On(_));
-                *phase = if input == On::Connected { Is::Off } else { Is::Disconnected };
+                *phase = if matches!(input, On::Connected) { Is::Off } else { Is::Disconnected };
                 self.gap_at = None;
-                let ended = on.then_some(ErrorCode::Timeout);
-                return Ok(ControllerActions { ended, rest: on, ..nothing });
+                return Ok(if on { Action::End(ErrorCode::Timeout) } else { Action::Nothing });
             }
-            (_, On::Timeout) => return Ok(self.pass_time(now)),
-            (Is::Disconnected, On::Start { .. }) => return Ok(refused(SessionError::NotConnected)),
-            (Is::On(_), On::Start { .. }) => return Ok(refused(SessionError::AlreadyStarted)),
-            (Is::Off, On::Start { has_room: false }) => return Ok(refused(SessionError::EventsFull)),
+            (_, On::Timeout) => return Ok(self.expire(now, config)),
+            (Is::Disconnected, On::Start { .. }) => return Ok(Action::Refuse(SessionError::NotConnected)),
+            (Is::On(_), On::Start { .. }) => return Ok(Action::Refuse(SessionError::AlreadyStarted)),
+            (Is::Off, On::Start { has_room: false }) => return Ok(Action::Refuse(SessionError::EventsFull)),
             (Is::Off, On::Start { has_room: true }) => {
                 self.phase = Is::On(Alter {
                     progress: Progress::Starting { attempts: 0 },
@@ -41,10 +42,10 @@ impl ControllerMachine {
                     slot: now,
                     following: now.saturating_add(CYCLE),
                 });
-                return Ok(ControllerActions { restart: true, ..nothing });
+                return Ok(Action::Begin);
             }
             (Is::Disconnected | Is::Off, On::Finish | On::Interrupt | On::Return) => {
-                return Ok(refused(SessionError::NotRunning));
+                return Ok(Action::Refuse(SessionError::NotRunning));
             }
             // Not while a reply is awaited: an exception in it would have no effect, and the host could not know.
             (
@@ -53,18 +54,18 @@ impl ControllerMachine {
             ) => {
                 *progress = Progress::Interrupted { reported: false, returned: false };
             }
-            (Is::On(_), On::Interrupt) => return Ok(refused(SessionError::NotRunning)),
+            (Is::On(_), On::Interrupt) => return Ok(Action::Refuse(SessionError::NotRunning)),
             (Is::On(alter), On::Return) => match &mut alter.progress {
                 Progress::Interrupted { returned: returned @ false, .. } => {
                     *returned = true;
-                    if !config.keeps(ControllerRule::ReportInterruption) {
+                    if !config.rules.keeps(Rule::ReportInterruption) {
                         alter.progress = Progress::Running;
                     }
                 }
                 Progress::Starting { .. }
                 | Progress::Running
                 | Progress::Interrupted { .. }
-                | Progress::Ending => return Ok(refused(SessionError::NotRunning)),
+                | Progress::Ending => return Ok(Action::Refuse(SessionError::NotRunning)),
             },
             (Is::On(alter), On::Finish) => {
                 let starting = matches!(alter.progress, Progress::Starting { .. });
@@ -74,54 +75,41 @@ impl ControllerMachine {
                 alter.turn = Turn::Controller;
                 if starting {
                     self.phase = Is::Off;
+                    return Ok(Action::End(ErrorCode::None));
                 }
-                let ended = starting.then_some(ErrorCode::None);
-                return Ok(ControllerActions { rest: true, ended, ..nothing });
+                return Ok(Action::Rest);
             }
             (
                 Is::Disconnected,
-                On::Bytes { .. }
-                | On::StartReply(_)
-                | On::Reply { .. }
-                | On::Corrupt(_)
-                | On::Transmit { .. },
-            ) => return Err(self.unexpected(input)),
+                On::Bytes { .. } | On::StartReply(_) | On::Reply { .. } | On::Corrupt(_) | On::Sent { .. },
+            ) => return Err(self.unexpected(&input)),
             (_, On::Bytes { partial }) => {
                 self.gap_at = config.gap.filter(|_| partial).map(|gap| now.saturating_add(gap));
             }
             (Is::Off, On::StartReply(_) | On::Reply { .. }) => {
-                return Ok(ControllerActions { stray: true, ..nothing });
+                return Ok(Action::Stray);
             }
             (Is::Off, On::Corrupt(_)) => {}
             (Is::On(alter), On::Corrupt(code)) => alter.note(now, code, config),
             (Is::On(alter), On::StartReply(code)) => {
-                let actions = alter.start_reply(now, code, config);
-                return Ok(self.end_start(actions));
+                let action = alter.start_reply(now, code, config);
+                return Ok(self.end_start(action));
             }
             (Is::On(alter), On::Reply { exception, has_room }) => {
                 return Ok(alter.reply(now, exception, has_room, config));
             }
-            (Is::On(Alter { turn: Turn::Host { closes, .. }, .. }), On::WindowClosed) if *closes > now => {
-                return Err(self.unexpected(input));
+            (Is::On(_), On::Sent { len }) => {
+                let Some(message) = self.transmit(now, config) else { return Err(self.unexpected(&input)) };
+                return Ok(self.sent(now, message, len, config));
             }
-            (Is::On(alter), On::WindowClosed) => {
-                let actions = alter.window_closed(config);
-                return Ok(self.end_start(actions));
-            }
-            (Is::Disconnected | Is::Off, On::WindowClosed) => {}
-            (Is::On(_), On::Transmit { len }) => {
-                let Some(message) = self.due(now) else { return Err(self.unexpected(input)) };
-                return Ok(self.transmit(now, message, len, config));
-            }
-            (Is::Off, On::Transmit { .. }) => return Err(self.unexpected(input)),
+            (Is::Off, On::Sent { .. }) => return Err(self.unexpected(&input)),
         }
-        Ok(nothing)
+        Ok(Action::Nothing)
     }
 
-    /// The message that is due.
-    pub fn due(&self, now: Duration) -> Option<Outgoing> {
+    fn transmit(&self, now: Duration, _config: &ControllerConfig) -> Option<Outgoing> {
         match &self.phase {
-            ControllerPhase::On(alter) if alter.turn == Turn::Controller && now >= alter.slot => {
+            ControllerPhase::On(alter) if alter.turn == Turn::Controller && is_due(alter.slot, now) => {
                 Some(match alter.progress {
                     Progress::Starting { .. } => Outgoing::Start(alter.error),
                     Progress::Running | Progress::Interrupted { reported: true, returned: true } => {
@@ -135,36 +123,82 @@ impl ControllerMachine {
         }
     }
 
-    fn unexpected(&self, input: ControllerInput) -> Unexpected {
-        Unexpected { state: self.name(), input: input.name() }
-    }
-
-    fn pass_time(&mut self, now: Duration) -> ControllerActions {
-        let end_frame = self.gap_at.take_if(|at| *at <= now).is_some();
-        let close_window = match &self.phase {
-            ControllerPhase::On(Alter { turn: Turn::Host { closes, .. }, .. }) => *closes <= now,
-            ControllerPhase::Disconnected | ControllerPhase::Off | ControllerPhase::On(_) => false,
+    fn deadline(&self) -> Option<Duration> {
+        let turn = match &self.phase {
+            ControllerPhase::Disconnected | ControllerPhase::Off => None,
+            ControllerPhase::On(alter) => Some(match alter.turn {
+                Turn::Controller => alter.slot,
+                Turn::Host { closes, .. } => closes,
+            }),
         };
-        ControllerActions { end_frame, close_window, ..ControllerActions::default() }
+        [turn, self.gap_at].into_iter().flatten().min().filter(|at| *at < Duration::MAX)
     }
 
-    fn end_start(&mut self, actions: ControllerActions) -> ControllerActions {
-        if let Some(StartOutcome::Refused | StartOutcome::GaveUp) = actions.start {
+    fn expires(&self, now: Duration) -> bool {
+        self.gap_at.is_some_and(|at| is_due(at, now)) || self.closes(now)
+    }
+
+    /// What came before the window closes may be the reply.
+    fn cuts(&self) -> bool {
+        true
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+        self.gap_at.iter_mut().for_each(&mut f);
+        if let ControllerPhase::On(alter) = &mut self.phase {
+            f(&mut alter.slot);
+            f(&mut alter.following);
+            if let Turn::Host { opens, closes, .. } = &mut alter.turn {
+                f(opens);
+                f(closes);
+            }
+        }
+    }
+
+    fn name(&self) -> &'static str {
+        match &self.phase {
+            ControllerPhase::Disconnected => "disconnected",
+            ControllerPhase::Off => "off",
+            ControllerPhase::On(alter) => match alter.progress {
+                Progress::Starting { .. } => "starting",
+                Progress::Running => "running",
+                Progress::Interrupted { .. } => "interrupted",
+                Progress::Ending => "ending",
+            },
+        }
+    }
+}
+
+impl ControllerMachine {
+    /// Whether the window is over.
+    fn closes(&self, now: Duration) -> bool {
+        matches!(&self.phase, ControllerPhase::On(Alter { turn: Turn::Host { closes, .. }, .. }) if is_due(*closes, now))
+    }
+
+    fn expire(&mut self, now: Duration, config: &ControllerConfig) -> Action {
+        self.gap_at.take_if(|at| is_due(*at, now));
+        let closes = self.closes(now);
+        match &mut self.phase {
+            ControllerPhase::On(alter) if closes => {
+                let action = alter.window_closed(config);
+                self.end_start(action)
+            }
+            ControllerPhase::Disconnected | ControllerPhase::Off | ControllerPhase::On(_) => Action::Nothing,
+        }
+    }
+
+    fn end_start(&mut self, action: Action) -> Action {
+        if let Action::Start(StartOutcome::Refused | StartOutcome::GaveUp)
+        | Action::BadStart(_, Some(StartOutcome::GaveUp)) = action
+        {
             self.phase = ControllerPhase::Off;
         }
-        actions
+        action
     }
 
-    fn transmit(
-        &mut self,
-        now: Duration,
-        message: Outgoing,
-        len: u8,
-        config: &ControllerConfig,
-    ) -> ControllerActions {
-        let mut actions = ControllerActions { send: Some(message), ..ControllerActions::default() };
+    fn sent(&mut self, now: Duration, message: Outgoing, len: u8, config: &ControllerConfig) -> Action {
         self.gap_at = None;
-        let ControllerPhase::On(alter) = &mut self.phase else { return actions };
+        let ControllerPhase::On(alter) = &mut self.phase else { return Action::Nothing };
         let budget = Budget::new(config.mode.accumulation(), config.baud, len.into(), 0);
         let opens = now.saturating_add(budget.request);
         let closes = opens.saturating_add(budget.window);
@@ -177,12 +211,9 @@ impl ControllerMachine {
             Progress::Interrupted { reported: true, returned: true } => alter.progress = Progress::Running,
             Progress::Interrupted { reported, .. } => *reported = true,
             Progress::Running => {}
-            Progress::Ending => {
-                actions.ended = Some(alter.error);
-                self.phase = ControllerPhase::Off;
-            }
+            Progress::Ending => self.phase = ControllerPhase::Off,
         }
-        actions
+        Action::Sent(message)
     }
 }
 
@@ -192,7 +223,7 @@ impl Alter {
     fn is_awaited(&self, now: Duration, config: &ControllerConfig) -> bool {
         match self.turn {
             Turn::Controller => false,
-            Turn::Host { opens, .. } => now >= opens || !config.keeps(ControllerRule::AfterRequest),
+            Turn::Host { opens, .. } => now >= opens || !config.rules.keeps(Rule::AfterRequest),
         }
     }
 
@@ -206,31 +237,25 @@ impl Alter {
         }
     }
 
-    fn start_reply(
-        &mut self,
-        now: Duration,
-        code: StartCode,
-        config: &ControllerConfig,
-    ) -> ControllerActions {
-        let mut actions = ControllerActions::default();
+    fn start_reply(&mut self, now: Duration, code: StartCode, config: &ControllerConfig) -> Action {
         if !self.is_awaited(now, config) {
-            actions.stray = true;
-            return actions;
+            return Action::Stray;
         }
         if !matches!(self.progress, Progress::Starting { .. }) {
             self.note(now, ErrorCode::Format, config);
-            return actions;
+            return Action::Nothing;
         }
         self.turn = Turn::Controller;
         match code {
             StartCode::Accept => {
                 (self.progress, self.error) = (Progress::Running, ErrorCode::None);
-                actions.start = Some(StartOutcome::Started);
+                Action::Start(StartOutcome::Started)
             }
-            StartCode::Repeat => actions.start = self.try_again(ErrorCode::None, config),
-            StartCode::Refuse => actions.start = Some(StartOutcome::Refused),
+            StartCode::Repeat => {
+                self.try_again(ErrorCode::None, config).map_or(Action::Nothing, Action::Start)
+            }
+            StartCode::Refuse => Action::Start(StartOutcome::Refused),
         }
-        actions
     }
 
     fn reply(
@@ -239,68 +264,61 @@ impl Alter {
         exception: Exception,
         has_room: bool,
         config: &ControllerConfig,
-    ) -> ControllerActions {
-        let mut actions = ControllerActions::default();
+    ) -> Action {
         let awaited = self.is_awaited(now, config);
         if !awaited {
-            if config.keeps(ControllerRule::FirstReply) || self.progress != Progress::Running {
-                actions.stray = true;
-                return actions;
+            if config.rules.keeps(Rule::FirstReply) || self.progress != Progress::Running {
+                return Action::Stray;
             }
         } else if matches!(self.progress, Progress::Starting { .. } | Progress::Ending) {
             self.note(now, ErrorCode::Format, config);
-            return actions;
+            return Action::Nothing;
         } else if exception != Exception::None && !has_room {
             self.note(now, ErrorCode::Overflow, config);
-            return actions;
+            return Action::Nothing;
         }
         if awaited {
             (self.turn, self.error) = (Turn::Controller, ErrorCode::None);
         }
         let running = self.progress == Progress::Running;
-        let moves = running || !config.keeps(ControllerRule::RestInterrupted);
-        let moves = moves && config.mode.uses_inputs();
-        actions.taken = Some(if moves { Taken::Moves } else { Taken::Rests });
+        let moves = running || !config.rules.keeps(Rule::RestInterrupted);
+        let taken = if moves && config.mode.uses_inputs() { Taken::Moves } else { Taken::Rests };
         // The subroutine runs already; a second exception does not start it again.
-        if exception != Exception::None && (running || !config.keeps(ControllerRule::OneSubroutine)) {
-            (actions.exception, self.progress) = if config.subroutine {
-                let interrupted = Progress::Interrupted { reported: false, returned: false };
-                (Some(Handling::Subroutine(exception)), interrupted)
-            } else {
-                (Some(Handling::Abort(exception)), Progress::Ending)
-            };
+        if exception == Exception::None || !running && config.rules.keeps(Rule::OneSubroutine) {
+            return Action::Take(taken, None);
         }
-        actions
+        let handling = if config.subroutine {
+            self.progress = Progress::Interrupted { reported: false, returned: false };
+            Handling::Subroutine(exception)
+        } else {
+            self.progress = Progress::Ending;
+            Handling::Abort(exception)
+        };
+        Action::Take(taken, Some(handling))
     }
 
     /// The window closed without a good reply.
-    fn window_closed(&mut self, config: &ControllerConfig) -> ControllerActions {
-        let mut actions = ControllerActions::default();
-        let Turn::Host { corrupt, .. } = self.turn else { return actions };
+    fn window_closed(&mut self, config: &ControllerConfig) -> Action {
+        let Turn::Host { corrupt, .. } = self.turn else { return Action::Nothing };
         let code = corrupt.unwrap_or(ErrorCode::Timeout);
         (self.turn, self.error) = (Turn::Controller, code);
-        (actions.bad_reply, actions.rest) = (Some(code), true);
         match self.progress {
-            Progress::Starting { .. } => actions.start = self.try_again(code, config),
+            Progress::Starting { .. } => Action::BadStart(code, self.try_again(code, config)),
             // "da die Robotersteuerung bei Ausbleiben von Antwortpaketen den ALTER-Betrieb beendet" (§3.3.3)
             Progress::Running | Progress::Interrupted { .. }
-                if code == ErrorCode::Timeout && config.keeps(ControllerRule::EndOnMissing) =>
+                if code == ErrorCode::Timeout && config.rules.keeps(Rule::EndOnMissing) =>
             {
                 self.progress = Progress::Ending;
+                Action::Missing
             }
-            Progress::Running | Progress::Interrupted { .. } | Progress::Ending => {}
+            Progress::Running | Progress::Interrupted { .. } | Progress::Ending => Action::BadReply(code),
         }
-        actions
     }
 
     fn try_again(&mut self, code: ErrorCode, config: &ControllerConfig) -> Option<StartOutcome> {
         self.error = code;
         let Progress::Starting { attempts } = self.progress else { return None };
-        let enough = attempts >= config.attempts || !config.keeps(ControllerRule::Attempts);
+        let enough = attempts >= config.attempts || !config.rules.keeps(Rule::Attempts);
         enough.then_some(StartOutcome::GaveUp)
     }
-}
-
-fn refused(error: SessionError) -> ControllerActions {
-    ControllerActions { refused: Some(error), ..ControllerActions::default() }
 }

@@ -2,23 +2,26 @@
 
 mod config;
 mod input;
-mod machine;
+pub mod machine;
 mod state;
 
-pub use config::{ControllerConfig, ControllerEvent, ControllerRule, ControllerStatistics, Unselected};
-pub use input::{ControllerActions, ControllerInput, Handling, Outgoing, StartOutcome, Taken};
-pub use state::{Alter, ControllerMachine, ControllerPhase, Progress, Turn};
+#[doc(hidden)]
+pub use config::Rule;
+pub use config::{ControllerConfig, ControllerEvent, ControllerStatistics, Unselected};
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, EventQueue, Session};
+use robot_session::{Core, CoreOf, Decoder as _, End as _, EventQueue, Room, Unexpected};
 
 use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, SessionError};
 use crate::frame::Frame;
 use crate::message::{
-    AXES, Accumulation, End, HostMessage, Message, Motion, Reply, RobotMessage, SegmentStatus, Start,
-    Transform,
+    AXES, Accumulation, End, ErrorCode, HostMessage, Message, Motion, Reply, RobotMessage, SegmentStatus,
+    Start, Transform,
+};
+use machine::{
+    Action, ControllerMachine, ControllerPhase, Handling, Input, Outgoing, Progress, StartOutcome, Taken,
 };
 
 /// The controller's session: a MARK III without its arm. Its verbs are those of [`robot_session::Session`]; it never reads a
@@ -31,10 +34,7 @@ use crate::message::{
 /// exceptions and the end of ALTER are outcomes and are not.
 #[derive(Debug, Clone)]
 pub struct Controller {
-    config: ControllerConfig,
-    machine: ControllerMachine,
-    decoder: Decoder<HostMessage>,
-    events: EventQueue<ControllerEvent, 16>,
+    core: CoreOf<Self>,
     statistics: ControllerStatistics,
     /// What the next standard messages say.
     segment: (SegmentStatus, u16, u16),
@@ -55,10 +55,7 @@ impl Controller {
     pub fn new(config: ControllerConfig) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self {
-            config,
-            machine: ControllerMachine::NEW,
-            decoder: Decoder::new(config.framing),
-            events: EventQueue::new(),
+            core: Core::new(config, ControllerMachine::NEW, Decoder::new(config.framing)),
             statistics: ControllerStatistics::default(),
             segment: (SegmentStatus::Normal, 1, 0),
             transform: Transform([0; 12]),
@@ -72,8 +69,8 @@ impl Controller {
     /// # Errors
     /// [`SessionError::NotConnected`], [`SessionError::AlreadyStarted`], [`SessionError::EventsFull`]
     pub fn start(&mut self, now: Duration) -> Result<(), SessionError> {
-        let has_room = self.events.has_room(OUTCOMES);
-        self.request(now, ControllerInput::Start { has_room })
+        let has_room = self.core.events.has_room(OUTCOMES);
+        self.ask(now, Input::Start { has_room })
     }
 
     /// The program ends ALTER: the end message is sent with the next cycle.
@@ -81,7 +78,7 @@ impl Controller {
     /// # Errors
     /// [`SessionError::NotRunning`]
     pub fn finish(&mut self, now: Duration) -> Result<(), SessionError> {
-        self.request(now, ControllerInput::Finish)
+        self.ask(now, Input::Finish)
     }
 
     /// The program runs a subroutine by itself, between two cycles: until [`resume`](Controller::resume) the replies move nothing.
@@ -89,7 +86,7 @@ impl Controller {
     /// # Errors
     /// [`SessionError::NotRunning`]: also while a reply is awaited, because an exception in it would be lost.
     pub fn interrupt(&mut self, now: Duration) -> Result<(), SessionError> {
-        self.request(now, ControllerInput::Interrupt)
+        self.ask(now, Input::Interrupt)
     }
 
     /// The subroutine returns. At least one message says that it ran.
@@ -97,7 +94,7 @@ impl Controller {
     /// # Errors
     /// [`SessionError::NotRunning`]
     pub fn resume(&mut self, now: Duration) -> Result<(), SessionError> {
-        self.request(now, ControllerInput::Return)
+        self.ask(now, Input::Return)
     }
 
     /// Sets what the next messages say of the motion segment: its status, its number (from 1), and the part of it that is done
@@ -118,12 +115,12 @@ impl Controller {
 
     /// The machine: what the session is doing.
     pub fn machine(&self) -> &ControllerMachine {
-        &self.machine
+        &self.core.machine
     }
 
     /// What the session is doing, in a word.
     pub fn state(&self) -> ControllerState {
-        match &self.machine.phase {
+        match &self.core.machine.phase {
             ControllerPhase::Disconnected => ControllerState::Disconnected,
             ControllerPhase::Off => ControllerState::Off,
             ControllerPhase::On(alter) => match alter.progress {
@@ -137,117 +134,39 @@ impl Controller {
 
     /// The configuration.
     pub fn config(&self) -> &ControllerConfig {
-        &self.config
+        &self.core.config
     }
 
-    fn request(&mut self, now: Duration, input: ControllerInput) -> Result<(), SessionError> {
-        self.on(now, input).refused.map_or(Ok(()), Err)
+    fn ask(&mut self, now: Duration, input: Input) -> Result<(), SessionError> {
+        match self.core.on(now, input) {
+            Ok(Action::Refuse(error)) => return Err(error),
+            Ok(action) => self.act(now, action, None),
+            Err(unexpected) => self.refuse(unexpected),
+        }
+        Ok(())
     }
 
-    fn read(&mut self, now: Duration) {
-        loop {
-            let item = self.decoder.next_frame();
-            // At once: what is corrupt before the window opens is no reply to the message.
-            if let Some(error) = self.decoder.corruption() {
-                self.on(now, ControllerInput::Corrupt(error.code()));
-            }
-            match item {
-                None => return,
-                Some(Ok(received)) => self.on_message(now, received.message),
-                Some(Err(error @ DecodeError::StartMark { .. })) => {
-                    self.on(now, ControllerInput::Corrupt(error.code()));
-                }
-                Some(Err(_)) => {}
-            }
-        }
+    fn bad_reply(&mut self, code: ErrorCode) {
+        self.rest();
+        self.core.events.push_notice(ControllerEvent::BadReply(code));
     }
 
-    fn on_message(&mut self, now: Duration, message: HostMessage) {
-        let input = match &message {
-            HostMessage::StartReply(code) => ControllerInput::StartReply(*code),
-            HostMessage::Reply(Reply { exception, .. }) => {
-                // The exception's, and that of the end.
-                let has_room = self.events.has_room(2);
-                ControllerInput::Reply { exception: *exception, has_room }
-            }
-        };
-        let Ok(actions) = self.step(now, input) else { return };
-        if actions.stray {
-            self.statistics.strays += 1;
-            self.events.push_notice(ControllerEvent::Stray(message));
-        }
-        if let (Some(taken), HostMessage::Reply(reply)) = (actions.taken, message) {
-            self.statistics.replies += 1;
-            match taken {
-                Taken::Moves => self.take(&reply),
-                Taken::Rests => self.rest(),
-            }
-            self.events.push_notice(ControllerEvent::Reply { reply, values: self.applied });
-        }
-        self.act(now, &actions);
-    }
-
-    /// Gives the machine an input and does what it says, but for sending and for taking a reply.
-    fn on(&mut self, now: Duration, input: ControllerInput) -> ControllerActions {
-        let actions = self.step(now, input).unwrap_or_default();
-        self.act(now, &actions);
-        actions
-    }
-
-    fn step(&mut self, now: Duration, input: ControllerInput) -> Result<ControllerActions, ()> {
-        self.machine.on(now, input, &self.config).map_err(|unexpected| {
-            self.statistics.unexpected += 1;
-            self.events.push_notice(ControllerEvent::Unexpected(unexpected));
-        })
-    }
-
-    fn act(&mut self, now: Duration, actions: &ControllerActions) {
-        if actions.restart {
-            (self.words, self.applied) = ([0; AXES], [0; AXES]);
-        }
-        if actions.end_frame || actions.close_window {
-            self.decoder.finish();
-            self.read(now);
-        }
-        if actions.close_window {
-            self.on(now, ControllerInput::WindowClosed);
-        }
-        if actions.rest {
-            self.rest();
-        }
-        if let Some(code) = actions.bad_reply {
-            if actions.start.is_none() && self.state() != ControllerState::Starting {
-                self.statistics.bad_replies += u64::from(self.state() != ControllerState::Ending);
-                self.statistics.timeouts += u64::from(self.state() == ControllerState::Ending);
-            }
-            self.events.push_notice(ControllerEvent::BadReply(code));
-        }
-        match actions.start {
-            Some(StartOutcome::Started) => {
-                self.statistics.starts += 1;
-                self.push_outcome(ControllerEvent::Started);
-            }
-            Some(StartOutcome::Refused) => self.push_outcome(ControllerEvent::Refused),
-            Some(StartOutcome::GaveUp) => self.push_outcome(ControllerEvent::GaveUp),
-            None => {}
-        }
-        match actions.exception {
-            Some(Handling::Subroutine(exception)) => self.push_outcome(ControllerEvent::Exception(exception)),
-            Some(Handling::Abort(exception)) => self.push_outcome(ControllerEvent::Aborted(exception)),
-            None => {}
-        }
-        if let Some(error) = actions.ended {
-            self.push_outcome(ControllerEvent::Ended(error));
-        }
+    fn started(&mut self, outcome: StartOutcome) {
+        self.statistics.starts += u64::from(outcome == StartOutcome::Started);
+        self.push_outcome(match outcome {
+            StartOutcome::Started => ControllerEvent::Started,
+            StartOutcome::Refused => ControllerEvent::Refused,
+            StartOutcome::GaveUp => ControllerEvent::GaveUp,
+        });
     }
 
     fn push_outcome(&mut self, event: ControllerEvent) {
-        let pushed = self.events.push_outcome(event);
+        let pushed = self.core.events.push_outcome(event);
         debug_assert!(pushed.is_ok(), "room was asked for when it began");
     }
 
     fn take(&mut self, reply: &Reply) {
-        let holds = self.config.unselected.holds(self.config.mode.accumulation());
+        let holds = self.core.config.unselected.holds(self.core.config.mode.accumulation());
         for (word, sent) in self.words.iter_mut().zip(reply.values) {
             *word = sent.unwrap_or(if holds { *word } else { 0 });
         }
@@ -256,19 +175,20 @@ impl Controller {
 
     /// Without a reply the arm is at rest: no increment, and an offset stays.
     fn rest(&mut self) {
-        if self.config.mode.accumulation() == Accumulation::Cumulative {
+        if self.core.config.mode.accumulation() == Accumulation::Cumulative {
             self.applied = [0; AXES];
         }
     }
 
     fn message(&self, due: Outgoing) -> RobotMessage {
         match due {
-            Outgoing::Start(error) => {
-                RobotMessage::Start(Start { error, ..Start::new(self.config.mode, self.config.data) })
-            }
+            Outgoing::Start(error) => RobotMessage::Start(Start {
+                error,
+                ..Start::new(self.core.config.mode, self.core.config.data)
+            }),
             Outgoing::Motion(phase, error) => {
                 let (segment_status, segment, percent) = self.segment;
-                let transform = self.config.mode.has_transform().then_some(self.transform);
+                let transform = self.core.config.mode.has_transform().then_some(self.transform);
                 RobotMessage::Motion(Motion { phase, error, segment_status, segment, percent, transform })
             }
             Outgoing::End(error) => RobotMessage::End(End { error }),
@@ -276,62 +196,121 @@ impl Controller {
     }
 }
 
-impl Session for Controller {
-    type Event = ControllerEvent;
+impl robot_session::End for Controller {
+    type Machine = ControllerMachine;
+    type Decoder = Decoder<HostMessage>;
+    type Events = EventQueue<ControllerEvent, 16>;
     type Statistics = ControllerStatistics;
+    type Payload = HostMessage;
 
     const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
+    const ROOM: Room = Room::NONE;
 
-    fn handle_connected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.on(now, ControllerInput::Connected);
-    }
+    robot_session::core!();
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.on(now, ControllerInput::Disconnected);
-    }
-
-    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
-        self.handle_timeout(now);
-        let mut rest = bytes;
-        while !rest.is_empty() && self.machine.phase != ControllerPhase::Disconnected {
-            let taken = self.decoder.push(rest);
-            rest = rest.get(taken..).unwrap_or_default();
-            self.read(now);
+    fn begin_input(&mut self, now: Duration) -> bool {
+        let is_connected = self.core.machine.is_connected();
+        if !is_connected {
+            self.advance(now, Input::Bytes { partial: false }, None);
         }
-        self.on(now, ControllerInput::Bytes { partial: self.decoder.pending() > 0 });
+        is_connected
     }
 
-    fn handle_timeout(&mut self, now: Duration) {
-        self.on(now, ControllerInput::Timeout);
+    fn end_input(&mut self, now: Duration) {
+        let partial = self.core.decoder.pending() > 0;
+        self.advance(now, Input::Bytes { partial }, None);
     }
 
-    fn poll_event(&mut self) -> Option<ControllerEvent> {
-        self.events.pop()
-    }
-
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.handle_timeout(now);
-        let message = self.message(self.machine.due(now)?);
-        let len = message.encode(self.config.framing, out).ok()?;
-        self.on(now, ControllerInput::Transmit { len: u8::try_from(len).unwrap_or(u8::MAX) }).send?;
-        self.decoder.clear();
-        match message {
-            RobotMessage::Start(_) => self.statistics.attempts += 1,
-            RobotMessage::Motion(_) => self.statistics.cycles += 1,
-            RobotMessage::End(_) => {}
+    fn next_input(&mut self) -> Option<(Input, Option<HostMessage>)> {
+        loop {
+            let item = self.core.decoder.next_frame();
+            // At once: what is corrupt before the window opens is no reply to the message.
+            if let Some(error) = self.core.decoder.corruption() {
+                return Some((Input::Corrupt(error.code()), None));
+            }
+            let message = match item? {
+                Ok(received) => received.message,
+                Err(error @ DecodeError::StartMark { .. }) => {
+                    return Some((Input::Corrupt(error.code()), None));
+                }
+                Err(_) => continue,
+            };
+            let input = match &message {
+                HostMessage::StartReply(code) => Input::StartReply(*code),
+                HostMessage::Reply(Reply { exception, .. }) => {
+                    // The exception's, and that of the end.
+                    let has_room = self.core.events.has_room(2);
+                    Input::Reply { exception: *exception, has_room }
+                }
+            };
+            return Some((input, Some(message)));
         }
-        Some(len)
     }
 
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
+    fn act(&mut self, _now: Duration, action: Action, message: Option<HostMessage>) {
+        match action {
+            Action::Nothing | Action::Refuse(_) => {}
+            Action::Begin => (self.words, self.applied) = ([0; AXES], [0; AXES]),
+            Action::Sent(message) => {
+                self.core.decoder.clear();
+                match message {
+                    Outgoing::Start(_) => self.statistics.attempts += 1,
+                    Outgoing::Motion(..) => self.statistics.cycles += 1,
+                    Outgoing::End(error) => self.push_outcome(ControllerEvent::Ended(error)),
+                }
+            }
+            Action::Take(taken, handling) => {
+                let Some(HostMessage::Reply(reply)) = message else { return };
+                self.statistics.replies += 1;
+                match taken {
+                    Taken::Moves => self.take(&reply),
+                    Taken::Rests => self.rest(),
+                }
+                self.core.events.push_notice(ControllerEvent::Reply { reply, values: self.applied });
+                match handling {
+                    None => {}
+                    Some(Handling::Subroutine(code)) => self.push_outcome(ControllerEvent::Exception(code)),
+                    Some(Handling::Abort(code)) => self.push_outcome(ControllerEvent::Aborted(code)),
+                }
+            }
+            Action::Start(outcome) => self.started(outcome),
+            Action::BadStart(code, outcome) => {
+                self.bad_reply(code);
+                outcome.into_iter().for_each(|outcome| self.started(outcome));
+            }
+            Action::BadReply(code) => {
+                self.statistics.bad_replies += 1;
+                self.bad_reply(code);
+            }
+            Action::Missing => {
+                self.statistics.timeouts += 1;
+                self.bad_reply(ErrorCode::Timeout);
+            }
+            Action::Rest => self.rest(),
+            Action::End(error) => {
+                self.rest();
+                self.push_outcome(ControllerEvent::Ended(error));
+            }
+            Action::Stray => {
+                self.statistics.strays += 1;
+                message.into_iter().for_each(|it| self.core.events.push_notice(ControllerEvent::Stray(it)));
+            }
+        }
     }
 
-    fn statistics(&self) -> ControllerStatistics {
-        ControllerStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn write(&mut self, _now: Duration, what: Outgoing, out: &mut [u8]) -> Option<(usize, Input)> {
+        let len = self.message(what).encode(self.core.config.framing, out).ok()?;
+        Some((len, Input::Sent { len: u8::try_from(len).unwrap_or(u8::MAX) }))
+    }
+
+    fn unexpected(unexpected: Unexpected) -> ControllerEvent {
+        ControllerEvent::Unexpected(unexpected)
+    }
+
+    fn counters(&self) -> ControllerStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        ControllerStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }
 

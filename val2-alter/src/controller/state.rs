@@ -82,42 +82,7 @@ impl ControllerMachine {
     /// A controller whose port is not open.
     pub const NEW: Self = Self { phase: ControllerPhase::Disconnected, gap_at: None };
 
-    /// When the next message is due, or a timeout.
-    pub fn deadline(&self) -> Option<Duration> {
-        let turn = match &self.phase {
-            ControllerPhase::Disconnected | ControllerPhase::Off => None,
-            ControllerPhase::On(alter) => Some(match alter.turn {
-                Turn::Controller => alter.slot,
-                Turn::Host { closes, .. } => closes,
-            }),
-        };
-        [turn, self.gap_at].into_iter().flatten().min()
-    }
-
-    /// Visits every time in the state.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
-        self.gap_at.iter_mut().for_each(&mut f);
-        if let ControllerPhase::On(alter) = &mut self.phase {
-            f(&mut alter.slot);
-            f(&mut alter.following);
-            if let Turn::Host { opens, closes, .. } = &mut alter.turn {
-                f(opens);
-                f(closes);
-            }
-        }
-    }
-
-    /// The state's name.
-    pub const fn name(&self) -> &'static str {
-        match &self.phase {
-            ControllerPhase::Disconnected => "disconnected",
-            ControllerPhase::Off => "off",
-            ControllerPhase::On(alter) => match alter.progress {
-                Progress::Starting { .. } => "starting",
-                Progress::Running => "running",
-                Progress::Interrupted { .. } => "interrupted",
-                Progress::Ending => "ending",
-            },
-        }
+    pub(super) fn is_connected(&self) -> bool {
+        self.phase != ControllerPhase::Disconnected
     }
 }

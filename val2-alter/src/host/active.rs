@@ -2,9 +2,9 @@
 
 use core::time::Duration;
 
-use super::config::{ExceptionOutcome, HostConfig, HostRule, UnknownReason};
+use super::config::{ExceptionOutcome, HostConfig, Rule, UnknownReason};
 use super::due::Due;
-use super::input::{Course, Draft, HostActions};
+use super::input::{Action, Course, Draft, Judged, Outcome};
 use super::state::{Active, Pending, Request, Stage, Target};
 use crate::framing::DLE;
 use crate::message::{ALL, AXES, Accumulation, ErrorCode, Exception, MotionPhase};
@@ -16,37 +16,39 @@ impl Active {
         now: Duration,
         phase: MotionPhase,
         error: ErrorCode,
-        len: u8,
+        len: usize,
         config: &HostConfig,
-    ) -> HostActions {
-        let mut actions = HostActions { missed: self.request.is_some(), ..HostActions::default() };
-        self.lost_at = config.lost_at(now);
+    ) -> Action {
+        let missed = self.request.is_some();
+        let rejected = (error != ErrorCode::None).then_some(error);
+        self.lost_at = config.lost_from(now);
         if error == ErrorCode::None {
             self.kept = self.sent;
         } else {
             self.kept =
-                if config.keeps(HostRule::WordsUntilRead) { self.kept | self.sent } else { self.sent };
-            actions.rejected = Some(error);
+                if config.rules.keeps(Rule::WordsUntilRead) { self.kept | self.sent } else { self.sent };
         }
         self.sent = self.kept;
-        actions.outcome = self.judge_exception(now, phase, error, config);
+        let outcome = self.judge_exception(now, phase, error, config);
+        let judged = Judged { missed, rejected, outcome };
         self.stage = match (self.stage, phase) {
             (Stage::Stopping { zeros_sent: true }, _)
-                if error == ErrorCode::None && (self.kept == 0 || !config.keeps(HostRule::ZerosRead)) =>
+                if error == ErrorCode::None && (self.kept == 0 || !config.rules.keeps(Rule::ZerosRead)) =>
             {
-                actions.stopped = true;
-                return actions;
+                return Action::Stopped(judged);
             }
-            (Stage::Stopping { .. }, _) => Stage::Stopping { zeros_sent: !config.keeps(HostRule::ZerosRead) },
+            (Stage::Stopping { .. }, _) => {
+                Stage::Stopping { zeros_sent: !config.rules.keeps(Rule::ZerosRead) }
+            }
             (_, MotionPhase::Running) => Stage::Running,
             (_, MotionPhase::Interrupted) => Stage::Interrupted,
         };
         self.request = Some(Request {
-            due: Due::reply(now, len.into(), self.kept.count_ones(), config),
+            due: Due::reply(now, len, self.kept.count_ones(), config),
             phase,
             follows_until: config.follows_until(now),
         });
-        actions
+        Action::Asked(judged)
     }
 
     /// What a message says of the exception that was sent. The message after its reply says whether that was read. If not, it
@@ -57,20 +59,20 @@ impl Active {
         phase: MotionPhase,
         error: ErrorCode,
         config: &HostConfig,
-    ) -> Option<(Exception, ExceptionOutcome)> {
+    ) -> Outcome {
         let (exception, follows_until, is_first) = match self.exception {
             Pending::None | Pending::Unsent(_) => return None,
             Pending::Sent { exception, follows_until } => (exception, follows_until, true),
             Pending::Unread { exception, follows_until } => (exception, follows_until, false),
         };
-        let follows = now < follows_until || !config.keeps(HostRule::InSequence);
-        let outcome = if !config.is_in_time() && config.keeps(HostRule::InTime) {
+        let follows = now < follows_until || !config.rules.keeps(Rule::InSequence);
+        let outcome = if !config.is_in_time() && config.rules.keeps(Rule::InTime) {
             Some(ExceptionOutcome::Unknown(UnknownReason::OutOfSequence))
         } else if is_first && error == ErrorCode::None {
-            config.keeps(HostRule::SendOnce).then_some(ExceptionOutcome::Done)
+            config.rules.keeps(Rule::SendOnce).then_some(ExceptionOutcome::Done)
         } else if phase == MotionPhase::Interrupted {
             Some(ExceptionOutcome::Unknown(UnknownReason::Unclear))
-        } else if is_first && config.keeps(HostRule::Unread) {
+        } else if is_first && config.rules.keeps(Rule::Unread) {
             let follows_until = if follows { config.follows_until(now) } else { Duration::ZERO };
             self.exception = Pending::Unread { exception, follows_until };
             return None;
@@ -83,6 +85,26 @@ impl Active {
         outcome.map(|outcome| (exception, outcome))
     }
 
+    /// A reply was sent.
+    #[inline(always)] // see `HostMachine::on`
+    pub(super) fn replied(&mut self, moving: u8, at_rest: bool, config: &HostConfig) -> Action {
+        let exception = self.to_send(config);
+        let Some(request) = self.request.take() else { return Action::Nothing };
+        self.sent = moving;
+        if request.phase == MotionPhase::Interrupted && config.rules.keeps(Rule::WordsInterrupted) {
+            // Nobody knows whether a controller keeps the words that come while its subroutine runs.
+            self.kept |= self.sent;
+            self.sent = self.kept;
+        }
+        if exception != Exception::None {
+            self.exception = Pending::Sent { exception, follows_until: request.follows_until };
+        }
+        if let Stage::Stopping { zeros_sent } = &mut self.stage {
+            *zeros_sent = at_rest;
+        }
+        Action::SentReply(exception)
+    }
+
     /// Bytes were corrupt: a message may have been among them.
     pub(super) fn lose_sequence(&mut self) {
         if let Pending::Sent { follows_until, .. } | Pending::Unread { follows_until, .. } =
@@ -92,7 +114,7 @@ impl Active {
         }
     }
 
-    pub(super) fn outcome_at_end(&self) -> Option<(Exception, ExceptionOutcome)> {
+    pub(super) fn outcome_at_end(&self) -> Outcome {
         match self.exception {
             Pending::None => None,
             Pending::Unsent(exception) => Some((exception, ExceptionOutcome::NotDone)),
@@ -106,7 +128,7 @@ impl Active {
     pub(super) fn to_send(&self, config: &HostConfig) -> Exception {
         match self.exception {
             Pending::Unsent(exception)
-                if self.stage == Stage::Running || !config.keeps(HostRule::NotInterrupted) =>
+                if self.stage == Stage::Running || !config.rules.keeps(Rule::NotInterrupted) =>
             {
                 exception
             }
@@ -119,7 +141,7 @@ impl Active {
         match self.stage {
             Stage::Running => match self.target {
                 Target::Fresh { .. } => Course::Target,
-                Target::Stale if !config.keeps(HostRule::Stale) => Course::Target,
+                Target::Stale if !config.rules.keeps(Rule::Stale) => Course::Target,
                 Target::Unset | Target::Stale if is_offset => Course::Hold,
                 Target::Unset | Target::Stale => Course::Zero,
             },
@@ -133,19 +155,19 @@ impl Active {
     pub(super) fn select(
         &self,
         now: Duration,
-        draft: Draft,
+        draft: &Draft,
         due: Due,
         config: &HostConfig,
     ) -> Option<(u8, u8)> {
         let len = draft.words.iter().fold(usize::from(draft.bare), |len, word| len + usize::from(*word));
-        if due.fits(now, len, config.reserve, config) || !config.keeps(HostRule::Late) {
+        if due.fits(now, len, config.reserve, config) || !config.rules.keeps(Rule::Late) {
             return Some((ALL, 0));
         }
         self.select_some(now, draft, due, config)
     }
 
     #[cold]
-    fn select_some(&self, now: Duration, draft: Draft, due: Due, config: &HostConfig) -> Option<(u8, u8)> {
+    fn select_some(&self, now: Duration, draft: &Draft, due: Due, config: &HostConfig) -> Option<(u8, u8)> {
         let fits = |select: u8, reserve| {
             let words = draft.words.iter().enumerate().filter(|(axis, _)| select >> axis & 1 != 0);
             // The select byte is doubled where it selects RY alone.
@@ -154,7 +176,7 @@ impl Active {
                 + words.map(|(_, len)| usize::from(*len)).sum::<usize>();
             due.fits(now, len, reserve, config)
         };
-        let mut select = if config.keeps(HostRule::WordsKept) { self.kept } else { draft.moving };
+        let mut select = if config.rules.keeps(Rule::WordsKept) { self.kept } else { draft.moving };
         if !fits(select, Duration::ZERO) {
             return None;
         }

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Rules, Unexpected};
 
 use crate::error::{ConfigError, DecodeError};
 use crate::framing::Framing;
@@ -46,54 +46,58 @@ pub struct HostConfig {
     /// cumulative, 11 ms non-cumulative) no message says anything of the reply before it: an exception that was sent is not sent
     /// again, and its outcome is unknown; a late reply may bring back a word that was left out because it was zero. Default: 10 ms.
     pub max_delay: Duration,
-    /// The rules of the machine that do not apply.
-    #[cfg(feature = "model")]
+    /// The rules that its machine keeps.
     #[doc(hidden)]
-    pub without: &'static [HostRule],
+    pub rules: Rules<Rule>,
 }
 
-/// A rule of the host's machine that the model takes out to show what it is needed for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[doc(hidden)]
-pub enum HostRule {
-    /// Only the configured mode is accepted.
-    Mode,
-    /// A word counts as zero only when the zero was read.
-    WordsUntilRead,
-    /// What a controller makes of words during an interruption is not known.
-    WordsInterrupted,
-    /// Words that may be other than zero are always sent.
-    WordsKept,
-    /// Where a reply may be late for its window, no message says what became of one.
-    InTime,
-    /// An error code counts only in the message that follows the reply directly.
-    InSequence,
-    /// A reply that was not read may be late: the message after shows whether its exception was executed.
-    Unread,
-    /// An exception that was read is not sent again.
-    SendOnce,
-    /// No exception is sent while the subroutine runs.
-    NotInterrupted,
-    /// A stop is done when the zeros were read.
-    ZerosRead,
-    /// After a stop no message is answered.
-    Silent,
-    /// A target is not for ever.
-    Stale,
-    /// Another start message ends the ALTER before.
-    Restart,
-    /// A controller that sends nothing is lost.
-    Lost,
-    /// A reply that is too late is not sent.
-    Late,
-    /// Requests to repeat are forgotten.
-    Forget,
+robot_session::rules! {
+    /// A rule of the host's machine that the model takes out to show what it is needed for.
+    pub enum Rule {
+        /// Only the configured mode is accepted.
+        Mode,
+        /// A word counts as zero only when the zero was read.
+        WordsUntilRead,
+        /// What a controller makes of words during an interruption is not known.
+        WordsInterrupted,
+        /// Words that may be other than zero are always sent.
+        WordsKept,
+        /// Where a reply may be late for its window, no message says what became of one.
+        InTime,
+        /// An error code counts only in the message that follows the reply directly.
+        InSequence,
+        /// A reply that was not read may be late: the message after shows whether its exception was executed.
+        Unread,
+        /// An exception that was read is not sent again.
+        SendOnce,
+        /// No exception is sent while the subroutine runs.
+        NotInterrupted,
+        /// A stop is done when the zeros were read.
+        ZerosRead,
+        /// After a stop no message is answered.
+        Silent,
+        /// A target is not for ever.
+        Stale,
+        /// Another start message ends the ALTER before.
+        Restart,
+        /// A controller that sends nothing is lost.
+        Lost,
+        /// A reply that is too late is not sent.
+        Late,
+        /// Requests to repeat are forgotten.
+        Forget,
+    }
 }
 
 impl HostConfig {
     /// When a controller that sends nothing from now on counts as lost.
     pub(super) fn lost_at(&self, now: Duration) -> Duration {
         after(now, timing::CYCLE_NANOS * u64::from(self.silence_cycles))
+    }
+
+    /// The same while ALTER runs.
+    pub(super) fn lost_from(&self, now: Duration) -> Duration {
+        if self.rules.keeps(Rule::Lost) { self.lost_at(now) } else { Duration::MAX }
     }
 
     /// Until when a message is the one that follows a message which arrived at `now`.
@@ -123,16 +127,6 @@ impl HostConfig {
             _ => Err(ConfigError::Window { baud: self.baud, mode: self.mode.0 }),
         }
     }
-
-    #[cfg(feature = "model")]
-    pub(super) fn keeps(&self, rule: HostRule) -> bool {
-        !self.without.contains(&rule)
-    }
-
-    #[cfg(not(feature = "model"))]
-    pub(super) const fn keeps(&self, _: HostRule) -> bool {
-        true
-    }
 }
 
 impl Default for HostConfig {
@@ -150,8 +144,7 @@ impl Default for HostConfig {
             target_timeout: Duration::from_millis(200),
             reserve: Duration::from_millis(1),
             max_delay: Duration::from_millis(10),
-            #[cfg(feature = "model")]
-            without: &[],
+            rules: Rules::ALL,
         }
     }
 }

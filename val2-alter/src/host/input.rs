@@ -6,7 +6,7 @@ use crate::message::{AXES, ErrorCode, Exception, MotionPhase, StartCode};
 
 /// What the session understood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum HostInput {
+pub enum Input {
     /// The port was opened.
     Connected,
     /// The port is gone.
@@ -16,12 +16,10 @@ pub enum HostInput {
         /// A frame has begun.
         partial: bool,
     },
-    /// A start message of so many bytes, with the configured mode or another.
+    /// A start message, with the configured mode or another.
     Start {
         /// It names the configured mode.
         is_expected: bool,
-        /// Its length.
-        len: u8,
     },
     /// A standard message of so many bytes.
     Motion {
@@ -30,7 +28,7 @@ pub enum HostInput {
         /// What was wrong with the last reply.
         error: ErrorCode,
         /// Its length.
-        len: u8,
+        len: usize,
     },
     /// An end message.
     End,
@@ -40,8 +38,17 @@ pub enum HostInput {
     Noise,
     /// Time has passed.
     Timeout,
-    /// The answer can be sent.
-    Transmit(Draft),
+    /// The answer was sent.
+    Sent {
+        /// Bit *i*: it has a word *i* that is not zero.
+        moving: u8,
+        /// It is all zeros, and no axis moves.
+        at_rest: bool,
+    },
+    /// The answer that was due does not end in time.
+    Late,
+    /// A start message is not answered: that is the policy, or there is no room for the outcomes of an ALTER.
+    Ignored,
     /// The caller has set a target.
     Target,
     /// The caller has no target.
@@ -61,7 +68,7 @@ pub enum HostInput {
     Subroutine(bool),
 }
 
-/// The answer that could be sent. Its lengths may be greater than they are where that [fits](crate::machine::HostMachine::fits).
+/// An answer that could be sent. Its lengths may be greater than they are where that [fits](crate::host::machine::HostMachine::fits).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Draft {
     /// Its length without words.
@@ -70,15 +77,11 @@ pub struct Draft {
     pub words: [u8; AXES],
     /// Bit *i*: value *i* is not zero.
     pub moving: u8,
-    /// No axis moves.
-    pub at_rest: bool,
-    /// There is room for the outcomes of an ALTER.
-    pub has_room: bool,
 }
 
-/// What is to be answered: a draft is made from it.
+/// What is to be answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Wanted {
+pub enum Answer {
     /// No answer: the start message is ignored.
     Nothing,
     /// The answer to a start message.
@@ -105,68 +108,73 @@ pub enum Course {
     Rest,
 }
 
-/// What the session is to do: everything that is set, in this order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct HostActions {
-    /// End the frame that has begun.
-    pub end_frame: bool,
-    /// A message was not answered in time: the arm is at rest.
-    pub missed: bool,
-    /// The controller could not read the last reply: the arm did not move by it.
-    pub rejected: Option<ErrorCode>,
-    /// Report that no target came.
-    pub stale: bool,
-    /// Report what became of an exception.
-    pub outcome: Option<(Exception, ExceptionOutcome)>,
-    /// Report that the stop is done.
-    pub stopped: bool,
-    /// ALTER has ended with an end message.
-    pub ended: bool,
-    /// ALTER is over without one.
-    pub lost: Option<LostReason>,
-    /// Send an answer.
-    pub send: Option<Answer>,
-    /// The caller's request is not possible.
-    pub refused: Option<SessionError>,
-}
+/// What became of the caller's exception, if that is known now.
+pub type Outcome = Option<(Exception, ExceptionOutcome)>;
 
-/// An answer.
+/// What the host does, and reports in the order of the fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Answer {
-    /// To a start message.
-    Start(StartCode),
-    /// To a standard message.
-    Reply {
-        /// The words to send.
-        select: u8,
-        /// The axes that must stay at zero, because their words do not fit.
-        held: u8,
-        /// The exception.
-        exception: Exception,
+pub enum Action {
+    /// Nothing.
+    Nothing,
+    /// The caller's request is not possible.
+    Refuse(SessionError),
+    /// Ends the frame that has begun.
+    EndFrame,
+    /// A message was not answered in time: the arm is at rest.
+    Missed,
+    /// No target came.
+    Stale,
+    /// A standard message to be answered.
+    Asked(Judged),
+    /// A stop is done.
+    Stopped(Judged),
+    /// What became of the exception.
+    Exception(Exception, ExceptionOutcome),
+    /// ALTER has ended with an end message.
+    Ended(Outcome),
+    /// ALTER is over without one.
+    Lost {
+        /// A message was not answered.
+        missed: bool,
+        /// The exception's.
+        outcome: Outcome,
+        /// Why.
+        reason: LostReason,
     },
+    /// The answer to a start message was sent.
+    SentStart(StartCode),
+    /// A reply was sent, with an exception or [`Exception::None`].
+    SentReply(Exception),
 }
 
-impl HostInput {
-    /// The input's name.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Connected => "connected",
-            Self::Disconnected => "disconnected",
-            Self::Bytes { .. } => "bytes",
-            Self::Start { .. } => "start message",
-            Self::Motion { phase: MotionPhase::Running, .. } => "standard message",
-            Self::Motion { phase: MotionPhase::Interrupted, .. } => "standard message, interrupted",
-            Self::End => "end message",
-            Self::CorruptFrame => "corrupt frame",
-            Self::Noise => "noise",
-            Self::Timeout => "timeout",
-            Self::Transmit(_) => "transmit",
-            Self::Target => "target",
-            Self::NoTarget => "no target",
-            Self::Exception { .. } => "exception",
-            Self::Stop => "stop",
-            Self::Policy(_) => "policy",
-            Self::Subroutine(_) => "subroutine",
-        }
-    }
+/// What a standard message says of the one before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Judged {
+    /// It was not answered in time.
+    pub missed: bool,
+    /// The controller could not read the reply: the arm did not move by it.
+    pub rejected: Option<ErrorCode>,
+    /// The exception's.
+    pub outcome: Outcome,
 }
+
+robot_session::inputs!(
+    Input:
+    Bytes,
+    Start { is_expected: true } as "Start",
+    Start { is_expected: false } as "Start(another mode)",
+    Motion { phase: MotionPhase::Running } as "Motion",
+    Motion { phase: MotionPhase::Interrupted } as "Motion(interrupted)",
+    End,
+    CorruptFrame,
+    Noise,
+    Sent,
+    Late,
+    Ignored,
+    Target,
+    NoTarget,
+    Exception,
+    Stop,
+    Policy,
+    Subroutine,
+);

@@ -3,126 +3,131 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Expiry, Machine, Unexpected, is_due};
 
-use super::config::{ExceptionOutcome, HostConfig, HostRule, LostReason, Policy};
-use super::due::Due;
-use super::input::{Answer, Draft, HostActions, HostInput, Wanted};
-use super::state::{Active, HostMachine, HostPhase, Pending, Request, Stage, Target};
+use super::config::{ExceptionOutcome, HostConfig, LostReason, Policy, Rule};
+pub use super::due::Due;
+pub use super::input::{Action, Answer, Course, Draft, Input, Judged, Outcome};
+pub use super::state::{Active, HostMachine, HostPhase, Pending, Request, Stage, Target};
 use crate::error::SessionError;
-use crate::message::{Exception, MotionPhase, StartCode};
+use crate::message::{Exception, StartCode};
 
-type Step = Result<HostActions, Unexpected>;
+impl Machine for HostMachine {
+    const END: &'static str = "host";
+    const EXPIRY: Expiry = Expiry::BeforeInput;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Answer;
+    type Config = HostConfig;
 
-impl HostMachine {
-    /// Takes an input; on an error nothing has changed.
-    ///
     /// # Errors
-    /// [`Unexpected`]: the port is not open, or there is nothing to transmit.
+    /// The port is not open, or nothing is to be answered.
     #[inline(always)] // where the input is known, little of it is left
-    pub fn on(&mut self, now: Duration, input: HostInput, config: &HostConfig) -> Step {
-        use {HostInput as On, HostPhase as Is};
-        let nothing = HostActions::default();
-        match (&mut self.phase, input) {
-            (_, On::Policy(policy)) => self.policy = policy,
-            (_, On::Subroutine(installed)) => self.subroutine = installed,
-            (_, On::Connected) => {
-                let actions = self.over(LostReason::Disconnected);
-                (self.phase, self.gap_at) = (Is::Idle, None);
-                return Ok(actions);
+    fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
+        use {HostPhase as Is, Input as On};
+        match input {
+            On::Connected | On::Disconnected => {
+                let action = self.over(LostReason::Disconnected, false);
+                self.phase = if input == On::Connected { Is::Idle } else { Is::Disconnected };
+                self.gap_at = None;
+                return Ok(action);
             }
-            (_, On::Disconnected) => {
-                let actions = self.over(LostReason::Disconnected);
-                (self.phase, self.gap_at) = (Is::Disconnected, None);
-                return Ok(actions);
+            On::Timeout => return Ok(self.expire(now)),
+            On::Stop => return Ok(self.stop(config)),
+            On::Exception { exception, has_room } => {
+                return Ok(match self.take_exception(exception, has_room) {
+                    Ok(()) => Action::Nothing,
+                    Err(error) => Action::Refuse(error),
+                });
             }
-            (_, On::Timeout) => return Ok(self.pass_time(now, config)),
-            (_, On::Stop) => return Ok(self.stop(config)),
-            (_, On::Exception { exception, has_room }) => {
-                let refused = self.take_exception(exception, has_room).err();
-                return Ok(HostActions { refused, ..nothing });
+            On::Policy(policy) => self.policy = policy,
+            On::Subroutine(installed) => self.subroutine = installed,
+            On::Target => {
+                if let Is::Active(active) = &mut self.phase {
+                    active.target = Target::Fresh { until: now.saturating_add(config.target_timeout) };
+                }
             }
-            (Is::Active(active), On::Target) => {
-                active.target = Target::Fresh { until: now.saturating_add(config.target_timeout) };
+            On::NoTarget => {
+                if let Is::Active(active) = &mut self.phase {
+                    active.target = Target::Stale;
+                }
             }
-            (Is::Active(active), On::NoTarget) => active.target = Target::Stale,
-            (
-                Is::Disconnected | Is::Idle | Is::Repeating { .. } | Is::Starting { .. } | Is::Silent { .. },
-                On::Target | On::NoTarget,
-            ) => {}
-            (
-                Is::Disconnected,
-                On::Bytes { .. }
-                | On::Start { .. }
-                | On::Motion { .. }
-                | On::End
-                | On::CorruptFrame
-                | On::Noise
-                | On::Transmit(_),
-            ) => return Err(self.unexpected(input)),
-            (_, On::Bytes { partial }) => {
+            _ if self.phase == Is::Disconnected => return Err(self.unexpected(&input)),
+            On::Bytes { partial } => {
                 self.gap_at = if partial { config.gap.map(|gap| now.saturating_add(gap)) } else { None };
             }
-            (_, On::Start { is_expected, len: _ }) => return Ok(self.start(now, is_expected, config)),
-            (_, On::End) => {
-                let mut actions = self.over(LostReason::Silence);
-                actions.ended = actions.lost.take().is_some();
+            On::Start { is_expected } => return Ok(self.start(now, is_expected, config)),
+            On::End => {
+                let action = match self.over(LostReason::Silence, false) {
+                    Action::Lost { outcome, .. } => Action::Ended(outcome),
+                    other => other,
+                };
                 self.phase = Is::Idle;
-                return Ok(actions);
+                return Ok(action);
             }
-            // A message of an ALTER whose start was not received is not answered: its mode is not known.
-            (Is::Idle | Is::Repeating { .. } | Is::Starting { .. }, On::Motion { .. }) => {}
-            (Is::Silent { lost_at }, On::Motion { .. }) => *lost_at = config.lost_at(now),
-            (Is::Active(active), On::Motion { phase, error, len }) => {
-                let actions = active.motion(now, phase, error, len, config);
-                if actions.stopped && config.keeps(HostRule::Silent) {
-                    self.phase = Is::Silent { lost_at: config.lost_at(now) };
+            On::Motion { phase, error, len } => match &mut self.phase {
+                Is::Active(active) => {
+                    let action = active.motion(now, phase, error, len, config);
+                    if matches!(action, Action::Stopped(_)) && config.rules.keeps(Rule::Silent) {
+                        self.phase = Is::Silent { lost_at: config.lost_at(now) };
+                    }
+                    return Ok(action);
                 }
-                return Ok(actions);
+                Is::Silent { lost_at } => *lost_at = config.lost_at(now),
+                // A message of an ALTER whose start was not received is not answered: its mode is not known.
+                Is::Disconnected | Is::Idle | Is::Repeating { .. } | Is::Starting { .. } => {}
+            },
+            On::CorruptFrame => match &mut self.phase {
+                Is::Active(active) => active.lose_sequence(),
+                Is::Idle => self.ask_again(now, 0, config),
+                Is::Repeating { asked, answer: None, .. } => {
+                    let asked = *asked;
+                    self.ask_again(now, asked, config);
+                }
+                Is::Disconnected | Is::Repeating { .. } | Is::Starting { .. } | Is::Silent { .. } => {}
+            },
+            On::Noise => {
+                if let Is::Active(active) = &mut self.phase {
+                    active.lose_sequence();
+                }
             }
-            (Is::Active(active), On::CorruptFrame | On::Noise) => active.lose_sequence(),
-            (Is::Idle, On::CorruptFrame) => self.ask_again(now, 0, config),
-            (Is::Repeating { asked, answer: None, .. }, On::CorruptFrame) => {
-                let asked = *asked;
-                self.ask_again(now, asked, config);
-            }
-            (Is::Repeating { answer: Some(_), .. }, On::CorruptFrame) => {}
-            (Is::Starting { .. } | Is::Silent { .. }, On::CorruptFrame) => {}
-            (Is::Idle | Is::Repeating { .. } | Is::Starting { .. } | Is::Silent { .. }, On::Noise) => {}
-            (Is::Starting { .. } | Is::Repeating { answer: Some(_), .. }, On::Transmit(draft)) => {
-                return Ok(self.answer_start(now, draft, config));
-            }
-            (Is::Active(Active { request: Some(_), .. }), On::Transmit(draft)) => {
-                return Ok(self.reply(now, draft, config));
-            }
-            (
-                Is::Idle
-                | Is::Repeating { answer: None, .. }
-                | Is::Active(Active { request: None, .. })
-                | Is::Silent { .. },
-                On::Transmit(_),
-            ) => return Err(self.unexpected(input)),
+            On::Sent { moving, at_rest } => match &mut self.phase {
+                Is::Active(active) if active.request.is_some() => {
+                    return Ok(active.replied(moving, at_rest, config));
+                }
+                _ => return self.answered_start(now, &input, config),
+            },
+            On::Late => match &mut self.phase {
+                Is::Starting { answer, .. } | Is::Repeating { answer: Some(answer), .. } => {
+                    answer.begin_by = now;
+                }
+                Is::Active(Active { request: Some(request), .. }) => request.due.begin_by = now,
+                _ => return Err(self.unexpected(&input)),
+            },
+            On::Ignored => match &self.phase {
+                Is::Starting { .. } | Is::Repeating { answer: Some(_), .. } => self.phase = Is::Idle,
+                _ => return Err(self.unexpected(&input)),
+            },
         }
-        Ok(nothing)
+        Ok(Action::Nothing)
     }
 
-    /// What is to be answered.
     #[inline]
-    pub fn wanted(&self, config: &HostConfig) -> Option<Wanted> {
+    fn transmit(&self, _now: Duration, config: &HostConfig) -> Option<Answer> {
         match &self.phase {
             HostPhase::Starting { is_expected, .. } => match self.policy {
-                Policy::Accept if *is_expected => Some(Wanted::Start(StartCode::Accept)),
-                Policy::Accept | Policy::Refuse => Some(Wanted::Start(StartCode::Refuse)),
-                Policy::Ignore => Some(Wanted::Nothing),
+                Policy::Accept if *is_expected => Some(Answer::Start(StartCode::Accept)),
+                Policy::Accept | Policy::Refuse => Some(Answer::Start(StartCode::Refuse)),
+                Policy::Ignore => Some(Answer::Nothing),
             },
             HostPhase::Repeating { asked, answer: Some(_), .. } => match self.policy {
-                Policy::Accept if *asked <= config.repeats => Some(Wanted::Start(StartCode::Repeat)),
-                Policy::Accept | Policy::Refuse => Some(Wanted::Start(StartCode::Refuse)),
-                Policy::Ignore => Some(Wanted::Nothing),
+                Policy::Accept if *asked <= config.repeats => Some(Answer::Start(StartCode::Repeat)),
+                Policy::Accept | Policy::Refuse => Some(Answer::Start(StartCode::Refuse)),
+                Policy::Ignore => Some(Answer::Nothing),
             },
             HostPhase::Active(active) => {
                 active.request?;
-                Some(Wanted::Reply { course: active.course(config), exception: active.to_send(config) })
+                Some(Answer::Reply { course: active.course(config), exception: active.to_send(config) })
             }
             HostPhase::Disconnected
             | HostPhase::Idle
@@ -131,6 +136,87 @@ impl HostMachine {
         }
     }
 
+    #[inline]
+    fn deadline(&self) -> Option<Duration> {
+        let other = match &self.phase {
+            HostPhase::Repeating { forget_at, .. } => Some(*forget_at),
+            HostPhase::Active(Active { lost_at, target: Target::Fresh { until }, .. }) => {
+                Some(*lost_at.min(until))
+            }
+            HostPhase::Active(Active { lost_at, .. }) | HostPhase::Silent { lost_at } => Some(*lost_at),
+            HostPhase::Disconnected | HostPhase::Idle | HostPhase::Starting { .. } => None,
+        };
+        [self.reply_by(), other, self.gap_at].into_iter().flatten().min().filter(|at| *at < Duration::MAX)
+    }
+
+    #[inline(always)]
+    fn expires(&self, now: Duration) -> bool {
+        self.gap_at.is_some_and(|at| is_due(at, now))
+            || match &self.phase {
+                HostPhase::Disconnected | HostPhase::Idle => false,
+                HostPhase::Repeating { answer, forget_at, .. } => {
+                    is_due(*forget_at, now) || answer.is_some_and(|due| is_due(due.begin_by, now))
+                }
+                HostPhase::Starting { answer, .. } => is_due(answer.begin_by, now),
+                HostPhase::Active(Active { lost_at, target, request, .. }) => {
+                    is_due(*lost_at, now)
+                        || request.is_some_and(|request| is_due(request.due.begin_by, now))
+                        || matches!(target, Target::Fresh { until } if is_due(*until, now))
+                }
+                HostPhase::Silent { lost_at } => is_due(*lost_at, now),
+            }
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+        self.gap_at.iter_mut().for_each(&mut f);
+        let mut due = |due: &mut Due| {
+            f(&mut due.begin_by);
+            f(&mut due.end_by);
+        };
+        match &mut self.phase {
+            HostPhase::Disconnected | HostPhase::Idle => {}
+            HostPhase::Repeating { answer, forget_at, .. } => {
+                answer.iter_mut().for_each(due);
+                f(forget_at);
+            }
+            HostPhase::Starting { answer, .. } => due(answer),
+            HostPhase::Silent { lost_at } => f(lost_at),
+            HostPhase::Active(active) => {
+                if let Some(request) = &mut active.request {
+                    due(&mut request.due);
+                    f(&mut request.follows_until);
+                }
+                if let Target::Fresh { until } = &mut active.target {
+                    f(until);
+                }
+                if let Pending::Sent { follows_until, .. } | Pending::Unread { follows_until, .. } =
+                    &mut active.exception
+                {
+                    f(follows_until);
+                }
+                f(&mut active.lost_at);
+            }
+        }
+    }
+
+    fn name(&self) -> &'static str {
+        match &self.phase {
+            HostPhase::Disconnected => "disconnected",
+            HostPhase::Idle => "idle",
+            HostPhase::Repeating { .. } => "repeating",
+            HostPhase::Starting { .. } => "starting",
+            HostPhase::Active(active) => match active.stage {
+                Stage::Accepted => "accepted",
+                Stage::Running => "running",
+                Stage::Interrupted => "interrupted",
+                Stage::Stopping { .. } => "stopping",
+            },
+            HostPhase::Silent { .. } => "silent",
+        }
+    }
+}
+
+impl HostMachine {
     /// Whether a reply of `len` bytes ends in time that is sent at `now`, with the reserve left: then all words of a [`Draft`]
     /// of that length are sent.
     #[inline]
@@ -143,185 +229,156 @@ impl HostMachine {
         }
     }
 
-    fn start(&mut self, now: Duration, is_expected: bool, config: &HostConfig) -> HostActions {
-        let mut actions = HostActions::default();
+    /// The words of an answer that are sent, and the axes that must stay at zero because their words do not fit; `None`: what must
+    /// be sent does not fit.
+    #[inline]
+    pub fn select(&self, now: Duration, draft: &Draft, config: &HostConfig) -> Option<(u8, u8)> {
+        match &self.phase {
+            HostPhase::Active(active) => active.select(now, draft, active.request?.due, config),
+            HostPhase::Starting { answer, .. } | HostPhase::Repeating { answer: Some(answer), .. } => {
+                let fits = answer.fits(now, draft.bare.into(), Duration::ZERO, config);
+                (fits || !config.rules.keeps(Rule::Late)).then_some((0, 0))
+            }
+            HostPhase::Disconnected
+            | HostPhase::Idle
+            | HostPhase::Repeating { answer: None, .. }
+            | HostPhase::Silent { .. } => None,
+        }
+    }
+
+    fn start(&mut self, now: Duration, is_expected: bool, config: &HostConfig) -> Action {
+        let missed = self.reply_by().is_some();
         // The start message again: the answer to the one before was not read.
         let again = matches!(&self.phase, HostPhase::Active(active) if active.stage == Stage::Accepted);
-        if config.keeps(HostRule::Restart) && !again {
-            actions = self.over(LostReason::Restart);
-        }
-        actions.missed |= self.reply_by().is_some();
-        let is_expected = is_expected || !config.keeps(HostRule::Mode);
+        let action = match self.over(LostReason::Restart, missed) {
+            lost @ Action::Lost { .. } if config.rules.keeps(Rule::Restart) && !again => lost,
+            _ if missed => Action::Missed,
+            _ => Action::Nothing,
+        };
+        let is_expected = is_expected || !config.rules.keeps(Rule::Mode);
         self.phase = HostPhase::Starting { is_expected, answer: Due::start(now, config) };
-        actions
+        action
     }
 
     /// ALTER is over, if there is one: what the caller waits for ends.
-    fn over(&mut self, reason: LostReason) -> HostActions {
-        let mut actions = HostActions::default();
-        match &self.phase {
-            HostPhase::Active(active) => {
-                actions.outcome = active.outcome_at_end();
-                actions.lost = Some(reason);
-            }
-            HostPhase::Silent { .. } => actions.lost = Some(reason),
+    fn over(&self, reason: LostReason, missed: bool) -> Action {
+        let outcome = match &self.phase {
+            HostPhase::Active(active) => active.outcome_at_end(),
+            HostPhase::Silent { .. } => None,
             HostPhase::Disconnected
             | HostPhase::Idle
             | HostPhase::Repeating { .. }
-            | HostPhase::Starting { .. } => {}
-        }
-        actions
+            | HostPhase::Starting { .. } => return Action::Nothing,
+        };
+        Action::Lost { missed, outcome, reason }
     }
 
     /// "Der externe Rechner hat einen Kommunikationsfehler entdeckt und erwartet, daß die Robotersteuerung die einleitende
     /// Nachricht wiederholt" (§3.3.1). A corrupt standard message has no such answer: the controller's timeout is its answer.
     fn ask_again(&mut self, now: Duration, asked: u8, config: &HostConfig) {
         if self.policy == Policy::Accept {
-            let forget_at = if config.keeps(HostRule::Forget) { config.lost_at(now) } else { Duration::MAX };
+            let forget_at =
+                if config.rules.keeps(Rule::Forget) { config.lost_at(now) } else { Duration::MAX };
             let answer = Some(Due::start(now, config));
             self.phase = HostPhase::Repeating { asked: asked.saturating_add(1), answer, forget_at };
         }
     }
 
-    fn answer_start(&mut self, now: Duration, draft: Draft, config: &HostConfig) -> HostActions {
-        let mut actions = HostActions::default();
-        let Some(Wanted::Start(code)) = self.wanted(config) else {
-            self.phase = HostPhase::Idle;
-            return actions;
+    fn answered_start(
+        &mut self,
+        now: Duration,
+        input: &Input,
+        config: &HostConfig,
+    ) -> Result<Action, Unexpected> {
+        let Some(Answer::Start(code)) = self.transmit(now, config) else {
+            return Err(self.unexpected(input));
         };
-        let (HostPhase::Starting { answer: due, .. } | HostPhase::Repeating { answer: Some(due), .. }) =
-            &mut self.phase
-        else {
-            return actions;
-        };
-        if !due.fits(now, draft.bare.into(), Duration::ZERO, config) && config.keeps(HostRule::Late) {
-            due.begin_by = now;
-            return actions;
-        }
         if let HostPhase::Repeating { answer, .. } = &mut self.phase {
             *answer = None;
         }
         match code {
-            // Without room for its outcomes no ALTER begins: the controller asks again.
-            StartCode::Accept if !draft.has_room => self.phase = HostPhase::Idle,
             StartCode::Accept => {
                 self.phase = HostPhase::Active(Active {
                     stage: Stage::Accepted,
                     request: None,
-                    lost_at: config.lost_at(now),
+                    lost_at: config.lost_from(now),
                     target: Target::Unset,
                     exception: Pending::None,
                     kept: 0,
                     sent: 0,
                 });
-                actions.send = Some(Answer::Start(code));
             }
-            StartCode::Repeat => actions.send = Some(Answer::Start(code)),
-            StartCode::Refuse => {
-                self.phase = HostPhase::Idle;
-                actions.send = Some(Answer::Start(code));
-            }
+            StartCode::Repeat => {}
+            StartCode::Refuse => self.phase = HostPhase::Idle,
         }
-        actions
+        Ok(Action::SentStart(code))
     }
 
-    #[inline(always)] // see `on`
-    fn reply(&mut self, now: Duration, draft: Draft, config: &HostConfig) -> HostActions {
-        let mut actions = HostActions::default();
-        let HostPhase::Active(active) = &mut self.phase else { return actions };
-        let Some(request) = active.request else { return actions };
-        let exception = active.to_send(config);
-        let Some((select, held)) = active.select(now, draft, request.due, config) else {
-            let due = Due { begin_by: now, ..request.due };
-            active.request = Some(Request { due, ..request });
-            return actions;
-        };
-        active.request = None;
-        active.sent = draft.moving & select;
-        if request.phase == MotionPhase::Interrupted && config.keeps(HostRule::WordsInterrupted) {
-            // Nobody knows whether a controller keeps the words that come while its subroutine runs.
-            active.kept |= active.sent;
-            active.sent = active.kept;
-        }
-        if exception != Exception::None {
-            active.exception = Pending::Sent { exception, follows_until: request.follows_until };
-        }
-        if let Stage::Stopping { zeros_sent } = &mut active.stage {
-            *zeros_sent = draft.moving == 0 && draft.at_rest;
-        }
-        actions.send = Some(Answer::Reply { select, held, exception });
-        actions
-    }
-
+    /// What comes of itself, one thing each time.
     #[cold]
-    fn unexpected(&self, input: HostInput) -> Unexpected {
-        Unexpected { state: self.name(), input: input.name() }
-    }
-
-    #[inline(always)] // see `on`
-    fn pass_time(&mut self, now: Duration, config: &HostConfig) -> HostActions {
-        let mut actions = HostActions::default();
-        let is_due = |at: &Duration| *at <= now;
-        if self.gap_at.as_ref().is_some_and(is_due) {
-            self.gap_at = None;
-            actions.end_frame = true;
+    fn expire(&mut self, now: Duration) -> Action {
+        if self.gap_at.take_if(|at| is_due(*at, now)).is_some() {
+            return Action::EndFrame;
         }
         match &mut self.phase {
             HostPhase::Disconnected | HostPhase::Idle => {}
             HostPhase::Repeating { answer, forget_at, .. } => {
-                actions.missed = answer.take_if(|due| is_due(&due.begin_by)).is_some();
-                if is_due(forget_at) {
+                if answer.take_if(|due| is_due(due.begin_by, now)).is_some() {
+                    return Action::Missed;
+                }
+                if is_due(*forget_at, now) {
                     self.phase = HostPhase::Idle;
                 }
             }
-            HostPhase::Starting { answer, .. } if is_due(&answer.begin_by) => {
-                actions.missed = true;
+            HostPhase::Starting { answer, .. } if is_due(answer.begin_by, now) => {
                 self.phase = HostPhase::Idle;
+                return Action::Missed;
             }
             HostPhase::Starting { .. } => {}
             HostPhase::Active(active) => {
-                let missed = active.request.take_if(|request| is_due(&request.due.begin_by));
-                actions.missed = missed.is_some();
-                if matches!(&active.target, Target::Fresh { until } if is_due(until)) {
+                if active.request.take_if(|request| is_due(request.due.begin_by, now)).is_some() {
+                    return Action::Missed;
+                }
+                if matches!(&active.target, Target::Fresh { until } if is_due(*until, now)) {
                     active.target = Target::Stale;
-                    actions.stale = true;
+                    return Action::Stale;
                 }
-                if is_due(&active.lost_at) && config.keeps(HostRule::Lost) {
-                    actions.lost = Some(LostReason::Silence);
-                    actions.outcome = active.outcome_at_end();
-                    self.phase = HostPhase::Idle;
+                if is_due(active.lost_at, now) {
+                    return self.lose();
                 }
             }
-            HostPhase::Silent { lost_at } if is_due(lost_at) => {
-                actions.lost = Some(LostReason::Silence);
-                self.phase = HostPhase::Idle;
-            }
+            HostPhase::Silent { lost_at } if is_due(*lost_at, now) => return self.lose(),
             HostPhase::Silent { .. } => {}
         }
-        actions
+        Action::Nothing
     }
 
-    fn stop(&mut self, config: &HostConfig) -> HostActions {
-        let mut actions = HostActions::default();
+    fn lose(&mut self) -> Action {
+        let action = self.over(LostReason::Silence, false);
+        self.phase = HostPhase::Idle;
+        action
+    }
+
+    fn stop(&mut self, config: &HostConfig) -> Action {
         self.policy = Policy::Ignore;
         match &mut self.phase {
             HostPhase::Active(active) if active.stage == Stage::Accepted => {
-                actions.stopped = true;
                 self.phase = HostPhase::Silent { lost_at: active.lost_at };
+                return Action::Stopped(Judged::default());
             }
             HostPhase::Active(active) => {
-                if let Pending::Unsent(exception) = active.exception {
-                    actions.outcome = Some((exception, ExceptionOutcome::NotDone));
-                    active.exception = Pending::None;
-                }
                 if !matches!(active.stage, Stage::Stopping { .. }) {
-                    active.stage = Stage::Stopping { zeros_sent: !config.keeps(HostRule::ZerosRead) };
+                    active.stage = Stage::Stopping { zeros_sent: !config.rules.keeps(Rule::ZerosRead) };
+                }
+                if let Pending::Unsent(exception) = active.exception {
+                    active.exception = Pending::None;
+                    return Action::Exception(exception, ExceptionOutcome::NotDone);
                 }
             }
             HostPhase::Repeating { .. } | HostPhase::Starting { .. } => self.phase = HostPhase::Idle,
             HostPhase::Disconnected | HostPhase::Idle | HostPhase::Silent { .. } => {}
         }
-        actions
+        Action::Nothing
     }
 
     fn take_exception(&mut self, exception: Exception, has_room: bool) -> Result<(), SessionError> {

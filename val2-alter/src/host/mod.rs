@@ -4,28 +4,28 @@ mod active;
 mod config;
 mod due;
 mod input;
-mod machine;
+pub mod machine;
 mod state;
 
+#[doc(hidden)]
+pub use config::Rule;
 pub use config::{
-    ExceptionOutcome, HostConfig, HostEvent, HostRule, HostStatistics, LostReason, Policy, UnknownReason,
+    ExceptionOutcome, HostConfig, HostEvent, HostStatistics, LostReason, Policy, UnknownReason,
 };
-pub use due::Due;
-pub use input::{Answer, Course, Draft, HostActions, HostInput, Wanted};
-pub use state::{Active, HostMachine, HostPhase, Pending, Request, Stage, Target};
 
 use core::time::Duration;
 
-use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
 
-use crate::decoder::{Decoder, Received};
+use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError, SessionError};
 use crate::framing::{DLE, Framing};
 use crate::limit::{Axes, Limiter};
 use crate::message::{
-    ALL, AXES, Accumulation, Exception, HostMessage, Message, Reply, RobotMessage, StartCode,
+    ALL, AXES, Accumulation, Exception, HostMessage, Message, Motion, Reply, RobotMessage, StartCode,
 };
 use crate::timing;
+use machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Judged, Stage};
 
 /// The host computer's session. Its verbs are those of [`robot_session::Session`]; it never reads a clock and never blocks.
 ///
@@ -39,21 +39,13 @@ use crate::timing;
 /// [`HostEvent::Exception`] and [`HostEvent::Stopped`] are outcomes and are not.
 #[derive(Debug, Clone)]
 pub struct Host {
-    config: HostConfig,
-    machine: HostMachine,
-    decoder: Decoder<RobotMessage>,
-    events: EventQueue<HostEvent, 16>,
+    core: CoreOf<Self>,
     statistics: HostStatistics,
     /// Where the caller goes, what the limits make of it, and what was sent last.
     target: [i16; AXES],
     limiter: Limiter,
     sent: [i16; AXES],
 }
-
-/// The longest reply has [`Host::MAX_TRANSMIT`] bytes: those of each word, the exception and the checksum are all doubled.
-const LONGEST_WORD: u8 = 4;
-const LONGEST_BARE: u8 = 10;
-const _: () = assert!(LONGEST_BARE as usize + AXES * LONGEST_WORD as usize == Host::MAX_TRANSMIT);
 
 /// The outcomes that an ALTER may have: its end, and that of a stop.
 const OUTCOMES: usize = 2;
@@ -65,15 +57,13 @@ impl Host {
     /// [`ConfigError::Window`]: not even one value fits the line; [`ConfigError::SilenceCycles`].
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
+        let machine = HostMachine::new(config.policy, config.subroutine);
         Ok(Self {
-            machine: HostMachine::new(config.policy, config.subroutine),
-            decoder: Decoder::new(config.framing),
-            events: EventQueue::new(),
             statistics: HostStatistics::default(),
             target: [0; AXES],
             limiter: Limiter::new(config.limits),
             sent: [0; AXES],
-            config,
+            core: Core::new(config, machine, Decoder::new(config.framing)),
         })
     }
 
@@ -81,12 +71,12 @@ impl Host {
     /// (non-cumulative). It holds for [`HostConfig::target_timeout`]; a new start sets it to zero.
     pub fn set_target(&mut self, now: Duration, target: [i16; AXES]) {
         self.target = target;
-        self.on(now, HostInput::Target);
+        self.advance(now, Input::Target, None);
     }
 
     /// The source of targets is lost: speeds go to zero (cumulative), an offset stays (non-cumulative), until a target is set.
     pub fn clear_target(&mut self, now: Duration) {
-        self.on(now, HostInput::NoTarget);
+        self.advance(now, Input::NoTarget, None);
     }
 
     /// Sends an exception code with the next reply, once. What became of it is a [`HostEvent::Exception`], after one message, or
@@ -97,36 +87,40 @@ impl Host {
     /// [`SessionError::NotRunning`], [`SessionError::ExceptionPending`] before the outcome of the one before, and
     /// [`SessionError::EventsFull`].
     pub fn exception(&mut self, now: Duration, exception: Exception) -> Result<(), SessionError> {
-        let has_room = self.events.has_room(OUTCOMES + 1);
-        let actions = self.on(now, HostInput::Exception { exception, has_room });
-        actions.refused.map_or(Ok(()), Err)
+        let has_room = self.core.events.has_room(OUTCOMES + 1);
+        match self.core.on(now, Input::Exception { exception, has_room }) {
+            Ok(Action::Refuse(error)) => return Err(error),
+            Ok(action) => self.act(now, action, None),
+            Err(unexpected) => self.refuse(unexpected),
+        }
+        Ok(())
     }
 
     /// Brings the values to zero within the limits, then answers no message; the controller ends ALTER by that (§3.3.3). The
     /// policy becomes [`Policy::Ignore`]: [`Host::set_policy`] takes ALTER up again. If ALTER runs, [`HostEvent::Stopped`],
     /// [`HostEvent::End`] or [`HostEvent::Lost`] follows.
     pub fn stop(&mut self, now: Duration) {
-        self.on(now, HostInput::Stop);
+        self.advance(now, Input::Stop, None);
     }
 
     /// Sets how start messages are answered from now on, one that is not answered yet included.
     pub fn set_policy(&mut self, now: Duration, policy: Policy) {
-        self.on(now, HostInput::Policy(policy));
+        self.advance(now, Input::Policy(policy), None);
     }
 
     /// Whether the ALTER instruction names an exception subroutine, when that changes with the robot's program.
     pub fn set_subroutine(&mut self, now: Duration, installed: bool) {
-        self.on(now, HostInput::Subroutine(installed));
+        self.advance(now, Input::Subroutine(installed), None);
     }
 
     /// The machine: what the session is doing.
     pub fn machine(&self) -> &HostMachine {
-        &self.machine
+        &self.core.machine
     }
 
     /// What the session is doing, in a word.
     pub fn state(&self) -> HostState {
-        match &self.machine.phase {
+        match &self.core.machine.phase {
             HostPhase::Disconnected => HostState::Disconnected,
             HostPhase::Idle | HostPhase::Repeating { .. } => HostState::Idle,
             HostPhase::Starting { .. } => HostState::Starting,
@@ -141,12 +135,12 @@ impl Host {
 
     /// The configuration.
     pub fn config(&self) -> &HostConfig {
-        &self.config
+        &self.core.config
     }
 
     /// How start messages are answered.
     pub fn policy(&self) -> Policy {
-        self.machine.policy
+        self.core.machine.policy
     }
 
     /// The values of the last reply, in units of their words.
@@ -157,160 +151,110 @@ impl Host {
     /// The time by which the answer that is due must begin to leave: the window less the time that the shortest possible answer
     /// takes. `None` when none is due.
     pub fn reply_by(&self) -> Option<Duration> {
-        self.machine.reply_by()
+        self.core.machine.reply_by()
     }
 
-    #[inline]
-    fn read(&mut self, now: Duration) {
-        loop {
-            let item = self.decoder.next_frame();
-            if self.decoder.corruption().is_some() {
-                self.on_corrupt_frame(now);
+    /// What is not done in every cycle: one copy of it is enough.
+    #[cold]
+    fn act_rarely(&mut self, now: Duration, action: Action) {
+        match action {
+            Action::EndFrame => self.finish(now),
+            Action::Missed => self.missed(),
+            Action::Stale => self.core.events.push_notice(HostEvent::TargetStale),
+            Action::Stopped(judged) => {
+                self.judged(judged);
+                self.push_outcome(HostEvent::Stopped);
             }
-            match &item {
-                None => return,
-                Some(Ok(received)) => self.on_message(now, received),
-                Some(Err(error)) => self.on_error(now, *error),
+            Action::Exception(exception, outcome) => self.ended(exception, outcome),
+            Action::Lost { missed, outcome, reason } => {
+                self.judged(Judged { missed, outcome, ..Judged::default() });
+                self.statistics.lost += 1;
+                self.push_outcome(HostEvent::Lost(reason));
             }
+            Action::SentStart(StartCode::Accept) => {
+                self.statistics.starts += 1;
+                self.limiter.restart();
+                (self.target, self.sent) = ([0; AXES], [0; AXES]);
+            }
+            Action::Nothing
+            | Action::Refuse(_)
+            | Action::Asked(_)
+            | Action::Ended(_)
+            | Action::SentStart(_)
+            | Action::SentReply(_) => {}
         }
     }
 
     #[cold]
-    fn end_frame(&mut self, now: Duration) {
-        self.decoder.finish();
-        self.read(now);
+    fn missed(&mut self) {
+        // The arm is at rest for want of a reply: should ALTER go on all the same, it begins again from rest.
+        self.limiter.rest();
+        self.statistics.missed += 1;
+        self.core.events.push_notice(HostEvent::Missed);
     }
 
     #[cold]
-    fn on_corrupt_frame(&mut self, now: Duration) {
-        self.on(now, HostInput::CorruptFrame);
+    fn ended(&mut self, exception: Exception, outcome: ExceptionOutcome) {
+        self.push_outcome(HostEvent::Exception(exception, outcome));
     }
 
-    #[cold]
-    fn on_error(&mut self, now: Duration, error: DecodeError) {
-        self.statistics.corrupt += 1;
-        if let DecodeError::StartMark { .. } = error {
-            self.on(now, HostInput::Noise);
+    #[inline(always)] // nearly always there is nothing
+    fn judged(&mut self, Judged { missed, rejected, outcome }: Judged) {
+        if missed {
+            self.missed();
         }
-        self.events.push_notice(HostEvent::Corrupt(error));
-    }
-
-    #[inline(never)] // a message that is passed in registers is copied field by field
-    fn on_message(&mut self, now: Duration, received: &Received<RobotMessage>) {
-        let len = u8::try_from(received.length).unwrap_or(u8::MAX);
-        match &received.message {
-            RobotMessage::Start(start) => {
-                let is_expected = start.mode == self.config.mode;
-                self.on(now, HostInput::Start { is_expected, len });
-                self.events.push_notice(HostEvent::Start(*start));
-            }
-            RobotMessage::Motion(motion) => {
-                let (phase, error) = (motion.phase, motion.error);
-                self.on(now, HostInput::Motion { phase, error, len });
-                self.statistics.cycles += u64::from(matches!(&self.machine.phase, HostPhase::Active(_)));
-                self.events.push_notice(HostEvent::Motion(*motion));
-            }
-            RobotMessage::End(end) => {
-                let ended = self.on(now, HostInput::End).ended;
-                self.statistics.ends += 1;
-                if ended {
-                    self.push_outcome(HostEvent::End(*end));
-                } else {
-                    self.events.push_notice(HostEvent::End(*end));
-                }
-            }
-        }
-    }
-
-    /// Gives the machine an input and does what it says, but for sending.
-    #[inline(always)] // where the input is known, little of it is left
-    fn on(&mut self, now: Duration, input: HostInput) -> HostActions {
-        let actions = match self.machine.on(now, input, &self.config) {
-            Ok(actions) => actions,
-            Err(unexpected) => {
-                self.report(unexpected);
-                return HostActions::default();
-            }
-        };
-        self.act(now, &actions);
-        actions
-    }
-
-    #[cold]
-    fn report(&mut self, unexpected: Unexpected) {
-        self.statistics.unexpected += 1;
-        self.events.push_notice(HostEvent::Unexpected(unexpected));
-    }
-
-    #[inline(always)] // see `on`
-    fn act(&mut self, now: Duration, actions: &HostActions) {
-        if actions.end_frame {
-            self.end_frame(now);
-        }
-        if actions.missed {
-            // The arm is at rest for want of a reply: should ALTER go on all the same, it begins again from rest.
-            self.limiter.rest();
-            self.statistics.missed += 1;
-            self.events.push_notice(HostEvent::Missed);
-        }
-        if let Some(error) = actions.rejected {
+        if let Some(error) = rejected {
             self.limiter.rejected();
             self.statistics.rejected += 1;
-            self.events.push_notice(HostEvent::Rejected(error));
+            self.core.events.push_notice(HostEvent::Rejected(error));
         }
-        if actions.stale {
-            self.events.push_notice(HostEvent::TargetStale);
-        }
-        if let Some((exception, outcome)) = actions.outcome {
-            self.push_outcome(HostEvent::Exception(exception, outcome));
-        }
-        if actions.stopped {
-            self.push_outcome(HostEvent::Stopped);
-        }
-        if let Some(reason) = actions.lost {
-            self.statistics.lost += 1;
-            self.push_outcome(HostEvent::Lost(reason));
+        if let Some((exception, outcome)) = outcome {
+            self.ended(exception, outcome);
         }
     }
 
     #[cold]
     fn push_outcome(&mut self, event: HostEvent) {
-        let pushed = self.events.push_outcome(event);
+        let pushed = self.core.events.push_outcome(event);
         debug_assert!(pushed.is_ok(), "room was asked for when it began");
     }
 
     #[cold]
-    fn answer_start(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        let answer = self.transmit(now, [0; AXES], self.limiter.axes(), self.bare() - 1, [2; AXES])?;
-        let Answer::Start(code) = answer else { return None };
-        if code == StartCode::Accept {
-            self.statistics.starts += 1;
-            self.limiter.restart();
-            (self.target, self.sent) = ([0; AXES], [0; AXES]);
+    fn write_start(&mut self, now: Duration, code: StartCode, out: &mut [u8]) -> Option<(usize, Input)> {
+        if code == StartCode::Accept && !self.core.events.has_room(OUTCOMES) {
+            // The controller asks again.
+            return Some((0, Input::Ignored));
         }
-        HostMessage::StartReply(code).encode(self.config.framing, out).ok()
+        let draft = Draft { bare: self.bare() - 1, words: [0; AXES], moving: 0 };
+        if self.core.machine.select(now, &draft, &self.core.config).is_none() {
+            return Some((0, Input::Late));
+        }
+        let length = HostMessage::StartReply(code).encode(self.core.config.framing, out).ok()?;
+        Some((length, Input::Sent { moving: 0, at_rest: true }))
     }
 
     /// A reply on a slow line, or late: what it has depends on its length.
     #[inline(never)]
-    fn reply_measured(
+    fn write_measured(
         &mut self,
         now: Duration,
+        exception: Exception,
         values: [i16; AXES],
         axes: Axes,
         out: &mut [u8],
-    ) -> Option<usize> {
-        let Wanted::Reply { exception, .. } = self.machine.wanted(&self.config)? else { return None };
+    ) -> Option<(usize, Input)> {
         let mut reply = Reply { exception, ..Reply::all(values) };
         let frame = reply.frame();
         let bare = self.bare() + u8::from(u8::from(exception) == DLE);
         let doubled = |value: i16| value.to_le_bytes().iter().map(|byte| u8::from(*byte == DLE)).sum::<u8>();
         let words = if frame.has_dle() { values.map(|value| 2 + doubled(value)) } else { [2; AXES] };
-        let answer = self.transmit(now, values, axes, bare, words)?;
-        let Answer::Reply { select, held, .. } = answer else { return None };
-        self.replied(values, axes);
+        let draft = Draft { bare, words, moving: moving(&values) };
+        let Some((select, held)) = self.core.machine.select(now, &draft, &self.core.config) else {
+            return Some((0, Input::Late));
+        };
+        let sent = self.replied(values, axes, select);
         if select == ALL {
-            return frame.encode(self.config.framing, out).ok();
+            return Some((frame.encode(self.core.config.framing, out).ok()?, sent));
         }
         self.limiter.hold(held);
         self.statistics.held += u64::from(held != 0);
@@ -319,44 +263,24 @@ impl Host {
                 (*value, *sent) = (None, 0);
             }
         }
-        HostMessage::Reply(reply).encode(self.config.framing, out).ok()
+        Some((HostMessage::Reply(reply).encode(self.core.config.framing, out).ok()?, sent))
     }
 
-    #[inline(never)] // what is nearly always sent is sent without it: one copy for all else
-    fn transmit(
-        &mut self,
-        now: Duration,
-        values: [i16; AXES],
-        axes: Axes,
-        bare: u8,
-        words: [u8; AXES],
-    ) -> Option<Answer> {
-        self.on(now, HostInput::Transmit(self.draft(values, axes, bare, words))).send
-    }
-
+    /// The reply has these values, and the words that are selected.
     #[inline]
-    fn replied(&mut self, values: [i16; AXES], axes: Axes) {
+    fn replied(&mut self, values: [i16; AXES], axes: Axes, select: u8) -> Input {
         self.statistics.replies += 1;
         self.limiter.set_axes(axes);
         self.sent = values;
+        let moving = moving(&values);
+        Input::Sent { moving: moving & select, at_rest: moving == 0 && axes.speed == [0; AXES] }
     }
 
     /// The length of a reply without words, whose exception is no DLE.
     fn bare(&self) -> u8 {
-        let Framing { stuffed_checksum, .. } = self.config.framing;
-        let len = timing::min_reply_len(0, self.config.framing) + usize::from(stuffed_checksum);
+        let Framing { stuffed_checksum, .. } = self.core.config.framing;
+        let len = timing::min_reply_len(0, self.core.config.framing) + usize::from(stuffed_checksum);
         u8::try_from(len).unwrap_or(u8::MAX)
-    }
-
-    #[inline(always)] // see `on`: what tells a `HostInput` from another is kept in the draft's `bool`s
-    fn draft(&self, values: [i16; AXES], axes: Axes, bare: u8, words: [u8; AXES]) -> Draft {
-        Draft {
-            bare,
-            words,
-            moving: values.iter().rev().fold(0, |mask, value| 2 * mask + u8::from(*value != 0)),
-            at_rest: axes.speed == [0; AXES],
-            has_room: self.events.has_room(OUTCOMES),
-        }
     }
 
     /// The next values, and how the axes move by them.
@@ -366,7 +290,7 @@ impl Host {
         if course == Course::Rest {
             axes.speed = [0; AXES];
         }
-        let accumulation = self.config.mode.accumulation();
+        let accumulation = self.core.config.mode.accumulation();
         let target = match (course, accumulation) {
             (Course::Target, _) => self.target,
             (Course::Zero, _) | (Course::Rest, Accumulation::Cumulative) => [0; AXES],
@@ -385,71 +309,121 @@ impl Host {
     }
 }
 
-impl Session for Host {
-    type Event = HostEvent;
+/// Bit *i*: value *i* is not zero.
+#[inline(always)]
+fn moving(values: &[i16; AXES]) -> u8 {
+    values.iter().rev().fold(0, |mask, value| 2 * mask + u8::from(*value != 0))
+}
+
+impl End for Host {
+    type Machine = HostMachine;
+    type Decoder = Decoder<RobotMessage>;
+    type Events = EventQueue<HostEvent, 16>;
     type Statistics = HostStatistics;
+    /// The message, as it is reported.
+    type Payload = HostEvent;
 
     const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize =
         timing::max_reply_len(AXES, Framing { stuffed_checksum: true, ..Framing::DEFAULT });
+    const ROOM: Room = Room::NONE;
 
-    fn handle_connected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.on(now, HostInput::Connected);
-    }
+    robot_session::core!();
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.on(now, HostInput::Disconnected);
-    }
-
-    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
-        self.handle_timeout(now);
-        let mut rest = bytes;
-        while !rest.is_empty() && self.machine.phase != HostPhase::Disconnected {
-            let taken = self.decoder.push(rest);
-            rest = rest.get(taken..).unwrap_or_default();
-            self.read(now);
+    #[inline]
+    fn begin_input(&mut self, now: Duration) -> bool {
+        let is_connected = self.core.machine.is_connected();
+        if !is_connected {
+            self.advance(now, Input::Bytes { partial: false }, None);
         }
-        self.on(now, HostInput::Bytes { partial: self.decoder.pending() > 0 });
+        is_connected
     }
 
-    fn handle_timeout(&mut self, now: Duration) {
-        self.on(now, HostInput::Timeout);
+    #[inline]
+    fn end_input(&mut self, now: Duration) {
+        let partial = self.core.decoder.pending() > 0;
+        self.advance(now, Input::Bytes { partial }, None);
     }
 
-    fn poll_event(&mut self) -> Option<HostEvent> {
-        self.events.pop()
+    #[inline]
+    fn next_input(&mut self) -> Option<(Input, Option<HostEvent>)> {
+        loop {
+            let item = self.core.decoder.next_frame();
+            let is_corrupt = self.core.decoder.corruption().is_some();
+            if let Some(Err(error)) = &item {
+                self.statistics.corrupt += 1;
+                self.core.events.push_notice(HostEvent::Corrupt(*error));
+                if !is_corrupt && matches!(error, DecodeError::StartMark { .. }) {
+                    return Some((Input::Noise, None));
+                }
+            }
+            if is_corrupt {
+                return Some((Input::CorruptFrame, None));
+            }
+            let Ok(received) = item? else { continue };
+            return Some(match received.message {
+                RobotMessage::Start(start) => {
+                    let is_expected = start.mode == self.core.config.mode;
+                    (Input::Start { is_expected }, Some(HostEvent::Start(start)))
+                }
+                RobotMessage::Motion(motion) => {
+                    let Motion { phase, error, .. } = motion;
+                    (Input::Motion { phase, error, len: received.length }, Some(HostEvent::Motion(motion)))
+                }
+                RobotMessage::End(end) => (Input::End, Some(HostEvent::End(end))),
+            });
+        }
     }
 
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+    #[inline(always)] // see `HostMachine::on`
+    fn act(&mut self, now: Duration, action: Action, message: Option<HostEvent>) {
+        match action {
+            Action::Nothing | Action::Refuse(_) | Action::SentReply(_) => {}
+            Action::Asked(judged) => {
+                self.statistics.cycles += 1;
+                self.judged(judged);
+            }
+            Action::Ended(outcome) => {
+                self.judged(Judged { outcome, ..Judged::default() });
+                self.statistics.ends += 1;
+                message.into_iter().for_each(|end| self.push_outcome(end));
+                return;
+            }
+            action => self.act_rarely(now, action),
+        }
+        if let Some(message) = message {
+            self.statistics.ends += u64::from(matches!(message, HostEvent::End(_)));
+            self.core.events.push_notice(message);
+        }
+    }
+
+    #[inline]
+    fn write(&mut self, now: Duration, what: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
         if out.len() < Self::MAX_TRANSMIT {
             return None;
         }
-        let Wanted::Reply { course, .. } = self.machine.wanted(&self.config)? else {
-            return self.answer_start(now, out);
+        let (course, exception) = match what {
+            Answer::Reply { course, exception } => (course, exception),
+            Answer::Start(code) => return self.write_start(now, code, out),
+            Answer::Nothing => return Some((0, Input::Ignored)),
         };
         let (values, axes) = self.next(course);
-        if !self.machine.fits(now, Self::MAX_TRANSMIT, &self.config) {
-            return self.reply_measured(now, values, axes, out);
+        if !self.core.machine.fits(now, Self::MAX_TRANSMIT, &self.core.config) {
+            return self.write_measured(now, exception, values, axes, out);
         }
         // As nearly always at 38400 baud: even the longest reply fits.
-        let draft = self.draft(values, axes, LONGEST_BARE, [LONGEST_WORD; AXES]);
-        let Answer::Reply { select, exception, .. } = self.on(now, HostInput::Transmit(draft)).send? else {
-            return None;
-        };
-        debug_assert_eq!(select, ALL, "the machine was asked whether the longest fits");
-        self.replied(values, axes);
+        let sent = self.replied(values, axes, ALL);
         let reply = Reply { exception, ..Reply::all(values) };
-        reply.frame().encode(self.config.framing, out).ok()
+        Some((reply.frame().encode(self.core.config.framing, out).ok()?, sent))
     }
 
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
+    fn unexpected(unexpected: Unexpected) -> HostEvent {
+        HostEvent::Unexpected(unexpected)
     }
 
-    fn statistics(&self) -> HostStatistics {
-        HostStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn counters(&self) -> HostStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        HostStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }
 

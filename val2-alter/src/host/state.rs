@@ -158,66 +158,8 @@ impl HostMachine {
         }
     }
 
-    /// When a timeout is due.
-    pub fn deadline(&self) -> Option<Duration> {
-        let other = match &self.phase {
-            HostPhase::Repeating { forget_at, .. } => Some(*forget_at),
-            HostPhase::Active(Active { lost_at, target: Target::Fresh { until }, .. }) => {
-                Some(*lost_at.min(until))
-            }
-            HostPhase::Active(Active { lost_at, .. }) | HostPhase::Silent { lost_at } => Some(*lost_at),
-            HostPhase::Disconnected | HostPhase::Idle | HostPhase::Starting { .. } => None,
-        };
-        [self.reply_by(), other, self.gap_at].into_iter().flatten().min()
-    }
-
-    /// Visits every time in the state.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
-        self.gap_at.iter_mut().for_each(&mut f);
-        let mut due = |due: &mut Due| {
-            f(&mut due.begin_by);
-            f(&mut due.end_by);
-        };
-        match &mut self.phase {
-            HostPhase::Disconnected | HostPhase::Idle => {}
-            HostPhase::Repeating { answer, forget_at, .. } => {
-                answer.iter_mut().for_each(due);
-                f(forget_at);
-            }
-            HostPhase::Starting { answer, .. } => due(answer),
-            HostPhase::Silent { lost_at } => f(lost_at),
-            HostPhase::Active(active) => {
-                if let Some(request) = &mut active.request {
-                    due(&mut request.due);
-                    f(&mut request.follows_until);
-                }
-                if let Target::Fresh { until } = &mut active.target {
-                    f(until);
-                }
-                if let Pending::Sent { follows_until, .. } | Pending::Unread { follows_until, .. } =
-                    &mut active.exception
-                {
-                    f(follows_until);
-                }
-                f(&mut active.lost_at);
-            }
-        }
-    }
-
-    /// The state's name.
-    pub const fn name(&self) -> &'static str {
-        match &self.phase {
-            HostPhase::Disconnected => "disconnected",
-            HostPhase::Idle => "idle",
-            HostPhase::Repeating { .. } => "repeating",
-            HostPhase::Starting { .. } => "starting",
-            HostPhase::Active(active) => match active.stage {
-                Stage::Accepted => "accepted",
-                Stage::Running => "running",
-                Stage::Interrupted => "interrupted",
-                Stage::Stopping { .. } => "stopping",
-            },
-            HostPhase::Silent { .. } => "silent",
-        }
+    #[inline]
+    pub(super) fn is_connected(&self) -> bool {
+        self.phase != HostPhase::Disconnected
     }
 }

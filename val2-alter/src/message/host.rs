@@ -39,7 +39,7 @@ impl Message for HostMessage {
         }
     }
 
-    #[inline]
+    #[inline(always)] // see `Reply::frame`
     fn frame(&self) -> Frame {
         match self {
             Self::StartReply(code) => {
@@ -110,7 +110,7 @@ impl Reply {
         Ok(Self { exception: Exception::from(exception), values })
     }
 
-    #[inline]
+    #[inline(always)] // where all values are there, little of it is left
     pub(crate) fn frame(&self) -> Frame {
         let mut frame = Frame::empty();
         frame.push([u8::from(self.exception), self.select()]);

@@ -3,46 +3,22 @@
 use core::time::Duration;
 
 use anyhow::{Result, bail};
-use robot_session::{Decoder as _, Session as _};
 use serde_json::{Map, Value};
-use val2_alter::machine::{ControllerPhase, ControllerRule, Progress, Turn};
+use testkit::links::val2_alter::rows;
+use testkit::model::Rows as _;
 use val2_alter::{
-    Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, Exception, HostMessage, Reply,
-    SegmentStatus, SessionError, StartCode, Transform, Unselected,
+    Controller, ControllerConfig, ControllerEvent, HostMessage, SegmentStatus, SessionError, Transform,
+    Unselected,
 };
 
-use super::{Do, Driven, Fields, Hooks, Maker, event, kind, unexpected};
+use super::{About, Fields, Maker, Noted, event, kind, names, unexpected, without};
 
 pub(super) const MAKER: Maker = Maker {
-    make: |config, without| {
-        Ok(Box::new(Driven::<AlterController>(Controller::new(configuration(config, without)?)?)))
-    },
-    rules: || {
-        [
-            "ReportInterruption",
-            "AfterRequest",
-            "FirstReply",
-            "EndOnMissing",
-            "OneSubroutine",
-            "Attempts",
-            "RestInterrupted",
-        ]
-        .map(String::from)
-        .to_vec()
-    },
+    make: |config, rule| Ok(Noted::<AlterController>::boxed(Controller::new(configuration(config, rule)?)?)),
+    rules: names::<val2_alter::controller::Rule>,
 };
 
-static RULES: [ControllerRule; 7] = [
-    ControllerRule::ReportInterruption,
-    ControllerRule::AfterRequest,
-    ControllerRule::FirstReply,
-    ControllerRule::EndOnMissing,
-    ControllerRule::OneSubroutine,
-    ControllerRule::Attempts,
-    ControllerRule::RestInterrupted,
-];
-
-fn configuration(config: &Map<String, Value>, without: Option<usize>) -> Result<ControllerConfig> {
+fn configuration(config: &Map<String, Value>, rule: Option<usize>) -> Result<ControllerConfig> {
     let mut made = ControllerConfig::default();
     let mut fields = Fields(config.clone());
     fields.take("framing", &mut made.framing)?;
@@ -63,14 +39,15 @@ fn configuration(config: &Map<String, Value>, without: Option<usize>) -> Result<
         };
     }
     fields.end()?;
-    made.without = without.and_then(|rule| RULES.get(rule..=rule)).unwrap_or_default();
+    made.rules = without(rule);
     Ok(made)
 }
 
 struct AlterController;
 
-impl Hooks for AlterController {
-    type Session = Controller;
+impl About for AlterController {
+    type End = Controller;
+    type Rows = rows::Controller;
 
     fn call(
         session: &mut Controller,
@@ -124,75 +101,6 @@ impl Hooks for AlterController {
     }
 
     fn state(session: &Controller) -> String {
-        row(session, Duration::MAX)
-    }
-
-    fn cells(before: &Controller, after: &Controller, now: Duration, input: &Do, _: bool) -> Vec<String> {
-        let due = before.poll_timeout().is_some_and(|due| now >= due);
-        let inputs = match input {
-            Do::Connected => vec!["connected"],
-            Do::Disconnected => vec!["disconnected"],
-            Do::Timeout if due && before.machine().gap_at.is_none() => {
-                vec!["timeout, late", "window closed, late"]
-            }
-            Do::Timeout if !due => vec!["timeout"],
-            Do::Input(bytes) => {
-                let partial =
-                    if after.machine().gap_at.is_some() { "bytes, a frame begins" } else { "bytes" };
-                let mut cells = vec![format!("{}: {partial}", row(after, now))];
-                if !due {
-                    cells.extend(
-                        received(before, bytes).map(|input| format!("{}: {input}", row(before, now))),
-                    );
-                }
-                return cells;
-            }
-            Do::Call { name, .. } => match name.as_str() {
-                "resume" => vec!["return"],
-                "set_segment" | "set_transform" => Vec::new(),
-                other => vec![other],
-            },
-            Do::Transmitted | Do::Nothing | Do::Timeout => Vec::new(),
-        };
-        inputs.iter().map(|input| format!("{}: {input}", row(before, now))).collect()
-    }
-
-    fn transmit_cells(before: &Controller, now: Duration, sent: bool) -> Vec<String> {
-        if sent { vec![format!("{}: transmit", row(before, now))] } else { Vec::new() }
-    }
-}
-
-/// The row of the matrix.
-fn row(session: &Controller, now: Duration) -> String {
-    let ControllerPhase::On(alter) = session.machine().phase else { return session.machine().name().into() };
-    let sent = match alter.turn {
-        Turn::Controller => "",
-        Turn::Host { opens, .. } if now < opens => ", being sent",
-        Turn::Host { .. } => ", sent",
-    };
-    let returned = if matches!(alter.progress, Progress::Interrupted { returned: true, .. }) {
-        ", returned"
-    } else {
-        ""
-    };
-    format!("{}{returned}{sent}", session.machine().name())
-}
-
-/// The input of a step that has one answer.
-fn received(session: &Controller, bytes: &[u8]) -> Option<&'static str> {
-    let mut decoder = Decoder::<HostMessage>::new(session.config().framing);
-    if session.machine().gap_at.is_some() || decoder.push(bytes) < bytes.len() {
-        return None;
-    }
-    let first = decoder.next_frame();
-    if decoder.corruption().is_some() || matches!(first, Some(Err(DecodeError::StartMark { .. }))) {
-        return Some("corrupt bytes");
-    }
-    match first?.ok()?.message {
-        HostMessage::StartReply(StartCode::Accept) => Some("accept"),
-        HostMessage::StartReply(StartCode::Repeat) => Some("repeat"),
-        HostMessage::StartReply(StartCode::Refuse) => Some("refuse"),
-        HostMessage::Reply(Reply { exception: Exception::None, .. }) => Some("reply"),
-        HostMessage::Reply(_) => Some("reply with an exception"),
+        Self::Rows::row(session.machine(), Duration::MAX)
     }
 }

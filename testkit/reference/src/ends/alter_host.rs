@@ -3,63 +3,22 @@
 use core::time::Duration;
 
 use anyhow::{Result, bail};
-use robot_session::{Decoder as _, Session as _};
 use serde_json::{Map, Value};
-use val2_alter::machine::{HostPhase, HostRule, Pending, Stage};
+use testkit::links::val2_alter::rows;
+use testkit::model::Rows as _;
 use val2_alter::{
-    DecodeError, Decoder, ErrorCode, Exception, ExceptionOutcome, Host, HostConfig, HostEvent, LostReason,
-    Mode, MotionPhase, Policy, RobotMessage, SessionError, UnknownReason,
+    Exception, ExceptionOutcome, Host, HostConfig, HostEvent, LostReason, Policy, RobotMessage, SessionError,
+    UnknownReason,
 };
 
-use super::{Do, Driven, Fields, Hooks, Maker, event, kind, show, unexpected};
+use super::{About, Fields, Maker, Noted, event, kind, names, show, unexpected, without};
 
 pub(super) const MAKER: Maker = Maker {
-    make: |config, without| Ok(Box::new(Driven::<AlterHost>(Host::new(configuration(config, without)?)?))),
-    rules: || {
-        [
-            "Mode",
-            "WordsUntilRead",
-            "WordsInterrupted",
-            "WordsKept",
-            "InTime",
-            "InSequence",
-            "Unread",
-            "SendOnce",
-            "NotInterrupted",
-            "ZerosRead",
-            "Silent",
-            "Stale",
-            "Restart",
-            "Lost",
-            "Late",
-            "Forget",
-        ]
-        .map(String::from)
-        .to_vec()
-    },
+    make: |config, rule| Ok(Noted::<AlterHost>::boxed(Host::new(configuration(config, rule)?)?)),
+    rules: names::<val2_alter::host::Rule>,
 };
 
-const RULES: [HostRule; 16] = [
-    HostRule::Mode,
-    HostRule::WordsUntilRead,
-    HostRule::WordsInterrupted,
-    HostRule::WordsKept,
-    HostRule::InTime,
-    HostRule::InSequence,
-    HostRule::Unread,
-    HostRule::SendOnce,
-    HostRule::NotInterrupted,
-    HostRule::ZerosRead,
-    HostRule::Silent,
-    HostRule::Stale,
-    HostRule::Restart,
-    HostRule::Lost,
-    HostRule::Late,
-    HostRule::Forget,
-];
-
-fn configuration(config: &Map<String, Value>, without: Option<usize>) -> Result<HostConfig> {
-    static LEFT_OUT: [HostRule; 16] = RULES;
+fn configuration(config: &Map<String, Value>, rule: Option<usize>) -> Result<HostConfig> {
     let mut made = HostConfig::default();
     let mut fields = Fields(config.clone());
     fields.take("framing", &mut made.framing)?;
@@ -85,7 +44,7 @@ fn configuration(config: &Map<String, Value>, without: Option<usize>) -> Result<
         limits.end()?;
     }
     fields.end()?;
-    made.without = without.and_then(|rule| LEFT_OUT.get(rule..=rule)).unwrap_or_default();
+    made.rules = without(rule);
     Ok(made)
 }
 
@@ -100,8 +59,9 @@ fn policy(value: &Value) -> Result<Policy> {
 
 struct AlterHost;
 
-impl Hooks for AlterHost {
-    type Session = Host;
+impl About for AlterHost {
+    type End = Host;
+    type Rows = rows::Host;
 
     fn call(host: &mut Host, now: Duration, name: &str, argument: Value) -> Result<Result<(), String>> {
         match name {
@@ -172,97 +132,6 @@ impl Hooks for AlterHost {
     }
 
     fn state(host: &Host) -> String {
-        match &host.machine().phase {
-            HostPhase::Repeating { answer: Some(_), .. } => "repeating, an answer is due".into(),
-            HostPhase::Active(active) => match (active.stage, active.request, active.exception) {
-                (Stage::Running, _, Pending::Unsent(_)) => "running, an exception to be sent",
-                (Stage::Running, _, Pending::Sent { .. }) => "running, an exception sent",
-                (Stage::Running, _, Pending::Unread { .. }) => "running, an exception not read",
-                (Stage::Running, Some(_), Pending::None) => "running, a reply is due",
-                (Stage::Running, None, Pending::None) => "running",
-                (Stage::Interrupted, ..) => "interrupted, a reply is due",
-                (Stage::Stopping { zeros_sent: true }, ..) => "stopping, zeros sent",
-                (Stage::Stopping { .. }, ..) => "stopping",
-                (Stage::Accepted, ..) => "accepted",
-            }
-            .into(),
-            _ => host.machine().name().into(),
-        }
+        Self::Rows::row(host.machine(), Duration::ZERO)
     }
-
-    fn cells(before: &Host, after: &Host, now: Duration, input: &Do, _: bool) -> Vec<String> {
-        let due = before.poll_timeout().is_some_and(|due| now >= due);
-        let inputs = match input {
-            Do::Connected => vec!["connected"],
-            Do::Disconnected => vec!["disconnected"],
-            Do::Timeout => vec![if due { "timeout, late" } else { "timeout" }],
-            Do::Transmitted | Do::Nothing => Vec::new(),
-            Do::Input(bytes) => {
-                let partial = if is_partial(after) { "bytes, a frame begins" } else { "bytes" };
-                let mut cells = vec![format!("{}: {partial}", Self::state(after))];
-                // What a silence has changed before is another input.
-                if !due {
-                    cells.extend(
-                        received(before, bytes).map(|input| format!("{}: {input}", Self::state(before))),
-                    );
-                }
-                return cells;
-            }
-            Do::Call { name, .. } => vec![match name.as_str() {
-                "set_target" => "target",
-                "clear_target" => "no target",
-                "set_policy" => "policy",
-                "set_subroutine" => "subroutine",
-                other => other,
-            }],
-        };
-        inputs.iter().map(|input| format!("{}: {input}", Self::state(before))).collect()
-    }
-
-    fn transmit_cells(before: &Host, now: Duration, sent: bool) -> Vec<String> {
-        let late = before.reply_by().is_some_and(|by| now >= by);
-        match (before.reply_by(), sent) {
-            (None, _) => Vec::new(),
-            (Some(_), false) if late => vec![format!("{}: transmit, late", Self::state(before))],
-            (Some(_), _) => vec![format!("{}: transmit", Self::state(before))],
-        }
-    }
-}
-
-/// The session tells its machine whether a frame has begun; the deadline of its silence shows it.
-fn is_partial(host: &Host) -> bool {
-    host.machine().gap_at.is_some()
-}
-
-/// The input of a step that has one message, or the first one of a step that begins with noise.
-fn received(host: &Host, bytes: &[u8]) -> Option<&'static str> {
-    let mut decoder = Decoder::<RobotMessage>::new(host.config().framing);
-    if host.machine().gap_at.is_some() || decoder.push(bytes) < bytes.len() {
-        return None;
-    }
-    let first = decoder.next_frame();
-    let corrupt = decoder.corruption().is_some();
-    if matches!(first, Some(Err(DecodeError::StartMark { .. }))) {
-        return Some("noise");
-    }
-    if decoder.next_frame().is_some() {
-        return None;
-    }
-    Some(match first {
-        None if corrupt => "corrupt frame",
-        None => return None,
-        Some(Err(_)) => return None,
-        Some(Ok(received)) => match received.message {
-            RobotMessage::Start(start) if start.mode == Mode(host.config().mode.0) => "start message",
-            RobotMessage::Start(_) => "start message, another mode",
-            RobotMessage::End(_) => "end message",
-            RobotMessage::Motion(motion) => match (motion.phase, motion.error) {
-                (MotionPhase::Running, ErrorCode::None) => "standard message",
-                (MotionPhase::Running, ErrorCode::Checksum) => "standard message, bad checksum",
-                (MotionPhase::Running, ErrorCode::Timeout) => "standard message, timeout",
-                (MotionPhase::Interrupted, ErrorCode::None) => "standard message, interrupted",
-                _ => return None,
-            },
-        },
-    })
 }

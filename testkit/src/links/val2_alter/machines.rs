@@ -1,69 +1,70 @@
 //! Both machines, as the model sees them.
 
-use val2_alter::machine::{
-    Answer, ControllerActions, ControllerInput, ControllerMachine, HostActions, HostInput, HostMachine,
-    Outgoing, Taken,
-};
-use val2_alter::{ControllerConfig, Exception, ExceptionOutcome, HostConfig, MotionPhase};
+use val2_alter::controller::machine::{self as controller, ControllerMachine, Handling, Outgoing, Taken};
+use val2_alter::host::machine::{self as host, HostMachine};
+use val2_alter::{Exception, ExceptionOutcome, MotionPhase};
 
-use crate::model::{Machine, forward};
+use crate::model::adapt;
 
-impl Machine for HostMachine {
-    const END: &'static str = "host";
-    type Input = HostInput;
-    type Action = HostActions;
-    type Config = HostConfig;
+adapt!(HostMachine, action_name = host_action);
+adapt!(ControllerMachine, action_name = controller_action);
 
-    forward!();
-
-    fn action_name(actions: &HostActions) -> String {
-        let send = actions.send.map(|answer| match answer {
-            Answer::Start(code) => format!("{code:?}").to_lowercase(),
-            Answer::Reply { exception: Exception::None, .. } => "reply".into(),
-            Answer::Reply { .. } => "reply with the exception".into(),
-        });
-        let outcome = actions.outcome.map(|(_, outcome)| match outcome {
-            ExceptionOutcome::Done => "exception done".into(),
-            ExceptionOutcome::NotDone => "exception not done".into(),
-            ExceptionOutcome::Unknown(_) => "exception unknown".into(),
-        });
-        let flags = [
-            (actions.missed, "missed"),
-            (actions.rejected.is_some(), "rejected"),
-            (actions.stale, "target stale"),
-            (actions.stopped, "stopped"),
-            (actions.ended, "ended"),
-            (actions.lost.is_some(), "lost"),
-        ];
-        let flags = flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.into());
-        flags.chain(outcome).chain(send).collect::<Vec<String>>().join(", ")
+fn host_action(action: &host::Action) -> String {
+    use host::{Action, Judged};
+    let judged = |Judged { missed, rejected, outcome }| {
+        let outcome = match outcome {
+            None => "",
+            Some((_, ExceptionOutcome::Done)) => "exception done",
+            Some((_, ExceptionOutcome::NotDone)) => "exception not done",
+            Some((_, ExceptionOutcome::Unknown(_))) => "exception unknown",
+        };
+        list(&[if missed { "missed" } else { "" }, if rejected.is_some() { "rejected" } else { "" }, outcome])
+    };
+    let with = |it, other: &str| list(&[&judged(it), other]);
+    match *action {
+        Action::Nothing | Action::Refuse(_) | Action::EndFrame => String::new(),
+        Action::Missed => "missed".into(),
+        Action::Stale => "target stale".into(),
+        Action::Asked(it) => judged(it),
+        Action::Stopped(it) => with(it, "stopped"),
+        Action::Exception(exception, outcome) => {
+            judged(Judged { outcome: Some((exception, outcome)), ..Judged::default() })
+        }
+        Action::Ended(outcome) => with(Judged { outcome, ..Judged::default() }, "ended"),
+        Action::Lost { missed, outcome, .. } => with(Judged { missed, outcome, ..Judged::default() }, "lost"),
+        Action::SentStart(code) => format!("{code:?}").to_lowercase(),
+        Action::SentReply(Exception::None) => "reply".into(),
+        Action::SentReply(_) => "reply with the exception".into(),
     }
 }
 
-impl Machine for ControllerMachine {
-    const END: &'static str = "controller";
-    type Input = ControllerInput;
-    type Action = ControllerActions;
-    type Config = ControllerConfig;
-
-    forward!();
-
-    fn action_name(actions: &ControllerActions) -> String {
-        let send = actions.send.map(|message| match message {
-            Outgoing::Start(_) => "start message",
-            Outgoing::Motion(MotionPhase::Running, _) => "standard message",
-            Outgoing::Motion(MotionPhase::Interrupted, _) => "standard message, interrupted",
-            Outgoing::End(_) => "end message",
-        });
-        let start = actions.start.map(|outcome| format!("{outcome:?}").to_lowercase());
-        let flags = [
-            (actions.taken == Some(Taken::Moves), "move"),
-            (actions.bad_reply.is_some(), "bad reply"),
-            (actions.exception.is_some(), "exception"),
-            (actions.stray, "stray"),
-            (actions.ended.is_some(), "ended"),
-        ];
-        let flags = flags.into_iter().filter(|(set, _)| *set).map(|(_, name)| name.to_string());
-        flags.chain(start).chain(send.map(Into::into)).collect::<Vec<_>>().join(", ")
+fn controller_action(action: &controller::Action) -> String {
+    use controller::Action;
+    let start = |outcome: Option<controller::StartOutcome>| {
+        outcome.map(|outcome| format!("{outcome:?}").to_lowercase()).unwrap_or_default()
+    };
+    match action {
+        Action::Nothing | Action::Refuse(_) | Action::Begin | Action::Rest => String::new(),
+        Action::Sent(Outgoing::Start(_)) => "start message".into(),
+        Action::Sent(Outgoing::Motion(MotionPhase::Running, _)) => "standard message".into(),
+        Action::Sent(Outgoing::Motion(MotionPhase::Interrupted, _)) => "standard message, interrupted".into(),
+        Action::Sent(Outgoing::End(_)) => "ended, end message".into(),
+        Action::Take(taken, handling) => list(&[
+            if *taken == Taken::Moves { "move" } else { "" },
+            match handling {
+                None => "",
+                Some(Handling::Subroutine(_) | Handling::Abort(_)) => "exception",
+            },
+        ]),
+        Action::Start(outcome) => start(Some(*outcome)),
+        Action::BadStart(_, outcome) => list(&["bad reply", &start(*outcome)]),
+        Action::BadReply(_) | Action::Missing => "bad reply".into(),
+        Action::End(_) => "ended".into(),
+        Action::Stray => "stray".into(),
     }
+}
+
+fn list(names: &[&str]) -> String {
+    let names: Vec<&str> = names.iter().copied().filter(|name| !name.is_empty()).collect();
+    names.join(", ")
 }

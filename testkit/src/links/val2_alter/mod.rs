@@ -3,6 +3,7 @@
 
 mod machines;
 mod pair;
+pub mod rows;
 mod rules;
 mod setup;
 mod world;

@@ -2,10 +2,9 @@
 
 use core::time::Duration;
 
-use val2_alter::machine::{
-    Answer, ControllerInput, ControllerMachine, ControllerPhase, Course, HostInput, HostMachine, HostPhase,
-    Progress, Wanted,
-};
+use robot_session::{Machine as _, Rules};
+use val2_alter::controller::machine::{self as controller, ControllerMachine, ControllerPhase, Progress};
+use val2_alter::host::machine::{self as host, Answer, Course, HostMachine, HostPhase};
 use val2_alter::{AXES, ErrorCode, Exception, ExceptionOutcome, Policy, StartCode, timing};
 
 use super::setup::{Alter, FRESH, TICK};
@@ -78,8 +77,8 @@ impl System for Alter {
     fn init(&self) -> World {
         let mut host = HostMachine::new(Policy::Accept, true);
         let mut controller = ControllerMachine::NEW;
-        let _ = host.on(Duration::ZERO, HostInput::Connected, &self.host);
-        let _ = controller.on(Duration::ZERO, ControllerInput::Connected, &self.controller);
+        let _ = host.on(Duration::ZERO, host::Input::Connected, &self.host);
+        let _ = controller.on(Duration::ZERO, controller::Input::Connected, &self.controller);
         World {
             host,
             controller,
@@ -117,7 +116,7 @@ impl System for Alter {
                 acts.push(Act::Noise);
             }
         }
-        if world.controller.due(Duration::ZERO).is_some() {
+        if world.controller.transmit(Duration::ZERO, &self.controller).is_some() {
             if self.interrupts && faulty && world.controller.name() == "running" {
                 acts.push(Act::Interrupt);
             }
@@ -132,7 +131,7 @@ impl System for Alter {
         if world.jobs.len() < self.jobs.into() && !world.open_job() && world.is_running() {
             acts.push(Act::Ask);
         }
-        if let Some(wanted) = world.host.wanted(&self.host) {
+        if let Some(wanted) = world.host.transmit(Duration::ZERO, &self.host) {
             fates(Act::Answer, acts);
             if world.late {
                 acts.retain(|act| *act != Act::Answer(Fate::Late));
@@ -140,7 +139,7 @@ impl System for Alter {
             if faulty {
                 acts.push(Act::LateTick);
             }
-            if matches!(wanted, Wanted::Reply { .. }) && world.is_running() && world.target.1 > 0 {
+            if matches!(wanted, Answer::Reply { .. }) && world.is_running() && world.target.1 > 0 {
                 acts.extend((0..=3).map(Act::Target));
             }
             return;
@@ -175,9 +174,13 @@ impl System for Alter {
         world.faults -= u8::from(is_fault(act));
         match act {
             Act::Send(fate) => {
-                let len = world.controller.due(Duration::ZERO).map_or(0, |due| Message::from(due).len());
-                let actions = world.controller(self, ControllerInput::Transmit { len }, edges);
-                if let Some(message) = actions.send.map(Message::from) {
+                let len = world
+                    .controller
+                    .transmit(Duration::ZERO, &self.controller)
+                    .map_or(0, |due| Message::from(due).len());
+                let action = world.controller(self, controller::Input::Sent { len }, edges);
+                if let controller::Action::Sent(message) = action {
+                    let message = Message::from(message);
                     let ticks = on_the_line(len.into(), self.controller.baud);
                     world.late = fate == Fate::Late && self.late_once;
                     self.carry(&mut world.down, message, Message::Corrupt, fate, ticks);
@@ -192,27 +195,27 @@ impl System for Alter {
                 let (reply, _) = world.up.remove(0);
                 world.arrive(self, reply, edges);
             }
-            Act::Noise => _ = world.controller(self, ControllerInput::Corrupt(ErrorCode::Mark), edges),
+            Act::Noise => _ = world.controller(self, controller::Input::Corrupt(ErrorCode::Mark), edges),
             Act::Ask => {
                 world.jobs.push(Job::default());
-                let input = HostInput::Exception { exception: GRIP, has_room: true };
-                if world.host(self, input, edges).refused.is_some() {
+                let input = host::Input::Exception { exception: GRIP, has_room: true };
+                if matches!(world.host(self, input, edges), host::Action::Refuse(_)) {
                     world.fail(EXPECTED);
                 }
             }
             Act::Target(moving) => {
-                world.host(self, HostInput::Target, edges);
+                world.host(self, host::Input::Target, edges);
                 world.target = (moving, 0);
             }
             Act::Stop => {
                 world.stop = Stop::Asked;
-                world.host(self, HostInput::Stop, edges);
+                world.host(self, host::Input::Stop, edges);
             }
-            Act::Accept => _ = world.host(self, HostInput::Policy(Policy::Accept), edges),
-            Act::Return => _ = world.controller(self, ControllerInput::Return, edges),
-            Act::Interrupt => _ = world.controller(self, ControllerInput::Interrupt, edges),
-            Act::Start => _ = world.controller(self, ControllerInput::Start { has_room: true }, edges),
-            Act::Finish | Act::End => _ = world.controller(self, ControllerInput::Finish, edges),
+            Act::Accept => _ = world.host(self, host::Input::Policy(Policy::Accept), edges),
+            Act::Return => _ = world.controller(self, controller::Input::Return, edges),
+            Act::Interrupt => _ = world.controller(self, controller::Input::Interrupt, edges),
+            Act::Start => _ = world.controller(self, controller::Input::Start { has_room: true }, edges),
+            Act::Finish | Act::End => _ = world.controller(self, controller::Input::Finish, edges),
             Act::RestartHost => {
                 world.host = HostMachine::new(Policy::Accept, true);
                 (world.offset, world.corrupt) = ((0, 0), (0, 0));
@@ -222,16 +225,16 @@ impl System for Alter {
                 if world.stop == Stop::Asked {
                     world.stop = Stop::Over;
                 }
-                world.host(self, HostInput::Connected, edges);
+                world.host(self, host::Input::Connected, edges);
             }
             Act::RestartController => {
                 world.controller = ControllerMachine::NEW;
                 (world.held, world.attempts, world.unreported) = (0, 0, false);
-                world.controller(self, ControllerInput::Connected, edges);
+                world.controller(self, controller::Input::Connected, edges);
             }
             Act::Reopen => {
-                world.host(self, HostInput::Disconnected, edges);
-                world.host(self, HostInput::Connected, edges);
+                world.host(self, host::Input::Disconnected, edges);
+                world.host(self, host::Input::Connected, edges);
                 world.corrupt = (0, 0);
             }
             Act::Tick | Act::LateTick => self.tick(&mut world, edges),
@@ -244,7 +247,7 @@ impl System for Alter {
         }
         if world.target.1 >= FRESH {
             // Which one it was decides nothing any more, unless the rule does not apply.
-            world.target.0 &= if self.host.without.is_empty() { 0 } else { 3 };
+            world.target.0 &= if self.host.rules == Rules::ALL { 0 } else { 3 };
         }
         world
     }
@@ -297,8 +300,8 @@ impl System for Alter {
 
 impl Alter {
     fn answer(&self, world: &mut World, fate: Fate, edges: &mut Edges<'_>) {
-        let Some(wanted) = world.host.wanted(&self.host) else { return };
-        let follows = matches!(wanted, Wanted::Reply { course: Course::Target, .. });
+        let Some(wanted) = world.host.transmit(Duration::ZERO, &self.host) else { return };
+        let follows = matches!(wanted, Answer::Reply { course: Course::Target, .. });
         if follows && world.target.1 >= FRESH {
             world.fail(STALE);
         }
@@ -309,14 +312,17 @@ impl Alter {
             }
             _ => None,
         };
-        let (draft, offset) = world.draft(self, wanted);
-        let actions = world.host(self, HostInput::Transmit(draft), edges);
-        let Some(answer) = actions.send else {
-            // Its timeout is due at once.
-            world.host(self, HostInput::Timeout, edges);
-            return;
+        let (draft, at_rest, offset) = world.draft(self, wanted);
+        let selected = world.host.select(Duration::ZERO, &draft, &self.host);
+        let Some((select, held)) = selected.filter(|_| wanted != Answer::Nothing) else {
+            let not_sent = if wanted == Answer::Nothing { host::Input::Ignored } else { host::Input::Late };
+            world.host(self, not_sent, edges);
+            return world.expire_host(self, edges);
         };
-        let (reply, len) = match answer {
+        let at_rest = at_rest && draft.moving == 0;
+        world.host(self, host::Input::Sent { moving: draft.moving & select, at_rest }, edges);
+        let (reply, len) = match wanted {
+            Answer::Nothing => return,
             Answer::Start(code) => {
                 match code {
                     StartCode::Accept => world.offset = (0, 0),
@@ -325,7 +331,7 @@ impl Alter {
                 }
                 (Reply::Start(code), usize::from(draft.bare))
             }
-            Answer::Reply { select, held, exception } => {
+            Answer::Reply { exception, .. } => {
                 if world.stop == Stop::Reported {
                     world.fail(SILENT);
                 }
@@ -356,8 +362,8 @@ impl Alter {
         waits
             .chain(world.up.iter_mut().map(|(_, wait)| wait))
             .for_each(|wait| *wait = wait.saturating_sub(1));
-        world.controller(self, ControllerInput::Timeout, edges);
-        world.host(self, HostInput::Timeout, edges);
+        world.expire_controller(self, edges);
+        world.expire_host(self, edges);
         if matches!(world.host.phase, HostPhase::Active(_)) {
             world.quiet += 1;
             if world.quiet > self.silence() {

@@ -2,7 +2,8 @@
 
 use core::time::Duration;
 
-use val2_alter::machine::ControllerRule;
+use robot_session::Rules;
+use val2_alter::controller::Rule;
 use val2_alter::{Accumulation, ControllerConfig, HostConfig, Limits, Mode};
 
 /// A quarter of a cycle.
@@ -78,7 +79,7 @@ impl Alter {
     /// A controller that goes on after a timeout, and takes a reply that comes too late all the same, on a line that keeps what
     /// the host assumes of it.
     pub fn goes_on(mut self) -> Self {
-        self.controller.without = &[ControllerRule::EndOnMissing, ControllerRule::FirstReply];
+        self.controller.rules = Rules::without_both(Rule::EndOnMissing, Rule::FirstReply);
         (self.operator, self.late_once) = (true, true);
         self
     }

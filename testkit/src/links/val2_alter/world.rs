@@ -1,10 +1,13 @@
 //! What the model knows of a cell: both machines, the line between them, and what is known of every exception.
 
-use val2_alter::machine::{
-    ControllerActions, ControllerInput, ControllerMachine, ControllerPhase, Course, Draft, Handling,
-    HostActions, HostInput, HostMachine, HostPhase, Outgoing, Pending, Progress, StartOutcome, Taken, Turn,
-    Wanted,
+use core::time::Duration;
+
+use robot_session::Machine as _;
+use val2_alter::controller::machine::{
+    self as controller, ControllerMachine, ControllerPhase, Handling, Outgoing, Progress, StartOutcome,
+    Taken, Turn,
 };
+use val2_alter::host::machine::{self as host, Answer, Course, Draft, HostMachine, HostPhase, Pending};
 use val2_alter::{AXES, ErrorCode, Exception, ExceptionOutcome, MotionPhase, Policy, StartCode, timing};
 
 use super::setup::{Alter, TICK};
@@ -128,71 +131,101 @@ impl World {
         self.broken.get_or_insert(property);
     }
 
-    pub(super) fn host(&mut self, system: &Alter, input: HostInput, edges: &mut Edges<'_>) -> HostActions {
-        let Ok(actions) = drive(&mut self.host, input, &system.host, edges) else {
+    pub(super) fn host(&mut self, system: &Alter, input: host::Input, edges: &mut Edges<'_>) -> host::Action {
+        use host::Action;
+        let Ok(action) = drive(&mut self.host, input, &system.host, edges) else {
             self.fail(EXPECTED);
-            return HostActions::default();
+            return Action::Nothing;
         };
-        if let Some((_, outcome)) = actions.outcome {
+        let (missed, rejected, outcome) = match action {
+            Action::Missed => (true, false, None),
+            Action::Asked(judged) | Action::Stopped(judged) => {
+                (judged.missed, judged.rejected.is_some(), judged.outcome)
+            }
+            Action::Exception(exception, outcome) => (false, false, Some((exception, outcome))),
+            Action::Ended(outcome) => (false, false, outcome),
+            Action::Lost { missed, outcome, .. } => (missed, false, outcome),
+            Action::Nothing
+            | Action::Refuse(_)
+            | Action::EndFrame
+            | Action::Stale
+            | Action::SentStart(_)
+            | Action::SentReply(_) => (false, false, None),
+        };
+        if let Some((_, outcome)) = outcome {
             match self.jobs.last_mut() {
                 Some(job) if job.outcome.is_none() => job.outcome = Some(outcome),
                 _ => self.fail(OUTCOME),
             }
         }
-        if actions.missed {
+        if missed {
             self.offset.1 = self.offset.0;
         }
-        if actions.rejected.is_some() {
+        if rejected {
             self.offset.0 = self.offset.1;
         }
-        if actions.stopped {
+        if matches!(action, Action::Stopped(_)) {
             if self.held != 0 && system.is_in_time() {
                 self.fail(ZEROS);
             }
             self.stop = Stop::Reported;
-        } else if self.stop == Stop::Asked && (actions.ended || actions.lost.is_some()) {
+        } else if self.stop == Stop::Asked && matches!(action, Action::Ended(_) | Action::Lost { .. }) {
             self.stop = Stop::Over;
         }
-        actions
+        action
     }
 
     pub(super) fn controller(
         &mut self,
         system: &Alter,
-        input: ControllerInput,
+        input: controller::Input,
         edges: &mut Edges<'_>,
-    ) -> ControllerActions {
-        let Ok(actions) = drive(&mut self.controller, input, &system.controller, edges) else {
+    ) -> controller::Action {
+        use controller::Action;
+        let Ok(action) = drive(&mut self.controller, input, &system.controller, edges) else {
             self.fail(EXPECTED);
-            return ControllerActions::default();
+            return Action::Nothing;
         };
-        if actions.restart {
-            (self.held, self.attempts, self.unreported) = (0, 0, false);
+        match action {
+            Action::Begin => (self.held, self.attempts, self.unreported) = (0, 0, false),
+            Action::Start(StartOutcome::GaveUp) | Action::BadStart(_, Some(StartOutcome::GaveUp))
+                if self.attempts < system.controller.attempts =>
+            {
+                self.fail(TRIES);
+            }
+            Action::Sent(Outgoing::Start(_)) => self.attempts += 1,
+            Action::Sent(Outgoing::Motion(MotionPhase::Running, _)) if self.unreported => self.fail(INFORMED),
+            Action::Sent(Outgoing::Motion(..) | Outgoing::End(_)) => {
+                (self.attempts, self.unreported) = (0, false);
+            }
+            _ => {}
         }
-        if actions.start == Some(StartOutcome::GaveUp) && self.attempts < system.controller.attempts {
-            self.fail(TRIES);
+        action
+    }
+
+    /// What comes of itself at the controller.
+    pub(super) fn expire_controller(&mut self, system: &Alter, edges: &mut Edges<'_>) {
+        while self.controller.expires(Duration::ZERO) {
+            self.controller(system, controller::Input::Timeout, edges);
         }
-        match actions.send {
-            Some(Outgoing::Start(_)) => self.attempts += 1,
-            Some(Outgoing::Motion(MotionPhase::Running, _)) if self.unreported => self.fail(INFORMED),
-            Some(Outgoing::Motion(..) | Outgoing::End(_)) => (self.attempts, self.unreported) = (0, false),
-            None => {}
+    }
+
+    /// What comes of itself at the host.
+    pub(super) fn expire_host(&mut self, system: &Alter, edges: &mut Edges<'_>) {
+        while self.host.expires(Duration::ZERO) {
+            self.host(system, host::Input::Timeout, edges);
         }
-        if actions.close_window {
-            self.controller(system, ControllerInput::WindowClosed, edges);
-        }
-        actions
     }
 
     /// The host reads a message.
     pub(super) fn read(&mut self, system: &Alter, message: Message, edges: &mut Edges<'_>) {
         let input = match message {
-            Message::Start(_) => {
-                HostInput::Start { is_expected: !system.other_mode, len: Message::START_LEN }
+            Message::Start(_) => host::Input::Start { is_expected: !system.other_mode },
+            Message::Motion(phase, error) => {
+                host::Input::Motion { phase, error, len: Message::MOTION_LEN.into() }
             }
-            Message::Motion(phase, error) => HostInput::Motion { phase, error, len: Message::MOTION_LEN },
-            Message::End(_) => HostInput::End,
-            Message::Corrupt => HostInput::CorruptFrame,
+            Message::End(_) => host::Input::End,
+            Message::Corrupt => host::Input::CorruptFrame,
         };
         if system.repeats && message == Message::Corrupt && !matches!(self.host.phase, HostPhase::Active(_)) {
             let (count, ticks) = self.corrupt;
@@ -209,17 +242,17 @@ impl World {
     pub(super) fn arrive(&mut self, system: &Alter, reply: Reply, edges: &mut Edges<'_>) {
         let interrupted = self.is_interrupted();
         let (input, values) = match reply {
-            Reply::Start(code) => (ControllerInput::StartReply(code), None),
-            Reply::Corrupt => (ControllerInput::Corrupt(ErrorCode::Checksum), None),
+            Reply::Start(code) => (controller::Input::StartReply(code), None),
+            Reply::Corrupt => (controller::Input::Corrupt(ErrorCode::Checksum), None),
             Reply::Values { select, moving, job } => {
                 let exception = if job.is_some() { GRIP } else { Exception::None };
-                (ControllerInput::Reply { exception, has_room: true }, Some((select, moving, job)))
+                (controller::Input::Reply { exception, has_room: true }, Some((select, moving, job)))
             }
         };
-        let actions = self.controller(system, input, edges);
+        let controller::Action::Take(taken, handling) = self.controller(system, input, edges) else { return };
         let Some((select, moving, job)) = values else { return };
-        match actions.taken {
-            Some(Taken::Moves) => {
+        match taken {
+            Taken::Moves => {
                 self.held = self.held & !select | moving;
                 if self.held != moving && system.is_in_time() {
                     self.fail(WORDS);
@@ -228,10 +261,10 @@ impl World {
                     self.fail(UNASKED);
                 }
             }
-            Some(Taken::Rests) if system.takes_all => self.held = self.held & !select | moving,
-            Some(Taken::Rests) | None => {}
+            Taken::Rests if system.takes_all => self.held = self.held & !select | moving,
+            Taken::Rests => {}
         }
-        if let (Some(Handling::Subroutine(_)), Some(job)) = (actions.exception, job)
+        if let (Some(Handling::Subroutine(_)), Some(job)) = (handling, job)
             && let Some(job) = self.jobs.get_mut(usize::from(job))
         {
             job.executed = (job.executed + 1).min(2);
@@ -242,12 +275,12 @@ impl World {
         }
     }
 
-    /// The draft of the answer that is due, and whether its values follow the target.
-    pub(super) fn draft(&self, system: &Alter, wanted: Wanted) -> (Draft, (u8, u8)) {
-        let none = Draft { bare: 7, words: [2; AXES], moving: 0, at_rest: true, has_room: true };
-        let Wanted::Reply { course, .. } = wanted else {
+    /// The draft of the answer that is due, whether no axis moves, and the offset after it.
+    pub(super) fn draft(&self, system: &Alter, wanted: Answer) -> (Draft, bool, (u8, u8)) {
+        let none = Draft { bare: 7, words: [2; AXES], moving: 0 };
+        let Answer::Reply { course, .. } = wanted else {
             let at_rest = !system.is_offset() || self.offset.0 == self.offset.1;
-            return (Draft { at_rest, ..none }, self.offset);
+            return (none, at_rest, self.offset);
         };
         let moving = match course {
             Course::Target => self.target.0,
@@ -259,7 +292,7 @@ impl World {
         let at_rest = if system.is_offset() { offset.0 == offset.1 } else { moving == 0 };
         // Both bytes of a word that is not zero are doubled.
         let words = core::array::from_fn(|axis| if moving >> axis & 1 != 0 { 4 } else { 2 });
-        (Draft { bare: 8, words, moving, at_rest, ..none }, offset)
+        (Draft { bare: 8, words, moving }, at_rest, offset)
     }
 
     /// The host refuses a start.

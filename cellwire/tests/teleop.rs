@@ -19,7 +19,6 @@ use std::time::Duration;
 
 use cellwire::cell::demo::teleop::cell::{self, CellConfig};
 use cellwire::cell::teleop::input::InputConfig;
-use cellwire::cell::teleop::latch::LatchConfig;
 use cellwire::cell::teleop::{
     LIMITS, Notification, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config, polls,
 };
@@ -30,6 +29,7 @@ use cellwire::links::isra_ball::ball;
 use cellwire::links::val2_alter::Pose;
 use cellwire::links::val2_alter::puma::{self, PumaConfig, PumaEvent};
 use cellwire::links::val2_viewer::options::ViewerSettings;
+use cellwire_motion::latch::LatchConfig;
 use indicatif::ProgressBar;
 use isra_ball::BallConfig;
 use real_time::in_real_time;

@@ -1,10 +1,11 @@
-//! Motion: where an arm is, what a recording shows of it, and how far it was from the plan.
+//! Motion: where an arm is, what a recording shows of it, how far it was from the plan, and whether an operator may move it.
 
 mod bounds;
 pub mod dpm;
 mod evaluate;
 mod inverse;
 mod kinematics;
+pub mod latch;
 mod limits;
 mod orientation;
 mod planner;

@@ -54,3 +54,8 @@ fn mmacell_proto() {
     check::<Device>(44);
     check::<Moved>(44);
 }
+
+#[test]
+fn latch() {
+    check::<links::latch::rows::Operator>(40);
+}

@@ -4,12 +4,12 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 
 use anyhow::{Context as _, Result, ensure};
+use cellwire_motion::latch::LatchConfig;
 use val2_alter::{Accumulation, Mode};
 
 use super::settings::SetArgs;
 use crate::cell::operator::{self, Settings};
 use crate::cell::teleop::input::InputConfig;
-use crate::cell::teleop::latch::LatchConfig;
 use crate::cell::teleop::{PortConfig, TeleopConfig, Traces};
 use crate::io::trace::TraceArgs;
 use crate::io::{input, interrupt, serial};

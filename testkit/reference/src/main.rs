@@ -120,6 +120,9 @@ fn files(root: &Path, only: Option<&str>) -> Result<Vec<(PathBuf, String)>> {
             files.push((reference.join("sessions").join(&file), text));
         }
     }
+    if let Some(text) = states::file(root, states::LATCH)? {
+        files.push((reference.join("states").join(format!("{}.json", states::LATCH)), text));
+    }
     let file = format!("{}.json", programs::LINK);
     files.push((reference.join("vectors").join(&file), programs::vectors(root)?));
     files.push((reference.join("streams").join(&file), programs::streams(root)?));

@@ -6,6 +6,9 @@ use anyhow::{Context, Result};
 
 use crate::json::{self, Object};
 
+/// The crate of the operator's latch, which is no link, and has states alone.
+pub(crate) const LATCH: &str = "cellwire-motion";
+
 /// What a machine does in a state with an input; no `to`: the input is not expected.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Cell {
@@ -52,6 +55,7 @@ fn tables(link: &str) -> Option<Vec<testkit::model::Cell>> {
             use links::mmacell_proto::rows::{Central, Device, Moved, Progress};
             [cells::<Central>(), cells::<Progress>(), cells::<Device>(), cells::<Moved>()].concat()
         }
+        LATCH => cells::<links::latch::rows::Operator>(),
         _ => return None,
     })
 }

@@ -4,6 +4,7 @@ pub mod fanuc_hmi_modbus;
 pub mod isra_ball;
 pub mod kawasaki_msg;
 pub mod laser_eb90;
+pub mod latch;
 pub mod mmacell_proto;
 pub mod val2_alter;
 pub mod val2_viewer;
@@ -13,6 +14,7 @@ use crate::model::Pair;
 
 /// Every pair of ends, each in a line.
 pub const PAIRS: &[Pair] = &[
+    latch::PAIR,
     fanuc_hmi_modbus::RTU,
     fanuc_hmi_modbus::RTU_OVER_TCP,
     fanuc_hmi_modbus::TCP,

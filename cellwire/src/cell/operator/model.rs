@@ -3,11 +3,11 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use cellwire_motion::latch::{Cause, Latch};
 use isra_ball::Packet;
 use val2_alter::{AXES, ExceptionOutcome, HostConfig, HostState, Mode, Motion, Policy, Start, timing};
 
 use crate::cell::teleop::input::{InputConfig, Sample};
-use crate::cell::teleop::latch::{Cause, Latch};
 use crate::cell::teleop::window::{advice, axes_that_fit};
 use crate::cell::teleop::{Notification, PortConfig, Profile, Traces, lost_text};
 use crate::io::samples::Samples;

@@ -1,5 +1,6 @@
 //! The windows of the operator's screen (§10.6).
 
+use cellwire_motion::latch::{Cause, Latch};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -9,7 +10,6 @@ use val2_alter::{Accumulation, CoordinateFrame, HostState, Mode, Polarity, Polic
 
 use super::model::{Model, View, cause_text};
 use crate::cell::teleop::input::FULL;
-use crate::cell::teleop::latch::{Cause, Latch};
 use crate::links::val2_alter::Layout as Words;
 
 const AXES: [&str; 6] = ["X ", "Y ", "Z ", "RX", "RY", "RZ"];

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use cellwire_motion::latch::LatchConfig;
 use val2_alter::{HostConfig, Limits};
 
 use super::input::InputConfig;
-use super::latch::LatchConfig;
 use super::port::PortConfig;
 use super::profile::Profile;
 

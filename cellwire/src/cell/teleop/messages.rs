@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use cellwire_motion::latch::Latch;
 use isra_ball::Packet;
 use val2_alter::{
     AXES, End, ErrorCode, Exception, ExceptionOutcome, HostState, LostReason, Motion, Policy, SessionError,
     Start,
 };
 
-use super::latch::Latch;
 use super::profile::Profile;
 use super::sample::Sample;
 

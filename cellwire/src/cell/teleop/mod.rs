@@ -10,7 +10,7 @@
 //!                                  └──────▶ screen, demo, records: one way
 //! ```
 //!
-//! The robot thread alone answers the controller, and has the safety [latch]. It waits for nobody: not for the screen and
+//! The robot thread alone answers the controller, and has the [latch](cellwire_motion::latch). It waits for nobody: not for the screen and
 //! its keys, not for the disk, not for a port that is opened again. Orders come to it through a channel that it empties before a
 //! reply; what it has to report and to trace leaves after the reply, and is dropped or kept where nobody takes it.
 
@@ -20,7 +20,6 @@ mod filter;
 mod gripper;
 mod handshake;
 pub mod input;
-pub mod latch;
 mod messages;
 mod port;
 mod profile;

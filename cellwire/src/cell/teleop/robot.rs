@@ -7,13 +7,13 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Decoder as _, Driver, Session as _};
+use cellwire_motion::latch::{Latch, LatchAction, LatchConfig, LatchInput};
+use robot_session::{Decoder as _, Driver, Machine as _, Session as _};
 use val2_alter::{AXES, Decoder, Host, HostEvent, HostState, MotionPhase, RobotMessage, Transform};
 
 use super::config::TeleopConfig;
 use super::context::Context;
 use super::gripper::GripperKeys;
-use super::latch::{Latch, LatchConfig, LatchInput};
 use super::messages::{Notification, Order, lost_text};
 use super::port::Port;
 use super::profile::Profile;
@@ -33,7 +33,7 @@ pub(super) struct Robot {
     gripper: GripperKeys,
     latch: Latch,
     latch_config: LatchConfig,
-    /// What the hand asked for last: used while the latch is armed.
+    /// What the hand asked for last: used while the latch lets it through.
     hand: Option<Sample>,
     orders: Receiver<Order>,
     poses: Sender<Transform>,
@@ -88,7 +88,7 @@ impl Robot {
             (true, _) => {}
             (false, _) => {
                 self.host.handle_disconnected(now);
-                self.latch_on(LatchInput::Over);
+                self.latch_on(LatchInput::Disconnected);
             }
         }
     }
@@ -106,14 +106,8 @@ impl Robot {
                     self.latch_on(LatchInput::Profile);
                 }
                 Order::Policy(policy) => self.host.set_policy(now, policy),
-                Order::Stop => {
-                    self.host.stop(now);
-                    self.latch_on(LatchInput::Stop);
-                }
-                Order::End => {
-                    self.host.stop(now);
-                    self.latch_on(LatchInput::End);
-                }
+                Order::Stop => self.latch_on(LatchInput::Stop),
+                Order::End => self.latch_on(LatchInput::End),
                 Order::GripperKeys(on) => {
                     self.gripper.set_enabled(on);
                     self.host.set_subroutine(now, on);
@@ -122,7 +116,9 @@ impl Robot {
                 Order::Stall(time) => thread::sleep(time),
             }
         }
-        self.latch_on(LatchInput::Timer);
+        if self.latch.expires(self.context.clock.now()) {
+            self.latch_on(LatchInput::Timeout);
+        }
     }
 
     fn take(&mut self, now: Duration, sample: Sample) {
@@ -139,21 +135,23 @@ impl Robot {
     }
 
     fn latch_on(&mut self, input: LatchInput) {
-        let (now, before) = (self.context.clock.now(), self.latch);
-        self.latch.on(now, input, &self.latch_config);
-        let runs = !matches!(self.latch, Latch::Off(_) | Latch::Ended);
-        self.context.runs.store(runs, Ordering::Relaxed);
-        if before.name() != self.latch.name() || before.cause() != self.latch.cause() {
-            self.later.push(Notification::Latch(self.latch));
+        let now = self.context.clock.now();
+        let action = self.latch.on(now, input, &self.latch_config);
+        self.context.runs.store(self.latch.is_on(), Ordering::Relaxed);
+        match action {
+            LatchAction::Nothing => return,
+            LatchAction::Report => {}
+            LatchAction::Stop => self.host.stop(now),
         }
+        self.later.push(Notification::Latch(self.latch));
     }
 
     /// Replies if the session is to, and then waits for the next message.
     fn reply(&mut self) {
         let mode = self.host.config().mode;
         let now = self.context.clock.now();
-        let demand =
-            self.hand.filter(|_| self.latch.is_armed(now)).map(|hand| self.profile.target(&hand, mode));
+        let hand = self.latch.transmit(now, &self.latch_config).and(self.hand);
+        let demand = hand.map(|hand| self.profile.target(&hand, mode));
         // Without a hand the arm comes to rest.
         match demand {
             Some(demand) => self.host.set_target(now, demand),
@@ -183,7 +181,7 @@ impl Robot {
         let turn = driver.turn(host, Some(wait), |host, event| {
             later.push(match event {
                 HostEvent::Start(start) => {
-                    inputs.push(LatchInput::Over);
+                    inputs.push(LatchInput::Connected);
                     Notification::Start(start)
                 }
                 HostEvent::Motion(motion) => {
@@ -195,7 +193,7 @@ impl Robot {
                     Notification::Motion(motion)
                 }
                 HostEvent::End(end) => {
-                    inputs.push(LatchInput::Over);
+                    inputs.push(LatchInput::Disconnected);
                     Notification::End(end)
                 }
                 HostEvent::Corrupt(error) => Notification::Corrupt(error),
@@ -207,7 +205,7 @@ impl Robot {
                 }
                 HostEvent::Exception(exception, outcome) => Notification::GripperOutcome(exception, outcome),
                 HostEvent::Lost(reason) => {
-                    inputs.push(LatchInput::Over);
+                    inputs.push(LatchInput::Disconnected);
                     Notification::Lost(reason)
                 }
                 _ => return ControlFlow::<()>::Continue(()),

@@ -13,7 +13,6 @@ use val2_alter::{Accumulation, ControllerConfig, Exception, HostConfig, HostStat
 use super::cycles::{Cycle, Cycles};
 use crate::cell::demo::DemoOptions;
 use crate::cell::teleop::input::InputConfig;
-use crate::cell::teleop::latch::{Latch, LatchConfig};
 use crate::cell::teleop::{
     LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config, polls,
 };
@@ -26,6 +25,7 @@ use crate::links::isra_ball::ball;
 use crate::links::val2_alter::puma::{self, PumaConfig, PumaRecord};
 use crate::links::val2_viewer::options::ViewerSettings;
 use crate::links::val2_viewer::workstation::{self, Drawn};
+use cellwire_motion::latch::{Latch, LatchConfig};
 
 /// The hand's whole round, and a little more.
 const OWN_RUN: Duration = Duration::from_millis(7500);

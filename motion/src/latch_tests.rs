@@ -49,7 +49,7 @@ impl Oracle {
                 (self.on, self.runs) = (true, false);
                 self.forbid();
             }
-            On::Silent | On::Over => {
+            On::Silent | On::Connected | On::Disconnected => {
                 // After a stop the silence is on purpose, and lasts until ALTER is over.
                 self.stopped &= input == On::Silent;
                 (self.on, self.runs) = (self.stopped, false);
@@ -62,7 +62,7 @@ impl Oracle {
                 self.forbid();
             }
             On::Confirm => self.allowed |= self.ready,
-            On::Timer => {}
+            On::Timeout => {}
             On::Hand { rests, holds, .. } => {
                 self.fresh = FRESH;
                 if !self.runs || self.stopped || self.ends {
@@ -102,7 +102,8 @@ fn explore(config: &LatchConfig) -> usize {
                 On::Running,
                 On::Interrupted,
                 On::Silent,
-                On::Over,
+                On::Connected,
+                On::Disconnected,
                 hand(true, false),
                 hand(false, false),
                 hand(false, true),
@@ -112,7 +113,7 @@ fn explore(config: &LatchConfig) -> usize {
                 On::Confirm,
                 On::Stop,
                 On::End,
-                On::Timer,
+                On::Timeout,
             ];
             for input in inputs {
                 let (mut latch, mut oracle) = (latch, oracle);
@@ -176,7 +177,7 @@ fn three_tenths_of_a_second_of_rest_arm_and_not_a_millisecond_less() {
     assert!(!rested(300).is_armed(400 * MS), "its values are old");
     // Time alone arms nothing.
     let mut inputs = inputs.clone();
-    inputs.push((310, On::Timer));
+    inputs.push((310, On::Timeout));
     assert!(!after(&config, &inputs).is_armed(310 * MS));
 }
 
@@ -185,12 +186,12 @@ fn three_tenths_of_a_second_of_rest_arm_and_not_a_millisecond_less() {
 fn every_danger_disarms_and_a_push_that_goes_on_moves_nothing() {
     let config = LatchConfig::default();
     let dangers = [
-        (vec![On::Over, On::Running], Cause::Start),
+        (vec![On::Disconnected, On::Running], Cause::Start),
         (vec![On::Interrupted, On::Running], Cause::Interruption),
         (vec![On::OldValues], Cause::OldValues),
         (vec![On::InputLost], Cause::InputLost),
         (vec![On::Profile], Cause::Profile),
-        (vec![On::Stop, On::Over, On::Running], Cause::Start),
+        (vec![On::Stop, On::Disconnected, On::Running], Cause::Start),
     ];
     for (danger, cause) in dangers {
         let mut inputs = armed();
@@ -214,7 +215,7 @@ fn values_that_are_not_renewed_disarm_when_their_time_is_over() {
     assert_eq!(latch.deadline(), Some(460 * MS));
     assert!(latch.is_armed(459 * MS));
     assert!(!latch.is_armed(460 * MS), "also before anybody says what time it is");
-    latch.on(460 * MS, On::Timer, &config);
+    latch.on(460 * MS, On::Timeout, &config);
     assert_eq!(latch, Latch::Disarmed(Cause::OldValues));
     latch.on(500 * MS, hand(400 * MS, true), &config);
     assert_eq!(latch, Latch::Disarmed(Cause::OldValues), "old when they come");
@@ -252,13 +253,13 @@ fn the_end_comes_when_alter_is_over_or_its_time_is() {
     assert_eq!(after(&config, &[(5, On::End)]), Latch::Ended, "nothing runs");
     assert_eq!(end(&[]), Latch::Ending { by: 1900 * MS });
     assert_eq!(end(&[(500, On::End), (600, hand(600 * MS, true))]), Latch::Ending { by: 1900 * MS });
-    assert_eq!(end(&[(900, On::Over)]), Latch::Ended);
+    assert_eq!(end(&[(900, On::Disconnected)]), Latch::Ended);
     assert_eq!(end(&[(900, On::Silent)]), Latch::Ending { by: 1050 * MS });
-    assert_eq!(end(&[(900, On::Silent), (1050, On::Timer)]), Latch::Ended);
-    assert_eq!(end(&[(1899, On::Timer)]), Latch::Ending { by: 1900 * MS });
-    assert_eq!(end(&[(1900, On::Timer)]), Latch::Ended);
+    assert_eq!(end(&[(900, On::Silent), (1050, On::Timeout)]), Latch::Ended);
+    assert_eq!(end(&[(1899, On::Timeout)]), Latch::Ending { by: 1900 * MS });
+    assert_eq!(end(&[(1900, On::Timeout)]), Latch::Ended);
     // A stop before makes no difference.
     let mut inputs = armed();
-    inputs.extend([(370, On::Stop), (380, On::End), (390, On::Over)]);
+    inputs.extend([(370, On::Stop), (380, On::End), (390, On::Disconnected)]);
     assert_eq!(after(&config, &inputs), Latch::Ended);
 }

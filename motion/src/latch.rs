@@ -1,0 +1,496 @@
+//! The operator's latch: whether the hand may move the arm. Pure: no clock, no line, no input device.
+//!
+//! ```text
+//!            ALTER runs        the hand rests       rested for `rest`      (confirmed)
+//!  Off ───────────────▶ Disarmed ────────▶ Resting ───────────────▶ Ready ────────▶ Armed
+//!   ▲                      ▲  a push, or old values │                 │ old values    │ old values, lost input,
+//!   │ ALTER ends           └────────────────────────┴─────────────────┴───────────────┘ another profile
+//!   │
+//!  Stopping, Ending ◀── stop, end: from every state; the values go to zero, and nothing arms
+//! ```
+//!
+//! Every start of ALTER, every interruption, old values, a lost input, a stop and a changed profile disarm. Only fresh values of
+//! a hand at rest arm, uninterrupted for [`LatchConfig::rest`]: an arm never moves because something came back.
+//!
+//! As the model has explored it:
+#![doc = include_str!("../diagrams/latch.md")]
+
+use core::time::Duration;
+
+use robot_session::{Expiry, Machine, Rules, Unexpected, is_due};
+
+/// How the latch arms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LatchConfig {
+    /// How long the hand must rest. Default: 0.3 s.
+    pub rest: Duration,
+    /// Whether a key has to confirm it besides. Default: no.
+    ///
+    /// Where values are offsets from the path (non-cumulative ALTER) it should be set: armed, the arm leaves the offset that is
+    /// held, and goes to that of the hand.
+    pub confirm: bool,
+    /// Whether the arm moves only while the hand holds a key: to let it go disarms. Default: no.
+    pub hold_to_run: bool,
+    /// How long the end may take: coming to rest, and ending ALTER. Default: 1.5 s.
+    pub end_within: Duration,
+    /// How long the controller may take to report the end of ALTER when no message is answered any more. Default: 0.15 s.
+    pub farewell: Duration,
+    /// The rules of the latch, all of which are kept.
+    #[doc(hidden)]
+    pub rules: Rules<Rule>,
+}
+
+robot_session::rules! {
+    /// The rules of the latch, without which an arm moves that nobody moves, or does not move and nobody knows why.
+    pub enum Rule {
+        /// The hand has to rest before it moves the arm.
+        Rest,
+        /// A push begins the rest anew.
+        Uninterrupted,
+        /// New values arm: time alone does not, for a push may have come that is not read yet.
+        ByValues,
+        /// Values that are not renewed disarm.
+        Expire,
+        /// What came due is done before what a late caller brings.
+        TimeFirst,
+        /// Old values move nothing, also before a late caller says what time it is.
+        FreshInUse,
+        /// Values that are old when they come are none.
+        OldOnArrival,
+        /// A start message disarms.
+        Start,
+        /// The end of ALTER disarms.
+        Over,
+        /// An interruption disarms.
+        Interruption,
+        /// An input without new values disarms.
+        OldValues,
+        /// A lost input disarms.
+        InputLost,
+        /// Another meaning of the values disarms.
+        Profile,
+        /// The key that has to be held disarms when it is let go.
+        HoldToRun,
+        /// A key has to confirm, where that is configured.
+        Confirm,
+        /// Only a hand that has rested is confirmed.
+        ConfirmRested,
+        /// After a stop, nothing arms before ALTER is over.
+        StopHolds,
+        /// After an end, nothing arms.
+        EndHolds,
+        /// A stop is passed on in every state.
+        PassOnStop,
+        /// A stop is the cause until ALTER runs again.
+        StopIsCause,
+        /// The end does not wait for ALTER without end.
+        EndInTime,
+        /// When no message is answered any more, the end does not wait for long.
+        Farewell,
+        /// Whoever shows the latch learns of every change.
+        Report,
+    }
+}
+
+impl Default for LatchConfig {
+    fn default() -> Self {
+        Self {
+            rest: Duration::from_millis(300),
+            confirm: false,
+            hold_to_run: false,
+            end_within: Duration::from_millis(1500),
+            farewell: Duration::from_millis(150),
+            rules: Rules::ALL,
+        }
+    }
+}
+
+/// The latch. Every time is a deadline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Latch {
+    /// No ALTER.
+    Off(Cause),
+    /// ALTER is interrupted.
+    Interrupted,
+    /// The hand moves nothing until it has rested.
+    Disarmed(Cause),
+    /// The hand rests.
+    Resting {
+        /// Why it has to.
+        cause: Cause,
+        /// How long its values may be used.
+        fresh_until: Duration,
+        /// When it has rested long enough.
+        rested_at: Duration,
+    },
+    /// The hand has rested; a key has to confirm it.
+    Ready {
+        /// Why it had to.
+        cause: Cause,
+        /// How long its values may be used.
+        fresh_until: Duration,
+    },
+    /// The hand moves the arm.
+    Armed {
+        /// How long its values may be used.
+        fresh_until: Duration,
+    },
+    /// The operator has stopped: the values go to zero, then ALTER ends.
+    Stopping,
+    /// The same, and then the program ends.
+    Ending {
+        /// At the latest.
+        by: Duration,
+    },
+    /// The program ends.
+    Ended,
+}
+
+/// Why the hand does not move the arm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Cause {
+    /// No ALTER runs.
+    NoAlter,
+    /// ALTER has begun.
+    Start,
+    /// ALTER was interrupted.
+    Interruption,
+    /// The input sends no new values.
+    OldValues,
+    /// The input is gone.
+    InputLost,
+    /// The key that has to be held was let go.
+    KeyReleased,
+    /// The meaning of the hand's values has changed.
+    Profile,
+    /// The operator has stopped.
+    Stop,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum LatchInput {
+    /// ALTER begins: a start message has come.
+    Connected,
+    /// ALTER is over.
+    Disconnected,
+    /// Time has passed.
+    Timeout,
+    /// Messages of a running ALTER are to be answered with values.
+    Running,
+    /// The exception subroutine runs.
+    Interrupted,
+    /// No message is answered any more.
+    Silent,
+    /// New values of the hand.
+    Hand {
+        /// No axis is beyond the dead zone.
+        rests: bool,
+        /// The key to be held is down.
+        holds: bool,
+        /// How long they may be used.
+        fresh_until: Duration,
+    },
+    /// The input sends no new values.
+    OldValues,
+    /// The input is gone.
+    InputLost,
+    /// The meaning of the values has changed.
+    Profile,
+    /// The operator confirms that the hand may move the arm.
+    Confirm,
+    /// The operator stops.
+    Stop,
+    /// The program is to end.
+    End,
+}
+
+/// What is to be done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum LatchAction {
+    /// Nothing.
+    Nothing,
+    /// Shows what the latch is now.
+    Report,
+    /// Ends ALTER, and shows what the latch is now.
+    Stop,
+}
+
+/// What the latch lets through: the last values of the hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct HandValues;
+
+impl Latch {
+    /// Before the first ALTER.
+    pub const NEW: Self = Self::Off(Cause::NoAlter);
+
+    /// Takes an input, each of which may come at any time.
+    pub fn on(&mut self, now: Duration, input: LatchInput, config: &LatchConfig) -> LatchAction {
+        let (before, keeps) = (*self, |rule| config.rules.keeps(rule));
+        if input == LatchInput::Timeout || keeps(Rule::TimeFirst) {
+            self.expire(now, config);
+        }
+        if input.disarms_by().is_none_or(keeps) {
+            *self = self.after(now, input, config);
+        }
+        let changed = (before.name(), before.cause()) != (self.name(), self.cause());
+        match input {
+            LatchInput::Stop | LatchInput::End if keeps(Rule::PassOnStop) => LatchAction::Stop,
+            _ if changed && keeps(Rule::Report) => LatchAction::Report,
+            _ => LatchAction::Nothing,
+        }
+    }
+
+    /// Whether the hand's values may be used.
+    pub fn is_armed(&self, now: Duration) -> bool {
+        matches!(self, Self::Armed { fresh_until } if !is_due(*fresh_until, now))
+    }
+
+    /// Whether there is an ALTER.
+    pub fn is_on(&self) -> bool {
+        !matches!(self, Self::Off(_) | Self::Ended)
+    }
+
+    /// Why the hand does not move the arm; `None`: it does.
+    pub fn cause(&self) -> Option<Cause> {
+        match *self {
+            Self::Off(cause)
+            | Self::Disarmed(cause)
+            | Self::Resting { cause, .. }
+            | Self::Ready { cause, .. } => Some(cause),
+            Self::Interrupted => Some(Cause::Interruption),
+            Self::Armed { .. } => None,
+            Self::Stopping | Self::Ending { .. } | Self::Ended => Some(Cause::Stop),
+        }
+    }
+
+    fn after(self, now: Duration, input: LatchInput, config: &LatchConfig) -> Self {
+        use LatchInput as On;
+        let keeps = |rule| config.rules.keeps(rule);
+        match (self, input) {
+            (Self::Ended, _) => Self::Ended,
+            (Self::Off(_), On::End) => Self::Ended,
+            (Self::Ending { by }, On::End) => Self::Ending { by },
+            (_, On::End) if !keeps(Rule::EndInTime) => Self::Ending { by: Duration::MAX },
+            (_, On::End) => Self::Ending { by: now.saturating_add(config.end_within) },
+            (Self::Ending { .. }, On::Connected | On::Disconnected) => Self::Ended,
+            (Self::Ending { by }, On::Silent) if keeps(Rule::Farewell) => {
+                Self::Ending { by: by.min(now.saturating_add(config.farewell)) }
+            }
+            (Self::Ending { .. }, On::Running) if !keeps(Rule::EndHolds) => Self::Disarmed(Cause::Stop),
+            (
+                Self::Ending { by },
+                On::Running
+                | On::Interrupted
+                | On::Silent
+                | On::Hand { .. }
+                | On::OldValues
+                | On::InputLost
+                | On::Profile
+                | On::Confirm
+                | On::Stop
+                | On::Timeout,
+            ) => Self::Ending { by },
+            (Self::Off(_), On::Stop) => Self::Off(Cause::Stop),
+            (_, On::Stop) => Self::Stopping,
+            (Self::Stopping, On::Connected | On::Disconnected) => Self::Off(Cause::Stop),
+            (Self::Stopping, On::Running) if !keeps(Rule::StopHolds) => Self::Disarmed(Cause::Stop),
+            (
+                Self::Stopping,
+                On::Running
+                | On::Interrupted
+                | On::Silent
+                | On::Hand { .. }
+                | On::OldValues
+                | On::InputLost
+                | On::Profile
+                | On::Confirm
+                | On::Timeout,
+            ) => Self::Stopping,
+            (Self::Off(cause), On::Connected | On::Disconnected | On::Silent) if keeps(Rule::StopIsCause) => {
+                Self::Off(cause)
+            }
+            (_, On::Connected | On::Disconnected | On::Silent) => Self::Off(Cause::NoAlter),
+            (_, On::Interrupted) => Self::Interrupted,
+            (Self::Interrupted, On::Running) => Self::Disarmed(Cause::Interruption),
+            (Self::Off(_), On::Running) => Self::Disarmed(Cause::Start),
+            (state, On::Running | On::Timeout) => state,
+            (
+                Self::Off(_) | Self::Interrupted,
+                On::Hand { .. } | On::OldValues | On::InputLost | On::Profile | On::Confirm,
+            ) => self,
+            (Self::Disarmed(cause), On::OldValues) => Self::Disarmed(cause),
+            (Self::Resting { .. } | Self::Ready { .. } | Self::Armed { .. }, On::OldValues) => {
+                Self::Disarmed(Cause::OldValues)
+            }
+            (_, On::InputLost) => Self::Disarmed(Cause::InputLost),
+            (_, On::Profile) => Self::Disarmed(Cause::Profile),
+            (Self::Ready { fresh_until, .. }, On::Confirm) => Self::Armed { fresh_until },
+            (Self::Resting { fresh_until, .. }, On::Confirm) if !keeps(Rule::ConfirmRested) => {
+                Self::Armed { fresh_until }
+            }
+            (state, On::Confirm) => state,
+            (state, On::Hand { rests, holds, fresh_until }) => {
+                state.hand(now, rests, holds, fresh_until, config)
+            }
+        }
+    }
+
+    fn hand(
+        self,
+        now: Duration,
+        rests: bool,
+        holds: bool,
+        fresh_until: Duration,
+        config: &LatchConfig,
+    ) -> Self {
+        let keeps = |rule| config.rules.keeps(rule);
+        if is_due(fresh_until, now) && keeps(Rule::OldOnArrival) {
+            return match self {
+                Self::Disarmed(cause) => Self::Disarmed(cause),
+                _ => Self::Disarmed(Cause::OldValues),
+            };
+        }
+        let holds = holds || !config.hold_to_run || !keeps(Rule::HoldToRun);
+        let goes_on = rests || !keeps(Rule::Uninterrupted);
+        match self {
+            Self::Armed { .. } if rests || holds => Self::Armed { fresh_until },
+            Self::Armed { .. } => Self::Disarmed(Cause::KeyReleased),
+            Self::Disarmed(cause) if rests => {
+                let rest = if keeps(Rule::Rest) { config.rest } else { Duration::ZERO };
+                Self::Resting { cause, fresh_until, rested_at: now.saturating_add(rest) }
+            }
+            Self::Resting { cause, rested_at, .. } if goes_on && is_due(rested_at, now) => {
+                if config.confirm && keeps(Rule::Confirm) {
+                    Self::Ready { cause, fresh_until }
+                } else {
+                    Self::Armed { fresh_until }
+                }
+            }
+            Self::Resting { cause, rested_at, .. } if goes_on => {
+                Self::Resting { cause, fresh_until, rested_at }
+            }
+            Self::Ready { cause, .. } if goes_on => Self::Ready { cause, fresh_until },
+            Self::Resting { cause, .. } | Self::Ready { cause, .. } => Self::Disarmed(cause),
+            other => other,
+        }
+    }
+
+    fn expire(&mut self, now: Duration, config: &LatchConfig) {
+        *self = match *self {
+            Self::Armed { fresh_until } if is_due(fresh_until, now) && !config.rules.keeps(Rule::Expire) => {
+                Self::Armed { fresh_until: Duration::MAX }
+            }
+            Self::Resting { fresh_until, .. }
+            | Self::Ready { fresh_until, .. }
+            | Self::Armed { fresh_until }
+                if is_due(fresh_until, now) =>
+            {
+                Self::Disarmed(Cause::OldValues)
+            }
+            Self::Resting { fresh_until, rested_at, .. }
+                if is_due(rested_at, now) && !config.rules.keeps(Rule::ByValues) =>
+            {
+                Self::Armed { fresh_until }
+            }
+            Self::Ending { by } if is_due(by, now) => Self::Ended,
+            state => state,
+        };
+    }
+}
+
+impl LatchInput {
+    /// The rule by which it disarms, whatever the state is.
+    fn disarms_by(self) -> Option<Rule> {
+        match self {
+            Self::Connected => Some(Rule::Start),
+            Self::Disconnected | Self::Silent => Some(Rule::Over),
+            Self::Interrupted => Some(Rule::Interruption),
+            Self::OldValues => Some(Rule::OldValues),
+            Self::InputLost => Some(Rule::InputLost),
+            Self::Profile => Some(Rule::Profile),
+            Self::Timeout | Self::Running | Self::Hand { .. } | Self::Confirm | Self::Stop | Self::End => {
+                None
+            }
+        }
+    }
+}
+
+impl Machine for Latch {
+    const END: &'static str = "latch";
+    const EXPIRY: Expiry = Expiry::First;
+    type Input = LatchInput;
+    type Action = LatchAction;
+    type Transmit = HandValues;
+    type Config = LatchConfig;
+
+    fn on(
+        &mut self,
+        now: Duration,
+        input: LatchInput,
+        config: &LatchConfig,
+    ) -> Result<LatchAction, Unexpected> {
+        Ok(Self::on(self, now, input, config))
+    }
+
+    /// The arm follows the hand's last values so long as it is due, and else comes to rest.
+    fn transmit(&self, now: Duration, config: &LatchConfig) -> Option<HandValues> {
+        let is_armed = match self {
+            Self::Armed { .. } if !config.rules.keeps(Rule::FreshInUse) => true,
+            _ => self.is_armed(now),
+        };
+        is_armed.then_some(HandValues)
+    }
+
+    fn deadline(&self) -> Option<Duration> {
+        let at = match *self {
+            Self::Resting { fresh_until, .. }
+            | Self::Ready { fresh_until, .. }
+            | Self::Armed { fresh_until } => fresh_until,
+            Self::Ending { by } => by,
+            Self::Off(_) | Self::Interrupted | Self::Disarmed(_) | Self::Stopping | Self::Ended => {
+                return None;
+            }
+        };
+        (at < Duration::MAX).then_some(at)
+    }
+
+    fn expires(&self, now: Duration) -> bool {
+        self.deadline().is_some_and(|at| is_due(at, now))
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+        match self {
+            Self::Resting { fresh_until, rested_at, .. } => {
+                f(fresh_until);
+                f(rested_at);
+            }
+            Self::Ready { fresh_until, .. } | Self::Armed { fresh_until } => f(fresh_until),
+            Self::Ending { by } => f(by),
+            Self::Off(_) | Self::Interrupted | Self::Disarmed(_) | Self::Stopping | Self::Ended => {}
+        }
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Off(_) => "Off",
+            Self::Interrupted => "Interrupted",
+            Self::Disarmed(_) => "Disarmed",
+            Self::Resting { .. } => "Resting",
+            Self::Ready { .. } => "Ready",
+            Self::Armed { .. } => "Armed",
+            Self::Stopping => "Stopping",
+            Self::Ending { .. } => "Ending",
+            Self::Ended => "Ended",
+        }
+    }
+}
+
+robot_session::inputs!(LatchInput: Running, Interrupted, Silent,
+    Hand { rests: true } as "Hand(rests)", Hand { rests: false, holds: true } as "Hand(pushes, holds)",
+    Hand { rests: false, holds: false } as "Hand(pushes)",
+    OldValues, InputLost, Profile, Confirm, Stop, End);
+
+#[cfg(test)]
+#[path = "latch_tests.rs"]
+mod tests;

@@ -1,0 +1,5 @@
+use cellwire_motion::latch::Latch;
+
+use crate::model::adapt;
+
+adapt!(Latch);

@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use anyhow::Result;
 use mmacell_proto::robot_session::Session as _;
-use mmacell_proto::{Central, CentralConfig, CentralEvent, Command, Pose};
+use mmacell_proto::{Central, CentralConfig, CentralEvent, Closing, Command, Pose};
+use mmacell_task::Device;
 use robot_session::{Output, now, settle};
 
 use crate::io::tcp;
@@ -23,7 +24,7 @@ const RETRY: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub(super) struct Arrival {
     /// Which device.
-    pub(super) from: usize,
+    pub(super) from: Device,
     /// Which connection to it.
     pub(super) number: u64,
     /// `None` at its end.
@@ -32,7 +33,7 @@ pub(super) struct Arrival {
 
 /// A device at its address.
 pub(super) struct Connection<P: Pose> {
-    from: usize,
+    from: Device,
     address: String,
     timeout: Duration,
     inbox: Sender<Arrival>,
@@ -40,20 +41,22 @@ pub(super) struct Connection<P: Pose> {
     stream: Option<TcpStream>,
     session: Central<P>,
     retry_at: Duration,
+    /// Why it was lost, until the device has answered again: one that ends may still accept a connection.
+    lost: Option<String>,
 }
 
 impl<P: Pose> Connection<P> {
     pub(super) fn open(
-        from: usize,
+        from: Device,
         address: &str,
         timeout: Duration,
         config: CentralConfig,
         inbox: &Sender<Arrival>,
     ) -> Result<Self> {
         let session = Central::new(config)?;
-        let (number, retry_at) = (0, Duration::ZERO);
+        let (number, stream, retry_at, lost) = (0, None, Duration::ZERO, None);
         let (address, inbox) = (address.to_owned(), inbox.clone());
-        let mut connection = Self { from, address, timeout, inbox, number, stream: None, session, retry_at };
+        let mut connection = Self { from, address, timeout, inbox, number, stream, session, retry_at, lost };
         connection.connect()?;
         Ok(connection)
     }
@@ -83,18 +86,20 @@ impl<P: Pose> Connection<P> {
         Ok(())
     }
 
-    /// Opens a lost connection again, now and then; why it could not.
-    pub(super) fn reconnect(&mut self) -> Option<String> {
+    /// Opens a lost connection again, now and then.
+    pub(super) fn reconnect(&mut self) {
         if self.stream.is_some() || now() < self.retry_at {
-            return None;
+            return;
         }
-        let outcome = self.connect();
+        if let Err(error) = self.connect() {
+            self.lost = Some(format!("{error:#}"));
+        }
         self.retry_at = now().saturating_add(RETRY);
-        outcome.err().map(|error| format!("{error:#}"))
     }
 
-    pub(super) fn is_open(&self) -> bool {
-        self.stream.is_some()
+    /// Why it was lost, if it is not regained.
+    pub(super) fn why_lost(&self) -> Option<&str> {
+        self.lost.as_deref()
     }
 
     pub(super) fn request(&mut self, command: Command<P>) -> bool {
@@ -108,12 +113,15 @@ impl<P: Pose> Connection<P> {
     pub(super) fn arrived(&mut self, arrival: Arrival) {
         match arrival.bytes {
             _ if arrival.number != self.number => {} // of a connection that was given up
-            Some(bytes) => self.session.handle_input(now(), &bytes),
-            None => self.lost(),
+            Some(bytes) => {
+                self.lost = None;
+                self.session.handle_input(now(), &bytes);
+            }
+            None => self.close(),
         }
     }
 
-    fn lost(&mut self) {
+    fn close(&mut self) {
         if let Some(stream) = self.stream.take() {
             let _ = stream.shutdown(Shutdown::Both);
             self.session.handle_disconnected(now());
@@ -132,16 +140,31 @@ impl<P: Pose> Connection<P> {
             }
             ControlFlow::<()>::Continue(())
         });
-        if events.iter().any(|event| matches!(event, CentralEvent::Closed { .. })) {
-            self.stream = None;
+        for event in &events {
+            let CentralEvent::Closed { reason, .. } = event else { continue };
+            // Of a connection that is gone this comes late: the next may be open.
+            if *reason != Closing::Disconnected {
+                self.stream = None;
+            }
+            if *reason != Closing::Agreed {
+                self.lost = Some(format!("the connection to the {} was lost: {reason:?}", name(self.from)));
+            }
         }
         let is_written = match &mut self.stream {
             Some(stream) => stream.write_all(&outgoing).is_ok(),
             None => true,
         };
         if !is_written {
-            self.lost();
+            self.close();
         }
         events
+    }
+}
+
+fn name(device: Device) -> &'static str {
+    match device {
+        Device::Robot => "robot",
+        Device::Platform => "platform",
+        _ => "periphery",
     }
 }

@@ -4,7 +4,7 @@ use std::sync::mpsc::{self, TryRecvError};
 use std::time::Duration;
 
 use anyhow::{Result, bail};
-use mmacell_proto::{CentralEvent, Closing, PlatformPose, Pose, RobotPose};
+use mmacell_proto::{CentralEvent, PlatformPose, Pose, RobotPose};
 use mmacell_task::{Device, Event, Failure, Output, Step, Task};
 use robot_session::now;
 use serde_json::json;
@@ -19,7 +19,6 @@ use crate::io::journal::{Outcome, Span};
 
 /// The periphery and the operator are looked at so often.
 const GLANCE: Duration = Duration::from_millis(2);
-const ROBOT: usize = 0;
 
 /// Where the devices are.
 #[derive(Debug, Clone)]
@@ -52,14 +51,13 @@ pub struct Runner<'a> {
     /// A part is placed, and the next is not to begin yet.
     held: bool,
     question: bool,
-    lost: Option<String>,
 }
 
 impl<'a> Runner<'a> {
     /// A run that goes on where the journal has ended.
     pub fn new(journal: &'a mut Journal, operator: Operator<'a>) -> Self {
-        let (part, paused, stopping, held, question, lost) = (0, false, false, false, false, None);
-        Self { journal, operator, part, paused, stopping, held, question, lost }
+        let (part, paused, stopping, held, question) = (0, false, false, false, false);
+        Self { journal, operator, part, paused, stopping, held, question }
     }
 
     /// Asks about the part that an earlier run has begun; false when the operator stops.
@@ -104,9 +102,9 @@ impl<'a> Runner<'a> {
         let (sender, inbox) = mpsc::channel();
         let Addresses { robot, platform, timeout } = addresses;
         let mut robot: Connection<RobotPose> =
-            Connection::open(ROBOT, robot, *timeout, settings.central, &sender)?;
+            Connection::open(Device::Robot, robot, *timeout, settings.central, &sender)?;
         let mut platform: Connection<PlatformPose> =
-            Connection::open(1, platform, *timeout, settings.central, &sender)?;
+            Connection::open(Device::Platform, platform, *timeout, settings.central, &sender)?;
         let mut task = Task::new(settings.task);
         // The periphery has no session of the cell's protocol.
         task.handle_event(now(), Event::Ready(Device::Conditioning));
@@ -116,11 +114,11 @@ impl<'a> Runner<'a> {
             loop {
                 let mut idle = true;
                 for event in robot.settle() {
-                    self.report(&mut task, Device::Robot, &event);
+                    report(&mut task, Device::Robot, &event);
                     idle = false;
                 }
                 for event in platform.settle() {
-                    self.report(&mut task, Device::Platform, &event);
+                    report(&mut task, Device::Platform, &event);
                     idle = false;
                 }
                 while let Some(happened) = periphery.poll() {
@@ -136,37 +134,22 @@ impl<'a> Runner<'a> {
                 }
             }
             if !matches!(task.step(), Step::Closing | Step::Finished) {
-                let again = [robot.reconnect(), platform.reconnect()].into_iter().flatten();
-                again.for_each(|why| self.lost = Some(why));
-                if robot.is_open() && platform.is_open() {
-                    self.lost = None;
-                }
+                robot.reconnect();
+                platform.reconnect();
             }
             let due = [task.poll_timeout(), robot.timeout(), platform.timeout()].into_iter().flatten().min();
             let wait = due.map_or(GLANCE, |at| at.saturating_sub(now()).min(GLANCE));
             let first = inbox.recv_timeout(wait).ok();
             for arrival in first.into_iter().chain(inbox.try_iter()) {
                 let arrival: Arrival = arrival;
-                if arrival.from == ROBOT { robot.arrived(arrival) } else { platform.arrived(arrival) }
+                if arrival.from == Device::Robot { robot.arrived(arrival) } else { platform.arrived(arrival) }
             }
         }
-        match (self.journal.first(Outcome::NotSent), self.journal.first(Outcome::Unknown), self.lost.take()) {
+        let lost = robot.why_lost().or(platform.why_lost());
+        match (self.journal.first(Outcome::NotSent), self.journal.first(Outcome::Unknown), lost) {
             (None, None, _) => Ok(Ended::Complete),
-            (_, _, Some(why)) => Err(Lost(why).into()),
+            (_, _, Some(why)) => Err(Lost(why.into()).into()),
             _ => Ok(Ended::Stopped),
-        }
-    }
-
-    fn report<P: Pose>(&mut self, task: &mut Task, device: Device, event: &CentralEvent<P>) {
-        match event {
-            CentralEvent::Connected => task.handle_event(now(), Event::Ready(device)),
-            CentralEvent::Closed { reason, .. } if *reason != Closing::Agreed => {
-                self.lost = Some(format!("the connection to the {} was lost: {reason:?}", name(device)));
-            }
-            _ => {}
-        }
-        if let Some(event) = Event::from_central(device, event) {
-            task.handle_event(now(), event);
         }
     }
 
@@ -196,7 +179,9 @@ impl<'a> Runner<'a> {
         periphery: &mut dyn Periphery,
     ) -> Result<()> {
         let refused = match output {
-            Output::Entered(step) => return self.entered(task, step),
+            Output::Entered(step) => {
+                return self.entered(task, step, robot.why_lost().or(platform.why_lost()));
+            }
             Output::Robot(command) => (!robot.request(command)).then_some(Device::Robot),
             Output::Platform(command) => (!platform.request(command)).then_some(Device::Platform),
             Output::Conditioning(_) => {
@@ -219,7 +204,7 @@ impl<'a> Runner<'a> {
         Ok(())
     }
 
-    fn entered(&mut self, task: &mut Task, step: Step) -> Result<()> {
+    fn entered(&mut self, task: &mut Task, step: Step, lost: Option<&str>) -> Result<()> {
         (self.operator.notify)(json!({"event": "step", "step": step, "part": self.part + 1}))?;
         match step {
             // From now on the robot may have touched it.
@@ -232,8 +217,8 @@ impl<'a> Runner<'a> {
             Step::Unpicked => self.ask("the part was missed or lost as often as it may be"),
             Step::NothingFound => self.ask("a camera sees nothing"),
             Step::Faulted => {
-                let why = match (&self.lost, task.fault()) {
-                    (Some(why), _) => why.clone(),
+                let why = match (lost, task.fault()) {
+                    (Some(why), _) => why.into(),
                     (None, Some(fault)) => format!("{fault:?}"),
                     (None, None) => "a fault".into(),
                 };
@@ -323,10 +308,11 @@ impl<'a> Runner<'a> {
     }
 }
 
-fn name(device: Device) -> &'static str {
-    match device {
-        Device::Robot => "robot",
-        Device::Platform => "platform",
-        _ => "periphery",
+fn report<P: Pose>(task: &mut Task, device: Device, event: &CentralEvent<P>) {
+    if *event == CentralEvent::Connected {
+        task.handle_event(now(), Event::Ready(device));
+    }
+    if let Some(event) = Event::from_central(device, event) {
+        task.handle_event(now(), event);
     }
 }

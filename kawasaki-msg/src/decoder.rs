@@ -42,19 +42,12 @@ impl<const MESSAGE: usize> Decoder<MESSAGE> {
         Self { buffer: [[0; MESSAGE]; 2], charset, cursor: Cursor::START }
     }
 
-    /// Takes of an input what fits, and gives back the rest. No message goes on after the end of a datagram.
-    pub(crate) fn take<'b>(&mut self, bytes: &'b [u8], is_datagram: bool) -> &'b [u8] {
-        self.take_part(bytes, bytes.len(), is_datagram)
-    }
-
-    /// As [`take`](Self::take), but of more than fits only up to the end of a message: expected jobs after it are read where they are.
+    /// Takes of an input what fits, and gives back the rest; of more than fits only up to the end of a message: expected jobs after it
+    /// are read where they are. No message goes on after the end of a datagram.
     pub(crate) fn take_next<'b>(&mut self, bytes: &'b [u8], is_datagram: bool) -> &'b [u8] {
         let end = if bytes.len() > MESSAGE { bytes.iter().position(|byte| *byte == END) } else { None };
-        self.take_part(bytes, end.map_or(bytes.len(), |end| end + 1), is_datagram)
-    }
-
-    fn take_part<'b>(&mut self, bytes: &'b [u8], length: usize, is_datagram: bool) -> &'b [u8] {
-        let taken = robot_session::Decoder::push(self, bytes.get(..length).unwrap_or(bytes));
+        let part = end.map_or(bytes, |end| bytes.get(..=end).unwrap_or(bytes));
+        let taken = robot_session::Decoder::push(self, part);
         let rest = bytes.get(taken..).unwrap_or_default();
         if rest.is_empty() && is_datagram {
             robot_session::Decoder::finish(self);

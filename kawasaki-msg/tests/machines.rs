@@ -1,11 +1,11 @@
-//! Both machines: every state with every input, printed and compared with what is committed.
+//! The robot's machine: every state with every input, printed and compared with what is committed.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
 
 use core::fmt::Debug;
 use core::iter::from_fn;
 use core::time::Duration;
 
-use kawasaki_msg::{FromPc, FromRobot, PcConfig, Phase, RobotConfig, Status, pc, robot};
+use kawasaki_msg::{FromPc, Phase, RobotConfig, robot};
 
 const NOW: Duration = Duration::from_secs(100);
 const LATER: Duration = Duration::from_secs(1000);
@@ -113,99 +113,6 @@ fn what_a_robot_does_is_what_is_committed() {
     });
     compare(&found, include_str!("robot_matrix.txt"), "robot_matrix.txt");
     for name in ["JobsMissing", "Clearing", "Ending", "Interrupted", "Alarm", "Connecting"] {
-        assert!(found.contains(&format!("\n{name} + ")), "{name}");
-    }
-}
-
-#[test]
-fn what_a_pc_does_is_what_is_committed() {
-    use pc::{Answer, Input, JobSent, Machine};
-    /// Takes everything, and has four jobs.
-    struct All;
-    impl Answer for All {
-        fn send(&mut self, _: FromPc) -> bool {
-            true
-        }
-        fn status(&mut self, _: u16, _: Phase, _: Option<u16>, _: Option<u16>) -> bool {
-            true
-        }
-        fn command(&mut self, _: u16) -> bool {
-            true
-        }
-        fn job(&mut self, _: u16, _: u16, index: u32) -> JobSent {
-            if index < 4 { JobSent::Sent } else { JobSent::End }
-        }
-        fn is_end(&mut self, index: u32) -> bool {
-            index >= 4
-        }
-    }
-    let config = PcConfig { max_number: 63, ..PcConfig::TCP };
-    let status = |order, queued, executed| {
-        let phase = if order == 0 { Phase::Idle } else { Phase::Active };
-        Input::Message(FromRobot::Status(Status { order, phase, queued, executed, ended: 0 }))
-    };
-    let idle = status(0, None, None);
-    let request = Input::Message(FromRobot::Request { order: 50, number: 1 });
-    let accepted = Input::Message(FromRobot::OrderAck { active: 50 });
-    let inputs = [
-        Input::Connected,
-        Input::Disconnected,
-        Input::Timeout,
-        Input::Received,
-        Input::Message(FromRobot::JobAck { order: 50, number: 2 }),
-        accepted,
-        Input::Message(FromRobot::OrderAck { active: 0 }),
-        Input::Message(FromRobot::OrderAck { active: 51 }),
-        Input::Message(FromRobot::EndAck { ended: 50, active: 0, executed: Some(4) }),
-        idle,
-        status(50, Some(3), Some(1)),
-        status(51, None, None),
-        Input::Message(FromRobot::Pause { order: 50, queued: Some(3) }),
-        request,
-        Input::Message(FromRobot::Filler),
-        Input::Message(FromRobot::WrongSide),
-        Input::Message(FromRobot::Unusable),
-        Input::Corrupt,
-        Input::ReadEnd { whole: true },
-        Input::ReadEnd { whole: false },
-        Input::Start { order: 50 },
-        Input::Resume { order: 50, executed: 2, sent: 4 },
-        Input::End,
-        Input::Interrupt,
-        Input::Command,
-    ];
-    // The answer is sent at once.
-    let run = |steps: &[Input]| {
-        let mut machine = Machine::<1>::new();
-        for input in steps {
-            machine.on(NOW, *input, &config).unwrap();
-            machine.transmit(LATER, &config, &mut All);
-        }
-        machine
-    };
-    let start = [Input::Connected, Input::Start { order: 50 }];
-    let read = |report| [Input::Received, report, Input::ReadEnd { whole: true }];
-    let sent = [&start[..], &read(idle)].concat();
-    let active = [&sent[..], &read(accepted), &read(request)].concat();
-    let and = |before: &[Input], more: &[Input]| run(&[before, more].concat());
-    let states = [
-        run(&[]),
-        run(&[Input::Connected]),
-        run(&start),
-        run(&sent),
-        and(&sent, &[Input::Disconnected]),
-        and(&sent, &[Input::Message(FromRobot::OrderAck { active: 51 })]),
-        and(&sent, &[Input::Interrupt]),
-        run(&active),
-        and(&active, &[Input::End]),
-        and(&active, &[Input::Interrupt]),
-    ];
-    let inputs = inputs.map(|input| (input, input.name()));
-    let found = matrix(&states, &inputs, Machine::name, Machine::report, |machine, input| {
-        machine.on(LATER, input, &config)
-    });
-    compare(&found, include_str!("pc_matrix.txt"), "pc_matrix.txt");
-    for name in ["StartSent", "StartLost", "OtherOrderEnds", "Ending"] {
         assert!(found.contains(&format!("\n{name} + ")), "{name}");
     }
 }

@@ -169,26 +169,9 @@ fn what_no_order_can_be_is_refused() {
 /// The machine is as that of a PC whose connection was lost: the model has explored all that follows.
 #[test]
 fn the_state_is_that_after_a_lost_connection() {
-    use pc::{Answer, Input, JobSent, Machine};
-    struct Any;
-    impl Answer for Any {
-        fn send(&mut self, _: kawasaki_msg::FromPc) -> bool {
-            true
-        }
-        fn status(&mut self, _: u16, _: Phase, _: Option<u16>, _: Option<u16>) -> bool {
-            true
-        }
-        fn command(&mut self, _: u16) -> bool {
-            true
-        }
-        fn job(&mut self, _: u16, _: u16, index: u32) -> JobSent {
-            if index < 4 { JobSent::Sent } else { JobSent::NoRoom }
-        }
-        fn is_end(&mut self, _: u32) -> bool {
-            false
-        }
-    }
-    let config = PcConfig { max_number: 63, ..PcConfig::TCP };
+    use kawasaki_msg::robot_session::Machine as _;
+    use pc::{Input, Machine, Sent};
+    let config = PcConfig { max_number: 63, ..PcConfig::TCP }.machine();
     let now = Duration::from_secs(1);
     let mut lost = Machine::<1>::new();
     let status = Status { order: 0, phase: Phase::Idle, queued: None, executed: None, ended: 0 };
@@ -204,8 +187,14 @@ fn the_state_is_that_after_a_lost_connection() {
         for input in [Input::Received, Input::Message(report), Input::ReadEnd { whole: true }] {
             lost.on(now, input, &config).unwrap();
         }
-        assert!(lost.transmit(2 * now, &config, &mut Any));
-        while lost.report().is_some() {}
+        // As many jobs as are asked for, up to four.
+        let answer = lost.transmit(2 * now, &config).expect("an answer is due");
+        let jobs = answer.jobs.map_or(0, |(from, _)| 4 - from);
+        let sent = Sent { request: answer.request.is_some(), jobs, ..Sent::default() };
+        lost.on(2 * now, Input::Sent(sent), &config).unwrap();
+        while lost.report().is_some() {
+            lost.on(2 * now, Input::Reported, &config).unwrap();
+        }
     }
     lost.on(2 * now, Input::Disconnected, &config).unwrap();
     let mut resumed = Machine::<1>::new();

@@ -24,6 +24,11 @@ fn val2_viewer() {
 }
 
 #[test]
+fn kawasaki_msg() {
+    check::<links::kawasaki_msg::rows::Pc>(160);
+}
+
+#[test]
 fn val2_alter() {
     check::<links::val2_alter::rows::Host>(200);
     check::<links::val2_alter::rows::Controller>(100);

@@ -1,5 +1,8 @@
 use core::time::Duration;
 
+use robot_session::Rules;
+
+use crate::content::is_answered;
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
 use crate::numbering::{NumberSet, Numbering};
@@ -34,30 +37,56 @@ pub struct PcConfig<'a> {
     pub start_retries: u16,
     /// End the order when all its jobs are executed. True by default.
     pub end_when_done: bool,
-    /// For the model only: a rule that is left out.
-    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub without: Option<PcRule>,
+    pub rules: Rules<Rule>,
 }
 
-/// The rules that keep a PC from reporting what is not so; the model shows that each is needed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[doc(hidden)]
-pub enum PcRule {
-    /// No start before the robot's status on this connection; an order of our number that we have sent no start for is not ours,
-    /// also where it has no jobs: some may be executed ahead.
-    LearnIdentity,
-    /// An interruption waits for the answer to the start: an end of our number before that is that of the order before.
-    CancelWaits,
-    /// A start is sent once on a connection; one that is not answered in time ends the connection, and with it what is still in
-    /// flight.
-    StartOnce,
-    /// Where each job is acknowledged by itself, an end after corrupt or lost bytes leaves unknown what else was executed.
-    DoubtCorrupt,
-    /// One number is never in flight twice.
-    Window,
-    /// Over datagrams, a report of another order may be late.
-    LateReports,
+/// What of a [`PcConfig`] the machine works with, and which messages of the robot the table answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Config {
+    /// [`PcConfig::datagrams`]
+    pub datagrams: bool,
+    /// [`PcConfig::max_number`]
+    pub max_number: u16,
+    /// [`PcConfig::cumulative_acks`]
+    pub cumulative_acks: bool,
+    /// [`PcConfig::reply_delay`]
+    pub reply_delay: Duration,
+    /// [`PcConfig::silence`]
+    pub silence: Duration,
+    /// [`PcConfig::takeover`]
+    pub takeover: Takeover,
+    /// [`PcConfig::start_retries`]
+    pub start_retries: u16,
+    /// [`PcConfig::end_when_done`]
+    pub end_when_done: bool,
+    /// A request for jobs has an answer.
+    pub answers_requests: bool,
+    /// A status has one.
+    pub answers_status: bool,
+    #[doc(hidden)]
+    pub rules: Rules<Rule>,
+}
+
+robot_session::rules! {
+    /// The rules that keep a PC from reporting what is not so; the model shows that each is needed.
+    #[doc(hidden)]
+    pub enum Rule {
+        /// No start before the robot's status on this connection; an order of our number that we have sent no start for is not ours,
+        /// also where it has no jobs: some may be executed ahead.
+        LearnIdentity,
+        /// An interruption waits for the answer to the start: an end of our number before that is that of the order before.
+        CancelWaits,
+        /// A start is sent once on a connection; one that is not answered in time ends the connection, and with it what is still in
+        /// flight.
+        StartOnce,
+        /// Where each job is acknowledged by itself, an end after corrupt or lost bytes leaves unknown what else was executed.
+        DoubtCorrupt,
+        /// One number is never in flight twice.
+        Window,
+        /// Over datagrams, a report of another order may be late.
+        LateReports,
+    }
 }
 
 impl PcConfig<'_> {
@@ -73,8 +102,7 @@ impl PcConfig<'_> {
         takeover: Takeover::Interrupt,
         start_retries: 10,
         end_when_done: true,
-        #[cfg(feature = "model")]
-        without: None,
+        rules: Rules::ALL,
     };
 
     /// Over UDP.
@@ -97,6 +125,25 @@ impl PcConfig<'_> {
         self.limits.check(&self.dialect, work, MESSAGE)
     }
 
+    /// What the machine works with.
+    pub fn machine(&self) -> Config {
+        Config {
+            datagrams: self.datagrams,
+            max_number: self.max_number,
+            cumulative_acks: self.cumulative_acks,
+            reply_delay: self.reply_delay,
+            silence: self.silence,
+            takeover: self.takeover,
+            start_retries: self.start_retries,
+            end_when_done: self.end_when_done,
+            answers_requests: is_answered(&self.dialect, Role::JobRequest),
+            answers_status: is_answered(&self.dialect, Role::Status),
+            rules: self.rules,
+        }
+    }
+}
+
+impl Config {
     /// The numbers of the jobs.
     pub(crate) const fn numbering(&self) -> Numbering {
         Numbering::new(self.max_number)
@@ -107,23 +154,10 @@ impl PcConfig<'_> {
     pub(super) fn window(&self) -> u32 {
         let max = u32::from(self.max_number);
         match self.datagrams {
-            _ if !self.keeps(PcRule::Window) => max,
+            _ if !self.rules.keeps(Rule::Window) => max,
             true => max / 2,
             false => max - 1,
         }
-    }
-
-    /// Whether a rule holds: always, but in the model.
-    #[cfg(not(feature = "model"))]
-    #[expect(clippy::unused_self, reason = "the model's configuration can leave a rule out")]
-    pub(super) const fn keeps(&self, _: PcRule) -> bool {
-        true
-    }
-
-    /// Whether a rule holds.
-    #[cfg(feature = "model")]
-    pub(super) fn keeps(&self, rule: PcRule) -> bool {
-        self.without != Some(rule)
     }
 }
 

@@ -2,52 +2,29 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Expiry, Unexpected, is_due};
 
-use super::config::{PcConfig, PcRule, Takeover};
+use super::config::{Config, Rule, Takeover};
 use super::state::{
-    Action, CommandOutcome, Commands, Contents, Count, Input, JobSent, Known, Link, Machine, Order, Outcome,
-    Reply, Report, Stage, Start,
+    Action, Answer, CommandOutcome, Commands, Contents, Count, Input, Known, Link, Machine, Order, Outcome,
+    Reply, Report, Rest, Sent, Stage, Start,
 };
 use crate::content::FromPc;
 use crate::phase::Phase;
 use crate::timing::LATEST_DATAGRAM;
 
-/// Where the messages of an answer go.
-pub trait Answer {
-    /// Whether a message found room.
-    fn send(&mut self, message: FromPc) -> bool;
+impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
+    const END: &'static str = "pc";
+    const EXPIRY: Expiry = Expiry::Last;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Answer;
+    type Config = Config;
 
-    /// The status: the order, its phase, the last job sent and the last one known to be executed.
-    fn status(&mut self, order: u16, phase: Phase, sent: Option<u16>, executed: Option<u16>) -> bool;
-
-    /// The command that waits first; whether it found room.
-    fn command(&mut self, order: u16) -> bool;
-
-    /// The job of a place in the order, counted from 0, under its number.
-    fn job(&mut self, order: u16, number: u16, index: u32) -> JobSent;
-
-    /// Whether the order has no job of this place, and no later one.
-    fn is_end(&mut self, index: u32) -> bool;
-}
-
-impl<const WORDS: usize> Machine<WORDS> {
-    /// A PC without an order that listens.
-    pub fn new() -> Self {
-        Self {
-            link: Link::Listening,
-            order: Order::Idle,
-            count: Count::default(),
-            commands: Commands::default(),
-        }
-    }
-
-    /// What happens, and what is to be done about it.
-    ///
     /// # Errors
-    /// When the input is none that the state allows; nothing has changed then.
-    pub fn on(&mut self, now: Duration, input: Input, config: &PcConfig<'_>) -> Result<Action, Unexpected> {
-        let unexpected = Unexpected { state: self.name(), input: input.name() };
+    /// There is no connection, or no order that this could be for, or too many commands wait.
+    fn on(&mut self, now: Duration, input: Input, config: &Config) -> Result<Action, Unexpected> {
+        let unexpected = self.unexpected(&input);
         let action = match input {
             Input::Connected => Some(self.on_connected(now, config)),
             Input::Disconnected => Some(self.on_disconnected()),
@@ -61,69 +38,52 @@ impl<const WORDS: usize> Machine<WORDS> {
             Input::ReadEnd { whole } => self.on_read_end(now, whole, config),
             Input::Start { order } => self.on_start(order, config),
             Input::Resume { order, executed, sent } => self.on_resume(order, executed, sent, config),
+            Input::Ahead { index } => self.on_ahead(index, config),
             Input::End => self.on_end(),
             Input::Interrupt => self.on_interrupt(config),
             Input::Command => self.on_command(),
+            Input::Exhausted => self.on_exhausted(),
+            Input::Sent(sent) => self.on_sent(now, sent, config),
+            Input::Reported => self.on_reported(),
         };
         action.ok_or(unexpected)
     }
 
-    /// The answer, if it is due.
-    pub fn transmit(&mut self, now: Duration, config: &PcConfig<'_>, answer: &mut impl Answer) -> bool {
-        let Link::Connected { reply, robot, .. } = &mut self.link else { return false };
-        let Reply::Due { at, contents } = *reply else { return false };
-        if now < at {
-            return false;
+    /// What has come since it was due is in it.
+    fn transmit(&self, now: Duration, config: &Config) -> Option<Answer> {
+        let Link::Connected { reply: Reply::Due { at, contents }, .. } = self.link else { return None };
+        if !is_due(at, now) {
+            return None;
         }
-        // Cleared before the answer is made: what comes later is a new reason to answer.
-        *reply = Reply::Nothing;
-        let robot = *robot;
+        let Count { executed, sent, .. } = self.count;
         let numbering = config.numbering();
-        self.end_when_done(config, answer);
-        let number = self.order.number();
-        let mut filled = false;
-        if contents.status {
-            let (sent, executed) = (numbering.number(self.count.sent), numbering.number(self.count.executed));
-            filled |= answer.status(number, self.phase(), sent, executed);
-        }
-        filled |= self.command_robot(now, robot, config, answer);
-        while self.commands.waiting > 0 && answer.command(number) {
-            (self.commands.waiting, self.commands.in_flight) =
-                (self.commands.waiting - 1, self.commands.in_flight + 1);
-            filled = true;
-        }
-        if let Some(from) = contents.jobs_from {
-            filled |= self.send_jobs(from, config, answer);
-        }
-        if !filled {
-            answer.send(FromPc::Filler);
-        }
-        true
+        let is_active = matches!(self.order, Order::Running { stage: Stage::Active, .. });
+        // What was executed since it was requested is never sent again.
+        let jobs = contents.jobs_from.map(|from| (from.max(executed), executed + config.window()));
+        Some(Answer {
+            last: (is_active && config.end_when_done && executed == sent).then_some(sent),
+            order: self.order.number(),
+            status: contents
+                .status
+                .then(|| (self.phase(), numbering.number(sent), numbering.number(executed))),
+            request: self.request(config),
+            commands: self.commands.waiting,
+            jobs: jobs.filter(|_| is_active),
+        })
     }
 
-    /// What is to be reported of the state; `None` when it all was.
-    pub fn report(&mut self) -> Option<Report> {
-        if let Link::Connected { close, .. } = &mut self.link
-            && core::mem::take(close)
-        {
-            return Some(Report::Disconnect);
-        }
-        core::mem::take(&mut self.count.is_news).then_some(Report::Progress)
-    }
-
-    /// When [`Input::Timeout`] or an answer is due; `None` if only the robot or the caller can make something happen.
-    pub fn deadline(&self) -> Option<Duration> {
+    fn deadline(&self) -> Option<Duration> {
         let Link::Connected { silent_at, reply, .. } = self.link else { return None };
         let at = if let Reply::Due { at, .. } = reply { at } else { Duration::MAX };
-        let start = match self.order {
-            Order::Starting { start: Start::Sent { answer_by }, .. } => answer_by,
-            Order::Starting { .. } | Order::Running { .. } | Order::Idle => Duration::MAX,
-        };
-        Some(silent_at.min(at).min(start)).filter(|at| *at != Duration::MAX)
+        Some(silent_at.min(at).min(self.answer_by())).filter(|at| *at != Duration::MAX)
     }
 
-    /// Visits every time in the state.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    fn expires(&self, now: Duration) -> bool {
+        let Link::Connected { silent_at, .. } = self.link else { return false };
+        is_due(silent_at.min(self.answer_by()), now)
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         if let Link::Connected { silent_at, reply, .. } = &mut self.link {
             f(silent_at);
             if let Reply::Due { at, .. } = reply {
@@ -137,8 +97,8 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    /// The state's name: that of the order, or of the connection where there is no order.
-    pub const fn name(&self) -> &'static str {
+    /// That of the order, or of the connection where there is no order.
+    fn name(&self) -> &'static str {
         match (&self.order, &self.link) {
             (Order::Idle, Link::Listening) => "Listening",
             (Order::Idle, Link::Connected { .. }) => "Idle",
@@ -152,6 +112,43 @@ impl<const WORDS: usize> Machine<WORDS> {
             (Order::Running { stage: Stage::Active, .. }, _) => "Active",
             (Order::Running { stage: Stage::Ending, .. }, _) => "Ending",
             (Order::Running { stage: Stage::Interrupted, .. }, _) => "Interrupted",
+        }
+    }
+}
+
+impl<const WORDS: usize> Machine<WORDS> {
+    /// A PC without an order that listens.
+    pub fn new() -> Self {
+        Self {
+            link: Link::Listening,
+            order: Order::Idle,
+            count: Count::default(),
+            commands: Commands::default(),
+        }
+    }
+
+    /// What is to be reported of the state; `None` when it all was.
+    pub const fn report(&self) -> Option<Report> {
+        match self.link {
+            Link::Connected { close: true, .. } => Some(Report::Disconnect),
+            _ if self.count.is_news => Some(Report::Progress),
+            _ => None,
+        }
+    }
+
+    fn on_reported(&mut self) -> Option<Action> {
+        match (self.report()?, &mut self.link) {
+            (Report::Disconnect, Link::Connected { close, .. }) => *close = false,
+            _ => self.count.is_news = false,
+        }
+        Some(Action::Nothing)
+    }
+
+    /// When a start that was sent is to be answered, or cannot arrive any more.
+    const fn answer_by(&self) -> Duration {
+        match self.order {
+            Order::Starting { start: Start::Sent { answer_by }, .. } => answer_by,
+            Order::Starting { .. } | Order::Running { .. } | Order::Idle => Duration::MAX,
         }
     }
 
@@ -171,7 +168,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         matches!(self.link, Link::Connected { .. })
     }
 
-    fn on_connected(&mut self, now: Duration, config: &PcConfig<'_>) -> Action {
+    fn on_connected(&mut self, now: Duration, config: &Config) -> Action {
         let action = self.on_disconnected();
         let silent_at = now.saturating_add(config.silence);
         self.link = Link::Connected { silent_at, reply: Reply::Nothing, robot: Known::Nothing, close: false };
@@ -193,7 +190,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_timeout(&mut self, now: Duration, config: &PcConfig<'_>) {
+    fn on_timeout(&mut self, now: Duration, config: &Config) {
         let Link::Connected { silent_at, close, .. } = &mut self.link else { return };
         if let Order::Starting { start: start @ Start::Sent { .. }, .. } = &mut self.order
             && let Start::Sent { answer_by } = start
@@ -207,12 +204,12 @@ impl<const WORDS: usize> Machine<WORDS> {
             }
         }
         if now >= *silent_at {
-            *silent_at = now.saturating_add(config.silence);
+            *silent_at = now.saturating_add(config.silence.max(Duration::from_nanos(1)));
             *close = true;
         }
     }
 
-    fn on_received(&mut self, now: Duration, config: &PcConfig<'_>) -> Option<Action> {
+    fn on_received(&mut self, now: Duration, config: &Config) -> Option<Action> {
         let Link::Connected { silent_at, reply, .. } = &mut self.link else { return None };
         *silent_at = now.saturating_add(config.silence);
         *reply = match *reply {
@@ -223,7 +220,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// An acknowledgement may be lost in them.
-    fn on_corrupt(&mut self, config: &PcConfig<'_>) -> Option<Action> {
+    fn on_corrupt(&mut self, config: &Config) -> Option<Action> {
         if !self.is_connected() {
             return None;
         }
@@ -231,14 +228,14 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    pub(super) fn doubt(&mut self, config: &PcConfig<'_>) {
-        if matches!(self.order, Order::Running { .. }) && config.keeps(PcRule::DoubtCorrupt) {
+    pub(super) fn doubt(&mut self, config: &Config) {
+        if matches!(self.order, Order::Running { .. }) && config.rules.keeps(Rule::DoubtCorrupt) {
             self.count.is_unsure |= !config.cumulative_acks;
         }
     }
 
     /// The whole of what has come is read before it is answered (thesis, section 11.3).
-    fn on_read_end(&mut self, now: Duration, whole: bool, config: &PcConfig<'_>) -> Option<Action> {
+    fn on_read_end(&mut self, now: Duration, whole: bool, config: &Config) -> Option<Action> {
         let Link::Connected { reply, .. } = &mut self.link else { return None };
         *reply = match *reply {
             Reply::Nothing => Reply::Nothing,
@@ -250,14 +247,14 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    fn on_start(&mut self, order: u16, config: &PcConfig<'_>) -> Option<Action> {
+    fn on_start(&mut self, order: u16, config: &Config) -> Option<Action> {
         if self.order != Order::Idle || order == 0 {
             return None;
         }
         let start = match self.link {
             // It is not ours, also where it has no jobs: some may be executed ahead.
             Link::Connected { robot: Known::In { order: active }, .. }
-                if active == order && config.keeps(PcRule::LearnIdentity) =>
+                if active == order && config.rules.keeps(Rule::LearnIdentity) =>
             {
                 Start::Foreign { order }
             }
@@ -269,15 +266,25 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// The state of a PC whose connection was lost after its last packet: the robot's status shows what became of the order.
-    fn on_resume(&mut self, order: u16, executed: u32, sent: u32, config: &PcConfig<'_>) -> Option<Action> {
+    fn on_resume(&mut self, order: u16, executed: u32, sent: u32, config: &Config) -> Option<Action> {
         let in_flight = sent.checked_sub(executed)?;
         if self.order != Order::Idle || order == 0 || in_flight > config.window() {
             return None;
         }
         self.order = Order::Running { number: order, stage: Stage::Active, left_at: Duration::MAX };
         // Nobody has kept whether corrupt bytes came.
-        let is_unsure = !config.cumulative_acks && config.keeps(PcRule::DoubtCorrupt);
+        let is_unsure = !config.cumulative_acks && config.rules.keeps(Rule::DoubtCorrupt);
         self.count = Count { executed, queued: executed, sent, is_unsure, ..Count::default() };
+        Some(Action::Nothing)
+    }
+
+    /// Only where each job is acknowledged by itself.
+    fn on_ahead(&mut self, index: u32, config: &Config) -> Option<Action> {
+        let Order::Running { stage: Stage::Active, .. } = self.order else { return None };
+        let Count { executed, sent, .. } = self.count;
+        if !config.cumulative_acks && (executed..sent).contains(&index) {
+            self.count.ahead.insert(config.numbering().next(index));
+        }
         Some(Action::Nothing)
     }
 
@@ -287,9 +294,9 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    fn on_interrupt(&mut self, config: &PcConfig<'_>) -> Option<Action> {
+    fn on_interrupt(&mut self, config: &Config) -> Option<Action> {
         match &mut self.order {
-            Order::Starting { number, .. } if !config.keeps(PcRule::CancelWaits) => {
+            Order::Starting { number, .. } if !config.rules.keeps(Rule::CancelWaits) => {
                 let (number, left_at) = (*number, Duration::MAX);
                 self.order = Order::Running { number, stage: Stage::Interrupted, left_at };
             }
@@ -307,8 +314,8 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     /// The caller has interrupted a start that the robot does not have.
     pub(super) fn not_begun(&mut self) -> Action {
-        self.order = Order::Idle;
-        Action::Outcome(Outcome::Over { executed: 0, complete: false })
+        let order = core::mem::replace(&mut self.order, Order::Idle).number();
+        Action::Outcome { order, outcome: Outcome::Over { executed: 0, complete: false } }
     }
 
     fn on_command(&mut self) -> Option<Action> {
@@ -320,94 +327,83 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    fn end_when_done(&mut self, config: &PcConfig<'_>, answer: &mut impl Answer) {
-        if let Order::Running { stage: stage @ Stage::Active, .. } = &mut self.order
-            && config.end_when_done
-            && self.count.executed == self.count.sent
-            && answer.is_end(self.count.sent)
-        {
-            self.count.total = Some(self.count.sent);
-            *stage = Stage::Ending;
-        }
+    fn on_exhausted(&mut self) -> Option<Action> {
+        let Order::Running { stage: stage @ Stage::Active, .. } = &mut self.order else { return None };
+        *stage = Stage::Ending;
+        self.count.total = Some(self.count.sent);
+        Some(Action::Nothing)
     }
 
     /// What the order asks of the robot, in every answer until the robot has acknowledged it: received twice, it does no harm.
     ///
     /// But for a start: one that is still in flight when the robot has taken the first and been reset begins the order again. Over
     /// a stream it is sent once on a connection.
-    fn command_robot(
-        &mut self,
-        now: Duration,
-        robot: Known,
-        config: &PcConfig<'_>,
-        answer: &mut impl Answer,
-    ) -> bool {
+    fn request(&self, config: &Config) -> Option<FromPc> {
+        let Link::Connected { robot, .. } = self.link else { return None };
+        match self.order {
+            Order::Idle
+            | Order::Starting { cancelled: true, .. }
+            | Order::Running { stage: Stage::Active, .. } => None,
+            Order::Starting { number, start, .. } => match start {
+                Start::Unsent | Start::Lost
+                    if robot == Known::Nothing && config.rules.keeps(Rule::LearnIdentity) =>
+                {
+                    None
+                }
+                Start::Sent { .. } if !config.datagrams && config.rules.keeps(Rule::StartOnce) => None,
+                Start::Unsent | Start::Lost | Start::Sent { .. } => {
+                    Some(FromPc::Start { order: number, first: 1 })
+                }
+                Start::Foreign { order } => match config.takeover {
+                    // The next status ends it.
+                    Takeover::Never => None,
+                    Takeover::End => Some(FromPc::End { order }),
+                    Takeover::Interrupt => Some(FromPc::Interrupt { order }),
+                },
+            },
+            Order::Running { number, stage: Stage::Ending, .. } => Some(FromPc::End { order: number }),
+            Order::Running { number, stage: Stage::Interrupted, .. } => {
+                Some(FromPc::Interrupt { order: number })
+            }
+        }
+    }
+
+    fn on_sent(&mut self, now: Duration, sent: Sent, config: &Config) -> Option<Action> {
+        let request = self.request(config).filter(|_| sent.request);
+        let Link::Connected { reply: reply @ Reply::Due { .. }, .. } = &mut self.link else { return None };
+        let Reply::Due { contents, .. } = core::mem::replace(reply, Reply::Nothing) else { return None };
+        let wait = if config.datagrams || !config.rules.keeps(Rule::StartOnce) {
+            Duration::MAX
+        } else {
+            config.silence
+        };
         match &mut self.order {
             Order::Starting { start: Start::Sent { answer_by }, cancelled: true, .. } if config.datagrams => {
                 // The start may be lost. From then on a report is newer than the latest that it can arrive.
                 *answer_by =
                     (*answer_by).min(now.saturating_add(LATEST_DATAGRAM).saturating_add(LATEST_DATAGRAM));
-                false
             }
-            Order::Idle
-            | Order::Starting { cancelled: true, .. }
-            | Order::Running { stage: Stage::Active, .. } => false,
-            Order::Starting { number, start, .. } => match *start {
-                Start::Unsent | Start::Lost
-                    if robot == Known::Nothing && config.keeps(PcRule::LearnIdentity) =>
-                {
-                    false
-                }
-                Start::Sent { .. } if !config.datagrams && config.keeps(PcRule::StartOnce) => false,
-                Start::Unsent | Start::Lost | Start::Sent { .. } => {
-                    let sent = answer.send(FromPc::Start { order: *number, first: 1 });
-                    if sent {
-                        let wait = if config.datagrams || !config.keeps(PcRule::StartOnce) {
-                            Duration::MAX
-                        } else {
-                            config.silence
-                        };
-                        *start = Start::Sent { answer_by: now.saturating_add(wait) };
-                    }
-                    sent
-                }
-                Start::Foreign { order } => match config.takeover {
-                    // The next status ends it.
-                    Takeover::Never => false,
-                    Takeover::End => answer.send(FromPc::End { order }),
-                    Takeover::Interrupt => answer.send(FromPc::Interrupt { order }),
-                },
-            },
-            Order::Running { number, stage: Stage::Ending, .. } => {
-                answer.send(FromPc::End { order: *number })
+            Order::Starting { start, .. } if matches!(request, Some(FromPc::Start { .. })) => {
+                *start = Start::Sent { answer_by: now.saturating_add(wait) };
             }
-            Order::Running { number, stage: Stage::Interrupted, .. } => {
-                answer.send(FromPc::Interrupt { order: *number })
+            Order::Idle | Order::Starting { .. } | Order::Running { .. } => {}
+        }
+        let commands = sent.commands.min(self.commands.waiting);
+        self.commands.waiting -= commands;
+        self.commands.in_flight += commands;
+        if let (Order::Running { stage: stage @ Stage::Active, .. }, Some(from)) =
+            (&mut self.order, contents.jobs_from)
+        {
+            let index = from.max(self.count.executed) + sent.jobs;
+            self.count.sent = self.count.sent.max(index);
+            match sent.rest {
+                Rest::Later => {}
+                Rest::End => self.count.total = Some(index),
+                // The jobs before it are executed; no later one is ever asked for.
+                Rest::Unfit => *stage = Stage::Ending,
             }
         }
-    }
-
-    /// As many jobs as fit, and no more than the numbers can tell apart.
-    fn send_jobs(&mut self, from: u32, config: &PcConfig<'_>, answer: &mut impl Answer) -> bool {
-        let Order::Running { number: order, stage: Stage::Active, .. } = self.order else { return false };
-        let (numbering, window) = (config.numbering(), config.window());
-        // What was executed since it was requested is never sent again.
-        let from = from.max(self.count.executed);
-        let mut index = from;
-        while index - self.count.executed < window {
-            match answer.job(order, numbering.next(index), index) {
-                JobSent::Sent => {
-                    index += 1;
-                    self.count.sent = self.count.sent.max(index);
-                }
-                JobSent::NoRoom | JobSent::Later => break,
-                JobSent::End => {
-                    self.count.total = Some(index);
-                    break;
-                }
-            }
-        }
-        index > from
+        Some(Action::Sent)
     }
 }
 

@@ -3,20 +3,18 @@
 mod config;
 mod event;
 mod machine;
-mod packet;
 mod reports;
 mod session;
 mod source;
 mod state;
 
 #[doc(hidden)]
-pub use config::PcRule;
-pub use config::{PcConfig, Takeover};
+pub use config::Rule;
+pub use config::{Config, PcConfig, Takeover};
 pub use event::PcEvent;
-pub use machine::Answer;
 pub use session::{LargePc, Pc};
 pub use source::{JobSource, Supply};
 pub use state::{
-    Action, CommandOutcome, Commands, Contents, Count, Input, JobSent, Known, Link, Machine, Order, Outcome,
-    Rejection, Reply, Report, Stage, Start,
+    Action, Answer, CommandOutcome, Commands, Contents, Count, Input, Known, Link, Machine, Order, Outcome,
+    Rejection, Reply, Report, Rest, Sent, Stage, Start,
 };

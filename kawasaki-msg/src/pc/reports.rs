@@ -2,16 +2,15 @@
 
 use core::time::Duration;
 
-use super::config::{PcConfig, PcRule, Takeover};
+use super::config::{Config, Rule, Takeover};
 use super::state::{Action, Count, Known, Link, Machine, Order, Outcome, Rejection, Reply, Stage, Start};
-use crate::content::{FromRobot, Status, is_answered};
+use crate::content::{FromRobot, Status};
 use crate::numbering::Numbering;
 use crate::phase::Phase;
-use crate::role::Role;
 use crate::timing::LATEST_DATAGRAM;
 
 impl<const WORDS: usize> Machine<WORDS> {
-    pub(super) fn on_report(&mut self, now: Duration, report: FromRobot, config: &PcConfig<'_>) -> Action {
+    pub(super) fn on_report(&mut self, now: Duration, report: FromRobot, config: &Config) -> Action {
         match report {
             FromRobot::Filler => Action::Nothing,
             FromRobot::WrongSide => Action::Rejected(Rejection::NotExpected),
@@ -45,7 +44,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn on_job_ack(&mut self, order: u16, number: u16, config: &PcConfig<'_>) -> Action {
+    fn on_job_ack(&mut self, order: u16, number: u16, config: &Config) -> Action {
         let numbering = config.numbering();
         if !self.is_running(order) {
             return Action::Rejected(Rejection::WrongOrder);
@@ -64,7 +63,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Nothing
     }
 
-    fn on_request(&mut self, order: u16, number: u16, config: &PcConfig<'_>) -> Action {
+    fn on_request(&mut self, order: u16, number: u16, config: &Config) -> Action {
         let numbering = config.numbering();
         let max = u32::from(numbering.max());
         if !self.is_running(order) {
@@ -90,18 +89,18 @@ impl<const WORDS: usize> Machine<WORDS> {
             reply: Reply::Receiving { contents } | Reply::Due { contents, .. }, ..
         } = &mut self.link
         {
-            contents.jobs_from = is_answered(&config.dialect, Role::JobRequest).then_some(from);
+            contents.jobs_from = config.answers_requests.then_some(from);
         }
         Action::Nothing
     }
 
     /// Our own number is acceptance only of a start that was sent on this connection.
-    fn on_order_ack(&mut self, active: u16, config: &PcConfig<'_>) -> Action {
+    fn on_order_ack(&mut self, active: u16, config: &Config) -> Action {
         let Order::Starting { number, start, .. } = self.order else { return Action::Nothing };
         let sent = match start {
             Start::Sent { .. } => true,
             Start::Foreign { .. } => false,
-            Start::Unsent | Start::Lost => !config.keeps(PcRule::LearnIdentity),
+            Start::Unsent | Start::Lost => !config.rules.keeps(Rule::LearnIdentity),
         };
         if !sent {
             return Action::Nothing;
@@ -117,13 +116,14 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// The robot is in another order, or cannot take any: 0.
-    fn refused(&mut self, active: u16, config: &PcConfig<'_>) -> Action {
-        let Order::Starting { start, refusals, cancelled, .. } = &mut self.order else {
+    fn refused(&mut self, active: u16, config: &Config) -> Action {
+        let Order::Starting { number, start, refusals, cancelled } = &mut self.order else {
             return Action::Nothing;
         };
         if *cancelled {
             return self.not_begun();
         }
+        let order = *number;
         let is_over = if active == 0 {
             *refusals = refusals.saturating_add(1);
             *start = Start::Unsent;
@@ -134,18 +134,12 @@ impl<const WORDS: usize> Machine<WORDS> {
         };
         if is_over {
             self.order = Order::Idle;
-            return Action::Outcome(Outcome::GivenUp { active });
+            return Action::Outcome { order, outcome: Outcome::GivenUp { active } };
         }
         Action::Refused { active }
     }
 
-    fn on_end_ack(
-        &mut self,
-        ended: u16,
-        active: u16,
-        executed: Option<u16>,
-        config: &PcConfig<'_>,
-    ) -> Action {
+    fn on_end_ack(&mut self, ended: u16, active: u16, executed: Option<u16>, config: &Config) -> Action {
         self.learn(active);
         match &mut self.order {
             Order::Starting { start, .. } => {
@@ -171,7 +165,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// How far the robot came; `None` if it cannot be.
-    fn executed_at_end(&mut self, executed: Option<u16>, config: &PcConfig<'_>) -> Option<()> {
+    fn executed_at_end(&mut self, executed: Option<u16>, config: &Config) -> Option<()> {
         let numbering = config.numbering();
         if let Some(number) = executed {
             let count = self.count.of(numbering, number)?;
@@ -181,18 +175,18 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// The robot has reported that our order is over, and how far it came.
-    fn over(&mut self, config: &PcConfig<'_>) -> Action {
-        self.order = Order::Idle;
+    fn over(&mut self, config: &Config) -> Action {
+        let order = core::mem::replace(&mut self.order, Order::Idle).number();
         let Count { executed, sent, total, is_unsure, .. } = self.count;
         // That a job was executed ahead of others only its own acknowledgement reports, and that may be lost.
-        let late = config.datagrams && !config.cumulative_acks && config.keeps(PcRule::DoubtCorrupt);
+        let late = config.datagrams && !config.cumulative_acks && config.rules.keeps(Rule::DoubtCorrupt);
         if (is_unsure || late) && executed < sent {
-            return Action::Outcome(Outcome::Unknown { executed, sent });
+            return Action::Outcome { order, outcome: Outcome::Unknown { executed, sent } };
         }
-        Action::Outcome(Outcome::Over { executed, complete: total == Some(executed) })
+        Action::Outcome { order, outcome: Outcome::Over { executed, complete: total == Some(executed) } }
     }
 
-    fn on_status(&mut self, now: Duration, status: Status, config: &PcConfig<'_>) -> Action {
+    fn on_status(&mut self, now: Duration, status: Status, config: &Config) -> Action {
         let Status { order: active, queued, executed, ended, .. } = status;
         let has_jobs = queued.is_some() || executed.is_some() || !is_active(status);
         self.learn(active);
@@ -200,7 +194,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             reply: Reply::Receiving { contents } | Reply::Due { contents, .. }, ..
         } = &mut self.link
         {
-            contents.status = is_answered(&config.dialect, Role::Status);
+            contents.status = config.answers_status;
         }
         match &mut self.order {
             Order::Idle => Action::Nothing,
@@ -214,7 +208,7 @@ impl<const WORDS: usize> Machine<WORDS> {
                     Start::Foreign { .. } => {}
                     // The answer was lost with its connection; or it is an old order.
                     _ if active == number && has_jobs => return self.refused(active, config),
-                    Start::Unsent if active == number && config.keeps(PcRule::LearnIdentity) => {
+                    Start::Unsent if active == number && config.rules.keeps(Rule::LearnIdentity) => {
                         return self.refused(active, config);
                     }
                     _ if active == number => return self.accepted(number),
@@ -234,7 +228,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             }
             Order::Running { number, left_at, .. } => {
                 let number = *number;
-                if config.datagrams && config.keeps(PcRule::LateReports) {
+                if config.datagrams && config.rules.keeps(Rule::LateReports) {
                     // It may be an old one that was overtaken.
                     *left_at = (*left_at).min(now.saturating_add(LATEST_DATAGRAM));
                     if now < *left_at {
@@ -249,7 +243,7 @@ impl<const WORDS: usize> Machine<WORDS> {
                     return self.over(config);
                 }
                 self.order = Order::Idle;
-                Action::Outcome(Outcome::Unknown { executed, sent })
+                Action::Outcome { order: number, outcome: Outcome::Unknown { executed, sent } }
             }
         }
     }

@@ -1,20 +1,21 @@
 use core::time::Duration;
 
-use robot_session::{Decoder as _, EventQueue, Session, Unexpected};
+use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Machine as _, Room, Unexpected};
 
 use super::config::PcConfig;
 use super::event::PcEvent;
-use super::packet::PacketAnswer;
-use super::source::JobSource;
-use super::state::{Action, CommandOutcome, Commands, Input, Machine, Outcome, Rejection, Report};
+use super::source::{JobSource, Supply};
+use super::state::{
+    Action, Answer, CommandOutcome, Commands, Input, Machine, Outcome, Rejection, Report, Rest, Sent,
+};
 use crate::content::{FromRobot, phase};
 use crate::decoder::Decoder;
-use crate::dialect::Params;
-use crate::error::{ConfigError, MessageError, SessionError};
-use crate::job::{self, Work};
+use crate::dialect::{Dialect, Params};
+use crate::error::{ConfigError, EncodeError, MessageError, SessionError};
+use crate::job::{self, Job, Work};
 use crate::message::Message;
-use crate::numbering::ALL_NUMBERS;
-use crate::packet::Packet;
+use crate::numbering::{ALL_NUMBERS, Numbering};
+use crate::packet::{Limits, Packet, Room as PacketRoom};
 use crate::phase::Phase;
 use crate::role::{Field, Role};
 use crate::statistics::PcStatistics;
@@ -38,21 +39,20 @@ use crate::statistics::PcStatistics;
 /// another ([`PcConfig::cumulative_acks`]). What needs more is a [`ConfigError`]: `Pc::<_, 512>::sized`, or a [`LargePc`].
 #[derive(Debug)]
 pub struct Pc<'a, S: JobSource, const MESSAGE: usize = 256, const WORDS: usize = 16> {
-    config: PcConfig<'a>,
+    core: CoreOf<Self>,
+    dialect: Dialect<'a>,
+    limits: Limits,
     ranges: Ranges<S>,
-    machine: Machine<WORDS>,
-    decoder: Decoder<MESSAGE>,
     source: Option<S>,
     /// The commands that have no outcome yet, oldest first.
     commands: [(u8, i32); Commands::MAX as usize],
-    events: Events,
+    /// A message that was received, and is used next.
+    received: Option<Result<(Role, Params), MessageError>>,
     statistics: PcStatistics,
 }
 
 /// A [`Pc`] for messages of every length and all job numbers: [`LargePc::sized`](Pc::sized).
 pub type LargePc<'a, S> = Pc<'a, S, { Message::MAX_LEN }, ALL_NUMBERS>;
-
-type Events = EventQueue<PcEvent, 32>;
 
 type Ranges<S> = <<S as JobSource>::Work as Work>::Ranges;
 
@@ -78,13 +78,13 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         let ranges = Ranges::<S>::default();
         config.check::<MESSAGE, WORDS>(job::check::<S::Work>(&ranges)?)?;
         Ok(Self {
-            config,
+            core: Core::new(config.machine(), Machine::new(), Decoder::sized(config.dialect.charset())),
+            dialect: config.dialect,
+            limits: config.limits,
             ranges,
-            machine: Machine::new(),
-            decoder: Decoder::sized(config.dialect.charset()),
             source: None,
             commands: [(0, 0); Commands::MAX as usize],
-            events: EventQueue::new(),
+            received: None,
             statistics: PcStatistics::default(),
         })
     }
@@ -94,7 +94,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// # Errors
     /// When a range is empty, or a job with the longest values does not fit a packet or the session.
     pub fn with_ranges(self, ranges: Ranges<S>) -> Result<Self, ConfigError> {
-        self.config.check::<MESSAGE, WORDS>(job::check::<S::Work>(&ranges)?)?;
+        self.limits.check(&self.dialect, job::check::<S::Work>(&ranges)?, MESSAGE)?;
         Ok(Self { ranges, ..self })
     }
 
@@ -106,11 +106,11 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         if order == 0 {
             return Err(SessionError::OrderZero);
         }
-        if !self.events.has_room(OUTCOMES) {
+        if !self.core.events.has_room(OUTCOMES) {
             return Err(SessionError::TooManyEvents);
         }
-        let active = self.machine.order.number();
-        self.request(Input::Start { order }).map_err(|_| SessionError::OrderActive { active })?;
+        let active = self.core.machine.order.number();
+        self.ask(Input::Start { order }).map_err(|_| SessionError::OrderActive { active })?;
         self.source = Some(source);
         Ok(())
     }
@@ -138,17 +138,16 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
         if order == 0 {
             return Err(SessionError::OrderZero);
         }
-        if !self.events.has_room(OUTCOMES) {
+        if !self.core.events.has_room(OUTCOMES) {
             return Err(SessionError::TooManyEvents);
         }
-        let error = match self.machine.order.number() {
+        let error = match self.core.machine.order.number() {
             0 => SessionError::NotInFlight { executed, sent },
             active => SessionError::OrderActive { active },
         };
-        self.request(Input::Resume { order, executed, sent }).map_err(|_| error)?;
-        let each = !self.config.cumulative_acks;
-        for index in ahead.into_iter().filter(|index| each && (executed..sent).contains(index)) {
-            self.machine.count.ahead.insert(self.config.numbering().next(index));
+        self.ask(Input::Resume { order, executed, sent }).map_err(|_| error)?;
+        for index in ahead {
+            let _always = self.ask(Input::Ahead { index });
         }
         self.source = Some(source);
         Ok(())
@@ -159,7 +158,7 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// # Errors
     /// When no order is active.
     pub fn end(&mut self) -> Result<(), SessionError> {
-        self.request(Input::End).map_err(|_| SessionError::NoOrder)
+        self.ask(Input::End).map_err(|_| SessionError::NoOrder)
     }
 
     /// Ends the order when the job that is being executed is done. It cannot go on after that (thesis, section 11.1).
@@ -168,10 +167,10 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// When there is no order, or the dialect has no such message.
     pub fn interrupt(&mut self) -> Result<(), SessionError> {
         let role = Role::OrderInterrupt;
-        if self.config.dialect.entry(role).is_none() {
+        if self.dialect.entry(role).is_none() {
             return Err(SessionError::Lacks { role });
         }
-        self.request(Input::Interrupt).map_err(|_| SessionError::NoOrder)
+        self.ask(Input::Interrupt).map_err(|_| SessionError::NoOrder)
     }
 
     /// Sends a command past the queue with the next answer, once: no reply is defined for it. What became of it is
@@ -180,16 +179,16 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// # Errors
     /// When the dialect has no such command, or too many wait.
     pub fn command(&mut self, id: u8, value: i32) -> Result<(), SessionError> {
-        if self.config.dialect.entry(Role::Command(id)).is_none() {
+        if self.dialect.entry(Role::Command(id)).is_none() {
             return Err(SessionError::UnknownCommand { id });
         }
-        let Commands { in_flight, waiting } = self.machine.commands;
+        let Commands { in_flight, waiting } = self.core.machine.commands;
         let place = usize::from(in_flight + waiting);
         let too_many = SessionError::TooManyCommands { waiting: place };
-        if !self.events.has_room(OUTCOMES) {
+        if !self.core.events.has_room(OUTCOMES) {
             return Err(too_many);
         }
-        self.request(Input::Command).map_err(|_| too_many)?;
+        self.ask(Input::Command).map_err(|_| too_many)?;
         if let Some(command) = self.commands.get_mut(place) {
             *command = (id, value);
         }
@@ -198,175 +197,104 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
 
     /// Whether a job of the order, or of the last one, counted from 0, is known to be executed.
     pub fn is_executed(&self, index: u32) -> bool {
-        let count = &self.machine.count;
+        let count = &self.core.machine.count;
         index < count.executed
-            || index < count.sent && count.ahead.contains(self.config.numbering().next(index))
+            || index < count.sent && count.ahead.contains(self.core.config.numbering().next(index))
     }
 
     /// Everything that decides what the session does next.
     pub const fn machine(&self) -> &Machine<WORDS> {
-        &self.machine
+        &self.core.machine
     }
 
     /// How far the order is.
     pub const fn phase(&self) -> Phase {
-        self.machine.phase()
+        self.core.machine.phase()
     }
 
     /// The order of ours; `None` when there is none.
     pub fn order(&self) -> Option<u16> {
-        let number = self.machine.order.number();
+        let number = self.core.machine.order.number();
         (number != 0).then_some(number)
     }
 
     /// Up to which count the jobs of the order, or of the last one, are executed.
     pub const fn executed(&self) -> u32 {
-        self.machine.count.executed
+        self.core.machine.count.executed
     }
 
     /// How many jobs of the order, or of the last one, the robot has queued, as far as it has reported.
     pub const fn queued(&self) -> u32 {
-        self.machine.count.queued
+        self.core.machine.count.queued
     }
 
     /// How many jobs of the order, or of the last one, were ever sent.
     pub const fn sent(&self) -> u32 {
-        self.machine.count.sent
+        self.core.machine.count.sent
     }
 
     /// A request of the caller.
-    fn request(&mut self, input: Input) -> Result<(), Unexpected> {
-        let order = self.machine.order.number();
-        let action = self.machine.on(Duration::ZERO, input, &self.config)?;
-        self.act(order, action);
+    fn ask(&mut self, input: Input) -> Result<(), Unexpected> {
+        let action = self.core.on(Duration::ZERO, input)?;
+        self.act(Duration::ZERO, action, None);
         Ok(())
     }
 
-    fn input(&mut self, now: Duration, input: Input) {
-        let order = self.machine.order.number();
-        match self.machine.on(now, input, &self.config) {
-            Ok(action) => self.act(order, action),
-            Err(unexpected) => self.unexpected(unexpected),
+    /// An outcome: what it is of was begun only with room for it.
+    fn push_outcome(&mut self, outcome: PcEvent) {
+        let pushed = self.core.events.push_outcome(outcome);
+        debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
+    }
+
+    /// The first commands have an outcome.
+    fn commands_end(&mut self, count: u8, outcome: CommandOutcome) {
+        for (id, value) in self.commands.into_iter().take(count.into()) {
+            self.push_outcome(PcEvent::Command { id, value, outcome });
         }
+        self.commands.rotate_left(count.into());
     }
 
-    #[cold]
-    fn unexpected(&mut self, Unexpected { state, input }: Unexpected) {
-        self.statistics.unexpected += 1;
-        self.events.push_notice(PcEvent::Unexpected { state, input });
-    }
-
-    /// Everything that the decoder has.
-    fn read(&mut self, now: Duration) {
-        loop {
-            let order = self.machine.order.number();
-            let action = match self.decoder.next_frame() {
-                None => break,
-                Some(Ok(message)) => {
-                    let (machine, events) = (&mut self.machine, &mut self.events);
-                    Self::on_message(&self.config, machine, events, &mut self.commands, now, &message)
-                }
-                Some(Err(error)) => {
-                    self.statistics.corrupt += 1;
-                    self.events.push_notice(PcEvent::Corrupt(error));
-                    self.machine.on(now, Input::Corrupt, &self.config)
-                }
+    /// As many of these jobs as there is room for.
+    fn write_jobs(
+        &mut self,
+        order: u16,
+        (from, until): (u32, u32),
+        packet: &mut Packet<'_>,
+        sent: &mut Sent,
+    ) {
+        let numbering = self.core.config.numbering();
+        let Some(source) = &mut self.source else { return };
+        for index in from..until {
+            let work = match source.job(index) {
+                Supply::Job(work) => work,
+                Supply::Later => return,
+                Supply::End => return sent.rest = Rest::End,
             };
-            match action {
-                Ok(action) => self.act(order, action),
-                Err(unexpected) => self.unexpected(unexpected),
-            }
-        }
-    }
-
-    /// Does what the machine asks for; `order` is the one that was active before.
-    fn act(&mut self, order: u16, action: Action) {
-        match action {
-            // What is rejected is reported where the message is known.
-            Action::Nothing | Action::Rejected(_) => {}
-            Action::Started => self.events.push_notice(PcEvent::OrderStarted { order }),
-            Action::Refused { active } => {
-                self.events.push_notice(PcEvent::OrderRefused { order, active, given_up: false });
-            }
-            Action::Paused => {
-                self.events.push_notice(PcEvent::Paused { queued: self.machine.count.queued });
-            }
-            Action::ExecutedAhead { index } => self.events.push_notice(PcEvent::ExecutedAhead { index }),
-            Action::Commands { count, outcome } => {
-                commands_end(&mut self.commands, &mut self.events, count, outcome);
-            }
-            Action::Outcome(outcome) => {
-                self.source = None;
-                push(
-                    &mut self.events,
-                    match outcome {
-                        Outcome::Over { executed, complete } => {
-                            PcEvent::OrderOver { order, executed, complete }
-                        }
-                        Outcome::Unknown { executed, sent } => {
-                            PcEvent::OutcomeUnknown { order, executed, sent }
-                        }
-                        Outcome::GivenUp { active } => {
-                            PcEvent::OrderRefused { order, active, given_up: true }
-                        }
-                    },
-                );
+            let job = Job { order, number: numbering.next(index), work };
+            match packet.push_job(&self.dialect, &job, &self.ranges) {
+                Ok(PacketRoom::Added) => sent.jobs += 1,
+                Err(EncodeError::Field(error)) => {
+                    sent.rest = Rest::Unfit;
+                    return self.push_outcome(PcEvent::JobUnfit { order, index, error });
+                }
+                Ok(PacketRoom::Full) | Err(_) => return,
             }
         }
     }
 }
 
-impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'_, S, MESSAGE, WORDS> {
-    /// What the machine is to do with a message; why it is not used is for the event.
-    fn on_message(
-        config: &PcConfig<'_>,
-        machine: &mut Machine<WORDS>,
-        events: &mut Events,
-        commands: &mut [(u8, i32)],
-        now: Duration,
-        message: &Message<'_>,
-    ) -> Result<Action, Unexpected> {
-        if let Action::Commands { count, outcome } = machine.on(now, Input::Received, config)? {
-            commands_end(commands, events, count, outcome);
-        }
-        let (role, params) = match config.dialect.read(message) {
-            Ok((role, params)) => (role, config.dialect.complete(role, params, machine.order.number())),
-            Err(error) => {
-                events.push_notice(PcEvent::Rejected(error));
-                return machine.on(now, Input::Message(FromRobot::Unusable), config);
-            }
-        };
-        let action = machine.on(now, Input::Message(FromRobot::read(role, &params)), config)?;
-        if role == Role::Status {
-            let (queued, executed) = (params.number(Field::Queued), params.number(Field::Executed));
-            let order = params.number(Field::Order).unwrap_or(0);
-            events.push_notice(PcEvent::PeerStatus { order, phase: phase(&params), queued, executed });
-        }
-        if let Action::Rejected(why) = action {
-            events.push_notice(PcEvent::Rejected(rejected(config, machine, why, role, &params)));
-        }
-        Ok(action)
-    }
-}
-
-/// An outcome: what it is of was begun only with room for it.
-fn push(events: &mut Events, outcome: PcEvent) {
-    let pushed = events.push_outcome(outcome);
-    debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
-}
-
-/// The first commands have an outcome.
-fn commands_end(commands: &mut [(u8, i32)], events: &mut Events, count: u8, outcome: CommandOutcome) {
-    let count = usize::from(count);
-    for (id, value) in commands.iter().take(count).copied() {
-        push(events, PcEvent::Command { id, value, outcome });
-    }
-    commands.rotate_left(count);
+/// The values of a status.
+fn status_of(order: u16, (phase, sent, executed): (Phase, Option<u16>, Option<u16>)) -> Params {
+    Params::default()
+        .with(Field::Order, order)
+        .with(Field::Phase, u16::from(u8::from(phase)))
+        .with(Field::Queued, sent)
+        .with(Field::Executed, executed)
 }
 
 #[cold]
 fn rejected<const WORDS: usize>(
-    config: &PcConfig<'_>,
+    numbering: Numbering,
     machine: &Machine<WORDS>,
     why: Rejection,
     role: Role,
@@ -385,94 +313,159 @@ fn rejected<const WORDS: usize>(
             };
             let known = if role == Role::JobRequest { machine.count.sent } else { machine.count.executed };
             let found = params.number(field).unwrap_or(0);
-            MessageError::OutOfOrder { expected: config.numbering().next(known), found }
+            MessageError::OutOfOrder { expected: numbering.next(known), found }
         }
         Rejection::NotExpected => MessageError::NotExpected { role },
     }
 }
 
-impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> Session for Pc<'_, S, MESSAGE, WORDS> {
-    type Event = PcEvent;
+impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, MESSAGE, WORDS> {
+    type Machine = Machine<WORDS>;
+    type Decoder = Decoder<MESSAGE>;
+    type Events = EventQueue<PcEvent, 32>;
     type Statistics = PcStatistics;
+    type Payload = (Role, Params);
 
     const MAX_INPUT: usize = 65536;
     const MAX_TRANSMIT: usize = Message::MAX_LEN;
+    const ROOM: Room = Room::NONE;
 
-    fn handle_connected(&mut self, now: Duration) {
-        self.decoder.clear();
-        self.input(now, Input::Connected);
-    }
+    robot_session::core!();
 
-    fn handle_disconnected(&mut self, now: Duration) {
-        self.input(now, Input::Disconnected);
-    }
-
-    fn handle_input(&mut self, now: Duration, mut bytes: &[u8]) {
-        if !self.machine.is_connected() {
-            return self.unexpected(Unexpected { state: "not connected", input: "bytes" });
+    fn begin_input(&mut self, _now: Duration) -> bool {
+        let is_connected = self.core.machine.is_connected();
+        if !is_connected {
+            self.refuse(Unexpected { state: "not connected", input: "bytes" });
         }
-        loop {
-            bytes = self.decoder.take(bytes, self.config.datagrams);
-            self.read(now);
-            if bytes.is_empty() {
-                break;
+        is_connected
+    }
+
+    fn end_input(&mut self, now: Duration) {
+        if self.core.config.datagrams {
+            // No message goes on after the end of a datagram.
+            self.finish(now);
+        }
+        let whole = !self.core.decoder.is_inside_message();
+        self.advance(now, Input::ReadEnd { whole }, None);
+    }
+
+    /// A message is two inputs: that it has come, and what it is.
+    fn next_input(&mut self) -> Option<(Input, Option<(Role, Params)>)> {
+        match self.received.take() {
+            None => {}
+            Some(Ok((role, params))) => {
+                let params = self.dialect.complete(role, params, self.core.machine.order.number());
+                return Some((Input::Message(FromRobot::read(role, &params)), Some((role, params))));
+            }
+            Some(Err(error)) => {
+                self.core.events.push_notice(PcEvent::Rejected(error));
+                return Some((Input::Message(FromRobot::Unusable), None));
             }
         }
-        let whole = !self.decoder.is_inside_message();
-        self.input(now, Input::ReadEnd { whole });
+        match self.core.decoder.next_frame()? {
+            Ok(message) => self.received = Some(self.dialect.read(&message)),
+            Err(error) => {
+                self.statistics.corrupt += 1;
+                self.core.events.push_notice(PcEvent::Corrupt(error));
+                return Some((Input::Corrupt, None));
+            }
+        }
+        Some((Input::Received, None))
     }
 
-    fn handle_timeout(&mut self, now: Duration) {
-        self.input(now, Input::Timeout);
-    }
-
-    fn poll_event(&mut self) -> Option<PcEvent> {
-        self.events.pop().or_else(|| {
-            Some(match self.machine.report()? {
-                Report::Disconnect => PcEvent::Disconnect,
-                Report::Progress => PcEvent::Progress { executed: self.executed(), queued: self.queued() },
-            })
-        })
+    fn act(&mut self, _now: Duration, action: Action, message: Option<(Role, Params)>) {
+        let order = self.core.machine.order.number();
+        if let Some((Role::Status, params)) = &message {
+            let (queued, executed) = (params.number(Field::Queued), params.number(Field::Executed));
+            let order = params.number(Field::Order).unwrap_or(0);
+            let status = PcEvent::PeerStatus { order, phase: phase(params), queued, executed };
+            self.core.events.push_notice(status);
+        }
+        match action {
+            Action::Nothing => {}
+            Action::Rejected(why) => {
+                let Some((role, params)) = message else { return };
+                let error = rejected(self.core.config.numbering(), &self.core.machine, why, role, &params);
+                self.core.events.push_notice(PcEvent::Rejected(error));
+            }
+            Action::Started => self.core.events.push_notice(PcEvent::OrderStarted { order }),
+            Action::Refused { active } => {
+                self.core.events.push_notice(PcEvent::OrderRefused { order, active, given_up: false });
+            }
+            Action::Paused => {
+                let queued = self.core.machine.count.queued;
+                self.core.events.push_notice(PcEvent::Paused { queued });
+            }
+            Action::ExecutedAhead { index } => {
+                self.core.events.push_notice(PcEvent::ExecutedAhead { index });
+            }
+            Action::Commands { count, outcome } => self.commands_end(count, outcome),
+            Action::Sent => self.statistics.packets += 1,
+            Action::Outcome { order, outcome } => {
+                self.source = None;
+                self.push_outcome(match outcome {
+                    Outcome::Over { executed, complete } => PcEvent::OrderOver { order, executed, complete },
+                    Outcome::Unknown { executed, sent } => PcEvent::OutcomeUnknown { order, executed, sent },
+                    Outcome::GivenUp { active } => PcEvent::OrderRefused { order, active, given_up: true },
+                });
+            }
+        }
     }
 
     /// A buffer shorter than [`Limits::packet`](crate::Limits) is too small.
-    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        let out = out.get_mut(..self.config.limits.packet)?;
-        let mut packet = Packet::new(out, self.config.limits, self.config.dialect.charset());
-        let Commands { in_flight, waiting } = self.machine.commands;
-        let (first, last) = (usize::from(in_flight), usize::from(in_flight + waiting));
-        let mut answer = PacketAnswer {
-            packet: &mut packet,
-            dialect: &self.config.dialect,
-            source: &mut self.source,
-            ranges: &self.ranges,
-            unfit: None,
-            commands: self.commands.get(first..last).unwrap_or_default(),
-        };
-        let sent = self.machine.transmit(now, &self.config, &mut answer);
-        let unfit = answer.unfit;
-        if sent && packet.is_empty() {
-            // All that was to be sent is of roles that the table lacks.
-            packet.write(&self.config.dialect, Role::Filler, &Params::default());
+    fn write(&mut self, now: Duration, mut answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
+        let out = out.get_mut(..self.limits.packet)?;
+        if let (Some(index), Some(source)) = (answer.last, &mut self.source)
+            && matches!(source.job(index), Supply::End)
+        {
+            self.advance(now, Input::Exhausted, None);
+            answer = self.core.machine.transmit(now, &self.core.config)?;
         }
-        let length = packet.as_bytes().len();
-        if let Some((index, error)) = unfit {
-            let order = self.machine.order.number();
-            push(&mut self.events, PcEvent::JobUnfit { order, index, error });
-            // The jobs before it are executed; no later one is ever asked for.
-            if let Err(unexpected) = self.request(Input::End) {
-                self.unexpected(unexpected);
+        let mut packet = Packet::new(out, self.limits, self.dialect.charset());
+        let mut sent = Sent::default();
+        if let Some(status) = answer.status {
+            packet.write(&self.dialect, Role::Status, &status_of(answer.order, status));
+        }
+        if let Some(request) = answer.request {
+            let (role, params) = request.write();
+            sent.request = packet.write(&self.dialect, role, &params);
+        }
+        let Commands { in_flight, waiting } = self.core.machine.commands;
+        let waiting = self.commands.into_iter().skip(in_flight.into()).take(waiting.into());
+        for (id, value) in waiting.take(answer.commands.into()) {
+            let mut params = Params::default().with(Field::Order, answer.order);
+            params.set(Field::Value, value);
+            if !packet.write(&self.dialect, Role::Command(id), &params) {
+                break;
             }
+            sent.commands += 1;
         }
-        self.statistics.packets += u64::from(sent);
-        sent.then_some(length)
+        if let Some(jobs) = answer.jobs {
+            self.write_jobs(answer.order, jobs, &mut packet, &mut sent);
+        }
+        if packet.is_empty() {
+            packet.write(&self.dialect, Role::Filler, &Params::default());
+        }
+        Some((packet.as_bytes().len(), Input::Sent(sent)))
     }
 
-    fn poll_timeout(&self) -> Option<Duration> {
-        self.machine.deadline()
+    fn next_event(&mut self) -> Option<PcEvent> {
+        self.core.events.pop().or_else(|| {
+            let event = match self.core.machine.report()? {
+                Report::Disconnect => PcEvent::Disconnect,
+                Report::Progress => PcEvent::Progress { executed: self.executed(), queued: self.queued() },
+            };
+            self.advance(Duration::ZERO, Input::Reported, None);
+            Some(event)
+        })
     }
 
-    fn statistics(&self) -> PcStatistics {
-        PcStatistics { dropped_notices: self.events.dropped_notices(), ..self.statistics }
+    fn unexpected(Unexpected { state, input }: Unexpected) -> PcEvent {
+        PcEvent::Unexpected { state, input }
+    }
+
+    fn counters(&self) -> PcStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        PcStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }

@@ -2,11 +2,11 @@
 
 use core::time::Duration;
 
-use crate::content::FromRobot;
+use crate::content::{FromPc, FromRobot};
 use crate::numbering::{ALL_NUMBERS, NumberSet};
+use crate::phase::Phase;
 
-/// A PC's machine. [`on`](Self::on) and [`transmit`](Self::transmit) change it; bytes, the lines of the jobs, the values of commands,
-/// events and statistics are the session's.
+/// A PC's machine. Bytes, the lines of the jobs, the values of commands, events and statistics are the session's.
 ///
 /// `WORDS` is how many job numbers it can tell apart, by 64: all of them, or fewer for a model.
 ///
@@ -215,6 +215,59 @@ pub enum Input {
     Interrupt,
     /// The caller sends a command.
     Command,
+    /// A job of an order that goes on was executed ahead of others.
+    Ahead {
+        /// Which, counted from 0.
+        index: u32,
+    },
+    /// The order has no job that was not sent.
+    Exhausted,
+    /// The answer that was due is sent.
+    Sent(Sent),
+    /// What is to be reported of the state is.
+    Reported,
+}
+
+/// What an answer has to hold: as much of it as finds room, in this order. What nothing is of is filler.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Answer {
+    /// Where the order is done if the source has no job of this place.
+    pub last: Option<u32>,
+    /// The order; 0 for none.
+    pub order: u16,
+    /// The status: its phase, the last job sent and the last one known to be executed.
+    pub status: Option<(Phase, Option<u16>, Option<u16>)>,
+    /// What the order asks of the robot.
+    pub request: Option<FromPc>,
+    /// So many commands, those that wait.
+    pub commands: u8,
+    /// The jobs of these places, as many as there are.
+    pub jobs: Option<(u32, u32)>,
+}
+
+/// What was in an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Sent {
+    /// What the order asks of the robot.
+    pub request: bool,
+    /// So many commands.
+    pub commands: u8,
+    /// So many jobs.
+    pub jobs: u32,
+    /// Why no more of them.
+    pub rest: Rest,
+}
+
+/// What became of the jobs that were due and are not in an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Rest {
+    /// They have no room there, or are not worked out yet.
+    #[default]
+    Later,
+    /// There are none: the order ends before them.
+    End,
+    /// The first cannot be written: no later one is ever asked for.
+    Unfit,
 }
 
 /// What the session is to do.
@@ -246,7 +299,14 @@ pub enum Action {
         outcome: CommandOutcome,
     },
     /// The order has ended.
-    Outcome(Outcome),
+    Outcome {
+        /// Its number.
+        order: u16,
+        /// How.
+        outcome: Outcome,
+    },
+    /// An answer was sent.
+    Sent,
 }
 
 /// What the caller learns of the state: where it has changed again before that, as it is then.
@@ -305,19 +365,6 @@ pub enum Rejection {
     NotExpected,
 }
 
-/// What became of a job that was to be put into an answer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum JobSent {
-    /// It is in the answer.
-    Sent,
-    /// It has no room there.
-    NoRoom,
-    /// It is not worked out yet.
-    Later,
-    /// There is no such job: the order ends before it.
-    End,
-}
-
 impl Order {
     /// Its number; 0 for none.
     pub const fn number(&self) -> u16 {
@@ -342,32 +389,27 @@ impl<const WORDS: usize> Default for Count<WORDS> {
     }
 }
 
-impl Input {
-    /// Its name.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Input::Connected => "connected",
-            Input::Disconnected => "disconnected",
-            Input::Timeout => "timeout",
-            Input::Received => "message received",
-            Input::Message(message) => match message {
-                FromRobot::JobAck { .. } => "job acknowledged",
-                FromRobot::OrderAck { .. } => "start answered",
-                FromRobot::EndAck { .. } => "end acknowledged",
-                FromRobot::Status(_) => "status",
-                FromRobot::Pause { .. } => "pause",
-                FromRobot::Request { .. } => "request",
-                FromRobot::Filler => "filler",
-                FromRobot::WrongSide => "message of the PC's",
-                FromRobot::Unusable => "unusable message",
-            },
-            Input::Corrupt => "corrupt bytes",
-            Input::ReadEnd { .. } => "end of what was read",
-            Input::Start { .. } => "start",
-            Input::Resume { .. } => "resume",
-            Input::End => "end",
-            Input::Interrupt => "interrupt",
-            Input::Command => "command",
-        }
-    }
-}
+robot_session::inputs!(
+    Input:
+    Received,
+    Message { 0: FromRobot::JobAck { .. } } as "Message(JobAck)",
+    Message { 0: FromRobot::OrderAck { .. } } as "Message(OrderAck)",
+    Message { 0: FromRobot::EndAck { .. } } as "Message(EndAck)",
+    Message { 0: FromRobot::Status(_) } as "Message(Status)",
+    Message { 0: FromRobot::Pause { .. } } as "Message(Pause)",
+    Message { 0: FromRobot::Request { .. } } as "Message(Request)",
+    Message { 0: FromRobot::Filler } as "Message(Filler)",
+    Message { 0: FromRobot::WrongSide } as "Message(WrongSide)",
+    Message { 0: FromRobot::Unusable } as "Message(Unusable)",
+    Corrupt,
+    ReadEnd,
+    Start,
+    Resume,
+    End,
+    Interrupt,
+    Command,
+    Ahead,
+    Exhausted,
+    Sent,
+    Reported,
+);

@@ -265,7 +265,7 @@ fn kawasaki(rows: &mut Vec<String>) -> Result<()> {
         refuse_repeated_start: refuse_repeated_start, "bool", "true or false", "ours";
         end_foreign_order: end_foreign_order, "bool", "true or false", "ours";
     }
-    rows! { rows, "kawasaki-msg", "PcConfig", PcConfig = PcConfig::TCP; model
+    rows! { rows, "kawasaki-msg", "PcConfig", PcConfig = PcConfig::TCP; rules
         dialect: { let _ = dialect; "the table of messages" }, "table", "a table that `Dialect::new` takes (KM-27, KM-28)", "§10.1; ours";
         limits: limits, "object", "Limits", "§9.5";
         datagrams: datagrams, "bool", "true or false", "ours";

@@ -31,6 +31,7 @@ fn tables(link: &str) -> Option<Vec<testkit::model::Cell>> {
             [cells::<links::val2_viewer::rows::Host>(), cells::<links::val2_viewer::rows::Workstation>()]
                 .concat()
         }
+        "kawasaki-msg" => cells::<links::kawasaki_msg::rows::Pc>(),
         "val2-alter" => {
             [cells::<links::val2_alter::rows::Host>(), cells::<links::val2_alter::rows::Controller>()]
                 .concat()
@@ -66,8 +67,8 @@ type Matrix = (&'static str, &'static str, Option<(&'static str, &'static str)>)
 /// A link's matrices.
 fn matrices(link: &str) -> &'static [Matrix] {
     match link {
-        "kawasaki-msg" => &[("pc_matrix.txt", "pc", None), ("robot_matrix.txt", "robot", None)],
-        _ => &[("state_matrix.txt", "", None)],
+        "kawasaki-msg" => &[("robot_matrix.txt", "robot", None)],
+        _ => &[],
     }
 }
 
@@ -91,19 +92,17 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
 
 /// Every cell of a link.
 pub(crate) fn cells(root: &Path, link: &str) -> Result<Vec<Cell>> {
-    if let Some(table) = tables(link) {
-        return Ok(table
-            .into_iter()
-            .map(|cell| Cell {
-                machine: cell.end.into(),
-                state: cell.state,
-                input: cell.input,
-                to: cell.to,
-                actions: cell.action,
-            })
-            .collect());
-    }
-    let mut cells = Vec::new();
+    let mut cells: Vec<Cell> = tables(link)
+        .unwrap_or_default()
+        .into_iter()
+        .map(|cell| Cell {
+            machine: cell.end.into(),
+            state: cell.state,
+            input: cell.input,
+            to: cell.to,
+            actions: cell.action,
+        })
+        .collect();
     for (file, first, second) in matrices(link) {
         let path = root.join(link).join("tests").join(file);
         let text = std::fs::read_to_string(&path).with_context(|| path.display().to_string())?;

@@ -5,35 +5,19 @@ use core::time::Duration;
 use std::rc::Rc;
 
 use anyhow::{Context, Result, bail};
-use kawasaki_msg::pc::{Machine, Order, PcRule};
-use kawasaki_msg::{
-    Decoder, FromRobot, JobSource, LargePc, Message, PcConfig, PcEvent, Status, Supply, Takeover,
-};
-use robot_session::{Decoder as _, Session as _};
+use kawasaki_msg::pc::{Order, Rule};
+use kawasaki_msg::{ALL_NUMBERS, JobSource, LargePc, PcConfig, PcEvent, Supply, Takeover};
+use robot_session::{End as _, Machine as _, Session as _};
 use serde_json::{Map, Value};
+use testkit::links::kawasaki_msg::rows;
 
-use super::kawasaki::{AnyWork, Layout, Seen, corrupt, outputs, plain, plant, refused, rejected, see};
-use super::{Do, End, Fields, Maker, Omits, Step, event};
+use super::kawasaki::{AnyWork, Layout, corrupt, outputs, plain, plant, refused, rejected};
+use super::{Do, End, Fields, Maker, Omits, Step, cell, event, names, without};
 
-pub(super) const MAKER: Maker = Maker {
-    make: |config, without| Ok(Box::new(KawasakiPc::new(config, without)?)),
-    rules: || {
-        ["LearnIdentity", "CancelWaits", "StartOnce", "DoubtCorrupt", "Window", "LateReports"]
-            .map(String::from)
-            .to_vec()
-    },
-};
+pub(super) const MAKER: Maker =
+    Maker { make: |config, rule| Ok(Box::new(KawasakiPc::new(config, rule)?)), rules: names::<Rule> };
 
-const RULES: [PcRule; 6] = [
-    PcRule::LearnIdentity,
-    PcRule::CancelWaits,
-    PcRule::StartOnce,
-    PcRule::DoubtCorrupt,
-    PcRule::Window,
-    PcRule::LateReports,
-];
-
-fn configuration(fields: &mut Fields, without: Option<usize>) -> Result<PcConfig<'static>> {
+fn configuration(fields: &mut Fields, rule: Option<usize>) -> Result<PcConfig<'static>> {
     let mut made = PcConfig::TCP;
     fields.take("limits", &mut made.limits)?;
     fields.take("datagrams", &mut made.datagrams)?;
@@ -51,7 +35,7 @@ fn configuration(fields: &mut Fields, without: Option<usize>) -> Result<PcConfig
     };
     fields.take("start_retries", &mut made.start_retries)?;
     fields.take("end_when_done", &mut made.end_when_done)?;
-    made.without = without.and_then(|rule| RULES.get(rule)).copied();
+    made.rules = without(rule);
     Ok(made)
 }
 
@@ -81,26 +65,19 @@ impl JobSource for Source {
 
 struct KawasakiPc {
     pc: LargePc<'static, Source>,
-    config: PcConfig<'static>,
     layout: Layout,
     jobs: Rc<RefCell<Jobs>>,
-    /// Reads the same bytes, for the cells.
-    decoder: Decoder,
 }
 
 impl KawasakiPc {
-    fn new(config: &Map<String, Value>, without: Option<usize>) -> Result<Self> {
+    fn new(config: &Map<String, Value>, rule: Option<usize>) -> Result<Self> {
         let mut fields = Fields(config.clone());
         let (dialect, layout) = plant(&mut fields)?;
-        let config = PcConfig { dialect, ..configuration(&mut fields, without)? };
+        let config = PcConfig { dialect, ..configuration(&mut fields, rule)? };
         fields.end()?;
-        Ok(Self {
-            pc: LargePc::sized(config)?.with_ranges(layout.clone())?,
-            config,
-            layout,
-            jobs: Rc::new(RefCell::new(Jobs { jobs: Vec::new(), is_open: false })),
-            decoder: Decoder::new(dialect.charset()),
-        })
+        let mut pc = LargePc::sized(config)?.with_ranges(layout.clone())?;
+        pc.core_mut().moves = Some(Vec::new());
+        Ok(Self { pc, layout, jobs: Rc::new(RefCell::new(Jobs { jobs: Vec::new(), is_open: false })) })
     }
 
     fn call(&mut self, name: &str, argument: &Value) -> Result<Option<String>> {
@@ -146,64 +123,20 @@ impl KawasakiPc {
         };
         Ok(result.err().map(refused))
     }
-
-    /// The cells that an input has reached.
-    fn cells(&mut self, before: &Machine, input: &Do, is_refused: bool) -> Vec<String> {
-        let state = before.name();
-        let after = self.pc.machine().name();
-        let one = |input: &str| vec![format!("{state}: {input}")];
-        match input {
-            Do::Connected => one("Connected"),
-            Do::Disconnected => one("Disconnected"),
-            Do::Timeout => one("Timeout"),
-            Do::Input(bytes) if before.is_connected() => {
-                let (dialect, order) = (self.config.dialect, before.order);
-                let Seen { first, is_whole } =
-                    see(&mut self.decoder, bytes, self.config.datagrams, |message| {
-                        meaning(&dialect, message, order)
-                    });
-                let mut cells = vec![format!("{after}: ReadEnd {{ whole: {is_whole} }}")];
-                match first {
-                    Some(Ok(cell)) => {
-                        cells.push(format!("{state}: Received"));
-                        cells.extend(cell.map(|cell| format!("{state}: Message({cell})")));
-                    }
-                    Some(Err(_)) => cells.push(format!("{state}: Corrupt")),
-                    None => {}
-                }
-                cells
-            }
-            Do::Call { name, .. } if !is_refused => match name.as_str() {
-                "start" => one("Start { order: 50 }"),
-                "resume" => one("Resume { order: 50, executed: 2, sent: 4 }"),
-                "end" => one("End"),
-                "interrupt" => one("Interrupt"),
-                "command" => one("Command"),
-                _ => Vec::new(),
-            },
-            _ => Vec::new(),
-        }
-    }
 }
 
 impl End for KawasakiPc {
     fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
-        let before = self.pc.machine().clone();
         let mut step = Step::default();
-        match input {
-            Do::Connected => {
-                self.pc.handle_connected(now);
-                self.decoder.clear();
-            }
-            Do::Disconnected => self.pc.handle_disconnected(now),
-            Do::Input(bytes) => self.pc.handle_input(now, bytes),
-            Do::Timeout => self.pc.handle_timeout(now),
-            Do::Transmitted => self.pc.handle_transmitted(now),
-            Do::Nothing => {}
-            Do::Call { name, argument } => step.refused = self.call(name, argument)?,
+        if let Some((name, argument)) = input.give(&mut self.pc, now) {
+            step.refused = self.call(name, argument)?;
         }
-        step.cells = self.cells(&before, input, step.refused.is_some());
         outputs(&mut self.pc, now, omits, &mut step, shown)?;
+        let moves = self.pc.core_mut().moves.replace(Vec::new()).unwrap_or_default();
+        let cells = moves
+            .into_iter()
+            .flat_map(|(at, machine, input)| cell::<rows::Pc<ALL_NUMBERS>>(&machine, at, &input));
+        step.cells.extend(cells);
         Ok(step)
     }
 
@@ -229,37 +162,5 @@ fn shown(happened: &PcEvent) -> Result<String> {
             .value("executed", executed)?
             .end(),
         other => plain(other)?,
-    })
-}
-
-/// What a message is in the matrix, where ours is order 50; `None` for a message that is not in it.
-fn meaning(dialect: &kawasaki_msg::Dialect<'_>, message: &Message<'_>, ours: Order) -> Option<&'static str> {
-    let Ok((role, params)) = dialect.read(message) else { return Some("Unusable") };
-    let is_ours = |order: u16| order != 0 && (ours == Order::Idle || order == ours.number());
-    Some(match FromRobot::read(role, &params) {
-        FromRobot::JobAck { .. } => "JobAck { order: 50, number: 2 }",
-        FromRobot::OrderAck { active: 0 } => "OrderAck { active: 0 }",
-        FromRobot::OrderAck { active } if ours != Order::Idle && is_ours(active) => "OrderAck { active: 50 }",
-        FromRobot::OrderAck { active: 50 } => "OrderAck { active: 50 }",
-        FromRobot::OrderAck { .. } => "OrderAck { active: 51 }",
-        FromRobot::EndAck { ended, .. } if is_ours(ended) => {
-            "EndAck { ended: 50, active: 0, executed: Some(4) }"
-        }
-        FromRobot::EndAck { .. } => return None,
-        FromRobot::Status(Status { order: 0, .. }) => {
-            "Status(Status { order: 0, phase: Idle, queued: None, executed: None, ended: 0 })"
-        }
-        FromRobot::Status(Status { order, queued: Some(_), .. }) if is_ours(order) => {
-            "Status(Status { order: 50, phase: Active, queued: Some(3), executed: Some(1), ended: 0 })"
-        }
-        FromRobot::Status(Status { order, queued: None, .. }) if ours == Order::Idle || !is_ours(order) => {
-            "Status(Status { order: 51, phase: Active, queued: None, executed: None, ended: 0 })"
-        }
-        FromRobot::Status(_) => return None,
-        FromRobot::Pause { .. } => "Pause { order: 50, queued: Some(3) }",
-        FromRobot::Request { .. } => "Request { order: 50, number: 1 }",
-        FromRobot::Filler => "Filler",
-        FromRobot::WrongSide => "WrongSide",
-        FromRobot::Unusable => "Unusable",
     })
 }

@@ -3,9 +3,10 @@
 use core::time::Duration;
 
 use kawasaki_msg::pc::{
-    Action, Answer, Count, Input, JobSent, Link, Order, Outcome, Reply, Report, Stage, Start,
+    Action, Config, Count, Input, Link, Order, Outcome, Reply, Report, Rest, Sent, Stage, Start,
 };
-use kawasaki_msg::{FromPc, FromRobot, PcConfig, Phase, Status};
+use kawasaki_msg::{FromRobot, Phase, Status};
+use robot_session::Machine as _;
 
 use super::machines::Pc;
 use super::pair::{NO_SPIN, ONE_OUTCOME, UNEXPECTED};
@@ -28,7 +29,7 @@ pub(super) const SILENCE: &str = "a robot that is silent, or does not answer a s
 #[derive(Debug, Clone)]
 pub struct AnyRobot {
     /// The PC's configuration.
-    pub pc: PcConfig<'static>,
+    pub pc: Config,
     /// How many orders are started, all of the same number, and the jobs of each.
     pub starts: u8,
     /// The jobs of each.
@@ -92,44 +93,6 @@ pub enum Act {
     Tick,
 }
 
-/// The answer as it is sent.
-struct Packet<'a> {
-    system: &'a AnyRobot,
-    executed: u32,
-    jobs: u32,
-    again: bool,
-}
-
-impl Answer for Packet<'_> {
-    fn send(&mut self, _: FromPc) -> bool {
-        true
-    }
-
-    fn status(&mut self, _: u16, _: Phase, _: Option<u16>, _: Option<u16>) -> bool {
-        true
-    }
-
-    fn command(&mut self, _: u16) -> bool {
-        true
-    }
-
-    fn job(&mut self, _: u16, _: u16, index: u32) -> JobSent {
-        if index >= self.system.jobs {
-            return JobSent::End;
-        }
-        if self.jobs == self.system.batch {
-            return JobSent::NoRoom;
-        }
-        self.jobs += 1;
-        self.again |= index < self.executed;
-        JobSent::Sent
-    }
-
-    fn is_end(&mut self, index: u32) -> bool {
-        index >= self.system.jobs
-    }
-}
-
 impl AnyRobot {
     fn drive(&self, w: &mut World, input: Input, edges: &mut Edges<'_>) -> Action {
         let (before, order) = ((w.pc.count.executed, w.pc.count.queued), w.pc.order);
@@ -144,26 +107,24 @@ impl AnyRobot {
         w.flags.counts |=
             count.executed > count.queued || count.queued > count.sent || count.sent > self.jobs;
         w.flags.outcome |=
-            matches!(action, Action::Outcome(_)) != (order != Order::Idle && w.pc.order == Order::Idle);
-        if let Action::Outcome(Outcome::Over { executed, complete: true }) = action {
+            matches!(action, Action::Outcome { .. }) != (order != Order::Idle && w.pc.order == Order::Idle);
+        if let Action::Outcome { outcome: Outcome::Over { executed, complete: true }, .. } = action {
             w.flags.outcome |= executed != self.jobs;
         }
-        let mut reports = core::iter::from_fn(|| w.pc.report()).peekable();
+        let mut reports = core::iter::from_fn(|| {
+            let report = w.pc.report()?;
+            w.pc.on(NOW, Input::Reported, &self.pc).ok().map(|_| report)
+        })
+        .peekable();
         let is_given_up = reports.next_if_eq(&Report::Disconnect).is_some();
         w.flags.reported |= reports.ne(changed.then_some(Report::Progress));
-        if let Action::Outcome(_) = action {
+        if let Action::Outcome { .. } = action {
             w.pc.count = Count::default();
         }
         if is_given_up {
             self.drive(w, Input::Disconnected, edges);
         }
         action
-    }
-
-    fn is_due(&self, w: &World) -> bool {
-        let mut after = w.clone();
-        self.drive(&mut after, Input::Timeout, &mut None);
-        after != *w
     }
 
     fn answers(w: &World) -> bool {
@@ -228,7 +189,7 @@ impl System for AnyRobot {
             acts.extend([Act::Connect, Act::Tick]);
             return;
         };
-        let due = self.is_due(w);
+        let due = w.pc.expires(NOW);
         if due {
             acts.push(Act::Timeout);
         }
@@ -286,9 +247,24 @@ impl System for AnyRobot {
             }
             Act::Answer => {
                 let executed = w.pc.count.executed;
-                let mut packet = Packet { system: self, executed, jobs: 0, again: false };
-                w.pc.transmit(NOW, &self.pc, &mut packet);
-                w.flags.again |= packet.again;
+                let mut answer = w.pc.transmit(NOW, &self.pc).expect("an answer is due");
+                if answer.last.is_some_and(|index| index >= self.jobs) {
+                    on(&mut w, Input::Exhausted);
+                    answer = w.pc.transmit(NOW, &self.pc).expect("an answer is due");
+                }
+                let (from, until) = answer.jobs.unwrap_or_default();
+                let jobs = until.saturating_sub(from).min(self.batch).min(self.jobs.saturating_sub(from));
+                let is_end = (self.jobs..until).contains(&(from + jobs));
+                w.flags.again |= jobs > 0 && from < executed;
+                on(
+                    &mut w,
+                    Input::Sent(Sent {
+                        request: answer.request.is_some(),
+                        commands: answer.commands,
+                        jobs,
+                        rest: if is_end { Rest::End } else { Rest::Later },
+                    }),
+                );
                 w.flags.unspoken |= !w.spoken;
                 w.spoken = false;
             }
@@ -332,7 +308,7 @@ impl System for AnyRobot {
         add(count.sent - count.executed >= self.pc.max_number.into(), NUMBERS);
         let silence = (self.pc.silence.as_millis() / TICK.as_millis()) as u8;
         add(w.silent > silence || w.unanswered > silence && !self.pc.datagrams, SILENCE);
-        add(w.pc.deadline() == Some(NOW) && !Self::answers(w) && !self.is_due(w), NO_SPIN);
+        add(w.pc.deadline() == Some(NOW) && !Self::answers(w) && !w.pc.expires(NOW), NO_SPIN);
     }
 
     /// A robot that was restarted, and takes the order if it is started.
@@ -341,7 +317,7 @@ impl System for AnyRobot {
             let idle = w.pc.order == Order::Idle;
             return Some(if idle && w.started < self.starts { Act::Start } else { Act::Connect });
         };
-        if self.is_due(w) {
+        if w.pc.expires(NOW) {
             return Some(Act::Timeout);
         }
         let idle = FromRobot::Status(Status {

@@ -2,10 +2,9 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::robot_session::Unexpected;
-use kawasaki_msg::{FromPc, PcConfig, RobotConfig, pc, robot};
+use kawasaki_msg::{FromPc, RobotConfig, pc, robot};
 
-use crate::model::{self, forward};
+use crate::model::{self, adapt, forward};
 
 /// 64 job numbers are enough for it.
 pub type Robot = robot::Machine<1>;
@@ -25,41 +24,15 @@ impl model::Machine for Robot {
     }
 }
 
-impl model::Machine for Pc {
-    const END: &'static str = "pc";
-    type Input = pc::Input;
-    type Action = pc::Action;
-    type Config = PcConfig<'static>;
+adapt!(Pc, action_name = pc_action);
 
-    fn on(&mut self, now: Duration, input: pc::Input, config: &PcConfig) -> Result<pc::Action, Unexpected> {
-        Pc::on(self, now, input, config)
-    }
-
-    fn each_time(&mut self, f: impl FnMut(&mut Duration)) {
-        Pc::each_time(self, f);
-    }
-
-    fn name(&self) -> &'static str {
-        Pc::name(self)
-    }
-
-    fn input_name(input: &pc::Input) -> &'static str {
-        input.name()
-    }
-
-    fn action_name(action: &pc::Action) -> String {
-        match action {
-            pc::Action::Nothing => String::new(),
-            pc::Action::Outcome(outcome) => {
-                let text = format!("{outcome:?}");
-                text.split(' ').next().unwrap_or_default().into()
-            }
-            action => {
-                let text = format!("{action:?}");
-                text.split(' ').next().unwrap_or_default().into()
-            }
-        }
-    }
+fn pc_action(action: &pc::Action) -> String {
+    let text = match action {
+        pc::Action::Nothing | pc::Action::Sent => return String::new(),
+        pc::Action::Outcome { outcome, .. } => format!("{outcome:?}"),
+        action => format!("{action:?}"),
+    };
+    text.split(' ').next().unwrap_or_default().into()
 }
 
 /// Whether the fast path leaves the robot where the slow one does: for the jobs that it would take of those that come next, with so

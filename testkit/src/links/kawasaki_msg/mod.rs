@@ -5,15 +5,17 @@ mod any_robot;
 mod machines;
 mod pair;
 mod refine;
+pub mod rows;
 mod step;
 mod world;
 
 use core::num::NonZeroU16;
 use core::time::Duration;
 
-use kawasaki_msg::pc::PcRule;
+use kawasaki_msg::pc::Rule as PcRule;
 use kawasaki_msg::robot::RobotRule;
-use kawasaki_msg::{Acks, PcConfig, RecoveryLimits, RobotConfig, Takeover};
+use kawasaki_msg::{Acks, PcConfig, RecoveryLimits, RobotConfig, Takeover, pc};
+use robot_session::Rules;
 
 pub use any_pc::{AnyPc, Peer};
 pub use any_robot::AnyRobot;
@@ -143,7 +145,7 @@ fn any(peer: Peer, faults: u8) -> AnyPc {
 
 /// A PC and a robot that is not ours.
 fn any_robot(jobs: u32, users: u8) -> AnyRobot {
-    let pc = PcConfig { silence: TICK * 3, ..tcp(&[1], jobs, Faults::default()).pc };
+    let pc = PcConfig { silence: TICK * 3, ..tcp(&[1], jobs, Faults::default()).pc }.machine();
     AnyRobot { pc, starts: 2, jobs, batch: 2, users }
 }
 
@@ -269,7 +271,7 @@ pub fn refined() -> Vec<Setup> {
 }
 
 fn tcp_must_fail() -> Vec<MustFail> {
-    let pc = |rule, setup: Setup| Setup { pc: PcConfig { without: Some(rule), ..setup.pc }, ..setup };
+    let pc = |rule, setup: Setup| Setup { pc: PcConfig { rules: Rules::without(rule), ..setup.pc }, ..setup };
     let user = |most| users(ALL, most, 1);
     let calm = tcp(&[1, 1], 2, users(Faults::default(), 0, 1));
     vec![
@@ -315,7 +317,7 @@ fn tcp_must_fail() -> Vec<MustFail> {
 fn udp_must_fail() -> Vec<MustFail> {
     let robot =
         |rule, setup: Setup| Setup { robot: RobotConfig { without: Some(rule), ..setup.robot }, ..setup };
-    let pc = |rule, setup: Setup| Setup { pc: PcConfig { without: Some(rule), ..setup.pc }, ..setup };
+    let pc = |rule, setup: Setup| Setup { pc: PcConfig { rules: Rules::without(rule), ..setup.pc }, ..setup };
     let late = Faults { most: 2, repeat: true, delay: true, restart_robot: true, ..Faults::default() };
     let unread = Faults { most: 4, late_poll: true, repeat: false, ..late };
     vec![
@@ -375,7 +377,7 @@ fn any_pc_must_fail() -> Vec<MustFail> {
 
 fn any_robot_must_fail() -> Vec<MustFail> {
     let system = any_robot(4, 1);
-    let pc = PcConfig { without: Some(PcRule::Window), ..system.pc };
+    let pc = pc::Config { rules: Rules::without(PcRule::Window), ..system.pc };
     vec![MustFail::new(
         "Window (PC)",
         any_robot::NUMBERS,

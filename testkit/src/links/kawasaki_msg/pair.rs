@@ -2,6 +2,8 @@
 
 use core::time::Duration;
 
+use robot_session::Machine as _;
+
 use kawasaki_msg::pc;
 use kawasaki_msg::robot::{Cycle, Link, Order, Stage};
 
@@ -79,7 +81,7 @@ impl System for Setup {
         now(matches!(w.robot.link, Link::Connecting { .. }), Act::Connect);
         now(timeout, Act::RobotTimeout);
         now(!timeout && ready, Act::Transmit);
-        now(self.pc_is_due(w), Act::PcTimeout);
+        now(w.pc.expires(NOW), Act::PcTimeout);
         now(answers, Act::Answer);
         now(w.stage() == Some(Stage::Alarm), Act::ClearQueue);
         if w.pc.order == pc::Order::Idle && w.starts.len() < self.starts.len() {
@@ -167,7 +169,7 @@ impl System for Setup {
         let ready = matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW }, .. });
         let answers = matches!(w.pc.link, pc::Link::Connected { reply: pc::Reply::Due { at: NOW, .. }, .. });
         add(w.robot.deadline() == Some(NOW) && !ready && !self.robot_is_due(w), NO_SPIN);
-        add(w.pc.deadline() == Some(NOW) && !answers && !self.pc_is_due(w), NO_SPIN);
+        add(w.pc.deadline() == Some(NOW) && !answers && !w.pc.expires(NOW), NO_SPIN);
         add(w.starts.iter().any(|start| !start.executed_is_true()), EXECUTED);
         add(w.starts.iter().any(|start| !start.not_executed_is_true()), NOT_EXECUTED);
         if let (pc::Order::Running { .. }, Some(start)) = (w.pc.order, w.starts.last()) {

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use kawasaki_msg::robot::{AckState, Link};
-use kawasaki_msg::robot_session::{Decoder as _, Session as _};
+use kawasaki_msg::robot_session::{Decoder as _, Machine as _, Session as _};
 use kawasaki_msg::{
     Decoder, Dialect, FromPc, FromRobot, Job, JobKind, JobSource, LargePc, LargeRobot, Line, PcEvent, Point,
     RobotEvent, Supply, pc, robot,
@@ -353,7 +353,7 @@ impl<'a> Ends<'a> {
 
     fn compare_pc(&self, path: &[Act]) {
         let (mut found, model): (_, &machines::Pc) = (self.pc.machine().clone(), &self.world.pc);
-        pc::Machine::each_time(&mut found, |time| relative(time, self.now));
+        found.each_time(|time| relative(time, self.now));
         assert_eq!(found.link, model.link, "{path:?}");
         assert_eq!(found.order, model.order, "{path:?}");
         assert_eq!(found.commands, model.commands, "{path:?}");

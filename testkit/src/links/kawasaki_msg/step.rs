@@ -2,9 +2,10 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::pc::{self, Answer, JobSent, Outcome};
+use kawasaki_msg::pc::{self, Outcome, Rest};
 use kawasaki_msg::robot::{self, Cycle, Link, Order, RecoveryStep, Stage};
-use kawasaki_msg::{FromPc, FromRobot, Phase, Takeover};
+use kawasaki_msg::{FromPc, FromRobot, Takeover};
+use robot_session::Machine as _;
 
 use super::machines::{Pc, Robot, fast_is_slow};
 use super::world::{Act, InFlight, Reported, Sent, Setup, Start, TICK, Tag, World};
@@ -13,51 +14,6 @@ use crate::model::{Edges, age, drive};
 /// How many ticks a datagram can be late.
 const LATEST: u8 = 2;
 const NOW: Duration = Duration::ZERO;
-
-/// The answer of the PC as it is sent.
-struct Packet<'a> {
-    messages: &'a mut Vec<Sent>,
-    jobs: u32,
-    batch: u32,
-    start: u8,
-}
-
-impl Packet<'_> {
-    fn push(&mut self, message: FromPc, job: u32) -> bool {
-        self.messages.push(Sent { message: Some(message), tag: Tag { start: self.start, job: job as u8 } });
-        true
-    }
-}
-
-impl Answer for Packet<'_> {
-    fn send(&mut self, message: FromPc) -> bool {
-        self.push(message, 0)
-    }
-
-    fn status(&mut self, order: u16, _: Phase, _: Option<u16>, _: Option<u16>) -> bool {
-        self.push(FromPc::Status { order }, 0)
-    }
-
-    fn command(&mut self, _: u16) -> bool {
-        self.push(FromPc::Filler, 0)
-    }
-
-    fn job(&mut self, order: u16, number: u16, index: u32) -> JobSent {
-        if index >= self.jobs {
-            return JobSent::End;
-        }
-        let job = |sent: &&Sent| matches!(sent.message, Some(FromPc::Job { .. }));
-        if self.messages.iter().filter(job).count() as u32 >= self.batch {
-            return JobSent::NoRoom;
-        }
-        self.push(FromPc::Job { order, number, good: true }, index);
-        JobSent::Sent
-    }
-
-    fn is_end(&mut self, index: u32) -> bool {
-        index >= self.jobs
-    }
-}
 
 /// The first bits.
 fn below(count: u32) -> u8 {
@@ -185,11 +141,11 @@ impl Setup {
 
     fn pc(&self, w: &mut World, input: pc::Input, edges: &mut Edges<'_>) -> pc::Action {
         let number = w.pc.order.number();
-        let Ok(action) = drive(&mut w.pc, input, &self.pc, edges) else {
+        let Ok(action) = drive(&mut w.pc, input, &self.pc.machine(), edges) else {
             w.flags.unexpected = true;
             return pc::Action::Nothing;
         };
-        if let pc::Action::Outcome(outcome) = action {
+        if let pc::Action::Outcome { outcome, .. } = action {
             w.before = if self.filters_acks { number } else { 0 };
             let executed = executed(&w.pc, self.pc.max_number);
             let whole = match outcome {
@@ -207,11 +163,48 @@ impl Setup {
             w.pc.count = pc::Count::default();
         }
         while let Some(report) = w.pc.report() {
+            let _reported = w.pc.on(NOW, pc::Input::Reported, &self.pc.machine());
             if report == pc::Report::Disconnect {
                 self.pc_closes(w, edges);
             }
         }
         action
+    }
+
+    /// The answer of the PC as it is sent.
+    fn pc_answers(&self, w: &mut World, edges: &mut Edges<'_>) -> Vec<Sent> {
+        let config = self.pc.machine();
+        let due = |w: &World| w.pc.transmit(NOW, &config).expect("an answer is due");
+        let mut answer = due(w);
+        if answer.last.is_some_and(|index| index >= self.jobs) {
+            self.pc(w, pc::Input::Exhausted, edges);
+            answer = due(w);
+        }
+        let pc::Answer { order, status, request, commands, jobs, .. } = answer;
+        let start = w.starts.len().saturating_sub(1) as u8;
+        let push = |message, job| Sent { message: Some(message), tag: Tag { start, job } };
+        let mut messages: Vec<_> =
+            status.map(|_| FromPc::Status { order }).into_iter().chain(request).collect();
+        messages.resize(messages.len() + usize::from(commands), FromPc::Filler);
+        let mut messages: Vec<_> = messages.into_iter().map(|message| push(message, 0)).collect();
+        let mut sent = pc::Sent { request: request.is_some(), commands, ..pc::Sent::default() };
+        let (from, until) = jobs.unwrap_or_default();
+        for index in from..until {
+            if index >= self.jobs {
+                sent.rest = Rest::End;
+            }
+            if index >= self.jobs || sent.jobs == self.batch {
+                break;
+            }
+            let number = (index % u32::from(self.pc.max_number)) as u16 + 1;
+            messages.push(push(FromPc::Job { order, number, good: true }, index as u8));
+            sent.jobs += 1;
+        }
+        if messages.is_empty() {
+            messages.push(push(FromPc::Filler, 0));
+        }
+        self.pc(w, pc::Input::Sent(sent), edges);
+        messages
     }
 
     fn pc_closes(&self, w: &mut World, edges: &mut Edges<'_>) {
@@ -294,12 +287,6 @@ impl Setup {
     pub(super) fn robot_is_due(&self, w: &World) -> bool {
         let mut after = w.clone();
         self.robot_pass(&mut after, &mut None);
-        after != *w
-    }
-
-    pub(super) fn pc_is_due(&self, w: &World) -> bool {
-        let mut after = w.clone();
-        self.pc(&mut after, pc::Input::Timeout, &mut None);
         after != *w
     }
 
@@ -387,11 +374,7 @@ impl Setup {
                 self.pc(w, pc::Input::Timeout, edges);
             }
             Act::Answer => {
-                let start = w.starts.len().saturating_sub(1) as u8;
-                let mut messages = Vec::new();
-                let mut packet =
-                    Packet { messages: &mut messages, jobs: self.jobs, batch: self.batch, start };
-                w.pc.transmit(NOW, &self.pc, &mut packet);
+                let messages = self.pc_answers(w, edges);
                 if w.line {
                     w.down.push(InFlight { messages, left: LATEST });
                 }

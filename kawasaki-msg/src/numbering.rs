@@ -102,6 +102,13 @@ impl<const WORDS: usize> NumberSet<WORDS> {
         self.count == 0
     }
 
+    /// The numbers in the set, the least first.
+    pub fn iter(&self) -> impl Iterator<Item = u16> {
+        self.bits.iter().zip((0..).step_by(64)).flat_map(|(word, base)| {
+            (0..64).filter(move |bit| word >> bit & 1 != 0).map(move |bit| base + bit)
+        })
+    }
+
     /// The least number in the set.
     pub fn first(&self) -> Option<u16> {
         let (i, word) = self.bits.iter().enumerate().find(|(_, word)| **word != 0)?;

@@ -330,3 +330,10 @@ fn a_stream_that_ends_anywhere_is_told_whatever_the_pieces() {
         }
     }
 }
+
+#[test]
+fn every_code_of_a_phase_survives() {
+    for code in 0..=u8::MAX {
+        assert_eq!(u8::from(kawasaki_msg::Phase::from(code)), code);
+    }
+}

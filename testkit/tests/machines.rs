@@ -26,6 +26,7 @@ fn val2_viewer() {
 #[test]
 fn kawasaki_msg() {
     check::<links::kawasaki_msg::rows::Pc>(160);
+    check::<links::kawasaki_msg::rows::Robot>(240);
 }
 
 #[test]

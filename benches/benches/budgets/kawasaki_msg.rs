@@ -32,27 +32,27 @@ const SHORT_BYTES: f64 = 4091.0;
 
 /// The shortest jobs, of 16 bytes each, are nearly all table: no goal for building them.
 const COUNTS: &[Count] = &[
-    per_byte("a packet of lines: parsed, checked, queued", Some(7.0), BYTES, queue_lines),
+    per_byte("a packet of lines: parsed, checked, queued", Some(10.0), BYTES, queue_lines),
     per_byte("… by a loop by hand", None, BYTES, |rounds| by_hand::queue::<Line>(rounds, packet(line))),
     per_byte(
         "a packet of pallet moves: six decimals, a text, a number",
-        Some(7.0),
+        Some(10.0),
         PALLET_BYTES,
         queue_pallets,
     ),
     per_byte("… by a loop by hand", None, PALLET_BYTES, |rounds| {
         by_hand::queue::<PalletMove>(rounds, packet(pallet_move));
     }),
-    per_byte("a packet of the shortest jobs: one digit", Some(7.0), SHORT_BYTES, queue_short),
+    per_byte("a packet of the shortest jobs: one digit", Some(10.0), SHORT_BYTES, queue_short),
     per_byte("… by a loop by hand", None, SHORT_BYTES, |rounds| {
         by_hand::queue::<Short>(rounds, packet(short))
     }),
-    per_byte("a packet of lines: messages found and checked only", Some(7.0), BYTES, find_messages),
+    per_byte("a packet of lines: messages found and checked only", Some(10.0), BYTES, find_messages),
     per_byte("… by a loop by hand", None, BYTES, find_by_hand),
     per_byte("the longest message, which comes byte by byte", Some(200.0), 4096.0, grow_a_message),
-    per_byte("a packet of lines, built", Some(10.0), BYTES, |rounds| build_packets(rounds, line)),
+    per_byte("a packet of lines, built", Some(14.0), BYTES, |rounds| build_packets(rounds, line)),
     per_byte("… by a loop by hand", None, BYTES, |rounds| build_by_hand(rounds, line)),
-    per_byte("a packet of pallet moves, built", Some(10.0), PALLET_BYTES, |rounds| {
+    per_byte("a packet of pallet moves, built", Some(14.0), PALLET_BYTES, |rounds| {
         build_packets(rounds, pallet_move);
     }),
     per_byte("… by a loop by hand", None, PALLET_BYTES, |rounds| build_by_hand(rounds, pallet_move)),

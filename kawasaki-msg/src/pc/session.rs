@@ -20,8 +20,9 @@ use crate::phase::Phase;
 use crate::role::{Field, Role};
 use crate::statistics::PcStatistics;
 
-/// The session of a PC: it listens, and sends only what the robot waits for. Drive it as [`Session`](robot_session::Session) describes, each packet in
-/// one write: a connection that was accepted is [`handle_connected`](robot_session::Session::handle_connected), its end
+/// The session of a PC: it listens, and sends only what the robot waits for. Drive it as [`Session`](robot_session::Session)
+/// describes, each packet in one write: a connection that was accepted is
+/// [`handle_connected`](robot_session::Session::handle_connected), its end
 /// [`handle_disconnected`](robot_session::Session::handle_disconnected). The order goes on with the next one.
 ///
 /// Nothing is sent unless the robot has sent something first: it cannot flush what it does not expect (thesis, section 10.4).
@@ -122,8 +123,8 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
     /// Of the jobs, the first `executed` are known to be executed, and those in `ahead`, counted from 0, ahead of others; these only
     /// count where each job is acknowledged by itself ([`PcConfig::cumulative_acks`]). From
     /// `sent` on none was sent: this number has to be kept safely **before** the packet is sent. [`sent`](Self::sent) has it when
-    /// [`poll_transmit`](robot_session::Session::poll_transmit) returns. The source has to give the same jobs at the same places, and the
-    /// highest job number has to be the same.
+    /// [`poll_transmit`](robot_session::Session::poll_transmit) returns. The source has to give the same jobs at the same places,
+    /// and the highest job number has to be the same.
     ///
     /// # Errors
     /// When there is an order already, `order` is 0, too many events wait, or more jobs are in flight than numbers can tell apart.

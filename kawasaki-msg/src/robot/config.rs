@@ -1,6 +1,8 @@
 use core::num::NonZeroU16;
 use core::time::Duration;
 
+use robot_session::Rules;
+
 use crate::dialect::Dialect;
 use crate::error::ConfigError;
 use crate::numbering::{NumberSet, Numbering};
@@ -51,36 +53,68 @@ pub struct RobotConfig<'a> {
     /// End the active order when the PC's status names another one or none. The source calls it less safe than waiting for the
     /// PC to end it (thesis, section 11.2). False by default.
     pub end_foreign_order: bool,
-    /// For the model only: a rule that is left out.
-    #[cfg(feature = "model")]
     #[doc(hidden)]
-    pub without: Option<RobotRule>,
+    pub rules: Rules<Rule>,
 }
 
-/// The rules that keep a robot from executing wrong jobs or none; the model shows that each is needed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[doc(hidden)]
-pub enum RobotRule {
-    /// What follows a failed message in what is read is destroyed, the order's end too; corrupt bytes are a failed message.
-    DestroyRest,
-    /// An end does not count until the missing jobs have come, or has to come twice, each time to a request.
-    EndFillsGap,
-    /// After a new connection jobs are missing, too, and an end is not obeyed while the list is cleared.
-    GapAtConnection,
-    /// Steps of recovery by the clock, while nothing is left to execute.
-    StepsByClock,
-    /// A connection that ends while nothing is left to execute is a step, too.
-    ClosingIsStep,
-    /// No fast path in what is destroyed.
-    SlowInRest,
-    /// A cleared queue is looked at twice, and what was executed until then is reported between.
-    SettledTwice,
-    /// Over datagrams, the start of an order that is over is refused.
-    NewStarts,
-    /// Over datagrams, a robot that was just started looks at no start.
-    IgnoreStarts,
-    /// Over datagrams, a start that waited to be read while nobody called the robot is late, too.
-    DrainStarts,
+/// What of a [`RobotConfig`] the machine works with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Config {
+    /// [`RobotConfig::datagrams`]
+    pub datagrams: bool,
+    /// [`RobotConfig::max_number`]
+    pub max_number: u16,
+    /// [`RobotConfig::acks`]
+    pub acks: Acks,
+    /// [`RobotConfig::recovery`]
+    pub recovery: RecoveryLimits,
+    /// [`RobotConfig::patience`]
+    pub patience: Duration,
+    /// [`RobotConfig::pause`]
+    pub pause: Duration,
+    /// [`RobotConfig::reply_timeout`]
+    pub reply_timeout: Duration,
+    /// [`RobotConfig::exchange`]
+    pub exchange: Duration,
+    /// [`RobotConfig::silent_cycles`]
+    pub silent_cycles: u16,
+    /// [`RobotConfig::reconnect_delay`]
+    pub reconnect_delay: Duration,
+    /// [`RobotConfig::status_period`]
+    pub status_period: Duration,
+    /// [`RobotConfig::refuse_repeated_start`]
+    pub refuse_repeated_start: bool,
+    /// [`RobotConfig::end_foreign_order`]
+    pub end_foreign_order: bool,
+    #[doc(hidden)]
+    pub rules: Rules<Rule>,
+}
+
+robot_session::rules! {
+    /// The rules that keep a robot from executing wrong jobs or none; the model shows that each is needed.
+    #[doc(hidden)]
+    pub enum Rule {
+        /// What follows a failed message in what is read is destroyed, the order's end too; corrupt bytes are a failed message.
+        DestroyRest,
+        /// An end does not count until the missing jobs have come, or has to come twice, each time to a request.
+        EndFillsGap,
+        /// After a new connection jobs are missing, too, and an end is not obeyed while the list is cleared.
+        GapAtConnection,
+        /// Steps of recovery by the clock, while nothing is left to execute.
+        StepsByClock,
+        /// A connection that ends while nothing is left to execute is a step, too.
+        ClosingIsStep,
+        /// No fast path in what is destroyed.
+        SlowInRest,
+        /// A cleared queue is looked at twice, and what was executed until then is reported between.
+        SettledTwice,
+        /// Over datagrams, the start of an order that is over is refused.
+        NewStarts,
+        /// Over datagrams, a robot that was just started looks at no start.
+        IgnoreStarts,
+        /// Over datagrams, a start that waited to be read while nobody called the robot is late, too.
+        DrainStarts,
+    }
 }
 
 impl RobotConfig<'_> {
@@ -102,8 +136,7 @@ impl RobotConfig<'_> {
         status_period: Duration::from_secs(1),
         refuse_repeated_start: true,
         end_foreign_order: false,
-        #[cfg(feature = "model")]
-        without: None,
+        rules: Rules::ALL,
     };
 
     /// Over UDP.
@@ -134,6 +167,28 @@ impl RobotConfig<'_> {
         self.limits.check(&self.dialect, work, MESSAGE)
     }
 
+    /// What the machine works with.
+    pub const fn machine(&self) -> Config {
+        Config {
+            datagrams: self.datagrams,
+            max_number: self.max_number,
+            acks: self.acks,
+            recovery: self.recovery,
+            patience: self.patience,
+            pause: self.pause,
+            reply_timeout: self.reply_timeout,
+            exchange: self.exchange,
+            silent_cycles: self.silent_cycles,
+            reconnect_delay: self.reconnect_delay,
+            status_period: self.status_period,
+            refuse_repeated_start: self.refuse_repeated_start,
+            end_foreign_order: self.end_foreign_order,
+            rules: self.rules,
+        }
+    }
+}
+
+impl Config {
     /// The numbers of the jobs.
     pub(crate) const fn numbering(&self) -> Numbering {
         Numbering::new(self.max_number)
@@ -149,19 +204,6 @@ impl RobotConfig<'_> {
             _ if failures <= resends + pauses + clears => RecoveryStep::Clear,
             _ => RecoveryStep::Alarm,
         }
-    }
-
-    /// Whether a rule holds: always, but in the model.
-    #[cfg(not(feature = "model"))]
-    #[expect(clippy::unused_self, reason = "the model's configuration can leave a rule out")]
-    pub(super) const fn keeps(&self, _: RobotRule) -> bool {
-        true
-    }
-
-    /// Whether a rule holds.
-    #[cfg(feature = "model")]
-    pub(super) fn keeps(&self, rule: RobotRule) -> bool {
-        self.without != Some(rule)
     }
 }
 

@@ -2,15 +2,15 @@
 
 use core::time::Duration;
 
-use super::config::{Acks, RobotConfig, RobotRule};
+use super::config::{Acks, Config, Rule};
 use super::state::{AckState, Action, Flow, Gap, Machine, Order, Recovery, Rejection, Stage, Starts};
 
 impl<const WORDS: usize> Machine<WORDS> {
     /// The order and the number of the job that may be queued without asking, and those that follow it; `None` where every
     /// message has to be looked at. How many were is [`Input::Queued`](super::state::Input::Queued).
-    pub fn fast_path(&self, config: &RobotConfig<'_>) -> Option<(u16, u16)> {
+    pub fn fast_path(&self, config: &Config) -> Option<(u16, u16)> {
         let Order::Active { number, stage: Stage::Intake { gap, .. } } = self.order else { return None };
-        let rest = gap == Gap::Rest && config.keeps(RobotRule::SlowInRest);
+        let rest = gap == Gap::Rest && config.rules.keeps(Rule::SlowInRest);
         let open = self.is_connected() && !rest && self.acks.is_in_order();
         open.then(|| (number, config.numbering().next(self.queued)))
     }
@@ -33,7 +33,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         (order, number): (u16, u16),
         good: bool,
         room: bool,
-        config: &RobotConfig<'_>,
+        config: &Config,
     ) -> Action {
         let numbering = config.numbering();
         let Order::Active { number: active, stage: Stage::Intake { flow, gap, recovery } } = &mut self.order
@@ -41,7 +41,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             let other = self.order.number() != order;
             return Action::Rejected(if other { Rejection::WrongOrder } else { Rejection::NotExpected });
         };
-        if *gap == Gap::Rest && config.keeps(RobotRule::DestroyRest) {
+        if *gap == Gap::Rest && config.rules.keeps(Rule::DestroyRest) {
             return Action::Discarded;
         }
         let next = numbering.next(self.queued);
@@ -65,7 +65,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             self.queued += 1;
             *gap = Gap::Closed;
             *recovery = Recovery::Resting { failures: recovery.failures() };
-            return if is_executed { Action::Nothing } else { Action::Queue };
+            return if is_executed { Action::QueuedBefore } else { Action::Queue };
         }
         let ahead = numbering.ahead(self.queued, number);
         if !numbering.contains(number) {
@@ -79,10 +79,10 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// A message that should have been a job was none: jobs are missing from here on.
-    pub(super) fn failed(&mut self, why: Rejection, config: &RobotConfig<'_>) -> Action {
+    pub(super) fn failed(&mut self, why: Rejection, config: &Config) -> Action {
         if let Order::Active { stage: Stage::Intake { gap, .. }, .. } = &mut self.order {
             let before = core::mem::replace(gap, Gap::Rest);
-            if before == Gap::Rest && config.keeps(RobotRule::DestroyRest) {
+            if before == Gap::Rest && config.rules.keeps(Rule::DestroyRest) {
                 return Action::Discarded;
             }
         }
@@ -98,14 +98,14 @@ impl<const WORDS: usize> Machine<WORDS> {
         now: Duration,
         (order, first): (u16, u16),
         room: bool,
-        config: &RobotConfig<'_>,
+        config: &Config,
     ) -> Action {
         if self.ignores_starts(now, config) {
             return Action::Nothing;
         }
         let is_old = match self.starts {
             Starts::Any => false,
-            Starts::New { ended, .. } => ended.contains(&order) && config.keeps(RobotRule::NewStarts),
+            Starts::New { ended, .. } => ended.contains(&order) && config.rules.keeps(Rule::NewStarts),
         };
         self.replies.status = true;
         let Order::Active { number, .. } = self.order else {
@@ -131,18 +131,18 @@ impl<const WORDS: usize> Machine<WORDS> {
 
     /// Whether a start may still be a late datagram. Where nobody has called for a while, one that came in time is read when the time
     /// is over: from the first start on that is read then, it is one exchange longer.
-    pub(super) fn ignores_starts(&mut self, now: Duration, config: &RobotConfig<'_>) -> bool {
+    pub(super) fn ignores_starts(&mut self, now: Duration, config: &Config) -> bool {
         let Starts::New { ignored_until, drained, .. } = &mut self.starts else { return false };
         if now >= *ignored_until && !*drained {
             *drained = true;
-            if config.keeps(RobotRule::DrainStarts) {
+            if config.rules.keeps(Rule::DrainStarts) {
                 *ignored_until = now.saturating_add(config.exchange);
             }
         }
-        now < *ignored_until && config.keeps(RobotRule::IgnoreStarts)
+        now < *ignored_until && config.rules.keeps(Rule::IgnoreStarts)
     }
 
-    pub(super) fn on_end(&mut self, order: u16, config: &RobotConfig<'_>) -> Action {
+    pub(super) fn on_end(&mut self, order: u16, config: &Config) -> Action {
         let Order::Active { number, stage } = &mut self.order else {
             self.repeat_end(order);
             return Action::Nothing;
@@ -153,16 +153,16 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
         let missing = Action::Rejected(Rejection::JobsMissing);
         match stage {
-            Stage::Intake { gap: Gap::Rest, .. } if config.keeps(RobotRule::DestroyRest) => {
+            Stage::Intake { gap: Gap::Rest, .. } if config.rules.keeps(Rule::DestroyRest) => {
                 return Action::Discarded;
             }
             Stage::Intake { gap: gap @ (Gap::Asked | Gap::EndOnce), .. }
-                if config.keeps(RobotRule::EndFillsGap) =>
+                if config.rules.keeps(Rule::EndFillsGap) =>
             {
                 *gap = Gap::EndOnce;
                 return missing;
             }
-            Stage::Clearing { .. } if config.keeps(RobotRule::GapAtConnection) => return missing,
+            Stage::Clearing { .. } if config.rules.keeps(Rule::GapAtConnection) => return missing,
             Stage::Intake { .. } | Stage::Clearing { .. } | Stage::Alarm => {}
             Stage::Ending | Stage::Interrupted { .. } => return Action::Nothing,
         }
@@ -179,7 +179,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         self.interrupt().unwrap_or(Action::Nothing)
     }
 
-    pub(super) fn on_status(&mut self, order: u16, config: &RobotConfig<'_>) -> Action {
+    pub(super) fn on_status(&mut self, order: u16, config: &Config) -> Action {
         if config.end_foreign_order && order != self.order.number() {
             return self.interrupt().unwrap_or(Action::Nothing);
         }

@@ -2,9 +2,9 @@
 
 use core::time::Duration;
 
-use robot_session::Unexpected;
+use robot_session::{Expiry, Unexpected, is_due};
 
-use super::config::{Acks, RobotConfig, RobotRule};
+use super::config::{Acks, Config, Rule};
 use super::state::{
     AckState, Action, Cycle, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
     Rejection, Replies, Report, Stage, Starts,
@@ -13,67 +13,47 @@ use crate::content::FromPc;
 use crate::phase::Phase;
 use crate::timing;
 
-impl<const WORDS: usize> Machine<WORDS> {
-    /// A robot that wants to connect at once.
-    pub fn new(config: &RobotConfig<'_>) -> Self {
-        let starts = if config.datagrams {
-            Starts::New { ignored_until: Duration::MAX, drained: false, ended: [0; 16] }
-        } else {
-            Starts::Any
-        };
-        Self {
-            link: Link::Disconnected { connect_at: Duration::ZERO },
-            order: Order::Idle,
-            queued: 0,
-            executed: 0,
-            acks: AckState::new(config.acks == Acks::Individual),
-            ended: None,
-            replies: Replies::default(),
-            starts,
-        }
-    }
+impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
+    const END: &'static str = "robot";
+    const EXPIRY: Expiry = Expiry::Last;
+    type Input = Input;
+    type Action = Action;
+    /// A packet: [`Machine::packet`] has its messages.
+    type Transmit = ();
+    type Config = Config;
 
-    /// What happens, and what is to be done about it.
-    ///
     /// # Errors
-    /// When the input is none that the state allows; nothing has changed then.
-    pub fn on(
-        &mut self,
-        now: Duration,
-        input: Input,
-        config: &RobotConfig<'_>,
-    ) -> Result<Action, Unexpected> {
-        let unexpected = Unexpected { state: self.name(), input: input.name() };
-        match input {
-            Input::Connected => self.on_connected(now, config),
-            Input::Disconnected => return Ok(self.on_disconnected(now, config)),
-            Input::Timeout => return Ok(self.on_timeout(now, config)),
-            Input::Message { message, room } => {
-                return self.on_message(now, message, room, config).ok_or(unexpected);
+    /// There is no connection, or no order that this could be for.
+    fn on(&mut self, now: Duration, input: Input, config: &Config) -> Result<Action, Unexpected> {
+        let unexpected = self.unexpected(&input);
+        let action = match input {
+            Input::Connected => {
+                self.on_connected(now, config);
+                Some(Action::Connected)
             }
-            Input::Corrupt => return self.on_corrupt(config).ok_or(unexpected),
-            Input::Queued { count } => return self.on_queued(count).ok_or(unexpected),
-            Input::ReadEnd => self.on_read_end(now),
-            Input::Executed { number } => return self.on_executed(number, config).ok_or(unexpected),
-            Input::Settled => return Ok(self.on_settled(now, config)),
-            Input::Drained => return Ok(self.on_drained()),
-            Input::ClearQueue => return self.clear_queue().ok_or(unexpected),
-            Input::ResetOrder => return self.interrupt().ok_or(unexpected),
-        }
-        Ok(Action::Nothing)
+            Input::Disconnected => Some(self.on_disconnected(now, config)),
+            Input::Timeout => Some(self.on_timeout(now, config)),
+            Input::Message { message, room } => self.on_message(now, message, room, config),
+            Input::Corrupt => self.on_corrupt(config),
+            Input::Queued { count } => self.on_queued(count),
+            Input::ReadEnd => Some(self.on_read_end(now)),
+            Input::Executed { number } => self.on_executed(number, config),
+            Input::Settled => Some(self.on_settled(now, config)),
+            Input::Drained => Some(self.on_drained()),
+            Input::ClearQueue => self.clear_queue(),
+            Input::ResetOrder => self.interrupt(),
+            Input::Sent(sent) => self.on_sent(now, sent, config),
+            Input::Reported => self.on_reported(),
+        };
+        action.ok_or(unexpected)
     }
 
-    /// What is to be reported of the state; `None` when it was.
-    pub fn report(&mut self) -> Option<Report> {
-        match &mut self.link {
-            Link::Disconnected { .. } => None,
-            Link::Connecting { reported } => (!core::mem::replace(reported, true)).then_some(Report::Connect),
-            Link::Connected { close, .. } => core::mem::take(close).then_some(Report::Disconnect),
-        }
+    fn transmit(&self, now: Duration, _config: &Config) -> Option<()> {
+        matches!(self.link, Link::Connected { cycle: Cycle::Ready { at }, .. } if is_due(at, now))
+            .then_some(())
     }
 
-    /// When [`Input::Timeout`], [`Input::Settled`] or a packet is due.
-    pub fn deadline(&self) -> Option<Duration> {
+    fn deadline(&self) -> Option<Duration> {
         let mut order = Duration::MAX;
         match self.order {
             Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } if self.is_connected() => {
@@ -99,8 +79,27 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(link.min(order)).filter(|at| *at != Duration::MAX)
     }
 
-    /// Visits every time in the state.
-    pub fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
+    fn expires(&self, now: Duration) -> bool {
+        let order = match self.order {
+            Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } if self.is_connected() => {
+                let pause = matches!(flow, Flow::Held { until } if is_due(until, now));
+                pause || matches!(recovery, Recovery::Waiting { until, .. } if is_due(until, now))
+            }
+            Order::Active {
+                stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
+                ..
+            } => is_due(reported_at, now),
+            Order::Active { .. } | Order::Idle => false,
+        };
+        order
+            || match self.link {
+                Link::Disconnected { connect_at: at }
+                | Link::Connected { cycle: Cycle::Waiting { overdue_at: at, .. }, .. } => is_due(at, now),
+                Link::Connecting { .. } | Link::Connected { .. } => false,
+            }
+    }
+
+    fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         match &mut self.link {
             Link::Disconnected { connect_at } => f(connect_at),
             Link::Connecting { .. } => {}
@@ -135,8 +134,8 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    /// The state's name: that of the order, or of the connection where there is no order.
-    pub const fn name(&self) -> &'static str {
+    /// That of the order, or of the connection where there is no order.
+    fn name(&self) -> &'static str {
         match (&self.order, &self.link) {
             (Order::Active { stage: Stage::Intake { gap: Gap::Closed, .. }, .. }, _) => "Active",
             (Order::Active { stage: Stage::Intake { .. }, .. }, _) => "JobsMissing",
@@ -148,6 +147,46 @@ impl<const WORDS: usize> Machine<WORDS> {
             (Order::Idle, Link::Connecting { .. }) => "Connecting",
             (Order::Idle, Link::Connected { .. }) => "Idle",
         }
+    }
+}
+
+impl<const WORDS: usize> Machine<WORDS> {
+    /// A robot that wants to connect at once.
+    pub fn new(config: &Config) -> Self {
+        let starts = if config.datagrams {
+            Starts::New { ignored_until: Duration::MAX, drained: false, ended: [0; 16] }
+        } else {
+            Starts::Any
+        };
+        Self {
+            link: Link::Disconnected { connect_at: Duration::ZERO },
+            order: Order::Idle,
+            queued: 0,
+            executed: 0,
+            acks: AckState::new(config.acks == Acks::Individual),
+            ended: None,
+            replies: Replies::default(),
+            starts,
+        }
+    }
+
+    /// What is to be reported of the state; `None` when it was.
+    pub const fn report(&self) -> Option<Report> {
+        match self.link {
+            Link::Connecting { reported: false } => Some(Report::Connect),
+            Link::Connected { close: true, .. } => Some(Report::Disconnect),
+            Link::Disconnected { .. } | Link::Connecting { .. } | Link::Connected { .. } => None,
+        }
+    }
+
+    fn on_reported(&mut self) -> Option<Action> {
+        self.report()?;
+        match &mut self.link {
+            Link::Disconnected { .. } => {}
+            Link::Connecting { reported } => *reported = true,
+            Link::Connected { close, .. } => *close = false,
+        }
+        Some(Action::Nothing)
     }
 
     /// How far the order is, as the status reports it.
@@ -168,12 +207,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         matches!(self.link, Link::Connected { .. })
     }
 
-    /// A packet was sent, and its answer has not come.
-    pub const fn is_waiting(&self) -> bool {
-        matches!(self.link, Link::Connected { cycle: Cycle::Waiting { .. }, .. })
-    }
-
-    fn on_connected(&mut self, now: Duration, config: &RobotConfig<'_>) {
+    fn on_connected(&mut self, now: Duration, config: &Config) {
         self.link = Link::Connected {
             cycle: Cycle::Ready { at: now },
             silent: 0,
@@ -192,13 +226,13 @@ impl<const WORDS: usize> Machine<WORDS> {
         if let Order::Active { stage: Stage::Intake { flow, gap, .. }, .. } = &mut self.order {
             // No time runs out without a connection: a pause may be over since.
             flow.end_pause(now);
-            if config.keeps(RobotRule::GapAtConnection) {
+            if config.rules.keeps(Rule::GapAtConnection) {
                 *gap = Gap::Rest;
             }
         }
     }
 
-    fn on_disconnected(&mut self, now: Duration, config: &RobotConfig<'_>) -> Action {
+    fn on_disconnected(&mut self, now: Duration, config: &Config) -> Action {
         let connected = match self.link {
             // It is closed already.
             Link::Disconnected { .. } => return Action::Nothing,
@@ -206,7 +240,7 @@ impl<const WORDS: usize> Machine<WORDS> {
             Link::Connected { .. } => true,
         };
         self.link = Link::Disconnected { connect_at: now.saturating_add(config.reconnect_delay) };
-        let is_step = config.keeps(RobotRule::ClosingIsStep) && connected && self.executed == self.queued;
+        let is_step = config.rules.keeps(Rule::ClosingIsStep) && connected && self.executed == self.queued;
         let Order::Active { stage: Stage::Intake { recovery, .. }, .. } = &mut self.order else {
             return Action::Nothing;
         };
@@ -214,39 +248,45 @@ impl<const WORDS: usize> Machine<WORDS> {
         if is_step { self.step(now, config) } else { Action::Nothing }
     }
 
-    /// One thing that is due: the others are with the next call. A step of recovery comes first: the next cycle would begin its time
-    /// anew.
-    fn on_timeout(&mut self, now: Duration, config: &RobotConfig<'_>) -> Action {
+    /// One thing that is due. A step of recovery comes first: the next cycle would begin its time anew.
+    fn on_timeout(&mut self, now: Duration, config: &Config) -> Action {
         if let Link::Disconnected { connect_at } = self.link
-            && now >= connect_at
+            && is_due(connect_at, now)
         {
             self.link = Link::Connecting { reported: false };
             return Action::Nothing;
         }
-        let Link::Connected { cycle, silent, close, .. } = &mut self.link else { return Action::Nothing };
-        if let Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } = &mut self.order {
-            flow.end_pause(now);
-            if let Recovery::Waiting { failures, until } = *recovery
-                && now >= until
+        if let Link::Connected { cycle, silent, close, .. } = &mut self.link {
+            if let Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } = &mut self.order {
+                flow.end_pause(now);
+                if let Recovery::Waiting { failures, until } = *recovery
+                    && is_due(until, now)
+                {
+                    *recovery = Recovery::Resting { failures };
+                    return self.step(now, config);
+                }
+            }
+            if let Cycle::Waiting { overdue_at, .. } = *cycle
+                && is_due(overdue_at, now)
             {
-                *recovery = Recovery::Resting { failures };
-                return self.step(now, config);
+                *cycle = Cycle::Ready { at: now };
+                let limit = config.silent_cycles;
+                *silent = silent.saturating_add(1).min(limit);
+                *close |= limit != 0 && *silent == limit;
+                return Action::NoReply;
             }
         }
-        if let Cycle::Waiting { overdue_at, .. } = *cycle
-            && now >= overdue_at
-        {
-            *cycle = Cycle::Ready { at: now };
-            let limit = config.silent_cycles;
-            *silent = silent.saturating_add(1).min(limit);
-            *close |= limit != 0 && *silent == limit;
-            return Action::NoReply;
+        match self.order {
+            Order::Active {
+                stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
+                ..
+            } if is_due(reported_at, now) => self.settle(config),
+            Order::Active { .. } | Order::Idle => Action::Nothing,
         }
-        Action::Nothing
     }
 
     /// A step of recovery (thesis, section 6.3).
-    fn step(&mut self, now: Duration, config: &RobotConfig<'_>) -> Action {
+    fn step(&mut self, now: Duration, config: &Config) -> Action {
         let Order::Active { stage, .. } = &mut self.order else { return Action::Nothing };
         let Stage::Intake { flow, recovery, .. } = stage else { return Action::Nothing };
         let failures = recovery.failures().saturating_add(1);
@@ -267,13 +307,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Step(step)
     }
 
-    fn on_message(
-        &mut self,
-        now: Duration,
-        message: FromPc,
-        room: bool,
-        config: &RobotConfig<'_>,
-    ) -> Option<Action> {
+    fn on_message(&mut self, now: Duration, message: FromPc, room: bool, config: &Config) -> Option<Action> {
         self.answered()?;
         Some(match message {
             FromPc::Status { order } => self.on_status(order, config),
@@ -287,11 +321,11 @@ impl<const WORDS: usize> Machine<WORDS> {
         })
     }
 
-    fn on_corrupt(&mut self, config: &RobotConfig<'_>) -> Option<Action> {
+    fn on_corrupt(&mut self, config: &Config) -> Option<Action> {
         if !self.is_connected() {
             return None;
         }
-        if config.keeps(RobotRule::DestroyRest) {
+        if config.rules.keeps(Rule::DestroyRest) {
             self.answered()?;
             // The session reports the bytes themselves.
             self.failed(Rejection::Bad, config);
@@ -309,13 +343,15 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// An answer is whole when a message has come and none is left half read.
-    fn on_read_end(&mut self, now: Duration) {
+    fn on_read_end(&mut self, now: Duration) -> Action {
         if let Link::Connected { cycle, silent, synced, .. } = &mut self.link
             && let Cycle::Waiting { not_before, answered: true, .. } = *cycle
         {
             *cycle = Cycle::Ready { at: now.max(not_before) };
             (*silent, *synced) = (0, true);
+            return Action::Answered;
         }
+        Action::Nothing
     }
 
     fn on_drained(&mut self) -> Action {
@@ -326,7 +362,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         Action::Nothing
     }
 
-    fn on_executed(&mut self, number: u16, config: &RobotConfig<'_>) -> Option<Action> {
+    fn on_executed(&mut self, number: u16, config: &Config) -> Option<Action> {
         let numbering = config.numbering();
         let Order::Active { stage, .. } = &mut self.order else { return None };
         let ahead = numbering.ahead(self.executed, number);
@@ -356,19 +392,24 @@ impl<const WORDS: usize> Machine<WORDS> {
         Some(Action::Nothing)
     }
 
-    /// The motion task reports a job before it completes it, and its reports are handed over before every look at the queue: a
-    /// settled queue and a later look at it are the whole truth.
-    fn on_settled(&mut self, now: Duration, config: &RobotConfig<'_>) -> Action {
+    /// The motion task reports a job before it completes it: what was executed before the queue has settled is reported soon after.
+    /// Nothing is queued meanwhile.
+    fn on_settled(&mut self, now: Duration, config: &Config) -> Action {
+        match &mut self.order {
+            Order::Active {
+                stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
+                ..
+            } if config.rules.keeps(Rule::SettledTwice) => {
+                *reported_at = (*reported_at).min(now.saturating_add(timing::CPU_CYCLE));
+                Action::Nothing
+            }
+            Order::Active { .. } | Order::Idle => self.settle(config),
+        }
+    }
+
+    fn settle(&mut self, config: &Config) -> Action {
         let Order::Active { number, stage } = &mut self.order else { return Action::Nothing };
         let number = *number;
-        if let Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at } = stage
-            && config.keeps(RobotRule::SettledTwice)
-        {
-            *reported_at = (*reported_at).min(now.saturating_add(timing::CPU_CYCLE));
-            if now < *reported_at {
-                return Action::Nothing;
-            }
-        }
         match *stage {
             Stage::Clearing { failures, .. } => {
                 self.queued = self.executed;
@@ -382,7 +423,7 @@ impl<const WORDS: usize> Machine<WORDS> {
         }
     }
 
-    fn over(&mut self, order: u16, config: &RobotConfig<'_>) -> Action {
+    fn over(&mut self, order: u16, config: &Config) -> Action {
         self.order = Order::Idle;
         self.queued = self.executed;
         if let AckState::Cumulative { acked } = &mut self.acks {

@@ -10,11 +10,11 @@ mod state;
 mod transmit;
 
 #[doc(hidden)]
-pub use config::RobotRule;
-pub use config::{Acks, RecoveryLimits, RobotConfig};
+pub use config::Rule;
+pub use config::{Acks, Config, RecoveryLimits, RobotConfig};
 pub use event::RobotEvent;
 pub use session::{LargeRobot, Robot};
 pub use state::{
     AckState, Action, Cycle, Ended, Flow, Gap, Input, Link, Machine, Order, Recovery, RecoveryStep,
-    Rejection, Replies, Report, Stage, Starts,
+    Rejection, Replies, Report, Sent, Stage, Starts,
 };

@@ -1,155 +1,135 @@
 //! What a robot makes of a message that is read by itself.
 
-use core::time::Duration;
-
-use robot_session::{EventQueue, Unexpected};
-use robot_work_queue::Writer;
-
-use super::config::RobotConfig;
 use super::event::RobotEvent;
-use super::state::{Action, Input, Machine, Rejection};
+use super::session::Robot;
+use super::state::{Input, Rejection};
 use crate::content::{FromPc, phase};
-use crate::dialect::Params;
+use crate::dialect::{Dialect, Params};
 use crate::error::MessageError;
 use crate::job::{Job, Work};
 use crate::message::Message;
 use crate::role::{Field, Role};
-use crate::statistics::RobotStatistics;
 
-/// What a message is read with, beside the decoder that holds it.
-pub(super) struct Reading<'a, 'q, W: Work, const WORDS: usize> {
-    pub(super) config: &'a RobotConfig<'q>,
-    pub(super) ranges: &'a W::Ranges,
-    pub(super) machine: &'a mut Machine<WORDS>,
-    pub(super) writer: &'a mut Writer<'q, Job<W>>,
-    pub(super) events: &'a mut Events,
-    pub(super) statistics: &'a mut RobotStatistics,
+/// The outcomes of an order: started, ending, interrupted, over, and an alarm.
+pub(super) const OF_ORDER: usize = 5;
+
+/// A message as it was read.
+#[derive(Debug)]
+pub struct Received<W> {
+    role: Role,
+    params: Params,
+    /// A job's own fields.
+    work: Option<W>,
+    /// Why it cannot be used.
+    error: Option<MessageError>,
 }
 
-impl<W: Work, const WORDS: usize> Reading<'_, '_, W, WORDS> {
-    pub(super) fn message(&mut self, now: Duration, message: &Message<'_>) -> Result<Action, Unexpected> {
-        let dialect = &self.config.dialect;
+impl<W: Work> Received<W> {
+    pub(super) fn read(
+        dialect: &Dialect<'_>,
+        ranges: &W::Ranges,
+        active: u16,
+        message: &Message<'_>,
+    ) -> Self {
         let (role, params) = match dialect.read(message) {
-            Ok((role, params)) => (role, dialect.complete(role, params, self.machine.order.number())),
-            Err(error) => return self.unusable(now, error),
+            Ok((role, params)) => (role, dialect.complete(role, params, active)),
+            Err(error) => {
+                let params = Params::default();
+                return Self { role: Role::Filler, params, work: None, error: Some(error) };
+            }
         };
-        let mut room = true;
-        match role {
-            Role::Job => return self.job(now, message, &params),
+        let work = (role == Role::Job).then(|| dialect.read_work::<W>(message, ranges));
+        match work.transpose() {
+            Ok(work) => Self { role, params, work, error: None },
+            Err(error) => Self { role, params, work: None, error: Some(error) },
+        }
+    }
+
+    pub(super) fn number(&self, field: Field) -> u16 {
+        self.params.number(field).unwrap_or(0)
+    }
+
+    pub(super) fn job(self) -> Option<Job<W>> {
+        let (order, number) = (self.number(Field::Order), self.number(Field::Number));
+        Some(Job { order, number, work: self.work? })
+    }
+
+    fn message(&self) -> FromPc {
+        match (self.role, self.error) {
+            (Role::Job, error) => FromPc::Job {
+                order: self.number(Field::Order),
+                number: self.number(Field::Number),
+                good: error.is_none(),
+            },
+            (_, Some(_)) => FromPc::Unusable,
+            (role, None) => FromPc::read(role, &self.params),
+        }
+    }
+}
+
+impl<W: Work, const MESSAGE: usize, const WORDS: usize> Robot<'_, W, MESSAGE, WORDS> {
+    /// The message as an input; what does not concern the machine is reported.
+    pub(super) fn received(&mut self, received: Received<W>) -> (Input, Option<Received<W>>) {
+        let message = received.message();
+        let events = &mut self.core.events;
+        let room = match (message, received.role) {
+            (FromPc::Unusable, _) => false,
+            (FromPc::Job { .. }, _) => self.writer.free() > 0,
             // An order is begun only with room for all that it can report, and a motion task.
-            Role::OrderStart => {
-                room = self.events.has_room(2 * OF_ORDER) && !self.writer.is_abandoned();
+            (FromPc::Start { .. }, _) => events.has_room(2 * OF_ORDER) && !self.writer.is_abandoned(),
+            (FromPc::Status { order }, _) => {
+                let (sent, executed) =
+                    (received.params.number(Field::Queued), received.params.number(Field::Executed));
+                let phase = phase(&received.params);
+                events.push_notice(RobotEvent::PeerStatus { order, phase, sent, executed });
+                true
             }
-            Role::Status => {
-                let (sent, executed) = (params.number(Field::Queued), params.number(Field::Executed));
-                let order = params.number(Field::Order).unwrap_or(0);
-                let phase = phase(&params);
-                self.events.push_notice(RobotEvent::PeerStatus { order, phase, sent, executed });
+            (_, Role::Command(id)) if events.has_room(2 * OF_ORDER + 1) => {
+                self.push_outcome(RobotEvent::Command { id, value: received.params.get(Field::Value) });
+                true
             }
-            Role::Command(id) if self.events.has_room(2 * OF_ORDER + 1) => {
-                push(self.events, RobotEvent::Command { id, value: params.get(Field::Value) });
-            }
-            Role::Command(_) => {
+            (_, role @ Role::Command(_)) => {
                 self.statistics.discarded += 1;
-                self.events.push_notice(RobotEvent::Rejected(MessageError::NotExpected { role }));
+                events.push_notice(RobotEvent::Rejected(MessageError::NotExpected { role }));
+                true
             }
-            _ => {}
-        }
-        let active = self.machine.order.number();
-        let message = FromPc::read(role, &params);
-        let action = self.machine.on(now, Input::Message { message, room }, self.config)?;
-        let order = params.number(Field::Order).unwrap_or(0);
-        match action {
-            Action::Refused => self.events.push_notice(RobotEvent::OrderRefused { order, active }),
-            Action::Rejected(why) => self.rejected(why, role, &params),
-            Action::Discarded => self.statistics.discarded += 1,
-            _ => {}
-        }
-        Ok(action)
-    }
-
-    fn job(&mut self, now: Duration, message: &Message<'_>, params: &Params) -> Result<Action, Unexpected> {
-        let work = self.config.dialect.read_work::<W>(message, self.ranges);
-        let order = params.number(Field::Order).unwrap_or(0);
-        let number = params.number(Field::Number).unwrap_or(0);
-        let message = FromPc::Job { order, number, good: work.is_ok() };
-        let claim = self.writer.claim();
-        let room = claim.is_ok();
-        let queued = self.machine.queued;
-        let action = self.machine.on(now, Input::Message { message, room }, self.config)?;
-        if action == Action::Queue
-            && let (Ok(claim), Ok(work)) = (claim, work)
-        {
-            claim.push(Job { order, number, work });
-        }
-        // One that was executed before the list was cleared counts as queued again.
-        self.statistics.queued += u64::from(self.machine.queued - queued);
-        match (action, work) {
-            (Action::Rejected(Rejection::Bad), Err(error)) => {
-                self.statistics.discarded += 1;
-                self.events.push_notice(RobotEvent::Rejected(error));
-            }
-            (Action::Rejected(why), _) => self.rejected(why, Role::Job, params),
-            (Action::Discarded, _) => self.statistics.discarded += 1,
-            _ => {}
-        }
-        Ok(action)
-    }
-
-    /// A whole message that is none of the table's.
-    #[cold]
-    fn unusable(&mut self, now: Duration, error: MessageError) -> Result<Action, Unexpected> {
-        let input = Input::Message { message: FromPc::Unusable, room: false };
-        let action = self.machine.on(now, input, self.config)?;
-        self.statistics.discarded += 1;
-        if action != Action::Discarded {
-            self.events.push_notice(RobotEvent::Rejected(error));
-        }
-        Ok(action)
+            _ => true,
+        };
+        (Input::Message { message, room }, Some(received))
     }
 
     #[cold]
-    fn rejected(&mut self, why: Rejection, role: Role, params: &Params) {
-        let number = |field| params.number(field).unwrap_or(0);
-        let (found, found_order) = (number(Field::Number), number(Field::Order));
-        let expected = self.config.numbering().next(self.machine.queued);
-        let active = self.machine.order.number();
-        let fields = self.config.dialect.entry(role).map_or(&[][..], |entry| entry.fields);
+    pub(super) fn rejected(&mut self, why: Rejection, received: Received<W>) {
+        let (found, found_order) = (received.number(Field::Number), received.number(Field::Order));
+        let (machine, role) = (&self.core.machine, received.role);
+        let expected = self.core.config.numbering().next(machine.queued);
+        let last = self.core.config.numbering().number(machine.queued);
+        let active = machine.order.number();
+        let fields = self.dialect.entry(role).map_or(&[][..], |entry| entry.fields);
         let place = fields.iter().position(|field| *field == Field::Number).unwrap_or(0);
-        let error = match why {
-            Rejection::WrongOrder => MessageError::WrongOrder { active, found: found_order },
-            Rejection::Repeated => MessageError::Repeated { expected, found },
-            Rejection::OutOfOrder => MessageError::OutOfOrder { expected, found },
-            Rejection::OutOfRange => {
-                let max = i32::from(self.config.max_number);
+        let error = match (why, received.error) {
+            (Rejection::Bad, Some(error)) => error,
+            (Rejection::WrongOrder, _) => MessageError::WrongOrder { active, found: found_order },
+            (Rejection::Repeated, _) => MessageError::Repeated { expected, found },
+            (Rejection::OutOfOrder, _) => MessageError::OutOfOrder { expected, found },
+            (Rejection::OutOfRange, _) => {
+                let max = i32::from(self.core.config.max_number);
                 MessageError::OutOfRange { field: place, found: i32::from(found), min: 1, max }
             }
-            Rejection::NotFromFirst => {
+            (Rejection::NotFromFirst, _) => {
                 MessageError::OutOfRange { field: place, found: i32::from(found), min: 1, max: 1 }
             }
-            Rejection::QueueFull => MessageError::QueueFull { number: found },
-            Rejection::JobsMissing => MessageError::JobsMissing { order: found_order, expected },
-            Rejection::Bad | Rejection::NotExpected => MessageError::NotExpected { role },
+            (Rejection::QueueFull, _) => MessageError::QueueFull { number: found },
+            (Rejection::JobsMissing, _) => MessageError::JobsMissing { order: found_order, expected },
+            (Rejection::Bad | Rejection::NotExpected, _) => MessageError::NotExpected { role },
         };
         match why {
             Rejection::Repeated => self.statistics.repeated += 1,
             _ => self.statistics.discarded += 1,
         }
-        self.events.push_notice(RobotEvent::Rejected(error));
+        self.core.events.push_notice(RobotEvent::Rejected(error));
         if why == Rejection::QueueFull {
-            let last = self.config.numbering().number(self.machine.queued);
-            self.events.push_notice(RobotEvent::QueueFull { last });
+            self.core.events.push_notice(RobotEvent::QueueFull { last });
         }
     }
-}
-
-pub(super) type Events = EventQueue<RobotEvent, 32>;
-
-/// The outcomes of an order: started, ending, interrupted, over, and an alarm.
-pub(super) const OF_ORDER: usize = 5;
-
-/// An outcome: what it is of was begun only with room for it.
-pub(super) fn push(events: &mut Events, outcome: RobotEvent) {
-    let pushed = events.push_outcome(outcome);
-    debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
 }

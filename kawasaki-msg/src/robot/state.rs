@@ -5,8 +5,7 @@ use core::time::Duration;
 use crate::content::FromPc;
 use crate::numbering::{ALL_NUMBERS, NumberSet};
 
-/// A robot's machine. [`on`](Self::on) and [`transmit`](Self::transmit) change it; bytes, job lines, the queue itself, events and
-/// statistics are the session's.
+/// A robot's machine. Bytes, job lines, the queue itself, events and statistics are the session's.
 ///
 /// `WORDS` is how many job numbers it can tell apart, by 64: all of them, or fewer for a model.
 ///
@@ -261,6 +260,27 @@ pub enum Input {
     ClearQueue,
     /// The second reset of the motion program: the order.
     ResetOrder,
+    /// The packet that was due is sent.
+    Sent(Sent),
+    /// What is to be reported of the state is.
+    Reported,
+}
+
+/// What was in a packet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Sent {
+    /// Cumulative: by how many jobs more than before are acknowledged; individual: so many acknowledgements.
+    pub acked: u32,
+    /// The answer to a start.
+    pub start: bool,
+    /// The end of an order.
+    pub end: bool,
+    /// The status.
+    pub status: bool,
+    /// That no jobs are to come for now.
+    pub pause: bool,
+    /// The request for jobs.
+    pub request: bool,
 }
 
 /// What the session is to do.
@@ -268,6 +288,8 @@ pub enum Input {
 pub enum Action {
     /// Nothing.
     Nothing,
+    /// A connection is open.
+    Connected,
     /// Put the job into the slot.
     Queue,
     /// Clear the queue but for the job that is being executed.
@@ -294,6 +316,12 @@ pub enum Action {
     Rejected(Rejection),
     /// It is not used because it follows a message that failed.
     Discarded,
+    /// A packet was sent.
+    Sent,
+    /// Its answer is read.
+    Answered,
+    /// A job was executed before the list was cleared: it counts as queued.
+    QueuedBefore,
 }
 
 /// What the caller learns of the state.
@@ -405,31 +433,24 @@ impl<const WORDS: usize> AckState<WORDS> {
     }
 }
 
-impl Input {
-    /// Its name.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Input::Connected => "connected",
-            Input::Disconnected => "disconnected",
-            Input::Timeout => "timeout",
-            Input::Message { message, .. } => match message {
-                FromPc::Status { .. } => "status",
-                FromPc::Start { .. } => "start",
-                FromPc::End { .. } => "end",
-                FromPc::Interrupt { .. } => "interrupt",
-                FromPc::Job { .. } => "job",
-                FromPc::Filler => "filler",
-                FromPc::WrongSide => "message of the robot's",
-                FromPc::Unusable => "unusable message",
-            },
-            Input::Corrupt => "corrupt bytes",
-            Input::Queued { .. } => "jobs queued",
-            Input::ReadEnd => "end of what was read",
-            Input::Executed { .. } => "job executed",
-            Input::Settled => "queue settled",
-            Input::Drained => "queue drained",
-            Input::ClearQueue => "clear_queue",
-            Input::ResetOrder => "reset_order",
-        }
-    }
-}
+robot_session::inputs!(
+    Input:
+    Message { message: FromPc::Status { .. } } as "Message(Status)",
+    Message { message: FromPc::Start { .. } } as "Message(Start)",
+    Message { message: FromPc::End { .. } } as "Message(End)",
+    Message { message: FromPc::Interrupt { .. } } as "Message(Interrupt)",
+    Message { message: FromPc::Job { .. } } as "Message(Job)",
+    Message { message: FromPc::Filler } as "Message(Filler)",
+    Message { message: FromPc::WrongSide } as "Message(WrongSide)",
+    Message { message: FromPc::Unusable } as "Message(Unusable)",
+    Corrupt,
+    Queued,
+    ReadEnd,
+    Executed,
+    Settled,
+    Drained,
+    ClearQueue,
+    ResetOrder,
+    Sent,
+    Reported,
+);

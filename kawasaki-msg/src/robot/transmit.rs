@@ -4,91 +4,100 @@ use core::cell::Cell;
 use core::num::NonZeroU16;
 use core::time::Duration;
 
-use super::config::{Acks, RobotConfig, RobotRule};
-use super::state::{AckState, Cycle, Ended, Flow, Link, Machine, Order, Recovery, Stage};
+use super::config::{Acks, Config, Rule};
+use super::state::{AckState, Action, Cycle, Ended, Flow, Link, Machine, Order, Recovery, Sent, Stage};
 use crate::content::{FromRobot, Status};
 
 impl<const WORDS: usize> Machine<WORDS> {
-    /// The next packet, if it is due: `send` takes each message of it, or has no room for it. What has none waits for the next
-    /// cycle; a packet holds at least one message.
-    pub fn transmit(
-        &mut self,
-        now: Duration,
-        config: &RobotConfig<'_>,
-        mut send: impl FnMut(FromRobot) -> bool,
-    ) -> bool {
-        let Link::Connected { cycle: Cycle::Ready { at }, synced, status_at, .. } = self.link else {
-            return false;
-        };
-        if now < at {
-            return false;
-        }
+    /// The messages of the packet that is due: `send` takes each, or has no room for it. What has none waits for the next cycle; a
+    /// packet holds at least one message.
+    pub fn packet(&self, now: Duration, config: &Config, mut send: impl FnMut(FromRobot) -> bool) -> Sent {
+        let mut sent = Sent::default();
+        let Link::Connected { synced, status_at, .. } = self.link else { return sent };
         let is_empty = Cell::new(true);
         let mut send = |message| {
-            let sent = send(message);
-            is_empty.set(is_empty.get() && !sent);
-            sent
+            let is_sent = send(message);
+            is_empty.set(is_empty.get() && !is_sent);
+            is_sent
         };
         let numbering = config.numbering();
         let status = self.replies.status || now >= status_at;
         let asks = synced
             && matches!(self.order, Order::Active { stage: Stage::Intake { flow: Flow::Asking, .. }, .. });
         let is_idle = !asks && !status && !self.replies.pause && self.replies.start.is_none();
-        let all_acked = self.acknowledge(is_idle, config, &mut send);
+        let all_acked = self.acknowledge(is_idle, config, &mut sent, &mut send);
         let active = self.order.number();
-        if let Some(answer) = self.replies.start
-            && send(FromRobot::OrderAck { active: answer })
-        {
-            self.replies.start = None;
+        if let Some(answer) = self.replies.start {
+            sent.start = send(FromRobot::OrderAck { active: answer });
         }
         if let Some(Ended { order, executed }) = self.ended
             && self.replies.end
             && all_acked
-            // Another order may have begun since.
-            && send(FromRobot::EndAck { ended: order, active, executed })
         {
-            self.replies.end = false;
+            // Another order may have begun since.
+            sent.end = send(FromRobot::EndAck { ended: order, active, executed });
         }
-        if status && all_acked && send(FromRobot::Status(self.status(config))) {
-            self.replies.status = false;
-            if let Link::Connected { status_at, .. } = &mut self.link {
-                *status_at = now.saturating_add(config.status_period);
+        sent.status = status && all_acked && send(FromRobot::Status(self.status(config)));
+        let queued = numbering.number(self.queued);
+        sent.pause = self.replies.pause && send(FromRobot::Pause { order: active, queued });
+        if asks {
+            sent.request = send(FromRobot::Request { order: active, number: numbering.next(self.queued) });
+        }
+        if is_empty.get() {
+            send(FromRobot::Filler);
+        }
+        sent
+    }
+
+    pub(super) fn on_sent(&mut self, now: Duration, sent: Sent, config: &Config) -> Option<Action> {
+        let Link::Connected { cycle: cycle @ Cycle::Ready { .. }, status_at, .. } = &mut self.link else {
+            return None;
+        };
+        let not_before = now.saturating_add(config.exchange);
+        let overdue_at = now.saturating_add(config.reply_timeout);
+        *cycle = Cycle::Waiting { not_before, overdue_at, answered: false };
+        match &mut self.acks {
+            AckState::Cumulative { acked } => *acked += sent.acked,
+            AckState::Individual { unacked, .. } => {
+                for _ in 0..sent.acked {
+                    if let Some(number) = unacked.first() {
+                        unacked.remove(number);
+                    }
+                }
             }
         }
-        let queued = numbering.number(self.queued);
-        if self.replies.pause && send(FromRobot::Pause { order: active, queued }) {
-            self.replies.pause = false;
+        if sent.start {
+            self.replies.start = None;
         }
-        if let Order::Active { number: order, stage: Stage::Intake { flow: Flow::Asking, gap, recovery } } =
+        self.replies.end &= !sent.end;
+        if sent.status {
+            self.replies.status = false;
+            *status_at = now.saturating_add(config.status_period);
+        }
+        self.replies.pause &= !sent.pause;
+        if let Order::Active { stage: Stage::Intake { flow: Flow::Asking, gap, recovery }, .. } =
             &mut self.order
         {
-            if synced && send(FromRobot::Request { order: *order, number: numbering.next(self.queued) }) {
+            if sent.request {
                 *gap = gap.asked();
             }
             if let Recovery::Resting { failures } = *recovery
                 && self.executed == self.queued
-                && config.keeps(RobotRule::StepsByClock)
+                && config.rules.keeps(Rule::StepsByClock)
             {
                 *recovery = Recovery::Waiting { failures, until: now.saturating_add(config.patience) };
             }
         }
-        if is_empty.get() && !send(FromRobot::Filler) {
-            return false;
-        }
-        if let Link::Connected { cycle, .. } = &mut self.link {
-            let not_before = now.saturating_add(config.exchange);
-            let overdue_at = now.saturating_add(config.reply_timeout);
-            *cycle = Cycle::Waiting { not_before, overdue_at, answered: false };
-        }
-        true
+        Some(Action::Sent)
     }
 
     /// Acknowledges what is executed: every k-th job, or what is left "at least when there is nothing else to send" (thesis,
     /// section 11.2) or to execute. Whether nothing that has to be acknowledged by itself is left.
     fn acknowledge(
-        &mut self,
+        &self,
         is_idle: bool,
-        config: &RobotConfig<'_>,
+        config: &Config,
+        sent: &mut Sent,
         send: &mut impl FnMut(FromRobot) -> bool,
     ) -> bool {
         let order = match (self.order, self.ended) {
@@ -96,13 +105,13 @@ impl<const WORDS: usize> Machine<WORDS> {
             (Order::Idle, Some(ended)) => ended.order,
             (Order::Idle, None) => return true,
         };
-        match &mut self.acks {
+        match &self.acks {
             AckState::Individual { unacked, .. } => {
-                while let Some(number) = unacked.first() {
+                for number in unacked.iter() {
                     if !send(FromRobot::JobAck { order, number }) {
                         return false;
                     }
-                    unacked.remove(number);
+                    sent.acked += 1;
                 }
             }
             AckState::Cumulative { acked } => {
@@ -110,8 +119,9 @@ impl<const WORDS: usize> Machine<WORDS> {
                     if let Acks::Cumulative { every } = config.acks { every } else { NonZeroU16::MIN };
                 let every = u32::from(every.get());
                 let rest = is_idle || self.executed == self.queued;
-                while *acked < self.executed {
-                    let next = *acked - *acked % every + every;
+                let mut done = *acked;
+                while done < self.executed {
+                    let next = done - done % every + every;
                     if next > self.executed && !rest {
                         break;
                     }
@@ -120,14 +130,15 @@ impl<const WORDS: usize> Machine<WORDS> {
                     if !send(FromRobot::JobAck { order, number }) {
                         break;
                     }
-                    *acked = next;
+                    done = next;
                 }
+                sent.acked = done - *acked;
             }
         }
         true
     }
 
-    fn status(&self, config: &RobotConfig<'_>) -> Status {
+    fn status(&self, config: &Config) -> Status {
         let numbering = config.numbering();
         Status {
             order: self.order.number(),

@@ -247,7 +247,7 @@ fn kawasaki(rows: &mut Vec<String>) -> Result<()> {
         pauses: pauses, "number", "0 to 65535", "§6.3; the number ours";
         clears: clears, "number", "0 to 65535", "§6.3; the number ours";
     }
-    rows! { rows, "kawasaki-msg", "RobotConfig", RobotConfig = RobotConfig::TCP; model
+    rows! { rows, "kawasaki-msg", "RobotConfig", RobotConfig = RobotConfig::TCP; rules
         dialect: { let _ = dialect; "the table of messages" }, "table", "a table that `Dialect::new` takes (KM-27, KM-28)", "§10.1; ours";
         limits: limits, "object", "Limits", "§9.5";
         datagrams: datagrams, "bool", "true or false", "ours";

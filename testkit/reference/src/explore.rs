@@ -24,7 +24,7 @@ pub(crate) fn explore(root: &Path, link: &str, seeds: u64) -> Result<()> {
     let mut id = u32::try_from(inputs.stories.len())?;
     for (end, about) in &inputs.ends {
         let rules = (ends(link, end)?.rules)();
-        let mut cells = reachable(root, link, &about.machines)?;
+        let mut cells = reachable(link, &about.machines);
         cells.retain(|cell| !about.unreachable.contains_key(cell));
         let found = |story: &Story| -> Result<Found> {
             Ok(play(link, &inputs, story, None)?.cells.intersection(&cells).cloned().collect())

@@ -113,16 +113,15 @@ fn files(root: &Path, only: Option<&str>) -> Result<Vec<(PathBuf, String)>> {
         if let Some(text) = streams::file(root, link)? {
             files.push((reference.join("streams").join(&file), text));
         }
-        if let Some(text) = states::file(root, link)? {
-            files.push((reference.join("states").join(&file), text));
-        }
+        files.push((reference.join("states").join(&file), states::file(link)?));
         if let Some(text) = story::file(root, link)? {
             files.push((reference.join("sessions").join(&file), text));
         }
     }
-    if let Some(text) = states::file(root, states::LATCH)? {
-        files.push((reference.join("states").join(format!("{}.json", states::LATCH)), text));
-    }
+    files.push((
+        reference.join("states").join(format!("{}.json", states::LATCH)),
+        states::file(states::LATCH)?,
+    ));
     let file = format!("{}.json", programs::LINK);
     files.push((reference.join("vectors").join(&file), programs::vectors(root)?));
     files.push((reference.join("streams").join(&file), programs::streams(root)?));

@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail, ensure};
 use serde::Deserialize;
 use serde_json::{Map, Value};
+use testkit::model::Cell;
 
 use crate::codec::codec;
 use crate::ends::{Do, End, Omits, Step, ends};
@@ -104,7 +105,7 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
     }
     let mut counts = Object::new();
     for (end, about) in &inputs.ends {
-        let reachable = reachable(root, link, &about.machines)?;
+        let reachable = reachable(link, &about.machines);
         let covered = covered.remove(end.as_str()).unwrap_or_default();
         let missing: Vec<&String> =
             reachable.difference(&covered).filter(|cell| !about.unreachable.contains_key(*cell)).collect();
@@ -150,11 +151,10 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
 }
 
 /// The cells of machines that are defined: `state: input`.
-pub(crate) fn reachable(root: &Path, link: &str, machines: &[String]) -> Result<BTreeSet<String>> {
-    let cells = states::cells(root, link)?
-        .into_iter()
-        .filter(|cell| machines.contains(&cell.machine) && cell.to.is_some());
-    Ok(cells.map(|cell| format!("{}: {}", cell.state, cell.input)).collect())
+pub(crate) fn reachable(link: &str, machines: &[String]) -> BTreeSet<String> {
+    let is_defined = |cell: &Cell| cell.to.is_some() && machines.iter().any(|machine| machine == cell.end);
+    let cells = states::table(link).into_iter().filter(is_defined);
+    cells.map(|cell| format!("{}: {}", cell.state, cell.input)).collect()
 }
 
 /// Plays a story; `without`: the number of the rule that the machine leaves out.

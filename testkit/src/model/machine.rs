@@ -42,35 +42,6 @@ pub trait Machine: Clone + Eq + Hash + Debug {
     }
 }
 
-/// The methods of [`Machine`] that a link's machine has itself, under the same names.
-#[cfg(feature = "links")]
-macro_rules! forward {
-    () => {
-        fn on(
-            &mut self,
-            now: core::time::Duration,
-            input: Self::Input,
-            config: &Self::Config,
-        ) -> Result<Self::Action, robot_session::Unexpected> {
-            Self::on(self, now, input, config)
-        }
-
-        fn each_time(&mut self, f: impl FnMut(&mut core::time::Duration)) {
-            Self::each_time(self, f);
-        }
-
-        fn name(&self) -> &'static str {
-            Self::name(self)
-        }
-
-        fn input_name(input: &Self::Input) -> &'static str {
-            input.name()
-        }
-    };
-}
-#[cfg(feature = "links")]
-pub(crate) use forward;
-
 /// A machine that is one of `robot-session`; with a function, if a diagram is to say more of an action than its first word.
 #[cfg(feature = "links")]
 macro_rules! adapt {

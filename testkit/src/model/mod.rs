@@ -26,9 +26,9 @@ mod system;
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
-pub use machine::{Edge, Edges, Machine, age, drive};
 #[cfg(feature = "links")]
-pub(crate) use machine::{adapt, forward};
+pub(crate) use machine::adapt;
+pub use machine::{Edge, Edges, Machine, age, drive};
 pub use matrix::{Cell, NOW, Rows, cells, check_times};
 pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, draw};
 pub use refine::{Refined, refine};

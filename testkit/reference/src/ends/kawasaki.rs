@@ -6,10 +6,9 @@ use std::rc::Rc;
 
 use anyhow::{Context, Result, bail, ensure};
 use kawasaki_msg::{
-    Charset, DecodeError, Decoder, Dialect, Entry, Field, Fields, Message, MessageError, Role, SessionError,
-    Text, Unfit, Work,
+    Charset, DecodeError, Dialect, Entry, Field, Fields, MessageError, Role, SessionError, Text, Unfit, Work,
 };
-use robot_session::{Decoder as _, Output, Session, settle};
+use robot_session::{Output, Session, settle};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
@@ -188,36 +187,6 @@ fn fields_of(names: Vec<String>) -> Result<&'static [Field<'static>]> {
         });
     }
     Ok(fields.leak())
-}
-
-/// What the first message of an input is, for the cells that it reaches, and whether no half message is left.
-pub(super) struct Seen<T> {
-    pub(super) first: Option<Result<T, DecodeError>>,
-    pub(super) is_whole: bool,
-}
-
-/// Reads an input with a decoder that has read all inputs before it.
-pub(super) fn see<T>(
-    decoder: &mut Decoder,
-    mut bytes: &[u8],
-    is_datagram: bool,
-    see: impl Fn(&Message<'_>) -> T,
-) -> Seen<T> {
-    let mut first = None;
-    loop {
-        let taken = decoder.push(bytes);
-        bytes = bytes.get(taken..).unwrap_or_default();
-        if is_datagram && bytes.is_empty() {
-            decoder.finish();
-        }
-        while let Some(item) = decoder.next_frame() {
-            let item = item.map(|message| see(&message));
-            first = first.or(Some(item));
-        }
-        if bytes.is_empty() {
-            return Seen { first, is_whole: !decoder.is_inside_message() };
-        }
-    }
 }
 
 /// A call that is refused.

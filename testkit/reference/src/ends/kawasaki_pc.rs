@@ -12,7 +12,7 @@ use serde_json::{Map, Value};
 use testkit::links::kawasaki_msg::rows;
 
 use super::kawasaki::{AnyWork, Layout, corrupt, outputs, plain, plant, refused, rejected};
-use super::{Do, End, Fields, Maker, Omits, Step, cell, event, names, without};
+use super::{Do, End, Fields, Maker, Omits, Step, event, names, reached, without};
 
 pub(super) const MAKER: Maker =
     Maker { make: |config, rule| Ok(Box::new(KawasakiPc::new(config, rule)?)), rules: names::<Rule> };
@@ -132,11 +132,7 @@ impl End for KawasakiPc {
             step.refused = self.call(name, argument)?;
         }
         outputs(&mut self.pc, now, omits, &mut step, shown)?;
-        let moves = self.pc.core_mut().moves.replace(Vec::new()).unwrap_or_default();
-        let cells = moves
-            .into_iter()
-            .flat_map(|(at, machine, input)| cell::<rows::Pc<ALL_NUMBERS>>(&machine, at, &input));
-        step.cells.extend(cells);
+        step.cells = reached::<rows::Pc<ALL_NUMBERS>>(&mut self.pc.core_mut().moves);
         Ok(step)
     }
 

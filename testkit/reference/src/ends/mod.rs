@@ -155,6 +155,15 @@ fn cell<R: Rows>(
     if column.is_empty() { Vec::new() } else { vec![format!("{}: {column}", R::row(machine, at))] }
 }
 
+/// What a machine was given, with the time and its state.
+type Moves<M> = Option<Vec<(Duration, M, <M as robot_session::Machine>::Input)>>;
+
+/// The cells that were reached since it was asked last.
+fn reached<R: Rows>(moves: &mut Moves<R::Machine>) -> Vec<String> {
+    let moves = moves.replace(Vec::new()).unwrap_or_default();
+    moves.into_iter().flat_map(|(at, machine, input)| cell::<R>(&machine, at, &input)).collect()
+}
+
 /// A session that notes what its machine is given.
 struct Noted<A: About>(A::End);
 

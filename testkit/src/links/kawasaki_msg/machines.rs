@@ -2,29 +2,27 @@
 
 use core::time::Duration;
 
-use kawasaki_msg::{FromPc, RobotConfig, pc, robot};
+use kawasaki_msg::{FromPc, pc, robot};
+use robot_session::Machine as _;
 
-use crate::model::{self, adapt, forward};
+use crate::model::adapt;
 
 /// 64 job numbers are enough for it.
 pub type Robot = robot::Machine<1>;
 /// As [`Robot`].
 pub type Pc = pc::Machine<1>;
 
-impl model::Machine for Robot {
-    const END: &'static str = "robot";
-    type Input = robot::Input;
-    type Action = robot::Action;
-    type Config = RobotConfig<'static>;
+adapt!(Robot, action_name = robot_action);
+adapt!(Pc, action_name = pc_action);
 
-    forward!();
-
-    fn action_name(action: &robot::Action) -> String {
-        if *action == robot::Action::Nothing { String::new() } else { format!("{action:?}") }
+fn robot_action(action: &robot::Action) -> String {
+    use robot::Action;
+    match action {
+        // A table of states says it; in a diagram it would be at every arrow.
+        Action::Nothing | Action::Connected | Action::Sent | Action::Answered => String::new(),
+        action => format!("{action:?}"),
     }
 }
-
-adapt!(Pc, action_name = pc_action);
 
 fn pc_action(action: &pc::Action) -> String {
     let text = match action {
@@ -41,7 +39,7 @@ pub fn fast_is_slow(
     robot: &Robot,
     messages: impl Iterator<Item = FromPc>,
     free: usize,
-    config: &RobotConfig,
+    config: &robot::Config,
 ) -> bool {
     let Some((order, mut number)) = robot.fast_path(config) else { return true };
     let (mut slow, mut count) = (robot.clone(), 0);

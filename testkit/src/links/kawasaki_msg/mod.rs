@@ -13,7 +13,7 @@ use core::num::NonZeroU16;
 use core::time::Duration;
 
 use kawasaki_msg::pc::Rule as PcRule;
-use kawasaki_msg::robot::RobotRule;
+use kawasaki_msg::robot::Rule as RobotRule;
 use kawasaki_msg::{Acks, PcConfig, RecoveryLimits, RobotConfig, Takeover, pc};
 use robot_session::Rules;
 
@@ -315,8 +315,10 @@ fn tcp_must_fail() -> Vec<MustFail> {
 }
 
 fn udp_must_fail() -> Vec<MustFail> {
-    let robot =
-        |rule, setup: Setup| Setup { robot: RobotConfig { without: Some(rule), ..setup.robot }, ..setup };
+    let robot = |rule, setup: Setup| Setup {
+        robot: RobotConfig { rules: Rules::without(rule), ..setup.robot },
+        ..setup
+    };
     let pc = |rule, setup: Setup| Setup { pc: PcConfig { rules: Rules::without(rule), ..setup.pc }, ..setup };
     let late = Faults { most: 2, repeat: true, delay: true, restart_robot: true, ..Faults::default() };
     let unread = Faults { most: 4, late_poll: true, repeat: false, ..late };
@@ -351,7 +353,7 @@ fn udp_must_fail() -> Vec<MustFail> {
 fn any_pc_must_fail() -> Vec<MustFail> {
     let lossy = |insists, faults| any(Peer::Lossy { insists }, faults);
     let case = |name, property, setting, rule, system: AnyPc| {
-        let robot = RobotConfig { without: Some(rule), ..system.robot };
+        let robot = RobotConfig { rules: Rules::without(rule), ..system.robot };
         MustFail::new(name, property, setting, AnyPc { robot, ..system })
     };
     let free = |name, property, rule| {

@@ -48,7 +48,7 @@ impl System for Setup {
 
     fn init(&self) -> World {
         World {
-            robot: Robot::new(&self.robot),
+            robot: Robot::new(&self.robot.machine()),
             pc: Pc::new(),
             before: 0,
             line: false,

@@ -229,8 +229,8 @@ impl<'a> Ends<'a> {
     }
 
     fn transmit(&mut self, before: &World, path: &[Act]) {
-        let (mut machine, mut expected) = (before.robot.clone(), Vec::new());
-        machine.transmit(Duration::ZERO, &self.setup.robot, |message| {
+        let mut expected = Vec::new();
+        before.robot.packet(Duration::ZERO, &self.setup.robot.machine(), |message| {
             expected.push(message);
             true
         });

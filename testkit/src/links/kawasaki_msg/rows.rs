@@ -1,9 +1,9 @@
-//! The rows of the PC's table.
+//! The rows of both machines' tables.
 
 use core::time::Duration;
 
 use kawasaki_msg::pc::{Config, Input, Machine, Order, Sent};
-use kawasaki_msg::{FromRobot, PcConfig, Phase, Status};
+use kawasaki_msg::{FromPc, FromRobot, Numbering, PcConfig, Phase, RobotConfig, Status, robot};
 use robot_session::Machine as _;
 
 use crate::model::{NOW, Rows};
@@ -157,6 +157,142 @@ impl<const WORDS: usize> Rows for Pc<WORDS> {
             },
             Input::Ahead { .. } if machine.name() != "Active" => "",
             Input::Reported if machine.report().is_none() => "",
+            _ => robot_session::Input::name(input),
+        };
+        name.into()
+    }
+}
+
+/// The robot, which can tell so many job numbers apart, by 64.
+#[derive(Debug)]
+pub struct Robot<const WORDS: usize = 1>;
+
+impl<const WORDS: usize> Rows for Robot<WORDS> {
+    type Machine = robot::Machine<WORDS>;
+
+    fn states() -> Vec<robot::Machine<WORDS>> {
+        use robot::Input as On;
+        let config = Self::config();
+        let after = |machine: &robot::Machine<WORDS>, inputs: &[On]| {
+            let mut machine = machine.clone();
+            for input in inputs {
+                machine.on(NOW, *input, &config).expect("a state that can be reached");
+            }
+            machine
+        };
+        let message = |message| On::Message { message, room: true };
+        let job = |number| message(FromPc::Job { order: OURS, number, good: true });
+        let disconnected = robot::Machine::new(&config);
+        let connecting = after(&disconnected, &[On::Timeout]);
+        let opening = after(&connecting, &[On::Reported]);
+        let idle = after(&opening, &[On::Connected]);
+        let started = after(&idle, &[message(FromPc::Start { order: OURS, first: 1 })]);
+        let active = after(&started, &[job(1), job(2), On::Executed { number: 1 }]);
+        let missing = after(&active, &[On::Corrupt]);
+        let clearing = after(&active, &[On::ClearQueue]);
+        let cleared = after(&clearing, &[On::Settled]);
+        let ending = after(&active, &[message(FromPc::End { order: OURS })]);
+        let interrupted = after(&active, &[On::ResetOrder]);
+        let broken_off = after(&interrupted, &[On::Settled]);
+        let mut alarm = after(&active, &[On::Executed { number: 2 }]);
+        if let robot::Order::Active { stage, .. } = &mut alarm.order {
+            *stage = robot::Stage::Alarm;
+        }
+        let mut full = active.clone();
+        if let robot::Order::Active { stage: robot::Stage::Intake { flow, .. }, .. } = &mut full.order {
+            *flow = robot::Flow::Full;
+        }
+        let states = [
+            disconnected,
+            connecting,
+            opening,
+            idle,
+            active,
+            full,
+            missing,
+            clearing,
+            cleared,
+            ending,
+            interrupted,
+            broken_off,
+            alarm,
+        ];
+        let sent = |state: &robot::Machine<WORDS>| after(state, &[On::Sent(robot::Sent::default())]);
+        let mut rows = Vec::new();
+        for state in states {
+            rows.push(state.clone());
+            let mut overdue = if state.is_connected() { sent(&state) } else { state.clone() };
+            rows.push(overdue.clone());
+            overdue.each_time(|at| *at = (*at).min(NOW - Duration::from_millis(1)));
+            rows.push(overdue);
+            let mut silent = state;
+            if let robot::Link::Connected { close, .. } = &mut silent.link {
+                *close = true;
+                rows.push(silent);
+            }
+        }
+        rows
+    }
+
+    fn inputs() -> Vec<robot::Input> {
+        use robot::Input as On;
+        let job =
+            |number, room| On::Message { message: FromPc::Job { order: OURS, number, good: true }, room };
+        let messages = [
+            FromPc::Status { order: OURS + 1 },
+            FromPc::Start { order: OURS, first: 1 },
+            FromPc::Start { order: OURS + 1, first: 1 },
+            FromPc::End { order: OURS },
+            FromPc::Interrupt { order: OURS },
+            FromPc::Filler,
+            FromPc::WrongSide,
+            FromPc::Unusable,
+        ];
+        let mut inputs = vec![On::Connected, On::Disconnected, On::Timeout];
+        inputs.extend(messages.map(|message| On::Message { message, room: true }));
+        inputs.extend([
+            job(3, true),
+            job(3, false),
+            job(5, true),
+            On::Corrupt,
+            On::Queued { count: 1 },
+            On::ReadEnd,
+            On::Executed { number: 2 },
+            On::Settled,
+            On::Drained,
+            On::ClearQueue,
+            On::ResetOrder,
+            On::Sent(robot::Sent::default()),
+            On::Reported,
+        ]);
+        inputs
+    }
+
+    fn config() -> robot::Config {
+        RobotConfig { max_number: 63, ..RobotConfig::TCP }.machine()
+    }
+
+    fn column_at(machine: &robot::Machine<WORDS>, now: Duration, input: &robot::Input) -> String {
+        use robot::Input as On;
+        let active = machine.order.number();
+        let is_ours = |order: u16| if active == 0 { order != OURS + 1 } else { order == active };
+        let next = Numbering::new(Self::config().max_number).next(machine.queued);
+        let name = match *input {
+            On::Message { message, room } => match message {
+                FromPc::Start { order, .. } if !is_ours(order) => "Message(Start of another)",
+                FromPc::End { order } | FromPc::Interrupt { order } | FromPc::Job { order, .. }
+                    if !is_ours(order) =>
+                {
+                    ""
+                }
+                FromPc::Job { good: false, .. } => "",
+                FromPc::Job { number, .. } if number != next => "Message(Job of another number)",
+                FromPc::Job { .. } if !room => "Message(Job, no room)",
+                _ => robot_session::Input::name(input),
+            },
+            // Nothing is sent before it is due, and nothing reported that did not happen.
+            On::Sent(_) if machine.transmit(now, &Self::config()).is_none() => "",
+            On::Reported if machine.report().is_none() => "",
             _ => robot_session::Input::name(input),
         };
         name.into()

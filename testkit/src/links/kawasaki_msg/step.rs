@@ -126,7 +126,7 @@ impl Setup {
     }
 
     fn robot(&self, w: &mut World, input: robot::Input, edges: &mut Edges<'_>) -> robot::Action {
-        let Ok(action) = drive(&mut w.robot, input, &self.robot, edges) else {
+        let Ok(action) = drive(&mut w.robot, input, &self.robot.machine(), edges) else {
             w.flags.unexpected = true;
             return robot::Action::Nothing;
         };
@@ -219,9 +219,13 @@ impl Setup {
 
     /// A call of the robot's `handle_timeout`, which looks at the queue, too.
     fn robot_pass(&self, w: &mut World, edges: &mut Edges<'_>) {
-        self.robot(w, robot::Input::Timeout, edges);
-        self.robot(w, robot::Input::Timeout, edges);
+        while w.robot.expires(NOW) {
+            self.robot(w, robot::Input::Timeout, edges);
+        }
         let report = w.robot.report();
+        if report.is_some() {
+            let _reported = w.robot.on(NOW, robot::Input::Reported, &self.robot.machine());
+        }
         let cleared = matches!(w.stage(), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }));
         if !cleared || w.occupied() == 0 {
             self.robot(w, robot::Input::Settled, edges);
@@ -267,7 +271,8 @@ impl Setup {
             }
             let Some(message) = message else { continue };
             let jobs = messages[at..].iter().map_while(|sent| sent.message);
-            w.flags.fast_path |= !fast_is_slow(&w.robot, jobs, self.capacity - w.occupied(), &self.robot);
+            w.flags.fast_path |=
+                !fast_is_slow(&w.robot, jobs, self.capacity - w.occupied(), &self.robot.machine());
             let job = matches!(message, FromPc::Job { .. });
             let room = !job || w.occupied() < self.capacity;
             let first = w.robot.queued == 0;
@@ -351,10 +356,11 @@ impl Setup {
             }
             Act::Transmit => {
                 let mut messages = Vec::new();
-                w.robot.transmit(NOW, &self.robot, |message| {
+                let sent = w.robot.packet(NOW, &self.robot.machine(), |message| {
                     messages.push(message);
                     true
                 });
+                self.robot(w, robot::Input::Sent(sent), edges);
                 if w.line {
                     w.up.push(InFlight { messages, left: LATEST });
                 }
@@ -445,7 +451,7 @@ impl Setup {
                     w.lose();
                 }
                 w.disturb();
-                w.robot = Robot::new(&self.robot);
+                w.robot = Robot::new(&self.robot.machine());
                 w.queue.clear();
                 w.executing = None;
             }

@@ -6,6 +6,7 @@ use core::time::Duration;
 
 use kawasaki_msg::robot::{Action, Cycle, Input, Link, Order, RecoveryStep, Report, Stage, Starts};
 use kawasaki_msg::{FromPc, FromRobot, RobotConfig};
+use robot_session::Machine as _;
 
 use super::machines::{Robot, fast_is_slow};
 use super::pair::{FAST, NO_ALARM, NO_SPIN, TWICE, UNEXPECTED};
@@ -78,7 +79,7 @@ impl AnyPc {
 
     fn drive(&self, w: &mut World, input: Input, edges: &mut Edges<'_>) -> Action {
         let nothing_left = w.is_empty();
-        let Ok(action) = drive(&mut w.robot, input, &self.robot, edges) else {
+        let Ok(action) = drive(&mut w.robot, input, &self.robot.machine(), edges) else {
             w.flags.unexpected = true;
             return Action::Nothing;
         };
@@ -102,9 +103,13 @@ impl AnyPc {
     }
 
     fn pass(&self, w: &mut World, edges: &mut Edges<'_>) {
-        self.drive(w, Input::Timeout, edges);
-        self.drive(w, Input::Timeout, edges);
+        while w.robot.expires(NOW) {
+            self.drive(w, Input::Timeout, edges);
+        }
         let report = w.robot.report();
+        if report.is_some() {
+            let _reported = w.robot.on(NOW, Input::Reported, &self.robot.machine());
+        }
         let cleared = matches!(w.stage(), Some(Stage::Clearing { .. } | Stage::Interrupted { .. }));
         if !cleared || w.is_empty() {
             self.drive(w, Input::Settled, edges);
@@ -129,7 +134,7 @@ impl AnyPc {
         }
         let Some(message) = message else { return };
         let free = self.capacity - w.occupied();
-        w.flags.fast_path |= !fast_is_slow(&w.robot, [message].into_iter(), free, &self.robot);
+        w.flags.fast_path |= !fast_is_slow(&w.robot, [message].into_iter(), free, &self.robot.machine());
         let room = !matches!(message, FromPc::Job { .. }) || free > 0;
         match self.drive(w, Input::Message { message, room }, edges) {
             Action::Queue => {
@@ -142,15 +147,16 @@ impl AnyPc {
     }
 
     /// The packet: whether the PC's order was accepted, and the job that is asked for.
-    fn transmit(&self, w: &mut World) -> (bool, Option<u8>) {
+    fn transmit(&self, w: &mut World, edges: &mut Edges<'_>) -> (bool, Option<u8>) {
         let accepted = w.robot.order.number() == OURS || w.over;
         let (queued, mut asked) = (w.robot.queued as u8, None);
-        w.robot.transmit(NOW, &self.robot, |message| {
+        let sent = w.robot.packet(NOW, &self.robot.machine(), |message| {
             if let FromRobot::Request { .. } = message {
                 asked = Some(queued);
             }
             true
         });
+        self.drive(w, Input::Sent(sent), edges);
         (accepted, asked)
     }
 
@@ -183,7 +189,7 @@ impl AnyPc {
         if w.faults > 0 {
             acts.push(Act::Transmit([N; 3]));
         }
-        let (accepted, asked) = self.transmit(&mut w.clone());
+        let (accepted, asked) = self.transmit(&mut w.clone(), &mut None);
         let Some(from) = asked else {
             let letter = match (accepted, insists && w.sent_all) {
                 (true, true) => Letter::End,
@@ -262,7 +268,7 @@ impl System for AnyPc {
     type Act = Act;
 
     fn init(&self) -> World {
-        let mut robot = Robot::new(&self.robot);
+        let mut robot = Robot::new(&self.robot.machine());
         if let Starts::New { ignored_until, .. } = &mut robot.starts {
             *ignored_until = NOW;
         }
@@ -351,7 +357,7 @@ impl System for AnyPc {
                 self.pass(&mut w, edges);
             }
             Act::Transmit(letters) => {
-                let (_, asked) = self.transmit(&mut w);
+                let (_, asked) = self.transmit(&mut w, edges);
                 w.faults -= u8::from(letters.contains(&Letter::Corrupt));
                 let from = asked.unwrap_or(w.done);
                 let packet: Vec<_> =
@@ -459,7 +465,7 @@ impl System for AnyPc {
             })
             .or_else(|| first(&|act| *act == Act::Transmit([N; 3]) && self.is_free()))
             .or_else(|| {
-                let (accepted, asked) = self.transmit(&mut w.clone());
+                let (accepted, asked) = self.transmit(&mut w.clone(), &mut None);
                 let letter = match (accepted, asked) {
                     (_, Some(from)) if from < self.jobs => Letter::Job(0),
                     (_, Some(_)) => Letter::End,

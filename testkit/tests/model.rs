@@ -4,9 +4,9 @@
 use core::time::Duration;
 use std::collections::BTreeSet;
 
-use robot_session::Unexpected;
+use robot_session::{Expiry, Machine, Unexpected};
 use testkit::model::{
-    DEADLOCK, Edge, Machine, MustFail, Options, STANDS_FOR_EVER, STANDSTILL, Setting, System, age,
+    DEADLOCK, Drawn, Edge, MustFail, Options, STANDS_FOR_EVER, STANDSTILL, Setting, System, age,
     check_or_write, drive, explore, explore_whole, mermaid, trace,
 };
 
@@ -191,9 +191,13 @@ enum Door {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum DoorInput {
+    Connected,
+    Disconnected,
+    Timeout,
     Push,
-    Timer,
 }
+
+robot_session::inputs!(DoorInput: Push);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum DoorAction {
@@ -207,7 +211,9 @@ impl Machine for Door {
     const END: &'static str = "door";
     type Input = DoorInput;
     type Action = DoorAction;
+    type Transmit = ();
     type Config = Duration;
+    const EXPIRY: Expiry = Expiry::First;
 
     fn on(&mut self, now: Duration, input: DoorInput, stays: &Duration) -> Result<DoorAction, Unexpected> {
         let (next, action) = match (*self, input) {
@@ -218,15 +224,28 @@ impl Machine for Door {
             (Self::Open { opened, .. }, DoorInput::Push) => {
                 (Self::Open { opened, until: now + *stays }, DoorAction::Nothing)
             }
-            (Self::Open { opened, until }, DoorInput::Timer) if until <= now => {
+            (Self::Open { opened, until }, DoorInput::Timeout) if until <= now => {
                 (Self::Shut { opened }, DoorAction::Nothing)
             }
-            (Self::Shut { .. } | Self::Open { .. }, DoorInput::Timer) => {
-                return Err(Unexpected { state: self.name(), input: "Timer" });
-            }
+            (Self::Shut { .. } | Self::Open { .. }, input) => return Err(self.unexpected(&input)),
         };
         *self = next;
         Ok(action)
+    }
+
+    fn transmit(&self, _: Duration, _: &Duration) -> Option<()> {
+        None
+    }
+
+    fn deadline(&self) -> Option<Duration> {
+        match *self {
+            Self::Shut { .. } => None,
+            Self::Open { until, .. } => Some(until),
+        }
+    }
+
+    fn expires(&self, now: Duration) -> bool {
+        self.deadline().is_some_and(|until| until <= now)
     }
 
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
@@ -242,14 +261,9 @@ impl Machine for Door {
             Self::Open { .. } => "Open",
         }
     }
-
-    fn input_name(input: &DoorInput) -> &'static str {
-        match input {
-            DoorInput::Push => "Push",
-            DoorInput::Timer => "Timer",
-        }
-    }
 }
+
+impl Drawn for Door {}
 
 /// The door alone. With `early` its timer is asked before it is due, which is unexpected.
 #[derive(Debug, Clone)]
@@ -270,7 +284,7 @@ impl System for House {
             Door::Shut { .. } => acts.push(Some(DoorInput::Push)),
             Door::Open { until, .. } => {
                 if until.is_zero() || self.early {
-                    acts.push(Some(DoorInput::Timer));
+                    acts.push(Some(DoorInput::Timeout));
                 }
                 acts.extend([Some(DoorInput::Push), None]);
             }
@@ -302,7 +316,7 @@ impl System for House {
 
     fn benign(&self, (door, _): &(Door, bool)) -> Option<Self::Act> {
         match door {
-            Door::Open { until, .. } if until.is_zero() => Some(Some(DoorInput::Timer)),
+            Door::Open { until, .. } if until.is_zero() => Some(Some(DoorInput::Timeout)),
             Door::Open { .. } => Some(None),
             Door::Shut { .. } => None,
         }
@@ -331,10 +345,10 @@ fn what_is_unexpected_is_a_property() {
     let system = House { early: true };
     let graph = explore(&system, &Options::default());
     let path = graph.path(graph.broken["nothing is unexpected"]);
-    assert_eq!(path, [Some(DoorInput::Push), Some(DoorInput::Timer)]);
+    assert_eq!(path, [Some(DoorInput::Push), Some(DoorInput::Timeout)]);
     let case = MustFail::new("the timer waits", "nothing is unexpected", "a house", system.clone());
     let caught = case.caught(&Options::default()).unwrap();
-    assert_eq!((caught.steps, caught.trace.as_str()), (2, "0: Some(Push), Some(Timer); 0."));
+    assert_eq!((caught.steps, caught.trace.as_str()), (2, "0: Some(Push), Some(Timeout); 0."));
     let case = MustFail::new("the timer waits", "something else", "a house", system);
     assert!(case.caught(&Options::default()).is_none());
 }
@@ -375,7 +389,7 @@ fn a_diagram_shows_what_can_happen() {
     let edges = Setting::new("a house", House { early: false }).edges();
     assert_eq!(
         mermaid(&edges, "door"),
-        "```mermaid\nstateDiagram-v2\n    Open --> Shut: Timer\n    Shut --> Open: Push / Ring\n```\n"
+        "```mermaid\nstateDiagram-v2\n    Open --> Shut: Timeout\n    Shut --> Open: Push / Ring\n```\n"
     );
     assert_eq!(mermaid(&edges, "window"), "```mermaid\nstateDiagram-v2\n```\n");
 }

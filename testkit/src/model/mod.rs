@@ -1,8 +1,7 @@
 //! The model: both machines of a link, the line between them and the people at either end, explored exhaustively.
 //!
-//! A link's crate holds a pure machine for each end. Its adapter in `testkit::links` implements [`Machine`] for both (lines
-//! that forward) and puts them together as a [`System`]: what can happen in a state, what then follows, which properties do
-//! not hold. [`explore()`] visits every state breadth first, so that a broken property comes with a shortest path to it.
+//! A link's crate holds a pure machine for each end. `testkit::links` puts both together as a [`System`]: what can happen in a
+//! state, what then follows, which properties do not hold. [`explore()`] visits every state breadth first, so that a broken property comes with a shortest path to it.
 //!
 //! Time in a model is always zero: a tick of the system takes its length from every deadline, see [`age`]. States that behave
 //! alike are then equal, and there are finitely many.
@@ -26,9 +25,7 @@ mod system;
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
-#[cfg(feature = "links")]
-pub(crate) use machine::adapt;
-pub use machine::{Edge, Edges, Machine, age, drive};
+pub use machine::{Drawn, Edge, Edges, age, drive};
 pub use matrix::{Cell, NOW, Rows, cells, check_times};
 pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, draw};
 pub use refine::{Refined, refine};

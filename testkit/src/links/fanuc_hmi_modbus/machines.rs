@@ -1,7 +1,8 @@
 use fanuc_hmi_modbus::client::machine::ClientMachine;
 use fanuc_hmi_modbus::server::machine::ServerMachine;
 
-use crate::model::adapt;
+use crate::model::Drawn;
 
-adapt!(ClientMachine<2>);
-adapt!(ServerMachine<2>);
+impl Drawn for ClientMachine<2> {}
+
+impl Drawn for ServerMachine<2> {}

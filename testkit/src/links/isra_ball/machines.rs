@@ -1,7 +1,8 @@
 use isra_ball::ball::machine::BallMachine;
 use isra_ball::host::machine::HostMachine;
 
-use crate::model::adapt;
+use crate::model::Drawn;
 
-adapt!(HostMachine);
-adapt!(BallMachine);
+impl Drawn for HostMachine {}
+
+impl Drawn for BallMachine {}

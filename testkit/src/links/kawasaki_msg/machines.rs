@@ -5,15 +5,24 @@ use core::time::Duration;
 use kawasaki_msg::{FromPc, pc, robot};
 use robot_session::Machine as _;
 
-use crate::model::adapt;
+use crate::model::Drawn;
 
 /// 64 job numbers are enough for it.
 pub type Robot = robot::Machine<1>;
 /// As [`Robot`].
 pub type Pc = pc::Machine<1>;
 
-adapt!(Robot, action_name = robot_action);
-adapt!(Pc, action_name = pc_action);
+impl Drawn for Robot {
+    fn action_name(action: &Self::Action) -> String {
+        robot_action(action)
+    }
+}
+
+impl Drawn for Pc {
+    fn action_name(action: &Self::Action) -> String {
+        pc_action(action)
+    }
+}
 
 fn robot_action(action: &robot::Action) -> String {
     use robot::Action;

@@ -1,10 +1,19 @@
 use laser_eb90::controller::machine::{self as controller, Answer, ControllerMachine};
 use laser_eb90::host::machine::{self as host, HostMachine};
 
-use crate::model::adapt;
+use crate::model::Drawn;
 
-adapt!(HostMachine, action_name = host_action);
-adapt!(ControllerMachine, action_name = controller_action);
+impl Drawn for HostMachine {
+    fn action_name(action: &Self::Action) -> String {
+        host_action(action)
+    }
+}
+
+impl Drawn for ControllerMachine {
+    fn action_name(action: &Self::Action) -> String {
+        controller_action(action)
+    }
+}
 
 fn host_action(action: &host::Action) -> String {
     match action {

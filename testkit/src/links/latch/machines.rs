@@ -1,5 +1,5 @@
 use cellwire_motion::latch::Latch;
 
-use crate::model::adapt;
+use crate::model::Drawn;
 
-adapt!(Latch);
+impl Drawn for Latch {}

@@ -2,7 +2,8 @@ use mmacell_proto::PlatformPose;
 use mmacell_proto::central::machine::CentralMachine;
 use mmacell_proto::device::machine::DeviceMachine;
 
-use crate::model::adapt;
+use crate::model::Drawn;
 
-adapt!(CentralMachine<PlatformPose>);
-adapt!(DeviceMachine<PlatformPose>);
+impl Drawn for CentralMachine<PlatformPose> {}
+
+impl Drawn for DeviceMachine<PlatformPose> {}

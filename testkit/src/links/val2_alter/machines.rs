@@ -4,10 +4,19 @@ use val2_alter::controller::machine::{self as controller, ControllerMachine, Han
 use val2_alter::host::machine::{self as host, HostMachine};
 use val2_alter::{Exception, ExceptionOutcome, MotionPhase};
 
-use crate::model::adapt;
+use crate::model::Drawn;
 
-adapt!(HostMachine, action_name = host_action);
-adapt!(ControllerMachine, action_name = controller_action);
+impl Drawn for HostMachine {
+    fn action_name(action: &Self::Action) -> String {
+        host_action(action)
+    }
+}
+
+impl Drawn for ControllerMachine {
+    fn action_name(action: &Self::Action) -> String {
+        controller_action(action)
+    }
+}
 
 fn host_action(action: &host::Action) -> String {
     use host::{Action, Judged};

@@ -1,7 +1,8 @@
 use val2_viewer::host::machine::HostMachine;
 use val2_viewer::workstation::machine::WorkstationMachine;
 
-use crate::model::adapt;
+use crate::model::Drawn;
 
-adapt!(HostMachine);
-adapt!(WorkstationMachine);
+impl Drawn for HostMachine {}
+
+impl Drawn for WorkstationMachine {}

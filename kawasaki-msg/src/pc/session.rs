@@ -431,9 +431,9 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
             let (role, params) = request.write();
             sent.request = packet.write(&self.dialect, role, &params);
         }
-        let Commands { in_flight, waiting } = self.core.machine.commands;
-        let waiting = self.commands.into_iter().skip(in_flight.into()).take(waiting.into());
-        for (id, value) in waiting.take(answer.commands.into()) {
+        let in_flight = self.core.machine.commands.in_flight;
+        let waiting = self.commands.into_iter().skip(in_flight.into()).take(answer.commands.into());
+        for (id, value) in waiting {
             let mut params = Params::default().with(Field::Order, answer.order);
             params.set(Field::Value, value);
             if !packet.write(&self.dialect, Role::Command(id), &params) {

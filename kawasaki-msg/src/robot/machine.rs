@@ -54,49 +54,15 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
     }
 
     fn deadline(&self) -> Option<Duration> {
-        let mut order = Duration::MAX;
-        match self.order {
-            Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } if self.is_connected() => {
-                if let Flow::Held { until } = flow {
-                    order = until;
-                }
-                if let Recovery::Waiting { until, .. } = recovery {
-                    order = order.min(until);
-                }
-            }
-            Order::Active {
-                stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
-                ..
-            } => order = reported_at,
-            Order::Active { .. } | Order::Idle => {}
-        }
-        let link = match self.link {
-            Link::Disconnected { connect_at } => connect_at,
-            Link::Connecting { .. } => Duration::MAX,
+        let packet = match self.link {
             Link::Connected { cycle: Cycle::Ready { at }, .. } => at,
-            Link::Connected { cycle: Cycle::Waiting { overdue_at, .. }, .. } => overdue_at,
+            Link::Disconnected { .. } | Link::Connecting { .. } | Link::Connected { .. } => Duration::MAX,
         };
-        Some(link.min(order)).filter(|at| *at != Duration::MAX)
+        Some(packet.min(self.expires_at())).filter(|at| *at != Duration::MAX)
     }
 
     fn expires(&self, now: Duration) -> bool {
-        let order = match self.order {
-            Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } if self.is_connected() => {
-                let pause = matches!(flow, Flow::Held { until } if is_due(until, now));
-                pause || matches!(recovery, Recovery::Waiting { until, .. } if is_due(until, now))
-            }
-            Order::Active {
-                stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
-                ..
-            } => is_due(reported_at, now),
-            Order::Active { .. } | Order::Idle => false,
-        };
-        order
-            || match self.link {
-                Link::Disconnected { connect_at: at }
-                | Link::Connected { cycle: Cycle::Waiting { overdue_at: at, .. }, .. } => is_due(at, now),
-                Link::Connecting { .. } | Link::Connected { .. } => false,
-            }
+        is_due(self.expires_at(), now)
     }
 
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
@@ -167,6 +133,31 @@ impl<const WORDS: usize> Machine<WORDS> {
             ended: None,
             replies: Replies::default(),
             starts,
+        }
+    }
+
+    /// When [`Input::Timeout`] has something to do.
+    fn expires_at(&self) -> Duration {
+        let mut order = Duration::MAX;
+        match self.order {
+            Order::Active { stage: Stage::Intake { flow, recovery, .. }, .. } if self.is_connected() => {
+                if let Flow::Held { until } = flow {
+                    order = until;
+                }
+                if let Recovery::Waiting { until, .. } = recovery {
+                    order = order.min(until);
+                }
+            }
+            Order::Active {
+                stage: Stage::Clearing { reported_at, .. } | Stage::Interrupted { reported_at },
+                ..
+            } => order = reported_at,
+            Order::Active { .. } | Order::Idle => {}
+        }
+        match self.link {
+            Link::Disconnected { connect_at: at }
+            | Link::Connected { cycle: Cycle::Waiting { overdue_at: at, .. }, .. } => order.min(at),
+            Link::Connecting { .. } | Link::Connected { .. } => order,
         }
     }
 

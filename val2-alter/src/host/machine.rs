@@ -138,33 +138,12 @@ impl Machine for HostMachine {
 
     #[inline]
     fn deadline(&self) -> Option<Duration> {
-        let other = match &self.phase {
-            HostPhase::Repeating { forget_at, .. } => Some(*forget_at),
-            HostPhase::Active(Active { lost_at, target: Target::Fresh { until }, .. }) => {
-                Some(*lost_at.min(until))
-            }
-            HostPhase::Active(Active { lost_at, .. }) | HostPhase::Silent { lost_at } => Some(*lost_at),
-            HostPhase::Disconnected | HostPhase::Idle | HostPhase::Starting { .. } => None,
-        };
-        [self.reply_by(), other, self.gap_at].into_iter().flatten().min().filter(|at| *at < Duration::MAX)
+        Some(self.expires_at()).filter(|at| *at < Duration::MAX)
     }
 
     #[inline(always)]
     fn expires(&self, now: Duration) -> bool {
-        self.gap_at.is_some_and(|at| is_due(at, now))
-            || match &self.phase {
-                HostPhase::Disconnected | HostPhase::Idle => false,
-                HostPhase::Repeating { answer, forget_at, .. } => {
-                    is_due(*forget_at, now) || answer.is_some_and(|due| is_due(due.begin_by, now))
-                }
-                HostPhase::Starting { answer, .. } => is_due(answer.begin_by, now),
-                HostPhase::Active(Active { lost_at, target, request, .. }) => {
-                    is_due(*lost_at, now)
-                        || request.is_some_and(|request| is_due(request.due.begin_by, now))
-                        || matches!(target, Target::Fresh { until } if is_due(*until, now))
-                }
-                HostPhase::Silent { lost_at } => is_due(*lost_at, now),
-            }
+        is_due(self.expires_at(), now)
     }
 
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
@@ -217,6 +196,25 @@ impl Machine for HostMachine {
 }
 
 impl HostMachine {
+    /// When [`Input::Timeout`] has something to do.
+    #[inline(always)]
+    fn expires_at(&self) -> Duration {
+        const NEVER: Duration = Duration::MAX;
+        let at = match &self.phase {
+            HostPhase::Disconnected | HostPhase::Idle => NEVER,
+            HostPhase::Repeating { answer, forget_at, .. } => {
+                answer.map_or(*forget_at, |due| due.begin_by.min(*forget_at))
+            }
+            HostPhase::Starting { answer, .. } => answer.begin_by,
+            HostPhase::Active(Active { lost_at, target, request, .. }) => {
+                let target = if let Target::Fresh { until } = target { *until } else { NEVER };
+                request.map_or(NEVER, |request| request.due.begin_by).min(target).min(*lost_at)
+            }
+            HostPhase::Silent { lost_at } => *lost_at,
+        };
+        self.gap_at.map_or(at, |gap| gap.min(at))
+    }
+
     /// Whether a reply of `len` bytes ends in time that is sent at `now`, with the reserve left: then all words of a [`Draft`]
     /// of that length are sent.
     #[inline]

@@ -12,7 +12,7 @@ use serde_json::{Map, Value};
 use testkit::links::kawasaki_msg::rows;
 
 use super::kawasaki::{AnyWork, Layout, corrupt, outputs, plain, plant, refused, rejected};
-use super::{Do, End, Fields, Maker, Omits, Step, event, names, reached, without};
+use super::{Do, End, Fields, Maker, Omits, Step, cell, event, names, reached, without};
 
 pub(super) const MAKER: Maker =
     Maker { make: |config, rule| Ok(Box::new(KawasakiPc::new(config, rule)?)), rules: names::<Rule> };
@@ -132,7 +132,7 @@ impl End for KawasakiPc {
             step.refused = self.call(name, argument)?;
         }
         outputs(&mut self.pc, now, omits, &mut step, shown)?;
-        step.cells = reached::<rows::Pc<ALL_NUMBERS>>(&mut self.pc.core_mut().moves);
+        step.cells = reached(&mut self.pc.core_mut().moves, cell::<rows::Pc<ALL_NUMBERS>>);
         Ok(step)
     }
 

@@ -12,7 +12,7 @@ use serde_json::{Map, Value};
 use testkit::links::kawasaki_msg::rows;
 
 use super::kawasaki::{AnyWork, Layout, corrupt, outputs, plain, plant, refused, rejected};
-use super::{Do, End, Fields, Maker, Omits, Step, event, kind, names, reached, without};
+use super::{Do, End, Fields, Maker, Omits, Step, cell, event, kind, names, reached, without};
 
 pub(super) const MAKER: Maker =
     Maker { make: |config, rule| Ok(Box::new(KawasakiRobot::new(config, rule)?)), rules: names::<Rule> };
@@ -173,7 +173,7 @@ impl End for KawasakiRobot {
             motion.sweep();
         }
         outputs(&mut self.robot, now, omits, &mut step, shown)?;
-        step.cells = reached::<rows::Robot<ALL_NUMBERS>>(&mut self.robot.core_mut().moves);
+        step.cells = reached(&mut self.robot.core_mut().moves, cell::<rows::Robot<ALL_NUMBERS>>);
         Ok(step)
     }
 

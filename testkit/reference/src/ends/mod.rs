@@ -159,9 +159,12 @@ fn cell<R: Rows>(
 type Moves<M> = Option<Vec<(Duration, M, <M as robot_session::Machine>::Input)>>;
 
 /// The cells that were reached since it was asked last.
-fn reached<R: Rows>(moves: &mut Moves<R::Machine>) -> Vec<String> {
+fn reached<M: robot_session::Machine>(
+    moves: &mut Moves<M>,
+    cells: impl Fn(&M, Duration, &M::Input) -> Vec<String>,
+) -> Vec<String> {
     let moves = moves.replace(Vec::new()).unwrap_or_default();
-    moves.into_iter().flat_map(|(at, machine, input)| cell::<R>(&machine, at, &input)).collect()
+    moves.into_iter().flat_map(|(at, machine, input)| cells(&machine, at, &input)).collect()
 }
 
 /// A session that notes what its machine is given.
@@ -171,12 +174,6 @@ impl<A: About + 'static> Noted<A> {
     fn boxed(mut session: A::End) -> Box<dyn End> {
         session.core_mut().moves = Some(Vec::new());
         Box::new(Self(session))
-    }
-
-    /// The cells that were reached since it was asked last.
-    fn cells(&mut self) -> Vec<String> {
-        let moves = self.0.core_mut().moves.replace(Vec::new()).unwrap_or_default();
-        moves.into_iter().flat_map(|(at, machine, input)| A::cells(&machine, at, &input)).collect()
     }
 }
 
@@ -209,7 +206,7 @@ impl<A: About + 'static> End for Noted<A> {
                 break;
             }
         }
-        step.cells = self.cells();
+        step.cells = reached(&mut self.0.core_mut().moves, A::cells);
         Ok(step)
     }
 

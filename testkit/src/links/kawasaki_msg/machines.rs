@@ -14,32 +14,24 @@ pub type Pc = pc::Machine<1>;
 
 impl Drawn for Robot {
     fn action_name(action: &Self::Action) -> String {
-        robot_action(action)
+        use robot::Action;
+        match action {
+            // A table of states says it; in a diagram it would be at every arrow.
+            Action::Nothing | Action::Connected | Action::Sent | Action::Answered => String::new(),
+            action => format!("{action:?}"),
+        }
     }
 }
 
 impl Drawn for Pc {
     fn action_name(action: &Self::Action) -> String {
-        pc_action(action)
+        let text = match action {
+            pc::Action::Nothing | pc::Action::Sent => return String::new(),
+            pc::Action::Outcome { outcome, .. } => format!("{outcome:?}"),
+            action => format!("{action:?}"),
+        };
+        text.split(' ').next().unwrap_or_default().into()
     }
-}
-
-fn robot_action(action: &robot::Action) -> String {
-    use robot::Action;
-    match action {
-        // A table of states says it; in a diagram it would be at every arrow.
-        Action::Nothing | Action::Connected | Action::Sent | Action::Answered => String::new(),
-        action => format!("{action:?}"),
-    }
-}
-
-fn pc_action(action: &pc::Action) -> String {
-    let text = match action {
-        pc::Action::Nothing | pc::Action::Sent => return String::new(),
-        pc::Action::Outcome { outcome, .. } => format!("{outcome:?}"),
-        action => format!("{action:?}"),
-    };
-    text.split(' ').next().unwrap_or_default().into()
 }
 
 /// Whether the fast path leaves the robot where the slow one does: for the jobs that it would take of those that come next, with so

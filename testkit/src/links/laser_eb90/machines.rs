@@ -5,35 +5,27 @@ use crate::model::Drawn;
 
 impl Drawn for HostMachine {
     fn action_name(action: &Self::Action) -> String {
-        host_action(action)
+        match action {
+            host::Action::Nothing => String::new(),
+            host::Action::Sent(_) => "Sent".into(),
+            host::Action::Report(_, outcome) => {
+                let outcome = format!("{outcome:?}");
+                let words: Vec<&str> = outcome.split(|c: char| !c.is_alphanumeric()).collect();
+                if words[0] == "Unknown" { format!("Unknown, {}", words[1]) } else { words[0].into() }
+            }
+            host::Action::Unasked { .. } => "Unasked".into(),
+        }
     }
 }
 
 impl Drawn for ControllerMachine {
     fn action_name(action: &Self::Action) -> String {
-        controller_action(action)
-    }
-}
-
-fn host_action(action: &host::Action) -> String {
-    match action {
-        host::Action::Nothing => String::new(),
-        host::Action::Sent(_) => "Sent".into(),
-        host::Action::Report(_, outcome) => {
-            let outcome = format!("{outcome:?}");
-            let words: Vec<&str> = outcome.split(|c: char| !c.is_alphanumeric()).collect();
-            if words[0] == "Unknown" { format!("Unknown, {}", words[1]) } else { words[0].into() }
+        match action {
+            controller::Action::Nothing => String::new(),
+            controller::Action::Execute => "Execute".into(),
+            controller::Action::Answer(Answer::Echo(_)) => "Echo".into(),
+            controller::Action::Answer(Answer::Error(_)) => "Error".into(),
+            controller::Action::Sent => "Sent".into(),
         }
-        host::Action::Unasked { .. } => "Unasked".into(),
-    }
-}
-
-fn controller_action(action: &controller::Action) -> String {
-    match action {
-        controller::Action::Nothing => String::new(),
-        controller::Action::Execute => "Execute".into(),
-        controller::Action::Answer(Answer::Echo(_)) => "Echo".into(),
-        controller::Action::Answer(Answer::Error(_)) => "Error".into(),
-        controller::Action::Sent => "Sent".into(),
     }
 }

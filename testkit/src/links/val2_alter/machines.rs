@@ -8,68 +8,68 @@ use crate::model::Drawn;
 
 impl Drawn for HostMachine {
     fn action_name(action: &Self::Action) -> String {
-        host_action(action)
+        use host::{Action, Judged};
+        let judged = |Judged { missed, rejected, outcome }| {
+            let outcome = match outcome {
+                None => "",
+                Some((_, ExceptionOutcome::Done)) => "exception done",
+                Some((_, ExceptionOutcome::NotDone)) => "exception not done",
+                Some((_, ExceptionOutcome::Unknown(_))) => "exception unknown",
+            };
+            list(&[
+                if missed { "missed" } else { "" },
+                if rejected.is_some() { "rejected" } else { "" },
+                outcome,
+            ])
+        };
+        let with = |it, other: &str| list(&[&judged(it), other]);
+        match *action {
+            Action::Nothing | Action::Refuse(_) | Action::EndFrame => String::new(),
+            Action::Missed => "missed".into(),
+            Action::Stale => "target stale".into(),
+            Action::Asked(it) => judged(it),
+            Action::Stopped(it) => with(it, "stopped"),
+            Action::Exception(exception, outcome) => {
+                judged(Judged { outcome: Some((exception, outcome)), ..Judged::default() })
+            }
+            Action::Ended(outcome) => with(Judged { outcome, ..Judged::default() }, "ended"),
+            Action::Lost { missed, outcome, .. } => {
+                with(Judged { missed, outcome, ..Judged::default() }, "lost")
+            }
+            Action::SentStart(code) => format!("{code:?}").to_lowercase(),
+            Action::SentReply(Exception::None) => "reply".into(),
+            Action::SentReply(_) => "reply with the exception".into(),
+        }
     }
 }
 
 impl Drawn for ControllerMachine {
     fn action_name(action: &Self::Action) -> String {
-        controller_action(action)
-    }
-}
-
-fn host_action(action: &host::Action) -> String {
-    use host::{Action, Judged};
-    let judged = |Judged { missed, rejected, outcome }| {
-        let outcome = match outcome {
-            None => "",
-            Some((_, ExceptionOutcome::Done)) => "exception done",
-            Some((_, ExceptionOutcome::NotDone)) => "exception not done",
-            Some((_, ExceptionOutcome::Unknown(_))) => "exception unknown",
+        use controller::Action;
+        let start = |outcome: Option<controller::StartOutcome>| {
+            outcome.map(|outcome| format!("{outcome:?}").to_lowercase()).unwrap_or_default()
         };
-        list(&[if missed { "missed" } else { "" }, if rejected.is_some() { "rejected" } else { "" }, outcome])
-    };
-    let with = |it, other: &str| list(&[&judged(it), other]);
-    match *action {
-        Action::Nothing | Action::Refuse(_) | Action::EndFrame => String::new(),
-        Action::Missed => "missed".into(),
-        Action::Stale => "target stale".into(),
-        Action::Asked(it) => judged(it),
-        Action::Stopped(it) => with(it, "stopped"),
-        Action::Exception(exception, outcome) => {
-            judged(Judged { outcome: Some((exception, outcome)), ..Judged::default() })
+        match action {
+            Action::Nothing | Action::Refuse(_) | Action::Begin | Action::Rest => String::new(),
+            Action::Sent(Outgoing::Start(_)) => "start message".into(),
+            Action::Sent(Outgoing::Motion(MotionPhase::Running, _)) => "standard message".into(),
+            Action::Sent(Outgoing::Motion(MotionPhase::Interrupted, _)) => {
+                "standard message, interrupted".into()
+            }
+            Action::Sent(Outgoing::End(_)) => "ended, end message".into(),
+            Action::Take(taken, handling) => list(&[
+                if *taken == Taken::Moves { "move" } else { "" },
+                match handling {
+                    None => "",
+                    Some(Handling::Subroutine(_) | Handling::Abort(_)) => "exception",
+                },
+            ]),
+            Action::Start(outcome) => start(Some(*outcome)),
+            Action::BadStart(_, outcome) => list(&["bad reply", &start(*outcome)]),
+            Action::BadReply(_) | Action::Missing => "bad reply".into(),
+            Action::End(_) => "ended".into(),
+            Action::Stray => "stray".into(),
         }
-        Action::Ended(outcome) => with(Judged { outcome, ..Judged::default() }, "ended"),
-        Action::Lost { missed, outcome, .. } => with(Judged { missed, outcome, ..Judged::default() }, "lost"),
-        Action::SentStart(code) => format!("{code:?}").to_lowercase(),
-        Action::SentReply(Exception::None) => "reply".into(),
-        Action::SentReply(_) => "reply with the exception".into(),
-    }
-}
-
-fn controller_action(action: &controller::Action) -> String {
-    use controller::Action;
-    let start = |outcome: Option<controller::StartOutcome>| {
-        outcome.map(|outcome| format!("{outcome:?}").to_lowercase()).unwrap_or_default()
-    };
-    match action {
-        Action::Nothing | Action::Refuse(_) | Action::Begin | Action::Rest => String::new(),
-        Action::Sent(Outgoing::Start(_)) => "start message".into(),
-        Action::Sent(Outgoing::Motion(MotionPhase::Running, _)) => "standard message".into(),
-        Action::Sent(Outgoing::Motion(MotionPhase::Interrupted, _)) => "standard message, interrupted".into(),
-        Action::Sent(Outgoing::End(_)) => "ended, end message".into(),
-        Action::Take(taken, handling) => list(&[
-            if *taken == Taken::Moves { "move" } else { "" },
-            match handling {
-                None => "",
-                Some(Handling::Subroutine(_) | Handling::Abort(_)) => "exception",
-            },
-        ]),
-        Action::Start(outcome) => start(Some(*outcome)),
-        Action::BadStart(_, outcome) => list(&["bad reply", &start(*outcome)]),
-        Action::BadReply(_) | Action::Missing => "bad reply".into(),
-        Action::End(_) => "ended".into(),
-        Action::Stray => "stray".into(),
     }
 }
 

@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 
 use crate::broker::{self, Password, Tls};
 use cellwire::io::input;
-use cellwire::links::settings;
+use cellwire_links::settings;
 
 /// A hall.
 #[derive(Debug, Deserialize)]

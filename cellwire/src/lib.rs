@@ -19,8 +19,8 @@ use self::command::{
 };
 use self::io::drive::Lost;
 use self::io::output::{self, remark};
-use self::links::fanuc_hmi_modbus::options::client_settings;
-use self::links::settings::Setting;
+use cellwire_links::fanuc_hmi_modbus::client_settings;
+use cellwire_links::settings::Setting;
 
 /// Tests robot links without a robot: runs them end to end, reads and writes their bytes, and simulates the devices.
 ///

@@ -8,8 +8,9 @@ use std::net::TcpListener;
 use std::process::{Command, Output, Stdio};
 use std::thread;
 
-use cellwire::links::settings::{Configure, list};
-use cellwire::links::{LINKS, devices};
+use cellwire::links::device_by_name;
+use cellwire_links::LINKS;
+use cellwire_links::settings::{Configure, list};
 
 /// What the tool prints and its exit status, for this input.
 fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
@@ -62,7 +63,7 @@ fn every_field_of_every_configuration_can_be_set() {
     let and = |more: (&'static str, &'static str)| [&AGREED[..], &[more]].concat();
     complete(kawasaki_msg::RobotConfig::TCP, &and(("acks", "of the plant")));
     complete(kawasaki_msg::PcConfig::TCP, &and(("cumulative_acks", "of the plant: acks")));
-    let plant = list(cellwire::links::kawasaki_msg::plant::Plant::default());
+    let plant = list(cellwire_links::kawasaki_msg::plant::Plant::default());
     for name in [
         "charset",
         "udp",
@@ -95,7 +96,7 @@ fn every_field_of_every_configuration_can_be_set() {
     complete(mmacell_proto::CentralConfig::DEFAULT, &[]);
     complete(mmacell_proto::DeviceConfig::DEFAULT, &[]);
     // The server's fields are among the settings of the simulated controller.
-    let fanuc: Vec<_> = devices().find(|device| device.name() == "fanuc").unwrap().settings();
+    let fanuc = (device_by_name("fanuc").unwrap().settings)();
     for field in fields(&fanuc_hmi_modbus::ServerConfig::tcp()) {
         assert!(fanuc.iter().any(|setting| setting.name == field), "{field}");
     }
@@ -103,12 +104,12 @@ fn every_field_of_every_configuration_can_be_set() {
 
 #[test]
 fn settings_inside_others_are_listed() {
-    let has = |settings: Vec<cellwire::links::settings::Setting>, names: &[&str]| {
+    let has = |settings: Vec<cellwire_links::settings::Setting>, names: &[&str]| {
         for name in names {
             assert!(settings.iter().any(|setting| setting.name == *name), "{name}");
         }
     };
-    let device = |name: &str| devices().find(|device| device.name() == name).unwrap().settings();
+    let device = |name: &str| (device_by_name(name).unwrap().settings)();
     has(device("puma"), &["leading_dle", "baud", "gap", "scale.per_mm", "layout.order", "home.x", "restart"]);
     has(device("laser"), &["tail", "tags", "words", "queue", "execution", "silence"]);
     has(device("kawasaki-robot"), &["charset", "limits.packet", "bounds.max.x", "recovery.pauses", "acks"]);
@@ -128,12 +129,12 @@ fn settings_inside_others_are_listed() {
 #[test]
 fn the_default_that_is_listed_is_the_default() {
     // Given again, it changes nothing.
-    for link in LINKS {
-        for setting in link.settings() {
+    for link in &LINKS {
+        for setting in (link.settings)() {
             let given = format!("{}={}", setting.name, setting.default);
             assert_ne!(setting.default, "", "{given}");
-            let (code, _, said) = cellwire(&["encode", link.name(), "--set", &given], "");
-            assert_eq!((code, said.as_str()), (Some(0), ""), "{} {given}", link.name());
+            let (code, _, said) = cellwire(&["encode", link.name, "--set", &given], "");
+            assert_eq!((code, said.as_str()), (Some(0), ""), "{} {given}", link.name);
         }
     }
 }

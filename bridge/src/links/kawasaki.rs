@@ -15,11 +15,11 @@ use crate::payload::Kind;
 use crate::report::{Command, Outcome};
 use cellwire::io::trace::TraceArgs;
 use cellwire::links::device::Endpoint;
-use cellwire::links::kawasaki_msg::layout::{AnyWork, Layout};
 use cellwire::links::kawasaki_msg::meeting::Meeting;
 use cellwire::links::kawasaki_msg::pc::{self, Notification, Program};
-use cellwire::links::kawasaki_msg::plant::Plant;
-use cellwire::links::settings::{Configure, Table};
+use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
+use cellwire_links::kawasaki_msg::plant::Plant;
+use cellwire_links::settings::{Configure, Table};
 
 /// A connection may take so long to open.
 const CONNECT: Duration = Duration::from_secs(5);

@@ -16,7 +16,7 @@ use crate::metric::{Definition, define, text};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
 use cellwire::links::laser_eb90::controller::STATUS;
-use cellwire::links::settings::{self, Configure, Table};
+use cellwire_links::settings::{self, Configure, Table};
 
 const METRICS: [Definition; 1] = [define("Status/Values", Kind::String)];
 

@@ -20,7 +20,7 @@ use crate::hall::Cell;
 use crate::metric::{Definition, define, text, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
-use cellwire::links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Table};
 
 const AXES: [&str; 4] = ["Status/Axes/1", "Status/Axes/2", "Status/Axes/3", "Status/Axes/4"];
 

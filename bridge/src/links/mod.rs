@@ -17,8 +17,7 @@ use serde_json::{Map, Value as Json};
 use super::end::End;
 use super::hall::{Cell, Hall};
 use super::metric::{COMMON, Definition};
-use cellwire::links::by_name;
-use cellwire::links::settings::{self, Configure, Refused, Setting};
+use cellwire_links::settings::{self, Configure, Refused, Setting};
 
 /// A link's client.
 #[allow(missing_debug_implementations, reason = "it holds what runs")]
@@ -70,7 +69,7 @@ fn client(cell: &Cell) -> Result<Client> {
         cell.address.is_some() != cell.listen.is_some(),
         "give address (HOST:PORT, or the path of a serial port), or listen where the device connects to the PC"
     );
-    let name = by_name(&cell.link)?.name();
+    let name = cellwire_links::Link::by_name(&cell.link)?.name;
     let link = links().into_iter().find(|link| link.name == name);
     (link.with_context(|| format!("{name} has no client of the bridge"))?.client)(cell)
 }

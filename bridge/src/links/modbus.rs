@@ -17,8 +17,8 @@ use crate::hall::Cell;
 use crate::metric::{Definition, define, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
-use cellwire::links::fanuc_hmi_modbus::options::word_order;
-use cellwire::links::settings::{Configure, Table};
+use cellwire_links::fanuc_hmi_modbus::word_order;
+use cellwire_links::settings::{Configure, Table};
 
 /// So many requests in a row without a reply, and the controller counts as gone.
 const MOST_SILENT: u32 = 3;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use cellwire::links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Table};
 
 /// What can be set: the least from one report to the next, and the session's own.
 #[derive(Debug, Clone)]

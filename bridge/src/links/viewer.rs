@@ -15,7 +15,7 @@ use crate::hall::Cell;
 use crate::metric::{Definition, define, whole};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
-use cellwire::links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Table};
 
 const METRICS: [Definition; 2] = [define("Viewer/Requests", Kind::Int64), define("Viewer/Sent", Kind::Int64)];
 

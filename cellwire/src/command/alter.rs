@@ -13,7 +13,7 @@ use crate::cell::teleop::input::InputConfig;
 use crate::cell::teleop::{PortConfig, TeleopConfig, Traces};
 use crate::io::trace::TraceArgs;
 use crate::io::{input, interrupt, serial};
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// Steers a robot with a control ball, a 3D mouse, a game pad or the keyboard over ALTER: the operator's screen.
 ///

@@ -3,16 +3,16 @@
 use anyhow::Result;
 
 use super::settings::SetArgs;
-use crate::links::codec::Codec;
-use crate::links::link::Link;
-use crate::links::{link_parser, side};
+use crate::links::link_parser;
+use cellwire_links::codec::Codec;
+use cellwire_links::link::Link;
 
 /// Which bytes are read or written.
 #[derive(Debug, clap::Args)]
 pub(super) struct CodecArgs {
     /// The link's crate name
     #[arg(value_parser = link_parser())]
-    pub(super) link: &'static dyn Link,
+    pub(super) link: &'static Link,
     /// The side that sends the bytes [default: the first of the link's sides]
     #[arg(long, value_name = "SIDE")]
     pub(super) from: Option<String>,
@@ -34,7 +34,7 @@ impl CodecArgs {
     /// # Errors
     /// When the link has no such side.
     pub(super) fn side(&self) -> Result<&'static str> {
-        side(self.link, self.from.as_deref())
+        self.link.side(self.from.as_deref())
     }
 
     /// The codec of another side.
@@ -42,6 +42,6 @@ impl CodecArgs {
     /// # Errors
     /// When the link has no such setting.
     pub(super) fn codec_of(&self, side: &'static str) -> Result<Box<dyn Codec>> {
-        self.link.codec(side, &self.set.read()?).map_err(|error| self.set.located(error))
+        (self.link.codec)(side, &self.set.read()?).map_err(|error| self.set.located(error))
     }
 }

@@ -12,8 +12,9 @@ use crate::cell::demo::{self, DemoOptions, MustFail};
 use crate::io::input::seconds;
 use crate::io::interrupt;
 use crate::io::trace::TraceArgs;
-use crate::links::link::Link;
-use crate::links::{LINKS, link_parser};
+use crate::links::link_parser;
+use cellwire_links::LINKS;
+use cellwire_links::link::Link;
 
 /// Runs links end to end: a simulated controller against a client session, over real loopback TCP and pseudo-terminals.
 ///
@@ -23,7 +24,7 @@ use crate::links::{LINKS, link_parser};
 pub struct Args {
     /// The links to run [default: all]
     #[arg(value_parser = link_parser())]
-    links: Vec<&'static dyn Link>,
+    links: Vec<&'static Link>,
     /// End each link after this time [default: each link's own short run]
     #[arg(long, value_name = "N", value_parser = seconds(0.1..=1e6))]
     seconds: Option<Duration>,
@@ -57,14 +58,14 @@ pub struct Args {
 
 /// Returns true when every link kept its promises.
 pub fn run(args: &Args) -> Result<bool> {
-    let links = if args.links.is_empty() { LINKS.as_slice() } else { &args.links };
+    let links = if args.links.is_empty() { LINKS.iter().collect() } else { args.links.clone() };
     if links.len() != 1 {
         anyhow::ensure!(args.out.is_none(), "--out needs one LINK: each writes another kind of result");
         anyhow::ensure!(args.must_fail.is_none(), "--must-fail needs one LINK: each can fail in other ways");
         anyhow::ensure!(args.set.is_empty(), "--set and --settings need one LINK: each has other settings");
     }
     anyhow::ensure!(
-        args.drawing.is_none() || links.iter().all(|link| link.name() == "kawasaki-msg"),
+        args.drawing.is_none() || links.iter().all(|link| link.name == "kawasaki-msg"),
         "--drawing is for kawasaki-msg alone: cellwire demo kawasaki-msg --drawing FILE"
     );
     if let Some(folder) = args.out.as_deref().and_then(Path::parent).filter(|path| *path != Path::new("")) {
@@ -75,7 +76,7 @@ pub fn run(args: &Args) -> Result<bool> {
     interrupt::handle()?;
     let (mut all, mut out) = (true, std::io::stdout());
     for link in links {
-        let progress = progress_line(link.name(), args.json);
+        let progress = progress_line(link.name, args.json);
         let options = DemoOptions {
             seconds: args.seconds,
             faults: args.faults,
@@ -87,7 +88,7 @@ pub fn run(args: &Args) -> Result<bool> {
             settings: settings.clone(),
             progress: progress.clone(),
         };
-        let report = demo::run(link.name(), &options).map_err(|error| args.set.located(error))?;
+        let report = demo::run(link.name, &options).map_err(|error| args.set.located(error))?;
         progress.finish_and_clear();
         let check_times = args.check_times || args.must_fail == Some(MustFail::Late);
         all &= report.is_good() && (report.is_in_time() || !check_times);

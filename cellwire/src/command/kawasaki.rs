@@ -20,7 +20,7 @@ use crate::io::trace::TraceArgs;
 use crate::io::{files, input, interrupt};
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// Has a Kawasaki robot execute orders: drawings, and jobs of any kind.
 #[derive(Debug, clap::Args)]

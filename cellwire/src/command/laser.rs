@@ -15,7 +15,7 @@ use crate::io::output::log;
 use crate::io::port::AnyPort;
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, input};
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// Runs programs on a laser robot over its serial line (EB 90 frames).
 #[derive(Debug, clap::Args)]

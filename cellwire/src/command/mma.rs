@@ -14,7 +14,7 @@ use crate::io::journal::{self, Outcome};
 use crate::io::output::log;
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, input};
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// Runs the pick-and-place task of an MM&A micro-manipulation cell.
 #[derive(Debug, clap::Args)]

@@ -7,8 +7,9 @@ use serde_json::{Map, Value};
 
 use crate::cell::{demo, operator};
 use crate::io::input;
-use crate::links::settings::{self, Refused, Setting};
-use crate::links::{LINKS, devices};
+use crate::links::DEVICES;
+use cellwire_links::LINKS;
+use cellwire_links::settings::{self, Refused, Setting};
 
 /// Settings other than the defaults.
 #[derive(Debug, clap::Args)]
@@ -74,12 +75,12 @@ impl SetArgs {
 /// `decode`, `encode` and `demo`.
 pub fn help(command: &str, arguments: &[String]) -> String {
     let named = |name: &str| arguments.iter().any(|argument| argument == name);
-    let link = LINKS.into_iter().find(|link| named(link.name()));
+    let link = LINKS.iter().find(|link| named(link.name));
     let found = match command {
         "alter" => Some(("alter", settings::list(operator::Settings::default()))),
-        "simulate" => devices().find(|device| named(device.name())).map(|it| (it.name(), it.settings())),
-        "demo" => link.map(|link| (link.name(), demo::settings(link.name()))),
-        _ => link.map(|link| (link.name(), link.settings())),
+        "simulate" => DEVICES.iter().find(|device| named(device.name)).map(|it| (it.name, (it.settings)())),
+        "demo" => link.map(|link| (link.name, demo::settings(link.name))),
+        _ => link.map(|link| (link.name, (link.settings)())),
     };
     match found {
         None => {

@@ -28,7 +28,7 @@ use crate::links::device_parser;
 pub struct Args {
     /// The device
     #[arg(value_parser = device_parser())]
-    device: &'static dyn Device,
+    device: &'static Device,
     #[command(flatten)]
     endpoint: EndpointArgs,
     /// fanuc: the LS file that the robot runs (the setting `program`)
@@ -85,6 +85,6 @@ pub fn run(args: &Args) -> Result<bool> {
         trace: args.trace.clone(),
         settings,
     };
-    args.device.simulate(&options).map_err(|error| args.set.located(error))?;
+    (args.device.simulate)(&options).map_err(|error| args.set.located(error))?;
     Ok(true)
 }

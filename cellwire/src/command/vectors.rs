@@ -11,9 +11,8 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use crate::command::encode::hex;
-use crate::links::codec::{Item, Stream};
-use crate::links::link::Link;
-use crate::links::{by_name, side};
+use cellwire_links::codec::{Item, Stream};
+use cellwire_links::link::Link;
 
 /// The reference vectors.
 #[derive(Debug, clap::Args)]
@@ -73,7 +72,7 @@ fn check_file(path: &Path) -> Result<bool> {
     if name == "fanuc-ls" {
         return programs::check_file(name, &text);
     }
-    let link = by_name(name)?;
+    let link = Link::by_name(name)?;
     let file: File = serde_json::from_str(&text)?;
     let (mut disagree, mut out) = (0, std::io::stdout());
     for vector in &file.vectors {
@@ -86,8 +85,8 @@ fn check_file(path: &Path) -> Result<bool> {
     Ok(disagree == 0)
 }
 
-fn check(link: &dyn Link, vector: &Vector) -> Result<()> {
-    let codec = || link.codec(side(link, vector.from.as_deref())?, &vector.options);
+fn check(link: &Link, vector: &Vector) -> Result<()> {
+    let codec = || (link.codec)(link.side(vector.from.as_deref())?, &vector.options);
     let bytes = unhex(&vector.hex)?;
     let (mut items, mut covered) = (Vec::new(), 0);
     let mut emit = |item: Item<'_>| {

@@ -4,43 +4,15 @@ use std::io::{self, ErrorKind, Write};
 use std::sync::OnceLock;
 
 use anyhow::Result;
-use serde::Serialize;
-use serde_json::ser::{CompactFormatter, Formatter};
 use serde_json::{Value, json};
 
 use crate::io::outlet::Outlet;
+use cellwire_links::json;
 
 /// Standard output, or what reads it, is gone: there is nobody to say anything to.
 pub fn is_closed(error: &anyhow::Error) -> bool {
     let is_broken = |error: &io::Error| error.kind() == ErrorKind::BrokenPipe;
     error.chain().any(|cause| cause.downcast_ref().is_some_and(is_broken))
-}
-
-/// Appends a value as JSON in which every control character is escaped, those of a peer's text too: a terminal obeys none.
-///
-/// # Errors
-/// When the value cannot be JSON.
-pub fn write_json(value: &impl Serialize, out: &mut Vec<u8>) -> serde_json::Result<()> {
-    value.serialize(&mut serde_json::Serializer::with_formatter(out, Escaping))
-}
-
-/// JSON itself escapes the characters below 20h only.
-struct Escaping;
-
-impl Formatter for Escaping {
-    fn write_string_fragment<W: ?Sized + Write>(&mut self, writer: &mut W, text: &str) -> io::Result<()> {
-        if text.bytes().all(|byte| (b' '..0x7F).contains(&byte)) {
-            return CompactFormatter.write_string_fragment(writer, text);
-        }
-        let mut rest = text;
-        while let Some((at, control)) = rest.char_indices().find(|(_, c)| c.is_control()) {
-            let (before, after) = rest.split_at(at);
-            CompactFormatter.write_string_fragment(writer, before)?;
-            write!(writer, "\\u{:04x}", u32::from(control))?;
-            rest = after.get(control.len_utf8()..).unwrap_or_default();
-        }
-        CompactFormatter.write_string_fragment(writer, rest)
-    }
 }
 
 /// Standard output and error, once nobody is waited for.
@@ -72,7 +44,7 @@ pub fn finish() {
 /// When standard output is closed.
 pub fn log(line: &Value) -> Result<()> {
     let mut bytes = Vec::new();
-    write_json(line, &mut bytes)?;
+    json::write(line, &mut bytes)?;
     bytes.push(b'\n');
     if let Some([out, _]) = OUTLETS.get() {
         return Ok(out.put(&bytes)?);
@@ -115,7 +87,7 @@ mod tests {
     #[test]
     fn no_control_character_leaves_as_one() {
         let mut out = Vec::new();
-        write_json(&json!({"a": "x\u{1b}[2J\u{7f}\u{9b}1mä\n\"y"}), &mut out).unwrap();
+        json::write(&json!({"a": "x\u{1b}[2J\u{7f}\u{9b}1mä\n\"y"}), &mut out).unwrap();
         assert_eq!(String::from_utf8(out.clone()).unwrap(), r#"{"a":"x\u001b[2J\u007f\u009b1mä\n\"y"}"#);
         let back: Value = serde_json::from_slice(&out).unwrap();
         assert_eq!(back["a"], "x\u{1b}[2J\u{7f}\u{9b}1mä\n\"y");

@@ -1,6 +1,5 @@
 //! A simulated end of a link, and where its peer reaches it.
 
-use core::fmt::Debug;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -13,24 +12,19 @@ use crate::io::output::ready;
 use crate::io::serial::PtyLink;
 use crate::io::tcp;
 use crate::io::trace::TraceArgs;
-use crate::links::settings::Setting;
+use cellwire_links::settings::Setting;
 
 /// A simulated end of a link.
-pub trait Device: Debug + Sync {
+#[derive(Debug, Clone, Copy)]
+pub struct Device {
     /// Its name on the command line.
-    fn name(&self) -> &'static str;
-
+    pub name: &'static str,
     /// What it is, in one line.
-    fn about(&self) -> &'static str;
-
+    pub about: &'static str,
     /// What can be set of it, and the defaults.
-    fn settings(&self) -> Vec<Setting>;
-
-    /// Runs it until the process is interrupted.
-    ///
-    /// # Errors
-    /// When its endpoint cannot be opened.
-    fn simulate(&self, options: &SimulateOptions) -> Result<()>;
+    pub settings: fn() -> Vec<Setting>,
+    /// Runs it until the process is interrupted; fails when its endpoint cannot be opened.
+    pub simulate: fn(&SimulateOptions) -> Result<()>,
 }
 
 /// The options of a simulator.

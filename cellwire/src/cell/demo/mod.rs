@@ -12,7 +12,7 @@ use anyhow::{Result, bail};
 pub use options::{DemoOptions, MustFail};
 
 use crate::cell::report::Report;
-use crate::links::settings::{self, Setting};
+use cellwire_links::settings::{self, Setting};
 
 /// The demo of a link.
 struct Demo {

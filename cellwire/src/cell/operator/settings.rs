@@ -3,7 +3,7 @@
 use val2_alter::{HostConfig, Policy};
 
 use crate::cell::teleop::{LIMITS, Profile, host_config, polls};
-use crate::links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Table};
 
 /// What can be set of the cell.
 #[derive(Debug, Clone, Copy)]

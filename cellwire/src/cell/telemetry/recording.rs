@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use fanuc_hmi_modbus::TelemetryBlock;
 
 use crate::cell::report::Report;
-use crate::links::fanuc_hmi_modbus::options::json;
+use cellwire_links::json::value as json;
 use cellwire_motion::{
     self, Bounds, Confidence, Counts, Delay, Deviation, Figures, JointSample, Kinematics, MotionSample,
     Observation, Pose, Quaternion, State, Summary, Tracker, Trajectory,

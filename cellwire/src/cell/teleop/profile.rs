@@ -5,7 +5,7 @@ use val2_alter::{AXES, Accumulation, Limits, Mode, Scale};
 
 use super::filter::{Axes, Filter};
 use super::sample::{FULL, Sample};
-use crate::links::settings::{Configure, Table, json};
+use cellwire_links::settings::{Configure, Table, json};
 
 /// What the hand's values ask of the robot. Signs and units of both ends are open in the source, so try it slowly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -172,7 +172,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::links::settings;
+    use cellwire_links::settings;
 
     const MODE: Mode = Mode::CUMULATIVE_23;
 

@@ -11,8 +11,8 @@ use serde_json::json;
 use super::{Args, Lines};
 use crate::io::capture::reassembly::{Piece, Reassembly};
 use crate::io::capture::{self, Fault, Flow, Found, Packet, Segment, Summary};
-use crate::io::output::{remark, write_json};
-use crate::links::codec::{Item, Kind, Stream};
+use crate::io::output::remark;
+use cellwire_links::codec::{Item, Kind, Stream};
 
 /// So many connections are kept at once. With more, the half that has been silent the longest ends: what is incomplete in them is
 /// an error, and what follows is another connection. A connection takes what its two decoders hold, and the segments that wait.
@@ -33,7 +33,7 @@ pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) 
     ensure!(
         table.found || !out.clean,
         "the capture contains no TCP, UDP or serial bytes for {}{}",
-        args.codec.link.name(),
+        args.codec.link.name,
         args.port.map_or_else(String::new, |port| format!(" on port {port}"))
     );
     Ok(())
@@ -247,7 +247,7 @@ fn begin(args: &Args, flow: Flow, is_client: Option<bool>, number: u64) -> Resul
         Flow::Tcp(from, to) | Flow::Udp(from, to) => {
             // If the capture lacks the beginning of the connection, the lower port counts as the server's.
             let is_client = is_client.unwrap_or(from.port() > to.port());
-            let side = args.codec.link.sender(is_client, if is_client { to.port() } else { from.port() });
+            let side = (args.codec.link.sender)(is_client, if is_client { to.port() } else { from.port() });
             if wanted.is_some_and(|wanted| wanted != side) {
                 return Ok(State::Ignored);
             }
@@ -293,7 +293,7 @@ impl Decoded {
             core::mem::replace(&mut self.stream, next).finish(|item| out.write(&self.label, item))?;
         }
         let mut json = Vec::new();
-        write_json(&lack, &mut json)?;
+        cellwire_links::json::write(&lack, &mut json)?;
         out.write(&self.label, Item { offset, length: 0, kind: Kind::Error, json: &json })
     }
 }

@@ -14,7 +14,7 @@ use clap::ValueEnum;
 use self::hex::HexReader;
 use super::codec::CodecArgs;
 use crate::io::input;
-use crate::links::codec::{Item, Kind, Stream};
+use cellwire_links::codec::{Item, Kind, Stream};
 
 /// So much is read and written at once.
 const CHUNK: usize = 64 * 1024;

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::{Args, Lines};
 use crate::io::output::remark;
 use crate::io::trace::{Way, parse_line, parse_name};
-use crate::links::codec::Stream;
+use cellwire_links::codec::Stream;
 
 /// No line of a trace is longer.
 const MAX_LINE: u64 = 4096;
@@ -43,16 +43,17 @@ pub(super) fn decode(args: &Args, input: Box<dyn Read + Send>, out: &mut Lines) 
 fn sides(args: &Args, name: &str) -> Result<[Option<&'static str>; 2]> {
     let link = args.codec.link;
     if args.codec.from.is_none() {
-        return link.trace_sides(name).with_context(|| {
-            let sides = link.sides().join(" or ");
+        let trace = link.traces.iter().find(|(known, _)| *known == name);
+        return trace.map(|(_, sides)| *sides).with_context(|| {
+            let sides = link.sides.join(" or ");
             format!(
                 "the name `{name}` is none of a trace of {}: give the end that kept it, --from {sides}",
-                link.name()
+                link.name
             )
         });
     }
     let keeper = args.codec.side()?;
-    Ok([Some(keeper), link.sides().iter().find(|side| **side != keeper).copied()])
+    Ok([Some(keeper), link.sides.iter().find(|side| **side != keeper).copied()])
 }
 
 struct TraceLines {

@@ -24,7 +24,7 @@ use crate::io::output::remark;
 use crate::io::samples::Samples;
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, interrupt};
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// Logs the telemetry block of a controller, as a table.
 ///

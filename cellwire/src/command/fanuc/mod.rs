@@ -11,7 +11,7 @@ use clap::{Subcommand, ValueEnum};
 use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 
 use crate::cell::report::Report;
-use crate::links::settings::{self, Setting};
+use cellwire_links::settings::{self, Setting};
 
 /// The telemetry and the registers of a FANUC controller over Modbus TCP (HMI Device Communication).
 ///

@@ -13,7 +13,7 @@ use crate::command::settings::SetArgs;
 use crate::io::output::{log, remark};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// Reads variables from holding registers, one JSON line each.
 ///

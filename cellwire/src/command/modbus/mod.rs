@@ -18,7 +18,7 @@ use crate::io::input::seconds;
 use crate::io::serial;
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// Sends Modbus requests to a server and prints its replies; looks for servers and what they have; watches values.
 ///

@@ -11,7 +11,7 @@ use super::Refused;
 use crate::io::input;
 use crate::io::output::log;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
-use crate::links::fanuc_hmi_modbus::options::json as object;
+use cellwire_links::json::value as object;
 
 pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<bool> {
     let input = input::open(file)?;

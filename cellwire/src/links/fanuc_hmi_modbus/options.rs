@@ -2,51 +2,10 @@
 
 use std::time::Duration;
 
-use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig, WordOrder};
-use serde_json::Value;
+use fanuc_hmi_modbus::{Framing, ServerConfig, WordOrder};
 
-use crate::links::settings::{self, ANY_TIME, Configure, SOME_TIME, Setting, Table, json as json_text};
-
-/// The frames of a connection.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Frames {
-    /// With MBAP headers.
-    #[default]
-    Tcp,
-    /// As on a serial line, through a TCP connection.
-    Rtu,
-}
-
-/// How the link's bytes are shown.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct ViewSettings {
-    /// The frames.
-    pub frames: Frames,
-    /// Whether a reply of 37 registers is shown as the telemetry block.
-    pub telemetry: bool,
-    /// The order of the words of wide values.
-    pub word_order: WordOrder,
-}
-
-impl ViewSettings {
-    /// The framing of a stream without times.
-    pub fn framing(&self) -> Framing {
-        match self.frames {
-            Frames::Tcp => Framing::Tcp,
-            Frames::Rtu => Framing::RTU_OVER_TCP,
-        }
-    }
-}
-
-impl Configure for ViewSettings {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        let Self { frames, telemetry, word_order } = self;
-        self::frames(table, frames);
-        let about = "show a reply of 37 registers as the telemetry block";
-        table.choice("view", &[("registers", false), ("telemetry", true)], about, telemetry);
-        self::word_order(table, word_order);
-    }
-}
+use cellwire_links::fanuc_hmi_modbus::{Frames, frames as frames_setting, word_order as word_order_setting};
+use cellwire_links::settings::{Configure, SOME_TIME, Table, json as json_text};
 
 /// The simulated controller.
 #[derive(Debug, Clone)]
@@ -166,7 +125,7 @@ impl FanucSettings {
 impl Configure for FanucSettings {
     fn configure(&mut self, table: &mut Table<'_>) {
         let Self { frames, unit, broadcast, baud, silence, stall, word_order, faults, program } = self;
-        self::frames(table, frames);
+        frames_setting(table, frames);
         let about = "the unit that it is; auto: every one on TCP, 1 in RTU frames";
         table.whole_or("unit", 0..=u8::MAX, "auto", about, unit);
         let choices = [("auto", None), ("true", Some(true)), ("false", Some(false))];
@@ -176,65 +135,10 @@ impl Configure for FanucSettings {
         let about = "the silence that ends a frame on a serial line; auto: 3.5 characters";
         table.time_or("silence", SOME_TIME, "auto", about, silence);
         table.time("stall", SOME_TIME, "without a byte for so long a frame of RTU over TCP is cut", stall);
-        self::word_order(table, word_order);
+        word_order_setting(table, word_order);
         let shape = "FAULT:FROM-TO in seconds since the start, with commas between them: nan, infinite, denormal, quaternion, \
                      unreachable, standstill, restart, disconnect, busy";
         table.text("faults", shape, "there are none", "telemetry that cannot be, and when", faults);
         program.configure(table);
     }
-}
-
-/// A client with the framing that it has. The tool's clients ask one thing at a time, and have no place for a second request.
-impl Configure for ClientConfig {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        let about = "from a request to its reply";
-        table.time("timeout", SOME_TIME, about, &mut self.timeout);
-        table.flag("any_unit", "take a reply from another unit than was asked", &mut self.any_unit);
-        let about =
-            "unit 0 is a broadcast that nobody answers; in RTU frames it is unless this says otherwise";
-        table.flag("broadcast", about, &mut self.broadcast);
-        let about = "how long the units of a serial line get to carry out a broadcast; there the longest frame is added";
-        table.time("turnaround", ANY_TIME, about, &mut self.turnaround);
-        let about = "assumed: in RTU frames no reply comes later than this after its request has timed out";
-        table.time("settle", ANY_TIME, about, &mut self.settle);
-        match &mut self.framing {
-            Framing::Tcp => {}
-            Framing::Rtu { silence } => {
-                table.time("silence", SOME_TIME, "on a serial line, the silence between two frames", silence)
-            }
-            Framing::RtuOverTcp { stall } => {
-                let about = "in RTU over TCP, a frame is cut without a byte for so long";
-                table.time("stall", SOME_TIME, about, stall)
-            }
-        }
-    }
-}
-
-/// What can be set of a client, on every kind of port.
-pub fn client_settings() -> Vec<Setting> {
-    let mut settings = settings::list(ClientConfig::tcp());
-    for config in [ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()] {
-        for setting in settings::list(config) {
-            if settings.iter().all(|known| known.name != setting.name) {
-                settings.push(setting);
-            }
-        }
-    }
-    settings
-}
-
-fn frames(table: &mut Table<'_>, frames: &mut Frames) {
-    let about = "with MBAP headers, or as on a serial line";
-    table.choice("framing", &[("tcp", Frames::Tcp), ("rtu", Frames::Rtu)], about, frames);
-}
-
-/// The order of the words of wide values.
-pub fn word_order(table: &mut Table<'_>, order: &mut WordOrder) {
-    let choices = [("low_first", WordOrder::LowFirst), ("high_first", WordOrder::HighFirst)];
-    table.choice("word_order", &choices, "which register of a 32-bit value comes first", order);
-}
-
-/// A value that is only ever made of numbers and names.
-pub fn json(value: impl serde::Serialize) -> Value {
-    serde_json::to_value(value).unwrap_or_default()
 }

@@ -27,7 +27,7 @@ use crate::io::serve::{Notice, Service};
 use crate::io::tcp;
 use crate::links::device;
 use crate::links::device::{Endpoint, SimulateOptions};
-use crate::links::settings;
+use cellwire_links::settings;
 use cellwire_motion::{Arm, Limits, Planner, Pose};
 
 /// Who a controller is shared between: every connection sees the same registers.

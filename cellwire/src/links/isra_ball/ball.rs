@@ -16,7 +16,7 @@ use crate::io::output::log;
 use crate::io::priority::{self, Rank};
 use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// The ball's processor makes new values this often, which the source does not give. A poll before that gets old ones.
 const MEASURING: Duration = Duration::from_millis(10);

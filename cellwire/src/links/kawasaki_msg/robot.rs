@@ -11,12 +11,12 @@ use kawasaki_msg::{Job, LargeRobot, RobotConfig, RobotEvent, RobotStatistics, ti
 use robot_session::{Driver, Session, Transport as _};
 use robot_work_queue::Reader;
 
-use super::layout::{AnyWork, Layout};
 use super::meeting::Meeting;
 use super::peer::{Peer, outcome};
 use super::sheet::Lines;
 use crate::io::samples::Samples;
 use crate::io::trace::Trace;
+use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
 
 /// The motion task looks at its switch at least so often.
 const LONGEST_SLEEP: Duration = Duration::from_millis(50);

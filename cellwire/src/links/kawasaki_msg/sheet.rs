@@ -2,8 +2,8 @@
 
 use anyhow::{Context as _, Result, bail};
 
-use super::layout::{AnyValue, AnyWork, Holds, Layout};
 use crate::io::drawing::{Line, Picture, Point};
+use cellwire_links::kawasaki_msg::layout::{AnyValue, AnyWork, Holds, Layout};
 
 /// The board where no other is named: an A3 sheet, in hundredths of a millimetre.
 pub const SHEET: Point = Point { x: 42_000, y: 29_700 };

@@ -10,7 +10,6 @@ use anyhow::{Context as _, Result};
 use kawasaki_msg::{LargePc, PcEvent, RobotEvent};
 use serde_json::json;
 
-use super::layout::{AnyWork, Layout};
 use super::meeting::Meeting;
 use super::options::{PcSettings, RobotSettings};
 use super::pc::{self, Program};
@@ -19,7 +18,8 @@ use super::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
 use crate::io::output::{log, ready, remark};
 use crate::links::device::SimulateOptions;
-use crate::links::settings;
+use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
+use cellwire_links::settings;
 
 /// The PC until interrupted: a robot that connects gets the picture as an order.
 ///

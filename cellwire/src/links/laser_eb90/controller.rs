@@ -21,7 +21,7 @@ use crate::io::samples::Samples;
 use crate::io::serial::READ_TIMEOUT;
 use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// Executes nothing until [`GO_ON`].
 pub const HALT: u16 = 0x0201;

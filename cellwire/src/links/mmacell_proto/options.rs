@@ -1,9 +1,9 @@
 //! The settings of the link: its dialect, and both ends.
 
-use mmacell_proto::{CentralConfig, DeviceConfig, Dialect, ErrorCode};
+use mmacell_proto::DeviceConfig;
 
 use super::station::MotionFaults;
-use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table};
+use cellwire_links::settings::{Configure, Table};
 
 /// How many times faster than life a simulated device may move.
 pub const SPEEDS: core::ops::RangeInclusive<u32> = 1..=10_000;
@@ -58,41 +58,5 @@ impl Configure for MotionFaults {
         let about = "after how many motions one is refused; 0: never";
         table.whole("refuse_every", 0..=u64::MAX, "motions", about, refuse_every);
         table.whole("refuse_code", 1..=32767, "", "the error number of that refusal", refuse_code);
-    }
-}
-
-impl Configure for Dialect {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        table.flag("itr", "ITR is STP", &mut self.itr);
-        table.flag("ovrd", "OVRD is OVR", &mut self.ovrd);
-        table.flag("clos", "HND…CLOS is HND…CLOSE", &mut self.clos);
-        table.flag("off", "SRVOFF is SRVOF", &mut self.off);
-        table.flag("lone_lf", "a line ends with a line feed alone", &mut self.lone_lf);
-        table.flag("blank", "a blank follows the sign of an integer", &mut self.blank);
-        let about = "all five digits of an integer count, also above 32767";
-        table.flag("wide_integers", about, &mut self.wide_integers);
-    }
-}
-
-impl Configure for DeviceConfig {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        let mut refusal = i32::from(self.refusal);
-        let about = "the error number of what the protocol itself refuses";
-        table.whole("refusal", 1..=32767, "", about, &mut refusal);
-        self.refusal = ErrorCode::from(refusal);
-        table.group("accepts", |table| self.accepts.configure(table));
-        table.group("writes", |table| self.writes.configure(table));
-    }
-}
-
-impl Configure for CentralConfig {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        table.time("timeout", SOME_TIME, "how long a reply may take", &mut self.timeout);
-        let about = "a status asked for sooner after the start of a motion may be older than it";
-        table.time("settle", ANY_TIME, about, &mut self.settle);
-        let about = "how far from its target a device has arrived: 1 µm, 0.1 mrad";
-        table.whole("tolerance", 0..=u32::MAX, "units", about, &mut self.tolerance);
-        table.group("accepts", |table| self.accepts.configure(table));
-        table.group("writes", |table| self.writes.configure(table));
     }
 }

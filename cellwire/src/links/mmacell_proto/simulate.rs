@@ -16,7 +16,7 @@ use crate::io::output::{log, ready};
 use crate::io::tcp::{self, is_silence};
 use crate::io::trace::{Trace, Way};
 use crate::links::device::{Endpoint, SimulateOptions};
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// The robot until interrupted.
 ///

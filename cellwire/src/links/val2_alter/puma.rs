@@ -1,6 +1,6 @@
 //! The simulated PUMA 562 on its MARK III controller.
 
-use core::ops::{ControlFlow, RangeInclusive};
+use core::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ use crate::io::priority::{self, Rank};
 use crate::io::samples::Samples;
 use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// The stop is looked at this often.
 const IDLE: Duration = Duration::from_millis(20);
@@ -32,9 +32,6 @@ const IDLE: Duration = Duration::from_millis(20);
 const SEGMENT: u64 = 36;
 /// The position is told after so many cycles: twice a second.
 const TOLD: u64 = 18;
-
-/// The modes of an ALTER instruction: five bits.
-pub const MODES: RangeInclusive<u8> = 0..=31;
 
 /// How the simulated robot behaves.
 #[derive(Debug, Clone)]

@@ -15,7 +15,7 @@ use crate::io::output::log;
 use crate::io::priority::{self, Rank};
 use crate::links::device::SimulateOptions;
 use crate::links::device::serve;
-use crate::links::settings;
+use cellwire_links::settings;
 
 /// What a workstation has seen.
 #[derive(Debug, Clone, Copy, Default)]

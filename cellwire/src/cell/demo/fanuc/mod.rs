@@ -29,10 +29,9 @@ use crate::io::listener::Listener;
 use crate::io::samples::Samples;
 use crate::io::serve::Service;
 use crate::io::tcp;
-use crate::links;
 use crate::links::fanuc_hmi_modbus::controller::{Controller, PERIOD, Pose};
-use crate::links::fanuc_hmi_modbus::options::json;
 use crate::links::fanuc_hmi_modbus::simulate::serve_tcp;
+use cellwire_links::json::value as json;
 use cellwire_motion::{
     Acceleration, Arm, JointSample, Kinematics, Quaternion, Resampling, Sampling, Trajectory,
 };
@@ -50,7 +49,8 @@ const SPEED: (f64, f64) = (100.0, 20.0);
 /// # Errors
 /// When no port is free, a file cannot be written, or a setting is none of this demo's.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
-    let settings = links::settings::read("fanuc-hmi-modbus", Settings::default(), &options.settings)?;
+    let settings =
+        cellwire_links::settings::read("fanuc-hmi-modbus", Settings::default(), &options.settings)?;
     let seconds = options.seconds.map_or(8.0, |seconds| seconds.as_secs_f64());
     let laps = (seconds / LAP).ceil().max(1.0);
     let trajectory = trajectory((seconds / laps - 2.0 * REST).max(0.5), laps > 1.0)?;

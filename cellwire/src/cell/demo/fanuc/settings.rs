@@ -6,8 +6,8 @@ use std::time::Duration;
 use fanuc_hmi_modbus::{ClientConfig, ServerConfig, WordOrder};
 
 use crate::links::fanuc_hmi_modbus::controller::PERIOD;
-use crate::links::fanuc_hmi_modbus::options::word_order;
-use crate::links::settings::{Configure, Table};
+use cellwire_links::fanuc_hmi_modbus::word_order;
+use cellwire_links::settings::{Configure, Table};
 
 /// The times from one request to the next.
 const POLL: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);

@@ -17,13 +17,13 @@ use crate::cell::report::{Budget, Report};
 use crate::io::drawing::{self, Picture};
 use crate::io::tcp::{self, FaultyProxy};
 use crate::links::device::Endpoint;
-use crate::links::kawasaki_msg::layout::AnyWork;
 use crate::links::kawasaki_msg::meeting::Meeting;
 use crate::links::kawasaki_msg::pc::{self, Packets, Program};
-use crate::links::kawasaki_msg::plant::Plant;
 use crate::links::kawasaki_msg::robot::{self, Setup, Stroke};
 use crate::links::kawasaki_msg::sheet::{Lines, SHEET};
-use crate::links::settings::{self, Configure, Table};
+use cellwire_links::kawasaki_msg::layout::AnyWork;
+use cellwire_links::kawasaki_msg::plant::Plant;
+use cellwire_links::settings::{self, Configure, Table};
 
 /// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
 const SPEED: u32 = 16_000;

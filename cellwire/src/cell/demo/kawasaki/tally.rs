@@ -6,8 +6,8 @@ use kawasaki_msg::Dialect;
 
 use crate::cell::demo::DemoOptions;
 use crate::cell::report::Jobs;
-use crate::links::kawasaki_msg::layout::AnyWork;
 use crate::links::kawasaki_msg::robot::Stroke;
+use cellwire_links::kawasaki_msg::layout::AnyWork;
 
 /// How an order has ended, as the PC knows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -175,7 +175,7 @@ mod tests {
     use std::sync::mpsc::channel;
 
     use super::*;
-    use crate::links::kawasaki_msg::layout::AnyValue;
+    use cellwire_links::kawasaki_msg::layout::AnyValue;
     use kawasaki_msg::Job;
 
     fn line(x: i32) -> AnyWork {

@@ -20,7 +20,7 @@ use crate::io::drawing::{self, Point};
 use crate::io::line::{Clock, Line, LineFaults};
 use crate::io::{serial, sheet};
 use crate::links::laser_eb90::controller::{self, Job, Robot, RobotCounts, Switch};
-use crate::links::settings::{self, Configure, Table};
+use cellwire_links::settings::{self, Configure, Table};
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
 /// hundred instructions.

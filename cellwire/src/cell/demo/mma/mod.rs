@@ -29,7 +29,6 @@ use crate::cell::demo::DemoOptions;
 use crate::cell::report::{Jobs, Report};
 use crate::io::tcp::{self, FaultyProxy};
 use crate::io::trace::{Trace, Way};
-use crate::links;
 use crate::links::mmacell_proto::connections::{Connections, Stop};
 use crate::links::mmacell_proto::station::MotionFaults;
 
@@ -44,7 +43,7 @@ const STANDSTILL: Duration = Duration::from_secs(20);
 /// When no port is free, a setting is none of this demo's, the picture cannot be written, or the cell stands still.
 pub fn demo(options: &DemoOptions) -> Result<Report> {
     let Settings { parts, speed, stall_every, task, central } =
-        links::settings::read("mmacell-proto", Settings::default(), &options.settings)?;
+        cellwire_links::settings::read("mmacell-proto", Settings::default(), &options.settings)?;
     // A time limit counts, not a number of parts, unless both are given.
     let until_limit = options.seconds.is_some() && !options.settings.contains_key("parts");
     let stalls = MotionFaults { stall_every, ..MotionFaults::default() };
@@ -368,7 +367,7 @@ mod tests {
             must_fail: None,
             drawing: None,
             trace: TraceArgs::off(),
-            settings: set.iter().filter_map(|text| links::settings::parse(text).ok()).collect(),
+            settings: set.iter().filter_map(|text| cellwire_links::settings::parse(text).ok()).collect(),
             progress: ProgressBar::hidden(),
         }
     }

@@ -5,7 +5,7 @@ use mmacell_task::TaskConfig;
 
 use super::cell::CONFIG;
 use crate::links::mmacell_proto::options::speed_of_axes;
-use crate::links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Table};
 
 /// Parts of a run without a limit.
 const PARTS: u64 = 100;

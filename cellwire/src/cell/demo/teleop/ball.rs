@@ -8,7 +8,7 @@ use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
 use crate::cell::teleop::polls;
-use crate::links::settings::{self, Configure, Table};
+use cellwire_links::settings::{self, Configure, Table};
 
 /// What can be set of the demo.
 #[derive(Debug)]

@@ -11,8 +11,8 @@ use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
 use crate::cell::teleop::{LIMITS, host_config};
-use crate::links::settings::{self, Configure, Table};
 use crate::links::val2_alter::puma::{PumaConfig, error_text};
+use cellwire_links::settings::{self, Configure, Table};
 
 /// What happens so shortly before the end of a run may stay unanswered.
 const SETTLING: Duration = Duration::from_secs(1);

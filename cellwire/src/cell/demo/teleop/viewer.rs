@@ -6,8 +6,8 @@ use super::plot;
 use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::Report;
-use crate::links::settings::{self, Configure, Table};
 use crate::links::val2_viewer::options::ViewerSettings;
+use cellwire_links::settings::{self, Configure, Table};
 
 /// What can be set of the demo: the workstation, and the host that answers it.
 #[derive(Debug, Default)]

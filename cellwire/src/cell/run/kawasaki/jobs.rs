@@ -9,9 +9,9 @@ use serde_json::{Value, json};
 
 use crate::io::drawing::{self, Picture};
 use crate::io::input;
-use crate::links::kawasaki_msg::layout::{AnyWork, Layout};
-use crate::links::kawasaki_msg::plant::Plant;
 use crate::links::kawasaki_msg::sheet::Lines;
+use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
+use cellwire_links::kawasaki_msg::plant::Plant;
 
 /// The most jobs of a file: what a journal and a drawing can hold.
 const MAX_JOBS: usize = 1_000_000;

@@ -6,7 +6,7 @@ use kawasaki_msg::{JobSource, LargePc, PcEvent, PcStatistics, Supply};
 use robot_session::Session;
 
 use super::journal::Journal;
-use crate::links::kawasaki_msg::layout::AnyWork;
+use cellwire_links::kawasaki_msg::layout::AnyWork;
 
 /// A PC whose journal has every packet before the robot has it.
 #[derive(Debug)]

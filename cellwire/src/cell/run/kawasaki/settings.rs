@@ -3,8 +3,8 @@
 use kawasaki_msg::PcConfig;
 
 use crate::io::drawing::Point;
-use crate::links::kawasaki_msg::plant::Plant;
-use crate::links::settings::{Configure, Table};
+use cellwire_links::kawasaki_msg::plant::Plant;
+use cellwire_links::settings::{Configure, Table};
 
 /// The PC's end, and the board that is drawn on.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 use laser_eb90::HostConfig;
 use serde::{Deserialize, Serialize};
 
-use crate::links::settings::{Configure, Table, json};
+use cellwire_links::settings::{Configure, Table, json};
 
 /// A host, and how paths become instructions.
 #[derive(Debug, Clone)]

@@ -9,7 +9,7 @@ use mmacell_task::TaskConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::io::drawing;
-use crate::links::settings::{ANY_TIME, Configure, SOME_TIME, Table, json};
+use cellwire_links::settings::{ANY_TIME, Configure, Table, json};
 
 /// Where a part is, and where it goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,36 +106,5 @@ impl Configure for Settings {
         table.time("vacuum", ANY_TIME, about, vacuum);
         table.group("task", |table| task.configure(table));
         table.group("central", |table| central.configure(table));
-    }
-}
-
-impl Configure for TaskConfig {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        const ROBOT: &str = "[mm, mm, mm, rad]";
-        table.parsed("robot_home", ROBOT, json(&self.robot_home), "the robot at rest", &mut self.robot_home);
-        let (shape, default) = ("[rad, rad]", json(&self.platform_home));
-        table.parsed("platform_home", shape, default, "the platform at rest", &mut self.platform_home);
-        let about = "where the robot makes room for the camera; null where it need not";
-        table.parsed("camera_1", ROBOT, json(&self.camera_1), about, &mut self.camera_1);
-        table.parsed("camera_2", ROBOT, json(&self.camera_2), about, &mut self.camera_2);
-        table.whole("percent", 0..=100, "%", "the override of robot and platform", &mut self.percent);
-        table.time("poll", SOME_TIME, "how often a moving device is asked for its status", &mut self.poll);
-        let about = "how long the robot waits at the part for the vacuum switch";
-        table.time("grip_dwell", ANY_TIME, about, &mut self.grip_dwell);
-        let about = "how long the robot is at rest in the place before it lets go";
-        table.time("place_dwell", ANY_TIME, about, &mut self.place_dwell);
-        table.time("blow", ANY_TIME, "how long it blows to free the part", &mut self.blow);
-        table.whole(
-            "attempts",
-            1..=u32::MAX,
-            "times",
-            "how often a part is picked at most",
-            &mut self.attempts,
-        );
-        let about = "how long it may take until all devices are ready";
-        table.time("ready_timeout", ANY_TIME, about, &mut self.ready_timeout);
-        let about = "how long a reply, a picture or the vacuum switch may take";
-        table.time("order_timeout", SOME_TIME, about, &mut self.order_timeout);
-        table.time("motion_timeout", SOME_TIME, "how long a motion may take", &mut self.motion_timeout);
     }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::plant::{field_name, role_name};
-use crate::links::codec::{self, Kind, error, message};
+use crate::codec::{self, Kind, error, message};
 
 /// Reads and writes `{"role": …, "values": {…}, "work": […]}`.
 pub(super) struct Roles(pub(super) Dialect<'static>);

@@ -7,7 +7,7 @@ use robot_session::Decoder;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::io::output::write_json;
+use crate::json;
 
 /// One direction of one link.
 pub trait Codec {
@@ -223,7 +223,7 @@ impl Stream {
 
 /// Every value of the links is one of numbers, texts and names, which JSON has.
 fn write(value: &impl Serialize, json: &mut Vec<u8>) {
-    if write_json(value, json).is_err() {
+    if json::write(value, json).is_err() {
         json.clear();
         json.extend_from_slice(b"null");
     }

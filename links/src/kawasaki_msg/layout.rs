@@ -9,7 +9,7 @@ use kawasaki_msg::{
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::links::settings::Refused;
+use crate::settings::Refused;
 
 /// The most fields of a job.
 pub const MAX_FIELDS: usize = 24;

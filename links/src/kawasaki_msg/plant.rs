@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::layout::{AnyWork, Layout};
-use crate::links::settings::{Configure, Refused, Table, json};
+use crate::settings::{Configure, Refused, Table, json};
 
 /// What both ends have agreed on.
 #[derive(Debug, Clone)]

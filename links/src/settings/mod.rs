@@ -14,7 +14,7 @@ use std::borrow::Cow;
 use anyhow::{Result, bail};
 use serde_json::{Map, Value};
 
-pub use kinds::{ANY_TIME, SOME_TIME, json};
+pub use kinds::{ANY_TIME, BAUD_RATES, SOME_TIME, json};
 pub use line::line_of;
 
 /// A configuration whose settings have names.

@@ -2,8 +2,8 @@ use anyhow::Result;
 use isra_ball::{Decoder, Frame, Packet};
 use serde_json::{Map, Value};
 
-use crate::links::codec::{Codec, Kind, Messages, codec, message};
-use crate::links::settings;
+use crate::codec::{Codec, Kind, Messages, codec, message};
+use crate::settings;
 
 /// What the ball sends. The host's ENQ is one byte and no message.
 ///

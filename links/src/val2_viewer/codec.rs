@@ -3,8 +3,8 @@ use robot_session::Encode as _;
 use serde_json::{Map, Value};
 use val2_viewer::{Decoder, PosePacket};
 
-use crate::links::codec::{Codec, Kind, Messages, codec, message};
-use crate::links::settings;
+use crate::codec::{Codec, Kind, Messages, codec, message};
+use crate::settings;
 
 /// What the host sends. The workstation's ENQ is one byte and no message.
 ///

@@ -4,8 +4,8 @@ use laser_eb90::{Decoder, Frame, MAX_PAYLOAD, Payload, Profile};
 use serde::de::DeserializeSeed;
 use serde_json::{Map, Value};
 
-use crate::links::codec::{Codec, Kind, Messages, codec, message};
-use crate::links::settings;
+use crate::codec::{Codec, Kind, Messages, codec, message};
+use crate::settings;
 
 /// Both directions have the same frames.
 ///

@@ -10,7 +10,9 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use super::{Table, plain};
-use crate::io::serial::BAUD_RATES;
+
+/// The rates of a serial line, in baud.
+pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
 
 /// Any time, also none and for ever.
 pub const ANY_TIME: RangeInclusive<Duration> = Duration::ZERO..=Duration::MAX;

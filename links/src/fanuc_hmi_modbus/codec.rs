@@ -3,9 +3,10 @@ use fanuc_hmi_modbus::{Decoder, Frame, Framing, PduBuf, Reply, Side, TelemetryBl
 use robot_session::Encode as _;
 use serde_json::{Map, Value};
 
-use super::options::{ViewSettings, json};
-use crate::links::codec::{Codec, Kind, Messages, codec, error, message};
-use crate::links::settings;
+use super::options::ViewSettings;
+use crate::codec::{Codec, Kind, Messages, codec, error, message};
+use crate::json::value;
+use crate::settings;
 
 /// What a side sends. The settings are those of [`ViewSettings`].
 ///
@@ -43,10 +44,10 @@ impl Messages for Modbus {
         if let (Some(order), Reply::HoldingRegisters(words)) = (self.view, reply.pdu)
             && words.len() == usize::from(TelemetryBlock::QUANTITY)
             && let (Some(block), Value::Object(mut object)) =
-                (TelemetryBlock::from_words(&words, order), json(reply))
+                (TelemetryBlock::from_words(&words, order), value(reply))
         {
             object.remove("registers");
-            object.insert("telemetry".into(), json(block));
+            object.insert("telemetry".into(), value(block));
             return message(&object, out);
         }
         message(&reply, out)
@@ -75,7 +76,7 @@ impl Messages for Modbus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::links::codec::Stream;
+    use crate::codec::Stream;
     use serde_json::{Map, json};
 
     fn options(settings: &[(&str, &str)]) -> Map<String, Value> {

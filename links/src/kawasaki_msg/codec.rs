@@ -5,8 +5,8 @@ use serde_json::{Map, Value};
 
 use super::options::CodecSettings;
 use super::roles::Roles;
-use crate::links::codec::{self, Codec, Kind, codec, message};
-use crate::links::settings;
+use crate::codec::{self, Codec, Kind, codec, message};
+use crate::settings;
 
 /// Both sides send the same messages. The settings are those of [`CodecSettings`].
 ///

@@ -6,8 +6,8 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 use val2_alter::{Decoder, Frame, Framing, HostMessage, Message, Received, RobotMessage};
 
-use crate::links::codec::{Codec, Kind, Messages, codec, message};
-use crate::links::settings;
+use crate::codec::{Codec, Kind, Messages, codec, message};
+use crate::settings;
 
 /// What the `robot` or the `host` sends. The settings are the fields of [`Framing`].
 ///

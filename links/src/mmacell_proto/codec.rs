@@ -6,8 +6,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-use crate::links::codec::{Codec, Kind, Messages, codec, error, message};
-use crate::links::settings;
+use crate::codec::{Codec, Kind, Messages, codec, error, message};
+use crate::settings;
 
 /// What a side sends.
 ///

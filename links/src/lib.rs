@@ -1,0 +1,28 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+#![allow(clippy::std_instead_of_core, reason = "a table for programs with std")]
+
+pub mod codec;
+pub mod fanuc_hmi_modbus;
+pub mod isra_ball;
+pub mod json;
+pub mod kawasaki_msg;
+pub mod laser_eb90;
+pub mod link;
+pub mod mmacell_proto;
+pub mod settings;
+pub mod val2_alter;
+pub mod val2_viewer;
+
+pub use link::Link;
+
+/// Every link, in the order in which `cellwire demo` runs them.
+pub static LINKS: [Link; 7] = [
+    kawasaki_msg::LINK,
+    val2_alter::LINK,
+    val2_viewer::LINK,
+    isra_ball::LINK,
+    fanuc_hmi_modbus::LINK,
+    laser_eb90::LINK,
+    mmacell_proto::LINK,
+];

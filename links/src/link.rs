@@ -1,0 +1,56 @@
+//! A row of the table.
+
+use anyhow::{Context, Result, bail};
+use serde_json::{Map, Value};
+
+use crate::LINKS;
+use crate::codec::Codec;
+use crate::settings::Setting;
+
+/// A link.
+#[derive(Debug, Clone, Copy)]
+pub struct Link {
+    /// The crate's name.
+    pub name: &'static str,
+    /// What it is, in one line.
+    pub about: &'static str,
+    /// The names of the sides that send messages; the first is the default.
+    pub sides: &'static [&'static str],
+    /// The side that sends, in a capture: the TCP client, or the server on this port.
+    pub sender: fn(is_client: bool, server_port: u16) -> &'static str,
+    /// The traces of the tool by name: which sides sent what was sent and received there. A side that sends no messages is none.
+    pub traces: &'static [(&'static str, [Option<&'static str>; 2])],
+    /// What can be set of its codec, and the defaults.
+    pub settings: fn() -> Vec<Setting>,
+    /// The codec of what a side sends, with settings other than the defaults, as in the vectors' `options`: `{"framing":"rtu"}`.
+    pub codec: MakeCodec,
+}
+
+/// Makes the codec of a side.
+type MakeCodec = fn(side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>>;
+
+impl Link {
+    /// The link of this name.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn by_name(name: &str) -> Result<&'static Self> {
+        LINKS.iter().find(|link| link.name == name).with_context(|| format!("no link is called {name}"))
+    }
+
+    /// A side by its name, or the first.
+    ///
+    /// # Errors
+    /// When the link has no such side.
+    pub fn side(&self, from: Option<&str>) -> Result<&'static str> {
+        match self.sides.iter().find(|side| from.is_none_or(|from| **side == from)) {
+            Some(side) => Ok(side),
+            None => bail!(
+                "{} has no side `{}`: use --from {}",
+                self.name,
+                from.unwrap_or_default(),
+                self.sides.join(" or --from ")
+            ),
+        }
+    }
+}

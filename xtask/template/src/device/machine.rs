@@ -1,0 +1,135 @@
+//! The device's machine: whether a request is to be answered. No bytes, no clock, no deadlines.
+
+use core::time::Duration;
+
+use robot_session::{Expiry, Machine, Unexpected};
+
+use super::config::{DeviceConfig, Rule};
+
+/// The state of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum DeviceMachine {
+    /// No connection.
+    Disconnected,
+    /// Nothing is asked for.
+    Ready,
+    /// The caller has the request.
+    Asked {
+        /// What it asks for.
+        register: u8,
+    },
+    /// The reply is to be sent.
+    Replying {
+        /// What it answers.
+        register: u8,
+    },
+}
+
+/// What happens to a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Input {
+    /// The connection was made, perhaps again.
+    Connected,
+    /// The connection is lost or closed.
+    Disconnected,
+    /// Time has passed: nothing comes due.
+    Timeout,
+    /// A request has come.
+    Get {
+        /// What it asks for.
+        register: u8,
+    },
+    /// The caller knows the value.
+    Answered,
+    /// The reply that was due is sent.
+    Sent,
+}
+
+/// What the device sends: the value that the caller has given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Reply {
+    /// Of this register.
+    pub register: u8,
+}
+
+/// What the device does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Action {
+    /// Nothing.
+    Nothing,
+    /// Reports a request.
+    Ask {
+        /// What it asks for.
+        register: u8,
+    },
+    /// Counts a reply.
+    Sent,
+}
+
+impl Machine for DeviceMachine {
+    const END: &'static str = "device";
+    const EXPIRY: Expiry = Expiry::First;
+    type Input = Input;
+    type Action = Action;
+    type Transmit = Reply;
+    type Config = DeviceConfig;
+
+    /// # Errors
+    /// A request without a connection or before the reply to the last one, an answer that nobody asked for.
+    fn on(&mut self, _now: Duration, input: Input, config: &DeviceConfig) -> Result<Action, Unexpected> {
+        let (to, action) = match (*self, input) {
+            (state, Input::Timeout) => (state, Action::Nothing),
+            (state @ (Self::Asked { .. } | Self::Replying { .. }), Input::Connected)
+                if !config.rules.keeps(Rule::ForgetRequest) =>
+            {
+                (state, Action::Nothing)
+            }
+            (_, Input::Connected) => (Self::Ready, Action::Nothing),
+            (_, Input::Disconnected) => (Self::Disconnected, Action::Nothing),
+            (Self::Ready, Input::Get { register }) => (Self::Asked { register }, Action::Ask { register }),
+            (Self::Asked { register }, Input::Answered) => (Self::Replying { register }, Action::Nothing),
+            (Self::Replying { .. }, Input::Sent) => (Self::Ready, Action::Sent),
+            (Self::Disconnected | Self::Asked { .. } | Self::Replying { .. }, Input::Get { .. })
+            | (Self::Disconnected | Self::Ready | Self::Replying { .. }, Input::Answered)
+            | (Self::Disconnected | Self::Ready | Self::Asked { .. }, Input::Sent) => {
+                return Err(self.unexpected(&input));
+            }
+        };
+        *self = to;
+        Ok(action)
+    }
+
+    fn transmit(&self, _now: Duration, _config: &DeviceConfig) -> Option<Reply> {
+        match *self {
+            Self::Replying { register } => Some(Reply { register }),
+            Self::Disconnected | Self::Ready | Self::Asked { .. } => None,
+        }
+    }
+
+    /// Never: the device waits for a request.
+    fn deadline(&self) -> Option<Duration> {
+        None
+    }
+
+    fn expires(&self, _now: Duration) -> bool {
+        false
+    }
+
+    /// One request at a time: the next ones wait.
+    fn reads(&self) -> bool {
+        !matches!(self, Self::Asked { .. } | Self::Replying { .. })
+    }
+
+    fn each_time(&mut self, _f: impl FnMut(&mut Duration)) {}
+
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Disconnected => "Disconnected",
+            Self::Ready => "Ready",
+            Self::Asked { .. } => "Asked",
+            Self::Replying { .. } => "Replying",
+        }
+    }
+}
+
+robot_session::inputs!(Input: Get, Answered, Sent);

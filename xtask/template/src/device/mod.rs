@@ -1,0 +1,136 @@
+//! The device, which answers.
+
+mod config;
+pub mod machine;
+
+use core::time::Duration;
+
+use robot_session::{Core, CoreOf, Decoder as _, Encode as _, End, EventQueue, Room, Unexpected};
+
+pub use config::DeviceConfig;
+#[doc(hidden)]
+pub use config::Rule;
+
+use crate::decoder::Decoder;
+use crate::error::{DecodeError, SessionError};
+use crate::message::Message;
+use machine::{Action, DeviceMachine, Input, Reply};
+
+/// The device: answers each request, one after the other.
+///
+/// The order of calls is the [`Session`](robot_session::Session)'s; [`answer`](Self::answer) after each [`DeviceEvent::Asked`]. Requests
+/// that come meanwhile wait.
+#[derive(Debug, Clone)]
+pub struct Device {
+    core: CoreOf<Self>,
+    /// The value that is to be sent.
+    value: i32,
+    statistics: DeviceStatistics,
+}
+
+/// What the device reports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum DeviceEvent {
+    /// A request: [`Device::answer`] it.
+    Asked {
+        /// What it asks for.
+        register: u8,
+    },
+    /// A notice: corrupt bytes.
+    Corrupt(DecodeError),
+    /// A notice: a request came without a connection.
+    Unexpected(Unexpected),
+}
+
+/// What a device has done.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct DeviceStatistics {
+    /// Replies sent.
+    pub replies: u64,
+    /// Decode errors.
+    pub corrupt: u64,
+    /// Inputs that the state does not allow.
+    pub unexpected: u64,
+    /// Notices that were dropped because nobody took them.
+    pub dropped_notices: u64,
+}
+
+impl Device {
+    /// A device without a connection.
+    pub fn new(config: DeviceConfig) -> Self {
+        let core = Core::new(config, DeviceMachine::Disconnected, Decoder::new());
+        Self { core, value: 0, statistics: DeviceStatistics::default() }
+    }
+
+    /// Answers the request with the value of its register.
+    ///
+    /// # Errors
+    /// [`SessionError::NotAsked`]: nothing has changed.
+    pub fn answer(&mut self, value: i32) -> Result<(), SessionError> {
+        self.core.on(Duration::ZERO, Input::Answered).map_err(|_| SessionError::NotAsked)?;
+        self.value = value;
+        Ok(())
+    }
+
+    /// The state that decides what happens next.
+    pub fn machine(&self) -> &DeviceMachine {
+        &self.core.machine
+    }
+}
+
+impl End for Device {
+    type Machine = DeviceMachine;
+    type Decoder = Decoder;
+    type Events = EventQueue<DeviceEvent, 8>;
+    type Statistics = DeviceStatistics;
+    type Payload = ();
+
+    const MAX_INPUT: usize = 32;
+    const MAX_TRANSMIT: usize = Message::MAX_LEN;
+    const ROOM: Room = Room { connect: 0, read: 1, transmit: 0 };
+
+    robot_session::core!();
+
+    fn next_input(&mut self) -> Option<(Input, Option<()>)> {
+        loop {
+            match self.core.decoder.next_frame()? {
+                Ok(Message::Get { register }) => return Some((Input::Get { register }, None)),
+                // Another device's, or an echo.
+                Ok(Message::Value { .. }) => {}
+                Err(error) => {
+                    self.statistics.corrupt += 1;
+                    self.core.events.push_notice(DeviceEvent::Corrupt(error));
+                }
+            }
+        }
+    }
+
+    fn act(&mut self, _now: Duration, action: Action, _: Option<()>) {
+        match action {
+            Action::Nothing => {}
+            Action::Ask { register } => {
+                // No request is read without room for it.
+                let _ = self.core.events.push_outcome(DeviceEvent::Asked { register });
+            }
+            Action::Sent => self.statistics.replies += 1,
+        }
+    }
+
+    fn write(&mut self, _now: Duration, reply: Reply, out: &mut [u8]) -> Option<(usize, Input)> {
+        let message = Message::Value { register: reply.register, value: self.value };
+        Some((message.encode(out).ok()?, Input::Sent))
+    }
+
+    fn unexpected(unexpected: Unexpected) -> DeviceEvent {
+        DeviceEvent::Unexpected(unexpected)
+    }
+
+    fn counters(&self) -> DeviceStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        DeviceStatistics { dropped_notices, unexpected, ..self.statistics }
+    }
+}

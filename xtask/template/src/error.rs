@@ -1,0 +1,78 @@
+/// The fault of the peer or of the line. Offsets count from the first byte of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// A line begins with `G` or `V`.
+    #[error("line begins with {found:#04x}, not with G or V")]
+    Letter {
+        /// The byte that came.
+        found: u8,
+    },
+    /// A number is decimal, without leading zeros or a plus sign, and in its range.
+    #[error("no number in its range at byte {offset}")]
+    Number {
+        /// Where it begins.
+        offset: usize,
+    },
+    /// The value of a register is behind `=`.
+    #[error("no = between register and value")]
+    Separator,
+    /// No line is so long.
+    #[error("{length} bytes without the end of a line")]
+    TooLong {
+        /// The bytes.
+        length: usize,
+    },
+    /// The stream ended inside a line.
+    #[error("line ends after {length} bytes without its line feed")]
+    Incomplete {
+        /// The bytes.
+        length: usize,
+    },
+}
+
+/// The fault of the caller: a message that cannot be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// The output slice is too short.
+    #[error("output has room for {available} bytes, {needed} are needed")]
+    BufferTooSmall {
+        /// The bytes needed.
+        needed: usize,
+        /// The room there is.
+        available: usize,
+    },
+}
+
+/// The fault of the caller: what the session cannot do now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum SessionError {
+    /// There is no connection.
+    #[error("there is no connection")]
+    NotConnected,
+    /// The request before has no outcome yet, or nobody has taken the events.
+    #[error("the request before has no outcome yet, or its event waits")]
+    Busy,
+    /// Nothing was asked for.
+    #[error("nothing was asked for")]
+    NotAsked,
+}
+
+/// The fault of the caller: a session that cannot work as configured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// No reply could come in time.
+    #[error("the timeout is zero")]
+    Timeout,
+}

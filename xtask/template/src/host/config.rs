@@ -1,0 +1,35 @@
+use core::time::Duration;
+
+use robot_session::Rules;
+
+use crate::error::ConfigError;
+
+/// How the host asks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HostConfig {
+    /// How long a reply may take, above 0. Default: 1 s. [`Duration::MAX`]: no limit.
+    pub timeout: Duration,
+    /// The rules of the machine, all of which are kept.
+    #[doc(hidden)]
+    pub rules: Rules<Rule>,
+}
+
+robot_session::rules! {
+    /// The rules of the host's machine.
+    pub enum Rule {
+        /// The value of another register is no reply.
+        MatchRegister,
+    }
+}
+
+impl HostConfig {
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+        if self.timeout.is_zero() { Err(ConfigError::Timeout) } else { Ok(()) }
+    }
+}
+
+impl Default for HostConfig {
+    fn default() -> Self {
+        Self { timeout: Duration::from_secs(1), rules: Rules::ALL }
+    }
+}

@@ -1,0 +1,173 @@
+//! The host, which asks.
+
+mod config;
+pub mod machine;
+
+use core::time::Duration;
+
+use robot_session::{
+    Core, CoreOf, Decoder as _, Encode as _, End, EventQueue, Room, Session as _, Unexpected,
+};
+
+pub use config::HostConfig;
+#[doc(hidden)]
+pub use config::Rule;
+
+use crate::decoder::Decoder;
+use crate::error::{ConfigError, DecodeError, SessionError};
+use crate::message::Message;
+use machine::{Action, HostMachine, Input, Request};
+
+/// The host: one request at a time, each with one outcome.
+///
+/// The order of calls is the [`Session`](robot_session::Session)'s.
+#[derive(Debug, Clone)]
+pub struct Host {
+    core: CoreOf<Self>,
+    statistics: HostStatistics,
+}
+
+/// What the host reports.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum HostEvent {
+    /// The reply to the request.
+    Value {
+        /// The register.
+        register: u8,
+        /// Its value.
+        value: i32,
+    },
+    /// No reply came in time, or the connection was lost.
+    TimedOut {
+        /// What was asked for.
+        register: u8,
+    },
+    /// A notice: a value that is no reply.
+    Unasked {
+        /// The register.
+        register: u8,
+        /// Its value.
+        value: i32,
+    },
+    /// A notice: corrupt bytes.
+    Corrupt(DecodeError),
+    /// A notice: a line came without a connection.
+    Unexpected(Unexpected),
+}
+
+/// What a host has done.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub struct HostStatistics {
+    /// Requests sent.
+    pub requests: u64,
+    /// Requests without a reply.
+    pub timed_out: u64,
+    /// Decode errors.
+    pub corrupt: u64,
+    /// Inputs that the state does not allow.
+    pub unexpected: u64,
+    /// Notices that were dropped because nobody took them.
+    pub dropped_notices: u64,
+}
+
+impl Host {
+    /// A host without a connection.
+    ///
+    /// # Errors
+    /// [`ConfigError::Timeout`].
+    pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        let core = Core::new(config, HostMachine::Disconnected, Decoder::new());
+        Ok(Self { core, statistics: HostStatistics::default() })
+    }
+
+    /// Asks for the value of a register.
+    ///
+    /// # Errors
+    /// [`SessionError::NotConnected`]; [`SessionError::Busy`] while the request before, or eight events, wait. Nothing has changed.
+    pub fn get(&mut self, now: Duration, register: u8) -> Result<(), SessionError> {
+        self.handle_timeout(now); // a request whose time is over is none
+        if !self.core.events.has_room(1) {
+            return Err(SessionError::Busy);
+        }
+        match self.core.on(now, Input::Get { register }) {
+            Ok(_) => Ok(()),
+            Err(_) if self.core.machine == HostMachine::Disconnected => Err(SessionError::NotConnected),
+            Err(_) => Err(SessionError::Busy),
+        }
+    }
+
+    /// The state that decides what happens next.
+    pub fn machine(&self) -> &HostMachine {
+        &self.core.machine
+    }
+
+    fn report(&mut self, outcome: HostEvent) {
+        // A request begins only when its outcome has room.
+        let _ = self.core.events.push_outcome(outcome);
+    }
+}
+
+impl End for Host {
+    type Machine = HostMachine;
+    type Decoder = Decoder;
+    type Events = EventQueue<HostEvent, 8>;
+    type Statistics = HostStatistics;
+    type Payload = i32;
+
+    const MAX_INPUT: usize = 64;
+    const MAX_TRANSMIT: usize = Message::MAX_LEN;
+    /// The outcome of a request.
+    const ROOM: Room = Room { connect: 0, read: 0, transmit: 1 };
+
+    robot_session::core!();
+
+    fn next_input(&mut self) -> Option<(Input, Option<i32>)> {
+        loop {
+            match self.core.decoder.next_frame()? {
+                Ok(Message::Value { register, value }) => {
+                    return Some((Input::Value { register }, Some(value)));
+                }
+                // Another host's, or an echo.
+                Ok(Message::Get { .. }) => {}
+                Err(error) => {
+                    self.statistics.corrupt += 1;
+                    self.core.events.push_notice(HostEvent::Corrupt(error));
+                }
+            }
+        }
+    }
+
+    fn act(&mut self, _now: Duration, action: Action, value: Option<i32>) {
+        match (action, value) {
+            (Action::Report { register }, Some(value)) => self.report(HostEvent::Value { register, value }),
+            (Action::Unasked { register }, Some(value)) => {
+                self.core.events.push_notice(HostEvent::Unasked { register, value });
+            }
+            (Action::TimedOut { register }, _) => {
+                self.statistics.timed_out += 1;
+                self.report(HostEvent::TimedOut { register });
+            }
+            (Action::Sent, _) => self.statistics.requests += 1,
+            (Action::Nothing | Action::Report { .. } | Action::Unasked { .. }, _) => {}
+        }
+    }
+
+    fn write(&mut self, _now: Duration, request: Request, out: &mut [u8]) -> Option<(usize, Input)> {
+        let Request { register } = request;
+        Some((Message::Get { register }.encode(out).ok()?, Input::Sent))
+    }
+
+    fn unexpected(unexpected: Unexpected) -> HostEvent {
+        HostEvent::Unexpected(unexpected)
+    }
+
+    fn counters(&self) -> HostStatistics {
+        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
+        HostStatistics { dropped_notices, unexpected, ..self.statistics }
+    }
+}

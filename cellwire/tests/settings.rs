@@ -129,7 +129,7 @@ fn settings_inside_others_are_listed() {
 #[test]
 fn the_default_that_is_listed_is_the_default() {
     // Given again, it changes nothing.
-    for link in &LINKS {
+    for link in LINKS {
         for setting in (link.settings)() {
             let given = format!("{}={}", setting.name, setting.default);
             assert_ne!(setting.default, "", "{given}");

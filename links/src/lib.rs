@@ -17,7 +17,7 @@ pub mod val2_viewer;
 pub use link::Link;
 
 /// Every link, in the order in which `cellwire demo` runs them.
-pub static LINKS: [Link; 7] = [
+pub static LINKS: &[Link] = &[
     kawasaki_msg::LINK,
     val2_alter::LINK,
     val2_viewer::LINK,

@@ -2,6 +2,8 @@
 
 #![forbid(unsafe_code)]
 
+mod new_link;
+
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -24,6 +26,11 @@ enum Task {
     Check {
         /// These packages instead
         packages: Vec<String>,
+    },
+    /// Makes a link: a crate with a codec of lines and two ends to replace, its row in the table, vectors and a specification
+    NewLink {
+        /// The crate's name, such as `acme-feeder`
+        name: String,
     },
     /// All checks of a change (.ci/run)
     Ci,
@@ -65,6 +72,10 @@ fn run(task: Task) -> Result<()> {
     let workspace = Workspace(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."));
     match task {
         Task::Check { packages } => workspace.check(packages),
+        Task::NewLink { name } => {
+            new_link::make(&workspace.0, &name)?;
+            workspace.cargo(["fmt", "-p", &name, "-p", "cellwire-links"])
+        }
         Task::Ci => workspace.run(".ci/run", [""; 0]),
         Task::Deep { steps } => workspace.run(".ci/deep", steps),
         Task::Model { arguments } => workspace.testkit("model", arguments),

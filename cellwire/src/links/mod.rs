@@ -32,7 +32,7 @@ pub static DEVICES: [Device; 9] = [
 
 /// The parser of LINK on the command line.
 pub fn link_parser() -> impl TypedValueParser<Value = &'static Link> {
-    let names = LINKS.each_ref().map(|link| PossibleValue::new(link.name).help(link.about));
+    let names = LINKS.iter().map(|link| PossibleValue::new(link.name).help(link.about));
     PossibleValuesParser::new(names).try_map(|name| Link::by_name(&name))
 }
 

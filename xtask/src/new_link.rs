@@ -1,0 +1,91 @@
+//! `cargo xtask new-link`: a crate that compiles, keeps the contract and is in the table.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail, ensure};
+
+/// What the template is called in manifests, and in Rust.
+const TOY: [&str; 2] = ["toy-link", "toy_link"];
+
+/// Copies the template, which is a crate of the workspace itself, and enters it in the workspace, the table and the reference.
+pub(crate) fn make(root: &Path, name: &str) -> Result<()> {
+    let is_word = |word: &str| {
+        word.starts_with(|c: char| c.is_ascii_lowercase())
+            && word.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit())
+    };
+    ensure!(
+        name.split('-').all(is_word),
+        "{name}: a crate's name is of small letters and digits, with - between words"
+    );
+    let link = NewLink { root, name: [name.into(), name.replace('-', "_")] };
+    ensure!(!root.join(name).exists(), "there is a folder {name} already");
+    link.copy("xtask/template", Path::new(name))?;
+    link.copy("xtask/row", &Path::new("links/src").join(&link.name[1]))?;
+    link.copy("xtask/inputs", Path::new("testkit/reference/inputs"))?;
+    link.copy("xtask/specification", Path::new("reference"))?;
+    link.insert("Cargo.toml", "    \"xtask\",", &format!("    \"{name}\","))?;
+    let line = format!("{name} = {{ version = \"0.1.0\", path = \"{name}\", default-features = false }}");
+    link.insert("Cargo.toml", "cellwire = {", &line)?;
+    let line = format!("{name} = {{ workspace = true, features = [\"serde\"] }}");
+    link.insert("links/Cargo.toml", "val2-alter = {", &line)?;
+    link.insert("links/src/lib.rs", "pub mod val2_alter;", &format!("pub mod {};", link.name[1]))?;
+    link.insert("links/src/lib.rs", "];", &format!("    {}::LINK,", link.name[1]))?;
+    println!("{name}/, links/src/{}/ and the reference's inputs are made. {NEXT}", link.name[1]);
+    Ok(())
+}
+
+const NEXT: &str = "CONTRIBUTING, \"Adding a link\", says what comes next.
+Try it: cargo xtask check NAME, and echo G7 | cellwire decode NAME --format raw";
+
+/// A link that is made.
+struct NewLink<'a> {
+    root: &'a Path,
+    /// As [`TOY`].
+    name: [String; 2],
+}
+
+impl NewLink<'_> {
+    /// Copies a folder, with the link's name in the place of the template's, in texts and in names of files.
+    fn copy(&self, from: &str, to: &Path) -> Result<()> {
+        let (from, to) = (self.root.join(from), self.root.join(to));
+        for path in files(&from)? {
+            let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+            let place = path.strip_prefix(&from)?.to_str().context("a name that is no text")?;
+            let place = to.join(self.renamed(place));
+            ensure!(!place.exists(), "there is a file {} already", place.display());
+            if let Some(folder) = place.parent() {
+                fs::create_dir_all(folder)?;
+            }
+            fs::write(&place, self.renamed(&text)).with_context(|| place.display().to_string())?;
+        }
+        Ok(())
+    }
+
+    fn renamed(&self, text: &str) -> String {
+        TOY.iter().zip(&self.name).fold(text.to_owned(), |text, (toy, name)| text.replace(toy, name))
+    }
+
+    /// Inserts a line before the first one that begins with `before`.
+    fn insert(&self, file: &str, before: &str, line: &str) -> Result<()> {
+        let path = self.root.join(file);
+        let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+        let Some(at) = text.lines().position(|line| line.starts_with(before)) else {
+            bail!("{file} has no line that begins with {before}");
+        };
+        let mut lines: Vec<&str> = text.lines().collect();
+        lines.insert(at, line);
+        fs::write(path, lines.join("\n") + "\n")?;
+        Ok(())
+    }
+}
+
+/// Every file below a folder.
+fn files(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut all = Vec::new();
+    for entry in fs::read_dir(folder).with_context(|| folder.display().to_string())? {
+        let path = entry?.path();
+        if path.is_dir() { all.extend(files(&path)?) } else { all.push(path) }
+    }
+    Ok(all)
+}

@@ -3,7 +3,9 @@
 #![allow(clippy::std_instead_of_core, reason = "a table for programs with std")]
 
 pub mod codec;
+pub mod end;
 pub mod fanuc_hmi_modbus;
+mod fields;
 pub mod isra_ball;
 pub mod json;
 pub mod kawasaki_msg;

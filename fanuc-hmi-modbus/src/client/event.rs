@@ -101,6 +101,7 @@ pub enum Failure {
 /// The counters of a client.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct ClientStatistics {
     /// Requests that were made.

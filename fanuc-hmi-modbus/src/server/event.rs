@@ -39,6 +39,7 @@ pub enum ServerEvent {
 /// The counters of a server.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct ServerStatistics {
     /// Requests that were carried out, or refused with an exception.

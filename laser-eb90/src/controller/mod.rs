@@ -78,6 +78,7 @@ pub enum ControllerEvent {
 /// What a controller has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct ControllerStatistics {
     /// Instructions queued.

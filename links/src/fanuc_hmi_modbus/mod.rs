@@ -17,4 +17,5 @@ pub const LINK: Link = Link {
     traces: &[("fanuc", [Some("server"), Some("client")])],
     settings: || settings::list(options::ViewSettings::default()),
     codec: codec::either,
+    ends: &[],
 };

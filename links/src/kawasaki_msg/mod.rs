@@ -21,4 +21,5 @@ pub const LINK: Link = Link {
     traces: &[("kawasaki-robot", [Some("robot"), Some("pc")]), ("kawasaki-pc", [Some("pc"), Some("robot")])],
     settings: || settings::list(options::CodecSettings::default()),
     codec: |_, settings| codec::either(settings),
+    ends: &[],
 };

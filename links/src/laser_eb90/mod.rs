@@ -19,4 +19,5 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(laser_eb90::Profile::default()),
     codec: |_, settings| codec::either(settings),
+    ends: &[],
 };

@@ -22,4 +22,5 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(mmacell_proto::Dialect::STRICT),
     codec: codec::either,
+    ends: &[],
 };

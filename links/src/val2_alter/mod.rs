@@ -18,4 +18,5 @@ pub const LINK: Link = Link {
     traces: &[("robot", [Some("robot"), Some("host")]), ("host-robot", [Some("host"), Some("robot")])],
     settings: || settings::list(val2_alter::Framing::DEFAULT),
     codec: codec::either,
+    ends: &[],
 };

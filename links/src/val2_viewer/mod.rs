@@ -15,4 +15,5 @@ pub const LINK: Link = Link {
     traces: &[("viewer", [None, Some("host")]), ("host-viewer", [Some("host"), None])],
     settings: || settings::list(()),
     codec: |_, settings| codec::host(settings),
+    ends: &[],
 };

@@ -147,6 +147,7 @@ pub enum ControllerEvent {
 /// What a [`Controller`](crate::Controller) has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct ControllerStatistics {
     /// Start messages sent.

@@ -57,6 +57,7 @@ pub enum WorkstationEvent {
 /// What a workstation has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct WorkstationStatistics {
     /// Requests sent.

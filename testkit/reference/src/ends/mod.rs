@@ -2,8 +2,6 @@
 
 mod alter_controller;
 mod alter_host;
-mod ball;
-mod ball_host;
 mod kawasaki;
 mod kawasaki_pc;
 mod kawasaki_robot;
@@ -12,12 +10,14 @@ mod laser_host;
 mod mma_central;
 mod mma_device;
 mod modbus;
+mod table;
 mod viewer_host;
 mod viewer_workstation;
 
 use core::time::Duration;
 
 use anyhow::{Result, bail};
+use cellwire_links::Link;
 use robot_session::{End as _, EventOf, InputOf, Machine as _, Rule, Rules, Session, Unexpected};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
@@ -94,6 +94,80 @@ fn names<R: Rule>() -> Vec<String> {
     R::ALL.iter().map(|rule| format!("{rule:?}")).collect()
 }
 
+/// Makes an end of a link.
+pub(crate) fn make(
+    link: &str,
+    name: &str,
+    config: &Map<String, Value>,
+    left_out: Option<usize>,
+) -> Result<Box<dyn End>> {
+    let link = Link::by_name(link)?;
+    if link.ends.is_empty() {
+        return (ends(link.name, name)?.make)(config, left_out);
+    }
+    let (mut end, names) = ((link.end(name)?.make)(config, left_out)?, table::names(link.name, name, config));
+    (names.cells)(&mut *end);
+    Ok(Box::new(Driven { end, names }))
+}
+
+/// The rules that the machine of an end can be told to leave out, by number.
+pub(crate) fn rules(link: &str, name: &str) -> Result<Vec<String>> {
+    let link = Link::by_name(link)?;
+    Ok(if link.ends.is_empty() { (ends(link.name, name)?.rules)() } else { (link.end(name)?.rules)() })
+}
+
+/// An end of the table.
+struct Driven {
+    end: Box<dyn cellwire_links::end::End>,
+    names: table::Names,
+}
+
+impl End for Driven {
+    fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
+        let (end, mut step) = (&mut *self.end, Step::default());
+        match input {
+            Do::Connected => end.handle_connected(now),
+            Do::Disconnected => end.handle_disconnected(now),
+            Do::Input(bytes) => end.handle_input(now, bytes),
+            Do::Timeout => end.handle_timeout(now),
+            Do::Transmitted => end.handle_transmitted(now),
+            Do::Nothing => {}
+            Do::Call { name, argument } => {
+                step.refused = end.call(now, name, argument)?.err().map(|json| json::spaced(&json));
+            }
+        }
+        let mut buffer = vec![0; end.max_transmit()];
+        loop {
+            let mut idle = true;
+            while !omits.events
+                && let Some(event) = end.poll_event()
+            {
+                step.events.push(json::spaced(&event));
+                idle = false;
+            }
+            while !omits.transmit
+                && let Some(length) = end.poll_transmit(now, &mut buffer)
+            {
+                step.transmit.push(buffer.get(..length).unwrap_or_default().to_vec());
+                idle = false;
+            }
+            if idle {
+                break;
+            }
+        }
+        step.cells = (self.names.cells)(end);
+        Ok(step)
+    }
+
+    fn deadline(&self) -> Option<Duration> {
+        self.end.poll_timeout()
+    }
+
+    fn state(&self) -> String {
+        (self.names.state)(&*self.end)
+    }
+}
+
 /// An end of a link by its name.
 pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
     Ok(match (link, end) {
@@ -103,8 +177,6 @@ pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
         ("kawasaki-msg", "robot") => kawasaki_robot::MAKER,
         ("val2-viewer", "host") => viewer_host::MAKER,
         ("val2-viewer", "workstation") => viewer_workstation::MAKER,
-        ("isra-ball", "host") => ball_host::MAKER,
-        ("isra-ball", "ball") => ball::MAKER,
         ("laser-eb90", "host") => laser_host::MAKER,
         ("laser-eb90", "controller") => laser_controller::MAKER,
         ("mmacell-proto", "central") => mma_central::MAKER,

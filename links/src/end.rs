@@ -24,8 +24,10 @@ pub struct EndRow {
     pub calls: fn() -> Vec<&'static str>,
     /// Makes it of the fields of a configuration that are not the defaults, as stories have them: times are nanoseconds. With the
     /// feature `model` the rule of a number is left out.
-    pub make: fn(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>>,
+    pub make: Make,
 }
+
+type Make = fn(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>>;
 
 /// A session behind the table; its methods are those of [`Session`].
 #[allow(missing_docs, reason = "they are the session's")]
@@ -223,7 +225,7 @@ pub(crate) fn called<T>(result: Result<T, impl Serialize>) -> Called {
 }
 
 /// What a call gives that is never refused.
-pub(crate) fn done(_: ()) -> Called {
+pub(crate) fn done<T>(_: T) -> Called {
     Ok(Ok(()))
 }
 

@@ -1,24 +1,15 @@
 //! The ends of links that stories drive.
 
-mod alter_controller;
-mod alter_host;
 mod kawasaki;
 mod kawasaki_pc;
 mod kawasaki_robot;
-mod laser_controller;
-mod laser_host;
-mod mma_central;
-mod mma_device;
-mod modbus;
 mod table;
-mod viewer_host;
-mod viewer_workstation;
 
 use core::time::Duration;
 
 use anyhow::{Result, bail};
 use cellwire_links::Link;
-use robot_session::{End as _, EventOf, InputOf, Machine as _, Rule, Rules, Session, Unexpected};
+use robot_session::{Rule, Rules, Session};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
@@ -171,51 +162,11 @@ impl End for Driven {
 /// An end of a link by its name.
 pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
     Ok(match (link, end) {
-        ("val2-alter", "host") => alter_host::MAKER,
-        ("val2-alter", "controller") => alter_controller::MAKER,
         ("kawasaki-msg", "pc") => kawasaki_pc::MAKER,
         ("kawasaki-msg", "robot") => kawasaki_robot::MAKER,
-        ("val2-viewer", "host") => viewer_host::MAKER,
-        ("val2-viewer", "workstation") => viewer_workstation::MAKER,
-        ("laser-eb90", "host") => laser_host::MAKER,
-        ("laser-eb90", "controller") => laser_controller::MAKER,
-        ("mmacell-proto", "central") => mma_central::MAKER,
-        ("mmacell-proto", "device") => mma_device::MAKER,
-        ("fanuc-hmi-modbus", "client") => modbus::CLIENT,
-        ("fanuc-hmi-modbus", "server") => modbus::SERVER,
         _ => bail!("no stories drive the {end} of {link}"),
     })
 }
-
-/// What is particular to an end.
-trait About {
-    type End: robot_session::End + 'static;
-    type Rows: Rows<Machine = <Self::End as robot_session::End>::Machine>;
-
-    /// A call of the end's user; an error object if the session refuses it.
-    fn call(_: &mut Self::End, _: Duration, name: &str, _: Value) -> Result<Result<(), String>> {
-        bail!("it has no call {name}")
-    }
-
-    fn event(session: &Self::End, event: EventOf<Self::End>) -> Result<String>;
-
-    /// What a story calls the state.
-    fn state(session: &Self::End) -> String {
-        session.core().machine.name().into()
-    }
-
-    /// What a machine is given, as the cells of its tables.
-    fn cells(machine: &MachineOf<Self>, at: Duration, input: &InputOf<Self::End>) -> Vec<String> {
-        cell::<Self::Rows>(machine, at, input)
-    }
-
-    /// What has happened beside the session's own events, before them.
-    fn beside(_: &mut Self::End) -> Vec<String> {
-        Vec::new()
-    }
-}
-
-type MachineOf<A> = <<A as About>::End as robot_session::End>::Machine;
 
 /// The cell of a table.
 fn cell<R: Rows>(
@@ -239,58 +190,6 @@ fn reached<M: robot_session::Machine>(
     moves.into_iter().flat_map(|(at, machine, input)| cells(&machine, at, &input)).collect()
 }
 
-/// A session that notes what its machine is given.
-struct Noted<A: About>(A::End);
-
-impl<A: About + 'static> Noted<A> {
-    fn boxed(mut session: A::End) -> Box<dyn End> {
-        session.core_mut().moves = Some(Vec::new());
-        Box::new(Self(session))
-    }
-}
-
-impl<A: About + 'static> End for Noted<A> {
-    fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
-        let session = &mut self.0;
-        let mut step = Step::default();
-        if let Some((name, argument)) = input.give(session, now) {
-            step.refused = A::call(session, now, name, argument.clone())?.err();
-        }
-        let mut buffer = vec![0; <A::End as Session>::MAX_TRANSMIT];
-        loop {
-            let mut idle = true;
-            if !omits.events {
-                step.events.extend(A::beside(session));
-            }
-            while !omits.events
-                && let Some(event) = session.poll_event()
-            {
-                step.events.push(A::event(session, event)?);
-                idle = false;
-            }
-            while !omits.transmit
-                && let Some(length) = session.poll_transmit(now, &mut buffer)
-            {
-                step.transmit.push(buffer.get(..length).unwrap_or_default().to_vec());
-                idle = false;
-            }
-            if idle {
-                break;
-            }
-        }
-        step.cells = reached(&mut self.0.core_mut().moves, A::cells);
-        Ok(step)
-    }
-
-    fn deadline(&self) -> Option<Duration> {
-        self.0.poll_timeout()
-    }
-
-    fn state(&self) -> String {
-        A::state(&self.0)
-    }
-}
-
 /// The rule of a number.
 fn without<R: Rule>(rule: Option<usize>) -> Rules<R> {
     rule.and_then(|rule| R::ALL.get(rule)).map_or(Rules::ALL, |rule| Rules::without(*rule))
@@ -298,15 +197,6 @@ fn without<R: Rule>(rule: Option<usize>) -> Rules<R> {
 
 fn event(name: &str) -> Object {
     Object::new().raw("event", format_args!("\"{name}\""))
-}
-
-fn unexpected(what: Unexpected) -> Result<String> {
-    Ok(event("unexpected").value("state", what.state)?.value("input", what.input)?.end())
-}
-
-/// Until when something may be used, in nanoseconds; nothing if it is for ever.
-fn live_until(until: Option<Duration>) -> Option<u128> {
-    until.filter(|until| *until < Duration::MAX).map(|until| until.as_nanos())
 }
 
 /// An error object without fields.

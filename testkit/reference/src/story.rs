@@ -159,10 +159,10 @@ pub(crate) fn reachable(link: &str, machines: &[String]) -> BTreeSet<String> {
 
 /// Plays a story; `without`: the number of the rule that the machine leaves out.
 pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<usize>) -> Result<Played> {
-    let mut end = ends::make(link, &story.end, &story.config, without)?;
+    let mut end = End::new(link, &story.end, &story.config, without)?;
     let (mut now, mut steps, mut cells) = (Duration::ZERO, Vec::new(), BTreeSet::new());
     for line in &story.script {
-        let (at, omits, verb) = parse(&*end, now, line)?;
+        let (at, omits, verb) = parse(&end, now, line)?;
         ensure!(at >= now, "{line}: the time goes back");
         now = at;
         let (input, json) = verb_of(link, inputs, verb).with_context(|| line.clone())?;
@@ -181,7 +181,7 @@ pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<u
 }
 
 /// `TIME [hold] [keep] VERB…`; the time is in milliseconds: `28.5`, after the last step `+28.5`, or the deadline `due`, `due+1`, `due-1`.
-fn parse<'a>(end: &dyn End, now: Duration, line: &'a str) -> Result<(Duration, Omits, &'a str)> {
+fn parse<'a>(end: &End, now: Duration, line: &'a str) -> Result<(Duration, Omits, &'a str)> {
     let (time, verb) = line.split_once(' ').with_context(|| format!("{line}: no verb"))?;
     let due = || end.deadline().filter(|due| *due < Duration::MAX).map_or(now, |due| due.max(now));
     let at = match (time.strip_prefix("due"), time.strip_prefix('+')) {

@@ -3,8 +3,9 @@
 use core::time::Duration;
 
 use cellwire_links::end::End;
+use kawasaki_msg::{ALL_NUMBERS, pc, robot};
 use serde_json::{Map, Value};
-use testkit::links::{self, fanuc_hmi_modbus::rows};
+use testkit::links::{self, fanuc_hmi_modbus::rows, kawasaki_msg::rows as kawasaki};
 use testkit::model::Rows;
 
 type Moves<M> = Option<Vec<(Duration, M, <M as robot_session::Machine>::Input)>>;
@@ -46,7 +47,8 @@ pub(super) fn names(link: &str, end: &str, config: &Map<String, Value>) -> Names
             (_, "rtu") => (server::<Rtu>, server_state),
             _ => (server::<RtuOverTcp>, server_state),
         },
-        _ => (|_| Vec::new(), name),
+        (_, "pc") => (cells::<kawasaki::Pc<ALL_NUMBERS>>, pc_state),
+        _ => (cells::<kawasaki::Robot<ALL_NUMBERS>>, robot_state),
     };
     Names { cells, state }
 }
@@ -89,6 +91,25 @@ fn row<R: Rows<Machine: 'static>>(end: &dyn End) -> String {
 
 fn of<M: 'static>(end: &dyn End, show: impl Fn(&M) -> String) -> Option<String> {
     end.machine().downcast_ref().map(show)
+}
+
+fn pc_state(end: &dyn End) -> String {
+    let is_alone = |machine: &<kawasaki::Pc<ALL_NUMBERS> as Rows>::Machine| {
+        !machine.is_connected() && machine.order != pc::Order::Idle
+    };
+    of(end, |machine| not_connected(end, is_alone(machine))).unwrap_or_default()
+}
+
+fn robot_state(end: &dyn End) -> String {
+    let is_alone = |machine: &<kawasaki::Robot<ALL_NUMBERS> as Rows>::Machine| {
+        !machine.is_connected() && machine.order != robot::Order::Idle
+    };
+    of(end, |machine| not_connected(end, is_alone(machine))).unwrap_or_default()
+}
+
+/// An order lives on without a connection.
+fn not_connected(end: &dyn End, is_alone: bool) -> String {
+    format!("{}{}", end.state(), if is_alone { ", not connected" } else { "" })
 }
 
 fn client<T: rows::Transport>(end: &mut dyn End) -> Vec<String> {

@@ -190,9 +190,6 @@ pub enum Mismatch {
 #[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum SessionError {
-    /// The specification does not allow the request.
-    #[error("the request cannot be sent: {0}")]
-    Encode(#[from] EncodeError),
     /// Every place for a request is taken: wait for an event.
     #[error("all {places} places for requests are taken")]
     Full {
@@ -205,6 +202,10 @@ pub enum SessionError {
         /// The function code.
         function: u8,
     },
+    /// The specification does not allow the request.
+    #[error("the request cannot be sent: {0}")]
+    #[cfg_attr(feature = "serde", serde(untagged))]
+    Encode(#[from] EncodeError),
 }
 
 /// The caller's fault: a configuration that cannot work.

@@ -5,6 +5,7 @@ use core::time::Duration;
 /// The last times of one kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Times {
     rounds: [Duration; Self::ROUNDS],
     count: u64,
@@ -65,6 +66,7 @@ impl Times {
 /// What a robot session has measured and counted since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct RobotStatistics {
     /// From sending a packet to having received its answer.
@@ -96,6 +98,7 @@ pub struct RobotStatistics {
 /// What a PC session has counted since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct PcStatistics {
     /// Packets sent.

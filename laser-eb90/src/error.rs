@@ -135,6 +135,7 @@ pub enum SessionError {
     NotExecuting,
     /// The parameters, or the values of an answer, do not fit a frame.
     #[error(transparent)]
+    #[cfg_attr(feature = "serde", serde(untagged))]
     Encode(EncodeError),
 }
 

@@ -11,6 +11,15 @@ pub fn value(value: impl Serialize) -> Value {
     serde_json::to_value(value).unwrap_or_default()
 }
 
+/// A value as JSON, as [`write`] has it; every value of the links is one of numbers, texts and names.
+pub fn text(value: &impl Serialize) -> String {
+    let mut out = Vec::new();
+    match write(value, &mut out) {
+        Ok(()) => String::from_utf8_lossy(&out).into_owned(),
+        Err(_) => "null".into(),
+    }
+}
+
 /// Appends a value as JSON in which every control character is escaped, those of a peer's text too: a terminal obeys none.
 ///
 /// # Errors

@@ -1,9 +1,12 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 #![allow(clippy::std_instead_of_core, reason = "a table for programs with std")]
+#![allow(clippy::unit_arg, reason = "a call that gives nothing is done")]
 
 pub mod codec;
+pub mod end;
 pub mod fanuc_hmi_modbus;
+mod fields;
 pub mod isra_ball;
 pub mod json;
 pub mod kawasaki_msg;

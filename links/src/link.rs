@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 
 use crate::LINKS;
 use crate::codec::Codec;
+use crate::end::EndRow;
 use crate::settings::Setting;
 
 /// A link.
@@ -24,6 +25,8 @@ pub struct Link {
     pub settings: fn() -> Vec<Setting>,
     /// The codec of what a side sends, with settings other than the defaults, as in the vectors' `options`: `{"framing":"rtu"}`.
     pub codec: MakeCodec,
+    /// Its ends; the one that asks comes first.
+    pub ends: &'static [EndRow],
 }
 
 /// Makes the codec of a side.
@@ -36,6 +39,15 @@ impl Link {
     /// When there is none.
     pub fn by_name(name: &str) -> Result<&'static Self> {
         LINKS.iter().find(|link| link.name == name).with_context(|| format!("no link is called {name}"))
+    }
+
+    /// An end by its name.
+    ///
+    /// # Errors
+    /// When the link has no such end.
+    pub fn end(&self, name: &str) -> Result<&'static EndRow> {
+        let end = self.ends.iter().find(|end| end.name == name);
+        end.with_context(|| format!("{} has no end `{name}`", self.name))
     }
 
     /// A side by its name, or the first.

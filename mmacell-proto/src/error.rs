@@ -178,6 +178,7 @@ pub enum SessionError {
     NotPossible,
     /// The command has no form on the wire.
     #[error(transparent)]
+    #[cfg_attr(feature = "serde", serde(untagged))]
     Encode(#[from] EncodeError),
 }
 

@@ -19,6 +19,8 @@ mod settle;
 mod std_driver;
 #[cfg(feature = "tokio")]
 pub mod tokio;
+#[cfg(feature = "serde")]
+pub mod under;
 mod unexpected;
 
 pub use buffer::StreamBuffer;

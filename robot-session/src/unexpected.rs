@@ -5,6 +5,7 @@
 /// A session counts it in its statistics. From a caller who keeps the contract, and from any peer, it never comes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Unexpected {
     /// The state's name.
     pub state: &'static str,

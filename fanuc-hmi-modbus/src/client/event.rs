@@ -5,6 +5,7 @@ use crate::error::{DecodeError, Mismatch};
 /// Names a request of a client, which never gives the same twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(into = "u64"))]
 pub struct Ticket {
     pub(super) number: u64,
     /// Where the client keeps the request, and then its reply.
@@ -18,16 +19,25 @@ impl Ticket {
     }
 }
 
+#[cfg(feature = "serde")]
+impl From<Ticket> for u64 {
+    fn from(ticket: Ticket) -> Self {
+        ticket.number
+    }
+}
+
 /// What a client reports: the first three are outcomes of requests, the others notices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ClientEvent {
     /// A reply that fits its request, or the exception that refuses it: [`Client::reply`](crate::Client::reply) reads it.
     Replied {
         /// The request.
         ticket: Ticket,
-        /// Who replied.
+        /// Who replied. The reply itself says it, too.
+        #[cfg_attr(feature = "serde", serde(skip))]
         unit: u8,
     },
     /// A broadcast was sent. Nobody will reply.
@@ -40,25 +50,31 @@ pub enum ClientEvent {
         /// The request.
         ticket: Ticket,
         /// Why.
+        #[cfg_attr(feature = "serde", serde(rename = "reason"))]
         failure: Failure,
     },
     /// A reply that nobody waits for was dropped. If it is late by more than [`ClientConfig::settle`](crate::ClientConfig::settle),
     /// that assumption is wrong.
     Stray {
         /// Its transaction on TCP.
+        #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         transaction: Option<u16>,
         /// Who sent it.
         unit: u8,
         /// Its function code, without the bit that marks an exception.
         function: u8,
         /// The request that has timed out and that it belongs to, as far as that can be known.
+        #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         late: Option<Ticket>,
         /// Off TCP: why it is not the reply that is waited for.
+        #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         mismatch: Option<Mismatch>,
     },
     /// Bytes that are no frame.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// On TCP, which corrupts nothing: bytes that no frame begins with, and no frame after them yet. Best connect again.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     OutOfStep(DecodeError),
     /// The caller broke the contract; nothing has changed.
     Unexpected(Unexpected),
@@ -79,6 +95,7 @@ impl ClientEvent {
 /// Why a request has no usable reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Failure {
     /// The reply did not come in time. Whether the request was carried out is unknown.
@@ -92,6 +109,7 @@ pub enum Failure {
     NotSent,
     /// The reply with the transaction of the request does not fit it. Whether the request was carried out is unknown.
     #[error("the reply does not answer the request: {0}")]
+    #[cfg_attr(feature = "serde", serde(rename = "mismatch"))]
     Refused(Mismatch),
     /// The reply with the transaction of the request is malformed. Whether the request was carried out is unknown.
     #[error("the reply is malformed: {0}")]
@@ -101,6 +119,7 @@ pub enum Failure {
 /// The counters of a client.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct ClientStatistics {
     /// Requests that were made.

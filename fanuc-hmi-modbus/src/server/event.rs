@@ -6,22 +6,26 @@ use crate::message::Exception;
 /// What a server reports, for a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ServerEvent {
     /// A request was carried out, or refused with an exception.
     Served {
         /// The transaction on TCP.
+        #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         transaction: Option<u16>,
         /// The unit; 0 is a broadcast where [`ServerConfig::broadcast`](crate::ServerConfig::broadcast) is on.
         unit: u8,
         /// The function code.
         function: u8,
         /// Why it was refused.
+        #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         exception: Option<Exception>,
     },
     /// A request was neither carried out nor answered: too many replies wait.
     Refused {
         /// The transaction on TCP.
+        #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         transaction: Option<u16>,
         /// The unit.
         unit: u8,
@@ -29,8 +33,10 @@ pub enum ServerEvent {
         function: u8,
     },
     /// Bytes that are no frame.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// On TCP, which corrupts nothing: bytes that no frame begins with, and no frame after them yet. Best close the connection.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     OutOfStep(DecodeError),
     /// The caller broke the contract; nothing has changed.
     Unexpected(Unexpected),
@@ -39,6 +45,7 @@ pub enum ServerEvent {
 /// The counters of a server.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct ServerStatistics {
     /// Requests that were carried out, or refused with an exception.

@@ -37,13 +37,16 @@ pub struct Ball {
 /// What the ball reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum BallEvent {
     /// This packet was sent as the reply to a poll.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Reply(Packet),
     /// An ENQ came before the reply to the last one was sent.
     Ignored,
     /// A byte that is not ENQ. The source knows a second kind of request, a telegram, and does not describe it.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::byte"))]
     Unknown(u8),
     /// A poll came without a connection.
     Unexpected(Unexpected),
@@ -52,6 +55,7 @@ pub enum BallEvent {
 /// What a ball has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct BallStatistics {
     /// Replies with new values.

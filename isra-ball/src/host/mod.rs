@@ -41,11 +41,14 @@ pub struct Host {
 /// What the host reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum HostEvent {
     /// The reply to a poll, with new values: use them until [`Host::live_until`].
+    #[cfg_attr(feature = "serde", serde(rename = "new", serialize_with = "robot_session::under::message"))]
     Packet(Packet),
     /// The reply to a poll, with values that were used before or may be too old: use those of before, as long as they are not stale.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Old(Packet),
     /// A poll without a reply.
     Missed,
@@ -54,8 +57,10 @@ pub enum HostEvent {
     Stale,
     /// A notice: a packet that is no reply. Something delays packets by more than [`max_delay`](HostConfig::max_delay), or noise
     /// was a poll to the ball, which sends nothing unasked (§4.2).
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Unasked(Packet),
     /// A notice: bytes without a packet, a corrupt packet, or one of unknown layout.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// A notice: bytes came without a connection.
     Unexpected(Unexpected),
@@ -64,6 +69,7 @@ pub enum HostEvent {
 /// What a host has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct HostStatistics {
     /// Polls sent.

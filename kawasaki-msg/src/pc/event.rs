@@ -39,8 +39,10 @@ pub enum PcEvent {
     /// What became of a command.
     Command { id: u8, value: i32, outcome: CommandOutcome },
     /// Corrupt bytes; everything around them was read.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// A whole message that cannot be used; everything around it was.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(MessageError),
     /// The caller did what the state does not allow: it has changed nothing.
     Unexpected { state: &'static str, input: &'static str },

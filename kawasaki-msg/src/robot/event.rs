@@ -42,8 +42,10 @@ pub enum RobotEvent {
     /// A cycle has ended without an answer.
     NoReply,
     /// Corrupt bytes; everything around them was read.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// A whole message that cannot be used. A job that cannot takes the rest of its packet with it.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(MessageError),
     /// The caller did what the state does not allow: it has changed nothing.
     Unexpected { state: &'static str, input: &'static str },

@@ -53,6 +53,7 @@ pub struct Controller<'q, T> {
 /// What has happened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ControllerEvent {
     /// An immediate instruction or a query: execute [`Controller::instruction`], then call [`Controller::answer`].
@@ -68,16 +69,24 @@ pub enum ControllerEvent {
         count: u8,
     },
     /// A notice: a frame, or corrupt bytes, are answered with an error code.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "refusal"))]
     Refused(Refusal),
     /// A notice: bytes that are no frame.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// A notice: a call that the state does not allow.
     Unexpected(Unexpected),
 }
 
+#[cfg(feature = "serde")]
+fn refusal<S: serde::Serializer>(refusal: &Refusal, serializer: S) -> Result<S::Ok, S::Error> {
+    robot_session::under::name("refusal", refusal, serializer)
+}
+
 /// What a controller has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct ControllerStatistics {
     /// Instructions queued.

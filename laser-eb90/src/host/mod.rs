@@ -52,6 +52,7 @@ pub struct Host {
 /// What has happened. Instructions are numbered as they were submitted, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum HostEvent {
     /// The controller echoed the command word: interpreted instructions are queued (not yet executed), an immediate one is
@@ -98,6 +99,7 @@ pub enum HostEvent {
         word: u16,
     },
     /// A notice: bytes that are no answer.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// A notice: a call that the state does not allow.
     Unexpected(Unexpected),
@@ -106,6 +108,7 @@ pub enum HostEvent {
 /// What a host has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct HostStatistics {
     /// Instructions submitted: also the number of the next one.

@@ -1,6 +1,7 @@
 //! fanuc-hmi-modbus: its row of the table, its codec and its configurations.
 
 mod codec;
+mod ends;
 mod options;
 
 pub use options::{Frames, ViewSettings, client_settings, frames, word_order};
@@ -17,4 +18,5 @@ pub const LINK: Link = Link {
     traces: &[("fanuc", [Some("server"), Some("client")])],
     settings: || settings::list(options::ViewSettings::default()),
     codec: codec::either,
+    ends: ends::ENDS,
 };

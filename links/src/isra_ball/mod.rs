@@ -1,6 +1,7 @@
 //! isra-ball: its row of the table, its codec and its configurations.
 
 mod codec;
+mod ends;
 mod options;
 
 use crate::link::Link;
@@ -15,4 +16,5 @@ pub const LINK: Link = Link {
     traces: &[("ball", [Some("ball"), None]), ("host-ball", [None, Some("ball")])],
     settings: || settings::list(()),
     codec: |_, settings| codec::ball(settings),
+    ends: ends::ENDS,
 };

@@ -1,6 +1,7 @@
 //! kawasaki-msg: its row of the table, its codec and its configurations.
 
 mod codec;
+mod ends;
 pub mod layout;
 mod options;
 pub mod plant;
@@ -21,4 +22,5 @@ pub const LINK: Link = Link {
     traces: &[("kawasaki-robot", [Some("robot"), Some("pc")]), ("kawasaki-pc", [Some("pc"), Some("robot")])],
     settings: || settings::list(options::CodecSettings::default()),
     codec: |_, settings| codec::either(settings),
+    ends: ends::ENDS,
 };

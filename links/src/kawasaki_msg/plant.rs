@@ -9,7 +9,7 @@ use kawasaki_msg::{
     Acks, Bounds, Charset, ConfigError, Dialect, Entry, Field, LargePc, Limits, PcConfig, RobotConfig, Role,
 };
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use super::layout::{AnyWork, Layout};
 use crate::settings::{Configure, Refused, Table, json};
@@ -30,7 +30,7 @@ pub struct Plant {
     /// The coordinates of the drawing's lines, where a job is one.
     pub bounds: Bounds,
     /// The fields of a job; without them it is a line of a drawing.
-    job: Option<Vec<Value>>,
+    pub(super) job: Option<Vec<Value>>,
     /// The messages, by the names of their roles.
     messages: BTreeMap<String, Message>,
 }
@@ -41,6 +41,16 @@ struct Message {
     default: Entry<'static>,
     sent: bool,
     name: String,
+    header: Vec<FieldSetting>,
+    fields: Vec<FieldSetting>,
+}
+
+/// A message as a configuration of the reference has it.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Given {
+    name: String,
+    #[serde(default)]
     header: Vec<FieldSetting>,
     fields: Vec<FieldSetting>,
 }
@@ -126,12 +136,33 @@ impl Plant {
     /// # Errors
     /// When the table contradicts itself, or lacks what no session can do without.
     pub fn dialect(&self) -> Result<Dialect<'static>> {
-        let entries = Dialect::DEFAULT.entries().iter().filter_map(|default| {
-            let message = self.messages.get(&role_name(default.role))?;
-            message.sent.then(|| message.entry())
-        });
+        let entries = self.messages.values().filter(|message| message.sent).map(Message::entry);
         let dialect = Dialect::new(entries.collect::<Vec<_>>().leak()).map_err(refused)?;
         Ok(dialect.with_charset(self.charset))
+    }
+
+    /// Replaces messages by role, as a configuration of the reference does: `null` where the plant lacks one.
+    ///
+    /// # Errors
+    /// When there is no such role, or an object is no message.
+    pub(super) fn replace(&mut self, messages: Map<String, Value>) -> Result<()> {
+        for (role, given) in messages {
+            let known = self.messages.get(&role).map(|message| message.default);
+            let default = match (known, role.strip_prefix("command_")) {
+                (Some(default), _) => default,
+                (None, Some(id)) => {
+                    let role = Role::Command(id.parse()?);
+                    Entry { role, name: "", header: &[], fields: &[], reply: None, past_queue: true }
+                }
+                (None, None) => anyhow::bail!("no message has the role {role}"),
+            };
+            let (sent, Given { name, header, fields }) = match given {
+                Value::Null => (false, Given::default()),
+                given => (true, serde_json::from_value(given)?),
+            };
+            self.messages.insert(role, Message { default, sent, name, header, fields });
+        }
+        Ok(())
     }
 
     /// What a job is.
@@ -207,13 +238,14 @@ impl Message {
 #[serde(try_from = "String", into = "String")]
 struct FieldSetting(String);
 
-const NAMES: [(&str, Field<'static>); 8] = [
+const NAMES: [(&str, Field<'static>); 9] = [
     ("order", Field::Order),
     ("ended", Field::Ended),
     ("phase", Field::Phase),
     ("number", Field::Number),
     ("queued", Field::Queued),
     ("executed", Field::Executed),
+    ("value", Field::Value),
     ("work", Field::Work),
     ("unused", Field::Unused),
 ];

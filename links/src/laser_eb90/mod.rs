@@ -1,6 +1,7 @@
 //! laser-eb90: its row of the table, its codec and its configurations.
 
 mod codec;
+mod ends;
 mod options;
 
 use crate::link::Link;
@@ -19,4 +20,5 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(laser_eb90::Profile::default()),
     codec: |_, settings| codec::either(settings),
+    ends: ends::ENDS,
 };

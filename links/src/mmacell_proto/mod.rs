@@ -1,6 +1,7 @@
 //! mmacell-proto: its row of the table, its codec and its configurations.
 
 mod codec;
+mod ends;
 mod options;
 
 use crate::link::Link;
@@ -22,4 +23,5 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(mmacell_proto::Dialect::STRICT),
     codec: codec::either,
+    ends: ends::ENDS,
 };

@@ -1,6 +1,7 @@
 //! val2-alter: its row of the table, its codec and its configurations.
 
 mod codec;
+mod ends;
 mod options;
 
 pub use options::mode;
@@ -18,4 +19,5 @@ pub const LINK: Link = Link {
     traces: &[("robot", [Some("robot"), Some("host")]), ("host-robot", [Some("host"), Some("robot")])],
     settings: || settings::list(val2_alter::Framing::DEFAULT),
     codec: codec::either,
+    ends: ends::ENDS,
 };

@@ -1,6 +1,7 @@
 //! val2-viewer: its row of the table, its codec and its configurations.
 
 mod codec;
+mod ends;
 mod options;
 
 use crate::link::Link;
@@ -15,4 +16,5 @@ pub const LINK: Link = Link {
     traces: &[("viewer", [None, Some("host")]), ("host-viewer", [Some("host"), None])],
     settings: || settings::list(()),
     codec: |_, settings| codec::host(settings),
+    ends: ends::ENDS,
 };

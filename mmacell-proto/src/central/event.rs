@@ -6,6 +6,7 @@ use crate::message::{Command, ErrorCode, Status};
 /// What happened at the central controller's end. All but the first and the last are outcomes; each command has exactly one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum CentralEvent<P> {
     /// A notice: there is a connection, and a command may be requested.
@@ -49,6 +50,7 @@ pub enum CentralEvent<P> {
 /// Why a connection has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Closing {
     /// The device has agreed to a [`Command::Close`].
@@ -69,6 +71,7 @@ pub enum Closing {
 /// The command that was not finished when its connection ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Unfinished<P> {
     /// There was none.
     Nothing,
@@ -81,6 +84,7 @@ pub enum Unfinished<P> {
 /// What a status means for the motion that was commanded last on this connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Progress {
     /// The device is at rest, and there is no target to compare with: no motion was commanded, it was stopped, or it was a
     /// [`Command::Reset`] or a relative motion from an unknown pose.
@@ -100,6 +104,7 @@ pub enum Progress {
 /// How a motion has failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum Miss {
     /// The device is at rest elsewhere than at its target.
     Elsewhere,

@@ -44,6 +44,7 @@ const OUTCOMES: usize = 4;
 /// What a central controller's end has counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct CentralStatistics {
     /// Connections that were made.

@@ -5,6 +5,7 @@ use crate::error::DecodeError;
 /// What happened at the device's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DeviceEvent<P> {
     /// The central controller orders this. Answer with [`Device::accept`](crate::Device::accept), and carry it out only if that
@@ -72,6 +73,7 @@ pub enum Order<P> {
 /// Why a connection has ended at the device's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DeviceClosing {
     /// The central controller has closed it; the reply has been sent.
@@ -83,6 +85,7 @@ pub enum DeviceClosing {
 /// Why the protocol itself refuses a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum Rejection {
     /// It cannot be read.

@@ -50,6 +50,7 @@ const BACKLOG: usize = 512;
 /// What a device's end has counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct DeviceStatistics {
     /// Connections that were made.

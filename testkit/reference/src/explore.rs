@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use testkit::rng::Rng;
 
-use crate::ends::ends;
+use crate::ends;
 use crate::json::{self, Object};
 use crate::story::{Inputs, Story, play, reachable};
 
@@ -23,7 +23,7 @@ pub(crate) fn explore(root: &Path, link: &str, seeds: u64) -> Result<()> {
         crate::input(root, "stories", link)?.with_context(|| format!("{link} has no stories"))?;
     let mut id = u32::try_from(inputs.stories.len())?;
     for (end, about) in &inputs.ends {
-        let rules = (ends(link, end)?.rules)();
+        let rules = ends::rules(link, end)?;
         let mut cells = reachable(link, &about.machines);
         cells.retain(|cell| !about.unreachable.contains_key(cell));
         let found = |story: &Story| -> Result<Found> {

@@ -46,7 +46,11 @@ impl Object {
 
 /// A value as JSON, with a space after each comma and colon outside of its strings.
 pub(crate) fn text(value: &(impl Serialize + ?Sized)) -> Result<String> {
-    let dense = serde_json::to_string(value)?;
+    Ok(spaced(&serde_json::to_string(value)?))
+}
+
+/// JSON with those spaces.
+pub(crate) fn spaced(dense: &str) -> String {
     let (mut text, mut in_string, mut escaped) = (String::with_capacity(dense.len()), false, false);
     for c in dense.chars() {
         text.push(c);
@@ -58,7 +62,7 @@ pub(crate) fn text(value: &(impl Serialize + ?Sized)) -> Result<String> {
             _ => {}
         }
     }
-    Ok(text)
+    text
 }
 
 /// The head of a file and its list, one item a line.

@@ -10,7 +10,7 @@ use serde_json::{Map, Value};
 use testkit::model::Cell;
 
 use crate::codec::codec;
-use crate::ends::{Do, End, Omits, Step, ends};
+use crate::ends::{self, Do, End, Omits, Step};
 use crate::json::{self, Object, hex, unhex};
 use crate::states;
 
@@ -82,7 +82,7 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
         let before = covered.entry(&story.end).or_default();
         let fresh: Vec<&String> = played.cells.iter().filter(|cell| !before.contains(*cell)).collect();
         let mut needs = Vec::new();
-        for (index, rule) in (ends(link, &story.end)?.rules)().into_iter().enumerate() {
+        for (index, rule) in ends::rules(link, &story.end)?.into_iter().enumerate() {
             // A script may name times that another way has passed already.
             if play(link, &inputs, story, Some(index)).map_or(true, |other| other.steps != played.steps) {
                 needs.push(rule);
@@ -116,7 +116,7 @@ pub(crate) fn file(root: &Path, link: &str) -> Result<Option<String>> {
             .collect();
         let count = reachable.intersection(&covered).count();
         let needed = needed.remove(end.as_str()).unwrap_or_default();
-        let rules = (ends(link, end)?.rules)();
+        let rules = ends::rules(link, end)?;
         let unneeded: Vec<_> = rules
             .iter()
             .filter(|rule| !needed.contains(*rule) && !about.unneeded.contains_key(*rule))
@@ -159,10 +159,10 @@ pub(crate) fn reachable(link: &str, machines: &[String]) -> BTreeSet<String> {
 
 /// Plays a story; `without`: the number of the rule that the machine leaves out.
 pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<usize>) -> Result<Played> {
-    let mut end = (ends(link, &story.end)?.make)(&story.config, without)?;
+    let mut end = End::new(link, &story.end, &story.config, without)?;
     let (mut now, mut steps, mut cells) = (Duration::ZERO, Vec::new(), BTreeSet::new());
     for line in &story.script {
-        let (at, omits, verb) = parse(&*end, now, line)?;
+        let (at, omits, verb) = parse(&end, now, line)?;
         ensure!(at >= now, "{line}: the time goes back");
         now = at;
         let (input, json) = verb_of(link, inputs, verb).with_context(|| line.clone())?;
@@ -181,7 +181,7 @@ pub(crate) fn play(link: &str, inputs: &Inputs, story: &Story, without: Option<u
 }
 
 /// `TIME [hold] [keep] VERB…`; the time is in milliseconds: `28.5`, after the last step `+28.5`, or the deadline `due`, `due+1`, `due-1`.
-fn parse<'a>(end: &dyn End, now: Duration, line: &'a str) -> Result<(Duration, Omits, &'a str)> {
+fn parse<'a>(end: &End, now: Duration, line: &'a str) -> Result<(Duration, Omits, &'a str)> {
     let (time, verb) = line.split_once(' ').with_context(|| format!("{line}: no verb"))?;
     let due = || end.deadline().filter(|due| *due < Duration::MAX).map_or(now, |due| due.max(now));
     let at = match (time.strip_prefix("due"), time.strip_prefix('+')) {

@@ -196,7 +196,7 @@ fn hostile(rng: &mut Rng) -> Tally {
         host.handle_timeout(now);
         while host.poll_transmit(now, &mut out).is_some() {}
         while let Some(event) = host.poll_event() {
-            answered += usize::from(matches!(event, HostEvent::Exception(..)));
+            answered += usize::from(matches!(event, HostEvent::Exception { .. }));
         }
 
         let message = match rng.below(6) {
@@ -221,7 +221,7 @@ fn hostile(rng: &mut Rng) -> Tally {
     host.handle_disconnected(now);
     controller.handle_disconnected(now);
     while let Some(event) = host.poll_event() {
-        answered += usize::from(matches!(event, HostEvent::Exception(..)));
+        answered += usize::from(matches!(event, HostEvent::Exception { .. }));
     }
     while let Some(event) = controller.poll_event() {
         ended += usize::from(matches!(event, ControllerEvent::Ended(_)));
@@ -381,7 +381,7 @@ impl Cell {
     fn note(&mut self, events: Vec<HostEvent>, mark: Mark) {
         for event in events {
             self.log.line(self.now, format_args!("  host: {event:?}"));
-            if let HostEvent::Exception(_, outcome) = event
+            if let HostEvent::Exception { outcome, .. } = event
                 && let Some(job) = self.exception.take()
             {
                 let reported = match outcome {

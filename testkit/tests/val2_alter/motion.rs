@@ -220,9 +220,10 @@ fn a_short_subroutine_is_in_one_message_too() {
         })
         .collect();
     assert_eq!(phases, [MotionPhase::Interrupted, MotionPhase::Running, MotionPhase::Running]);
-    assert!(
-        cell.host_events.contains(&HostEvent::Exception(Exception::CloseGripper, ExceptionOutcome::Done))
-    );
+    assert!(cell.host_events.contains(&HostEvent::Exception {
+        exception: Exception::CloseGripper,
+        outcome: ExceptionOutcome::Done
+    }));
 }
 
 #[test]
@@ -344,7 +345,7 @@ fn codes<const N: usize>(host: &mut Host, messages: [&[u8]; N]) -> [u8; N] {
 
 fn outcomes(host: &mut Host) -> Vec<ExceptionOutcome> {
     let outcome = |event| match event {
-        HostEvent::Exception(Exception::OpenGripper, outcome) => Some(outcome),
+        HostEvent::Exception { exception: Exception::OpenGripper, outcome } => Some(outcome),
         _ => None,
     };
     core::iter::from_fn(|| host.poll_event()).filter_map(outcome).collect()

@@ -114,9 +114,11 @@ impl<'a> Ends<'a> {
                 HostEvent::TargetStale => Some("target stale"),
                 HostEvent::Stopped => Some("stopped"),
                 HostEvent::Lost(_) => Some("lost"),
-                HostEvent::Exception(_, ExceptionOutcome::Done) => Some("exception done"),
-                HostEvent::Exception(_, ExceptionOutcome::NotDone) => Some("exception not done"),
-                HostEvent::Exception(_, ExceptionOutcome::Unknown(_)) => Some("exception unknown"),
+                HostEvent::Exception { outcome: ExceptionOutcome::Done, .. } => Some("exception done"),
+                HostEvent::Exception { outcome: ExceptionOutcome::NotDone, .. } => Some("exception not done"),
+                HostEvent::Exception { outcome: ExceptionOutcome::Unknown(_), .. } => {
+                    Some("exception unknown")
+                }
                 HostEvent::Unexpected(unexpected) => return Err(unexpected.to_string()),
                 // An end message is an event whether or not it ends something.
                 _ => None,

@@ -114,6 +114,7 @@ impl Unselected {
 /// What a [`Controller`](crate::Controller) reports. Each start ends in `Refused`, `GaveUp` or `Ended`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum ControllerEvent {
     /// The host accepted: standard messages follow.
@@ -125,28 +126,45 @@ pub enum ControllerEvent {
     /// A reply was taken.
     Reply {
         /// The reply.
+        #[cfg_attr(feature = "serde", serde(rename = "message", serialize_with = "message"))]
         reply: Reply,
         /// What it does to the arm: the increments of this cycle (cumulative), or how far the arm is held off the path
         /// (non-cumulative). While the exception subroutine runs a reply changes nothing.
         values: [i16; AXES],
     },
     /// A reply or an answer to a start message could not be read, or did not come; the next message reports it to the host.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     BadReply(ErrorCode),
     /// The exception subroutine begins: call [`Controller::resume`](crate::Controller::resume) when it returns.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "exception"))]
     Exception(Exception),
     /// An exception came, and there is no subroutine: the program is aborted.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "exception"))]
     Aborted(Exception),
     /// ALTER is over, the arm is at rest: the end message was sent, or the port is gone.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Ended(ErrorCode),
     /// A message that no window was open for: late, early, or one too many. It has no effect.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Stray(HostMessage),
     /// A call that the contract does not allow, or an input that the machine did not expect; nothing has changed.
     Unexpected(Unexpected),
 }
 
+#[cfg(feature = "serde")]
+fn message<S: serde::Serializer>(reply: &Reply, serializer: S) -> Result<S::Ok, S::Error> {
+    serde::Serialize::serialize(&HostMessage::Reply(*reply), serializer)
+}
+
+#[cfg(feature = "serde")]
+fn exception<S: serde::Serializer>(exception: &Exception, serializer: S) -> Result<S::Ok, S::Error> {
+    robot_session::under::name("exception", exception, serializer)
+}
+
 /// What a [`Controller`](crate::Controller) has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct ControllerStatistics {
     /// Start messages sent.

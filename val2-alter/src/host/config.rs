@@ -151,6 +151,7 @@ impl Default for HostConfig {
 
 /// How start messages are answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Policy {
     /// Accepted; a corrupt one is asked for again.
     Accept,
@@ -163,25 +164,37 @@ pub enum Policy {
 /// What a [`Host`](crate::Host) reports. Each ALTER of which a message came ends in one `End` or `Lost`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum HostEvent {
     /// A start message. It is answered by the policy that holds when `poll_transmit` is called next.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Start(Start),
     /// A standard message. While ALTER runs, a reply to it is due.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Motion(Motion),
     /// The controller has ended ALTER. The host takes its next start by itself.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     End(End),
     /// ALTER is over without an end message.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "reason"))]
     Lost(LostReason),
     /// What became of an exception.
-    Exception(Exception, ExceptionOutcome),
+    Exception {
+        /// Which.
+        exception: Exception,
+        /// What became of it.
+        outcome: ExceptionOutcome,
+    },
     /// [`Host::stop`](crate::Host::stop) is done: the controller has read zeros, and no message is answered any more.
     Stopped,
     /// Bytes that are no message. `Host` has done what is to be done about it.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// The deadline passed before `poll_transmit` was called: no reply was sent, and the controller will end ALTER.
     Missed,
     /// The controller could not read the last reply, and why.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Rejected(ErrorCode),
     /// No target was set for [`HostConfig::target_timeout`].
     TargetStale,
@@ -189,9 +202,15 @@ pub enum HostEvent {
     Unexpected(Unexpected),
 }
 
+#[cfg(feature = "serde")]
+fn reason<S: serde::Serializer>(reason: &LostReason, serializer: S) -> Result<S::Ok, S::Error> {
+    robot_session::under::name("reason", reason, serializer)
+}
+
 /// Why ALTER is over without an end message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum LostReason {
     /// Nothing was received for several cycles.
     Silence,
@@ -204,6 +223,7 @@ pub enum LostReason {
 /// What became of an exception.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum ExceptionOutcome {
     /// The controller has read it: the subroutine was started.
     Done,
@@ -216,6 +236,7 @@ pub enum ExceptionOutcome {
 /// Why nobody knows whether an exception was read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "snake_case"))]
 pub enum UnknownReason {
     /// ALTER ended before the next message.
     Ended,
@@ -228,6 +249,7 @@ pub enum UnknownReason {
 /// What a [`Host`](crate::Host) has counted since it was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct HostStatistics {
     /// Start messages accepted.

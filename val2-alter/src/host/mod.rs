@@ -195,7 +195,7 @@ impl Host {
 
     #[cold]
     fn ended(&mut self, exception: Exception, outcome: ExceptionOutcome) {
-        self.push_outcome(HostEvent::Exception(exception, outcome));
+        self.push_outcome(HostEvent::Exception { exception, outcome });
     }
 
     #[inline(always)] // nearly always there is nothing

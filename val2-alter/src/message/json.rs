@@ -10,40 +10,12 @@ use super::mode::Mode;
 use super::robot::{End, List, Motion, MotionPhase, RobotMessage, Start};
 use super::transform::Transform;
 
-#[derive(Clone, Copy, Serialize, Deserialize)]
+#[derive(Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Kind {
     Start,
     Motion,
     End,
-}
-
-#[derive(Serialize)]
-struct StartObject {
-    kind: Kind,
-    #[serde(skip_serializing_if = "is_true")]
-    marked: bool,
-    #[serde(skip_serializing_if = "is_none")]
-    error: ErrorCode,
-    mode: Mode,
-    data: List,
-}
-
-#[derive(Serialize)]
-struct MotionObject {
-    kind: Kind,
-    phase: MotionPhase,
-    error: ErrorCode,
-    segment_status: SegmentStatus,
-    segment: u16,
-    percent: u16,
-    transform: Option<Transform>,
-}
-
-#[derive(Serialize)]
-struct EndObject {
-    kind: Kind,
-    error: ErrorCode,
 }
 
 /// Every field of every kind: a tagged enum cannot be read without an allocator.
@@ -62,28 +34,12 @@ struct AnyObject {
     transform: Option<Transform>,
 }
 
-fn is_true(marked: &bool) -> bool {
+pub(super) fn is_true(marked: &bool) -> bool {
     *marked
 }
 
-fn is_none(error: &ErrorCode) -> bool {
+pub(super) fn is_none(error: &ErrorCode) -> bool {
     *error == ErrorCode::None
-}
-
-impl Serialize for RobotMessage {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match *self {
-            Self::Start(Start { marked, error, mode, data }) => {
-                StartObject { kind: Kind::Start, marked, error, mode, data }.serialize(serializer)
-            }
-            Self::Motion(Motion { phase, error, segment_status, segment, percent, transform }) => {
-                let kind = Kind::Motion;
-                MotionObject { kind, phase, error, segment_status, segment, percent, transform }
-                    .serialize(serializer)
-            }
-            Self::End(End { error }) => EndObject { kind: Kind::End, error }.serialize(serializer),
-        }
-    }
 }
 
 impl<'de> Deserialize<'de> for RobotMessage {

@@ -11,6 +11,7 @@ use crate::framing::Framing;
 /// A message from the controller to the host.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(untagged))]
 pub enum RobotMessage {
     /// ALTER begins: to be answered.
     Start(Start),
@@ -77,11 +78,14 @@ fn control(phase: u8, error: ErrorCode) -> u8 {
 /// The start message (§3.2.1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename = "start"))]
 pub struct Start {
     /// Bit 7 of the control byte. The section on the start message leaves it out, the one on the control byte demands it:
     /// it is always written, and read either way.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "super::json::is_true"))]
     pub marked: bool,
     /// What was wrong with the answer to the attempt before.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "super::json::is_none"))]
     pub error: ErrorCode,
     /// The mode of the ALTER instruction.
     pub mode: Mode,
@@ -177,6 +181,7 @@ impl defmt::Format for List {
 /// The standard message (§3.2.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename = "motion"))]
 pub struct Motion {
     /// Whether ALTER runs or is interrupted by the exception subroutine.
     pub phase: MotionPhase,
@@ -254,6 +259,7 @@ pub enum MotionPhase {
 /// The last message (§3.2.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "kind", rename = "end"))]
 pub struct End {
     /// Why ALTER ended; none when the program ended it.
     pub error: ErrorCode,

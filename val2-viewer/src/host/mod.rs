@@ -39,17 +39,20 @@ pub struct Host {
 /// What the host reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum HostEvent {
     /// A request has come: it is answered as soon as there is a pose, and the interval is over.
     Asked,
     /// A packet was sent.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Sent(PosePacket),
     /// A request came before the answer to the last one was sent: one packet answers both.
     Ignored,
     /// The pose is too old: requests wait for a new one. Once for each pose.
     Stale,
     /// A byte that is not ENQ.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::byte"))]
     Unknown(u8),
     /// A request came without a connection.
     Unexpected(Unexpected),
@@ -58,6 +61,7 @@ pub enum HostEvent {
 /// What a host has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct HostStatistics {
     /// Requests that have or had a packet of their own.

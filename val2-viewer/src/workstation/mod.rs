@@ -37,9 +37,11 @@ pub struct Workstation {
 /// What the workstation reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum WorkstationEvent {
     /// The answer to a request: draw it.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Pose(PosePacket),
     /// A request without an answer: it could not be read, the display was paused, or the connection is lost.
     Missed,
@@ -47,8 +49,10 @@ pub enum WorkstationEvent {
     /// else. Once, until a new pose comes.
     Stale,
     /// A notice: a packet that no request has asked for, such as the answer to a request before the last pause.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Unasked(PosePacket),
     /// A notice: bytes without a packet, or a corrupt packet.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// A notice: bytes came without a connection.
     Unexpected(Unexpected),
@@ -57,6 +61,7 @@ pub enum WorkstationEvent {
 /// What a workstation has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct WorkstationStatistics {
     /// Requests sent.

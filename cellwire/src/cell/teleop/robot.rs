@@ -203,7 +203,9 @@ impl Robot {
                     inputs.push(LatchInput::Silent);
                     Notification::Stopped
                 }
-                HostEvent::Exception(exception, outcome) => Notification::GripperOutcome(exception, outcome),
+                HostEvent::Exception { exception, outcome } => {
+                    Notification::GripperOutcome(exception, outcome)
+                }
                 HostEvent::Lost(reason) => {
                     inputs.push(LatchInput::Disconnected);
                     Notification::Lost(reason)

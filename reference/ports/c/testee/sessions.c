@@ -77,22 +77,32 @@ static bool central_event(bool is_first)
         return false;
     begin_event(is_first, NAMES[event.kind]);
     bool is_status = event.kind == MMACELL_CENTRAL_STATUS, is_closed = event.kind == MMACELL_CENTRAL_CLOSED;
-    const char *field = is_closed ? UNFINISHED[event.unfinished] : "command";
     if (is_status) {
         print(",\"status\":{");
         print_mmacell_status(&event.message);
-        print("},\"motion\":\"%s\"", event.motion);
-    } else if (field != NULL && event.kind != MMACELL_CENTRAL_CONNECTED) {
-        print(",\"%s\":", field);
+        if (strncmp(event.motion, "missed_", 7) == 0)
+            print("},\"motion\":{\"missed\":\"%s\"}", event.motion + 7);
+        else
+            print("},\"motion\":\"%s\"", event.motion);
+    } else if (!is_closed && event.kind != MMACELL_CENTRAL_CONNECTED) {
+        print(",\"command\":");
         print_mmacell_message(&event.message);
     }
     if (event.kind == MMACELL_CENTRAL_REFUSED)
         print(",\"error\":%d", (int)event.error);
-    if (is_closed)
-        print(",\"reason\":\"%s\"", event.reason);
     if (is_closed && strcmp(event.reason, "malformed") == 0) {
-        print(",\"error\":");
+        print(",\"reason\":{\"malformed\":");
         print_mmacell_error(&event.item);
+        print("}");
+    } else if (is_closed) {
+        print(",\"reason\":\"%s\"", event.reason);
+    }
+    if (is_closed && UNFINISHED[event.unfinished] == NULL) {
+        print(",\"unfinished\":\"nothing\"");
+    } else if (is_closed) {
+        print(",\"unfinished\":{\"%s\":", UNFINISHED[event.unfinished]);
+        print_mmacell_message(&event.message);
+        print("}");
     }
     print("}");
     return true;
@@ -188,9 +198,11 @@ static void print_laser_event(const struct laser_host_event *event)
     case LASER_HOST_REFUSED:
     case LASER_HOST_UNKNOWN:
         print(",\"first\":%llu,\"count\":%u", (unsigned long long)event->first, event->count);
-        print(",\"%s\":\"%s\"", event->kind == LASER_HOST_REFUSED ? "refusal" : "reason", event->text);
+        print(",\"%s\":", event->kind == LASER_HOST_REFUSED ? "refusal" : "reason");
         if (event->word != 0)
-            print(",\"expected\":%u,\"found\":%u", event->expected, event->word);
+            print("{\"%s\":{\"expected\":%u,\"found\":%u}}", event->text, event->expected, event->word);
+        else
+            print("\"%s\"", event->text);
         return;
     case LASER_HOST_UNASKED:
         print(",\"word\":%u", event->word);
@@ -338,9 +350,11 @@ static bool alter_event(bool is_first)
     } else if (event.kind == ALTER_HOST_REJECTED) {
         print(",\"error\":%d", event.code);
     } else if (event.kind == ALTER_HOST_EXCEPTION) {
-        print(",\"exception\":%d,\"outcome\":\"%s\"", event.code, event.text);
+        print(",\"exception\":%d,\"outcome\":", event.code);
         if (event.reason != NULL)
-            print(",\"reason\":\"%s\"", event.reason);
+            print("{\"%s\":\"%s\"}", event.text, event.reason);
+        else
+            print("\"%s\"", event.text);
     }
     print("}");
     return true;

@@ -112,9 +112,9 @@ class Host(Session):
 
     # What becomes of an exception (section 7.6)
 
-    def settle_exception(self, outcome: str, **reason: str) -> None:
+    def settle_exception(self, outcome: str | Json) -> None:
         if self.exception is not None:
-            self.report("exception", exception=self.exception[0], outcome=outcome, **reason)
+            self.report("exception", exception=self.exception[0], outcome=outcome)
             self.exception = None
 
     def end_exception(self) -> None:
@@ -122,7 +122,7 @@ class Host(Session):
         if self.exception is not None and self.exception[1] is Sent.UNSENT:
             self.settle_exception("not_done")
         else:
-            self.settle_exception("unknown", reason="ended")
+            self.settle_exception({"unknown": "ended"})
 
     def judge_exception(self, now: int, message: Json) -> None:
         """A standard message has come."""
@@ -131,16 +131,16 @@ class Host(Session):
         code, sent = self.exception
         follows = now < self.follows_until
         if self.config.max_delay >= CYCLE - self.config.window:
-            self.settle_exception("unknown", reason="out_of_sequence")
+            self.settle_exception({"unknown": "out_of_sequence"})
         elif sent is Sent.SENT and message["error"] == 0:
             self.settle_exception("done")
         elif message["phase"] == "interrupted":
-            self.settle_exception("unknown", reason="unclear")
+            self.settle_exception({"unknown": "unclear"})
         elif sent is Sent.SENT:
             self.exception = (code, Sent.UNREAD)
             self.follows_until = self.follows_from(now) if follows else 0
         elif not follows:
-            self.settle_exception("unknown", reason="out_of_sequence")
+            self.settle_exception({"unknown": "out_of_sequence"})
         elif self.phase is Phase.STOPPING:
             self.settle_exception("not_done")
         else:

@@ -186,7 +186,8 @@ class Host(Session):
             quiet_until = self.settled_if_taken(now)
             if self.state is not State.AWAITING:
                 quiet_until = max(self.until, after(now, self.settle))
-            self.finish("unknown", quiet_until, reason="other_word", expected=batch.word, found=word)
+            reason = {"other_word": {"expected": batch.word, "found": word}}
+            self.finish("unknown", quiet_until, reason=reason)
         elif self.state is State.AWAITING:
             self.take_code(now, batch, CODES[word])
 

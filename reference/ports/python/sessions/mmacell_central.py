@@ -70,10 +70,10 @@ class Central(Session):
     def new_decoder(self) -> mmacell_proto.Decoder:
         return mmacell_proto.Decoder(self.device, self.config.accepts)
 
-    def close(self, reason: str, link: Link, **fields: Any) -> None:
+    def close(self, reason: str | Json, link: Link) -> None:
         """The connection ends; a command that was not finished is reported with it (MM-36)."""
-        unfinished = {Link.SENDING: "not_sent", Link.AWAITING: "unknown"}.get(self.link)
-        self.report("closed", reason=reason, **fields, **({unfinished: self.command} if unfinished else {}))
+        name = {Link.SENDING: "not_sent", Link.AWAITING: "unknown"}.get(self.link)
+        self.report("closed", reason=reason, unfinished={name: self.command} if name else "nothing")
         self.link = link
 
     def connected(self, now: int) -> None:
@@ -97,7 +97,7 @@ class Central(Session):
             if self.link is Link.ENDED:  # MM-38
                 continue
             if item.error is not None:
-                self.close("malformed", Link.ENDED, error=item.error)
+                self.close({"malformed": item.error}, Link.ENDED)
             elif item.message is not None:
                 self.reply(now, item.message)
 
@@ -151,7 +151,7 @@ class Central(Session):
         decimals = mmacell_proto.ROBOT if len(axes) == len(mmacell_proto.ROBOT) else mmacell_proto.PLATFORM
         return tuple(round(axis * 10**digits) for axis, digits in zip(axes, decimals))
 
-    def status(self, message: Json) -> str:
+    def status(self, message: Json) -> str | Json:
         """What a status means for the motion (MM-70)."""
         pose, servo = self.counts(message["axes"]), message["servo"]
         if message["moving"]:
@@ -169,10 +169,10 @@ class Central(Session):
             return "starting"
         self.motion, self.pose = Motion.REST, pose
         if not servo:
-            return "missed_servo_off"
+            return {"missed": "servo_off"}
         if self.target is Target.UNKNOWN:
             return "still"
-        return "arrived" if is_there else "missed_elsewhere"
+        return "arrived" if is_there else {"missed": "elsewhere"}
 
     def timeout(self, now: int) -> None:
         if self.link is Link.AWAITING and now >= self.until:

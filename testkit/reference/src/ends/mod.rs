@@ -1,30 +1,14 @@
-//! The ends of links that stories drive.
+//! The ends of links that stories drive: the table's, with what testkit's tables call their states and inputs.
 
-mod alter_controller;
-mod alter_host;
-mod ball;
-mod ball_host;
-mod kawasaki;
-mod kawasaki_pc;
-mod kawasaki_robot;
-mod laser_controller;
-mod laser_host;
-mod mma_central;
-mod mma_device;
-mod modbus;
-mod viewer_host;
-mod viewer_workstation;
+mod names;
 
 use core::time::Duration;
 
-use anyhow::{Result, bail};
-use robot_session::{End as _, EventOf, InputOf, Machine as _, Rule, Rules, Session, Unexpected};
-use serde::de::DeserializeOwned;
+use anyhow::Result;
+use cellwire_links::Link;
 use serde_json::{Map, Value};
 
-use testkit::model::Rows;
-
-use crate::json::{self, Object};
+use crate::json;
 
 /// An input of a session.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,22 +20,6 @@ pub(crate) enum Do {
     Transmitted,
     Nothing,
     Call { name: String, argument: Value },
-}
-
-impl Do {
-    /// Gives it to a session. A call of the end's user is the end's own: its name and argument.
-    fn give(&self, session: &mut impl Session, now: Duration) -> Option<(&str, &Value)> {
-        match self {
-            Self::Connected => session.handle_connected(now),
-            Self::Disconnected => session.handle_disconnected(now),
-            Self::Input(bytes) => session.handle_input(now, bytes),
-            Self::Timeout => session.handle_timeout(now),
-            Self::Transmitted => session.handle_transmitted(now),
-            Self::Nothing => {}
-            Self::Call { name, argument } => return Some((name, argument)),
-        }
-        None
-    }
 }
 
 /// What the driver of a session does not do in a step.
@@ -74,130 +42,54 @@ pub(crate) struct Step {
 }
 
 /// A session that a story drives.
-pub(crate) trait End {
-    fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step>;
-    fn deadline(&self) -> Option<Duration>;
-    fn state(&self) -> String;
+pub(crate) struct End {
+    end: Box<dyn cellwire_links::end::End>,
+    names: names::Names,
 }
 
-/// A configuration's fields, and the number of the rule that is left out.
-type Make = fn(&Map<String, Value>, Option<usize>) -> Result<Box<dyn End>>;
-
-/// How to make an end, and the rules that its machine can be told to leave out, by number.
-pub(crate) struct Maker {
-    pub(crate) make: Make,
-    pub(crate) rules: fn() -> Vec<String>,
+/// The rules that the machine of an end can be told to leave out, by number.
+pub(crate) fn rules(link: &str, name: &str) -> Result<Vec<String>> {
+    Ok((Link::by_name(link)?.end(name)?.rules)())
 }
 
-/// The names of rules.
-fn names<R: Rule>() -> Vec<String> {
-    R::ALL.iter().map(|rule| format!("{rule:?}")).collect()
-}
-
-/// An end of a link by its name.
-pub(crate) fn ends(link: &str, end: &str) -> Result<Maker> {
-    Ok(match (link, end) {
-        ("val2-alter", "host") => alter_host::MAKER,
-        ("val2-alter", "controller") => alter_controller::MAKER,
-        ("kawasaki-msg", "pc") => kawasaki_pc::MAKER,
-        ("kawasaki-msg", "robot") => kawasaki_robot::MAKER,
-        ("val2-viewer", "host") => viewer_host::MAKER,
-        ("val2-viewer", "workstation") => viewer_workstation::MAKER,
-        ("isra-ball", "host") => ball_host::MAKER,
-        ("isra-ball", "ball") => ball::MAKER,
-        ("laser-eb90", "host") => laser_host::MAKER,
-        ("laser-eb90", "controller") => laser_controller::MAKER,
-        ("mmacell-proto", "central") => mma_central::MAKER,
-        ("mmacell-proto", "device") => mma_device::MAKER,
-        ("fanuc-hmi-modbus", "client") => modbus::CLIENT,
-        ("fanuc-hmi-modbus", "server") => modbus::SERVER,
-        _ => bail!("no stories drive the {end} of {link}"),
-    })
-}
-
-/// What is particular to an end.
-trait About {
-    type End: robot_session::End + 'static;
-    type Rows: Rows<Machine = <Self::End as robot_session::End>::Machine>;
-
-    /// A call of the end's user; an error object if the session refuses it.
-    fn call(_: &mut Self::End, _: Duration, name: &str, _: Value) -> Result<Result<(), String>> {
-        bail!("it has no call {name}")
+impl End {
+    /// With the fields of a configuration, and without the rule of a number.
+    pub(crate) fn new(
+        link: &str,
+        name: &str,
+        config: &Map<String, Value>,
+        left_out: Option<usize>,
+    ) -> Result<Self> {
+        let mut end = (Link::by_name(link)?.end(name)?.make)(config, left_out)?;
+        let names = names::names(link, name, config);
+        (names.cells)(&mut *end);
+        Ok(Self { end, names })
     }
 
-    fn event(session: &Self::End, event: EventOf<Self::End>) -> Result<String>;
-
-    /// What a story calls the state.
-    fn state(session: &Self::End) -> String {
-        session.core().machine.name().into()
-    }
-
-    /// What a machine is given, as the cells of its tables.
-    fn cells(machine: &MachineOf<Self>, at: Duration, input: &InputOf<Self::End>) -> Vec<String> {
-        cell::<Self::Rows>(machine, at, input)
-    }
-
-    /// What has happened beside the session's own events, before them.
-    fn beside(_: &mut Self::End) -> Vec<String> {
-        Vec::new()
-    }
-}
-
-type MachineOf<A> = <<A as About>::End as robot_session::End>::Machine;
-
-/// The cell of a table.
-fn cell<R: Rows>(
-    machine: &R::Machine,
-    at: Duration,
-    input: &<R::Machine as robot_session::Machine>::Input,
-) -> Vec<String> {
-    let column = R::column_at(machine, at, input);
-    if column.is_empty() { Vec::new() } else { vec![format!("{}: {column}", R::row(machine, at))] }
-}
-
-/// What a machine was given, with the time and its state.
-type Moves<M> = Option<Vec<(Duration, M, <M as robot_session::Machine>::Input)>>;
-
-/// The cells that were reached since it was asked last.
-fn reached<M: robot_session::Machine>(
-    moves: &mut Moves<M>,
-    cells: impl Fn(&M, Duration, &M::Input) -> Vec<String>,
-) -> Vec<String> {
-    let moves = moves.replace(Vec::new()).unwrap_or_default();
-    moves.into_iter().flat_map(|(at, machine, input)| cells(&machine, at, &input)).collect()
-}
-
-/// A session that notes what its machine is given.
-struct Noted<A: About>(A::End);
-
-impl<A: About + 'static> Noted<A> {
-    fn boxed(mut session: A::End) -> Box<dyn End> {
-        session.core_mut().moves = Some(Vec::new());
-        Box::new(Self(session))
-    }
-}
-
-impl<A: About + 'static> End for Noted<A> {
-    fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
-        let session = &mut self.0;
-        let mut step = Step::default();
-        if let Some((name, argument)) = input.give(session, now) {
-            step.refused = A::call(session, now, name, argument.clone())?.err();
+    pub(crate) fn step(&mut self, now: Duration, input: &Do, omits: Omits) -> Result<Step> {
+        let (end, mut step) = (&mut *self.end, Step::default());
+        match input {
+            Do::Connected => end.handle_connected(now),
+            Do::Disconnected => end.handle_disconnected(now),
+            Do::Input(bytes) => end.handle_input(now, bytes),
+            Do::Timeout => end.handle_timeout(now),
+            Do::Transmitted => end.handle_transmitted(now),
+            Do::Nothing => {}
+            Do::Call { name, argument } => {
+                step.refused = end.call(now, name, argument)?.err().map(|json| json::spaced(&json));
+            }
         }
-        let mut buffer = vec![0; <A::End as Session>::MAX_TRANSMIT];
+        let mut buffer = vec![0; end.max_transmit()];
         loop {
             let mut idle = true;
-            if !omits.events {
-                step.events.extend(A::beside(session));
-            }
             while !omits.events
-                && let Some(event) = session.poll_event()
+                && let Some(event) = end.poll_event()
             {
-                step.events.push(A::event(session, event)?);
+                step.events.push(json::spaced(&event));
                 idle = false;
             }
             while !omits.transmit
-                && let Some(length) = session.poll_transmit(now, &mut buffer)
+                && let Some(length) = end.poll_transmit(now, &mut buffer)
             {
                 step.transmit.push(buffer.get(..length).unwrap_or_default().to_vec());
                 idle = false;
@@ -206,70 +98,15 @@ impl<A: About + 'static> End for Noted<A> {
                 break;
             }
         }
-        step.cells = reached(&mut self.0.core_mut().moves, A::cells);
+        step.cells = (self.names.cells)(end);
         Ok(step)
     }
 
-    fn deadline(&self) -> Option<Duration> {
-        self.0.poll_timeout()
+    pub(crate) fn deadline(&self) -> Option<Duration> {
+        self.end.poll_timeout()
     }
 
-    fn state(&self) -> String {
-        A::state(&self.0)
-    }
-}
-
-/// The rule of a number.
-fn without<R: Rule>(rule: Option<usize>) -> Rules<R> {
-    rule.and_then(|rule| R::ALL.get(rule)).map_or(Rules::ALL, |rule| Rules::without(*rule))
-}
-
-fn event(name: &str) -> Object {
-    Object::new().raw("event", format_args!("\"{name}\""))
-}
-
-fn unexpected(what: Unexpected) -> Result<String> {
-    Ok(event("unexpected").value("state", what.state)?.value("input", what.input)?.end())
-}
-
-/// Until when something may be used, in nanoseconds; nothing if it is for ever.
-fn live_until(until: Option<Duration>) -> Option<u128> {
-    until.filter(|until| *until < Duration::MAX).map(|until| until.as_nanos())
-}
-
-/// An error object without fields.
-fn kind(name: &str) -> String {
-    Object::new().raw("kind", format_args!("\"{name}\"")).end()
-}
-
-fn show(value: &impl serde::Serialize) -> String {
-    json::text(value).unwrap_or_else(|error| format!("\"{error}\""))
-}
-
-/// The fields of a configuration that a story sets.
-struct Fields(Map<String, Value>);
-
-impl Fields {
-    fn take<T: DeserializeOwned>(&mut self, name: &str, field: &mut T) -> Result<()> {
-        if let Some(value) = self.0.remove(name) {
-            *field = serde_json::from_value(value)?;
-        }
-        Ok(())
-    }
-
-    /// A time in nanoseconds; `null` is for ever.
-    fn time(&mut self, name: &str, field: &mut Duration) -> Result<()> {
-        if let Some(value) = self.0.remove(name) {
-            let nanoseconds: Option<u64> = serde_json::from_value(value)?;
-            *field = nanoseconds.map_or(Duration::MAX, Duration::from_nanos);
-        }
-        Ok(())
-    }
-
-    fn end(self) -> Result<()> {
-        match self.0.keys().next() {
-            Some(name) => bail!("the configuration has no field {name}"),
-            None => Ok(()),
-        }
+    pub(crate) fn state(&self) -> String {
+        (self.names.state)(&*self.end)
     }
 }

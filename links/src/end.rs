@@ -1,0 +1,236 @@
+//! One end of any link: a session whose events, calls and statistics are JSON.
+
+use core::borrow::BorrowMut;
+use core::time::Duration;
+#[cfg(feature = "model")]
+use std::any::Any;
+
+use anyhow::{Context, Result, ensure};
+use robot_session::{End as _, EventOf, Machine, Rule, Rules, Session};
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use crate::fields::Fields;
+use crate::json;
+
+/// An end of a link in the table.
+#[derive(Debug, Clone, Copy)]
+pub struct EndRow {
+    /// Its name.
+    pub name: &'static str,
+    /// The rules that its machine can be told to leave out.
+    pub rules: fn() -> Vec<String>,
+    /// What its user may call.
+    pub calls: fn() -> Vec<&'static str>,
+    /// Makes it of the fields of a configuration that are not the defaults, as stories have them: times are nanoseconds. With the
+    /// feature `model` the rule of a number is left out.
+    pub make: Make,
+}
+
+type Make = fn(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>>;
+
+/// A session behind the table; its methods are those of [`Session`].
+#[allow(missing_docs, reason = "they are the session's")]
+pub trait End {
+    fn handle_connected(&mut self, now: Duration);
+    fn handle_disconnected(&mut self, now: Duration);
+    fn handle_input(&mut self, now: Duration, bytes: &[u8]);
+    fn handle_timeout(&mut self, now: Duration);
+    fn handle_transmitted(&mut self, now: Duration);
+    fn wants_input(&self) -> bool;
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize>;
+    fn poll_timeout(&self) -> Option<Duration>;
+    fn max_input(&self) -> usize;
+    fn max_transmit(&self) -> usize;
+
+    /// The next event, as JSON.
+    fn poll_event(&mut self) -> Option<String>;
+
+    /// The counters, as JSON.
+    fn statistics(&self) -> String;
+
+    /// What its user may ask for, by name. Refused: the object of the refusal.
+    ///
+    /// # Errors
+    /// There is no such call, or it has another argument.
+    fn call(&mut self, now: Duration, name: &str, argument: &Value) -> Called;
+
+    /// The name of the machine's state.
+    fn state(&self) -> &'static str;
+
+    /// The machine.
+    #[cfg(feature = "model")]
+    fn machine(&self) -> &dyn Any;
+
+    /// `moves` of [`robot_session::Core`].
+    #[cfg(feature = "model")]
+    fn moves(&mut self) -> &mut dyn Any;
+}
+
+/// What a call gives: nothing, or why it is refused.
+pub type Called = Result<Result<(), String>>;
+
+/// A call by its name.
+pub(crate) type Call<O> = (&'static str, fn(&mut O, Duration, &Value) -> Called);
+
+/// A session with what its user has beside it, such as the other end of its queue.
+pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
+    /// The session.
+    type End: robot_session::End<
+            Machine: 'static,
+            Events: robot_session::Events<Event: Serialize>,
+            Statistics: Serialize,
+        >;
+    /// The rules of its machine.
+    type Rule: Rule;
+
+    /// What its user may ask for.
+    const CALLS: &'static [Call<Self>] = &[];
+
+    /// With the fields of a configuration, and the defaults of all others.
+    fn new(fields: &mut Fields, rules: Rules<Self::Rule>) -> Result<Self>;
+
+    /// What an event shows of the session besides itself: a key, and JSON.
+    fn shows(&self, _event: &EventOf<Self::End>) -> Option<(&'static str, String)> {
+        None
+    }
+
+    /// What has happened beside the session, as JSON.
+    fn beside(&mut self) -> Option<String> {
+        None
+    }
+}
+
+impl EndRow {
+    /// The end of this owner.
+    pub(crate) const fn of<O: Owner>(name: &'static str) -> Self {
+        Self { name, rules: rules::<O>, calls: calls::<O>, make: make::<O> }
+    }
+}
+
+fn rules<O: Owner>() -> Vec<String> {
+    O::Rule::ALL.iter().map(|rule| format!("{rule:?}")).collect()
+}
+
+fn calls<O: Owner>() -> Vec<&'static str> {
+    O::CALLS.iter().map(|(name, _)| *name).collect()
+}
+
+fn make<O: Owner>(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>> {
+    let mut fields = Fields(config.clone());
+    let owner = O::new(&mut fields, kept(left_out)?)?;
+    fields.end()?;
+    Ok(Box::new(Boxed(owner)))
+}
+
+/// All rules but the one of this number.
+fn kept<R: Rule>(left_out: Option<usize>) -> Result<Rules<R>> {
+    #[cfg(feature = "model")]
+    if let Some(rule) = left_out.and_then(|number| R::ALL.get(number)) {
+        return Ok(Rules::without(*rule));
+    }
+    ensure!(left_out.is_none(), "there is no such rule, or none can be left out");
+    Ok(Rules::ALL)
+}
+
+struct Boxed<O>(O);
+
+impl<O: Owner> Boxed<O> {
+    fn session(&mut self) -> &mut O::End {
+        self.0.borrow_mut()
+    }
+}
+
+impl<O: Owner> End for Boxed<O> {
+    fn handle_connected(&mut self, now: Duration) {
+        self.session().handle_connected(now);
+    }
+
+    fn handle_disconnected(&mut self, now: Duration) {
+        self.session().handle_disconnected(now);
+    }
+
+    fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
+        self.session().handle_input(now, bytes);
+    }
+
+    fn handle_timeout(&mut self, now: Duration) {
+        self.session().handle_timeout(now);
+    }
+
+    fn handle_transmitted(&mut self, now: Duration) {
+        self.session().handle_transmitted(now);
+    }
+
+    fn wants_input(&self) -> bool {
+        self.0.borrow().wants_input()
+    }
+
+    fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
+        self.session().poll_transmit(now, out)
+    }
+
+    fn poll_timeout(&self) -> Option<Duration> {
+        self.0.borrow().poll_timeout()
+    }
+
+    fn max_input(&self) -> usize {
+        <O::End as Session>::MAX_INPUT
+    }
+
+    fn max_transmit(&self) -> usize {
+        <O::End as Session>::MAX_TRANSMIT
+    }
+
+    fn poll_event(&mut self) -> Option<String> {
+        if let Some(beside) = self.0.beside() {
+            return Some(beside);
+        }
+        let event = self.session().poll_event()?;
+        let text = json::text(&event);
+        Some(match self.0.shows(&event) {
+            Some((key, value)) => format!("{},\"{key}\":{value}}}", text.strip_suffix('}').unwrap_or(&text)),
+            None => text,
+        })
+    }
+
+    fn statistics(&self) -> String {
+        json::text(&self.0.borrow().statistics())
+    }
+
+    fn call(&mut self, now: Duration, name: &str, argument: &Value) -> Called {
+        let known = O::CALLS.iter().find(|(known, _)| *known == name);
+        let (_, call) = known.with_context(|| format!("it has no call {name}"))?;
+        call(&mut self.0, now, argument)
+    }
+
+    fn state(&self) -> &'static str {
+        self.0.borrow().core().machine.name()
+    }
+
+    #[cfg(feature = "model")]
+    fn machine(&self) -> &dyn Any {
+        &self.0.borrow().core().machine
+    }
+
+    #[cfg(feature = "model")]
+    fn moves(&mut self) -> &mut dyn Any {
+        &mut self.session().core_mut().moves
+    }
+}
+
+/// What a call gives that the session may refuse.
+pub(crate) fn called<T>(result: Result<T, impl Serialize>) -> Called {
+    Ok(result.map(drop).map_err(|refusal| json::text(&refusal)))
+}
+
+/// What a call gives that is never refused.
+pub(crate) fn done<T>(_: T) -> Called {
+    Ok(Ok(()))
+}
+
+/// Until when something may be used, in nanoseconds; nothing if it is for ever.
+pub(crate) fn live_until(until: Option<Duration>) -> Option<(&'static str, String)> {
+    let until = until.filter(|until| *until < Duration::MAX)?;
+    Some(("live_until", until.as_nanos().to_string()))
+}

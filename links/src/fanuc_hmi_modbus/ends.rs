@@ -1,0 +1,175 @@
+//! Both ends; the server with 100 of everything.
+
+use core::time::Duration;
+
+use anyhow::{Result, bail};
+use fanuc_hmi_modbus::{
+    Bits, BitsMut, Client, ClientConfig, ClientEvent, Exception, Frame, Framing, PduBuf, Registers, Server,
+    ServerConfig, Words, WordsMut, client, server, timing,
+};
+use robot_session::Rules;
+use serde::Deserialize as _;
+use serde_json::{Map, Value};
+
+use crate::end::{Call, End, EndRow, Owner, called};
+use crate::fields::Fields;
+use crate::json;
+
+pub(super) const ENDS: &[EndRow] = &[
+    EndRow { make: by_places::<Client<2>, Client<8>>, ..EndRow::of::<Client<8>>("client") },
+    EndRow {
+        make: by_places::<Server<Tables, 2>, Server<Tables, 8>>,
+        ..EndRow::of::<Server<Tables, 8>>("server")
+    },
+];
+
+/// `places` of a configuration is how many places the end has.
+fn by_places<Two: Owner, Eight: Owner>(
+    config: &Map<String, Value>,
+    left_out: Option<usize>,
+) -> Result<Box<dyn End>> {
+    let mut config = config.clone();
+    match config.remove("places").map_or(Some(8), |places| places.as_u64()) {
+        Some(2) => (EndRow::of::<Two>("").make)(&config, left_out),
+        Some(8) => (EndRow::of::<Eight>("").make)(&config, left_out),
+        _ => bail!("an end of the table has 2 or 8 places"),
+    }
+}
+
+impl<const N: usize> Owner for Client<N> {
+    type End = Self;
+    type Rule = client::Rule;
+
+    const CALLS: &'static [Call<Self>] = &[("request", |client, _, argument| {
+        let Ok(frame) = Frame::<PduBuf>::deserialize(argument) else {
+            return Ok(Err(r#"{"kind":"message"}"#.into()));
+        };
+        called(client.request(frame.unit, &frame.pdu.request()?))
+    })];
+
+    fn new(fields: &mut Fields, rules: Rules<client::Rule>) -> Result<Self> {
+        let (framing, baud) = transport(fields)?;
+        let made = match framing {
+            Framing::Tcp => ClientConfig::tcp(),
+            Framing::Rtu { .. } => ClientConfig::rtu(baud),
+            Framing::RtuOverTcp { .. } => ClientConfig::rtu_over_tcp(),
+        };
+        let mut made = ClientConfig { framing, rules, ..made };
+        fields.time("timeout", &mut made.timeout)?;
+        fields.take("in_flight", &mut made.in_flight)?;
+        fields.take("any_unit", &mut made.any_unit)?;
+        fields.take("broadcast", &mut made.broadcast)?;
+        fields.time("turnaround", &mut made.turnaround)?;
+        fields.time("settle", &mut made.settle)?;
+        Ok(Self::new(made)?)
+    }
+
+    fn shows(&self, event: &ClientEvent) -> Option<(&'static str, String)> {
+        let ClientEvent::Replied { ticket, unit } = *event else { return None };
+        // Without the rule that checks it, it may be none.
+        let message = self.reply(ticket).map(|pdu| Frame { transaction: None, unit, pdu });
+        Some(("message", json::text(&message)))
+    }
+}
+
+impl<const N: usize> Owner for Server<Tables, N> {
+    type End = Self;
+    type Rule = server::Rule;
+
+    fn new(fields: &mut Fields, rules: Rules<server::Rule>) -> Result<Self> {
+        let (framing, baud) = transport(fields)?;
+        let made = match framing {
+            Framing::Tcp => ServerConfig::tcp(),
+            Framing::Rtu { .. } => ServerConfig::rtu(1, baud),
+            Framing::RtuOverTcp { .. } => ServerConfig::rtu_over_tcp(1),
+        };
+        let mut made = ServerConfig { framing, rules, ..made };
+        fields.take("unit", &mut made.unit)?;
+        fields.take("broadcast", &mut made.broadcast)?;
+        Ok(Self::new(made, Tables::new())?)
+    }
+}
+
+/// `framing` of a configuration with its silence, and the baud rate of its line.
+fn transport(fields: &mut Fields) -> Result<(Framing, u32)> {
+    let (mut word, mut baud, mut silence) = ("tcp".to_owned(), 19_200, None);
+    fields.take("framing", &mut word)?;
+    fields.take("baud", &mut baud)?;
+    let name = if word == "rtu" { "silence" } else { "stall" };
+    if fields.0.contains_key(name) {
+        let mut time = Duration::ZERO;
+        fields.time(name, &mut time)?;
+        silence = Some(time);
+    }
+    let framing = match (word.as_str(), silence) {
+        ("tcp", None) => Framing::Tcp,
+        ("rtu", silence) => Framing::Rtu { silence: silence.unwrap_or_else(|| timing::silence(baud)) },
+        ("rtu_over_tcp", None) => Framing::RTU_OVER_TCP,
+        ("rtu_over_tcp", Some(stall)) => Framing::RtuOverTcp { stall },
+        (word, _) => bail!("no framing {word}, or none with this field"),
+    };
+    Ok((framing, baud))
+}
+
+/// What reference/README.md says that a server of the stories holds.
+#[derive(Debug, Clone)]
+struct Tables {
+    coils: [bool; 100],
+    holding: [u16; 100],
+}
+
+impl Tables {
+    fn new() -> Self {
+        Self {
+            coils: core::array::from_fn(|address| address % 3 == 0),
+            holding: core::array::from_fn(|address| u16::try_from(7 * address).unwrap_or_default()),
+        }
+    }
+}
+
+/// The items of a request, if the table has all of them.
+fn items<T>(table: &mut [T], address: u16, count: usize) -> Result<&mut [T], Exception> {
+    let first = usize::from(address);
+    table.get_mut(first..first + count).ok_or(Exception::IllegalDataAddress)
+}
+
+impl Registers for Tables {
+    fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        let bits = items(&mut self.coils, address, out.len())?;
+        bits.iter().enumerate().for_each(|(index, bit)| out.set(index, *bit));
+        Ok(())
+    }
+
+    fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        let bits = items(&mut self.coils, address, out.len())?;
+        bits.iter().enumerate().for_each(|(index, bit)| out.set(index, !*bit));
+        Ok(())
+    }
+
+    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        out.copy_from(items(&mut self.holding, address, out.len())?);
+        Ok(())
+    }
+
+    fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
+        values.copy_to(items(&mut self.coils, address, values.len())?);
+        Ok(())
+    }
+
+    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+        values.copy_to(items(&mut self.holding, address, values.len())?);
+        Ok(())
+    }
+
+    fn other(&mut self, function: u8, data: &[u8], out: &mut [u8]) -> Result<usize, Exception> {
+        match function {
+            65 => {
+                out.iter_mut().zip(data).for_each(|(to, from)| *to = *from);
+                Ok(data.len())
+            }
+            66 => Ok(out.len() + 1),
+            67 => Err(Exception::ServerDeviceBusy),
+            _ => Err(Exception::IllegalFunction),
+        }
+    }
+}

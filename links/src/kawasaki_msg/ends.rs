@@ -1,0 +1,346 @@
+//! Both ends; the PC with the jobs of its order, the robot with the motion program that takes them from its queue.
+
+use core::borrow;
+use core::cell::RefCell;
+use std::rc::Rc;
+
+use anyhow::{Context, Result, bail, ensure};
+use kawasaki_msg::{
+    Acks, Dialect, Job, JobSource, LargePc, LargeRobot, PcConfig, RecoveryLimits, RobotConfig, Supply,
+    Takeover, Text, pc, robot,
+};
+use robot_session::Rules;
+use robot_work_queue::Reader;
+use serde::Deserialize;
+use serde_json::{Map, Value};
+
+use super::layout::{AnyValue, AnyWork, Holds, Layout};
+use super::plant::Plant;
+use crate::end::{Call, Called, EndRow, Owner, called, done};
+use crate::fields::Fields;
+use crate::json;
+
+pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Pc>("pc"), EndRow::of::<Robot>("robot")];
+
+/// Slots of the queue where nothing says how many.
+const SLOTS: usize = 256;
+
+/// The PC, and the jobs of its order.
+struct Pc {
+    pc: LargePc<'static, Source>,
+    layout: Layout,
+    jobs: Rc<RefCell<Jobs>>,
+}
+
+/// The jobs of an order, which may grow.
+#[derive(Debug, Default)]
+struct Jobs {
+    jobs: Vec<AnyWork>,
+    is_open: bool,
+}
+
+/// What the session asks for jobs.
+#[derive(Debug)]
+struct Source(Rc<RefCell<Jobs>>);
+
+impl Owner for Pc {
+    type End = LargePc<'static, Source>;
+    type Rule = pc::Rule;
+
+    const CALLS: &'static [Call<Self>] = &[
+        ("start", |owner, _, argument| {
+            owner.begin(argument, |pc, Begun { order, .. }, source| pc.start(order, source))
+        }),
+        ("resume", |owner, _, argument| {
+            owner.begin(argument, |pc, Begun { order, executed, sent, ahead, .. }, source| {
+                pc.resume(order, source, executed, sent, ahead)
+            })
+        }),
+        ("add", |owner, _, jobs| {
+            let jobs = read(&owner.layout, jobs)?;
+            done(owner.jobs.borrow_mut().jobs.extend(jobs))
+        }),
+        ("close", |owner, _, _| done(owner.jobs.borrow_mut().is_open = false)),
+        ("end", |owner, _, _| called(owner.pc.end())),
+        ("interrupt", |owner, _, _| called(owner.pc.interrupt())),
+        ("command", |owner, _, argument| {
+            let Commanded { id, value } = Commanded::deserialize(argument)?;
+            called(owner.pc.command(id, value))
+        }),
+    ];
+
+    fn new(fields: &mut Fields, rules: Rules<pc::Rule>) -> Result<Self> {
+        let (dialect, layout) = plant(fields)?;
+        let mut made = PcConfig { dialect, rules, ..PcConfig::TCP };
+        fields.take("limits", &mut made.limits)?;
+        fields.take("datagrams", &mut made.datagrams)?;
+        fields.take("max_number", &mut made.max_number)?;
+        fields.take("cumulative_acks", &mut made.cumulative_acks)?;
+        fields.time("reply_delay", &mut made.reply_delay)?;
+        fields.time("silence", &mut made.silence)?;
+        let mut takeover = "interrupt".to_owned();
+        fields.take("takeover", &mut takeover)?;
+        made.takeover = match takeover.as_str() {
+            "never" => Takeover::Never,
+            "end" => Takeover::End,
+            "interrupt" => Takeover::Interrupt,
+            _ => bail!("takeover is never, end or interrupt"),
+        };
+        fields.take("start_retries", &mut made.start_retries)?;
+        fields.take("end_when_done", &mut made.end_when_done)?;
+        let pc = LargePc::sized(made)?.with_ranges(layout.clone())?;
+        Ok(Self { pc, layout, jobs: Rc::default() })
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Begun {
+    order: u16,
+    jobs: Value,
+    /// More may come.
+    #[serde(default)]
+    open: bool,
+    #[serde(default)]
+    executed: u32,
+    #[serde(default)]
+    sent: u32,
+    #[serde(default)]
+    ahead: Vec<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Commanded {
+    id: u8,
+    #[serde(default)]
+    value: i32,
+}
+
+type Begin = fn(&mut LargePc<'static, Source>, Begun, Source) -> Result<(), kawasaki_msg::SessionError>;
+
+impl Pc {
+    fn begin(&mut self, argument: &Value, begin: Begin) -> Called {
+        let begun = Begun::deserialize(argument)?;
+        let jobs = Jobs { jobs: read(&self.layout, &begun.jobs)?, is_open: begun.open };
+        let jobs = Rc::new(RefCell::new(jobs));
+        let result = begin(&mut self.pc, begun, Source(Rc::clone(&jobs)));
+        if result.is_ok() {
+            self.jobs = jobs;
+        }
+        called(result)
+    }
+}
+
+impl JobSource for Source {
+    type Work = AnyWork;
+
+    fn job(&mut self, index: u32) -> Supply<AnyWork> {
+        let jobs = self.0.borrow();
+        match usize::try_from(index).ok().and_then(|index| jobs.jobs.get(index)) {
+            Some(work) => Supply::Job(*work),
+            None if jobs.is_open => Supply::Later,
+            None => Supply::End,
+        }
+    }
+}
+
+impl borrow::Borrow<LargePc<'static, Source>> for Pc {
+    fn borrow(&self) -> &LargePc<'static, Source> {
+        &self.pc
+    }
+}
+
+impl borrow::BorrowMut<LargePc<'static, Source>> for Pc {
+    fn borrow_mut(&mut self) -> &mut LargePc<'static, Source> {
+        &mut self.pc
+    }
+}
+
+/// The robot with its motion program.
+struct Robot {
+    robot: LargeRobot<'static, AnyWork>,
+    layout: Layout,
+    motion: Option<Motion>,
+    taken: Option<Job<AnyWork>>,
+}
+
+/// The motion program. A job that it executes stays in its slot; what is cleared is removed at once, but for that job.
+struct Motion {
+    reader: Reader<'static, Job<AnyWork>>,
+    executes: Option<u16>,
+}
+
+impl Owner for Robot {
+    type End = LargeRobot<'static, AnyWork>;
+    type Rule = robot::Rule;
+
+    const CALLS: &'static [Call<Self>] = &[
+        ("take", |owner, _, number| owner.take(Option::deserialize(number)?).map(|taken| taken.map(drop))),
+        ("report", |owner, now, number| called(owner.robot.job_done(now, u16::deserialize(number)?))),
+        ("complete", |owner, _, _| Ok(owner.motion()?.complete())),
+        ("execute", |owner, now, _| match owner.take(None)? {
+            Ok(number) => {
+                let result = owner.robot.job_done(now, number);
+                owner.motion()?.complete().map_err(anyhow::Error::msg)?;
+                called(result)
+            }
+            Err(refused) => Ok(Err(refused)),
+        }),
+        ("clear_queue", |owner, _, _| called(owner.robot.clear_queue())),
+        ("reset_order", |owner, _, _| called(owner.robot.reset_order())),
+        ("abandon", |owner, _, _| done(owner.motion = None)),
+    ];
+
+    fn new(fields: &mut Fields, rules: Rules<robot::Rule>) -> Result<Self> {
+        let (dialect, layout) = plant(fields)?;
+        let mut made = RobotConfig { dialect, rules, ..RobotConfig::TCP };
+        fields.take("limits", &mut made.limits)?;
+        fields.take("datagrams", &mut made.datagrams)?;
+        fields.take("max_number", &mut made.max_number)?;
+        if let Some(acks) = fields.0.remove("acks") {
+            made.acks = match acks.as_str() {
+                Some("individual") => Acks::Individual,
+                _ => Acks::Cumulative { every: serde_json::from_value(acks)? },
+            };
+        }
+        fields.take("low_water", &mut made.low_water)?;
+        if let Some(recovery) = fields.0.remove("recovery") {
+            let Recovery { resends, pauses, clears } = serde_json::from_value(recovery)?;
+            made.recovery = RecoveryLimits { resends, pauses, clears };
+        }
+        fields.time("patience", &mut made.patience)?;
+        fields.time("pause", &mut made.pause)?;
+        fields.time("reply_timeout", &mut made.reply_timeout)?;
+        fields.time("exchange", &mut made.exchange)?;
+        fields.take("silent_cycles", &mut made.silent_cycles)?;
+        fields.time("reconnect_delay", &mut made.reconnect_delay)?;
+        fields.time("status_period", &mut made.status_period)?;
+        fields.take("refuse_repeated_start", &mut made.refuse_repeated_start)?;
+        fields.take("end_foreign_order", &mut made.end_foreign_order)?;
+        let mut slots = SLOTS.min(usize::from(made.max_number).saturating_sub(1));
+        fields.take("queue", &mut slots)?;
+        let (writer, reader) = robot_work_queue::boxed(slots, made.max_number)?;
+        let robot = LargeRobot::sized(made, writer)?.with_ranges(layout.clone())?;
+        Ok(Self { robot, layout, motion: Some(Motion { reader, executes: None }), taken: None })
+    }
+
+    fn beside(&mut self) -> Option<String> {
+        if let Some(motion) = &mut self.motion {
+            motion.sweep();
+        }
+        let Job { order, number, work } = self.taken.take()?;
+        let job = json::text(&show(&self.layout, &work));
+        Some(format!(r#"{{"event":"taken","order":{order},"number":{number},"job":{job}}}"#))
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Recovery {
+    resends: u16,
+    pauses: u16,
+    clears: u16,
+}
+
+impl Robot {
+    fn motion(&mut self) -> Result<&mut Motion> {
+        self.motion.as_mut().context("the motion program is gone")
+    }
+
+    /// Begins the oldest job, or the one with this number.
+    fn take(&mut self, number: Option<u16>) -> Result<Result<u16, String>> {
+        let job = match self.motion()?.take(number) {
+            Ok(job) => job,
+            Err(refused) => return Ok(Err(refused)),
+        };
+        self.taken = Some(job);
+        Ok(Ok(job.number))
+    }
+}
+
+impl Motion {
+    /// Removes what was cleared. While a job is being executed its slot comes first, and nothing is looked at.
+    fn sweep(&mut self) {
+        if self.executes.is_none() {
+            let _ = self.reader.take();
+        }
+    }
+
+    fn take(&mut self, number: Option<u16>) -> Result<Job<AnyWork>, String> {
+        if self.executes.is_some() {
+            return Err(refusal("busy"));
+        }
+        let job = self.reader.take_where(|_, job| number.is_none_or(|number| number == job.number));
+        let job = *job.ok_or_else(|| refusal("no_job"))?;
+        self.executes = Some(job.number);
+        Ok(job)
+    }
+
+    /// Frees the slot of the job; it is gone already if it was cleared meanwhile.
+    fn complete(&mut self) -> Result<(), String> {
+        let number = self.executes.take().ok_or_else(|| refusal("no_job"))?;
+        if let Some(job) = self.reader.take_where(|_, job| job.number == number) {
+            job.complete();
+        }
+        Ok(())
+    }
+}
+
+fn refusal(kind: &str) -> String {
+    format!(r#"{{"kind":"{kind}"}}"#)
+}
+
+impl borrow::Borrow<LargeRobot<'static, AnyWork>> for Robot {
+    fn borrow(&self) -> &LargeRobot<'static, AnyWork> {
+        &self.robot
+    }
+}
+
+impl borrow::BorrowMut<LargeRobot<'static, AnyWork>> for Robot {
+    fn borrow_mut(&mut self) -> &mut LargeRobot<'static, AnyWork> {
+        &mut self.robot
+    }
+}
+
+/// What is agreed on beside the settings: `charset`, `messages` and `job` of a configuration.
+fn plant(fields: &mut Fields) -> Result<(Dialect<'static>, Layout)> {
+    let mut plant = Plant::default();
+    fields.take("charset", &mut plant.charset)?;
+    fields.take("job", &mut plant.job)?;
+    let mut messages = Map::new();
+    fields.take("messages", &mut messages)?;
+    plant.replace(messages)?;
+    Ok((plant.dialect()?, plant.layout()?))
+}
+
+/// The jobs of a list of objects, numbers as counts of their last decimal.
+fn read(layout: &Layout, jobs: &Value) -> Result<Vec<AnyWork>> {
+    let one = |job: &Value| -> Result<AnyWork> {
+        let mut work = AnyWork::default();
+        let given = job.as_object().context("a job is an object")?;
+        ensure!(given.len() == layout.fields().len(), "{job} has not the fields of the layout");
+        for (place, field) in layout.fields().iter().enumerate() {
+            let value = given.get(&field.name).with_context(|| format!("{job} has no {}", field.name))?;
+            let value = match field.holds {
+                Holds::Number { .. } => AnyValue::Number(i32::deserialize(value)?),
+                Holds::Text { .. } => {
+                    let text = value.as_str().and_then(Text::new);
+                    AnyValue::Text(text.with_context(|| format!("{value} cannot be in a job"))?)
+                }
+            };
+            work.set(place, value);
+        }
+        Ok(work)
+    };
+    jobs.as_array().context("jobs are a list")?.iter().map(one).collect()
+}
+
+/// A job as an object of its fields.
+fn show(layout: &Layout, work: &AnyWork) -> Map<String, Value> {
+    let value = |place| match work.get(place) {
+        AnyValue::Number(units) => Value::from(units),
+        AnyValue::Text(text) => text.to_string().into(),
+    };
+    layout.fields().iter().enumerate().map(|(place, field)| (field.name.clone(), value(place))).collect()
+}

@@ -1,0 +1,67 @@
+//! Both ends of a platform's connection.
+
+use anyhow::Result;
+use mmacell_proto::device::machine::DeviceLink;
+use mmacell_proto::{
+    Central, CentralConfig, Command, Device, DeviceConfig, ErrorCode, Order, PlatformPose, central, device,
+};
+use robot_session::Rules;
+use serde::Deserialize as _;
+
+use crate::end::{Call, EndRow, Owner, called, done};
+use crate::fields::Fields;
+
+pub(super) const ENDS: &[EndRow] =
+    &[EndRow::of::<Central<PlatformPose>>("central"), EndRow::of::<Device<PlatformPose>>("device")];
+
+impl Owner for Central<PlatformPose> {
+    type End = Self;
+    type Rule = central::Rule;
+
+    const CALLS: &'static [Call<Self>] = &[
+        ("request", |central, _, argument| called(central.request(Command::deserialize(argument)?))),
+        ("abort", |central, now, _| done(central.abort(now))),
+    ];
+
+    fn new(fields: &mut Fields, rules: Rules<central::Rule>) -> Result<Self> {
+        let mut made = CentralConfig { rules, ..CentralConfig::DEFAULT };
+        fields.take("accepts", &mut made.accepts)?;
+        fields.take("writes", &mut made.writes)?;
+        fields.time("timeout", &mut made.timeout)?;
+        fields.time("settle", &mut made.settle)?;
+        fields.take("tolerance", &mut made.tolerance)?;
+        Ok(Self::new(made)?)
+    }
+}
+
+impl Owner for Device<PlatformPose> {
+    type End = Self;
+    type Rule = device::Rule;
+
+    const CALLS: &'static [Call<Self>] = &[
+        ("accept", |device, _, _| called(device.accept(asked(device)))),
+        ("accept_another", |device, _, _| called(device.accept(Order::Acquire { camera: 77 }))),
+        ("refuse", |device, _, argument| {
+            called(device.refuse(asked(device), ErrorCode::deserialize(argument)?))
+        }),
+        ("set_pose", |device, _, argument| done(device.set_pose(PlatformPose::deserialize(argument)?))),
+        ("arrived", |device, _, _| done(device.arrived())),
+        ("fail", |device, _, argument| done(device.fail(ErrorCode::deserialize(argument)?))),
+    ];
+
+    fn new(fields: &mut Fields, rules: Rules<device::Rule>) -> Result<Self> {
+        let mut made = DeviceConfig { rules, ..DeviceConfig::DEFAULT };
+        fields.take("accepts", &mut made.accepts)?;
+        fields.take("writes", &mut made.writes)?;
+        fields.take("refusal", &mut made.refusal)?;
+        Ok(Self::new(made)?)
+    }
+}
+
+/// The order that is asked; without one, one that is not.
+fn asked(device: &Device<PlatformPose>) -> Order<PlatformPose> {
+    match device.machine().link {
+        DeviceLink::Asked { order } => order,
+        _ => Order::Stop,
+    }
+}

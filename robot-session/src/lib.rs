@@ -20,6 +20,8 @@ mod std_driver;
 #[cfg(feature = "tokio")]
 pub mod tokio;
 mod unexpected;
+#[cfg(feature = "std")]
+mod wait;
 
 pub use buffer::StreamBuffer;
 pub use bytes::ByteDecoder;
@@ -32,5 +34,7 @@ pub use rules::{Rule, Rules};
 pub use session::Session;
 pub use settle::{Output, settle};
 #[cfg(feature = "std")]
-pub use std_driver::{Driver, Ended, Received, Sent, Transport, drive, now, readable};
+pub use std_driver::{Driver, Ended, Received, Sent, Transport, drive, now};
 pub use unexpected::Unexpected;
+#[cfg(feature = "std")]
+pub use wait::{Wait, Waker};

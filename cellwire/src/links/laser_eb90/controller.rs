@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use laser_eb90::{Controller, ControllerConfig, ControllerEvent, Instruction, Item, Items, Refusal};
-use robot_session::{Driver, Received, Sent, Session as _, Transport};
+use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait};
 use robot_work_queue::Reader;
 use serde_json::{Value, json};
 
@@ -187,7 +187,7 @@ impl Transport for Measured<'_> {
         self.line.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         let received = Transport::receive(self.line, buffer, wait);
         self.woken = self.clock.now();
         received
@@ -199,10 +199,6 @@ impl Transport for Measured<'_> {
         self.counts.work.add(sent.saturating_sub(self.woken));
         self.counts.answer.add(sent.saturating_sub(self.line.now()));
         Ok(Sent::Buffered)
-    }
-
-    fn pause(&mut self, wait: Duration) {
-        Transport::pause(self.line, wait);
     }
 }
 

@@ -22,7 +22,8 @@ use crate::statistics::RobotStatistics;
 ///
 /// Drive it as [`Session`](robot_session::Session) describes, each packet in one write, and before every
 /// [`handle_timeout`](robot_session::Session::handle_timeout) hand over every report of the motion task with
-/// [`job_done`](Self::job_done). Call `handle_timeout` in every pass: a settled queue has no other way to be seen. On
+/// [`job_done`](Self::job_done). The queue's [`Wake`] says when: after jobs were completed or discarded, and when the motion task is
+/// gone. A loop that hands over the reports and makes a turn of a driver whose waker is that hook needs no other turn. On
 /// [`RobotEvent::Connect`] open a connection and call [`handle_connected`](robot_session::Session::handle_connected), or
 /// [`handle_disconnected`](robot_session::Session::handle_disconnected) if it fails.
 ///
@@ -31,8 +32,8 @@ use crate::statistics::RobotStatistics;
 ///
 /// **The motion task** takes a job from the queue's [`Reader`](robot_work_queue::Reader), executes it, *reports its number*
 /// ([`Job::number`]: the queue's own goes on when it is cleared), and only then completes it. Reported before it is completed, a
-/// job that was executed when an order is interrupted or the queue is cleared is never asked for again. It keeps taking while it
-/// is idle: that is when a cleared queue is swept.
+/// job that was executed when an order is interrupted or the queue is cleared is never asked for again. It takes again whenever it is
+/// woken by the queue: that is when a cleared one is swept.
 ///
 /// **Corrupt bytes** and jobs that cannot be used are reported as events, and cost what follows them in the packet: it is destroyed
 /// (thesis, sections 7.2 and 12), and asked for again. The bytes always advance. All bytes of an input are taken. **Events** that

@@ -27,7 +27,8 @@ use crate::words::{Class, Refusal};
 ///
 /// `T` is what the motion task takes: it is built from an [`Instruction`] by `TryFrom`, which also checks the parameters. It is
 /// called twice for each instruction, because a frame is queued whole or not at all: every instruction is checked, and the
-/// room for all of them, before the first is queued. The job numbers of the queue are counted here; the link has none.
+/// room for all of them, before the first is queued. The job numbers of the queue are counted here; the link has none. The queue's
+/// [`Wake`] wakes the motion task; the controller looks at the queue when a frame comes, and need not be woken.
 ///
 /// - [`Execute`](ControllerEvent::Execute) is answered by [`answer`](Self::answer) or [`refuse`](Self::refuse); until then
 ///   [`instruction`](Self::instruction) holds what to execute.

@@ -4,15 +4,15 @@ use core::ops::ControlFlow;
 use core::time::Duration;
 use std::io::{self, ErrorKind, Read as _, Write as _};
 
-use isra_ball::robot_session::{Received, Sent, Transport, drive};
+use isra_ball::robot_session::{Received, Sent, Transport, Wait, drive};
 use isra_ball::{Host, HostConfig, HostEvent};
 use serialport::{FlowControl, SerialPort};
 
 struct Port(Box<dyn SerialPort>);
 
 impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        self.0.set_timeout(wait.unwrap_or(Duration::MAX))?;
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        self.0.set_timeout(wait.limit.unwrap_or(Duration::MAX))?;
         match self.0.read(buffer) {
             Ok(length) => Ok(Received::Bytes(length)),
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {

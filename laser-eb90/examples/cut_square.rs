@@ -7,7 +7,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _, Write as _};
 use std::sync::mpsc::{Receiver, channel};
 
-use laser_eb90::robot_session::{Ended, Received, Sent, Transport, drive};
+use laser_eb90::robot_session::{Ended, Received, Sent, Transport, Wait, drive};
 use laser_eb90::{Host, HostConfig, HostEvent, SessionError};
 
 /// A straight cut to X, Y: interpreted, so it is queued.
@@ -72,8 +72,8 @@ impl Port {
 }
 
 impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        let Ok(bytes) = self.received.recv_timeout(wait.unwrap_or(Duration::from_secs(3600))) else {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        let Ok(bytes) = self.received.recv_timeout(wait.limit.unwrap_or(Duration::from_secs(3600))) else {
             return Ok(Received::Nothing);
         };
         buffer.get_mut(..bytes.len()).unwrap_or_default().copy_from_slice(&bytes);

@@ -103,7 +103,8 @@ pub trait End: Sized {
         self.core_mut().decoder.push(bytes)
     }
 
-    /// What else there is to see than bytes and time, as the queue that a robot fills: after what came due.
+    /// What else there is to see than bytes and time, as the queue that a robot fills: after what came due. Whoever changes it wakes the
+    /// caller, see [`Session`].
     #[inline]
     fn look(&mut self, _now: Duration) {}
 

@@ -22,6 +22,8 @@ pub mod tokio;
 #[cfg(feature = "serde")]
 pub mod under;
 mod unexpected;
+#[cfg(feature = "std")]
+mod wait;
 
 pub use buffer::StreamBuffer;
 pub use bytes::ByteDecoder;
@@ -34,5 +36,7 @@ pub use rules::{Rule, Rules};
 pub use session::Session;
 pub use settle::{Output, settle};
 #[cfg(feature = "std")]
-pub use std_driver::{Driver, Ended, Received, Sent, Transport, drive, now, readable};
+pub use std_driver::{Driver, Ended, Received, Sent, Transport, drive, now};
 pub use unexpected::Unexpected;
+#[cfg(feature = "std")]
+pub use wait::{Wait, Waker};

@@ -16,6 +16,9 @@ use core::time::Duration;
 ///   connection. Nothing of a connection leaks into the next, except what its machine keeps on purpose.
 /// - **Input.** While [`wants_input`](Self::wants_input) is false, bytes stay in the transport, whose flow control holds the sender.
 ///   When it is true, [`handle_input`](Self::handle_input) takes up to [`MAX_INPUT`](Self::MAX_INPUT) bytes at once.
+/// - **Wakes.** Nothing is looked at now and then. What a session works with beside bytes and time, as the queue that a robot fills,
+///   it sees in [`handle_timeout`](Self::handle_timeout). Whoever changes that wakes the caller, who hands over what he was woken for
+///   and calls it. The drivers have a `waker` for it: a turn ends when they are woken, and the next one calls it without a wait.
 /// - **Events.** An *outcome* (of a job, an order, a request, a connection) is never dropped. A *notice* (corrupt bytes,
 ///   unasked messages) is: of too many the oldest is dropped and counted, see [`EventQueue`](crate::EventQueue).
 /// - **Statistics.** Plain counters; inputs that the machine did not expect are counted.
@@ -42,7 +45,7 @@ pub trait Session {
     /// Of more, a session that stops reading may lose some, and reports that. On a transport of datagrams they are one datagram.
     fn handle_input(&mut self, now: Duration, bytes: &[u8]);
 
-    /// Time has passed.
+    /// Time has passed, or what the session works with has changed.
     fn handle_timeout(&mut self, now: Duration);
 
     /// The last byte that [`poll_transmit`](Self::poll_transmit) wrote has left the port. Only a driver that knows this for
@@ -63,7 +66,7 @@ pub trait Session {
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize>;
 
     /// When [`handle_timeout`](Self::handle_timeout) and [`poll_transmit`](Self::poll_transmit) are to be called at the latest;
-    /// `None` if only bytes or the caller can make something happen.
+    /// `None` if only bytes, the caller or a wake can make something happen.
     fn poll_timeout(&self) -> Option<Duration>;
 
     /// The counters.

@@ -5,39 +5,34 @@ use core::time::Duration;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::sync::OnceLock;
-use std::thread;
 use std::time::Instant;
 use std::vec::Vec;
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::fd::AsFd;
-
 use crate::session::Session;
 use crate::settle::{Output, settle};
+use crate::wait::{Wait, Waker};
 
 /// What carries bytes: a TCP connection, a serial port, a pseudo-terminal, a connected UDP socket.
 pub trait Transport {
-    /// The time that the session is given: [`now`], unless what carries the bytes has a clock of its own, as a simulated line has.
+    /// The time that the session is given: [`now`], unless what carries the bytes has a clock of its own, as a simulated line has. One
+    /// that goes on with [`receive`](Self::receive) alone is for sessions that always [want input](Session::wants_input).
     fn now(&self) -> Duration {
         now()
     }
 
-    /// Reads what has arrived, or waits until something does, but no longer than `wait`; `None` is without limit.
+    /// Reads what has arrived, or waits until something does, but no longer than `wait`: [`Wait::readable`] is that wait for all that
+    /// has a socket. A transport that waits for something else than a descriptor, and looks at [`Wait::limit`] alone, is not woken by
+    /// a [`Waker`]: what its driver is woken for is done when the wait has ended, and whoever cannot wait so long limits the turn.
     ///
     /// # Errors
     /// The transport's own. Nothing in time is no error: [`Received::Nothing`].
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received>;
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received>;
 
     /// Sends all of `bytes`.
     ///
     /// # Errors
     /// The transport's own; a connection that is lost in the middle is one.
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent>;
-
-    /// Waits without reading, for a session that does not [want input](Session::wants_input).
-    fn pause(&mut self, wait: Duration) {
-        thread::sleep(wait);
-    }
 }
 
 /// What [`Transport::receive`] brought.
@@ -98,26 +93,38 @@ pub fn drive<S: Session, B>(
     wind_down(session, &mut handler, ended)
 }
 
-/// While a session does not want input, it is asked so often whether its caller has made it want some.
-pub(crate) const HELD: Duration = Duration::from_millis(10);
-
 /// A transport and the buffers of its loop: for a caller who has something else to do between two turns.
 #[derive(Debug)]
 pub struct Driver<T> {
     transport: T,
     input: Vec<u8>,
     out: Vec<u8>,
+    waker: Option<Waker>,
+    /// The turn before was woken: the caller has done since what it was woken for, and the session is to see it.
+    woken: bool,
 }
 
 impl<T: Transport> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        Self { transport, input: Vec::new(), out: Vec::new() }
+        Self { transport, input: Vec::new(), out: Vec::new(), waker: None, woken: false }
+    }
+
+    /// What ends the wait of a turn, or its next one.
+    ///
+    /// # Errors
+    /// The system's, which has no descriptor or no loopback address.
+    pub fn waker(&mut self) -> io::Result<Waker> {
+        let waker = self.waker.take().map_or_else(Waker::new, Ok)?;
+        Ok(self.waker.insert(waker).clone())
     }
 
     /// One turn: events, then what is to be sent, then one wait for bytes, until the session's timeout at most and no longer
     /// than `wait`, then the events of that. When it returns, every event was given to `handler`, unless that broke. While the
-    /// session does not [want input](Session::wants_input), bytes stay in the transport, and a wait is 10 ms at most.
+    /// session does not [want input](Session::wants_input), bytes stay in the transport.
+    ///
+    /// After a turn that was [woken](Self::waker) the next one does not wait: between the two the caller hands over what it was
+    /// woken for.
     ///
     /// # Errors
     /// The transport's.
@@ -127,7 +134,7 @@ impl<T: Transport> Driver<T> {
         wait: Option<Duration>,
         mut handler: impl FnMut(&mut S, S::Event) -> ControlFlow<B>,
     ) -> io::Result<ControlFlow<Ended<B>>> {
-        let Self { transport, input, out } = self;
+        let Self { transport, input, out, waker, woken } = self;
         out.resize(S::MAX_TRANSMIT, 0);
         let settled = settle(session, transport.now(), out, |session, output| match output {
             Output::Event(event) => handler(session, event).map_break(|value| Ok(Ended::ByHandler(value))),
@@ -145,7 +152,8 @@ impl<T: Transport> Driver<T> {
             return ended.map(ControlFlow::Break);
         }
         let due = session.poll_timeout().map(|at| at.saturating_sub(transport.now()));
-        let wait = due.into_iter().chain(wait).min();
+        let limit = if *woken { Some(Duration::ZERO) } else { due.into_iter().chain(wait).min() };
+        let wait = Wait::new(limit, waker.as_ref());
         if session.wants_input() {
             input.resize(S::MAX_INPUT, 0);
             match transport.receive(input, wait)? {
@@ -156,8 +164,9 @@ impl<T: Transport> Driver<T> {
                 Received::Closed => return Ok(ControlFlow::Break(Ended::ByPeer)),
             }
         } else {
-            transport.pause(wait.map_or(HELD, |wait| wait.min(HELD)));
+            wait.pause()?;
         }
+        *woken = waker.as_ref().is_some_and(Waker::take);
         session.handle_timeout(transport.now());
         Ok(report(session, &mut handler).map_break(Ended::ByHandler))
     }
@@ -201,22 +210,18 @@ impl<T: Transport + ?Sized> Transport for &mut T {
         (**self).now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         (**self).receive(buffer, wait)
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         (**self).send(bytes)
     }
-
-    fn pause(&mut self, wait: Duration) {
-        (**self).pause(wait);
-    }
 }
 
 impl Transport for TcpStream {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        if !readable(&*self, wait)? {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        if !wait.readable(&*self)? {
             return Ok(Received::Nothing);
         }
         match self.read(buffer) {
@@ -229,21 +234,6 @@ impl Transport for TcpStream {
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         self.write_all(bytes).map(|()| Sent::Buffered)
-    }
-}
-
-/// Whether within `wait` there is something to read, an end or an error. The wait is exact, where a socket's own time limit is
-/// rounded up to 4 ms and more on many systems. A signal may end it early.
-///
-/// # Errors
-/// The system's.
-pub fn readable(socket: impl AsFd, wait: Option<Duration>) -> io::Result<bool> {
-    // What no system can express is as good as no limit.
-    let wait = wait.and_then(|wait| Timespec::try_from(wait).ok());
-    match poll(&mut [PollFd::new(&socket, PollFlags::IN)], wait.as_ref()) {
-        Ok(ready) => Ok(ready > 0),
-        Err(rustix::io::Errno::INTR) => Ok(false),
-        Err(error) => Err(error.into()),
     }
 }
 

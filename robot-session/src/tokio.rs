@@ -1,14 +1,21 @@
 //! For tokio: a decoder under `tokio_util`'s framed transports, and the loop of [`drive`](crate::drive) over any
 //! `AsyncRead + AsyncWrite`.
 
+use core::future::{Future as _, pending, poll_fn};
 use core::ops::ControlFlow;
+use core::pin::pin;
+use core::task::Poll;
+use core::time::Duration;
 use std::io;
+use std::sync::Arc;
 use std::vec::Vec;
 
 use ::tokio::io::{AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _};
+use ::tokio::sync::Notify;
+use ::tokio::time::sleep;
 use bytes::{Buf as _, BufMut as _, BytesMut};
 
-use crate::std_driver::{HELD, report, wind_down};
+use crate::std_driver::{report, wind_down};
 use crate::{Decoder, Encode, Ended, Session, now};
 
 /// A decoder as a `tokio_util` codec. Corrupt bytes are an item of the stream and do not end it.
@@ -86,12 +93,32 @@ pub struct Driver<T> {
     transport: T,
     input: Vec<u8>,
     out: BytesMut,
+    waker: Waker,
+    /// The turn before was woken: the caller has done since what it was woken for, and the session is to see it.
+    woken: bool,
+}
+
+/// Ends the wait of a [`Driver`], from any thread: the hook of a queue, or the caller's own event. It never blocks, and waking often
+/// before the driver has looked is as good as waking once.
+#[derive(Debug, Clone, Default)]
+pub struct Waker(Arc<Notify>);
+
+impl Waker {
+    /// Ends the wait of the driver, or its next one.
+    pub fn wake(&self) {
+        self.0.notify_one();
+    }
 }
 
 impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     /// A loop over `transport`. The caller calls [`Session::handle_connected`] and [`Session::handle_disconnected`].
     pub fn new(transport: T) -> Self {
-        Self { transport, input: Vec::new(), out: BytesMut::new() }
+        Self { transport, input: Vec::new(), out: BytesMut::new(), waker: Waker::default(), woken: false }
+    }
+
+    /// What ends the wait of a turn, or its next one.
+    pub fn waker(&self) -> Waker {
+        self.waker.clone()
     }
 
     /// The transport.
@@ -100,8 +127,10 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
     }
 
     /// One turn: events and what is to be sent, until there is neither, then one wait for bytes or for the session's timeout, then
-    /// the events of that. While the session does not [want input](Session::wants_input), bytes stay in the transport, and a wait is
-    /// 10 ms at most.
+    /// the events of that. While the session does not [want input](Session::wants_input), bytes stay in the transport.
+    ///
+    /// After a turn that was [woken](Self::waker) the next one does not wait: between the two the caller hands over what it was
+    /// woken for.
     ///
     /// # Errors
     /// The transport's.
@@ -126,18 +155,9 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
             }
         }
         let due = session.poll_timeout().map(|at| at.saturating_sub(now()));
-        let read = if session.wants_input() {
-            self.input.resize(S::MAX_INPUT, 0);
-            let read = self.transport.read(&mut self.input);
-            match due {
-                Some(due) => ::tokio::time::timeout(due, read).await.ok(),
-                None => Some(read.await),
-            }
-        } else {
-            ::tokio::time::sleep(due.map_or(HELD, |due| due.min(HELD))).await;
-            None
-        };
-        match read.transpose()? {
+        let limit = if self.woken { Some(Duration::ZERO) } else { due };
+        self.input.resize(S::MAX_INPUT, 0);
+        match self.receive(session.wants_input(), limit).await? {
             Some(0) => return Ok(ControlFlow::Break(Ended::ByPeer)),
             Some(length) => session.handle_input(now(), self.input.get(..length).unwrap_or_default()),
             None => {}
@@ -165,6 +185,32 @@ impl<T: AsyncRead + AsyncWrite + Unpin> Driver<T> {
         };
         session.handle_disconnected(now());
         wind_down(session, &mut handler, ended)
+    }
+
+    /// How many bytes have come; `None` if the time is over, or the driver was woken.
+    async fn receive(&mut self, wants_input: bool, limit: Option<Duration>) -> io::Result<Option<usize>> {
+        let Self { transport, input, waker, woken, .. } = self;
+        let mut arrival =
+            pin!(async { if wants_input { transport.read(input).await } else { pending().await } });
+        let mut wake = pin!(waker.0.notified());
+        let mut time = pin!(async {
+            match limit {
+                Some(limit) => sleep(limit).await,
+                None => pending().await,
+            }
+        });
+        let (is_woken, read) = poll_fn(|context| {
+            if let Poll::Ready(read) = arrival.as_mut().poll(context) {
+                return Poll::Ready((false, read.map(Some)));
+            }
+            if wake.as_mut().poll(context).is_ready() {
+                return Poll::Ready((true, Ok(None)));
+            }
+            time.as_mut().poll(context).map(|()| (false, Ok(None)))
+        })
+        .await;
+        *woken = is_woken;
+        read
     }
 
     /// Whether the session had something to send: it is in `out`.

@@ -13,7 +13,7 @@ use std::thread;
 
 use common::echo::{Echo, EchoEvent};
 use common::{Asker, Event};
-use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, drive, now, readable};
+use robot_session::{Driver, Ended, Received, Sent, Session as _, Transport, Wait, drive, now};
 
 /// Answers each line with itself, in pieces; closes the connection at `bye`; is silent at `hush`.
 fn peer() -> SocketAddr {
@@ -161,21 +161,77 @@ fn bytes_and_an_end_are_there_to_be_read_and_silence_is_not() {
     let mut peer = listener.accept().unwrap().0;
     let wait = Duration::from_micros(2300);
     let start = now();
-    assert!(!readable(&stream, Some(wait)).unwrap());
+    assert!(!Wait::limited(wait).readable(&stream).unwrap());
     assert!(now() - start >= wait);
-    assert!(!readable(&stream, Some(Duration::ZERO)).unwrap());
+    assert!(!Wait::limited(Duration::ZERO).readable(&stream).unwrap());
     peer.write_all(b"x").unwrap();
-    assert!(readable(&stream, Some(Duration::MAX)).unwrap());
+    assert!(Wait::limited(Duration::MAX).readable(&stream).unwrap());
     let another = TcpStream::connect(address).unwrap();
     drop(listener.accept().unwrap());
-    assert!(readable(&another, None).unwrap());
+    assert!(Wait::default().readable(&another).unwrap());
+}
+
+const LONG: Duration = Duration::from_secs(20);
+const SHORT: Duration = Duration::from_millis(20);
+
+#[test]
+fn a_wake_ends_the_wait_and_the_next_turn_does_not_wait() {
+    let mut driver = Driver::new(TcpStream::connect(peer()).unwrap());
+    let waker = driver.waker().unwrap();
+    // It has no deadline, and nothing to send.
+    let mut session = Asker::new(&[]);
+    let mut turn = |wait| {
+        let begin = now();
+        let turn = driver.turn(&mut session, Some(wait), |_, _| ControlFlow::<()>::Continue(())).unwrap();
+        assert!(turn.is_continue());
+        now() - begin
+    };
+    for wakes in 1..4 {
+        (0..wakes).for_each(|_| waker.wake());
+        assert!(turn(LONG) < LONG / 2 && turn(LONG) < LONG / 2);
+        assert!(turn(SHORT) >= SHORT, "however often, it is woken once");
+    }
+    let other = thread::spawn(move || {
+        thread::sleep(SHORT);
+        waker.wake();
+    });
+    let took = turn(LONG);
+    assert!((SHORT..LONG / 2).contains(&took), "{took:?}");
+    other.join().unwrap();
+}
+
+#[test]
+fn without_a_wish_for_input_a_turn_waits_for_the_deadline_or_a_wake() {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let mut peer = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+    let mut driver = Driver::new(listener.accept().unwrap().0);
+    let waker = driver.waker().unwrap();
+    let mut turn = |session: &mut Echo| {
+        let begin = now();
+        let turn = driver.turn(session, Some(LONG), |_, _| ControlFlow::<()>::Continue(())).unwrap();
+        assert!(turn.is_continue());
+        now() - begin
+    };
+    let mut session = Echo::new(3 * SHORT);
+    session.handle_connected(now());
+    peer.write_all(b"ab").unwrap();
+    turn(&mut session);
+    assert!(!session.wants_input());
+    let took = turn(&mut session);
+    assert!((2 * SHORT..LONG / 2).contains(&took), "{took:?}");
+    let mut session = Echo::new(Duration::MAX);
+    session.handle_connected(now());
+    peer.write_all(b"cd").unwrap();
+    turn(&mut session);
+    waker.wake();
+    assert!(!session.wants_input() && turn(&mut session) < LONG / 2);
 }
 
 /// A serial port whose driver waits until the last byte has left.
 struct Port(Vec<u8>);
 
 impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], _: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], _: Wait<'_>) -> io::Result<Received> {
         if self.0.is_empty() {
             return Err(io::ErrorKind::NotConnected.into());
         }
@@ -209,9 +265,9 @@ impl Transport for Line {
         self.0
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         let second = Duration::from_secs(1);
-        let until = wait.map_or(Duration::MAX, |wait| self.0.saturating_add(wait));
+        let until = wait.limit.map_or(Duration::MAX, |wait| self.0.saturating_add(wait));
         if self.1.is_empty() || self.0 + second > until {
             self.0 = until;
             return Ok(Received::Nothing);

@@ -10,8 +10,8 @@ use core::time::Duration;
 use bytes::BytesMut;
 use common::echo::{Echo, EchoEvent};
 use common::{Asker, Event, Line, Lines, TooLong};
-use robot_session::Ended;
 use robot_session::tokio::{Codec, Driver};
+use robot_session::{Ended, Session as _, now};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio_util::codec::{Decoder as _, Encoder as _};
 
@@ -109,6 +109,53 @@ async fn what_a_session_does_not_want_yet_stays_in_the_pipe() {
     let ended = driver.drive(&mut Echo::new(Duration::ZERO), handler).await.unwrap();
     assert_eq!(ended, Ended::ByHandler(()));
     assert_eq!(peer.await.unwrap().0, requests);
+}
+
+const LONG: Duration = Duration::from_secs(20);
+const SHORT: Duration = Duration::from_millis(20);
+
+#[tokio::test]
+async fn a_wake_ends_the_wait_and_the_next_turn_does_not_wait() {
+    let (near, _far) = tokio::io::duplex(64);
+    // It has no deadline, and nothing to send.
+    let (mut driver, mut session) = (Driver::new(near), Asker::new(&[]));
+    let waker = driver.waker();
+    for wakes in 1..4 {
+        (0..wakes).for_each(|_| waker.wake());
+        for _ in 0..2 {
+            let turn = tokio::time::timeout(LONG, driver.turn(&mut session, go_on)).await;
+            assert!(turn.unwrap().unwrap().is_continue());
+        }
+        let turn = tokio::time::timeout(SHORT, driver.turn(&mut session, go_on)).await;
+        assert!(turn.is_err(), "however often, it is woken once");
+    }
+    let other = std::thread::spawn(move || waker.wake());
+    let turn = tokio::time::timeout(LONG, driver.turn(&mut session, go_on)).await;
+    assert!(turn.unwrap().unwrap().is_continue());
+    other.join().unwrap();
+}
+
+#[tokio::test]
+async fn without_a_wish_for_input_a_turn_waits_for_the_deadline_or_a_wake() {
+    let (near, mut far) = tokio::io::duplex(64);
+    let mut driver = Driver::new(near);
+    let go_on = |_: &mut Echo, _| ControlFlow::<()>::Continue(());
+    let mut session = Echo::new(3 * SHORT);
+    session.handle_connected(now());
+    far.write_all(b"ab").await.unwrap();
+    assert!(driver.turn(&mut session, go_on).await.unwrap().is_continue());
+    assert!(!session.wants_input());
+    let begin = now();
+    assert!(driver.turn(&mut session, go_on).await.unwrap().is_continue());
+    assert!(now() - begin >= 2 * SHORT);
+    let mut session = Echo::new(Duration::MAX);
+    session.handle_connected(now());
+    far.write_all(b"cd").await.unwrap();
+    assert!(driver.turn(&mut session, go_on).await.unwrap().is_continue());
+    driver.waker().wake();
+    assert!(!session.wants_input());
+    let turn = tokio::time::timeout(LONG, driver.turn(&mut session, go_on)).await;
+    assert!(turn.unwrap().unwrap().is_continue());
 }
 
 #[test]

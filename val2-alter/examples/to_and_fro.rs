@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 
-use val2_alter::robot_session::{Received, Sent, Session as _, Transport, drive, now};
+use val2_alter::robot_session::{Received, Sent, Session as _, Transport, Wait, drive, now};
 use val2_alter::{Host, HostConfig, HostEvent};
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
@@ -49,8 +49,8 @@ impl Port {
 }
 
 impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        match self.bytes.recv_timeout(wait.unwrap_or(Duration::from_secs(1))) {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        match self.bytes.recv_timeout(wait.limit.unwrap_or(Duration::from_secs(1))) {
             Ok(bytes) => (&bytes[..]).read(buffer).map(Received::Bytes),
             Err(RecvTimeoutError::Timeout) => Ok(Received::Nothing),
             Err(RecvTimeoutError::Disconnected) => Ok(Received::Closed),

@@ -5,7 +5,7 @@ use core::time::Duration;
 use std::io::{self, ErrorKind, Read as _, Write as _};
 
 use serialport::{FlowControl, SerialPort};
-use val2_viewer::robot_session::{Driver, Received, Sent, Session as _, Transport, now};
+use val2_viewer::robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, now};
 use val2_viewer::{Host, HostConfig, timing};
 
 /// A new pose comes every 28 ms, as from ALTER.
@@ -14,8 +14,8 @@ const POSES: Duration = Duration::from_millis(28);
 struct Port(Box<dyn SerialPort>);
 
 impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        self.0.set_timeout(wait.unwrap_or(Duration::MAX))?;
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        self.0.set_timeout(wait.limit.unwrap_or(Duration::MAX))?;
         match self.0.read(buffer) {
             Ok(length) => Ok(Received::Bytes(length)),
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {

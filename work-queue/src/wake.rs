@@ -2,8 +2,8 @@
 ///
 /// It is called after what it reports: an end that looks once more after it was registered, and then sleeps, misses nothing.
 pub trait Wake {
-    /// The reader is woken after each publication, each reset, and when the writer leaves; the writer after jobs were completed or
-    /// discarded, and when the reader leaves.
+    /// The reader is woken after each publication, each reset, and when the writer leaves; the writer after jobs were completed, also
+    /// before their turn, or discarded, and when the reader leaves.
     fn wake(&self);
 }
 

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![cfg(not(loom))]
 
+use core::cell::Cell;
+
 use robot_work_queue::{Reader, WorkQueue, Writer, boxed};
 
 #[test]
@@ -25,6 +27,42 @@ fn both_ends_know_the_sizes_and_print_without_their_jobs() {
     assert_eq!(format!("{job:?}"), "Taken { number: 1, job: 700 }");
     assert_eq!(job.complete(), 700);
     assert!(reader.is_empty());
+}
+
+#[test]
+fn each_end_is_woken_by_what_the_other_has_done() {
+    let (to_reader, to_writer) = (Cell::new(0), Cell::new(0));
+    let mut queue: WorkQueue<u16, 4> = WorkQueue::new(9).unwrap();
+    let count = |wakes: &Cell<u32>| wakes.set(wakes.get() + 1);
+    let (mut writer, mut reader) = queue.split_with(|| count(&to_reader), || count(&to_writer));
+    let mut expected = (0, 0);
+    let mut woken = |reader, writer| {
+        expected = (expected.0 + reader, expected.1 + writer);
+        assert_eq!((to_reader.get(), to_writer.get()), expected);
+    };
+    writer.claim().unwrap().push(1);
+    woken(1, 0);
+    let mut batch = writer.claim_batch(3).unwrap();
+    batch.fill([2, 3, 4]);
+    assert_eq!(batch.publish(), 3);
+    woken(1, 0);
+    drop(reader.take().unwrap());
+    woken(0, 0);
+    // Its slot is free when those before it are: it is completed all the same.
+    reader.take_where(|number, _| number == 3).unwrap().complete();
+    woken(0, 1);
+    reader.take().unwrap().complete();
+    woken(0, 1);
+    reader.take_batch(1).unwrap().complete();
+    woken(0, 1);
+    writer.clear();
+    woken(1, 0);
+    assert!(reader.take().is_none() && writer.is_settled());
+    woken(0, 1);
+    drop(writer);
+    woken(1, 0);
+    drop(reader);
+    woken(0, 1);
 }
 
 #[test]

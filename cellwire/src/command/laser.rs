@@ -10,6 +10,7 @@ use serde_json::json;
 use super::settings::SetArgs;
 use crate::cell::run::Operator;
 use crate::cell::run::laser::{Ended, Journal, Program, Runner, Settings};
+use crate::io::bell::Bell;
 use crate::io::journal::{self, Outcome};
 use crate::io::output::log;
 use crate::io::port::AnyPort;
@@ -133,7 +134,7 @@ fn execute(
     let progress = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
     progress.set_position(before as u64);
     let operator = Operator {
-        words: input::lines(),
+        words: input::lines(Bell::default()),
         notify: &mut |event| log(&event),
         progress: &mut |done| progress.set_position(done as u64),
     };

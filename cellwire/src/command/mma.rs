@@ -10,6 +10,7 @@ use serde_json::json;
 use super::settings::SetArgs;
 use crate::cell::run::Operator;
 use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated};
+use crate::io::bell::Bell;
 use crate::io::journal::{self, Outcome};
 use crate::io::output::log;
 use crate::io::tcp::ConnectArgs;
@@ -134,12 +135,13 @@ fn execute(args: &RunArgs, settings: &Settings, journal: &mut Journal) -> Result
         log(&json!({"event": "goes_on", "placed": before, "of": all}))?;
     }
     let progress = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+    let bell = Bell::default();
     let operator = Operator {
-        words: input::lines(),
+        words: input::lines(bell.clone()),
         notify: &mut |event| log(&event),
         progress: &mut |placed| progress.set_position(placed as u64),
     };
-    let mut runner = Runner::new(journal, operator);
+    let mut runner = Runner::new(journal, operator, bell.clone());
     if !runner.settle_begun()? {
         return Ok(Ended::Stopped);
     }
@@ -147,7 +149,7 @@ fn execute(args: &RunArgs, settings: &Settings, journal: &mut Journal) -> Result
     let address = |given: &Option<String>| given.clone().unwrap_or_default();
     let addresses = Addresses { robot: address(&args.robot), platform: address(&args.platform), timeout };
     let mut periphery: Box<dyn Periphery> = match &args.periphery {
-        Some(address) => Box::new(Line::open(address, timeout)?),
+        Some(address) => Box::new(Line::open(address, timeout, bell)?),
         None => Box::new(Simulated::new(settings.part.clone(), settings.vacuum)),
     };
     let ended = runner.run(settings, &addresses, &mut *periphery);

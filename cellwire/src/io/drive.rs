@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Driver, Ended, Received, Sent, Session, Transport};
+use robot_session::{Driver, Ended, Received, Sent, Session, Transport, Wait};
 
 use crate::io::line::Clock;
 use crate::io::trace::{Trace, Way};
@@ -56,7 +56,7 @@ impl<T: Transport> Transport for Traced<'_, T> {
         self.clock.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         let received = self.transport.receive(buffer, wait)?;
         if let Received::Bytes(length) = received {
             self.trace.add(self.clock.now(), Way::Received, buffer.get(..length).unwrap_or_default());
@@ -67,9 +67,5 @@ impl<T: Transport> Transport for Traced<'_, T> {
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         self.trace.add(self.clock.now(), Way::Sent, bytes);
         self.transport.send(bytes)
-    }
-
-    fn pause(&mut self, wait: Duration) {
-        self.transport.pause(wait);
     }
 }

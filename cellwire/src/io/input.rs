@@ -10,6 +10,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 
+use crate::io::bell::Bell;
+
 /// The parser of a time in seconds, within a range.
 pub fn seconds(range: RangeInclusive<f64>) -> impl Fn(&str) -> Result<Duration, String> + Clone {
     move |text| {
@@ -64,16 +66,19 @@ pub fn bytes(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
-/// What is typed on standard input, line by line, until it ends.
-pub fn lines() -> Receiver<String> {
+/// What is typed on standard input, line by line, until it ends. The bell is rung for each line, and at the end.
+pub fn lines(bell: Bell) -> Receiver<String> {
     let (sender, lines) = mpsc::channel();
     thread::spawn(move || {
         for line in io::stdin().lines() {
-            let Ok(line) = line else { return };
+            let Ok(line) = line else { break };
             if sender.send(line).is_err() {
-                return;
+                break;
             }
+            bell.ring();
         }
+        drop(sender);
+        bell.ring();
     });
     lines
 }

@@ -4,7 +4,7 @@ use std::io;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Received, Sent, Transport};
+use robot_session::{Received, Sent, Transport, Wait};
 
 use crate::io::stream::Stream;
 use crate::io::{serial, tcp};
@@ -44,7 +44,7 @@ impl AnyPort {
 }
 
 impl Transport for AnyPort {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         match self {
             Self::Serial(port) => port.receive(buffer, wait),
             Self::Tcp(stream) => stream.receive(buffer, wait),

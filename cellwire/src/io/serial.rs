@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
 use clap::builder::TypedValueParser;
-use robot_session::{Received, Sent, Transport};
+use robot_session::{Received, Sent, Transport, Wait};
 use serialport::{FlowControl, Parity, SerialPort, StopBits};
 
 use crate::io::interrupt;
@@ -55,9 +55,9 @@ pub fn open_with(path: &str, baud: u32, parity: Parity, stop_bits: StopBits) -> 
 pub struct Port(pub Box<dyn SerialPort>);
 
 impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         // A timeout of 0 would be an error at once on some systems.
-        self.0.set_timeout(wait.unwrap_or(READ_TIMEOUT).max(Duration::from_micros(100)))?;
+        self.0.set_timeout(wait.limit.unwrap_or(READ_TIMEOUT).max(Duration::from_micros(100)))?;
         match self.0.read(buffer) {
             Ok(0) => Ok(Received::Closed),
             Ok(length) => Ok(Received::Bytes(length)),

@@ -4,7 +4,7 @@ use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::net::{Shutdown, TcpStream};
 use std::time::Duration;
 
-use robot_session::{Received, Sent, Transport, readable};
+use robot_session::{Received, Sent, Transport, Wait};
 
 use crate::io::tcp::is_silence;
 
@@ -52,10 +52,10 @@ impl Stream {
 }
 
 impl Transport for Stream {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         self.flush()?;
-        let wait = if self.unsent.is_empty() { wait } else { Some(wait.map_or(RETRY, |w| w.min(RETRY))) };
-        if !readable(&self.stream, wait)? {
+        let wait = if self.unsent.is_empty() { wait } else { wait.at_most(RETRY) };
+        if !wait.readable(&self.stream)? {
             return Ok(Received::Nothing);
         }
         match self.stream.read(buffer) {
@@ -105,7 +105,7 @@ mod tests {
             (peer, received)
         });
         while !stream.unsent.is_empty() {
-            assert_eq!(stream.receive(&mut [0; 9], Some(RETRY)).unwrap(), Received::Nothing);
+            assert_eq!(stream.receive(&mut [0; 9], Wait::limited(RETRY)).unwrap(), Received::Nothing);
         }
         let (_peer, received) = reader.join().unwrap();
         assert!(received.chunks(packet.len()).all(|chunk| chunk == packet));

@@ -2,10 +2,9 @@
 
 use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
-use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow};
-use robot_session::{Received, Sent, Transport, readable};
+use robot_session::{Received, Sent, Transport, Wait};
 
 use crate::io::tcp::{advise, is_silence, warn_unless_loopback};
 
@@ -82,7 +81,7 @@ impl Datagrams {
 }
 
 impl Transport for Datagrams {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         if let Some(first) = self.first.take() {
             let length = first.len().min(buffer.len());
             if let (Some(place), Some(bytes)) = (buffer.get_mut(..length), first.get(..length)) {
@@ -90,7 +89,7 @@ impl Transport for Datagrams {
             }
             return Ok(Received::Bytes(length));
         }
-        let arrived = readable(&self.socket, wait)?.then(|| self.read(buffer)).transpose()?.flatten();
+        let arrived = wait.readable(&self.socket)?.then(|| self.read(buffer)).transpose()?.flatten();
         Ok(arrived.map_or(Received::Nothing, Received::Bytes))
     }
 
@@ -109,9 +108,11 @@ impl Transport for Datagrams {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
-    const WAIT: Option<Duration> = Some(Duration::from_secs(20));
+    const WAIT: Duration = Duration::from_secs(20);
 
     #[test]
     fn what_others_send_is_passed_over() {
@@ -127,14 +128,17 @@ mod tests {
         peer.send(b"second").unwrap();
         let mut buffer = [0; 64];
         for expected in [&b"first"[..], b"second"] {
-            assert_eq!(end.receive(&mut buffer, WAIT).unwrap(), Received::Bytes(expected.len()));
+            assert_eq!(
+                end.receive(&mut buffer, Wait::limited(WAIT)).unwrap(),
+                Received::Bytes(expected.len())
+            );
             assert_eq!(&buffer[..expected.len()], expected);
         }
-        assert_eq!(end.receive(&mut buffer, Some(Duration::ZERO)).unwrap(), Received::Nothing);
+        assert_eq!(end.receive(&mut buffer, Wait::limited(Duration::ZERO)).unwrap(), Received::Nothing);
         // Nor does the peer receive from others.
         other.send_to(b"x", from).unwrap();
         end.send(b"answer").unwrap();
-        assert_eq!(peer.receive(&mut buffer, WAIT).unwrap(), Received::Bytes(6));
+        assert_eq!(peer.receive(&mut buffer, Wait::limited(WAIT)).unwrap(), Received::Bytes(6));
     }
 
     #[test]
@@ -143,7 +147,7 @@ mod tests {
         let mut end = Datagrams::connected(connect(&place.to_string()).unwrap());
         for _ in 0..3 {
             end.send(b"is anybody there?").unwrap();
-            assert_eq!(end.receive(&mut [0; 9], Some(Duration::ZERO)).unwrap(), Received::Nothing);
+            assert_eq!(end.receive(&mut [0; 9], Wait::limited(Duration::ZERO)).unwrap(), Received::Nothing);
         }
     }
 

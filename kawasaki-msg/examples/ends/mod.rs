@@ -13,10 +13,8 @@ use core::time::Duration;
 use std::io::{self, ErrorKind};
 use std::net::{TcpListener, TcpStream, UdpSocket};
 
-use kawasaki_msg::robot_session::{Driver, Received, Sent, Session as _, Transport, drive, now};
+use kawasaki_msg::robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, drive, now};
 use kawasaki_msg::{Job, JobSource, Pc, PcConfig, PcEvent, Robot, RobotConfig, RobotEvent, Work};
-
-const TICK: Duration = Duration::from_millis(2);
 
 /// `--example NAME -- pc|robot tcp|udp [ADDRESS]`.
 pub(crate) fn main<W: Work + Send + core::fmt::Debug + 'static>(jobs: &[W]) -> Result<(), Box<dyn Error>> {
@@ -74,7 +72,7 @@ pub(crate) fn robot<W: Work + Send + 'static>(
     loop {
         // The session says when: at once, and some time after a connection was lost.
         while robot.poll_event() != Some(RobotEvent::Connect) {
-            std::thread::sleep(TICK);
+            std::thread::sleep(robot.poll_timeout().unwrap_or_default().saturating_sub(now()));
             robot.handle_timeout(now());
         }
         let Ok(mut transport) = connect() else {
@@ -84,14 +82,15 @@ pub(crate) fn robot<W: Work + Send + 'static>(
         robot.handle_connected(now());
         let mut driver = Driver::new(&mut *transport);
         loop {
-            // The motion task: it moves, reports, and only then completes. On a controller it is a task of its own.
+            // The motion task: it moves, reports, and only then completes. On a controller it is a task of its own, and wakes the driver.
+            let mut wait = None;
             while let Some(job) = queue.take() {
                 executed.push(*job);
                 robot.job_done(now(), job.number)?;
                 job.complete();
+                wait = Some(Duration::ZERO);
             }
-            // No longer than a tick: the queue is looked at, too.
-            let turn = driver.turn(&mut robot, Some(TICK), |_, event| match event {
+            let turn = driver.turn(&mut robot, wait, |_, event| match event {
                 RobotEvent::Disconnect => ControlFlow::Break(false),
                 RobotEvent::OrderOver { .. } => ControlFlow::Break(true),
                 _ => ControlFlow::Continue(()),
@@ -102,10 +101,8 @@ pub(crate) fn robot<W: Work + Send + 'static>(
                     // The PC learns of it with the next packet.
                     let until = now() + 10 * kawasaki_msg::timing::EXCHANGE;
                     while now() < until {
-                        if driver
-                            .turn(&mut robot, Some(TICK), |_, _| ControlFlow::<()>::Continue(()))
-                            .is_err()
-                        {
+                        let wait = Some(until.saturating_sub(now()));
+                        if driver.turn(&mut robot, wait, |_, _| ControlFlow::<()>::Continue(())).is_err() {
                             break;
                         }
                     }
@@ -136,8 +133,8 @@ struct Udp {
 }
 
 impl Transport for Udp {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        self.socket.set_read_timeout(wait.map(|wait| wait.max(Duration::from_micros(1))))?;
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        self.socket.set_read_timeout(wait.limit.map(|wait| wait.max(Duration::from_micros(1))))?;
         match self.socket.recv_from(buffer) {
             Ok((length, peer)) => {
                 self.peer = Some(peer);

@@ -1,5 +1,7 @@
 //! What a robot makes of a message that is read by itself.
 
+use robot_work_queue::Wake;
+
 use super::event::RobotEvent;
 use super::session::Robot;
 use super::state::{Input, Rejection};
@@ -67,7 +69,7 @@ impl<W: Work> Received<W> {
     }
 }
 
-impl<W: Work, const MESSAGE: usize, const WORDS: usize> Robot<'_, W, MESSAGE, WORDS> {
+impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, MESSAGE, WORDS, R> {
     /// The message as an input; what does not concern the machine is reported.
     pub(super) fn received(&mut self, received: Received<W>) -> (Input, Option<Received<W>>) {
         let message = received.message();

@@ -1,7 +1,7 @@
 use core::time::Duration;
 
 use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpected};
-use robot_work_queue::Writer;
+use robot_work_queue::{NoWake, Wake, Writer};
 
 use super::config::RobotConfig;
 use super::event::RobotEvent;
@@ -22,7 +22,8 @@ use crate::statistics::RobotStatistics;
 ///
 /// Drive it as [`Session`](robot_session::Session) describes, each packet in one write, and before every
 /// [`handle_timeout`](robot_session::Session::handle_timeout) hand over every report of the motion task with
-/// [`job_done`](Self::job_done). Call `handle_timeout` in every pass: a settled queue has no other way to be seen. On
+/// [`job_done`](Self::job_done). The queue's [`Wake`] says when: after jobs were completed or discarded, and when the motion task is
+/// gone. A loop that hands over the reports and makes a turn of a driver whose waker is that hook needs no other turn. On
 /// [`RobotEvent::Connect`] open a connection and call [`handle_connected`](robot_session::Session::handle_connected), or
 /// [`handle_disconnected`](robot_session::Session::handle_disconnected) if it fails.
 ///
@@ -31,8 +32,8 @@ use crate::statistics::RobotStatistics;
 ///
 /// **The motion task** takes a job from the queue's [`Reader`](robot_work_queue::Reader), executes it, *reports its number*
 /// ([`Job::number`]: the queue's own goes on when it is cleared), and only then completes it. Reported before it is completed, a
-/// job that was executed when an order is interrupted or the queue is cleared is never asked for again. It keeps taking while it
-/// is idle: that is when a cleared queue is swept.
+/// job that was executed when an order is interrupted or the queue is cleared is never asked for again. It takes again whenever it is
+/// woken by the queue: that is when a cleared one is swept.
 ///
 /// **Corrupt bytes** and jobs that cannot be used are reported as events, and cost what follows them in the packet: it is destroyed
 /// (thesis, sections 7.2 and 12), and asked for again. The bytes always advance. All bytes of an input are taken. **Events** that
@@ -47,36 +48,36 @@ use crate::statistics::RobotStatistics;
 /// It can hold a message of `MESSAGE` bytes, and tell job numbers below 64 for each of its `WORDS` apart where jobs may overtake one
 /// another ([`Acks::Individual`](super::Acks)). What needs more is a [`ConfigError`]: `Robot::<_, 512>::sized`, or a [`LargeRobot`].
 #[derive(Debug)]
-pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 16> {
+pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 16, R: Wake = NoWake> {
     pub(super) core: CoreOf<Self>,
     pub(super) dialect: Dialect<'a>,
     limits: Limits,
     pub(super) ranges: W::Ranges,
-    pub(super) writer: Writer<'a, Job<W>>,
+    pub(super) writer: Writer<'a, Job<W>, R>,
     low_water: usize,
     pub(super) statistics: RobotStatistics,
 }
 
 /// A [`Robot`] for messages of every length and all job numbers: [`LargeRobot::sized`](Robot::sized).
-pub type LargeRobot<'a, W> = Robot<'a, W, { Message::MAX_LEN }, ALL_NUMBERS>;
+pub type LargeRobot<'a, W, R = NoWake> = Robot<'a, W, { Message::MAX_LEN }, ALL_NUMBERS, R>;
 
-impl<'a, W: Work> Robot<'a, W> {
+impl<'a, W: Work, R: Wake> Robot<'a, W, 256, 16, R> {
     /// A session that wants to connect at once. It queues its jobs through `writer`, whose highest job number is the one that
     /// both ends have agreed on. The ranges of a job's fields are the default ones.
     ///
     /// # Errors
     /// When the configuration cannot work.
-    pub fn new(config: RobotConfig<'a>, writer: Writer<'a, Job<W>>) -> Result<Self, ConfigError> {
+    pub fn new(config: RobotConfig<'a>, writer: Writer<'a, Job<W>, R>) -> Result<Self, ConfigError> {
         Self::sized(config, writer)
     }
 }
 
-impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize> Robot<'a, W, MESSAGE, WORDS> {
+impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W, MESSAGE, WORDS, R> {
     /// As [`new`](Robot::new), of the size that its type says.
     ///
     /// # Errors
     /// When the configuration cannot work, or needs more.
-    pub fn sized(config: RobotConfig<'a>, writer: Writer<'a, Job<W>>) -> Result<Self, ConfigError> {
+    pub fn sized(config: RobotConfig<'a>, writer: Writer<'a, Job<W>, R>) -> Result<Self, ConfigError> {
         let ranges = W::Ranges::default();
         config.check::<MESSAGE, WORDS>(job::check::<W>(&ranges)?)?;
         if writer.max_number() != config.max_number {
@@ -194,7 +195,7 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize> Robot<'a, W, MESSAGE
             None => self.core.decoder.take_next(bytes, false),
             Some(mut expected) => self.core.decoder.read_in_place(bytes, false, |bytes| {
                 let (used, queued) =
-                    queue_jobs::<W, MESSAGE>(bytes, &mut self.writer, &mut expected, &self.ranges);
+                    queue_jobs::<W, MESSAGE, R>(bytes, &mut self.writer, &mut expected, &self.ranges);
                 count += queued;
                 used
             }),
@@ -212,9 +213,9 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize> Robot<'a, W, MESSAGE
 
 /// Queues the expected jobs that these bytes begin with: how many bytes, and how many jobs they are.
 #[inline(never)] // by itself it fits the registers
-fn queue_jobs<W: Work, const MESSAGE: usize>(
+fn queue_jobs<W: Work, const MESSAGE: usize, R: Wake>(
     bytes: &[u8],
-    writer: &mut Writer<'_, Job<W>>,
+    writer: &mut Writer<'_, Job<W>, R>,
     expected: &mut Expected,
     ranges: &W::Ranges,
 ) -> (usize, usize) {
@@ -226,7 +227,7 @@ fn queue_jobs<W: Work, const MESSAGE: usize>(
     (used, batch.publish())
 }
 
-impl<W: Work, const MESSAGE: usize, const WORDS: usize> End for Robot<'_, W, MESSAGE, WORDS> {
+impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'_, W, MESSAGE, WORDS, R> {
     type Machine = Machine<WORDS>;
     type Decoder = Decoder<MESSAGE>;
     type Events = EventQueue<RobotEvent, 32>;

@@ -7,7 +7,7 @@ mod verdict;
 use core::time::Duration;
 
 use robot_session::{Core, Decoder as _, Encode as _, End, EventQueue, Machine as _, Room, Unexpected};
-use robot_work_queue::Writer;
+use robot_work_queue::{NoWake, Wake, Writer};
 
 pub use self::config::ControllerConfig;
 #[doc(hidden)]
@@ -27,7 +27,8 @@ use crate::words::{Class, Refusal};
 ///
 /// `T` is what the motion task takes: it is built from an [`Instruction`] by `TryFrom`, which also checks the parameters. It is
 /// called twice for each instruction, because a frame is queued whole or not at all: every instruction is checked, and the
-/// room for all of them, before the first is queued. The job numbers of the queue are counted here; the link has none.
+/// room for all of them, before the first is queued. The job numbers of the queue are counted here; the link has none. The queue's
+/// [`Wake`] wakes the motion task; the controller looks at the queue when a frame comes, and need not be woken.
 ///
 /// - [`Execute`](ControllerEvent::Execute) is answered by [`answer`](Self::answer) or [`refuse`](Self::refuse); until then
 ///   [`instruction`](Self::instruction) holds what to execute.
@@ -41,9 +42,9 @@ use crate::words::{Class, Refusal};
 /// - While an instruction is executed, input waits in a buffer of [`Frame::MAX_LEN`] bytes; what does not fit is dropped.
 /// - An instruction that is being executed when the connection is lost still waits for its `answer`, which goes nowhere.
 #[derive(Debug)]
-pub struct Controller<'q, T> {
+pub struct Controller<'q, T, R: Wake = NoWake> {
     core: Core<ControllerMachine, Decoder, EventQueue<ControllerEvent, EVENTS>>,
-    queue: Writer<'q, T>,
+    queue: Writer<'q, T, R>,
     /// The parameters of the instruction to execute, then the values of the answer.
     values: [u8; MAX_PAYLOAD],
     len: usize,
@@ -109,7 +110,7 @@ const EVENTS: usize = 8;
 /// The command word in front of an answer's values.
 const WORD_LEN: usize = 4;
 
-impl<'q, T> Controller<'q, T>
+impl<'q, T, R: Wake> Controller<'q, T, R>
 where
     T: for<'a> TryFrom<Instruction<'a>>,
 {
@@ -117,7 +118,7 @@ where
     ///
     /// # Errors
     /// A configuration that cannot work.
-    pub fn new(config: ControllerConfig, queue: Writer<'q, T>) -> Result<Self, ConfigError> {
+    pub fn new(config: ControllerConfig, queue: Writer<'q, T, R>) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self {
             core: Core::new(config, ControllerMachine::NEW, Decoder::new(&config.profile)),
@@ -168,7 +169,7 @@ where
     }
 
     /// The queue's end, to clear it or to look at its room.
-    pub fn queue_mut(&mut self) -> &mut Writer<'q, T> {
+    pub fn queue_mut(&mut self) -> &mut Writer<'q, T, R> {
         &mut self.queue
     }
 
@@ -206,7 +207,7 @@ where
     }
 }
 
-impl<T> End for Controller<'_, T>
+impl<T, R: Wake> End for Controller<'_, T, R>
 where
     T: for<'a> TryFrom<Instruction<'a>>,
 {

@@ -1,6 +1,6 @@
 //! What a good frame is answered with.
 
-use robot_work_queue::Writer;
+use robot_work_queue::{Wake, Writer};
 
 use super::config::ControllerConfig;
 use crate::instruction::{Instruction, Instructions, word_of};
@@ -15,10 +15,10 @@ pub(super) enum Verdict<'a> {
 }
 
 /// Interpreted instructions are queued on the way: all of them, or none.
-pub(super) fn judge<'a, T>(
+pub(super) fn judge<'a, T, R: Wake>(
     items: Items<'a>,
     config: &ControllerConfig,
-    queue: &mut Writer<'_, T>,
+    queue: &mut Writer<'_, T, R>,
 ) -> Result<Verdict<'a>, Refusal>
 where
     T: for<'i> TryFrom<Instruction<'i>>,

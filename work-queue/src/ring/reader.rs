@@ -253,12 +253,12 @@ impl<T, W: Wake> Taken<'_, T, W> {
         let job = unsafe { hold.slot(&self.here).place().read() };
         if self.here.at == front.cursor.at {
             front.free(hold, 1);
-            self.writer.wake();
         } else {
             hold.done(&self.here).store(true, Relaxed);
             front.ahead += 1;
             front.cursor.stop = front.cursor.at + 1;
         }
+        self.writer.wake();
         job
     }
 }

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::time::Duration;
 
-use robot_session::{Received, Sent, Transport};
+use robot_session::{Received, Sent, Transport, Wait};
 use val2_alter::timing::transmission_time;
 
 use super::port::Port;
@@ -110,7 +110,7 @@ impl Transport for Handshake {
         self.port.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         if !self.requests.is_empty() {
             let length = self.requests.len().min(buffer.len());
             for (place, byte) in buffer.iter_mut().zip(self.requests.drain(..length)) {
@@ -118,7 +118,7 @@ impl Transport for Handshake {
             }
             return Ok(Received::Bytes(length));
         }
-        Ok(match self.read(wait.unwrap_or_default(), buffer) {
+        Ok(match self.read(wait.limit.unwrap_or_default(), buffer) {
             0 => Received::Nothing,
             length => Received::Bytes(length),
         })

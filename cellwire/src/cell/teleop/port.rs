@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::{Received, Sent, Session, Transport};
+use robot_session::{Received, Sent, Session, Transport, Wait};
 use serialport::SerialPort;
 
 use super::context::Context;
@@ -207,8 +207,8 @@ impl Transport for Port {
         self.context.clock.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        Ok(match self.read(wait.unwrap_or(LEAST_WAIT), buffer) {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        Ok(match self.read(wait.limit.unwrap_or(LEAST_WAIT), buffer) {
             0 => Received::Nothing,
             length => Received::Bytes(length),
         })

@@ -13,7 +13,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use robot_session::{Received, Sent, Transport};
+use robot_session::{Received, Sent, Transport, Wait};
 use serialport::SerialPort;
 
 use crate::io::listener::Listener;
@@ -286,8 +286,8 @@ impl Transport for Line {
         self.driven
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
-        let until = wait.map_or(Duration::MAX, |wait| self.driven.saturating_add(wait));
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
+        let until = wait.limit.map_or(Duration::MAX, |wait| self.driven.saturating_add(wait));
         let until = until.min(self.clock.now().max(self.driven) + READ_TIMEOUT);
         if !self.wait(until) {
             return Ok(Received::Closed);
@@ -313,10 +313,6 @@ impl Transport for Line {
     fn send(&mut self, bytes: &[u8]) -> io::Result<Sent> {
         Line::send(self, bytes);
         Ok(Sent::Buffered)
-    }
-
-    fn pause(&mut self, wait: Duration) {
-        let _ = Transport::receive(self, &mut [], Some(wait));
     }
 }
 

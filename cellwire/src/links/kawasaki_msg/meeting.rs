@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 use kawasaki_msg::{Dialect, Message};
-use robot_session::{Received, Sent, Transport};
+use robot_session::{Received, Sent, Transport, Wait};
 
 use crate::io::listener::{Arrival, Listener};
 use crate::io::output::remark;
@@ -170,7 +170,7 @@ fn first(socket: &UdpSocket, dialect: Dialect<'static>) -> Result<Option<(UdpSoc
 }
 
 impl Transport for Carrier {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> std::io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> std::io::Result<Received> {
         match self {
             Self::Tcp(stream) => stream.receive(buffer, wait),
             Self::Udp(datagrams) => datagrams.receive(buffer, wait),

@@ -2,11 +2,10 @@
 
 use std::io::{self, ErrorKind};
 use std::ops::ControlFlow;
-use std::thread;
 use std::time::Duration;
 
-use kawasaki_msg::{START, timing};
-use robot_session::{Ended, Received, Sent, Transport};
+use kawasaki_msg::START;
+use robot_session::{Ended, Received, Sent, Transport, Wait};
 
 use super::meeting::Carrier;
 use crate::io::drive::Traced;
@@ -69,11 +68,11 @@ impl Transport for Peer<'_> {
         self.clock.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         if let Some(carrier) = &mut self.carrier {
             return carrier.receive(buffer, wait);
         }
-        thread::sleep(wait.unwrap_or(timing::CPU_CYCLE));
+        wait.pause()?;
         Ok(Received::Nothing)
     }
 

@@ -3,25 +3,22 @@
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 use kawasaki_msg::{Job, LargeRobot, RobotConfig, RobotEvent, RobotStatistics, timing};
-use robot_session::{Driver, Session, Transport as _};
-use robot_work_queue::Reader;
+use robot_session::{Driver, Session, Transport as _, Waker};
+use robot_work_queue::{Reader, Wake};
 
 use super::meeting::Meeting;
 use super::peer::{Peer, outcome};
 use super::sheet::Lines;
+use crate::io::bell::Bell;
 use crate::io::samples::Samples;
 use crate::io::trace::Trace;
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
-
-/// The motion task looks at its switch at least so often.
-const LONGEST_SLEEP: Duration = Duration::from_millis(50);
-/// It looks for a job so often at least; more often after it had one.
-const LONGEST_IDLE: Duration = Duration::from_millis(8);
 
 /// How the simulated robot is made.
 #[derive(Debug, Clone)]
@@ -53,6 +50,29 @@ pub struct Run {
     pub connections: u64,
 }
 
+/// How a robot is stopped.
+#[derive(Debug, Default)]
+pub struct Switch(Mutex<(bool, Option<Waker>)>);
+
+impl Switch {
+    /// Stops it, at once or when it begins.
+    pub fn turn_off(&self) {
+        let mut state = self.lock();
+        state.0 = true;
+        if let Some(waker) = &state.1 {
+            waker.wake();
+        }
+    }
+
+    fn is_off(&self) -> bool {
+        self.lock().0
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (bool, Option<Waker>)> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// A job that was executed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stroke {
@@ -75,20 +95,25 @@ pub enum Notification<'a> {
     Traced(std::path::PathBuf),
 }
 
-/// Runs until `stop`: meets the PC, again whenever the connection is lost. The motion task gives each job that is executed to
-/// `stroke`.
+/// Runs until it is switched off: meets the PC, again whenever the connection is lost. The motion task gives each job that is
+/// executed to `stroke`.
 ///
 /// # Errors
-/// What `notify` returns; a queue that cannot be made.
+/// What `notify` returns; a queue, or a waker, that cannot be made.
 pub fn run(
     setup: &Setup,
     meeting: &mut Meeting,
     trace: &Trace,
-    stop: &AtomicBool,
+    switch: &Switch,
     stroke: impl FnMut(Stroke) + Send,
     notify: impl FnMut(Notification<'_>) -> Result<()>,
 ) -> Result<Run> {
-    let (writer, reader) = robot_work_queue::boxed::<Job<AnyWork>>(setup.queue, setup.config.max_number)?;
+    let mut driver = Driver::new(Peer::new(trace));
+    let (bell, waker) = (Bell::default(), driver.waker()?);
+    switch.lock().1 = Some(waker.clone());
+    let (ring, max_number) = (bell.clone(), setup.config.max_number);
+    let (writer, reader) =
+        robot_work_queue::boxed_with(setup.queue, max_number, move || ring.ring(), move || waker.wake())?;
     let (report, reports) = mpsc::channel();
     let mut task = Communication {
         session: Unpacking {
@@ -97,7 +122,7 @@ pub fn run(
         },
         reports,
         orders: &AtomicU32::new(0),
-        driver: Driver::new(Peer::new(trace)),
+        driver,
         trace,
         run: Run::default(),
         notify,
@@ -110,10 +135,11 @@ pub fn run(
     };
     let (outcome, work_cycle) = thread::scope(|scope| {
         let builder = thread::Builder::new().name("motion".into());
-        let motion =
-            builder.spawn_scoped(scope, || execute(reader, &time_of, orders, &ended, &report, stroke))?;
-        let outcome = task.run(meeting, stop);
+        let motion = builder
+            .spawn_scoped(scope, || execute(reader, &bell, &time_of, orders, &ended, &report, stroke))?;
+        let outcome = task.run(meeting, switch);
         ended.store(true, Ordering::Relaxed);
+        bell.ring();
         anyhow::Ok((outcome, motion.join()))
     })
     .context("cannot start the motion task")?;
@@ -124,8 +150,8 @@ pub fn run(
 }
 
 /// The communication task.
-struct Communication<'a, T> {
-    session: Unpacking<'a>,
+struct Communication<'a, T, R: Wake> {
+    session: Unpacking<'a, R>,
     reports: Receiver<u16>,
     orders: &'a AtomicU32,
     driver: Driver<Peer<'a>>,
@@ -142,9 +168,9 @@ enum Break {
     Failed(anyhow::Error),
 }
 
-impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
-    fn run(&mut self, meeting: &mut Meeting, stop: &AtomicBool) -> Result<()> {
-        while !stop.load(Ordering::Relaxed) {
+impl<T: FnMut(Notification<'_>) -> Result<()>, R: Wake> Communication<'_, T, R> {
+    fn run(&mut self, meeting: &mut Meeting, switch: &Switch) -> Result<()> {
+        while !switch.is_off() {
             for number in self.reports.try_iter() {
                 self.session.robot.job_done(self.driver.transport_mut().now(), number)?;
             }
@@ -159,8 +185,7 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
     fn turn(&mut self, meeting: &mut Meeting) -> Result<Result<(), String>> {
         let Self { session, driver, orders, notify, .. } = self;
         let exchanges = session.robot.statistics().exchange.count();
-        // The reports do not wait for long.
-        let turn = driver.turn(session, Some(timing::CPU_CYCLE), |_, event| {
+        let turn = driver.turn(session, None, |_, event| {
             match event {
                 RobotEvent::Connect => return ControlFlow::Break(Break::Connect),
                 // Its jobs come with a later packet: the motion task sees the new order before them.
@@ -212,12 +237,12 @@ impl<T: FnMut(Notification<'_>) -> Result<()>> Communication<'_, T> {
 }
 
 /// A session that measures how long it unpacks a packet.
-struct Unpacking<'a> {
-    robot: LargeRobot<'a, AnyWork>,
+struct Unpacking<'a, R: Wake> {
+    robot: LargeRobot<'a, AnyWork, R>,
     times: Samples,
 }
 
-impl Session for Unpacking<'_> {
+impl<R: Wake> Session for Unpacking<'_, R> {
     type Event = RobotEvent;
     type Statistics = RobotStatistics;
     const MAX_INPUT: usize = 65536;
@@ -262,7 +287,8 @@ impl Session for Unpacking<'_> {
 
 /// The motion task: takes jobs until it is stopped, and takes the time of each. Returns the work cycles.
 fn execute(
-    mut queue: Reader<'_, Job<AnyWork>>,
+    mut queue: Reader<'_, Job<AnyWork>, impl Wake>,
+    bell: &Bell,
     time_of: &impl Fn(&AnyWork) -> Duration,
     orders: &AtomicU32,
     stop: &AtomicBool,
@@ -271,15 +297,12 @@ fn execute(
 ) -> Samples {
     let mut cycles = Samples::default();
     let (mut before, mut arrival): (Option<(u32, Instant)>, _) = (None, Instant::now());
-    let mut idle = timing::CPU_CYCLE / 4;
     while !stop.load(Ordering::Relaxed) {
         let Some(job) = queue.take() else {
-            thread::sleep(idle);
-            idle = (idle * 2).min(LONGEST_IDLE);
+            bell.wait();
             arrival = Instant::now();
             continue;
         };
-        idle = timing::CPU_CYCLE / 4;
         let (order, taken) = (orders.load(Ordering::Acquire), Instant::now());
         if let Some((_, end)) = before.filter(|(last, _)| *last == order) {
             cycles.add(taken - end);
@@ -290,7 +313,7 @@ fn execute(
             && ahead > timing::CPU_CYCLE
             && !stop.load(Ordering::Relaxed)
         {
-            thread::sleep(ahead.min(LONGEST_SLEEP));
+            bell.wait_for(ahead);
         }
         if stop.load(Ordering::Relaxed) {
             break; // switched off in the middle of the job

@@ -3,7 +3,6 @@
 use std::fs::{File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
 
 use anyhow::{Context as _, Result};
@@ -13,7 +12,7 @@ use serde_json::json;
 use super::meeting::Meeting;
 use super::options::{PcSettings, RobotSettings};
 use super::pc::{self, Program};
-use super::robot::{self, Setup, Stroke};
+use super::robot::{self, Setup, Stroke, Switch};
 use super::sheet::{Lines, SHEET};
 use crate::io::drawing::{self, Picture};
 use crate::io::output::{log, ready, remark};
@@ -69,8 +68,13 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
         }
         let _ = sender.send(stroke);
     };
-    robot::run(&setup, &mut meeting, &trace, &AtomicBool::new(false), executed, |notification| {
-        match notification {
+    robot::run(
+        &setup,
+        &mut meeting,
+        &trace,
+        &Switch::default(),
+        executed,
+        |notification| match notification {
             robot::Notification::Event(event) => {
                 let executed = strokes.try_iter();
                 order.extend(executed.filter_map(|stroke| Some(lines.as_ref()?.line(&stroke.job.work))));
@@ -88,8 +92,8 @@ pub fn robot(options: &SimulateOptions) -> Result<()> {
             robot::Notification::Connected(peer) => log(&json!({"event": "connected", "peer": peer})),
             robot::Notification::Disconnected(why) => log(&json!({"event": "disconnected", "why": why})),
             robot::Notification::Traced(path) => log(&json!({"event": "trace", "path": path})),
-        }
-    })?;
+        },
+    )?;
     Ok(())
 }
 

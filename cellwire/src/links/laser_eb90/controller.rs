@@ -8,11 +8,12 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use laser_eb90::{Controller, ControllerConfig, ControllerEvent, Instruction, Item, Items, Refusal};
-use robot_session::{Driver, Received, Sent, Session as _, Transport};
-use robot_work_queue::Reader;
+use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait};
+use robot_work_queue::{NoWake, Reader, Wake};
 use serde_json::{Value, json};
 
 use super::options::LaserSettings;
+use crate::io::bell::Bell;
 use crate::io::drive::turn;
 use crate::io::line::{Clock, Line};
 use crate::io::output::log;
@@ -34,10 +35,6 @@ pub const CLEAR: u16 = 0x0203;
 pub const STATUS: u16 = 0x0301;
 /// Answers the floats of the instruction that was executed last.
 pub const POSITION: u16 = 0x0302;
-
-/// The motion task looks for a job so often after it had one, and so often at least.
-const SHORTEST_IDLE: Duration = Duration::from_millis(1);
-const LONGEST_IDLE: Duration = Duration::from_millis(8);
 
 /// How a simulated robot behaves.
 #[derive(Debug, Clone, Copy)]
@@ -153,9 +150,11 @@ pub fn run(
     notify: impl FnMut(Value) -> Result<()>,
     executed: &Mutex<Vec<Job>>,
 ) -> Result<RobotCounts> {
-    let (writer, reader) = robot_work_queue::boxed::<Job>(robot.queue, NUMBERS)?;
-    let (halted, done) = (AtomicBool::new(false), AtomicBool::new(false));
-    let motion = Motion { robot, switch, halted: &halted, done: &done, executed };
+    let (bell, halted, done) = (Bell::default(), AtomicBool::new(false), AtomicBool::new(false));
+    let ring = bell.clone();
+    let (writer, reader) =
+        robot_work_queue::boxed_with::<Job, _, _>(robot.queue, NUMBERS, move || ring.ring(), NoWake)?;
+    let motion = Motion { robot, switch, bell: &bell, halted: &halted, done: &done, executed };
     let mut task = Communication { motion, clock, notify, refused: 0 };
     let controller = Controller::new(robot.config, writer)?;
     priority::raise(Rank::Hardware);
@@ -166,6 +165,7 @@ pub fn run(
             .context("cannot start a thread that executes instructions")?;
         let outcome = task.run(controller, line);
         done.store(true, Ordering::Relaxed);
+        bell.ring();
         if let Err(panic) = motion.join() {
             std::panic::resume_unwind(panic);
         }
@@ -187,7 +187,7 @@ impl Transport for Measured<'_> {
         self.line.now()
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         let received = Transport::receive(self.line, buffer, wait);
         self.woken = self.clock.now();
         received
@@ -200,10 +200,6 @@ impl Transport for Measured<'_> {
         self.counts.answer.add(sent.saturating_sub(self.line.now()));
         Ok(Sent::Buffered)
     }
-
-    fn pause(&mut self, wait: Duration) {
-        Transport::pause(self.line, wait);
-    }
 }
 
 /// The communication task: what the controller's session reports.
@@ -215,7 +211,11 @@ struct Communication<'a, F> {
 }
 
 impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
-    fn run(&mut self, mut controller: Controller<'_, Job>, line: &mut Line) -> Result<RobotCounts> {
+    fn run<R: Wake>(
+        &mut self,
+        mut controller: Controller<'_, Job, R>,
+        line: &mut Line,
+    ) -> Result<RobotCounts> {
         let clock = self.clock;
         let measured = Measured { line, clock, woken: clock.now(), counts: RobotCounts::default() };
         let mut driver = Driver::new(measured);
@@ -230,7 +230,11 @@ impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
         Ok(RobotCounts { refused: self.refused, ..counts })
     }
 
-    fn take(&mut self, controller: &mut Controller<'_, Job>, event: ControllerEvent) -> Result<()> {
+    fn take<R: Wake>(
+        &mut self,
+        controller: &mut Controller<'_, Job, R>,
+        event: ControllerEvent,
+    ) -> Result<()> {
         match event {
             ControllerEvent::Queued { count } => (self.notify)(json!({"event": "queued", "count": count})),
             ControllerEvent::Refused(refusal) => {
@@ -247,11 +251,12 @@ impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
     }
 
     /// Executes an immediate instruction or a query, and has it answered.
-    fn execute(&mut self, controller: &mut Controller<'_, Job>, word: u16) -> Result<()> {
+    fn execute<R: Wake>(&mut self, controller: &mut Controller<'_, Job, R>, word: u16) -> Result<()> {
         let now = self.clock.now();
         match word {
             HALT | GO_ON => {
                 self.motion.halted.store(word == HALT, Ordering::Relaxed);
+                self.motion.bell.ring();
                 controller.answer(now, |_| Ok(()))?;
             }
             CLEAR => {
@@ -279,6 +284,8 @@ impl<F: FnMut(Value) -> Result<()>> Communication<'_, F> {
 struct Motion<'a> {
     robot: Robot,
     switch: &'a Switch,
+    /// There is something to look at.
+    bell: &'a Bell,
     halted: &'a AtomicBool,
     /// The communication task has ended: nothing more is queued.
     done: &'a AtomicBool,
@@ -286,25 +293,20 @@ struct Motion<'a> {
 }
 
 impl Motion<'_> {
-    fn run(self, mut reader: Reader<'_, Job>) {
-        let mut idle = SHORTEST_IDLE;
+    fn run<W: Wake>(self, mut reader: Reader<'_, Job, W>) {
         while !self.switch.was_killed() {
             let done = self.done.load(Ordering::Relaxed);
             let halted = self.halted.load(Ordering::Relaxed);
             // Halted, it takes nothing, but sees that the queue was emptied.
             match if halted { reader.take_where(|_, _| false) } else { reader.take() } {
                 Some(job) => {
-                    idle = SHORTEST_IDLE;
                     thread::sleep(self.robot.execution);
                     if let Ok(mut executed) = self.executed.lock() {
                         executed.push(job.complete());
                     }
                 }
                 None if done => return,
-                None => {
-                    thread::sleep(idle);
-                    idle = (idle * 2).min(LONGEST_IDLE);
-                }
+                None => self.bell.wait(),
             }
         }
     }

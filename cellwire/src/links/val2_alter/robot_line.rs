@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use robot_session::{Received, Sent, Transport};
+use robot_session::{Received, Sent, Transport, Wait};
 use val2_alter::{ErrorCode, Framing};
 
 use super::script::{misread, spoil};
@@ -60,7 +60,7 @@ impl Transport for RobotLine<'_> {
         self.now
     }
 
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         let received = Transport::receive(self.line, buffer, wait)?;
         self.stood += self.line.take_lateness();
         self.now = self.now.max(self.line.now().saturating_sub(self.stood));

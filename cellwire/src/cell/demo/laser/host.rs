@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use laser_eb90::{Host, HostConfig, HostEvent, Item, SessionError};
-use robot_session::{Driver, Received, Sent, Session as _, Transport, now};
+use robot_session::{Driver, Received, Sent, Session as _, Transport, Wait, now};
 use serialport::SerialPort;
 
 use super::path::Cut;
@@ -65,7 +65,7 @@ pub struct Plan<'a> {
 struct Port(serial::Port, Rc<Cell<Duration>>);
 
 impl Transport for Port {
-    fn receive(&mut self, buffer: &mut [u8], wait: Option<Duration>) -> io::Result<Received> {
+    fn receive(&mut self, buffer: &mut [u8], wait: Wait<'_>) -> io::Result<Received> {
         self.0.receive(buffer, wait)
     }
 

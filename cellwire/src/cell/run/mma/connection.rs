@@ -13,6 +13,7 @@ use mmacell_proto::{Central, CentralConfig, CentralEvent, Closing, Command, Pose
 use mmacell_task::Device;
 use robot_session::{Output, now, settle};
 
+use crate::io::bell::Bell;
 use crate::io::tcp;
 
 /// A peer that takes nothing for so long is gone.
@@ -31,12 +32,28 @@ pub(super) struct Arrival {
     pub(super) bytes: Option<Vec<u8>>,
 }
 
+/// Takes what has come, and rings for it.
+#[derive(Clone)]
+pub(super) struct Inbox {
+    pub(super) arrivals: Sender<Arrival>,
+    pub(super) bell: Bell,
+}
+
+impl Inbox {
+    /// False when nobody is there any more.
+    fn put(&self, arrival: Arrival) -> bool {
+        let is_taken = self.arrivals.send(arrival).is_ok();
+        self.bell.ring();
+        is_taken
+    }
+}
+
 /// A device at its address.
 pub(super) struct Connection<P: Pose> {
     from: Device,
     address: String,
     timeout: Duration,
-    inbox: Sender<Arrival>,
+    inbox: Inbox,
     number: u64,
     stream: Option<TcpStream>,
     session: Central<P>,
@@ -51,7 +68,7 @@ impl<P: Pose> Connection<P> {
         address: &str,
         timeout: Duration,
         config: CentralConfig,
-        inbox: &Sender<Arrival>,
+        inbox: &Inbox,
     ) -> Result<Self> {
         let session = Central::new(config)?;
         let (number, stream, retry_at, lost) = (0, None, Duration::ZERO, None);
@@ -76,7 +93,7 @@ impl<P: Pose> Connection<P> {
                     Ok(length) => buffer.get(..length).map(<[u8]>::to_vec),
                 };
                 let is_over = bytes.is_none();
-                if inbox.send(Arrival { from, number, bytes }).is_err() || is_over {
+                if !inbox.put(Arrival { from, number, bytes }) || is_over {
                     return;
                 }
             }
@@ -86,15 +103,24 @@ impl<P: Pose> Connection<P> {
         Ok(())
     }
 
-    /// Opens a lost connection again, now and then.
-    pub(super) fn reconnect(&mut self) {
-        if self.stream.is_some() || now() < self.retry_at {
-            return;
+    /// Opens a lost connection again, now and then; when there is something to do next.
+    pub(super) fn reconnect(&mut self) -> Option<Duration> {
+        if self.stream.is_some() {
+            return None;
         }
-        if let Err(error) = self.connect() {
-            self.lost = Some(format!("{error:#}"));
+        if now() < self.retry_at {
+            return Some(self.retry_at);
         }
+        let outcome = self.connect();
         self.retry_at = now().saturating_add(RETRY);
+        match outcome {
+            // What the session begins with.
+            Ok(()) => Some(now()),
+            Err(error) => {
+                self.lost = Some(format!("{error:#}"));
+                Some(self.retry_at)
+            }
+        }
     }
 
     /// Why it was lost, if it is not regained.

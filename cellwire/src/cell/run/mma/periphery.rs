@@ -12,6 +12,7 @@ use mmacell_proto::{PlatformPose, RobotPose, VACUUM};
 use robot_session::now;
 
 use super::settings::Part;
+use crate::io::bell::Bell;
 use crate::io::tcp;
 
 /// A camera's answer, a valve that is set, the switch.
@@ -43,6 +44,9 @@ pub trait Periphery {
 
     /// What has happened since.
     fn poll(&mut self) -> Option<Happened>;
+
+    /// When something happens that no bell rings for.
+    fn due(&self) -> Option<Duration>;
 }
 
 /// Cameras that see the parts of the task, and a vacuum that builds up when its valve is open.
@@ -87,6 +91,10 @@ impl Periphery for Simulated {
         }
         self.happened.pop_front()
     }
+
+    fn due(&self) -> Option<Duration> {
+        self.high_at
+    }
 }
 
 /// A periphery at a TCP address, in lines of text (see the help of `cellwire mma run`).
@@ -98,11 +106,11 @@ pub struct Line {
 }
 
 impl Line {
-    /// Connects to it.
+    /// Connects to it. The bell is rung for each line that it says, and when it is gone.
     ///
     /// # Errors
     /// When nobody is there.
-    pub fn open(address: &str, timeout: Duration) -> Result<Self> {
+    pub fn open(address: &str, timeout: Duration, bell: Bell) -> Result<Self> {
         let stream = tcp::connect(address, timeout).context("the periphery")?;
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(Duration::from_secs(5)))?;
@@ -115,10 +123,12 @@ impl Line {
                 let mut line = String::new();
                 reader.set_limit(4096);
                 match reader.read_line(&mut line) {
-                    Ok(1..) if sender.send(line).is_ok() => {}
-                    _ => return,
+                    Ok(1..) if sender.send(line).is_ok() => bell.ring(),
+                    _ => break,
                 }
             }
+            drop(sender);
+            bell.ring();
         });
         Ok(Self { stream, lines, is_lost: false })
     }
@@ -148,6 +158,10 @@ impl Periphery for Line {
             }
             Err(_) => None,
         }
+    }
+
+    fn due(&self) -> Option<Duration> {
+        None
     }
 }
 

@@ -10,15 +10,13 @@ use robot_session::now;
 use serde_json::json;
 
 use super::Journal;
-use super::connection::{Arrival, Connection};
+use super::connection::{Arrival, Connection, Inbox};
 use super::periphery::{Happened, Periphery};
 use super::settings::Settings;
 use crate::cell::run::{Operator, Word};
+use crate::io::bell::Bell;
 use crate::io::drive::Lost;
 use crate::io::journal::{Outcome, Span};
-
-/// The periphery and the operator are looked at so often.
-const GLANCE: Duration = Duration::from_millis(2);
 
 /// Where the devices are.
 #[derive(Debug, Clone)]
@@ -45,6 +43,8 @@ pub enum Ended {
 pub struct Runner<'a> {
     journal: &'a mut Journal,
     operator: Operator<'a>,
+    /// Rung for what the operator types, what comes on a connection, and what the periphery says.
+    bell: Bell,
     part: usize,
     paused: bool,
     stopping: bool,
@@ -54,10 +54,10 @@ pub struct Runner<'a> {
 }
 
 impl<'a> Runner<'a> {
-    /// A run that goes on where the journal has ended.
-    pub fn new(journal: &'a mut Journal, operator: Operator<'a>) -> Self {
+    /// A run that goes on where the journal has ended. The bell is that of the operator's words and of the periphery.
+    pub fn new(journal: &'a mut Journal, operator: Operator<'a>, bell: Bell) -> Self {
         let (part, paused, stopping, held, question) = (0, false, false, false, false);
-        Self { journal, operator, part, paused, stopping, held, question }
+        Self { journal, operator, bell, part, paused, stopping, held, question }
     }
 
     /// Asks about the part that an earlier run has begun; false when the operator stops.
@@ -99,7 +99,8 @@ impl<'a> Runner<'a> {
     ) -> Result<Ended> {
         let Some(first) = self.journal.first(Outcome::NotSent) else { return Ok(Ended::Complete) };
         self.part = first;
-        let (sender, inbox) = mpsc::channel();
+        let (arrivals, inbox) = mpsc::channel();
+        let sender = Inbox { arrivals, bell: self.bell.clone() };
         let Addresses { robot, platform, timeout } = addresses;
         let mut robot: Connection<RobotPose> =
             Connection::open(Device::Robot, robot, *timeout, settings.central, &sender)?;
@@ -108,7 +109,7 @@ impl<'a> Runner<'a> {
         let mut task = Task::new(settings.task);
         // The periphery has no session of the cell's protocol.
         task.handle_event(now(), Event::Ready(Device::Conditioning));
-        while task.step() != Step::Finished {
+        loop {
             self.listen(&mut task)?;
             task.handle_timeout(now());
             loop {
@@ -133,14 +134,17 @@ impl<'a> Runner<'a> {
                     break;
                 }
             }
-            if !matches!(task.step(), Step::Closing | Step::Finished) {
-                robot.reconnect();
-                platform.reconnect();
+            let retries = match task.step() {
+                Step::Finished => break,
+                Step::Closing => [None; 2],
+                _ => [robot.reconnect(), platform.reconnect()],
+            };
+            let deadlines = [task.poll_timeout(), robot.timeout(), platform.timeout(), periphery.due()];
+            match deadlines.into_iter().chain(retries).flatten().min() {
+                Some(at) => self.bell.wait_for(at.saturating_sub(now())),
+                None => self.bell.wait(),
             }
-            let due = [task.poll_timeout(), robot.timeout(), platform.timeout()].into_iter().flatten().min();
-            let wait = due.map_or(GLANCE, |at| at.saturating_sub(now()).min(GLANCE));
-            let first = inbox.recv_timeout(wait).ok();
-            for arrival in first.into_iter().chain(inbox.try_iter()) {
+            for arrival in inbox.try_iter() {
                 let arrival: Arrival = arrival;
                 if arrival.from == Device::Robot { robot.arrived(arrival) } else { platform.arrived(arrival) }
             }

@@ -1,0 +1,123 @@
+//! What ends the wait of a transport: something to read, a time, or a waker.
+
+use core::net::Ipv4Addr;
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+use std::io;
+use std::net::UdpSocket;
+use std::sync::Arc;
+use std::thread;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fd::AsFd;
+
+/// How long a [`Transport`](crate::Transport) waits: no longer than `limit`, and until its driver is [woken](Waker).
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Wait<'a> {
+    /// No longer than this; `None` is without limit.
+    pub limit: Option<Duration>,
+    waker: Option<&'a Waker>,
+}
+
+impl<'a> Wait<'a> {
+    pub(crate) fn new(limit: Option<Duration>, waker: Option<&'a Waker>) -> Self {
+        Self { limit, waker }
+    }
+
+    /// A wait that nothing ends but a time.
+    #[must_use]
+    pub fn limited(limit: Duration) -> Self {
+        Self::new(Some(limit), None)
+    }
+
+    /// The same wait, no longer than `limit`.
+    #[must_use]
+    pub fn at_most(self, limit: Duration) -> Self {
+        Self { limit: Some(self.limit.map_or(limit, |own| own.min(limit))), ..self }
+    }
+
+    /// Waits until there is something to read, an end or an error, and says whether there is. The wait is exact, where a socket's own
+    /// time limit is rounded up to 4 ms and more on many systems. A signal may end it early.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn readable(self, socket: impl AsFd) -> io::Result<bool> {
+        // What no system can express is as good as no limit.
+        let limit = self.limit.and_then(|limit| Timespec::try_from(limit).ok());
+        let of = |socket| PollFd::from_borrowed_fd(socket, PollFlags::IN);
+        let socket = of(socket.as_fd());
+        let (socket, outcome) = match self.waker {
+            Some(Waker(waker)) => {
+                let mut both = [socket, of(waker.socket.as_fd())];
+                let outcome = poll(&mut both, limit.as_ref());
+                let [socket, _] = both;
+                (socket, outcome)
+            }
+            None => {
+                let mut one = [socket];
+                let outcome = poll(&mut one, limit.as_ref());
+                let [socket] = one;
+                (socket, outcome)
+            }
+        };
+        match outcome {
+            Ok(_) => Ok(!socket.revents().is_empty()),
+            Err(rustix::io::Errno::INTR) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Waits without reading.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn pause(self) -> io::Result<()> {
+        match self.waker {
+            Some(Waker(waker)) => Self::new(self.limit, None).readable(&waker.socket).map(drop),
+            None => {
+                thread::sleep(self.limit.unwrap_or(Duration::MAX));
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Ends the wait of a [`Driver`](crate::Driver), from any thread: the hook of a queue, or the caller's own event. It never blocks, and
+/// waking often before the driver has looked costs no more than waking once.
+#[derive(Debug, Clone)]
+pub struct Waker(Arc<Wakeup>);
+
+#[derive(Debug)]
+struct Wakeup {
+    /// Connected to itself: a descriptor that any system can wait for, and nobody else can send to.
+    socket: UdpSocket,
+    /// A datagram is on its way.
+    pending: AtomicBool,
+}
+
+impl Waker {
+    pub(crate) fn new() -> io::Result<Self> {
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
+        socket.connect(socket.local_addr()?)?;
+        socket.set_nonblocking(true)?;
+        Ok(Self(Arc::new(Wakeup { socket, pending: AtomicBool::new(false) })))
+    }
+
+    /// Ends the wait of the driver, or its next one.
+    pub fn wake(&self) {
+        let Wakeup { socket, pending } = &*self.0;
+        // There is room for one: none is left of the time before. Should the system fail, the next call tries again.
+        if !pending.swap(true, Ordering::AcqRel) && socket.send(&[]).is_err() {
+            pending.store(false, Ordering::Release);
+        }
+    }
+
+    /// Whether it was woken since the last call.
+    pub(crate) fn take(&self) -> bool {
+        let Wakeup { socket, pending } = &*self.0;
+        // Who wakes after the datagram was read sends another, or has done what he wakes for before this returns.
+        pending.load(Ordering::Acquire)
+            && socket.recv(&mut []).is_ok()
+            && pending.swap(false, Ordering::AcqRel)
+    }
+}

@@ -6,44 +6,39 @@ use std::collections::BTreeSet;
 use arbitrary::Unstructured;
 use fanuc_hmi_modbus::assignment::{self, Slots};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, Client, ClientConfig, ClientEvent, DecodeError, Decoder, Exception, Frame, Framing, Pdu,
-    PduBuf, Registers, Reply, Request, Server, ServerConfig, ServerStatistics, Side, Signal, Table, Ticket,
-    Words, WordsMut, limit,
+    Bits, BitsMut, Client, ClientConfig, ClientEvent, Decoder, Exception, Frame, Framing, Pdu, PduBuf,
+    Registers, Reply, Request, Server, ServerConfig, ServerStatistics, Side, Signal, Table, Ticket, Words,
+    WordsMut, limit,
 };
-use robot_session::{Decoder as _, Encode as _, Session};
+use robot_session::{Encode as _, Session};
 
+use crate::stream::{items_and_next, step, tile};
 use crate::written;
-
-/// A frame's PDU or an error, and the stream offset after it.
-type Item = (Result<Vec<u8>, DecodeError>, u64);
 
 /// Two bytes choose which framing and side, and how long the reads are; the rest is the stream.
 pub fn fanuc_hmi_modbus_decoder(data: &[u8]) {
     let [settings, size, stream @ ..] = data else { return };
     let framing = if settings & 1 == 0 { Framing::Tcp } else { Framing::RTU_OVER_TCP };
     let side = if settings & 2 == 0 { Side::Client } else { Side::Server };
-    let items = decode(framing, side, stream, usize::from(*size).max(1));
-    assert_eq!(items, decode(framing, side, stream, usize::MAX), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
-        if let Ok(pdu) = item {
-            let frame = match framing {
-                Framing::Tcp => {
-                    let (frame, used) = Frame::decode_tcp(bytes).unwrap().unwrap();
-                    assert_eq!(used, bytes.len());
-                    frame
-                }
-                _ => Frame::decode_rtu_whole(bytes).unwrap(),
+    let (next, frame) = next(framing);
+    tile(
+        || Decoder::new(framing, side),
+        kept,
+        stream,
+        *size,
+        (&next, &frame),
+        |item, place| {
+            let (Ok(frame), bytes) = (item, &stream[place]) else { return };
+            let frame = frame.as_ref();
+            let (again, used) = match framing {
+                Framing::Tcp => Frame::decode_tcp(bytes).unwrap().unwrap(),
+                _ => (Frame::decode_rtu_whole(bytes).unwrap(), bytes.len()),
             };
-            assert_eq!(frame.pdu, pdu);
+            assert_eq!((again, used), (frame, bytes.len()));
             assert_eq!(encoded(&frame), bytes, "an accepted frame encodes to its bytes");
-            messages(&pdu);
-        }
-        at += bytes.len();
-    }
-    assert_eq!(at, stream.len(), "every byte is in one item");
+            messages(frame.pdu);
+        },
+    );
 }
 
 /// What a PDU holds encodes to its bytes again, but for the unused bits of a request; a server answers it with a reply that a
@@ -130,7 +125,9 @@ fn framed(pdu: &[u8], side: Side, transaction: u16) {
         let frame = Frame { transaction, unit, pdu };
         let bytes = encoded(&frame);
         let framing = if transaction.is_some() { Framing::Tcp } else { Framing::RTU_OVER_TCP };
-        assert_eq!(decode(framing, side, &bytes, 5), [(Ok(pdu.to_vec()), bytes.len() as u64)]);
+        let (next, after) = next(framing);
+        let items = items_and_next(Decoder::new(framing, side), kept, &bytes, 5, (&next, &after));
+        assert_eq!(items, [(Ok(kept(frame)), bytes.len() as u64)]);
         for cut in 0..bytes.len() {
             let part = match framing {
                 Framing::Tcp => Frame::decode_tcp(&bytes[..cut]),
@@ -192,10 +189,8 @@ pub fn fanuc_hmi_modbus_client(data: &[u8]) {
     let mut client = Client::<4>::new(config).expect("a good configuration");
     let (mut now, mut open, mut out) = (Duration::ZERO, BTreeSet::<Ticket>::new(), [0; 260]);
     client.handle_connected(now);
-    while let [action, pause, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        now += Duration::from_millis((*pause).into());
+    while let Some(([action, pause, _], bytes)) = step(&mut data) {
+        now += Duration::from_millis(pause.into());
         match action & 7 {
             0 | 1 => {
                 if let Ok(request) = Request::decode(bytes)
@@ -249,10 +244,8 @@ pub fn fanuc_hmi_modbus_server(data: &[u8]) {
     let mut server = Server::<_, 8>::new(config, Bank).expect("a good configuration");
     let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
     server.handle_connected(now);
-    while let [pause, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        now += Duration::from_millis((*pause).into());
+    while let Some(([pause, _], bytes)) = step(&mut data) {
+        now += Duration::from_millis(pause.into());
         server.handle_input(now, bytes);
         let mut replies = 0;
         loop {
@@ -319,28 +312,15 @@ fn encoded(frame: &Frame<&[u8]>) -> Vec<u8> {
     out[..len].to_vec()
 }
 
-fn decode(framing: Framing, side: Side, stream: &[u8], size: usize) -> Vec<Item> {
-    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
-        while let Some(item) = decoder.next_frame() {
-            let item = item.map(|frame| frame.pdu.to_vec());
-            items.push((item, decoder.position()));
-        }
-    }
-    let (mut decoder, mut items) = (Decoder::new(framing, side), Vec::new());
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
-            drain(&mut decoder, &mut items);
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder, &mut items);
+fn kept(frame: Frame<&[u8]>) -> Frame<PduBuf> {
+    frame.to_buf().unwrap()
+}
+
+/// A frame as its bytes and as it is read.
+fn next(framing: Framing) -> (Vec<u8>, Frame<PduBuf>) {
     let transaction = matches!(framing, Framing::Tcp).then_some(1);
-    let good = Frame { transaction, unit: 1, pdu: &[6, 0, 1, 2, 3][..] };
-    let bytes = encoded(&good);
-    assert_eq!(decoder.push(&bytes), bytes.len());
-    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what follows the silence is read");
-    items
+    let frame = Frame { transaction, unit: 1, pdu: &[6, 0, 1, 2, 3][..] };
+    (encoded(&frame), kept(frame))
 }
 
 /// Blocks of telemetry, 37 registers each, and speeds for DPM: whatever the registers hold, orientations are unit

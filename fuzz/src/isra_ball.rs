@@ -3,12 +3,12 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use isra_ball::robot_session::{Decoder as _, Encode as _, Session as _};
+use isra_ball::robot_session::{Encode as _, Session as _};
 use isra_ball::{
-    Ball, BallConfig, BallEvent, DecodeError, Decoder, Frame, Host, HostConfig, HostEvent, Keys, Packet,
-    Status, timing,
+    Ball, BallConfig, BallEvent, Decoder, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status, timing,
 };
 
+use crate::stream::{step, tile};
 use crate::written;
 
 const GOOD: Packet = Packet {
@@ -20,29 +20,27 @@ const GOOD: Packet = Packet {
     keys: Keys(0x81),
 };
 
-/// A frame's data or an error, and the stream offset after it.
-type Item = (Result<Vec<u8>, DecodeError>, u64);
-
 /// The first byte is how long the reads are, the rest the stream.
 pub fn isra_ball_decoder(data: &[u8]) {
     let Some((&size, stream)) = data.split_first() else { return };
-    let items = decode(stream, usize::from(size).max(1));
-    assert_eq!(items, decode(stream, usize::MAX), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
-        if let Ok(data) = item {
+    let next = GOOD.to_bytes().unwrap();
+    let data = Frame::decode(&next).unwrap().unwrap().0.data().to_vec();
+    tile(
+        Decoder::new,
+        |frame| frame.data().to_vec(),
+        stream,
+        size,
+        (&next, &data),
+        |item, place| {
+            let (Ok(data), bytes) = (item, &stream[place]) else { return };
             let frame = Frame::new(&data).unwrap();
             assert_eq!(Frame::decode(bytes), Ok(Some((frame, bytes.len()))));
             assert_eq!(frame.encoded_len(), bytes.len());
             if let Ok(packet) = frame.packet() {
                 assert_eq!(packet.to_bytes().unwrap(), bytes, "an accepted packet encodes to its bytes");
             }
-        }
-        at += bytes.len();
-    }
-    assert_eq!(at, stream.len(), "every byte is in one item");
+        },
+    );
 }
 
 /// A packet of any values: what can be written is read back the same.
@@ -69,12 +67,10 @@ pub fn isra_ball_ball(mut data: &[u8]) {
     let mut ball = Ball::new(config).unwrap();
     let (mut out, now) = ([0; Packet::LEN], Duration::ZERO);
     let (mut connected, mut asked, mut measured) = (false, 0, GOOD);
-    while let [action, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
+    while let Some(([action, length], bytes)) = step(&mut data) {
         if action & 1 == 1 {
             measured =
-                Packet { force: [action.cast_signed(); 3], moment: [0; 3], keys: Keys(*length), ..GOOD };
+                Packet { force: [action.cast_signed(); 3], moment: [0; 3], keys: Keys(length), ..GOOD };
             ball.measure(measured.force, measured.moment, measured.keys);
         }
         match action >> 2 & 7 {
@@ -119,11 +115,9 @@ pub fn isra_ball_host(mut data: &[u8]) {
     let (mut now, mut last_poll, mut out) = (Duration::ZERO, None, [0; 16]);
     let (mut open, mut is_live) = (false, false);
     host.handle_connected(now);
-    while let [pause, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        now += Duration::from_millis((*pause).into());
-        if *pause == 255 {
+    while let Some(([pause, _], bytes)) = step(&mut data) {
+        now += Duration::from_millis(pause.into());
+        if pause == 255 {
             host.handle_connected(now);
         }
         host.handle_input(now, bytes);
@@ -160,26 +154,4 @@ pub fn isra_ball_host(mut data: &[u8]) {
         assert_eq!(host.poll_transmit(now, &mut out), None, "one poll at a time");
         assert!(host.poll_timeout().unwrap() > now || host.poll_event().is_some());
     }
-}
-
-fn decode(stream: &[u8], size: usize) -> Vec<Item> {
-    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
-        while let Some(item) = decoder.next_frame() {
-            let item = item.map(|frame| frame.data().to_vec());
-            items.push((item, decoder.position()));
-        }
-    }
-    let (mut decoder, mut items) = (Decoder::new(), Vec::new());
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
-            drain(&mut decoder, &mut items);
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder, &mut items);
-    assert_eq!(decoder.push(&GOOD.to_bytes().unwrap()), Packet::LEN);
-    let next = decoder.next_frame().unwrap().and_then(|frame| frame.packet());
-    assert_eq!(next, Ok(GOOD), "what comes after the silence is read");
-    items
 }

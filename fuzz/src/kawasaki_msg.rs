@@ -5,28 +5,33 @@ use core::time::Duration;
 use arbitrary::Unstructured;
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
-    Acks, Bounds, Charset, DecodeError, Decoder, Dialect, EncodeError, Job, JobKind, LargePc, LargeRobot,
-    Limits, Line, Message, MessageError, Name, Packet, Params, PcConfig, PcEvent, Point, RobotConfig,
-    RobotEvent, Role, Room, Supply, Value, Values,
+    Acks, Bounds, Charset, Decoder, Dialect, EncodeError, Job, JobKind, LargePc, LargeRobot, Limits, Line,
+    Message, MessageError, Name, Packet, Params, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Role,
+    Room, Supply, Value, Values,
 };
 use robot_work_queue::Reader;
 
+use crate::stream::{step, tile};
 use crate::written;
-
-/// The bytes of a message as it is written, or an error, and the stream offset after it.
-type Item = (Result<Vec<u8>, DecodeError>, u64);
 
 /// The first byte is how long the reads are and which character set it is, the rest the stream.
 pub fn kawasaki_msg_decoder(data: &[u8]) {
     let Some((&first, stream)) = data.split_first() else { return };
     let charset = if first & 0x80 == 0 { Charset::Ascii } else { Charset::Latin1 };
-    let items = decode(charset, stream, usize::from(first & 0x7F).max(1));
-    assert_eq!(items, decode(charset, stream, usize::MAX), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
-        if let Ok(written) = item {
+    let own = |message: Message<'_>| {
+        let mut written = vec![0; message.encoded_len()];
+        assert_eq!(message.encode(charset, &mut written), Ok(written.len()));
+        written
+    };
+    let next = b"<TilausAlkaa$4#50$1#>";
+    tile(
+        || Decoder::new(charset),
+        own,
+        stream,
+        first & 0x7F,
+        (next, &next.to_vec()),
+        |item, place| {
+            let (Ok(written), bytes) = (item, &stream[place]) else { return };
             let (message, used) = Message::decode(bytes, charset).unwrap().unwrap();
             assert_eq!(used, bytes.len());
             let (again, _) = Message::decode(&written, charset).unwrap().unwrap();
@@ -46,10 +51,8 @@ pub fn kawasaki_msg_decoder(data: &[u8]) {
                 let (again, _) = Message::decode(&out[..n], Charset::Ascii).unwrap().unwrap();
                 assert_eq!(Dialect::DEFAULT.read(&again), Ok((role, params)));
             }
-        }
-        at += bytes.len();
-    }
-    assert_eq!(at, stream.len(), "every byte is in one item");
+        },
+    );
 }
 
 /// The message with its length as we write it.
@@ -58,35 +61,6 @@ fn plain_length(bytes: &[u8]) -> Vec<u8> {
     let length = bytes[..data].iter().rposition(|byte| *byte == b'$').unwrap();
     let digits = bytes.len() - data - "##>".len();
     [&bytes[..=length], digits.to_string().as_bytes(), &bytes[data..]].concat()
-}
-
-fn decode(charset: Charset, stream: &[u8], size: usize) -> Vec<Item> {
-    fn drain(decoder: &mut Decoder, charset: Charset, items: &mut Vec<Item>) {
-        while let Some(frame) = decoder.next_frame() {
-            let item = frame.map(|message| {
-                let mut written = vec![0; message.encoded_len()];
-                assert_eq!(message.encode(charset, &mut written), Ok(written.len()));
-                written
-            });
-            items.push((item, decoder.position()));
-        }
-    }
-    let (mut decoder, mut items) = (Decoder::new(charset), Vec::new());
-    for mut chunk in stream.chunks(size.min(stream.len().max(1))) {
-        while !chunk.is_empty() {
-            let taken = decoder.push(chunk);
-            chunk = &chunk[taken..];
-            let before = decoder.position();
-            drain(&mut decoder, charset, &mut items);
-            assert!(taken > 0 || decoder.position() > before, "a full decoder makes progress");
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder, charset, &mut items);
-    let good = Message::new("TilausAlkaa", &[Value::Number(50), Value::Number(1)]);
-    assert_eq!(decoder.push(b"<TilausAlkaa$4#50$1#>"), 21);
-    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what follows the end is read");
-    items
 }
 
 /// A message of any name and values: what can be written is read back the same, alone and many in a packet.
@@ -153,22 +127,14 @@ fn check_packets(message: &Message<'_>, bytes: &[u8], limits: Limits, charset: C
     assert!(strings.iter().rev().skip(1).all(|length| *length == element));
 }
 
-/// What a script of the fuzzer's does next.
-struct Script<'a>(&'a [u8]);
+/// The next bytes of a script, after their number.
+fn bytes<'a>(script: &mut &'a [u8]) -> &'a [u8] {
+    step::<1>(script).map_or(&[], |(_, bytes)| bytes)
+}
 
-impl<'a> Script<'a> {
-    fn byte(&mut self) -> Option<u8> {
-        let (first, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(*first)
-    }
-
-    fn bytes(&mut self) -> &'a [u8] {
-        let length = usize::from(self.byte().unwrap_or(0));
-        let (bytes, rest) = self.0.split_at(length.min(self.0.len()));
-        self.0 = rest;
-        bytes
-    }
+/// The next byte of a script, which is 0 after the last.
+fn byte(script: &mut &[u8]) -> u8 {
+    script.split_off_first().copied().unwrap_or(0)
 }
 
 /// Too long to be compared at once.
@@ -254,10 +220,9 @@ fn check_packet(packet: &[u8]) -> Vec<(Role, Params)> {
 
 /// Steps of the clock, answers good and bad, executed jobs, resets and lost connections, for a robot that reads jobs in one pass
 /// and one that reads them the general way: both do the same.
-pub fn kawasaki_msg_robot(data: &[u8]) {
-    let mut script = Script(data);
+pub fn kawasaki_msg_robot(mut script: &[u8]) {
     let bounds = Bounds { min: Point::new(-100, -100), max: Point::new(100_000, 100) };
-    let first = script.byte().unwrap_or(0);
+    let first = byte(&mut script);
     let (capacity, max_number) = [(1, 2), (3, 5), (7, 40), (64, 9999)][usize::from(first % 4)];
     let acks = if first & 4 == 0 { Acks::Individual } else { RobotConfig::TCP.acks };
     let (refuse_repeated_start, end_foreign_order) = (first & 8 != 0, first & 16 != 0);
@@ -265,9 +230,9 @@ pub fn kawasaki_msg_robot(data: &[u8]) {
     let mut quick = Motion::new(bounds, config, capacity, max_number);
     let mut slow = Motion::new(bounds, RobotConfig { dialect: wordy(), ..config }, capacity, max_number);
     let mut now = Duration::ZERO;
-    while let Some(action) = script.byte() {
+    while let Some(&action) = script.split_off_first() {
         let answer = match action {
-            0..=49 => script.bytes().to_vec(),
+            0..=49 => bytes(&mut script).to_vec(),
             50..=149 => jobs(&mut script, &quick.robot, action),
             150..=169 => b"<TilausAlkaa$4#50$1#>".to_vec(),
             170..=174 => b"<TilausKeskeytyy$2#50#>".to_vec(),
@@ -310,10 +275,10 @@ pub fn kawasaki_msg_robot(data: &[u8]) {
 }
 
 /// A packet of jobs from about the next one on; the fuzzer's bytes say where it goes wrong.
-fn jobs(script: &mut Script<'_>, robot: &LargeRobot<'_, Line>, action: u8) -> Vec<u8> {
+fn jobs(script: &mut &[u8], robot: &LargeRobot<'_, Line>, action: u8) -> Vec<u8> {
     let mut number = robot.queued() + 1;
     let mut packet = Vec::new();
-    for wrong in script.bytes() {
+    for wrong in bytes(script) {
         let x = if *wrong == 255 { 1_000_000 } else { i32::from(*wrong) };
         let data = format!("50${number}$1${x}$-7$0$0");
         let length = data.len() + usize::from(*wrong == 254);
@@ -368,9 +333,8 @@ fn renamed(answer: &[u8]) -> Vec<u8> {
 }
 
 /// Steps of the clock, messages good and bad, orders and lost connections for a PC.
-pub fn kawasaki_msg_pc(data: &[u8]) {
-    let mut script = Script(data);
-    let first = script.byte().unwrap_or(0);
+pub fn kawasaki_msg_pc(mut script: &[u8]) {
+    let first = byte(&mut script);
     let (max_number, total) = ([2, 5, 40, 9999][usize::from(first % 4)], u32::from(first) * 3);
     let cumulative_acks = first & 4 == 0;
     let config = PcConfig {
@@ -382,14 +346,14 @@ pub fn kawasaki_msg_pc(data: &[u8]) {
     let source = move |index: u32| if index < total { Supply::Job(line(index)) } else { Supply::End };
     let (mut now, mut out, mut heard, mut executed) = (Duration::ZERO, [0; 4096], false, 0);
     pc.handle_connected(now);
-    while let Some(action) = script.byte() {
+    while let Some(&action) = script.split_off_first() {
         now += Duration::from_millis(u64::from(action));
         let number = |offset: u32| (pc.executed() + offset) % u32::from(max_number) + 1;
         let order = pc.order().unwrap_or(50);
         let message = match action {
-            0..=49 => script.bytes().to_vec(),
-            50..=99 => said("TyoPyynto", &[order.into(), number(script.byte().unwrap_or(0).into())]),
-            100..=149 => said("TyoKuittaus", &[order.into(), number(script.byte().unwrap_or(0).into())]),
+            0..=49 => bytes(&mut script).to_vec(),
+            50..=99 => said("TyoPyynto", &[order.into(), number(byte(&mut script).into())]),
+            100..=149 => said("TyoKuittaus", &[order.into(), number(byte(&mut script).into())]),
             150..=179 => said("TilausKuittaus", &[order.into()]),
             180..=184 => said("TilausKuittaus", &[(action % 2).into()]),
             185..=189 => said("LoppuKuittaus", &[order.into(), 0, number(0)]),

@@ -3,29 +3,36 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use laser_eb90::robot_session::{Decoder as _, Encode as _, Session as _};
+use laser_eb90::robot_session::{Encode as _, Session as _};
 use laser_eb90::{
-    ByteOrder, Class, Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, EncodeError, Flag,
-    Frame, Host, HostConfig, HostEvent, Instruction, Instructions, Item as Value, MAX_PAYLOAD, Payload,
-    Profile, Refusal, SessionError, Tags, Tail, Width,
+    ByteOrder, Class, Controller, ControllerConfig, ControllerEvent, Decoder, EncodeError, Flag, Frame, Host,
+    HostConfig, HostEvent, Instruction, Instructions, Item as Value, MAX_PAYLOAD, Payload, Profile, Refusal,
+    SessionError, Tags, Tail, Width,
 };
 
+use crate::stream::{step, tile};
 use crate::written;
-
-/// A frame's payload or an error, and the stream offset after it.
-type Item = (Result<Vec<u8>, DecodeError>, u64);
 
 /// Two bytes say how the frames are written and how long the reads are, the rest is the stream.
 pub fn laser_eb90_decoder(data: &[u8]) {
     let [settings, size, stream @ ..] = data else { return };
     let profile = profile(*settings);
-    let items = decode(stream, usize::from(*size).max(1), &profile);
-    assert_eq!(items, decode(stream, usize::MAX, &profile), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder makes no progress at byte {at}");
-        if let Ok(payload) = item {
+    let (mut buffer, mut next) = ([0; 8], [0; 16]);
+    let mut word = Payload::new(&mut buffer, &profile);
+    let length = word.word(0x9010).unwrap().frame().unwrap().encode(&mut next).unwrap();
+    let own = |frame: Frame<'_>| {
+        assert_eq!(frame.items().check(), Ok(()), "the decoder has read the items over");
+        frame.payload().to_vec()
+    };
+    let next = (&next[..length], &word.as_bytes().to_vec());
+    tile(
+        || Decoder::new(&profile),
+        own,
+        stream,
+        *size,
+        next,
+        |item, place| {
+            let (Ok(payload), bytes) = (item, &stream[place]) else { return };
             let mut buffer = [0; MAX_PAYLOAD];
             let (frame, used) = Frame::decode(bytes, &mut buffer, &profile).unwrap().unwrap();
             assert_eq!((frame.payload(), used), (&payload[..], bytes.len()));
@@ -35,10 +42,8 @@ pub fn laser_eb90_decoder(data: &[u8]) {
                 assert_eq!(again, bytes, "an accepted frame encodes to its bytes");
             }
             cut(&frame);
-        }
-        at += bytes.len();
-    }
-    assert_eq!(at, stream.len(), "every byte is in one item");
+        },
+    );
 }
 
 /// The instructions of a batch are its payload, cut in pieces that each begin with a word.
@@ -150,34 +155,6 @@ fn profile(settings: u8) -> Profile {
     }
 }
 
-fn decode(stream: &[u8], size: usize, profile: &Profile) -> Vec<Item> {
-    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
-        while let Some(item) = decoder.next_frame() {
-            let item = item.map(|frame| {
-                assert_eq!(frame.items().check(), Ok(()), "the decoder has read the items over");
-                frame.payload().to_vec()
-            });
-            items.push((item, decoder.position()));
-        }
-    }
-    let (mut decoder, mut items) = (Decoder::new(profile), Vec::new());
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
-            drain(&mut decoder, &mut items);
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder, &mut items);
-    let (mut buffer, mut out) = ([0; 8], [0; 16]);
-    let mut payload = Payload::new(&mut buffer, profile);
-    let length = payload.word(0x9010).unwrap().frame().unwrap().encode(&mut out).unwrap();
-    assert_eq!(decoder.push(&out[..length]), length);
-    let next = decoder.next_frame().unwrap().map(|frame| frame.payload().to_vec());
-    assert_eq!(next, Ok(payload.as_bytes().to_vec()), "what comes after the silence is read");
-    items
-}
-
 /// Steps of an action, a pause, a length, and so many bytes from the line.
 pub fn laser_eb90_host(mut data: &[u8]) {
     let Some((&settings, rest)) = data.split_first() else { return };
@@ -193,10 +170,8 @@ pub fn laser_eb90_host(mut data: &[u8]) {
     let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
     host.handle_connected(now);
     let (mut submitted, mut reported, mut taken_back, mut in_flight) = (0, 0, 0, false);
-    while let [action, pause, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        now += Duration::from_millis(u64::from(*pause) * 8);
+    while let Some(([action, pause, length], bytes)) = step(&mut data) {
+        now += Duration::from_millis(u64::from(pause) * 8);
         match action % 16 {
             n @ 0..=7 => {
                 let word = [0x0101, 0x0201, 0x0301, 0x7777][usize::from(n % 4)];
@@ -272,10 +247,8 @@ pub fn laser_eb90_controller(mut data: &[u8]) {
     let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
     controller.handle_connected(now);
     let (mut received, mut answers, mut executing) = (0, 0, false);
-    while let [action, pause, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        now += Duration::from_millis((*pause).into());
+    while let Some(([action, pause, length], bytes)) = step(&mut data) {
+        now += Duration::from_millis(pause.into());
         match action % 8 {
             0 => drop(reader.take().map(|job| job.complete())),
             1 => {

@@ -3,15 +3,15 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use mmacell_proto::robot_session::Decoder as _;
 use mmacell_proto::robot_session::{Encode as _, Session as _};
 use mmacell_proto::{
-    AnyPose, BLOW, Central, CentralConfig, CentralEvent, Command, DecodeError, Decoder, Device, DeviceConfig,
-    DeviceEvent, Dialect, ErrorCode, Line, Miss, Mode, Order, PlatformPose, Pose, Progress, Reply, RobotPose,
-    Status, Unfinished, VACUUM,
+    AnyPose, BLOW, Central, CentralConfig, CentralEvent, Command, Decoder, Device, DeviceConfig, DeviceEvent,
+    Dialect, ErrorCode, Line, Miss, Mode, Order, PlatformPose, Pose, Progress, Reply, RobotPose, Status,
+    Unfinished, VACUUM,
 };
 use mmacell_task::{self as task, Event, Failure, Output, Step, Task, TaskConfig};
 
+use crate::stream::{step, tile};
 use crate::written;
 
 /// The first byte is how long the reads are, the second the dialect, the rest the stream.
@@ -155,10 +155,8 @@ pub fn mmacell_proto_central(mut data: &[u8]) {
     let (mut now, mut buffer) = (Duration::ZERO, [0; 64]);
     session.handle_connected(now);
     let mut outstanding = None;
-    while let [operation, pause, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        now += Duration::from_millis((*pause).into());
+    while let Some(([operation, pause, _], bytes)) = step(&mut data) {
+        now += Duration::from_millis(pause.into());
         match operation {
             0xFF => session.handle_disconnected(now),
             0xFE => session.handle_connected(now),
@@ -166,7 +164,7 @@ pub fn mmacell_proto_central(mut data: &[u8]) {
             _ => {}
         }
         // An outcome may wait: then the request is refused.
-        let command = any_command(*operation);
+        let command = any_command(operation);
         if session.request(command).is_ok() {
             assert_eq!(outstanding.replace(command), None, "one command at a time");
         }
@@ -187,13 +185,11 @@ pub fn mmacell_proto_device(mut data: &[u8]) {
     let (now, mut buffer) = (Duration::ZERO, [0; 64]);
     device.handle_connected(now);
     let mut pending: Option<Order<RobotPose>> = None;
-    while let [operation, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
+    while let Some(([operation, _], bytes)) = step(&mut data) {
         match operation % 16 {
             0 => device.arrived(),
-            1 => device.fail(ErrorCode::from(i32::from(*operation))),
-            2 => device.set_pose(RobotPose::from_units([i32::from(*operation) * 8000; 4])),
+            1 => device.fail(ErrorCode::from(i32::from(operation))),
+            2 => device.set_pose(RobotPose::from_units([i32::from(operation) * 8000; 4])),
             3 => (device.handle_connected(now), pending = None).0,
             4 => (device.handle_disconnected(now), pending = None).0,
             _ => {}
@@ -210,7 +206,7 @@ pub fn mmacell_proto_device(mut data: &[u8]) {
                 pending = None;
             }
             // Some owners take their time.
-            if let Some(order) = pending.take_if(|_| *operation < 0xF0) {
+            if let Some(order) = pending.take_if(|_| operation < 0xF0) {
                 let before = device.machine().axes;
                 if operation & 0x20 == 0 {
                     let refused = device.refuse(order, ErrorCode::Other(77));
@@ -313,41 +309,20 @@ pub fn mmacell_task(data: &[u8]) {
 fn messages(data: &[u8], check: impl Fn(Line<'_>, &Dialect)) {
     let [size, bits, stream @ ..] = data else { return };
     let dialect = any_dialect(*bits);
-    let items = lines(stream, usize::from(*size).max(1), dialect);
-    assert_eq!(items, lines(stream, usize::MAX, dialect), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        assert!(end > at, "the decoder stands still at byte {at}");
-        let bytes = &stream[usize::try_from(at).unwrap()..usize::try_from(end).unwrap()];
-        if let Ok(content) = item {
+    let next = (&b"STA\r\n"[..], &b"STA".to_vec());
+    tile(
+        || Decoder::new(dialect),
+        |line| line.content().to_vec(),
+        stream,
+        *size,
+        next,
+        |item, place| {
+            let (Ok(content), bytes) = (item, &stream[place]) else { return };
             let line = Line::new(&content);
             assert_eq!(Line::decode(bytes, &dialect), Ok(Some((line, bytes.len()))));
             check(line, &dialect);
-        }
-        at = end;
-    }
-    assert_eq!(at, stream.len() as u64, "every byte is in one item");
-}
-
-fn lines(stream: &[u8], size: usize, dialect: Dialect) -> Vec<(Result<Vec<u8>, DecodeError>, u64)> {
-    let (mut decoder, mut items) = (Decoder::new(dialect), Vec::new());
-    let mut drain = |decoder: &mut Decoder| {
-        while let Some(line) = decoder.next_frame() {
-            let line = line.map(|line| line.content().to_vec());
-            items.push((line, decoder.position()));
-        }
-    };
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
-            drain(&mut decoder);
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder);
-    assert_eq!(decoder.push(b"STA\r\n"), 5);
-    assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b"STA"))), "what comes after the end is read");
-    items
+        },
+    );
 }
 
 /// What is accepted strictly encodes to its bytes, but for a zero with a minus.

@@ -3,30 +3,30 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use robot_session::{Decoder as _, Session as _};
+use robot_session::Session as _;
 use val2_alter::{
-    Controller, ControllerConfig, ControllerState, DecodeError, Decoder, End, ErrorCode, Exception, Frame,
-    Framing, Host, HostConfig, HostMessage, HostState, LeadingDle, Limits, List, Message, Mode, Motion,
-    MotionPhase, Policy, Received, Reply, RobotMessage, SegmentStatus, Start, StartCode, Transform,
+    Controller, ControllerConfig, ControllerState, Decoder, End, ErrorCode, Exception, Frame, Framing, Host,
+    HostConfig, HostMessage, HostState, LeadingDle, Limits, List, Message, Mode, Motion, MotionPhase, Policy,
+    Received, Reply, RobotMessage, SegmentStatus, Start, StartCode, Transform,
 };
 
+use crate::stream::{items_and_next, step, tile};
 use crate::written;
 
 /// The first byte is the side and the framing, the second how long the reads are, the rest the stream.
 pub fn val2_alter_decoder(data: &[u8]) {
     let [options, size, stream @ ..] = data else { return };
     let framing = framing(*options);
-    let size = usize::from(*size).max(1);
     if options & 16 == 0 {
         let end = RobotMessage::End(End { error: ErrorCode::Timeout });
-        check(framing, stream, size, end, |message| match message {
+        check(framing, stream, *size, end, |message| match message {
             RobotMessage::Start(Start { marked, .. }) => *marked,
             RobotMessage::Motion(_) => true,
             RobotMessage::End(_) => false, // the source does not say what may follow the control byte
         });
     } else {
         let reply = HostMessage::Reply(Reply::all([1, -2, 3, -4, 0x1010, 0x0210]));
-        check(framing, stream, size, reply, |_| !framing.ignore_spare_select);
+        check(framing, stream, *size, reply, |_| !framing.ignore_spare_select);
     }
 }
 
@@ -40,69 +40,49 @@ fn framing(options: u8) -> Framing {
 }
 
 /// `canonical` messages are written in one way. `good` comes after the line has been silent.
-fn check<M: Message>(framing: Framing, stream: &[u8], size: usize, good: M, canonical: impl Fn(&M) -> bool) {
-    let items = decode::<M>(framing, stream, size, good);
-    assert_eq!(items, decode(framing, stream, usize::MAX, good), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for item in &items {
-        let Ok(Received { offset, length, message }) = item else { continue };
-        assert!(*offset >= at, "the frame at {offset} begins before {at}");
-        at = offset + length;
-        let mut out = [0; Frame::MAX_LEN];
-        let written = message.encode(framing, &mut out).unwrap();
-        assert_eq!(written, message.encoded_len(framing));
-        if canonical(message) {
-            // But for DLEs before the start mark, and a first one that was the checksum of the frame before.
-            assert!(stream[..at].ends_with(&out[..written]), "an accepted frame encodes to its bytes");
-        }
-    }
-    assert!(at <= stream.len());
-    let errors = items.iter().filter_map(|item| item.as_ref().err());
-    assert!(errors.clone().all(|error| error.offset() <= stream.len()), "an error is inside the stream");
-    assert!(items.len() <= stream.len(), "an item costs a byte");
-    assert!(!stream.is_empty() || items.is_empty());
-}
-
-fn decode<M: Message>(
+fn check<M: Message + 'static>(
     framing: Framing,
     stream: &[u8],
-    size: usize,
+    size: u8,
     good: M,
-) -> Vec<Result<Received<M>, DecodeError>> {
-    let mut decoder = Decoder::new(framing);
-    let mut items = Vec::new();
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            let taken = decoder.push(chunk);
-            assert!(taken > 0, "a drained decoder has room");
-            chunk = &chunk[taken..];
-            items.extend(core::iter::from_fn(|| tiled(&mut decoder)));
-        }
-    }
-    decoder.finish();
-    items.extend(core::iter::from_fn(|| tiled(&mut decoder)));
-    assert_eq!(
-        (decoder.pending(), decoder.position()),
-        (0, stream.len() as u64),
-        "every byte is in one item"
+    canonical: impl Fn(&M) -> bool,
+) {
+    let (next, after) = next(framing, stream.len(), good);
+    tile(
+        || Decoder::new(framing),
+        |received| received,
+        stream,
+        size,
+        (&next, &after),
+        |item, place| {
+            let message = match item {
+                Ok(Received { offset, length, message }) => {
+                    assert_eq!(offset..offset + length, place);
+                    message
+                }
+                Err(error) => {
+                    return assert!(error.offset() <= stream.len(), "an error is inside the stream");
+                }
+            };
+            let mut out = [0; Frame::MAX_LEN];
+            let written = message.encode(framing, &mut out).unwrap();
+            assert_eq!(written, message.encoded_len(framing));
+            if canonical(&message) {
+                // But for DLEs before the start mark, and a first one that was the checksum of the frame before.
+                assert!(
+                    stream[..place.end].ends_with(&out[..written]),
+                    "an accepted frame encodes to its bytes"
+                );
+            }
+        },
     );
-    let mut out = [0; Frame::MAX_LEN];
-    let length = good.encode(framing, &mut out).unwrap();
-    assert_eq!(decoder.push(&out[..length]), length);
-    let next = Received { offset: stream.len(), length, message: good };
-    assert_eq!(decoder.next_frame(), Some(Ok(next)), "what comes behind the silence is read");
-    items
 }
 
-/// The next item, which begins where the one before ends.
-fn tiled<M: Message>(decoder: &mut Decoder<M>) -> Option<Result<Received<M>, DecodeError>> {
-    let before = decoder.position();
-    let item = decoder.next_frame()?;
-    assert!(decoder.position() > before, "an item has bytes");
-    if let Ok(Received { offset, length, .. }) = item {
-        assert_eq!((offset as u64, (offset + length) as u64), (before, decoder.position()));
-    }
-    Some(item)
+/// A message as its bytes, and as it is read behind a stream.
+fn next<M: Message>(framing: Framing, offset: usize, message: M) -> (Vec<u8>, Received<M>) {
+    let bytes = written(message.encoded_len(framing), |out| message.encode(framing, out)).unwrap();
+    let length = bytes.len();
+    (bytes, Received { offset, length, message })
 }
 
 /// Messages of any values in any framing: what is written is read back the same, alone and one behind the other.
@@ -143,7 +123,7 @@ pub fn val2_alter_message(data: &[u8]) {
     }
 }
 
-fn round_trip<M: Message>(framing: Framing, message: M, wire: &mut Vec<u8>) {
+fn round_trip<M: Message + 'static>(framing: Framing, message: M, wire: &mut Vec<u8>) {
     let bytes = written(message.encoded_len(framing), |out| message.encode(framing, out)).unwrap();
     let (frame, used) = Frame::decode(&bytes, framing).unwrap().unwrap();
     assert_eq!((M::decode(frame.data(), framing), used), (Ok(message), bytes.len()));
@@ -151,8 +131,9 @@ fn round_trip<M: Message>(framing: Framing, message: M, wire: &mut Vec<u8>) {
         assert_eq!(Frame::decode(&bytes[..whole], framing), Ok(None), "{whole} bytes are no frame");
     }
     wire.extend(bytes.repeat(3));
-    let items = decode(framing, wire, 7, message);
-    assert!(items.len() == 3 && items.iter().all(|item| item.is_ok_and(|item| item.message == message)));
+    let (next, after) = next(framing, wire.len(), message);
+    let items = items_and_next(Decoder::new(framing), |received| received, wire, 7, (&next, &after));
+    assert!(items.len() == 3 && items.iter().all(|(item, _)| item.is_ok_and(|item| item.message == message)));
 }
 
 /// Steps of what the caller does, a pause in milliseconds, a length, and so many bytes from the line.
@@ -163,19 +144,17 @@ pub fn val2_alter_host(mut data: &[u8]) {
     let (mut now, mut out) = (Duration::ZERO, [0; Host::MAX_TRANSMIT]);
     let (mut last, mut stood) = ([0; 6], 0);
     host.handle_connected(now);
-    while let [act, pause, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        now += Duration::from_millis((*pause).into());
+    while let Some(([act, pause, length], bytes)) = step(&mut data) {
+        now += Duration::from_millis(pause.into());
         host.handle_input(now, bytes);
         host.handle_timeout(now);
         assert!(host.poll_timeout().is_none_or(|at| at > now), "no timeout stays in the past");
         let events = core::iter::from_fn(|| host.poll_event()).count();
         assert!(events <= 16, "the queue is bounded");
         match act % 16 {
-            0 => host.set_target(now, [i16::from(*pause) * 100; 6]),
-            1 => host.set_target(now, [-i16::from(*length) * 100; 6]),
-            2 => _ = host.exception(now, Exception::from(*pause)),
+            0 => host.set_target(now, [i16::from(pause) * 100; 6]),
+            1 => host.set_target(now, [-i16::from(length) * 100; 6]),
+            2 => _ = host.exception(now, Exception::from(pause)),
             3 => host.stop(now),
             4 => host.set_policy(now, Policy::Accept),
             5 => host.set_policy(now, Policy::Refuse),
@@ -226,10 +205,8 @@ pub fn val2_alter_controller(data: &[u8]) {
     let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
     let mut last_sent: Option<Duration> = None;
     controller.handle_connected(now);
-    while let [act, pause, length, rest @ ..] = data {
-        let (bytes, rest) = rest.split_at(usize::from(*length).min(rest.len()));
-        data = rest;
-        now += Duration::from_millis((*pause).into());
+    while let Some(([act, pause, _], bytes)) = step(&mut data) {
+        now += Duration::from_millis(pause.into());
         let values = controller.values();
         let off = controller.state() == ControllerState::Off;
         controller.handle_input(now, bytes);

@@ -1,3 +1,0 @@
-#![cfg_attr(fuzzing, no_main)]
-
-cellwire_fuzz::program!(cellwire_fuzz::mmacell_proto::mmacell_proto_central);

@@ -1,8 +1,8 @@
 //! `reference/states/<link>.json`: every cell of every machine, from the rows in testkit.
 
 use anyhow::Result;
-use testkit::links;
-use testkit::model::{Cell, cells};
+use testkit::links::TABLES;
+use testkit::model::Cell;
 
 use crate::json::{self, Object};
 
@@ -11,44 +11,8 @@ pub(crate) const LATCH: &str = "cellwire-motion";
 
 /// Every cell of a link.
 pub(crate) fn table(link: &str) -> Vec<Cell> {
-    match link {
-        "isra-ball" => {
-            [cells::<links::isra_ball::rows::Host>(), cells::<links::isra_ball::rows::Ball>()].concat()
-        }
-        "val2-viewer" => {
-            [cells::<links::val2_viewer::rows::Host>(), cells::<links::val2_viewer::rows::Workstation>()]
-                .concat()
-        }
-        "kawasaki-msg" => {
-            [cells::<links::kawasaki_msg::rows::Pc>(), cells::<links::kawasaki_msg::rows::Robot>()].concat()
-        }
-        "val2-alter" => {
-            [cells::<links::val2_alter::rows::Host>(), cells::<links::val2_alter::rows::Controller>()]
-                .concat()
-        }
-        "laser-eb90" => {
-            [cells::<links::laser_eb90::rows::Host>(), cells::<links::laser_eb90::rows::Controller>()]
-                .concat()
-        }
-        "fanuc-hmi-modbus" => {
-            use links::fanuc_hmi_modbus::rows::{Client, Rtu, RtuOverTcp, Server, Tcp};
-            [
-                cells::<Client<Tcp>>(),
-                cells::<Client<Rtu>>(),
-                cells::<Client<RtuOverTcp>>(),
-                cells::<Server<Tcp>>(),
-                cells::<Server<Rtu>>(),
-                cells::<Server<RtuOverTcp>>(),
-            ]
-            .concat()
-        }
-        "mmacell-proto" => {
-            use links::mmacell_proto::rows::{Central, Device, Moved, Progress};
-            [cells::<Central>(), cells::<Progress>(), cells::<Device>(), cells::<Moved>()].concat()
-        }
-        LATCH => cells::<links::latch::rows::Operator>(),
-        _ => Vec::new(),
-    }
+    let tables = TABLES.iter().copied().flatten().filter(|table| table.link == link);
+    tables.flat_map(|table| (table.cells)()).collect()
 }
 
 /// The text of a link's file.

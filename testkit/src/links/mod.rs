@@ -10,7 +10,7 @@ pub mod val2_alter;
 pub mod val2_viewer;
 pub mod work_queue;
 
-use crate::model::Pair;
+use crate::model::{Pair, Table};
 
 /// Every pair of ends, each in a line.
 pub const PAIRS: &[Pair] = &[
@@ -28,4 +28,16 @@ pub const PAIRS: &[Pair] = &[
     val2_alter::PAIR,
     val2_viewer::PAIR,
     work_queue::PAIR,
+];
+
+/// The tables of every link's machines, and of the operator's latch.
+pub const TABLES: &[&[Table]] = &[
+    latch::TABLES,
+    fanuc_hmi_modbus::TABLES,
+    isra_ball::TABLES,
+    kawasaki_msg::TABLES,
+    laser_eb90::TABLES,
+    mmacell_proto::TABLES,
+    val2_alter::TABLES,
+    val2_viewer::TABLES,
 ];

@@ -21,12 +21,14 @@ mod runs;
 #[cfg(feature = "stateright")]
 mod second;
 mod system;
+mod table;
 
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
 pub use machine::{Drawn, Edge, Edges, age, drive};
-pub use matrix::{Cell, NOW, Rows, cells, check_times};
+pub use matrix::{Cell, NOW, Rows};
 pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, draw};
 pub use refine::{Refined, refine};
 pub use system::{System, trace};
+pub use table::Table;

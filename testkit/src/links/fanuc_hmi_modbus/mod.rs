@@ -12,7 +12,17 @@ use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig};
 use robot_session::Rules;
 
 use self::world::{COLLISION, COSTS, ENDS, FOREIGN_REPLY, Job, OTHER_UNIT, STALE, Setup, TICK};
-use crate::model::{Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, draw};
+
+/// The tables of the link's machines.
+pub const TABLES: &[Table] = &[
+    Table::of::<rows::Client<rows::Tcp>>("fanuc-hmi-modbus", 144),
+    Table::of::<rows::Client<rows::Rtu>>("fanuc-hmi-modbus", 144),
+    Table::of::<rows::Client<rows::RtuOverTcp>>("fanuc-hmi-modbus", 144),
+    Table::of::<rows::Server<rows::Tcp>>("fanuc-hmi-modbus", 24),
+    Table::of::<rows::Server<rows::Rtu>>("fanuc-hmi-modbus", 24),
+    Table::of::<rows::Server<rows::RtuOverTcp>>("fanuc-hmi-modbus", 24),
+];
 
 /// Over TCP, with transactions in the frames.
 pub const TCP: Pair = Pair {

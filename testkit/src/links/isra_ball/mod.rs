@@ -12,8 +12,12 @@ pub use world::{Act, Exchange, Fate, State, TICK};
 use isra_ball::{ball, host};
 use robot_session::Rules;
 
-use crate::model::{Depth, Diagram, MustFail, Pair, Setting, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, Setting, Table, draw};
 use pair::{AGE, ASKED, ONE_OUTCOME, PAIRED, STALE};
+
+/// The tables of the link's machines.
+pub const TABLES: &[Table] =
+    &[Table::of::<rows::Host>("isra-ball", 112), Table::of::<rows::Ball>("isra-ball", 2)];
 
 /// The link's ends.
 pub const PAIR: Pair = Pair { name: "isra-ball host × ball", settings, must_fail, diagrams };

@@ -24,9 +24,13 @@ pub use refine::{Refined, refine};
 pub use world::TICK;
 pub use world::{Act, Faults, Flags, InFlight, Reported, Sent, Setup, Start, Tag, World};
 
-use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, Table, draw};
 use any_pc::{BOUND, EARLY_END, WRONG_COUNT};
 use pair::{FAST, NO_ALARM, NOT_EXECUTED, TWICE};
+
+/// The tables of the link's machines.
+pub const TABLES: &[Table] =
+    &[Table::of::<rows::Pc>("kawasaki-msg", 160), Table::of::<rows::Robot>("kawasaki-msg", 240)];
 
 /// PC and robot over TCP.
 pub const TCP: Pair =

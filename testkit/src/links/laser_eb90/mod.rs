@@ -13,7 +13,11 @@ use laser_eb90::{ControllerConfig, HostConfig};
 use robot_session::Rules;
 
 use self::world::{Content, Faults, Reader, Setup};
-use crate::model::{Depth, MustFail, Pair, Setting, draw};
+use crate::model::{Depth, MustFail, Pair, Setting, Table, draw};
+
+/// The tables of the link's machines.
+pub const TABLES: &[Table] =
+    &[Table::of::<rows::Host>("laser-eb90", 160), Table::of::<rows::Controller>("laser-eb90", 64)];
 
 /// A host and a controller on a serial line.
 pub const PAIR: Pair = Pair { name: "laser-eb90 host × controller", settings, must_fail, diagrams };

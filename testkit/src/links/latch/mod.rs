@@ -10,7 +10,10 @@ use cellwire_motion::latch::{LatchConfig, Rule};
 use robot_session::Rules;
 
 use self::world::{ARMED, CONFIRMED, END, FRESH, HELD, OPEN, RESTED, RUNS, SHOWN, STOP, STOPPED};
-use crate::model::{Depth, Diagram, MustFail, Pair, Setting, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, Setting, Table, draw};
+
+/// The tables of the machine.
+pub const TABLES: &[Table] = &[Table::of::<rows::Operator>("cellwire-motion", 40)];
 
 /// The latch, and everything around it.
 pub const PAIR: Pair = Pair { name: "cellwire-motion latch × operator", settings, must_fail, diagrams };

@@ -16,7 +16,15 @@ use robot_session::Rules;
 
 pub use self::refine::refine;
 pub use self::world::{Act, Setup, World};
-use crate::model::{Depth, MustFail, Pair, Setting, draw};
+use crate::model::{Depth, MustFail, Pair, Setting, Table, draw};
+
+/// The tables of the link's machines.
+pub const TABLES: &[Table] = &[
+    Table::of::<rows::Central>("mmacell-proto", 64),
+    Table::of::<rows::Progress>("mmacell-proto", 64),
+    Table::of::<rows::Device>("mmacell-proto", 44),
+    Table::of::<rows::Moved>("mmacell-proto", 44),
+];
 
 /// A central controller and a device over TCP.
 pub const PAIR: Pair = Pair { name: "mmacell-proto central × device", settings, must_fail, diagrams };

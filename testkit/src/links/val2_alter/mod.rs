@@ -12,8 +12,12 @@ pub use pair::{Act, Fate};
 pub use setup::{Alter, TICK};
 pub use world::{Message, Reply, World};
 
-use crate::model::{Depth, Diagram, Pair, Setting, draw};
+use crate::model::{Depth, Diagram, Pair, Setting, Table, draw};
 use val2_alter::Mode;
+
+/// The tables of the link's machines.
+pub const TABLES: &[Table] =
+    &[Table::of::<rows::Host>("val2-alter", 200), Table::of::<rows::Controller>("val2-alter", 100)];
 
 /// The link's ends.
 pub const PAIR: Pair =

@@ -11,8 +11,12 @@ pub use world::{Act, Exchange, Fate, Packet, State, TICK};
 
 use val2_viewer::{host, workstation};
 
-use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, Table, draw};
 use pair::{ASKED, CREDIT, ENDED, FRESH, ONE_OUTCOME, PACED, PILED, STALE};
+
+/// The tables of the link's machines.
+pub const TABLES: &[Table] =
+    &[Table::of::<rows::Host>("val2-viewer", 48), Table::of::<rows::Workstation>("val2-viewer", 48)];
 
 /// The link's ends.
 pub const PAIR: Pair = Pair { name: "val2-viewer host × workstation", settings, must_fail, diagrams };

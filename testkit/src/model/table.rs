@@ -1,0 +1,29 @@
+//! The tables of all machines, behind one type.
+
+use super::matrix::{Cell, Rows, cells, check_times};
+
+/// The table of a machine.
+#[derive(Debug, Clone, Copy)]
+pub struct Table {
+    /// The crate.
+    pub link: &'static str,
+    /// Every cell.
+    pub cells: fn() -> Vec<Cell>,
+    /// Checks what the machine says of times, and its size.
+    pub check: fn(&Self),
+    /// The most bytes that a machine has.
+    size: usize,
+}
+
+impl Table {
+    /// The table of these rows, whose machine has so many bytes at most.
+    pub const fn of<R: Rows>(link: &'static str, size: usize) -> Self {
+        Self { link, cells: cells::<R>, check: check::<R>, size }
+    }
+}
+
+fn check<R: Rows>(table: &Table) {
+    check_times::<R>();
+    let size = size_of::<R::Machine>();
+    assert!(size <= table.size, "{}: {size} bytes, not {}", table.link, table.size);
+}

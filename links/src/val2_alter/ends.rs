@@ -1,7 +1,5 @@
 //! Both ends.
 
-use core::time::Duration;
-
 use anyhow::{Result, bail};
 use robot_session::Rules;
 use serde::Deserialize as _;
@@ -37,7 +35,7 @@ impl Owner for Host {
         fields.take("subroutine", &mut made.subroutine)?;
         fields.take("repeats", &mut made.repeats)?;
         fields.take("silence_cycles", &mut made.silence_cycles)?;
-        gap(fields, &mut made.gap)?;
+        fields.time_or_none("gap", &mut made.gap)?;
         fields.time("target_timeout", &mut made.target_timeout)?;
         fields.time("reserve", &mut made.reserve)?;
         fields.time("max_delay", &mut made.max_delay)?;
@@ -79,7 +77,7 @@ impl Owner for Controller {
         fields.take("data", &mut made.data)?;
         fields.take("subroutine", &mut made.subroutine)?;
         fields.take("attempts", &mut made.attempts)?;
-        gap(fields, &mut made.gap)?;
+        fields.time_or_none("gap", &mut made.gap)?;
         if let Some(unselected) = fields.0.remove("unselected") {
             made.unselected = match unselected.as_str() {
                 Some("by_mode") => Unselected::ByMode,
@@ -90,12 +88,4 @@ impl Owner for Controller {
         }
         Ok(Self::new(made)?)
     }
-}
-
-/// In nanoseconds; `null`: a silence ends no frame.
-fn gap(fields: &mut Fields, gap: &mut Option<Duration>) -> Result<()> {
-    if let Some(given) = fields.0.remove("gap") {
-        *gap = serde_json::from_value::<Option<u64>>(given)?.map(Duration::from_nanos);
-    }
-    Ok(())
 }

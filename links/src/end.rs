@@ -27,7 +27,8 @@ pub struct EndRow {
     pub make: Make,
 }
 
-type Make = fn(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>>;
+/// Makes an end.
+pub type Make = fn(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>>;
 
 /// A session behind the table; its methods are those of [`Session`].
 #[allow(missing_docs, reason = "they are the session's")]

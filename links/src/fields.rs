@@ -19,20 +19,9 @@ impl Fields {
 
     /// A time in nanoseconds; `null` is for ever.
     pub(crate) fn time(&mut self, name: &str, field: &mut Duration) -> Result<()> {
-        let mut time = Some(*field);
-        self.time_or_none(name, &mut time)?;
-        *field = time.unwrap_or(Duration::MAX);
-        Ok(())
-    }
-
-    /// A time in nanoseconds, of which the most is for ever; `null` is none.
-    pub(crate) fn time_or_none(&mut self, name: &str, field: &mut Option<Duration>) -> Result<()> {
         if let Some(value) = self.0.remove(name) {
             let nanoseconds: Option<u64> = serde_json::from_value(value)?;
-            *field = nanoseconds.map(|time| match time {
-                u64::MAX => Duration::MAX,
-                time => Duration::from_nanos(time),
-            });
+            *field = nanoseconds.map_or(Duration::MAX, Duration::from_nanos);
         }
         Ok(())
     }

@@ -1,5 +1,7 @@
 //! Both ends; the server with 100 of everything.
 
+use core::time::Duration;
+
 use anyhow::{Result, bail};
 use fanuc_hmi_modbus::{
     Bits, BitsMut, Client, ClientConfig, ClientEvent, Exception, Frame, Framing, PduBuf, Registers, Server,
@@ -94,7 +96,11 @@ fn transport(fields: &mut Fields) -> Result<(Framing, u32)> {
     fields.take("framing", &mut word)?;
     fields.take("baud", &mut baud)?;
     let name = if word == "rtu" { "silence" } else { "stall" };
-    fields.time_or_none(name, &mut silence)?;
+    if fields.0.contains_key(name) {
+        let mut time = Duration::ZERO;
+        fields.time(name, &mut time)?;
+        silence = Some(time);
+    }
     let framing = match (word.as_str(), silence) {
         ("tcp", None) => Framing::Tcp,
         ("rtu", silence) => Framing::Rtu { silence: silence.unwrap_or_else(|| timing::silence(baud)) },

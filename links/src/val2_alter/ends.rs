@@ -1,5 +1,7 @@
 //! Both ends.
 
+use core::time::Duration;
+
 use anyhow::{Result, bail};
 use robot_session::Rules;
 use serde::Deserialize as _;
@@ -35,7 +37,7 @@ impl Owner for Host {
         fields.take("subroutine", &mut made.subroutine)?;
         fields.take("repeats", &mut made.repeats)?;
         fields.take("silence_cycles", &mut made.silence_cycles)?;
-        fields.time_or_none("gap", &mut made.gap)?;
+        gap(fields, &mut made.gap)?;
         fields.time("target_timeout", &mut made.target_timeout)?;
         fields.time("reserve", &mut made.reserve)?;
         fields.time("max_delay", &mut made.max_delay)?;
@@ -77,7 +79,7 @@ impl Owner for Controller {
         fields.take("data", &mut made.data)?;
         fields.take("subroutine", &mut made.subroutine)?;
         fields.take("attempts", &mut made.attempts)?;
-        fields.time_or_none("gap", &mut made.gap)?;
+        gap(fields, &mut made.gap)?;
         if let Some(unselected) = fields.0.remove("unselected") {
             made.unselected = match unselected.as_str() {
                 Some("by_mode") => Unselected::ByMode,
@@ -88,4 +90,13 @@ impl Owner for Controller {
         }
         Ok(Self::new(made)?)
     }
+}
+
+/// In nanoseconds, of which the most is for ever; `null`: a silence ends no frame.
+fn gap(fields: &mut Fields, gap: &mut Option<Duration>) -> Result<()> {
+    if let Some(given) = fields.0.remove("gap") {
+        let nanoseconds = serde_json::from_value::<Option<u64>>(given)?;
+        *gap = nanoseconds.map(|gap| if gap == u64::MAX { Duration::MAX } else { Duration::from_nanos(gap) });
+    }
+    Ok(())
 }

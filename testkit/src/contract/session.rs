@@ -2,8 +2,7 @@
 
 use core::time::Duration;
 
-use anyhow::Result;
-use cellwire_links::end::End;
+use cellwire_links::end::{End, Make};
 use serde_json::{Map, Value, json};
 
 use crate::rng::Rng;
@@ -33,7 +32,7 @@ pub struct Held {
     /// Its name.
     pub name: String,
     /// How it is made.
-    pub make: fn(&Map<String, Value>, Option<usize>) -> Result<Box<dyn End>>,
+    pub make: Make,
     /// At least one.
     pub stories: Vec<Story>,
     /// The fields of its configuration that are times, those that limit others last.
@@ -96,8 +95,10 @@ impl Held {
     fn endless(&self, config: &Map<String, Value>) -> Map<String, Value> {
         let mut endless = config.clone();
         for time in self.times.iter().rev() {
-            for never in [u64::MAX, u32::MAX.into()] {
-                let before = endless.insert(time.clone(), never.into());
+            // Of a gap `null` is none.
+            let most = if time == "gap" { u64::MAX.into() } else { Value::Null };
+            for never in [most, u32::MAX.into()] {
+                let before = endless.insert(time.clone(), never);
                 if (self.make)(&endless, None).is_ok() {
                     break;
                 }

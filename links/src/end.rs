@@ -27,7 +27,8 @@ pub struct EndRow {
     pub make: Make,
 }
 
-type Make = fn(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>>;
+/// Makes an end.
+pub type Make = fn(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>>;
 
 /// A session behind the table; its methods are those of [`Session`].
 #[allow(missing_docs, reason = "they are the session's")]
@@ -95,6 +96,9 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
         None
     }
 
+    /// What its user does at once, whatever has happened.
+    fn then(&mut self) {}
+
     /// What has happened beside the session, as JSON.
     fn beside(&mut self) -> Option<String> {
         None
@@ -136,30 +140,32 @@ fn kept<R: Rule>(left_out: Option<usize>) -> Result<Rules<R>> {
 struct Boxed<O>(O);
 
 impl<O: Owner> Boxed<O> {
-    fn session(&mut self) -> &mut O::End {
-        self.0.borrow_mut()
+    fn with<T>(&mut self, act: impl FnOnce(&mut O::End) -> T) -> T {
+        let result = act(self.0.borrow_mut());
+        self.0.then();
+        result
     }
 }
 
 impl<O: Owner> End for Boxed<O> {
     fn handle_connected(&mut self, now: Duration) {
-        self.session().handle_connected(now);
+        self.with(|session| session.handle_connected(now));
     }
 
     fn handle_disconnected(&mut self, now: Duration) {
-        self.session().handle_disconnected(now);
+        self.with(|session| session.handle_disconnected(now));
     }
 
     fn handle_input(&mut self, now: Duration, bytes: &[u8]) {
-        self.session().handle_input(now, bytes);
+        self.with(|session| session.handle_input(now, bytes));
     }
 
     fn handle_timeout(&mut self, now: Duration) {
-        self.session().handle_timeout(now);
+        self.with(|session| session.handle_timeout(now));
     }
 
     fn handle_transmitted(&mut self, now: Duration) {
-        self.session().handle_transmitted(now);
+        self.with(|session| session.handle_transmitted(now));
     }
 
     fn wants_input(&self) -> bool {
@@ -167,7 +173,7 @@ impl<O: Owner> End for Boxed<O> {
     }
 
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
-        self.session().poll_transmit(now, out)
+        self.with(|session| session.poll_transmit(now, out))
     }
 
     fn poll_timeout(&self) -> Option<Duration> {
@@ -186,7 +192,7 @@ impl<O: Owner> End for Boxed<O> {
         if let Some(beside) = self.0.beside() {
             return Some(beside);
         }
-        let event = self.session().poll_event()?;
+        let event = self.with(Session::poll_event)?;
         let text = json::text(&event);
         Some(match self.0.shows(&event) {
             Some((key, value)) => format!("{},\"{key}\":{value}}}", text.strip_suffix('}').unwrap_or(&text)),
@@ -201,7 +207,9 @@ impl<O: Owner> End for Boxed<O> {
     fn call(&mut self, now: Duration, name: &str, argument: &Value) -> Called {
         let known = O::CALLS.iter().find(|(known, _)| *known == name);
         let (_, call) = known.with_context(|| format!("it has no call {name}"))?;
-        call(&mut self.0, now, argument)
+        let result = call(&mut self.0, now, argument);
+        self.0.then();
+        result
     }
 
     fn state(&self) -> &'static str {
@@ -215,7 +223,7 @@ impl<O: Owner> End for Boxed<O> {
 
     #[cfg(feature = "model")]
     fn moves(&mut self) -> &mut dyn Any {
-        &mut self.session().core_mut().moves
+        &mut self.0.borrow_mut().core_mut().moves
     }
 }
 

@@ -5,12 +5,14 @@
 #[path = "../../robot-session/tests/common/mod.rs"]
 mod toy;
 
+use core::any::Any;
 use core::time::Duration;
 use std::panic::catch_unwind;
 
-use robot_session::{Decoder, Session};
-use testkit::contract::{self, End};
-use testkit::rng::Rng;
+use cellwire_links::end::{Called, End};
+use robot_session::{Decoder, Session as _};
+use serde_json::{Map, Value, json};
+use testkit::contract::{self, Held, Story};
 use toy::{Asker, Line, Lines, TooLong};
 
 /// What a broken decoder does wrong.
@@ -109,12 +111,7 @@ const TAKES_A_SMALL_BUFFER: u8 = 4;
 const PANICS_AT_THE_END_OF_TIME: u8 = 5;
 const READS_WHOLE_INPUT_ONLY: u8 = 6;
 
-impl<const FAULT: u8> Session for Sloppy<FAULT> {
-    type Event = toy::Event;
-    type Statistics = u32;
-    const MAX_INPUT: usize = 65536;
-    const MAX_TRANSMIT: usize = Asker::MAX_TRANSMIT;
-
+impl<const FAULT: u8> End for Sloppy<FAULT> {
     fn handle_connected(&mut self, now: Duration) {
         self.asker.handle_connected(now);
     }
@@ -138,9 +135,15 @@ impl<const FAULT: u8> Session for Sloppy<FAULT> {
         self.asker.handle_timeout(now);
     }
 
-    fn poll_event(&mut self) -> Option<toy::Event> {
+    fn handle_transmitted(&mut self, _: Duration) {}
+
+    fn wants_input(&self) -> bool {
+        true
+    }
+
+    fn poll_event(&mut self) -> Option<String> {
         self.timeouts = 0;
-        self.asker.poll_event()
+        self.asker.poll_event().map(|event| json!({"event": format!("{event:?}")}).to_string())
     }
 
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
@@ -159,34 +162,53 @@ impl<const FAULT: u8> Session for Sloppy<FAULT> {
         if FAULT == SPINS { Some(self.last) } else { self.asker.poll_timeout() }
     }
 
-    fn statistics(&self) -> u32 {
-        self.asker.statistics()
+    fn max_input(&self) -> usize {
+        65536
+    }
+
+    fn max_transmit(&self) -> usize {
+        Asker::MAX_TRANSMIT
+    }
+
+    fn statistics(&self) -> String {
+        json!({"asked": self.asker.statistics()}).to_string()
+    }
+
+    fn call(&mut self, _: Duration, _: &str, argument: &Value) -> Called {
+        self.asker.requests.push_back(argument.to_string());
+        Ok(Ok(()))
+    }
+
+    fn state(&self) -> &'static str {
+        "toy"
+    }
+
+    fn machine(&self) -> &dyn Any {
+        &()
+    }
+
+    fn moves(&mut self) -> &mut dyn Any {
+        &mut self.timeouts
     }
 }
 
-impl<const FAULT: u8> End for Sloppy<FAULT> {
-    type Session = Self;
-    const NAME: &'static str = "toy";
-
-    fn new(endless: bool) -> Self {
-        let mut asker = Asker::new(&[]);
-        asker.timeout = if endless { Duration::MAX } else { asker.timeout };
-        Self { asker, last: Duration::ZERO, timeouts: 0 }
-    }
-
-    fn request(session: &mut Self, _: Duration, rng: &mut Rng) {
-        session.asker.requests.push_back(format!("{}", rng.below(100)));
-    }
-
-    fn message(rng: &mut Rng) -> Vec<u8> {
-        format!("{}\n", rng.below(100)).into_bytes()
-    }
+fn make<const FAULT: u8>(config: &Map<String, Value>, _: Option<usize>) -> anyhow::Result<Box<dyn End>> {
+    let mut asker = Asker::new(&[]);
+    asker.timeout = if config.contains_key("timeout") { Duration::MAX } else { asker.timeout };
+    Ok(Box::new(Sloppy::<FAULT> { asker, last: Duration::ZERO, timeouts: 0 }))
 }
 
 #[test]
 fn each_broken_rule_of_a_session_is_found() {
     fn check<const FAULT: u8>() -> bool {
-        catch_unwind(|| contract::session::<Sloppy<FAULT>>(60)).is_ok()
+        let story = Story {
+            config: Map::new(),
+            inputs: (0..100).map(|number| format!("{number}\n").into_bytes()).collect(),
+            calls: (0..100).map(|number| ("ask".into(), json!(number))).collect(),
+        };
+        let times = vec!["timeout".into()];
+        let held = Held { name: "toy".into(), make: make::<FAULT>, stories: vec![story], times };
+        catch_unwind(|| contract::session(&held, 60)).is_ok()
     }
     assert!(check::<0>());
     assert!(!check::<SPINS>());

@@ -225,10 +225,13 @@ impl Owner for Robot {
         Ok(Self { robot, layout, motion: Some(Motion { reader, executes: None }), taken: None })
     }
 
-    fn beside(&mut self) -> Option<String> {
+    fn then(&mut self) {
         if let Some(motion) = &mut self.motion {
             motion.sweep();
         }
+    }
+
+    fn beside(&mut self) -> Option<String> {
         let Job { order, number, work } = self.taken.take()?;
         let job = json::text(&show(&self.layout, &work));
         Some(format!(r#"{{"event":"taken","order":{order},"number":{number},"job":{job}}}"#))

@@ -92,10 +92,11 @@ impl Owner for Controller {
     }
 }
 
-/// In nanoseconds; `null`: a silence ends no frame.
+/// In nanoseconds, of which the most is for ever; `null`: a silence ends no frame.
 fn gap(fields: &mut Fields, gap: &mut Option<Duration>) -> Result<()> {
     if let Some(given) = fields.0.remove("gap") {
-        *gap = serde_json::from_value::<Option<u64>>(given)?.map(Duration::from_nanos);
+        let nanoseconds = serde_json::from_value::<Option<u64>>(given)?;
+        *gap = nanoseconds.map(|gap| if gap == u64::MAX { Duration::MAX } else { Duration::from_nanos(gap) });
     }
     Ok(())
 }

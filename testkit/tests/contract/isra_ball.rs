@@ -1,52 +1,7 @@
-use core::time::Duration;
-
-use isra_ball::{BallConfig, Decoder, ENQ, HostConfig, Keys};
-use testkit::contract::{self, End};
-use testkit::rng::Rng;
+use isra_ball::Decoder;
+use testkit::contract;
 
 pub fn decoder() {
     // Values that look like a header take the next packet with them.
     contract::decoder("isra-ball", Decoder::new, &super::frames("isra-ball", None), 1);
-}
-
-pub struct Host;
-
-impl End for Host {
-    type Session = isra_ball::Host;
-    const NAME: &'static str = "isra-ball host";
-
-    fn new(endless: bool) -> Self::Session {
-        let long = HostConfig {
-            period: Duration::MAX,
-            max_delay: Duration::MAX,
-            max_age: Duration::MAX,
-            ..HostConfig::default()
-        };
-        isra_ball::Host::new(if endless { long } else { HostConfig::default() }).unwrap()
-    }
-
-    fn request(_: &mut Self::Session, _: Duration, _: &mut Rng) {}
-
-    fn message(rng: &mut Rng) -> Vec<u8> {
-        super::any_frame("isra-ball", None, rng)
-    }
-}
-
-pub struct Ball;
-
-impl End for Ball {
-    type Session = isra_ball::Ball;
-    const NAME: &'static str = "isra-ball ball";
-
-    fn new(_: bool) -> Self::Session {
-        isra_ball::Ball::new(BallConfig::default()).unwrap()
-    }
-
-    fn request(ball: &mut Self::Session, _: Duration, rng: &mut Rng) {
-        ball.measure([rng.next_u64() as i8; 3], [rng.next_u64() as i8; 3], Keys::default());
-    }
-
-    fn message(_: &mut Rng) -> Vec<u8> {
-        vec![ENQ]
-    }
 }

@@ -7,14 +7,10 @@ mod isra_ball;
 mod kawasaki_msg;
 mod laser_eb90;
 mod mmacell_proto;
+mod session;
 mod val2_alter;
 mod val2_viewer;
 
-use std::collections::BTreeMap;
-use std::sync::Mutex;
-
-use testkit::contract::{End, session};
-use testkit::rng::Rng;
 use testkit::vectors::{Outcome, vectors};
 
 /// The strings of calls that each session is tried with.
@@ -28,39 +24,21 @@ fn frames(link: &str, from: Option<&str>) -> Vec<Vec<u8>> {
     all.into_iter().map(|v| v.hex).collect()
 }
 
-/// One of them.
-fn any_frame(link: &'static str, from: Option<&'static str>, rng: &mut Rng) -> Vec<u8> {
-    type Known = BTreeMap<(&'static str, Option<&'static str>), Vec<Vec<u8>>>;
-    static KNOWN: Mutex<Known> = Mutex::new(BTreeMap::new());
-    let mut known = KNOWN.lock().unwrap();
-    let frames = known.entry((link, from)).or_insert_with(|| frames(link, from));
-    frames[rng.below(frames.len())].clone()
+/// A file of the reference.
+fn reference(path: &str) -> serde_json::Value {
+    let path = format!("{}/../reference/{path}", env!("CARGO_MANIFEST_DIR"));
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
 #[test]
 fn every_session() {
-    fn hold<E: End>() {
-        println!("{}", E::NAME);
-        session::<E>(SEEDS);
-    }
-    hold::<fanuc_hmi_modbus::Client<false>>();
-    hold::<fanuc_hmi_modbus::Client<true>>();
-    hold::<fanuc_hmi_modbus::Server<false>>();
-    hold::<fanuc_hmi_modbus::Server<true>>();
-    hold::<isra_ball::Host>();
-    hold::<isra_ball::Ball>();
-    hold::<kawasaki_msg::Pc<false>>();
-    hold::<kawasaki_msg::Pc<true>>();
-    hold::<kawasaki_msg::Robot<false>>();
-    hold::<kawasaki_msg::Robot<true>>();
-    hold::<laser_eb90::Host>();
-    hold::<laser_eb90::Controller>();
-    hold::<mmacell_proto::Central>();
-    hold::<mmacell_proto::Device>();
-    hold::<val2_alter::Host>();
-    hold::<val2_alter::Controller>();
-    hold::<val2_viewer::Host>();
-    hold::<val2_viewer::Workstation>();
+    std::thread::scope(|scope| {
+        for link in &cellwire_links::LINKS {
+            for row in link.ends {
+                scope.spawn(move || testkit::contract::session(&session::held(link, row), SEEDS));
+            }
+        }
+    });
 }
 
 #[test]

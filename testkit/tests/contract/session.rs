@@ -1,0 +1,48 @@
+//! Every end of the table, with the configurations, calls and bytes of its stories.
+
+use cellwire_links::Link;
+use cellwire_links::end::EndRow;
+use serde_json::Value;
+use testkit::contract::{Held, Story};
+
+pub fn held(link: &Link, row: &EndRow) -> Held {
+    let all = super::reference(&format!("sessions/{}.json", link.name));
+    let stories: Vec<Story> =
+        list(&all["stories"]).iter().filter(|story| story["end"] == row.name).map(story).collect();
+    for call in (row.calls)() {
+        let is_known = stories.iter().flat_map(|story| &story.calls).any(|(name, _)| name == call);
+        assert!(is_known, "{} {}: no story has the call {call}", link.name, row.name);
+    }
+    let config = format!("{}{}Config", row.name[..1].to_uppercase(), &row.name[1..]);
+    let defaults = super::reference("defaults.json");
+    let times = list(&defaults["fields"])
+        .iter()
+        .filter(|field| field["link"] == link.name && field["config"] == config.as_str())
+        .filter(|field| field["unit"] == "ns" || field["unit"] == "cycles of 28 ms")
+        .map(|field| field["field"].as_str().unwrap().to_owned());
+    Held { name: format!("{} {}", link.name, row.name), make: row.make, stories, times: times.collect() }
+}
+
+fn story(story: &Value) -> Story {
+    let config = story["config"].as_object().unwrap().clone();
+    let (mut inputs, mut calls) = (Vec::new(), Vec::new());
+    for step in list(&story["steps"]) {
+        let (name, argument) = step["do"].as_object().unwrap().iter().next().unwrap();
+        match name.as_str() {
+            "connected" | "disconnected" | "timeout" | "transmitted" | "nothing" => {}
+            "input" => inputs.push(unhex(argument.as_str().unwrap())),
+            _ => calls.push((name.clone(), argument.clone())),
+        }
+    }
+    Story { config, inputs, calls }
+}
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().unwrap()
+}
+
+fn unhex(text: &str) -> Vec<u8> {
+    let digits: Vec<u8> = text.bytes().filter(u8::is_ascii_hexdigit).collect();
+    let byte = |pair: &[u8]| u8::from_str_radix(core::str::from_utf8(pair).unwrap(), 16).unwrap();
+    digits.chunks(2).map(byte).collect()
+}

@@ -60,11 +60,9 @@ impl<T: rows::Transport + 'static, const N: usize> About for ModbusServer<T, N> 
                 .raw("function", function)
                 .optional("exception", exception.as_ref())?
                 .end(),
-            ServerEvent::Refused { transaction, unit, function } => event("refused")
-                .optional("transaction", transaction.as_ref())?
-                .raw("unit", unit)
-                .raw("function", function)
-                .end(),
+            ServerEvent::Refused { unit, function } => {
+                event("refused").raw("unit", unit).raw("function", function).end()
+            }
             ServerEvent::Corrupt(error) => event("corrupt").raw("error", show(&error)).end(),
             ServerEvent::OutOfStep(error) => event("out_of_step").raw("error", show(&error)).end(),
             ServerEvent::Unexpected(what) => unexpected(what)?,

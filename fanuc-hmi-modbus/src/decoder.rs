@@ -50,7 +50,7 @@ pub struct Decoder<F = Framing> {
 const CAPACITY: usize = 1024;
 
 /// The longest corruption that is searched as a whole. Of more, one error covers what no frame can begin in any more.
-const WINDOW: usize = 2 * Frame::MAX_LEN;
+pub(crate) const WINDOW: usize = 2 * Frame::MAX_LEN;
 
 /// The bytes that a header and the length of the message after it take, but one.
 const HEADER: usize = 6 + 10;

@@ -19,11 +19,10 @@ pub enum Line {
 }
 
 impl Line {
-    /// Bytes have arrived.
-    pub(crate) const fn received(now: Duration, framing: Framing) -> Self {
-        match framing.silence() {
-            Some(silence) => Self::Busy { silent_at: now.saturating_add(silence) },
-            None => Self::Silent,
+    /// Bytes have arrived, or are read again.
+    pub(crate) fn receive(&mut self, now: Duration, framing: Framing) {
+        if let Some(silence) = framing.silence() {
+            *self = Self::Busy { silent_at: now.saturating_add(silence) };
         }
     }
 

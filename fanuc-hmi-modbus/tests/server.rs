@@ -6,13 +6,18 @@
     clippy::indexing_slicing,
     clippy::cast_possible_truncation
 )]
+#![allow(clippy::disallowed_methods, clippy::disallowed_types, reason = "one test is over TCP")]
 
 mod common;
 
+use core::ops::ControlFlow;
 use core::time::Duration;
+use std::io::{Read as _, Write as _};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::thread;
 
 use common::{Bank, MS, bytes, read, transmitted};
-use fanuc_hmi_modbus::robot_session::Session as _;
+use fanuc_hmi_modbus::robot_session::{Ended, Session as _, drive};
 use fanuc_hmi_modbus::{
     ConfigError, DecodeError, Exception, Framing, Registers, Request, Server, ServerConfig, ServerEvent,
     Words, WordsMut, function, limit, serve,
@@ -192,16 +197,126 @@ fn a_server_reports_the_last_events_and_that_a_client_is_out_of_step() {
     assert_eq!(server.statistics().dropped_notices, 13);
 }
 
+fn write(transaction: Option<u16>, value: u16) -> Vec<u8> {
+    bytes(transaction, 1, Request::WriteRegister { address: 1, value })
+}
+
 #[test]
-fn more_requests_than_places_are_neither_carried_out_nor_answered() {
-    let mut server: Server<_, 2> = connected(ServerConfig::tcp());
-    let request = |value| bytes(Some(value), 1, Request::WriteRegister { address: 1, value });
-    server.handle_input(MS, &(0..40).flat_map(request).collect::<Vec<_>>());
+fn through_tcp_a_request_waits_for_a_place() {
+    for config in [ServerConfig::tcp(), ServerConfig::rtu_over_tcp(1)] {
+        let mut server: Server<_, 2> = connected(config);
+        let transaction = |value| (config.framing == Framing::Tcp).then_some(value);
+        let requests: Vec<_> = (0..40).map(|value| write(transaction(value), value)).collect();
+        assert!(server.wants_input());
+        server.handle_input(MS, &requests.concat());
+        assert_eq!(server.registers().writes, [(1, 0), (1, 1)]);
+        assert!(!server.wants_input());
+        let mut out = [0; 260];
+        let length = server.poll_transmit(MS, &mut out).unwrap();
+        assert_eq!(out[..length], requests[0]);
+        assert_eq!(server.registers().writes[2..], [(1, 2)], "the one that has waited");
+        assert_eq!(transmitted(&mut server, MS), requests[1..]);
+        assert!(server.wants_input());
+        assert_eq!((server.statistics().served, server.statistics().refused), (40, 0));
+    }
+}
+
+/// The transport holds what the server does not want yet: a client that does not wait gets every reply, in order.
+#[test]
+fn a_thousand_requests_in_one_write_are_answered_in_order() {
+    for config in [ServerConfig::tcp(), ServerConfig::rtu_over_tcp(1)] {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let mut client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let stream = listener.accept().unwrap().0;
+        let server = thread::spawn(move || {
+            let mut server = Server::<_>::new(config, Bank::new()).unwrap();
+            let ended = drive(&mut server, stream, |_, _| ControlFlow::<()>::Continue(())).unwrap();
+            (ended, server.registers().writes.len(), server.statistics())
+        });
+        let transaction = |value| (config.framing == Framing::Tcp).then_some(value);
+        let requests: Vec<u8> = (0..1000).flat_map(|value| write(transaction(value), value)).collect();
+        client.write_all(&requests).unwrap();
+        client.shutdown(Shutdown::Write).unwrap();
+        let mut replies = Vec::new();
+        client.read_to_end(&mut replies).unwrap();
+        assert!(replies == requests, "a reply to a write repeats it");
+        let (ended, writes, statistics) = server.join().unwrap();
+        assert_eq!((ended, writes), (Ended::ByPeer, 1000));
+        assert_eq!((statistics.served, statistics.refused, statistics.unexpected), (1000, 0, 0));
+    }
+}
+
+#[test]
+fn on_a_serial_line_more_requests_than_places_are_neither_carried_out_nor_answered() {
+    let mut server: Server<_, 2> = connected(ServerConfig::rtu(1, 9600));
+    server.handle_input(MS, &(0..40).flat_map(|value| write(None, value)).collect::<Vec<_>>());
+    assert!(server.wants_input(), "the silence shows that they have ended");
+    server.handle_timeout(7 * MS);
     assert_eq!(server.registers().writes, [(1, 0), (1, 1)]);
     assert_eq!((server.statistics().served, server.statistics().refused), (2, 38));
-    assert_eq!(transmitted(&mut server, MS).len(), 2);
-    server.handle_input(MS, &request(99));
-    assert_eq!(transmitted(&mut server, MS), [request(99)]);
+    assert!(server.wants_input());
+    assert_eq!(transmitted(&mut server, 7 * MS).len(), 2);
+}
+
+/// While the server does not read, the rest of a frame may be there.
+#[test]
+fn its_own_delay_is_no_silence_of_rtu_over_tcp() {
+    let mut server: Server<_, 2> = connected(ServerConfig::rtu_over_tcp(1));
+    let stall = 500 * MS;
+    let (head, tail) = (&write(None, 2)[..3], &write(None, 2)[3..]);
+    server.handle_input(MS, &[&write(None, 0), &write(None, 1), head].concat());
+    assert_eq!(server.poll_timeout(), None);
+    server.handle_timeout(MS + stall);
+    assert!(!server.wants_input());
+    let mut out = [0; 260];
+    assert!(server.poll_transmit(1000 * MS, &mut out).is_some());
+    assert!(server.wants_input());
+    assert_eq!(server.poll_timeout(), Some(1000 * MS + stall), "it reads again");
+    server.handle_input(1000 * MS + stall - MS, tail);
+    assert_eq!(transmitted(&mut server, 1500 * MS), [write(None, 1), write(None, 2)]);
+    assert_eq!(server.statistics().corrupt, 0);
+    // The same without the rest: cut when the server has read for so long.
+    server.handle_input(2000 * MS, &[&write(None, 0), &write(None, 1), head].concat());
+    assert!(server.poll_transmit(3000 * MS, &mut out).is_some());
+    server.handle_timeout(3000 * MS + stall - MS);
+    assert_eq!(server.statistics().corrupt, 0);
+    server.handle_timeout(3000 * MS + stall);
+    assert_eq!(server.statistics().corrupt, 1);
+}
+
+#[test]
+fn a_client_is_out_of_step_where_its_requests_have_waited() {
+    let mut server: Server<_, 2> = connected(ServerConfig::tcp());
+    let requests = (0..4).flat_map(|value| write(Some(value), value));
+    server.handle_input(MS, &requests.chain(*b"GET / HTTP/1.1\r\n\r\n").collect::<Vec<_>>());
+    let out_of_step = ServerEvent::OutOfStep(DecodeError::Protocol { found: 0x5420 });
+    assert!(core::iter::from_fn(|| server.poll_event()).all(|event| event != out_of_step), "not read yet");
+    assert_eq!(transmitted(&mut server, MS).len(), 4);
+    let last = core::iter::from_fn(|| server.poll_event()).last();
+    assert_eq!(last, Some(out_of_step));
+    server.handle_input(MS, b"GET");
+    assert_eq!(server.poll_event(), None, "it is reported once");
+    server.handle_connected(MS);
+    server.handle_input(MS, b"GET / HTTP/1.1\r\n\r\n");
+    assert_eq!(server.poll_event(), Some(out_of_step), "once a connection");
+}
+
+/// So many bytes are kept at every time when input is wanted; a caller who gives more loses some, and is told.
+#[test]
+fn what_arrives_is_kept_while_the_places_are_taken() {
+    let most = Server::<Bank>::MAX_INPUT;
+    for garbage in 0..=600 {
+        let mut server: Server<_, 1> = connected(ServerConfig::rtu_over_tcp(1));
+        server.handle_input(MS, &vec![0xFF; garbage]);
+        let requests: Vec<u8> = (0..100).flat_map(|value| write(None, value)).collect();
+        assert!(server.wants_input());
+        server.handle_input(MS, &requests[..most]);
+        assert_eq!(transmitted(&mut server, MS).len(), most / 8, "{garbage}");
+    }
+    let mut server: Server<_, 1> = connected(ServerConfig::tcp());
+    server.handle_input(MS, &(0..200).flat_map(|value| write(Some(value), value)).collect::<Vec<_>>());
+    let last = core::iter::from_fn(|| server.poll_event()).last();
+    assert_eq!(last, Some(ServerEvent::Corrupt(DecodeError::Noise { length: 1024 })));
 }
 
 #[test]

@@ -169,7 +169,7 @@ impl<const N: usize> Machine for ClientMachine<N> {
                 ClientLink::Up { line, .. } => {
                     // Bytes that come after a silence do not go on with what came before it.
                     let cuts = line.is_due(now) && config.rules.keeps(Rule::CutAtSilence);
-                    *line = Line::received(now, config.framing);
+                    line.receive(now, config.framing);
                     Some(if cuts { Action::Cut } else { Action::Nothing })
                 }
             },

@@ -29,6 +29,8 @@ robot_session::rules! {
         ReplyAfterSilence,
         /// Replies end with the connection.
         DropReplies,
+        /// Through TCP a request is read when there is a place for its reply.
+        WaitForPlace,
     }
 }
 

@@ -22,11 +22,8 @@ pub enum ServerEvent {
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         exception: Option<Exception>,
     },
-    /// A request was neither carried out nor answered: too many replies wait.
+    /// On a serial line: a request was neither carried out nor answered, because too many replies wait.
     Refused {
-        /// The transaction on TCP.
-        #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
-        transaction: Option<u16>,
         /// The unit.
         unit: u8,
         /// The function code.
@@ -50,7 +47,7 @@ pub enum ServerEvent {
 pub struct ServerStatistics {
     /// Requests that were carried out, or refused with an exception.
     pub served: u64,
-    /// Requests that were neither carried out nor answered: too many replies waited.
+    /// On a serial line: requests that were neither carried out nor answered, because too many replies waited.
     pub refused: u64,
     /// Runs of corrupt bytes.
     pub corrupt: u64,

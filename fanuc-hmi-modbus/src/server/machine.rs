@@ -25,7 +25,7 @@ pub enum ServerLink {
     Up {
         /// Whether bytes are arriving.
         line: Line,
-        /// On a serial line what arrives is not read until it is silent.
+        /// On a serial line what arrives is not read until it is silent; through TCP, until there is a place for a reply.
         serial: bool,
         /// The replies that wait to be sent.
         replies: u8,
@@ -71,7 +71,7 @@ pub enum Action {
     ServeBroadcast,
     /// The request is for another unit.
     Ignore,
-    /// There is no place for a reply: the request is not carried out.
+    /// There is no place for a reply, and a serial line does not wait for one: the request is not carried out.
     Refuse,
     /// The oldest reply was sent.
     Sent,
@@ -86,6 +86,12 @@ impl<const N: usize> ServerMachine<N> {
     /// Whether there is a connection.
     pub fn is_connected(&self) -> bool {
         self.link != ServerLink::Down
+    }
+
+    /// Whether there is no place for a reply to what comes through TCP: it waits.
+    #[inline]
+    pub fn is_full(&self) -> bool {
+        matches!(self.link, ServerLink::Up { serial: false, replies, .. } if usize::from(replies) >= N)
     }
 
     fn request(&mut self, unit: u8, config: &ServerConfig) -> Option<Action> {
@@ -107,9 +113,24 @@ impl<const N: usize> ServerMachine<N> {
         Some(Action::Serve)
     }
 
+    fn timeout(&mut self, now: Duration) -> Action {
+        if !self.expires(now) {
+            return Action::Nothing;
+        }
+        if let ServerLink::Up { line, .. } = &mut self.link {
+            *line = Line::Silent;
+        }
+        Action::Cut
+    }
+
     fn sent(&mut self, now: Duration, config: &ServerConfig) -> Option<Action> {
         self.transmit(now, config)?;
-        let ServerLink::Up { replies, .. } = &mut self.link else { return None };
+        let is_full = self.is_full();
+        let ServerLink::Up { line, replies, .. } = &mut self.link else { return None };
+        // It reads again, and a silence can begin.
+        if is_full {
+            line.receive(now, config.framing);
+        }
         *replies -= 1;
         Some(Action::Sent)
     }
@@ -134,7 +155,8 @@ impl<const N: usize> Machine for ServerMachine<N> {
                 Some(Action::Nothing)
             }
             (Input::Connected, link) => {
-                let serial = config.framing.is_serial();
+                // Without the rule it refuses what finds no place, as on a serial line.
+                let serial = config.framing.is_serial() || !config.rules.keeps(Rule::WaitForPlace);
                 *link = ServerLink::Up { line: Line::Silent, serial, replies: 0 };
                 Some(Action::Reset)
             }
@@ -142,16 +164,16 @@ impl<const N: usize> Machine for ServerMachine<N> {
                 *link = ServerLink::Down;
                 Some(Action::Reset)
             }
-            (Input::Timeout, ServerLink::Up { line, .. }) if line.is_due(now) => {
-                *line = Line::Silent;
-                Some(Action::Cut)
-            }
-            (Input::Timeout, _) => Some(Action::Nothing),
+            (Input::Timeout, _) => Some(self.timeout(now)),
             (Input::Received, ServerLink::Up { line, .. }) => {
-                *line = Line::received(now, config.framing);
+                line.receive(now, config.framing);
                 Some(Action::Nothing)
             }
             (Input::Request { unit }, ServerLink::Up { .. }) => self.request(unit, config),
+            (Input::Sent, ServerLink::Up { line: Line::Silent, replies: replies @ 1.., .. }) => {
+                *replies -= 1;
+                Some(Action::Sent)
+            }
             (Input::Sent, ServerLink::Up { .. }) => self.sent(now, config),
             (Input::Received | Input::Request { .. } | Input::Sent, ServerLink::Down) => None,
         };
@@ -167,23 +189,24 @@ impl<const N: usize> Machine for ServerMachine<N> {
 
     fn deadline(&self) -> Option<Duration> {
         match self.link {
-            ServerLink::Up { line: Line::Busy { silent_at }, .. } if silent_at < Duration::MAX => {
-                Some(silent_at)
+            // While it does not read, nothing shows that the line is silent.
+            ServerLink::Up { line: Line::Busy { silent_at }, .. } => {
+                (silent_at < Duration::MAX && !self.is_full()).then_some(silent_at)
             }
-            ServerLink::Up { .. } | ServerLink::Down => None,
+            ServerLink::Up { line: Line::Silent, .. } | ServerLink::Down => None,
         }
     }
 
     #[inline]
     fn expires(&self, now: Duration) -> bool {
-        matches!(self.link, ServerLink::Up { line, .. } if line.is_due(now))
+        self.deadline().is_some_and(|silent_at| now >= silent_at)
     }
 
     #[inline]
     fn reads(&self) -> bool {
         match self.link {
-            ServerLink::Up { line, serial, .. } => !serial || line == Line::Silent,
-            ServerLink::Down => true,
+            ServerLink::Up { line, serial: true, .. } => line == Line::Silent,
+            ServerLink::Up { serial: false, .. } | ServerLink::Down => !self.is_full(),
         }
     }
 

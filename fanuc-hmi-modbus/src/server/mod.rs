@@ -16,7 +16,7 @@ pub use config::ServerConfig;
 pub use event::{ServerEvent, ServerStatistics};
 use machine::{Action, Due, Input, ServerMachine};
 
-use crate::decoder::Decoder;
+use crate::decoder::{Decoder, WINDOW};
 use crate::error::{ConfigError, DecodeError};
 use crate::frame::{Frame, Side};
 use crate::framing::{Framing, Framings};
@@ -29,9 +29,10 @@ use replies::Replies;
 /// the [`Registers`] as they arrive, on a serial line when the line has been silent for 3.5 characters; replies are sent in the
 /// same order. Any number of connections can share registers: implement [`Registers`] for what they share.
 ///
-/// All bytes are taken. If more than `N` replies wait, further requests are neither carried out nor answered, and reported as
-/// [`ServerEvent::Refused`]. Corrupt bytes cost the frames that they touch and are not answered. Every event is a notice, for
-/// a log: nothing needs to be done about it.
+/// Through TCP a request is read when there is a place for its reply, and until then the session wants no input: a client that does
+/// not wait gets every reply. A serial line does not wait: a request without a place is neither carried out nor answered, and
+/// reported as [`ServerEvent::Refused`]. Corrupt bytes cost the frames that they touch and are not answered. Every event is a
+/// notice, for a log: nothing needs to be done about it.
 ///
 /// A server that shares its line with others receives their replies as corrupt bytes.
 #[derive(Debug, Clone)]
@@ -39,7 +40,7 @@ pub struct Server<R, const N: usize = 8, F = Framing> {
     core: Core<ServerMachine<N>, Decoder<F>, EventQueue<ServerEvent, 8>>,
     registers: R,
     replies: Replies<N>,
-    /// The bytes before those that are read now ended within corruption.
+    /// What was read last ended within corruption.
     was_corrupt: bool,
     statistics: ServerStatistics,
 }
@@ -84,6 +85,18 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
         &self.core.config
     }
 
+    /// On TCP a client that stops within corruption is out of step: its next valid frame may never come.
+    #[inline]
+    fn all_read(&mut self) {
+        let Some(error) = self.core.decoder.corruption() else {
+            self.was_corrupt = false;
+            return;
+        };
+        if !core::mem::replace(&mut self.was_corrupt, true) && self.core.decoder.has_transactions() {
+            self.core.events.push_notice(ServerEvent::OutOfStep(error));
+        }
+    }
+
     #[cold]
     fn corrupt(&mut self, error: DecodeError) {
         self.statistics.corrupt += 1;
@@ -99,7 +112,8 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     /// The place of a request in the decoder.
     type Payload = Range<usize>;
 
-    const MAX_INPUT: usize = 65536;
+    /// What fits beside a run of corrupt bytes.
+    const MAX_INPUT: usize = Decoder::CAPACITY - WINDOW;
     const MAX_TRANSMIT: usize = Frame::MAX_LEN;
     const ROOM: Room = Room::NONE;
 
@@ -108,7 +122,11 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     #[inline]
     fn next_input(&mut self) -> Option<(Input, Option<Range<usize>>)> {
         loop {
-            match self.core.decoder.advance()? {
+            let Some(found) = self.core.decoder.advance() else {
+                self.all_read();
+                return None;
+            };
+            match found {
                 Ok(range) => {
                     let unit = self.core.decoder.frame(range.clone())?.unit;
                     return Some((Input::Request { unit }, Some(range)));
@@ -123,7 +141,10 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     #[inline]
     fn act(&mut self, now: Duration, action: Action, request: Option<Range<usize>>) {
         match action {
-            Action::Reset => return self.replies.clear(),
+            Action::Reset => {
+                self.was_corrupt = false;
+                return self.replies.clear();
+            }
             Action::Cut => return self.finish(now),
             Action::Nothing | Action::Ignore | Action::Sent => return,
             Action::Serve | Action::ServeBroadcast | Action::Refuse => {}
@@ -142,7 +163,7 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
             }
             _ => {
                 self.statistics.refused += 1;
-                return self.core.events.push_notice(ServerEvent::Refused { transaction, unit, function });
+                return self.core.events.push_notice(ServerEvent::Refused { unit, function });
             }
         };
         self.statistics.served += 1;
@@ -166,28 +187,17 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
 
     #[inline]
     fn begin_input(&mut self, now: Duration) -> bool {
-        self.was_corrupt = self.core.decoder.corruption().is_some();
         self.advance(now, Input::Received, None);
         self.core.machine.is_connected()
-    }
-
-    /// On TCP the client is out of step: its next valid frame may never come.
-    #[inline]
-    fn end_input(&mut self, _now: Duration) {
-        if let (false, Framing::Tcp, Some(error)) =
-            (self.was_corrupt, self.core.config.framing, self.core.decoder.corruption())
-        {
-            self.core.events.push_notice(ServerEvent::OutOfStep(error));
-        }
     }
 
     /// Also while a frame arrives that only the silence ends.
     #[inline]
     fn takes_input(&self) -> bool {
-        true
+        !self.core.machine.is_full()
     }
 
-    /// A burst without a silence fills the buffer: it holds no frame of a serial line.
+    /// On a serial line a burst without a silence fills the buffer: it holds no frame.
     fn overrun(&mut self, _now: Duration) {
         let noise = DecodeError::Noise { length: self.core.decoder.pending() };
         self.core.decoder.clear();

@@ -130,7 +130,7 @@ pub fn serve_tcp(
 ) -> Result<()> {
     let open = || {
         let registers = Connection { controller: Arc::clone(controller), clock: service.clock };
-        Ok(Server::<_, PLACES>::new(config, registers)?)
+        Ok(Server::<_>::new(config, registers)?)
     };
     service.run(listener, open, |notice| {
         match notice {
@@ -168,7 +168,7 @@ fn stay(controller: &Shared, clock: Clock) -> ControlFlow<String> {
 /// An RTU line until it is gone for good.
 fn serve_line(line: &mut Line, clock: Clock, controller: &Shared, config: ServerConfig) -> Result<()> {
     let registers = Connection { controller: Arc::clone(controller), clock };
-    let mut server = Server::<_, PLACES>::new(config, registers)?;
+    let mut server = Server::<_>::new(config, registers)?;
     robot_session::drive(&mut server, line, |_, event| {
         // A line has no connection that could be closed.
         report(event, &mut |event| drop(log(&event)));
@@ -176,10 +176,6 @@ fn serve_line(line: &mut Line, clock: Clock, controller: &Shared, config: Server
     })?;
     Ok(())
 }
-
-/// The replies that a connection holds: to the requests of 8 bytes and more that one read of 260 bytes can hold or complete, so that
-/// none is refused however many a client sends at once.
-const PLACES: usize = 34;
 
 /// The controller as one connection reaches it.
 struct Connection {
@@ -230,7 +226,7 @@ fn report(event: ServerEvent, notify: &mut impl FnMut(Value)) -> Option<DecodeEr
             notify(json!({"event": "refused", "unit": unit, "function": function, "exception": exception}));
             None
         }
-        ServerEvent::Refused { unit, function, .. } => {
+        ServerEvent::Refused { unit, function } => {
             notify(json!({"event": "too_many", "unit": unit, "function": function}));
             None
         }

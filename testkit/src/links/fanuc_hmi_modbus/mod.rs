@@ -147,6 +147,7 @@ fn tcp_must_fail() -> Vec<MustFail> {
         case("EndAtDisconnect", ENDS, without(tcp(3, 1, 1), Client::EndAtDisconnect)),
         case("DropQueued", STALE, without(tcp(3, 1, 1), Client::DropQueued)),
         case("DropReplies", FOREIGN_REPLY, server_without(tcp(3, 1, 2), Server::DropReplies)),
+        case("WaitForPlace", COSTS, server_without(tcp(3, 1, 2), Server::WaitForPlace)),
         MustFail::new("timeout", STANDSTILL, "3 requests", patient(tcp(3, 1, 1))),
     ]
 }

@@ -203,14 +203,15 @@ impl Setup {
         if arrived(&world.up) {
             ready.push(Act::ClientRead);
         }
-        if arrived(&world.down) {
+        let reads = arrived(&world.down) && !world.server.is_full();
+        if reads {
             ready.push(Act::ServerRead(Verdict::CarryOut));
         }
         // A driver reads what has arrived first.
         if world.client_due() && !arrived(&world.up) {
             ready.push(Act::ClientTimer);
         }
-        if world.server.deadline().is_some_and(|at| at.is_zero()) && !arrived(&world.down) {
+        if world.server.deadline().is_some_and(|at| at.is_zero()) && !reads {
             ready.push(Act::ServerTimer);
         }
         match world.line {
@@ -421,13 +422,7 @@ impl System for Setup {
         let failed =
             |(record, job): &(&Record, &Job)| record.outcome == Outcome::Unknown && **job == Job::Unicast;
         let failed = world.records.iter().zip(&self.jobs).filter(failed).count();
-        // On TCP a server that is late also refuses what finds no place.
-        let most = if self.has_transactions() {
-            usize::from(flags.used.min(1)) * self.jobs.len()
-        } else {
-            flags.used.into()
-        };
-        unless(failed <= most, COSTS);
+        unless(failed <= usize::from(flags.used) * self.client.in_flight, COSTS);
         let waits = world.client.held().any(|held| matches!(held.stage, Stage::InFlight { .. }));
         unless(world.client.link != ClientLink::Down || !waits, ENDS);
     }

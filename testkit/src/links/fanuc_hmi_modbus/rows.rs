@@ -241,7 +241,7 @@ impl<T: Transport, const N: usize> Rows for Server<T, N> {
             let busy = |at: Duration| Line::Busy { silent_at: at };
             for line in [Line::Silent, busy(NOW + TIME), busy(NOW - TIME)] {
                 // On TCP frames have their length.
-                if line == Line::Silent || (T::NAME != Tcp::NAME && replies < 2) {
+                if line == Line::Silent || T::NAME != Tcp::NAME {
                     states.push(ServerMachine { link: ServerLink::Up { line, serial, replies } });
                 }
             }

@@ -1,10 +1,11 @@
 //! val2-viewer: its row of the table, its codec and its configurations.
 
 mod codec;
-mod options;
 
-use crate::link::Link;
-use crate::settings;
+use ::val2_viewer::{HostConfig, WorkstationConfig};
+
+use crate::link::{Config, Link};
+use crate::settings::{self, fields};
 
 /// The link.
 pub const LINK: Link = Link {
@@ -13,6 +14,10 @@ pub const LINK: Link = Link {
     sides: &["host"],
     sender: |_is_client, _server_port| "host",
     traces: &[("viewer", [None, Some("host")]), ("host-viewer", [Some("host"), None])],
+    configs: &[
+        Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
+        Config { name: "WorkstationConfig", fields: |given| fields(WorkstationConfig::default(), given) },
+    ],
     settings: || settings::list(()),
     codec: |_, settings| codec::host(settings),
 };

@@ -146,6 +146,7 @@ fn times_are_nanoseconds_and_parts_are_objects() {
     let alter = val2_alter::HostConfig::default();
     assert_eq!(read(alter, json!({"gap": null})).unwrap().gap, None);
     assert_eq!(read(alter, json!({"gap": 0})).unwrap().gap, Some(Duration::ZERO));
+    assert_eq!(read(alter, json!({"gap": u64::MAX})).unwrap().gap, Some(Duration::MAX));
     assert_eq!(
         read(alter, json!({"gap": "4ms"})),
         Err("gap=4ms: not in nanoseconds, give from 0; null: off".into())

@@ -5,7 +5,7 @@ use core::ops::RangeInclusive;
 use std::time::Duration;
 
 use anyhow::Result;
-use robot_session::spec::{Configure, Fields, Whole};
+use robot_session::spec::{Configure, Fields, Str, Whole};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -17,7 +17,7 @@ use super::{Form, Setting, Table, plain};
 pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
 
 impl Fields for Table<'_> {
-    fn source(&mut self, section: &'static str) -> &mut Self {
+    fn source(&mut self, section: Str) -> &mut Self {
         self.source = section;
         self
     }
@@ -26,8 +26,8 @@ impl Fields for Table<'_> {
         &mut self,
         name: &str,
         range: RangeInclusive<T>,
-        unit: &'static str,
-        about: &'static str,
+        unit: Str,
+        about: Str,
         field: &mut T,
     ) {
         let values = self.with_unit(within(&range), unit);
@@ -41,9 +41,9 @@ impl Fields for Table<'_> {
         &mut self,
         name: &str,
         range: RangeInclusive<T>,
-        unit: &'static str,
-        otherwise: &'static str,
-        about: &'static str,
+        unit: Str,
+        otherwise: Str,
+        about: Str,
         field: &mut Option<T>,
     ) {
         let values = self.or(self.with_unit(within(&range), unit), otherwise);
@@ -59,8 +59,8 @@ impl Fields for Table<'_> {
         &mut self,
         name: &str,
         range: RangeInclusive<T>,
-        unit: &'static str,
-        about: &'static str,
+        unit: Str,
+        about: Str,
         fields: &mut [T],
     ) {
         let values = format!("[{} numbers], each {}", fields.len(), self.with_unit(within(&range), unit));
@@ -74,14 +74,7 @@ impl Fields for Table<'_> {
         });
     }
 
-    fn real(
-        &mut self,
-        name: &str,
-        range: RangeInclusive<f64>,
-        unit: &'static str,
-        about: &'static str,
-        field: &mut f64,
-    ) {
+    fn real(&mut self, name: &str, range: RangeInclusive<f64>, unit: Str, about: Str, field: &mut f64) {
         let values = self.with_unit(within(&range), unit);
         self.visit(name, number_of(unit), values, shown(*field), about, |value| {
             let number = value.as_f64().ok_or("not a number")?;
@@ -90,7 +83,7 @@ impl Fields for Table<'_> {
         });
     }
 
-    fn baud(&mut self, about: &'static str, field: &mut u32) {
+    fn baud(&mut self, about: Str, field: &mut u32) {
         let range = match self.form {
             Form::Text => BAUD_RATES,
             Form::Nanoseconds => 1..=u32::MAX,
@@ -98,26 +91,23 @@ impl Fields for Table<'_> {
         self.whole("baud", range, "baud", about, field);
     }
 
-    fn flag(&mut self, name: &str, about: &'static str, field: &mut bool) {
+    fn flag(&mut self, name: &str, about: Str, field: &mut bool) {
         self.visit(name, "bool", "true or false".into(), (*field).into(), about, |value| {
             *field = value.as_bool().ok_or("neither true nor false")?;
             Ok(())
         });
     }
 
-    fn time(
-        &mut self,
-        name: &str,
-        range: RangeInclusive<Duration>,
-        about: &'static str,
-        field: &mut Duration,
-    ) {
+    fn time(&mut self, name: &str, range: RangeInclusive<Duration>, about: Str, field: &mut Duration) {
         let form = self.form;
-        let default = match form {
-            Form::Text => show(*field).into(),
-            Form::Nanoseconds => nanoseconds(*field),
-        };
-        self.visit(name, "ns", times(&range, form), default, about, |value| {
+        let (mut values, mut default) = (times(&range, form), self.shown_time(*field));
+        if form == Form::Nanoseconds && *range.end() == Duration::MAX {
+            values = self.or(values, "never");
+        }
+        if form == Form::Nanoseconds && *field == Duration::MAX {
+            default = Value::Null;
+        }
+        self.visit(name, "ns", values, default, about, |value| {
             *field = time(value, &range, form)?;
             Ok(())
         });
@@ -127,34 +117,21 @@ impl Fields for Table<'_> {
         &mut self,
         name: &str,
         range: RangeInclusive<Duration>,
-        otherwise: &'static str,
-        about: &'static str,
+        otherwise: Str,
+        about: Str,
         field: &mut Option<Duration>,
     ) {
         let form = self.form;
-        let (values, default) = match form {
-            Form::Text => (times(&range, form), field.map_or_else(|| otherwise.into(), |it| show(it).into())),
-            // `null` is none, and so nothing is never.
-            Form::Nanoseconds => {
-                let bounded = *range.start()..=Duration::from_nanos(u64::MAX).min(*range.end());
-                (times(&bounded, form), field.map_or(Value::Null, nanoseconds))
-            }
-        };
-        let values = self.or(values, otherwise);
+        let values = self.or(times(&range, form), otherwise);
+        let default = field.map_or_else(|| self.none(otherwise), |time| self.shown_time(time));
         self.visit(name, "ns", values, default, about, |value| {
-            let is_none = value == otherwise || form == Form::Nanoseconds && value.is_null();
+            let is_none = value.is_null() || value == otherwise;
             *field = if is_none { None } else { Some(time(value, &range, form)?) };
             Ok(())
         });
     }
 
-    fn choice<T: PartialEq + Copy>(
-        &mut self,
-        name: &str,
-        choices: &[(&'static str, T)],
-        about: &'static str,
-        field: &mut T,
-    ) {
+    fn choice<T: PartialEq + Copy>(&mut self, name: &str, choices: &[(Str, T)], about: Str, field: &mut T) {
         let words: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
         let default = choices.iter().find(|(_, value)| value == field).map_or("", |(word, _)| word);
         let default = shown(default);
@@ -166,14 +143,7 @@ impl Fields for Table<'_> {
         });
     }
 
-    fn text(
-        &mut self,
-        name: &str,
-        shape: &'static str,
-        otherwise: &'static str,
-        about: &'static str,
-        field: &mut Option<String>,
-    ) {
+    fn text(&mut self, name: &str, shape: Str, otherwise: Str, about: Str, field: &mut Option<String>) {
         let (values, default) = (format!("{shape}; without it {otherwise}"), field.clone());
         self.visit(name, "text", values, default.unwrap_or_default().into(), about, |value| {
             let given = matches!(value, Value::String(_) | Value::Number(_) | Value::Bool(_));
@@ -182,13 +152,7 @@ impl Fields for Table<'_> {
         });
     }
 
-    fn parsed<T: Serialize + DeserializeOwned>(
-        &mut self,
-        name: &str,
-        shape: &'static str,
-        about: &'static str,
-        field: &mut T,
-    ) {
+    fn parsed<T: Serialize + DeserializeOwned>(&mut self, name: &str, shape: Str, about: Str, field: &mut T) {
         let default = crate::json::value(&*field);
         let unit = match &default {
             Value::Array(_) => "list",
@@ -200,7 +164,7 @@ impl Fields for Table<'_> {
         });
     }
 
-    fn code(&mut self, name: &str, shape: &'static str, default: &'static str, about: &'static str) {
+    fn code(&mut self, name: &str, shape: Str, default: Str, about: Str) {
         let source = self.take_source();
         if self.form == Form::Nanoseconds && self.given.is_none() && self.is_visited(name) {
             let (values, default) = (shape.into(), default.into());
@@ -208,7 +172,7 @@ impl Fields for Table<'_> {
         }
     }
 
-    fn part(&mut self, name: &str, of: &'static str, about: &'static str, part: &mut impl Configure) {
+    fn part(&mut self, name: &str, of: Str, about: Str, part: &mut impl Configure) {
         let (source, first) = (self.take_source(), self.visited.len());
         if !self.is_visited(name) {
             return;
@@ -225,7 +189,7 @@ impl Fields for Table<'_> {
         }
     }
 
-    fn inline(&mut self, name: &str, of: &'static str, about: &'static str, part: &mut impl Configure) {
+    fn inline(&mut self, name: &str, of: Str, about: Str, part: &mut impl Configure) {
         if self.form == Form::Nanoseconds {
             return self.part(name, of, about, part);
         }
@@ -244,7 +208,7 @@ impl Fields for Table<'_> {
         self.omitted = omitted;
     }
 
-    fn without(&mut self, names: &[&'static str], visit: impl FnOnce(&mut Self)) {
+    fn without(&mut self, names: &[Str], visit: impl FnOnce(&mut Self)) {
         let outer = core::mem::replace(&mut self.omitted, names.to_vec());
         visit(self);
         let left = core::mem::replace(&mut self.omitted, outer);
@@ -266,6 +230,14 @@ impl Table<'_> {
         match self.form {
             Form::Text => format!("{range}, or {otherwise}"),
             Form::Nanoseconds => format!("{range}; null: {otherwise}"),
+        }
+    }
+
+    /// A time.
+    fn shown_time(&self, time: Duration) -> Value {
+        match self.form {
+            Form::Text => show(time).into(),
+            Form::Nanoseconds => nanoseconds(time),
         }
     }
 

@@ -20,7 +20,10 @@ pub(super) fn time(
             .and_then(|text| with_unit(text.trim()))
             .ok_or("not a time with its unit, such as 250ms or 1.5s")?,
         (Form::Nanoseconds, Value::Null) => Duration::MAX,
-        (Form::Nanoseconds, value) => value.as_u64().map(Duration::from_nanos).ok_or("not in nanoseconds")?,
+        (Form::Nanoseconds, value) => match value.as_u64().ok_or("not in nanoseconds")? {
+            u64::MAX => Duration::MAX,
+            time => Duration::from_nanos(time),
+        },
     };
     if range.contains(&time) { Ok(time) } else { Err("out of range") }
 }
@@ -51,14 +54,12 @@ pub(super) fn times(range: &RangeInclusive<Duration>, form: Form) -> String {
     // The least that is above a whole time.
     let above = least.checked_sub(INSTANT).filter(|above| above.subsec_nanos() % 1000 == 0).map(zero_or);
     match (form, above) {
-        (_, _) if most < Duration::from_nanos(u64::MAX) => format!("{} to {}", show(least), show(most)),
+        _ if most < Duration::MAX => format!("{} to {}", show(least), show(most)),
         (Form::Text, _) if least.is_zero() => "a time, or never".into(),
         (Form::Text, Some(above)) => format!("a time above {above}, or never"),
         (Form::Text, None) => format!("a time from {}, or never", show(least)),
-        (Form::Nanoseconds, above) => {
-            let from = above.map_or_else(|| format!("from {}", zero_or(least)), |it| format!("above {it}"));
-            if most == Duration::MAX { format!("{from}; null: never") } else { from }
-        }
+        (Form::Nanoseconds, Some(above)) => format!("above {above}"),
+        (Form::Nanoseconds, None) => format!("from {}", zero_or(least)),
     }
 }
 
@@ -74,7 +75,7 @@ pub(super) fn show(time: Duration) -> String {
     }
 }
 
-/// Never is `null`.
+/// Never is the most.
 pub(super) fn nanoseconds(time: Duration) -> Value {
-    u64::try_from(time.as_nanos()).ok().into()
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).into()
 }

@@ -1,7 +1,6 @@
 //! Settings, by `--set` and `--settings`: complete, listed, and refused with what to do.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use core::fmt::Debug;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -10,7 +9,7 @@ use std::thread;
 
 use cellwire::links::device_by_name;
 use cellwire_links::LINKS;
-use cellwire_links::settings::{Configure, list};
+use cellwire_links::settings::{Form, list_as};
 
 /// What the tool prints and its exit status, for this input.
 fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
@@ -23,82 +22,11 @@ fn cellwire(args: &[&str], input: &str) -> (Option<i32>, String, String) {
     (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
 }
 
-/// The fields of a struct, as its `Debug` form names them; of the model alone are `rules`, `without`, and how many
-/// transactions there are.
-fn fields(config: &impl Debug) -> Vec<String> {
-    let text = format!("{config:#?}");
-    let lines = text.lines().filter(|line| line.starts_with("    ") && !line.starts_with("     "));
-    let names = lines.filter_map(|line| line.trim().split_once(':')).map(|(name, _)| name.to_owned());
-    names.filter(|name| !["rules", "without", "transactions"].contains(&name.as_str())).collect()
-}
-
-/// Every field has a setting of its name, or settings in a group of its name, but those that are `exempt`: each has a reason there.
-fn complete(config: impl Configure + Debug, exempt: &[(&str, &str)]) {
-    let fields = fields(&config);
-    assert!(!fields.is_empty());
-    let debug = format!("{config:?}");
-    let names: Vec<String> = list(config).into_iter().map(|setting| setting.name).collect();
-    for field in &fields {
-        let covered = names
-            .iter()
-            .any(|name| name == field || name.strip_prefix(field).is_some_and(|rest| rest.starts_with('.')));
-        let excused = exempt.iter().any(|(name, _)| name == field);
-        assert!(covered != excused, "{field} of {debug}: has a setting {covered}, is exempt {excused}");
-    }
-    for (name, reason) in exempt {
-        assert!(fields.iter().any(|field| field == name), "{name} is no field: {reason}");
-    }
-}
-
 #[test]
-fn every_field_of_every_configuration_can_be_set() {
-    const FRAMES: (&str, &str) = ("framing", "its fields are settings themselves");
-    const PROFILE: (&str, &str) = ("profile", "its fields are settings themselves");
-    const AGREED: [(&str, &str); 4] = [
-        ("dialect", "the plant's table of messages"),
-        ("datagrams", "of the plant: udp"),
-        ("limits", "of the plant"),
-        ("max_number", "of the plant"),
-    ];
-    let and = |more: (&'static str, &'static str)| [&AGREED[..], &[more]].concat();
-    complete(kawasaki_msg::RobotConfig::TCP, &and(("acks", "of the plant")));
-    complete(kawasaki_msg::PcConfig::TCP, &and(("cumulative_acks", "of the plant: acks")));
-    let plant = list(cellwire_links::kawasaki_msg::plant::Plant::default());
-    for name in [
-        "charset",
-        "udp",
-        "limits.packet",
-        "max_number",
-        "acks",
-        "job",
-        "bounds.max.x",
-        "messages.job.fields",
-    ] {
-        assert!(plant.iter().any(|setting| setting.name == name), "{name}");
-    }
-    complete(kawasaki_msg::Limits::TCP, &[]);
-    complete(kawasaki_msg::Bounds::WIDEST, &[]);
-    complete(val2_alter::Framing::DEFAULT, &[]);
-    complete(val2_alter::HostConfig::default(), &[FRAMES]);
-    complete(val2_alter::ControllerConfig::default(), &[FRAMES]);
-    complete(val2_alter::Limits::GENTLE, &[]);
-    complete(val2_viewer::HostConfig::default(), &[("format", "code, not a value")]);
-    complete(val2_viewer::WorkstationConfig::default(), &[]);
-    complete(isra_ball::HostConfig::default(), &[]);
-    complete(isra_ball::BallConfig::default(), &[]);
-    const PORT: (&str, &str) = ("framing", "how the connection is made decides it");
-    const ONE: (&str, &str) = ("in_flight", "the tool's clients have a place for one request");
-    complete(fanuc_hmi_modbus::ClientConfig::tcp(), &[PORT, ONE]);
-    complete(laser_eb90::Profile::default(), &[]);
-    complete(laser_eb90::HostConfig::default(), &[PROFILE]);
-    complete(laser_eb90::ControllerConfig::default(), &[PROFILE]);
-    complete(mmacell_proto::Dialect::STRICT, &[]);
-    complete(mmacell_proto::CentralConfig::DEFAULT, &[]);
-    complete(mmacell_proto::DeviceConfig::DEFAULT, &[]);
-    // The server's fields are among the settings of the simulated controller.
+fn the_simulated_controller_can_be_set_as_its_server() {
     let fanuc = (device_by_name("fanuc").unwrap().settings)();
-    for field in fields(&fanuc_hmi_modbus::ServerConfig::tcp()) {
-        assert!(fanuc.iter().any(|setting| setting.name == field), "{field}");
+    for field in list_as(Form::Nanoseconds, fanuc_hmi_modbus::ServerConfig::tcp()) {
+        assert!(fanuc.iter().any(|setting| setting.name == field.name), "{}", field.name);
     }
 }
 
@@ -112,7 +40,11 @@ fn settings_inside_others_are_listed() {
     let device = |name: &str| (device_by_name(name).unwrap().settings)();
     has(device("puma"), &["leading_dle", "baud", "gap", "scale.per_mm", "layout.order", "home.x", "restart"]);
     has(device("laser"), &["tail", "tags", "words", "queue", "execution", "silence"]);
-    has(device("kawasaki-robot"), &["charset", "limits.packet", "bounds.max.x", "recovery.pauses", "acks"]);
+    has(
+        device("kawasaki-robot"),
+        &["charset", "udp", "limits.packet", "max_number", "bounds.max.x", "recovery.pauses", "acks", "job"],
+    );
+    has(device("kawasaki-pc"), &["messages.job.fields", "silence"]);
     let demo = |link: &str| cellwire::cell::demo::settings(link);
     has(demo("kawasaki-msg"), &["charset", "robot.patience", "robot.recovery.pauses", "pc.silence", "port"]);
     has(demo("laser-eb90"), &["baud", "resends", "tail", "robot.queue", "robot.silence"]);
@@ -131,7 +63,7 @@ fn the_default_that_is_listed_is_the_default() {
     // Given again, it changes nothing.
     for link in LINKS {
         for setting in (link.settings)() {
-            let given = format!("{}={}", setting.name, setting.default);
+            let given = format!("{}={}", setting.name, setting.default_text());
             assert_ne!(setting.default, "", "{given}");
             let (code, _, said) = cellwire(&["encode", link.name, "--set", &given], "");
             assert_eq!((code, said.as_str()), (Some(0), ""), "{} {given}", link.name);
@@ -238,7 +170,9 @@ fn a_device_refuses_what_is_out_of_range_before_it_starts() {
         "silence=10: not a time with its unit, such as 250ms or 1.5s, give a time above 0, or never";
     assert!(error.contains(expected), "{error}");
     let error = simulate("viewer", "stale_after=1ms");
-    assert!(error.contains("stale_after=1ms: out of range, give a time from"), "{error}");
+    assert!(error.contains("stale_after=1ms: out of range, give a time above 200ms, or never"), "{error}");
+    let error = simulate("mma-robot", "refusal=0");
+    assert!(error.contains("the error number of a refusal is 0, or does not fit its field"), "{error}");
     let error = simulate("fanuc", "unit=every");
     assert!(error.contains("unit=every: not a whole number, give 0 to 255, or auto"), "{error}");
 }

@@ -18,6 +18,8 @@ pub mod server;
 #[cfg(feature = "serde")]
 mod shape;
 mod signals;
+#[cfg(feature = "spec")]
+mod spec;
 pub mod text;
 pub mod timing;
 pub mod typed;

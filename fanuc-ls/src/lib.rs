@@ -19,6 +19,8 @@ mod operation;
 mod parts;
 mod position;
 mod program;
+#[cfg(feature = "spec")]
+mod spec;
 mod statement;
 mod text;
 

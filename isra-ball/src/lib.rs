@@ -10,6 +10,8 @@ mod frame;
 pub mod host;
 mod keys;
 mod message;
+#[cfg(feature = "spec")]
+mod spec;
 pub mod timing;
 
 pub use robot_session;

@@ -19,6 +19,8 @@ pub mod pc;
 mod phase;
 pub mod robot;
 mod role;
+#[cfg(feature = "spec")]
+mod spec;
 mod statistics;
 pub mod timing;
 mod value;

@@ -13,6 +13,8 @@ pub mod items;
 mod json;
 pub mod payload;
 pub mod profile;
+#[cfg(feature = "spec")]
+mod spec;
 pub mod timing;
 pub mod words;
 

@@ -21,12 +21,23 @@ pub struct Link {
     pub sender: fn(is_client: bool, server_port: u16) -> &'static str,
     /// The traces of the tool by name: which sides sent what was sent and received there. A side that sends no messages is none.
     pub traces: &'static [(&'static str, [Option<&'static str>; 2])],
+    /// The configurations of its crate.
+    pub configs: &'static [Config],
     /// What can be set of its codec, and the defaults.
     pub settings: fn() -> Vec<Setting>,
     /// The codec of what a side sends, with settings other than the defaults, as in the vectors' `options`: `{"framing":"rtu"}`.
     pub codec: MakeCodec,
     /// Its ends; the one that asks comes first.
     pub ends: &'static [EndRow],
+}
+
+/// A configuration.
+#[derive(Debug, Clone, Copy)]
+pub struct Config {
+    /// The name of its type.
+    pub name: &'static str,
+    /// The fields of the default, or of what it becomes with these values, in the form that `reference/` has.
+    pub fields: fn(given: &Map<String, Value>) -> Result<Vec<Setting>>,
 }
 
 /// Makes the codec of a side.

@@ -17,6 +17,8 @@ mod message;
 mod pose;
 #[cfg(feature = "serde")]
 mod serde_impls;
+#[cfg(feature = "spec")]
+mod spec;
 mod units;
 
 pub use central::{

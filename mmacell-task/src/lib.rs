@@ -7,6 +7,8 @@ mod config;
 mod engine;
 mod event;
 mod output;
+#[cfg(feature = "spec")]
+mod spec;
 mod step;
 
 pub use config::TaskConfig;

@@ -15,6 +15,8 @@ mod machine;
 mod rules;
 mod session;
 mod settle;
+#[cfg(feature = "spec")]
+pub mod spec;
 #[cfg(feature = "std")]
 mod std_driver;
 #[cfg(feature = "tokio")]

@@ -11,6 +11,8 @@ pub mod host;
 mod limit;
 mod message;
 mod scale;
+#[cfg(feature = "spec")]
+mod spec;
 pub mod timing;
 
 pub use controller::{

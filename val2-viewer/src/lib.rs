@@ -6,6 +6,8 @@ mod decoder;
 mod error;
 pub mod host;
 mod message;
+#[cfg(feature = "spec")]
+mod spec;
 pub mod timing;
 pub mod workstation;
 

@@ -18,8 +18,9 @@ use cellwire::links::device::Endpoint;
 use cellwire::links::kawasaki_msg::meeting::Meeting;
 use cellwire::links::kawasaki_msg::pc::{self, Notification, Program};
 use cellwire_links::kawasaki_msg::layout::{AnyWork, Layout};
+use cellwire_links::kawasaki_msg::pc_settings;
 use cellwire_links::kawasaki_msg::plant::Plant;
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Fields};
 
 /// A connection may take so long to open.
 const CONNECT: Duration = Duration::from_secs(5);
@@ -50,10 +51,10 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { plant, session } = self;
-        plant.configure(table);
-        session.configure(table);
+        plant.configure(fields);
+        pc_settings(fields, session);
     }
 }
 

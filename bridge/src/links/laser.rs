@@ -16,7 +16,7 @@ use crate::metric::{Definition, define, text};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
 use cellwire::links::laser_eb90::controller::STATUS;
-use cellwire_links::settings::{self, Configure, Table};
+use cellwire_links::settings::{self, Configure, Fields};
 
 const METRICS: [Definition; 1] = [define("Status/Values", Kind::String)];
 
@@ -41,9 +41,9 @@ impl Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { query, poll, session } = self;
-        table.whole(
+        fields.whole(
             "query",
             0..=u16::MAX,
             "",
@@ -51,8 +51,8 @@ impl Configure for Settings {
             query,
         );
         let range = Duration::from_millis(100)..=Duration::from_secs(3600);
-        table.time("poll", range, "the time from one query to the next", poll);
-        session.configure(table);
+        fields.time("poll", range, "the time from one query to the next", poll);
+        session.configure(fields);
     }
 }
 

@@ -20,7 +20,7 @@ use crate::hall::Cell;
 use crate::metric::{Definition, define, text, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Fields};
 
 const AXES: [&str; 4] = ["Status/Axes/1", "Status/Axes/2", "Status/Axes/3", "Status/Axes/4"];
 
@@ -51,13 +51,13 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { is_platform, poll, session } = self;
         let about = "the device: the robot has four axes, the platform two";
-        table.choice("device", &[("robot", false), ("platform", true)], about, is_platform);
+        fields.choice("device", &[("robot", false), ("platform", true)], about, is_platform);
         let range = Duration::from_millis(20)..=Duration::from_secs(3600);
-        table.time("poll", range, "the time from one request for the status to the next", poll);
-        session.configure(table);
+        fields.time("poll", range, "the time from one request for the status to the next", poll);
+        session.configure(fields);
     }
 }
 

@@ -17,8 +17,8 @@ use crate::hall::Cell;
 use crate::metric::{Definition, define, whole};
 use crate::payload::{Kind, Value};
 use crate::report::{Command, Outcome};
-use cellwire_links::fanuc_hmi_modbus::word_order;
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::fanuc_hmi_modbus::{ClientSettings, word_order};
+use cellwire_links::settings::{Configure, Fields};
 
 /// So many requests in a row without a reply, and the controller counts as gone.
 const MOST_SILENT: u32 = 3;
@@ -63,20 +63,20 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { poll, unit, register, word_order: order, session } = self;
         let range = Duration::from_millis(10)..=Duration::from_secs(3600);
-        table.time("poll", range, "the time from one request for the telemetry to the next", poll);
-        table.whole("unit", 0..=u8::MAX, "", "the Modbus unit", unit);
-        table.whole(
+        fields.time("poll", range, "the time from one request for the telemetry to the next", poll);
+        fields.whole("unit", 0..=u8::MAX, "", "the Modbus unit", unit);
+        fields.whole(
             "register",
             0..=16_000,
             "",
             "the PDU address of the telemetry's first register",
             register,
         );
-        word_order(table, order);
-        session.configure(table);
+        word_order(fields, order);
+        ClientSettings(session).configure(fields);
     }
 }
 

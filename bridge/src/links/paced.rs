@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Fields};
 
 /// What can be set: the least from one report to the next, and the session's own.
 #[derive(Debug, Clone)]
@@ -12,10 +12,10 @@ pub(super) struct Paced<C> {
 }
 
 impl<C: Configure> Configure for Paced<C> {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { report, session } = self;
         let range = Duration::ZERO..=Duration::from_secs(3600);
-        table.time("report", range, "the least time from one report to the next", report);
-        session.configure(table);
+        fields.time("report", range, "the least time from one report to the next", report);
+        session.configure(fields);
     }
 }

@@ -15,7 +15,7 @@ use crate::hall::Cell;
 use crate::metric::{Definition, define, whole};
 use crate::payload::Kind;
 use crate::report::{Command, Outcome};
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Fields, LINE};
 
 const METRICS: [Definition; 2] = [define("Viewer/Requests", Kind::Int64), define("Viewer/Sent", Kind::Int64)];
 
@@ -36,12 +36,12 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { report, baud, session } = self;
         let range = Duration::from_millis(10)..=Duration::from_secs(3600);
-        table.time("report", range, "the time from one report to the next", report);
-        table.baud(baud);
-        session.configure(table);
+        fields.time("report", range, "the time from one report to the next", report);
+        fields.baud(LINE, baud);
+        session.configure(fields);
     }
 }
 

@@ -97,7 +97,7 @@ pub fn help(command: &str, arguments: &[String]) -> String {
 /// Two lines for each setting: its name, values and default, and what it is for.
 pub fn lines(settings: &[Setting]) -> String {
     let line = |setting: &Setting| {
-        let Setting { name, values, default, about } = setting;
+        let (Setting { name, values, about, .. }, default) = (setting, setting.default_text());
         let equals = if default.is_empty() { "" } else { " = " };
         format!("  {name}{equals}{default}    ({values})\n        {about}\n")
     };

@@ -4,10 +4,12 @@ mod codec;
 mod ends;
 mod options;
 
-pub use options::{Frames, ViewSettings, client_settings, frames, word_order};
+pub use options::{ClientSettings, Frames, ViewSettings, client_settings, frames, word_order};
 
-use crate::link::Link;
-use crate::settings;
+use ::fanuc_hmi_modbus::{ClientConfig, ServerConfig};
+
+use crate::link::{Config, Link};
+use crate::settings::{self, fields};
 
 /// The link.
 pub const LINK: Link = Link {
@@ -16,6 +18,10 @@ pub const LINK: Link = Link {
     sides: &["client", "server"],
     sender: |is_client, _server_port| if is_client { "client" } else { "server" },
     traces: &[("fanuc", [Some("server"), Some("client")])],
+    configs: &[
+        Config { name: "ClientConfig", fields: |given| fields(ClientConfig::default(), given) },
+        Config { name: "ServerConfig", fields: |given| fields(ServerConfig::default(), given) },
+    ],
     settings: || settings::list(options::ViewSettings::default()),
     codec: codec::either,
     ends: ends::ENDS,

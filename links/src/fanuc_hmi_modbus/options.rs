@@ -1,6 +1,6 @@
-//! The configurations of both ends, by field.
+//! What the tool sets of the codec and of a client.
 
-use crate::settings::{self, ANY_TIME, Configure, SOME_TIME, Setting, Table};
+use crate::settings::{self, Configure, Fields, Setting};
 use fanuc_hmi_modbus::{ClientConfig, Framing, WordOrder};
 
 /// The frames of a connection.
@@ -35,46 +35,30 @@ impl ViewSettings {
 }
 
 impl Configure for ViewSettings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { frames, telemetry, word_order } = self;
-        self::frames(table, frames);
+        self::frames(fields, frames);
         let about = "show a reply of 37 registers as the telemetry block";
-        table.choice("view", &[("registers", false), ("telemetry", true)], about, telemetry);
-        self::word_order(table, word_order);
+        fields.choice("view", &[("registers", false), ("telemetry", true)], about, telemetry);
+        self::word_order(fields, word_order);
     }
 }
 
-/// A client with the framing that it has. The tool's clients ask one thing at a time, and have no place for a second request.
-impl Configure for ClientConfig {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        let about = "from a request to its reply";
-        table.time("timeout", SOME_TIME, about, &mut self.timeout);
-        table.flag("any_unit", "take a reply from another unit than was asked", &mut self.any_unit);
-        let about =
-            "unit 0 is a broadcast that nobody answers; in RTU frames it is unless this says otherwise";
-        table.flag("broadcast", about, &mut self.broadcast);
-        let about = "how long the units of a serial line get to carry out a broadcast; there the longest frame is added";
-        table.time("turnaround", ANY_TIME, about, &mut self.turnaround);
-        let about = "assumed: in RTU frames no reply comes later than this after its request has timed out";
-        table.time("settle", ANY_TIME, about, &mut self.settle);
-        match &mut self.framing {
-            Framing::Tcp => {}
-            Framing::Rtu { silence } => {
-                table.time("silence", SOME_TIME, "on a serial line, the silence between two frames", silence)
-            }
-            Framing::RtuOverTcp { stall } => {
-                let about = "in RTU over TCP, a frame is cut without a byte for so long";
-                table.time("stall", SOME_TIME, about, stall)
-            }
-        }
+/// A client of the tool: how the connection is made decides the framing, and it asks one thing at a time.
+#[derive(Debug)]
+pub struct ClientSettings<'a>(pub &'a mut ClientConfig);
+
+impl Configure for ClientSettings<'_> {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        fields.without(&["framing", "in_flight"], |fields| self.0.configure(fields));
     }
 }
 
 /// What can be set of a client, on every kind of port.
 pub fn client_settings() -> Vec<Setting> {
-    let mut settings = settings::list(ClientConfig::tcp());
-    for config in [ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()] {
-        for setting in settings::list(config) {
+    let mut settings: Vec<Setting> = Vec::new();
+    for mut config in [ClientConfig::tcp(), ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()] {
+        for setting in settings::list(ClientSettings(&mut config)) {
             if settings.iter().all(|known| known.name != setting.name) {
                 settings.push(setting);
             }
@@ -84,13 +68,13 @@ pub fn client_settings() -> Vec<Setting> {
 }
 
 /// The setting `framing`.
-pub fn frames(table: &mut Table<'_>, frames: &mut Frames) {
+pub fn frames(fields: &mut impl Fields, frames: &mut Frames) {
     let about = "with MBAP headers, or as on a serial line";
-    table.choice("framing", &[("tcp", Frames::Tcp), ("rtu", Frames::Rtu)], about, frames);
+    fields.choice("framing", &[("tcp", Frames::Tcp), ("rtu", Frames::Rtu)], about, frames);
 }
 
 /// The setting `word_order`.
-pub fn word_order(table: &mut Table<'_>, order: &mut WordOrder) {
+pub fn word_order(fields: &mut impl Fields, order: &mut WordOrder) {
     let choices = [("low_first", WordOrder::LowFirst), ("high_first", WordOrder::HighFirst)];
-    table.choice("word_order", &choices, "which register of a 32-bit value comes first", order);
+    fields.choice("word_order", &choices, "which register of a 32-bit value comes first", order);
 }

@@ -2,10 +2,11 @@
 
 mod codec;
 mod ends;
-mod options;
 
-use crate::link::Link;
-use crate::settings;
+use ::isra_ball::{BallConfig, HostConfig};
+
+use crate::link::{Config, Link};
+use crate::settings::{self, fields};
 
 /// The link.
 pub const LINK: Link = Link {
@@ -14,6 +15,10 @@ pub const LINK: Link = Link {
     sides: &["ball"],
     sender: |_is_client, _server_port| "ball",
     traces: &[("ball", [Some("ball"), None]), ("host-ball", [None, Some("ball")])],
+    configs: &[
+        Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
+        Config { name: "BallConfig", fields: |given| fields(BallConfig::default(), given) },
+    ],
     settings: || settings::list(()),
     codec: |_, settings| codec::ball(settings),
     ends: ends::ENDS,

@@ -7,10 +7,12 @@ mod options;
 pub mod plant;
 mod roles;
 
-pub use options::CodecSettings;
+pub use options::{CodecSettings, pc_settings, robot_settings};
 
-use crate::link::Link;
-use crate::settings;
+use ::kawasaki_msg::{Limits, PcConfig, RecoveryLimits, RobotConfig};
+
+use crate::link::{Config, Link};
+use crate::settings::{self, fields};
 
 /// The link.
 pub const LINK: Link = Link {
@@ -20,6 +22,12 @@ pub const LINK: Link = Link {
     // The robot opens the connection.
     sender: |is_client, _server_port| if is_client { "robot" } else { "pc" },
     traces: &[("kawasaki-robot", [Some("robot"), Some("pc")]), ("kawasaki-pc", [Some("pc"), Some("robot")])],
+    configs: &[
+        Config { name: "Limits", fields: |given| fields(Limits::TCP, given) },
+        Config { name: "RecoveryLimits", fields: |given| fields(RecoveryLimits::default(), given) },
+        Config { name: "RobotConfig", fields: |given| fields(RobotConfig::TCP, given) },
+        Config { name: "PcConfig", fields: |given| fields(PcConfig::TCP, given) },
+    ],
     settings: || settings::list(options::CodecSettings::default()),
     codec: |_, settings| codec::either(settings),
     ends: ends::ENDS,

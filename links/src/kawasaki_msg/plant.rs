@@ -1,7 +1,6 @@
 //! What both ends of a plant have agreed on, as settings: the table of messages, in a file the tables `[messages.ROLE]`, what a
 //! job is, in a file the tables `[[job]]`, and how packets are carried and acknowledged.
 
-use core::num::NonZeroU16;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
@@ -12,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::layout::{AnyWork, Layout};
-use crate::settings::{Configure, Refused, Table, json};
+use crate::json;
+use crate::settings::{Configure, Fields, Refused};
 
 /// What both ends have agreed on.
 #[derive(Debug, Clone)]
@@ -79,54 +79,47 @@ impl Default for Plant {
 }
 
 impl Configure for Plant {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { charset, udp, limits, max_number, acks, bounds, job, messages } = self;
         let choices = [("ascii", Charset::Ascii), ("latin1", Charset::Latin1)];
-        table.choice("charset", &choices, "the characters of names and fields", &mut self.charset);
+        fields.choice("charset", &choices, "the characters of names and fields", charset);
         let about = "packets are datagrams, which may be lost, repeated and late; the source has chosen TCP";
-        table.flag("udp", about, &mut self.udp);
-        if self.udp {
-            self.limits = Limits::UDP;
+        fields.flag("udp", about, udp);
+        if *udp {
+            *limits = Limits::UDP;
         }
-        table.group("limits", |table| self.limits.configure(table));
+        fields.group("limits", |fields| limits.configure(fields));
         let about = "the highest job number; above the jobs of the robot's queue";
-        table.whole("max_number", 2..=Dialect::MAX_NUMBER, "", about, &mut self.max_number);
-        let mut every = match self.acks {
-            Acks::Cumulative { every } => Some(every.get()),
-            Acks::Individual => None,
-        };
-        let about = "every so many-th job is acknowledged, which covers those before it; or each job by itself, as it must be \
-                     where jobs may overtake one another";
-        table.whole_or("acks", 1..=u16::MAX, "individual", about, &mut every);
-        self.acks = match every.and_then(NonZeroU16::new) {
-            Some(every) => Acks::Cumulative { every },
-            None => Acks::Individual,
-        };
+        fields.whole("max_number", 2..=Dialect::MAX_NUMBER, "", about, max_number);
+        acks.configure(fields);
         const SHAPE: &str =
             "tables [[job]]: name; kind: whole, decimal with places, or text; range or length; default";
         let about = "a job's own fields in order; without them it is a line of a drawing";
-        table.parsed("job", SHAPE, json(&Layout::default().given()), about, &mut self.job);
-        table.group("bounds", |table| self.bounds.configure(table));
-        table.group("messages", |table| {
-            for (role, message) in &mut self.messages {
-                table.group(role, |table| message.configure(table));
+        let line = Layout::default().given();
+        let mut given = job.take().unwrap_or_else(|| line.clone());
+        fields.parsed("job", SHAPE, about, &mut given);
+        *job = (given != line).then_some(given);
+        fields.group("bounds", |fields| bounds.configure(fields));
+        fields.group("messages", |fields| {
+            for (role, message) in messages {
+                fields.group(role, |fields| message.configure(fields));
             }
         });
     }
 }
 
 impl Configure for Message {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         const FIELDS: &str =
             "a list of order, number, work, queued, executed, ended, phase, unused, or =TEXT";
-        table.flag("sent", "false where the plant has no such message", &mut self.sent);
-        let mut name = Some(core::mem::take(&mut self.name));
-        table.text("name", "a name", "the message cannot be", "what the message is called", &mut name);
-        self.name = name.unwrap_or_default();
-        let default = json(&self.header);
-        table.parsed("header", FIELDS, default, "what is between name and length", &mut self.header);
+        let Self { default: _, sent, name, header, fields: own } = self;
+        fields.flag("sent", "false where the plant has no such message", sent);
+        let mut called = Some(core::mem::take(name));
+        fields.text("name", "a name", "the message cannot be", "what the message is called", &mut called);
+        *name = called.unwrap_or_default();
+        fields.parsed("header", FIELDS, "what is between name and length", header);
         let about = "its fields in order; work: all of a job's own, =TEXT: always this text";
-        let default = json(&self.fields);
-        table.parsed("fields", FIELDS, default, about, &mut self.fields);
+        fields.parsed("fields", FIELDS, about, own);
     }
 }
 
@@ -307,6 +300,6 @@ pub(super) fn field_name(field: Field<'_>) -> Option<&'static str> {
 pub(super) fn role_name(role: Role) -> String {
     match role {
         Role::Command(id) => format!("command_{id}"),
-        role => json(&role).trim_matches('"').into(),
+        role => json::value(role).as_str().unwrap_or_default().into(),
     }
 }

@@ -2,10 +2,11 @@
 
 mod codec;
 mod ends;
-mod options;
 
-use crate::link::Link;
-use crate::settings;
+use ::laser_eb90::{ControllerConfig, ErrorCodes, HostConfig, Profile};
+
+use crate::link::{Config, Link};
+use crate::settings::{self, fields};
 
 /// The link.
 pub const LINK: Link = Link {
@@ -18,7 +19,13 @@ pub const LINK: Link = Link {
         ("laser", [Some("controller"), Some("host")]),
         ("laser-host", [Some("host"), Some("controller")]),
     ],
-    settings: || settings::list(laser_eb90::Profile::default()),
+    configs: &[
+        Config { name: "Profile", fields: |given| fields(Profile::default(), given) },
+        Config { name: "ErrorCodes", fields: |given| fields(ErrorCodes::default(), given) },
+        Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
+        Config { name: "ControllerConfig", fields: |given| fields(ControllerConfig::default(), given) },
+    ],
+    settings: || settings::list(Profile::default()),
     codec: |_, settings| codec::either(settings),
     ends: ends::ENDS,
 };

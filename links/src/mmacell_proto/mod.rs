@@ -2,10 +2,11 @@
 
 mod codec;
 mod ends;
-mod options;
 
-use crate::link::Link;
-use crate::settings;
+use ::mmacell_proto::{CentralConfig, DeviceConfig, Dialect};
+
+use crate::link::{Config, Link};
+use crate::settings::{self, fields};
 
 /// The link.
 pub const LINK: Link = Link {
@@ -21,7 +22,12 @@ pub const LINK: Link = Link {
         ("mma-robot", [Some("robot"), Some("central")]),
         ("mma-platform", [Some("platform"), Some("central")]),
     ],
-    settings: || settings::list(mmacell_proto::Dialect::STRICT),
+    configs: &[
+        Config { name: "Dialect", fields: |given| fields(Dialect::STRICT, given) },
+        Config { name: "CentralConfig", fields: |given| fields(CentralConfig::DEFAULT, given) },
+        Config { name: "DeviceConfig", fields: |given| fields(DeviceConfig::DEFAULT, given) },
+    ],
+    settings: || settings::list(Dialect::STRICT),
     codec: codec::either,
     ends: ends::ENDS,
 };

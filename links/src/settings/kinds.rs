@@ -5,74 +5,67 @@ use core::ops::RangeInclusive;
 use std::time::Duration;
 
 use anyhow::Result;
+use robot_session::spec::{Configure, Fields, Str, Whole};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
-use super::{Table, plain};
+use super::times::{nanoseconds, show, time, times};
+use super::{Form, Setting, Table, plain};
 
-/// The rates of a serial line, in baud.
+/// The rates of a serial port, in baud.
 pub const BAUD_RATES: RangeInclusive<u32> = 50..=4_000_000;
 
-/// Any time, also none and for ever.
-pub const ANY_TIME: RangeInclusive<Duration> = Duration::ZERO..=Duration::MAX;
+impl Fields for Table<'_> {
+    fn source(&mut self, section: Str) -> &mut Self {
+        self.source = section;
+        self
+    }
 
-/// A time above zero, also for ever.
-pub const SOME_TIME: RangeInclusive<Duration> = Duration::from_nanos(1)..=Duration::MAX;
-
-impl Table<'_> {
-    /// A whole number within a range.
-    pub fn whole<T>(
+    fn whole<T: Whole>(
         &mut self,
         name: &str,
         range: RangeInclusive<T>,
-        unit: &str,
-        about: &'static str,
+        unit: Str,
+        about: Str,
         field: &mut T,
-    ) where
-        T: TryFrom<i64> + PartialOrd + Display,
-    {
-        let values = within(range.start(), range.end(), unit);
-        self.visit(name, about, values, field.to_string(), |value| {
+    ) {
+        let values = self.with_unit(within(&range), unit);
+        self.visit(name, number_of(unit), values, shown(*field), about, |value| {
             *field = number(value, &range)?;
             Ok(())
         });
     }
 
-    /// A whole number within a range, or what happens by default, which `otherwise` names.
-    pub fn whole_or<T>(
+    fn whole_or<T: Whole>(
         &mut self,
         name: &str,
         range: RangeInclusive<T>,
-        otherwise: &'static str,
-        about: &'static str,
+        unit: Str,
+        otherwise: Str,
+        about: Str,
         field: &mut Option<T>,
-    ) where
-        T: TryFrom<i64> + PartialOrd + Display,
-    {
-        let values = format!("{}, or {otherwise}", within(range.start(), range.end(), ""));
-        let default = field.as_ref().map_or_else(|| otherwise.into(), ToString::to_string);
-        self.visit(name, about, values, default, |value| {
-            *field = if value == otherwise { None } else { Some(number(value, &range)?) };
+    ) {
+        let values = self.or(self.with_unit(within(&range), unit), otherwise);
+        let default = field.map_or_else(|| self.none(otherwise), shown);
+        self.visit(name, number_of(unit), values, default, about, |value| {
+            let is_none = value.is_null() || value == otherwise;
+            *field = if is_none { None } else { Some(number(value, &range)?) };
             Ok(())
         });
     }
 
-    /// Whole numbers within a range, as many as there are fields.
-    pub fn wholes<T>(
+    fn wholes<T: Whole>(
         &mut self,
         name: &str,
         range: RangeInclusive<T>,
-        unit: &str,
-        about: &'static str,
+        unit: Str,
+        about: Str,
         fields: &mut [T],
-    ) where
-        T: TryFrom<i64> + PartialOrd + Display + Copy,
-    {
-        let each = within(range.start(), range.end(), unit);
-        let default = fields.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
-        let values = format!("[{} numbers], each {each}", fields.len());
-        self.visit(name, about, values, format!("[{default}]"), |value| {
+    ) {
+        let values = format!("[{} numbers], each {}", fields.len(), self.with_unit(within(&range), unit));
+        let default = fields.iter().copied().map(shown).collect();
+        self.visit(name, number_of(unit), values, default, about, |value| {
             let given = value.as_array().filter(|given| given.len() == fields.len());
             let given = given.ok_or("not as many numbers")?;
             let numbers = given.iter().map(|value| number(value, &range)).collect::<Result<Vec<T>, _>>()?;
@@ -81,133 +74,190 @@ impl Table<'_> {
         });
     }
 
-    /// A number within a range.
-    pub fn real(
-        &mut self,
-        name: &str,
-        range: RangeInclusive<f64>,
-        unit: &str,
-        about: &'static str,
-        field: &mut f64,
-    ) {
-        let values = within(range.start(), range.end(), unit);
-        self.visit(name, about, values, field.to_string(), |value| {
+    fn real(&mut self, name: &str, range: RangeInclusive<f64>, unit: Str, about: Str, field: &mut f64) {
+        let values = self.with_unit(within(&range), unit);
+        self.visit(name, number_of(unit), values, shown(*field), about, |value| {
             let number = value.as_f64().ok_or("not a number")?;
             *field = if range.contains(&number) { number } else { return Err("out of range".into()) };
             Ok(())
         });
     }
 
-    /// A baud rate.
-    pub fn baud(&mut self, field: &mut u32) {
-        self.whole("baud", BAUD_RATES, "baud", "the rate of the serial line, 10 bits a byte", field);
+    fn baud(&mut self, about: Str, field: &mut u32) {
+        let range = match self.form {
+            Form::Text => BAUD_RATES,
+            Form::Nanoseconds => 1..=u32::MAX,
+        };
+        self.whole("baud", range, "baud", about, field);
     }
 
-    /// `true` or `false`.
-    pub fn flag(&mut self, name: &str, about: &'static str, field: &mut bool) {
-        self.visit(name, about, "true or false".into(), field.to_string(), |value| {
+    fn flag(&mut self, name: &str, about: Str, field: &mut bool) {
+        self.visit(name, "bool", "true or false".into(), (*field).into(), about, |value| {
             *field = value.as_bool().ok_or("neither true nor false")?;
             Ok(())
         });
     }
 
-    /// A time with its unit.
-    pub fn time(
-        &mut self,
-        name: &str,
-        range: RangeInclusive<Duration>,
-        about: &'static str,
-        field: &mut Duration,
-    ) {
-        self.visit(name, about, times(&range), show(*field), |value| {
-            *field = time(value, &range)?;
+    fn time(&mut self, name: &str, range: RangeInclusive<Duration>, about: Str, field: &mut Duration) {
+        let form = self.form;
+        let (mut values, mut default) = (times(&range, form), self.shown_time(*field));
+        if form == Form::Nanoseconds && *range.end() == Duration::MAX {
+            values = self.or(values, "never");
+        }
+        if form == Form::Nanoseconds && *field == Duration::MAX {
+            default = Value::Null;
+        }
+        self.visit(name, "ns", values, default, about, |value| {
+            *field = time(value, &range, form)?;
             Ok(())
         });
     }
 
-    /// A time with its unit, or what happens without one, which `otherwise` names.
-    pub fn time_or(
+    fn time_or(
         &mut self,
         name: &str,
         range: RangeInclusive<Duration>,
-        otherwise: &'static str,
-        about: &'static str,
+        otherwise: Str,
+        about: Str,
         field: &mut Option<Duration>,
     ) {
-        let default = field.map_or_else(|| otherwise.into(), show);
-        self.visit(name, about, format!("{}, or {otherwise}", times(&range)), default, |value| {
-            *field = if value == otherwise { None } else { Some(time(value, &range)?) };
+        let form = self.form;
+        let values = self.or(times(&range, form), otherwise);
+        let default = field.map_or_else(|| self.none(otherwise), |time| self.shown_time(time));
+        self.visit(name, "ns", values, default, about, |value| {
+            let is_none = value.is_null() || value == otherwise;
+            *field = if is_none { None } else { Some(time(value, &range, form)?) };
             Ok(())
         });
     }
 
-    /// One of a few words, or of a few numbers.
-    pub fn choice<T: PartialEq + Copy>(
-        &mut self,
-        name: &str,
-        choices: &[(&str, T)],
-        about: &'static str,
-        field: &mut T,
-    ) {
+    fn choice<T: PartialEq + Copy>(&mut self, name: &str, choices: &[(Str, T)], about: Str, field: &mut T) {
         let words: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
         let default = choices.iter().find(|(_, value)| value == field).map_or("", |(word, _)| word);
-        self.visit(name, about, words.join(", "), default.into(), |value| {
+        let default = shown(default);
+        let unit = if default.is_number() { "number" } else { "word" };
+        self.visit(name, unit, words.join(", "), default, about, |value| {
             let chosen = choices.iter().find(|(word, _)| plain(value) == *word);
             *field = chosen.ok_or("not one of the choices")?.1;
             Ok(())
         });
     }
 
-    /// A text such as the name of a file; without one happens what `otherwise` says.
-    pub fn text(
-        &mut self,
-        name: &str,
-        shape: &'static str,
-        otherwise: &'static str,
-        about: &'static str,
-        field: &mut Option<String>,
-    ) {
+    fn text(&mut self, name: &str, shape: Str, otherwise: Str, about: Str, field: &mut Option<String>) {
         let (values, default) = (format!("{shape}; without it {otherwise}"), field.clone());
-        self.visit(name, about, values, default.unwrap_or_default(), |value| {
+        self.visit(name, "text", values, default.unwrap_or_default().into(), about, |value| {
             let given = matches!(value, Value::String(_) | Value::Number(_) | Value::Bool(_));
             *field = if given { Some(plain(value)) } else { return Err("not a text".into()) };
             Ok(())
         });
     }
 
-    /// A value with parts, in the shape that its `serde` form has; `default` says what it is where none is given.
-    pub fn parsed<T: DeserializeOwned>(
-        &mut self,
-        name: &str,
-        shape: &'static str,
-        default: impl Into<String>,
-        about: &'static str,
-        field: &mut T,
-    ) {
-        self.visit(name, about, shape.into(), default.into(), |value| {
+    fn parsed<T: Serialize + DeserializeOwned>(&mut self, name: &str, shape: Str, about: Str, field: &mut T) {
+        let default = crate::json::value(&*field);
+        let unit = match &default {
+            Value::Array(_) => "list",
+            _ => "object",
+        };
+        self.visit(name, unit, shape.into(), default, about, |value| {
             *field = T::deserialize(value).map_err(|error| error.to_string())?;
             Ok(())
         });
     }
 
-    /// A table of the plant's own, as it is in the file.
-    pub fn table(
-        &mut self,
-        name: &str,
-        shape: &'static str,
-        about: &'static str,
-        field: &mut Option<Map<String, Value>>,
-    ) {
-        self.visit(name, about, shape.into(), "built in".into(), |value| {
-            *field = Some(value.as_object().cloned().ok_or("not a table")?);
-            Ok(())
-        });
+    fn code(&mut self, name: &str, shape: Str, default: Str, about: Str) {
+        let source = self.take_source();
+        if self.form == Form::Nanoseconds && self.given.is_none() && self.is_visited(name) {
+            let (values, default) = (shape.into(), default.into());
+            self.visited.push(Setting { name: name.into(), unit: "code", values, default, about, source });
+        }
+    }
+
+    fn part(&mut self, name: &str, of: Str, about: Str, part: &mut impl Configure) {
+        let (source, first) = (self.take_source(), self.visited.len());
+        if !self.is_visited(name) {
+            return;
+        }
+        self.group(name, |fields| part.configure(fields));
+        // In a list it is one field, of whose type there is a list of its own.
+        if self.form == Form::Nanoseconds && self.given.is_none() {
+            let prefix = format!("{}{name}.", self.prefix);
+            let inner = self.visited.split_off(first).into_iter();
+            let inner = inner.map(|Setting { name, default, .. }| (name.replacen(&prefix, "", 1), default));
+            let default = Value::Object(inner.collect());
+            let name = prefix.trim_end_matches('.').into();
+            self.visited.push(Setting { name, unit: "object", values: of.into(), default, about, source });
+        }
+    }
+
+    fn inline(&mut self, name: &str, of: Str, about: Str, part: &mut impl Configure) {
+        if self.form == Form::Nanoseconds {
+            return self.part(name, of, about, part);
+        }
+        let _ = self.take_source();
+        if self.is_visited(name) {
+            part.configure(self);
+        }
+    }
+
+    fn group(&mut self, name: &str, visit: impl FnOnce(&mut Self)) {
+        let (outer, omitted) = (self.prefix.len(), core::mem::take(&mut self.omitted));
+        self.prefix.push_str(name);
+        self.prefix.push('.');
+        visit(self);
+        self.prefix.truncate(outer);
+        self.omitted = omitted;
+    }
+
+    fn without(&mut self, names: &[Str], visit: impl FnOnce(&mut Self)) {
+        let outer = core::mem::replace(&mut self.omitted, names.to_vec());
+        visit(self);
+        let left = core::mem::replace(&mut self.omitted, outer);
+        debug_assert!(left.is_empty(), "{left:?} are no fields of it");
     }
 }
 
-/// A value of numbers and names, as JSON.
-pub fn json(value: &impl Serialize) -> String {
-    serde_json::to_string(value).unwrap_or_default()
+impl Table<'_> {
+    /// A range with its unit, where that does not stand by itself.
+    fn with_unit(&self, range: String, unit: &str) -> String {
+        match self.form {
+            Form::Text => format!("{range} {unit}").trim_end().into(),
+            Form::Nanoseconds => range,
+        }
+    }
+
+    /// A range, or what happens otherwise.
+    fn or(&self, range: String, otherwise: &str) -> String {
+        match self.form {
+            Form::Text => format!("{range}, or {otherwise}"),
+            Form::Nanoseconds => format!("{range}; null: {otherwise}"),
+        }
+    }
+
+    /// A time.
+    fn shown_time(&self, time: Duration) -> Value {
+        match self.form {
+            Form::Text => show(time).into(),
+            Form::Nanoseconds => nanoseconds(time),
+        }
+    }
+
+    /// No value.
+    fn none(&self, otherwise: &str) -> Value {
+        match self.form {
+            Form::Text => otherwise.into(),
+            Form::Nanoseconds => Value::Null,
+        }
+    }
+}
+
+/// A number, or a word.
+fn shown(value: impl Display) -> Value {
+    let text = value.to_string();
+    serde_json::from_str(&text).ok().filter(Value::is_number).unwrap_or(text.into())
+}
+
+fn number_of(unit: &'static str) -> &'static str {
+    if unit.is_empty() { "number" } else { unit }
 }
 
 fn number<T: TryFrom<i64> + PartialOrd>(value: &Value, range: &RangeInclusive<T>) -> Result<T, &'static str> {
@@ -218,49 +268,9 @@ fn number<T: TryFrom<i64> + PartialOrd>(value: &Value, range: &RangeInclusive<T>
     number.filter(|number| range.contains(number)).ok_or("out of range")
 }
 
-fn within(least: &impl Display, most: &impl Display, unit: &str) -> String {
-    let most = most.to_string();
+fn within<T: Display>(range: &RangeInclusive<T>) -> String {
+    let (least, most) = (range.start(), range.end().to_string());
     // As good as no end.
     let open = [u64::from(u32::MAX), u64::MAX].iter().any(|end| end.to_string() == most);
-    let range = if open { format!("from {least}") } else { format!("{least} to {most}") };
-    format!("{range} {unit}").trim_end().into()
-}
-
-fn time(value: &Value, range: &RangeInclusive<Duration>) -> Result<Duration, &'static str> {
-    const NO_TIME: &str = "not a time with its unit, such as 250ms or 1.5s";
-    // Nothing is nothing in every unit.
-    let text = if *value == 0 { "0s" } else { value.as_str().ok_or(NO_TIME)?.trim() };
-    let time = match text {
-        "never" => Duration::MAX,
-        _ => fraction(text).or_else(|| humantime::parse_duration(text).ok()).ok_or(NO_TIME)?,
-    };
-    if range.contains(&time) { Ok(time) } else { Err("out of range") }
-}
-
-/// A number with one unit, such as `1.5s`.
-fn fraction(text: &str) -> Option<Duration> {
-    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.')?;
-    let (number, unit) = text.split_at_checked(digits)?;
-    let unit = unit.trim();
-    if !unit.chars().all(char::is_alphabetic) {
-        return None;
-    }
-    let unit = humantime::parse_duration(&format!("1{unit}")).ok()?;
-    Duration::try_from_secs_f64(number.parse::<f64>().ok()? * unit.as_secs_f64()).ok()
-}
-
-fn times(range: &RangeInclusive<Duration>) -> String {
-    match (*range.start(), *range.end()) {
-        (Duration::ZERO, Duration::MAX) => "a time, or never".into(),
-        (least, Duration::MAX) if least <= Duration::from_nanos(1) => "a time above 0, or never".into(),
-        (least, Duration::MAX) => format!("a time from {}, or never", show(least)),
-        (least, most) => format!("{} to {}", show(least), show(most)),
-    }
-}
-
-fn show(time: Duration) -> String {
-    match time {
-        Duration::MAX => "never".into(),
-        time => humantime::format_duration(time).to_string().replace(' ', ""),
-    }
+    if open { format!("from {least}") } else { format!("{least} to {most}") }
 }

@@ -1,6 +1,7 @@
-//! What can be set of a link, a device or a client: `--set NAME=VALUE` and `--settings FILE`.
+//! What can be set of a link, a device or a client: `--set NAME=VALUE` and `--settings FILE`, and the fields of configurations as
+//! `reference/` has them.
 //!
-//! A configuration visits its settings in [`Configure::configure`], each with its name, values, unit and a line of help. That one
+//! A configuration visits its fields in [`Configure::configure`], each with its name, values, unit and a line of help. That one
 //! table reads the values that were given, refuses the others, and is what `--help` prints: the defaults are those of the
 //! configuration itself.
 
@@ -8,24 +9,27 @@ mod kinds;
 mod line;
 #[cfg(test)]
 mod tests;
+mod times;
 
 use std::borrow::Cow;
 
 use anyhow::{Result, bail};
 use serde_json::{Map, Value};
 
-pub use kinds::{ANY_TIME, BAUD_RATES, SOME_TIME, json};
+pub use kinds::BAUD_RATES;
 pub use line::line_of;
+pub use robot_session::spec::{ANY_TIME, Configure, Fields, LINE, SOME_TIME};
 
-/// A configuration whose settings have names.
-pub trait Configure {
-    /// Visits every setting, each by one call of the table.
-    fn configure(&mut self, table: &mut Table<'_>);
-}
+/// Where the source has nothing of a field.
+const OURS: &str = "ours";
 
-/// Settings with nothing to set.
-impl Configure for () {
-    fn configure(&mut self, _: &mut Table<'_>) {}
+/// How values are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// As a user writes them: times as text, such as `250ms` or `never`.
+    Text,
+    /// As `reference/` has them: times in nanoseconds, never and none as `null`, a configuration inside another one as an object.
+    Nanoseconds,
 }
 
 /// A setting as `--help` shows it.
@@ -33,12 +37,23 @@ impl Configure for () {
 pub struct Setting {
     /// Its name; in a TOML file what is before a dot is a table.
     pub name: String,
-    /// Which values it takes, with their unit.
+    /// The unit of a number; else `ns`, `bool`, `word`, `text`, `list`, `object`, or `code` where no value can be given.
+    pub unit: &'static str,
+    /// Which values it takes; as text with their unit.
     pub values: String,
-    /// Its value where none is given, as it is written; nothing where `values` says what happens instead.
-    pub default: String,
+    /// Its value where none is given; an empty text where `values` says what happens instead.
+    pub default: Value,
     /// What it is for.
     pub about: &'static str,
+    /// The section of the link's source that has it, or `ours`.
+    pub source: &'static str,
+}
+
+impl Setting {
+    /// The default as it is written after `--set NAME=`.
+    pub fn default_text(&self) -> String {
+        plain(&self.default)
+    }
 }
 
 /// A setting that is refused, and why.
@@ -54,7 +69,12 @@ pub struct Refused {
 /// The settings of a configuration, while they are visited.
 #[derive(Debug)]
 pub struct Table<'a> {
+    form: Form,
     prefix: String,
+    /// Of the next setting.
+    source: &'static str,
+    /// The names that are left out, and have not been met yet.
+    omitted: Vec<&'static str>,
     visited: Vec<Setting>,
     given: Option<&'a Map<String, Value>>,
     refused: Option<Refused>,
@@ -64,27 +84,46 @@ pub struct Table<'a> {
 ///
 /// # Errors
 /// When a name is no setting of it, or a value is none of the setting's.
-pub fn read<C: Configure>(what: &str, mut config: C, given: &Map<String, Value>) -> Result<C> {
-    let mut table = Table { prefix: String::new(), visited: Vec::new(), given: Some(given), refused: None };
-    config.configure(&mut table);
-    let names: Vec<&str> = table.visited.iter().map(|setting| setting.name.as_str()).collect();
+pub fn read<C: Configure>(what: &str, config: C, given: &Map<String, Value>) -> Result<C> {
+    read_as(Form::Text, what, config, given)
+}
+
+/// The same, in this form.
+///
+/// # Errors
+/// When a name is no setting of it, or a value is none of the setting's.
+pub fn read_as<C: Configure>(form: Form, what: &str, mut config: C, given: &Map<String, Value>) -> Result<C> {
+    let Table { visited, refused, .. } = Table::visit_all(form, &mut config, Some(given));
+    let names: Vec<&str> = visited.iter().map(|setting| setting.name.as_str()).collect();
     if let Some(unknown) = unknown(given, "", &names) {
         match names.is_empty() {
             true => bail!("{what} has no setting `{unknown}`: it has no settings"),
             false => bail!("{what} has no setting `{unknown}`: it has {}", names.join(", ")),
         }
     }
-    match table.refused {
+    match refused {
         None => Ok(config),
         Some(error) => bail!(error),
     }
 }
 
 /// The settings of a configuration, with its values as their defaults.
-pub fn list(mut config: impl Configure) -> Vec<Setting> {
-    let mut table = Table { prefix: String::new(), visited: Vec::new(), given: None, refused: None };
-    config.configure(&mut table);
-    table.visited
+pub fn list(config: impl Configure) -> Vec<Setting> {
+    list_as(Form::Text, config)
+}
+
+/// The same, in this form.
+pub fn list_as(form: Form, mut config: impl Configure) -> Vec<Setting> {
+    Table::visit_all(form, &mut config, None).visited
+}
+
+/// The fields of a configuration as `reference/` has them, after values in this form were given.
+///
+/// # Errors
+/// When a name is no field of it, or a value is none of the field's.
+pub fn fields(config: impl Configure, given: &Map<String, Value>) -> Result<Vec<Setting>> {
+    let config = read_as(Form::Nanoseconds, "the configuration", config, given)?;
+    Ok(list_as(Form::Nanoseconds, config))
 }
 
 /// Puts a value at its name, in a table where the name has dots.
@@ -120,25 +159,28 @@ pub fn parse(text: &str) -> Result<(String, Value), String> {
     Ok((name.into(), value))
 }
 
-impl Table<'_> {
-    /// Visits settings whose names begin with `name` and a dot.
-    pub fn group(&mut self, name: &str, configure: impl FnOnce(&mut Self)) {
-        let outer = self.prefix.len();
-        self.prefix.push_str(name);
-        self.prefix.push('.');
-        configure(self);
-        self.prefix.truncate(outer);
+impl<'a> Table<'a> {
+    fn visit_all(form: Form, config: &mut impl Configure, given: Option<&'a Map<String, Value>>) -> Self {
+        let (prefix, source, omitted, visited) = (String::new(), OURS, Vec::new(), Vec::new());
+        let mut table = Self { form, prefix, source, omitted, visited, given, refused: None };
+        config.configure(&mut table);
+        table
     }
 
     /// Visits a setting: `set` gets the value if one is given, and says what is wrong with it.
     fn visit(
         &mut self,
         name: &str,
-        about: &'static str,
+        unit: &'static str,
         values: String,
-        default: String,
+        default: Value,
+        about: &'static str,
         set: impl FnOnce(&Value) -> Result<(), Cow<'static, str>>,
     ) {
+        let source = self.take_source();
+        if !self.is_visited(name) {
+            return;
+        }
         let name = format!("{}{name}", self.prefix);
         if let Some(value) = self.given.and_then(|given| find(given, &name))
             && let Err(why) = set(value)
@@ -146,7 +188,17 @@ impl Table<'_> {
             let text = format!("{name}={}: {why}, give {values}", plain(value));
             self.refused.get_or_insert_with(|| Refused { name: name.clone(), text });
         }
-        self.visited.push(Setting { name, values, default, about });
+        self.visited.push(Setting { name, unit, values, default, about, source });
+    }
+
+    /// Whether a setting is not left out.
+    fn is_visited(&mut self, name: &str) -> bool {
+        let omitted = self.omitted.iter().position(|omitted| *omitted == name);
+        omitted.map(|place| self.omitted.remove(place)).is_none()
+    }
+
+    fn take_source(&mut self) -> &'static str {
+        core::mem::replace(&mut self.source, OURS)
     }
 }
 

@@ -27,17 +27,18 @@ const CONFIG: Config = Config {
 };
 
 impl Configure for Config {
-    fn configure(&mut self, table: &mut Table<'_>) {
-        table.baud(&mut self.baud);
-        table.whole("mode", 0..=31, "", "five bits", &mut self.mode);
-        table.group("arm", |table| {
-            table.flag("clamp", "it has one", &mut self.clamp);
-            table.wholes("limits", 0..=9, "mm", "of each axis", &mut self.limits);
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { baud, mode, clamp, pause, gap, tail, limits, low_water } = self;
+        fields.baud(LINE, baud);
+        fields.whole("mode", 0..=31, "", "five bits", mode);
+        fields.group("arm", |fields| {
+            fields.flag("clamp", "it has one", clamp);
+            fields.wholes("limits", 0..=9, "mm", "of each axis", limits);
         });
-        table.time("pause", Duration::from_millis(1)..=Duration::MAX, "a pause", &mut self.pause);
-        table.time_or("gap", SOME_TIME, "off", "a gap", &mut self.gap);
-        table.choice("tail", &[("a", 'a'), ("b", 'b')], "the end", &mut self.tail);
-        table.whole_or("low_water", 0..=9, "half", "asks again", &mut self.low_water);
+        fields.time("pause", Duration::from_millis(1)..=Duration::MAX, "a pause", pause);
+        fields.time_or("gap", SOME_TIME, "off", "a gap", gap);
+        fields.choice("tail", &[("a", 'a'), ("b", 'b')], "the end", tail);
+        fields.whole_or("low_water", 0..=9, "jobs", "half", "asks again", low_water);
     }
 }
 
@@ -139,11 +140,12 @@ fn a_setting_given_twice_is_the_last_one() {
 #[test]
 fn the_list_is_what_a_help_shows() {
     let list = list(CONFIG);
-    let line = |at: usize| (list[at].name.as_str(), list[at].values.as_str(), list[at].default.as_str());
+    let lines: Vec<_> = list.iter().map(|it| (&*it.name, &*it.values, it.default_text())).collect();
+    let line = |at: usize| (lines[at].0, lines[at].1, &*lines[at].2);
     assert_eq!(line(0), ("baud", "50 to 4000000 baud", "9600"));
     assert_eq!(line(3), ("arm.limits", "[2 numbers], each 0 to 9 mm", "[1,2]"));
     assert_eq!(line(4), ("pause", "a time from 1ms, or never", "1s500ms"));
     assert_eq!(line(5), ("gap", "a time above 0, or never, or off", "off"));
     assert_eq!(line(6), ("tail", "a, b", "a"));
-    assert_eq!(line(7), ("low_water", "0 to 9, or half", "half"));
+    assert_eq!(line(7), ("low_water", "0 to 9 jobs, or half", "half"));
 }

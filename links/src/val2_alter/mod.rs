@@ -2,12 +2,11 @@
 
 mod codec;
 mod ends;
-mod options;
 
-pub use options::mode;
+use ::val2_alter::{ControllerConfig, Framing, HostConfig, Limits};
 
-use crate::link::Link;
-use crate::settings;
+use crate::link::{Config, Link};
+use crate::settings::{self, fields};
 
 /// The link.
 pub const LINK: Link = Link {
@@ -17,7 +16,13 @@ pub const LINK: Link = Link {
     // Serial device servers listen: the robot is connected to one.
     sender: |is_client, _server_port| if is_client { "host" } else { "robot" },
     traces: &[("robot", [Some("robot"), Some("host")]), ("host-robot", [Some("host"), Some("robot")])],
-    settings: || settings::list(val2_alter::Framing::DEFAULT),
+    configs: &[
+        Config { name: "Framing", fields: |given| fields(Framing::DEFAULT, given) },
+        Config { name: "Limits", fields: |given| fields(Limits::default(), given) },
+        Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
+        Config { name: "ControllerConfig", fields: |given| fields(ControllerConfig::default(), given) },
+    ],
+    settings: || settings::list(Framing::DEFAULT),
     codec: codec::either,
     ends: ends::ENDS,
 };

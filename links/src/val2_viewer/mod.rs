@@ -2,10 +2,11 @@
 
 mod codec;
 mod ends;
-mod options;
 
-use crate::link::Link;
-use crate::settings;
+use ::val2_viewer::{HostConfig, WorkstationConfig};
+
+use crate::link::{Config, Link};
+use crate::settings::{self, fields};
 
 /// The link.
 pub const LINK: Link = Link {
@@ -14,6 +15,10 @@ pub const LINK: Link = Link {
     sides: &["host"],
     sender: |_is_client, _server_port| "host",
     traces: &[("viewer", [None, Some("host")]), ("host-viewer", [Some("host"), None])],
+    configs: &[
+        Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
+        Config { name: "WorkstationConfig", fields: |given| fields(WorkstationConfig::default(), given) },
+    ],
     settings: || settings::list(()),
     codec: |_, settings| codec::host(settings),
     ends: ends::ENDS,

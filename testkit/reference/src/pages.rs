@@ -95,26 +95,26 @@ fn is_own(what: &str) -> bool {
 }
 
 fn table(rows: &[&Value]) -> String {
-    let mut table =
-        String::from("| field | default | unit and range | source |\n| --- | --- | --- | --- |\n");
+    let mut table = String::from(
+        "| field | default | unit and range | what it is for | source |\n| --- | --- | --- | --- | --- |\n",
+    );
     let mut config = "";
     for row in rows {
         if config != text(row, "config") {
             config = text(row, "config");
-            table += &format!("| **`{config}`** | | | |\n");
+            table += &format!("| **`{config}`** | | | | |\n");
         }
         let (unit, range) = (text(row, "unit"), text(row, "range"));
-        let about = match unit {
-            "bool" | "word" | "object" | "table" => range.to_owned(),
-            "ns" => range.to_owned(),
+        let values = match unit {
+            "bool" | "word" | "ns" | "list" | "object" | "code" => range.to_owned(),
             unit => format!("{unit}; {range}"),
         };
-        let about =
-            about.replace("null: for ever", "`Duration::MAX`: for ever").replace("null: ", "`None`: ");
+        let values = values.replace("null: never", "`Duration::MAX`: never").replace("null: ", "`None`: ");
         table += &format!(
-            "| `{}` | {} | {about} | {} |\n",
+            "| `{}` | {} | {values} | {} | {} |\n",
             text(row, "field"),
             default(row.get("default").unwrap_or(&Value::Null), unit),
+            text(row, "about"),
             text(row, "source")
         );
     }

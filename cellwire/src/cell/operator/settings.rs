@@ -3,7 +3,7 @@
 use val2_alter::{HostConfig, Policy};
 
 use crate::cell::teleop::{LIMITS, Profile, host_config, polls};
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Fields};
 
 /// What can be set of the cell.
 #[derive(Debug, Clone, Copy)]
@@ -30,11 +30,11 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { alter, polls, viewer, profile } = self;
-        alter.configure(table);
-        table.group("ball", |table| polls.configure(table));
-        table.group("viewer", |table| viewer.configure(table));
-        table.group("profile", |table| profile.configure(table));
+        alter.configure(fields);
+        fields.group("ball", |fields| polls.configure(fields));
+        fields.group("viewer", |fields| viewer.configure(fields));
+        fields.group("profile", |fields| profile.configure(fields));
     }
 }

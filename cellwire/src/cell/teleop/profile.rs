@@ -1,11 +1,12 @@
 //! What the hand's values mean for the robot.
 
 use serde::de::{Deserialize, Deserializer, Error as _};
+use serde::{Serialize, Serializer};
 use val2_alter::{AXES, Accumulation, Limits, Mode, Scale};
 
 use super::filter::{Axes, Filter};
 use super::sample::{FULL, Sample};
-use cellwire_links::settings::{Configure, Table, json};
+use cellwire_links::settings::{Configure, Fields};
 
 /// What the hand's values ask of the robot. Signs and units of both ends are open in the source, so try it slowly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,27 +118,26 @@ impl Profile {
 }
 
 impl Configure for Profile {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let choices = [("all", Axes::All), ("tra", Axes::Translation), ("rot", Axes::Rotation)];
-        table.choice("filter", &choices, "the axes that pass", &mut self.filter.axes);
+        fields.choice("filter", &choices, "the axes that pass", &mut self.filter.axes);
         let about = "only the strongest of them passes";
-        table.flag("dominant", about, &mut self.filter.dominant);
+        fields.flag("dominant", about, &mut self.filter.dominant);
         let about = "values up to this count as none; all of them below it is rest";
-        table.whole("dead_zone", 0..=50, "% of full deflection", about, &mut self.dead_zone);
+        fields.whole("dead_zone", 0..=50, "% of full deflection", about, &mut self.dead_zone);
         let about = "the speed that full deflection asks for";
-        table.whole("speed", 1..=100, "% of the limits", about, &mut self.speed);
+        fields.whole("speed", 1..=100, "% of the limits", about, &mut self.speed);
         let about = "the same for each axis of the robot; below 0 the other way round";
-        table.wholes("gain", -200..=200, "% of speed", about, &mut self.gain);
+        fields.wholes("gain", -200..=200, "% of speed", about, &mut self.gain);
         let shape =
             "[6 of \"x\" \"y\" \"z\" \"rx\" \"ry\" \"rz\", with a minus the other way round, or \"none\"]";
-        let default = json(&self.axes.map(|source| source.name()));
         let about = "the axis of the input that X, Y, Z, RX, RY, RZ of the robot follow";
-        table.parsed("axes", shape, default, about, &mut self.axes);
+        fields.parsed("axes", shape, about, &mut self.axes);
         let about = "non-cumulative ALTER: how far off the path full deflection asks for";
-        table.whole("reach_mm", 0..=1000, "mm", about, &mut self.reach_mm);
-        table.whole("reach_degrees", 0..=170, "°", about, &mut self.reach_degrees);
+        fields.whole("reach_mm", 0..=1000, "mm", about, &mut self.reach_mm);
+        fields.whole("reach_degrees", 0..=170, "°", about, &mut self.reach_degrees);
         let about = "the button for --hold-to-run";
-        table.whole("hold_key", 1..=32, "", about, &mut self.hold_key);
+        fields.whole("hold_key", 1..=32, "", about, &mut self.hold_key);
     }
 }
 
@@ -148,6 +148,12 @@ impl Source {
             None => "none".into(),
             Some(name) => format!("{}{name}", if self.is_inverted { "-" } else { "" }),
         }
+    }
+}
+
+impl Serialize for Source {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.name())
     }
 }
 

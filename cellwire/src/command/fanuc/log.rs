@@ -24,6 +24,7 @@ use crate::io::output::remark;
 use crate::io::samples::Samples;
 use crate::io::tcp::ConnectArgs;
 use crate::io::{files, interrupt};
+use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings;
 
 /// Logs the telemetry block of a controller, as a table.
@@ -100,8 +101,9 @@ pub(super) fn log(args: &Args) -> Result<bool> {
         }
         None => None,
     };
-    let config = settings::read("fanuc log", ClientConfig::tcp(), &args.set.read()?);
-    let config = config.map_err(|error| args.set.located(error))?;
+    let mut config = ClientConfig::tcp();
+    settings::read("fanuc log", ClientSettings(&mut config), &args.set.read()?)
+        .map_err(|error| args.set.located(error))?;
     interrupt::note()?;
     let clock = Clock::start();
     let source = Source {

@@ -11,6 +11,7 @@ use clap::{Subcommand, ValueEnum};
 use fanuc_hmi_modbus::{ClientConfig, WordOrder};
 
 use crate::cell::report::Report;
+use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings::{self, Setting};
 
 /// The telemetry and the registers of a FANUC controller over Modbus TCP (HMI Device Communication).
@@ -60,7 +61,7 @@ pub fn run(args: &Args) -> Result<bool> {
 
 /// What can be set of the session with the controller.
 pub fn settings() -> Vec<Setting> {
-    settings::list(ClientConfig::tcp())
+    settings::list(ClientSettings(&mut ClientConfig::tcp()))
 }
 
 /// Which word of a value comes first.

@@ -13,6 +13,7 @@ use crate::command::settings::SetArgs;
 use crate::io::output::{log, remark};
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
+use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings;
 
 /// Reads variables from holding registers, one JSON line each.
@@ -115,8 +116,8 @@ pub(super) fn write(args: &WriteArgs) -> Result<bool> {
 impl PlaceArgs {
     fn connect(&self) -> Result<Client> {
         let mut port = Port::tcp(&self.server, self.connect.timeout());
-        let config = settings::read("fanuc", port.config, &self.set.read()?);
-        port.config = config.map_err(|error| self.set.located(error))?;
+        settings::read("fanuc", ClientSettings(&mut port.config), &self.set.read()?)
+            .map_err(|error| self.set.located(error))?;
         Client::open(&port)
     }
 

@@ -18,6 +18,7 @@ use crate::io::input::seconds;
 use crate::io::serial;
 use crate::io::tcp::ConnectArgs;
 use crate::links::fanuc_hmi_modbus::client::{Port, PortKind};
+use cellwire_links::fanuc_hmi_modbus::ClientSettings;
 use cellwire_links::settings;
 
 /// Sends Modbus requests to a server and prints its replies; looks for servers and what they have; watches values.
@@ -152,8 +153,8 @@ impl PortArgs {
         let mut port = Port::new(kind);
         port.config.timeout = Duration::from_millis(self.timeout.unwrap_or(timeout));
         defaults(&mut port.config);
-        let config = settings::read("modbus", port.config, &self.set.read()?);
-        port.config = config.map_err(|error| self.set.located(error))?;
+        settings::read("modbus", ClientSettings(&mut port.config), &self.set.read()?)
+            .map_err(|error| self.set.located(error))?;
         Ok(port)
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use fanuc_hmi_modbus::{Framing, ServerConfig, WordOrder};
 
 use cellwire_links::fanuc_hmi_modbus::{Frames, frames as frames_setting, word_order as word_order_setting};
-use cellwire_links::settings::{Configure, SOME_TIME, Table, json as json_text};
+use cellwire_links::settings::{Configure, Fields, LINE, SOME_TIME};
 
 /// The simulated controller.
 #[derive(Debug, Clone)]
@@ -58,23 +58,22 @@ impl Default for ProgramSettings {
 }
 
 impl Configure for ProgramSettings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { program, assignments, robot, joints, inputs, repeat, telemetry } = self;
         let about = "the program that the robot runs; those that it calls are beside it";
-        table.text("program", "an LS file", "the robot goes around a circle", about, program);
+        fields.text("program", "an LS file", "the robot goes around a circle", about, program);
         let about = "which variables the holding registers show, with a program: R[n], R[n]@1.1, PR[n], SR[n], POS[0]";
         let shape = "a file with lines such as SETVAR $SNPX_ASG[1].$ADDRESS 1, or those of SYSTEM.VA";
-        table.text("assignments", shape, "the telemetry block, then R[n] in 16 bits", about, assignments);
+        fields.text("assignments", shape, "the telemetry block, then R[n] in 16 bits", about, assignments);
         let about = "the robot's joints and arm, as `ls make --robot` takes them";
-        table.text("robot", "a JSON file", "it is an LR Mate 200iD", about, robot);
-        let default = json_text(joints);
-        table.parsed("joints", "six numbers in degrees", default, "where the robot is at the start", joints);
+        fields.text("robot", "a JSON file", "it is an LR Mate 200iD", about, robot);
+        fields.parsed("joints", "six numbers in degrees", "where the robot is at the start", joints);
         let shape =
             "INPUT:FROM-TO in seconds since the start, with commas between them, such as DI[1]:0-5,RI[2]:3-";
-        table.text("inputs", shape, "all are off", "the inputs that are on, and when", inputs);
-        table.flag("repeat", "begin the program again when it has ended", repeat);
+        fields.text("inputs", shape, "all are off", "the inputs that are on, and when", inputs);
+        fields.flag("repeat", "begin the program again when it has ended", repeat);
         let about = "the first register of the background task's telemetry; 0: there is none";
-        table.whole("telemetry", 0..=16_000, "", about, telemetry);
+        fields.whole("telemetry", 0..=16_000, "", about, telemetry);
     }
 }
 
@@ -123,22 +122,22 @@ impl FanucSettings {
 }
 
 impl Configure for FanucSettings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { frames, unit, broadcast, baud, silence, stall, word_order, faults, program } = self;
-        frames_setting(table, frames);
+        frames_setting(fields, frames);
         let about = "the unit that it is; auto: every one on TCP, 1 in RTU frames";
-        table.whole_or("unit", 0..=u8::MAX, "auto", about, unit);
+        fields.whole_or("unit", 0..=u8::MAX, "", "auto", about, unit);
         let choices = [("auto", None), ("true", Some(true)), ("false", Some(false))];
         let about = "unit 0 is a broadcast: carried out, never answered; auto: in RTU frames";
-        table.choice("broadcast", &choices, about, broadcast);
-        table.baud(baud);
+        fields.choice("broadcast", &choices, about, broadcast);
+        fields.baud(LINE, baud);
         let about = "the silence that ends a frame on a serial line; auto: 3.5 characters";
-        table.time_or("silence", SOME_TIME, "auto", about, silence);
-        table.time("stall", SOME_TIME, "without a byte for so long a frame of RTU over TCP is cut", stall);
-        word_order_setting(table, word_order);
+        fields.time_or("silence", SOME_TIME, "auto", about, silence);
+        fields.time("stall", SOME_TIME, "without a byte for so long a frame of RTU over TCP is cut", stall);
+        word_order_setting(fields, word_order);
         let shape = "FAULT:FROM-TO in seconds since the start, with commas between them: nan, infinite, denormal, quaternion, \
                      unreachable, standstill, restart, disconnect, busy";
-        table.text("faults", shape, "there are none", "telemetry that cannot be, and when", faults);
-        program.configure(table);
+        fields.text("faults", shape, "there are none", "telemetry that cannot be, and when", faults);
+        program.configure(fields);
     }
 }

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use cellwire_links::kawasaki_msg::plant::Plant;
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
+use cellwire_links::settings::{Configure, Fields};
 use kawasaki_msg::{PcConfig, RobotConfig};
 
 /// The simulated robot.
@@ -34,18 +35,18 @@ impl Default for RobotSettings {
 }
 
 impl Configure for RobotSettings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { plant, config, queue, speed, job_time, out, record } = self;
-        table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves, where a job is a line", speed);
+        fields.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves, where a job is a line", speed);
         let about = "how long a job takes that is no line";
-        table.time("job_time", Duration::ZERO..=Duration::from_secs(86_400), about, job_time);
-        table.whole("queue", 1..=9998, "jobs", "how many jobs the queue holds: less than max_number", queue);
+        fields.time("job_time", Duration::ZERO..=Duration::from_secs(86_400), about, job_time);
+        fields.whole("queue", 1..=9998, "jobs", "how many jobs the queue holds: less than max_number", queue);
         let about = "an SVG file that is written whenever an order is over";
-        table.text("out", "a file", "none is written", about, out);
+        fields.text("out", "a file", "none is written", about, out);
         let about = "a CSV file that every executed job is appended to: order, number, fields";
-        table.text("record", "a file", "none is written", about, record);
-        plant.configure(table);
-        config.configure(table);
+        fields.text("record", "a file", "none is written", about, record);
+        plant.configure(fields);
+        robot_settings(fields, config);
     }
 }
 
@@ -79,13 +80,13 @@ impl PcSettings {
 }
 
 impl Configure for PcSettings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { plant, config, drawing, order, repeat } = self;
         let about = "the SVG file whose outlines are drawn on an A3 sheet";
-        table.text("drawing", "a file", "a built-in picture", about, drawing);
-        table.whole("order", 1..=u16::MAX, "", "the number of the first order", order);
-        table.flag("repeat", "begin the next order when one is over", repeat);
-        plant.configure(table);
-        config.configure(table);
+        fields.text("drawing", "a file", "a built-in picture", about, drawing);
+        fields.whole("order", 1..=u16::MAX, "", "the number of the first order", order);
+        fields.flag("repeat", "begin the next order when one is over", repeat);
+        plant.configure(fields);
+        pc_settings(fields, config);
     }
 }

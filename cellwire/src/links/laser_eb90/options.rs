@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use laser_eb90::{ControllerConfig, timing};
 
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Fields, LINE};
 
 /// The simulated controller.
 #[derive(Debug, Clone, Copy)]
@@ -27,12 +27,12 @@ impl Default for LaserSettings {
 }
 
 impl Configure for LaserSettings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { config, baud, queue, execution } = self;
-        table.baud(baud);
-        table.whole("queue", 1..=9999, "instructions", "how many the queue holds", queue);
+        fields.baud(LINE, baud);
+        fields.whole("queue", 1..=9999, "instructions", "how many the queue holds", queue);
         let hour = Duration::ZERO..=Duration::from_secs(3600);
-        table.time("execution", hour, "how long an instruction takes", execution);
-        config.configure(table);
+        fields.time("execution", hour, "how long an instruction takes", execution);
+        config.configure(fields);
     }
 }

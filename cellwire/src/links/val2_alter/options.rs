@@ -6,34 +6,34 @@ use super::arm::ArmConfig;
 use super::layout::{Layout, Order};
 use super::puma::PumaConfig;
 use super::script;
-use cellwire_links::settings::{ANY_TIME, Configure, Table};
+use cellwire_links::settings::{ANY_TIME, Configure, Fields};
 
 impl Configure for PumaConfig {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { controller, arm, restart, subroutine_time, script, keeps_all: _ } = self;
-        controller.configure(table);
+        controller.configure(fields);
         let about = "the wait until the operator starts the program again";
-        table.time("restart", ANY_TIME, about, restart);
+        fields.time("restart", ANY_TIME, about, restart);
         let about = "how long the subroutine of an exception runs";
-        table.time("subroutine_time", ANY_TIME, about, subroutine_time);
+        fields.time("subroutine_time", ANY_TIME, about, subroutine_time);
         let about = "what happens, and when since the first start: interrupt TIME, misread checksum, format, overflow, incomplete, \
                      mark or timeout, corrupt, status 1 to 13, finish, restart; each waits until ALTER runs";
-        table.parsed("script", script::SHAPE, "[]", about, script);
-        arm.configure(table);
+        fields.parsed("script", script::SHAPE, about, script);
+        arm.configure(fields);
     }
 }
 
 impl Configure for ArmConfig {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { polarity, scale, layout, home } = self;
         let choices = [("tool_is_one", Polarity::ToolIsOne), ("world_is_one", Polarity::WorldIsOne)];
-        table.choice("polarity", &choices, "which way round mode bit 1 is", polarity);
-        table.group("scale", |table| {
+        fields.choice("polarity", &choices, "which way round mode bit 1 is", polarity);
+        fields.group("scale", |fields| {
             let Scale { per_mm, per_degree } = scale;
-            table.real("per_mm", 0.001..=32767.0, "units", "a millimetre in the words", per_mm);
-            table.real("per_degree", 0.001..=32767.0, "units", "a degree in the words", per_degree);
+            fields.real("per_mm", 0.001..=32767.0, "units", "a millimetre in the words", per_mm);
+            fields.real("per_degree", 0.001..=32767.0, "units", "a degree in the words", per_degree);
         });
-        table.group("layout", |table| {
+        fields.group("layout", |fields| {
             let Layout { order, rotation_one, per_mm } = layout;
             let choices = [
                 ("columns", Order::Columns),
@@ -41,21 +41,21 @@ impl Configure for ArmConfig {
                 ("position_then_columns", Order::PositionThenColumns),
                 ("rotation_rows_then_position", Order::RotationRowsThenPosition),
             ];
-            table.choice("order", &choices, "the order of the twelve words of a transformation", order);
-            table.real(
+            fields.choice("order", &choices, "the order of the twelve words of a transformation", order);
+            fields.real(
                 "rotation_one",
                 1.0..=32767.0,
                 "",
                 "the word that is 1.0 in the rotation",
                 rotation_one,
             );
-            table.real("per_mm", 0.001..=32767.0, "units", "a millimetre in the position", per_mm);
+            fields.real("per_mm", 0.001..=32767.0, "units", "a millimetre in the position", per_mm);
         });
-        table.group("home", |table| {
+        fields.group("home", |fields| {
             let reach = -1023.0..=1023.0;
             let about = "where the arm is at first";
             for (name, value) in ["x", "y", "z"].into_iter().zip(&mut home.p) {
-                table.real(name, reach.clone(), "mm", about, value);
+                fields.real(name, reach.clone(), "mm", about, value);
             }
         });
     }

@@ -4,7 +4,7 @@ use core::fmt;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use val2_alter::{ErrorCode, Frame, Framing, SegmentStatus};
 
 /// The shape of the setting.
@@ -21,8 +21,8 @@ const ERRORS: [(&str, ErrorCode); 6] = [
 ];
 
 /// The incidents in the order of their times, which begin with the first ALTER.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "Vec<String>")]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(try_from = "Vec<String>", into = "Vec<String>")]
 pub struct Script(Vec<(Duration, Incident)>);
 
 /// What can happen. It waits until ALTER runs; what happens on the line, until it runs or starts.
@@ -64,6 +64,13 @@ impl TryFrom<Vec<String>> for Script {
         let mut incidents = texts.into_iter().map(each).collect::<Result<Vec<_>, _>>()?;
         incidents.sort_by_key(|(at, _)| *at);
         Ok(Self(incidents))
+    }
+}
+
+impl From<Script> for Vec<String> {
+    fn from(Script(incidents): Script) -> Self {
+        let each = |(at, incident)| format!("{}ns {incident}", Duration::as_nanos(&at));
+        incidents.into_iter().map(each).collect()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use val2_viewer::{WorkstationConfig, timing};
 
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Fields, LINE};
 
 /// The simulated workstation.
 #[derive(Debug, Clone, Copy)]
@@ -20,9 +20,9 @@ impl Default for ViewerSettings {
 }
 
 impl Configure for ViewerSettings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { config, baud } = self;
-        table.baud(baud);
-        config.configure(table);
+        fields.baud(LINE, baud);
+        config.configure(fields);
     }
 }

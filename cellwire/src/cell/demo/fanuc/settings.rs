@@ -6,8 +6,8 @@ use std::time::Duration;
 use fanuc_hmi_modbus::{ClientConfig, ServerConfig, WordOrder};
 
 use crate::links::fanuc_hmi_modbus::controller::PERIOD;
-use cellwire_links::fanuc_hmi_modbus::word_order;
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::fanuc_hmi_modbus::{ClientSettings, word_order};
+use cellwire_links::settings::{Configure, Fields};
 
 /// The times from one request to the next.
 const POLL: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
@@ -29,16 +29,13 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { poll, word_order: order, client, server } = self;
-        table.time("poll", POLL, "the time from one request to the next", poll);
-        word_order(table, order);
-        table.group("client", |table| client.configure(table));
-        table.group("server", |table| {
-            let about = "the unit that the controller is, and is asked as; any: every one";
-            table.whole_or("unit", 0..=u8::MAX, "any", about, &mut server.unit);
-            let about = "unit 0 is a broadcast: carried out, never answered";
-            table.flag("broadcast", about, &mut server.broadcast);
+        fields.time("poll", POLL, "the time from one request to the next", poll);
+        word_order(fields, order);
+        fields.group("client", |fields| ClientSettings(client).configure(fields));
+        fields.group("server", |fields| {
+            fields.without(&["framing"], |fields| server.configure(fields));
         });
     }
 }

@@ -23,7 +23,8 @@ use crate::links::kawasaki_msg::robot::{self, Setup, Stroke, Switch};
 use crate::links::kawasaki_msg::sheet::{Lines, SHEET};
 use cellwire_links::kawasaki_msg::layout::AnyWork;
 use cellwire_links::kawasaki_msg::plant::Plant;
-use cellwire_links::settings::{self, Configure, Table};
+use cellwire_links::kawasaki_msg::{pc_settings, robot_settings};
+use cellwire_links::settings::{self, Configure, Fields};
 
 /// The pen's speed in mm/s unless `--set speed=…` gives another: so much faster than an arm that the picture takes a few seconds.
 const SPEED: u32 = 16_000;
@@ -65,14 +66,14 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { port, queue, speed, plant, robot, pc } = self;
-        table.whole("port", 0..=u16::MAX, "", "the PC's port; 0: any free one", port);
-        table.whole("queue", 1..=9998, "jobs", "how many jobs the robot's queue holds", queue);
-        table.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
-        plant.configure(table);
-        table.group("robot", |table| robot.configure(table));
-        table.group("pc", |table| pc.configure(table));
+        fields.whole("port", 0..=u16::MAX, "", "the PC's port; 0: any free one", port);
+        fields.whole("queue", 1..=9998, "jobs", "how many jobs the robot's queue holds", queue);
+        fields.whole("speed", 1..=u32::MAX, "mm/s", "how fast the pen moves", speed);
+        plant.configure(fields);
+        fields.group("robot", |fields| robot_settings(fields, robot));
+        fields.group("pc", |fields| pc_settings(fields, pc));
     }
 }
 

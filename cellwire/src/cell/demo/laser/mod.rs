@@ -20,7 +20,7 @@ use crate::io::drawing::{self, Point};
 use crate::io::line::{Clock, Line, LineFaults};
 use crate::io::{serial, sheet};
 use crate::links::laser_eb90::controller::{self, Job, Robot, RobotCounts, Switch};
-use cellwire_links::settings::{self, Configure, Table};
+use cellwire_links::settings::{self, Configure, Fields};
 
 /// The simulated baud rate, unless `--set baud=…` gives another. The source names none; at this one a short run shows some
 /// hundred instructions.
@@ -76,17 +76,17 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { host, robot } = self;
         let Robot { config, queue, execution, boot: _ } = robot;
-        host.configure(table);
+        host.configure(fields);
         // Both ends of a line agree, unless they are set apart.
         (config.profile, config.words, config.batch) = (host.profile, host.words, host.batch);
-        table.group("robot", |table| {
-            table.whole("queue", 1..=9999, "instructions", "how many the queue holds", queue);
+        fields.group("robot", |fields| {
+            fields.whole("queue", 1..=9999, "instructions", "how many the queue holds", queue);
             let hour = Duration::ZERO..=Duration::from_secs(3600);
-            table.time("execution", hour, "how long an instruction takes", execution);
-            config.configure(table);
+            fields.time("execution", hour, "how long an instruction takes", execution);
+            config.configure(fields);
         });
     }
 }

@@ -5,7 +5,7 @@ use mmacell_task::TaskConfig;
 
 use super::cell::CONFIG;
 use crate::links::mmacell_proto::options::speed_of_axes;
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Fields};
 
 /// Parts of a run without a limit.
 const PARTS: u64 = 100;
@@ -29,13 +29,13 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { parts, speed, stall_every, task, central } = self;
-        table.whole("parts", 1..=u64::MAX, "parts", "how many are placed, unless --seconds is given", parts);
-        speed_of_axes(table, speed);
+        fields.whole("parts", 1..=u64::MAX, "parts", "how many are placed, unless --seconds is given", parts);
+        speed_of_axes(fields, speed);
         let about = "after how many of the robot's motions one stops half-way without an error; 0: never";
-        table.whole("stall_every", 0..=u64::MAX, "motions", about, stall_every);
-        table.group("task", |table| task.configure(table));
-        table.group("central", |table| central.configure(table));
+        fields.whole("stall_every", 0..=u64::MAX, "motions", about, stall_every);
+        fields.group("task", |fields| task.configure(fields));
+        fields.group("central", |fields| central.configure(fields));
     }
 }

@@ -8,7 +8,7 @@ use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
 use crate::cell::teleop::polls;
-use cellwire_links::settings::{self, Configure, Table};
+use cellwire_links::settings::{self, Configure, Fields};
 
 /// What can be set of the demo.
 #[derive(Debug)]
@@ -24,10 +24,10 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { polls, ball } = self;
-        polls.configure(table);
-        ball.configure(table);
+        polls.configure(fields);
+        ball.configure(fields);
     }
 }
 

@@ -12,7 +12,7 @@ use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
 use crate::cell::teleop::{LIMITS, host_config};
 use crate::links::val2_alter::puma::{PumaConfig, error_text};
-use cellwire_links::settings::{self, Configure, Table};
+use cellwire_links::settings::{self, Configure, Fields};
 
 /// What happens so shortly before the end of a run may stay unanswered.
 const SETTLING: Duration = Duration::from_secs(1);
@@ -36,12 +36,12 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { alter, controller } = self;
-        alter.configure(table);
+        alter.configure(fields);
         // Both ends of a line agree, unless they are set apart.
         (controller.framing, controller.baud, controller.mode) = (alter.framing, alter.baud, alter.mode);
-        table.group("robot", |table| controller.configure(table));
+        fields.group("robot", |fields| controller.configure(fields));
     }
 }
 

@@ -7,7 +7,7 @@ use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::Report;
 use crate::links::val2_viewer::options::ViewerSettings;
-use cellwire_links::settings::{self, Configure, Table};
+use cellwire_links::settings::{self, Configure, Fields};
 
 /// What can be set of the demo: the workstation, and the host that answers it.
 #[derive(Debug, Default)]
@@ -17,10 +17,10 @@ pub struct Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { viewer, host } = self;
-        viewer.configure(table);
-        table.group("host", |table| host.configure(table));
+        viewer.configure(fields);
+        fields.group("host", |fields| host.configure(fields));
     }
 }
 

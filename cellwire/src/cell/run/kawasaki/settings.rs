@@ -3,8 +3,9 @@
 use kawasaki_msg::PcConfig;
 
 use crate::io::drawing::Point;
+use cellwire_links::kawasaki_msg::pc_settings;
 use cellwire_links::kawasaki_msg::plant::Plant;
-use cellwire_links::settings::{Configure, Table};
+use cellwire_links::settings::{Configure, Fields};
 
 /// The PC's end, and the board that is drawn on.
 #[derive(Debug, Clone)]
@@ -33,18 +34,18 @@ impl Default for Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { plant, config, order, board } = self;
         let about = "the number of the next order; over UDP each needs one that no order before it had";
-        table.whole_or("order", 1..=u16::MAX, "any", about, order);
-        table.wholes(
+        fields.whole_or("order", 1..=u16::MAX, "", "any", about, order);
+        fields.wholes(
             "board",
             1..=10_000,
             "mm",
             "the sheet that a picture is fitted into: its width and height",
             board,
         );
-        plant.configure(table);
-        config.configure(table);
+        plant.configure(fields);
+        pc_settings(fields, config);
     }
 }

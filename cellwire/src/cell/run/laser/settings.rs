@@ -3,7 +3,7 @@
 use laser_eb90::HostConfig;
 use serde::{Deserialize, Serialize};
 
-use cellwire_links::settings::{Configure, Table, json};
+use cellwire_links::settings::{Configure, Fields};
 
 /// A host, and how paths become instructions.
 #[derive(Debug, Clone)]
@@ -22,10 +22,10 @@ impl Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { host, mapping } = self;
-        table.group("program", |table| mapping.configure(table));
-        host.configure(table);
+        fields.group("program", |fields| mapping.configure(fields));
+        host.configure(fields);
     }
 }
 
@@ -74,13 +74,12 @@ impl Default for Mapping {
 }
 
 impl Configure for Mapping {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { cut, rapid, values, tolerance } = self;
-        table.whole("cut", 0..=u16::MAX, "", "the command word of a line with the laser on", cut);
-        table.whole("move", 0..=u16::MAX, "", "the command word of a line with the laser off", rapid);
-        let (shape, default) =
-            ("[some of \"x\", \"y\", \"z\", \"a\", \"b\", \"c\", \"f\", \"s\", \"length\"]", json(values));
-        table.parsed("values", shape, default, "the floats of both, in order: mm, degrees, mm/min", values);
-        table.real("tolerance", 0.001..=10.0, "mm", "how far a chord may be from its arc", tolerance);
+        fields.whole("cut", 0..=u16::MAX, "", "the command word of a line with the laser on", cut);
+        fields.whole("move", 0..=u16::MAX, "", "the command word of a line with the laser off", rapid);
+        let shape = "[some of \"x\", \"y\", \"z\", \"a\", \"b\", \"c\", \"f\", \"s\", \"length\"]";
+        fields.parsed("values", shape, "the floats of both, in order: mm, degrees, mm/min", values);
+        fields.real("tolerance", 0.001..=10.0, "mm", "how far a chord may be from its arc", tolerance);
     }
 }

@@ -9,7 +9,8 @@ use mmacell_task::TaskConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::io::drawing;
-use cellwire_links::settings::{ANY_TIME, Configure, Table, json};
+use cellwire_links::json;
+use cellwire_links::settings::{ANY_TIME, Configure, Fields};
 
 /// Where a part is, and where it goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -69,7 +70,7 @@ impl Settings {
 
     /// What a journal calls this task by.
     pub fn fingerprint(&self) -> String {
-        let text = format!("{} {}", self.parts, json(&self.part));
+        let text = format!("{} {}", self.parts, json::value(&self.part));
         let hash = text.bytes().fold(0xCBF2_9CE4_8422_2325_u64, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
         });
@@ -97,14 +98,14 @@ impl Settings {
 }
 
 impl Configure for Settings {
-    fn configure(&mut self, table: &mut Table<'_>) {
+    fn configure(&mut self, fields: &mut impl Fields) {
         let Self { parts, part, vacuum, task, central } = self;
-        table.whole("parts", 0..=1_000_000, "parts", "how many are placed; 0: every [[part]]", parts);
+        fields.whole("parts", 0..=1_000_000, "parts", "how many are placed; 0: every [[part]]", parts);
         let shape = "[[part]] platform = [rad, rad], pick = [mm, mm, mm, rad], place = [mm, mm, mm, rad]";
-        table.parsed("part", shape, json(part), "what simulated cameras see, part after part", part);
+        fields.parsed("part", shape, "what simulated cameras see, part after part", part);
         let about = "how long the vacuum of the simulated periphery builds up";
-        table.time("vacuum", ANY_TIME, about, vacuum);
-        table.group("task", |table| task.configure(table));
-        table.group("central", |table| central.configure(table));
+        fields.time("vacuum", ANY_TIME, about, vacuum);
+        fields.group("task", |fields| task.configure(fields));
+        fields.group("central", |fields| central.configure(fields));
     }
 }

@@ -1,0 +1,72 @@
+//! The configurations of both ends, field by field.
+
+use core::mem::discriminant;
+
+use robot_session::spec::{ANY_TIME, Configure, Fields, SOME_TIME};
+
+use crate::client::ClientConfig;
+use crate::framing::Framing;
+use crate::server::ServerConfig;
+use crate::timing;
+
+/// The field `framing`, and the time of one that has one.
+fn framing_of(fields: &mut impl Fields, framing: &mut Framing) {
+    // One that is chosen already keeps its time.
+    let before = *framing;
+    let or_before = |it: Framing| if discriminant(&it) == discriminant(&before) { before } else { it };
+    let rtu = or_before(Framing::Rtu { silence: timing::silence(19_200) });
+    let choices = [("tcp", Framing::Tcp), ("rtu", rtu), ("rtu_over_tcp", or_before(Framing::RTU_OVER_TCP))];
+    let about = "the transport; rtu has its silence, rtu_over_tcp its stall";
+    fields.source("TCP, SL").choice("framing", &choices, about, framing);
+    match framing {
+        Framing::Tcp => {}
+        Framing::Rtu { silence } => {
+            let about = "on a serial line, the silence between two frames";
+            fields.source("SL §2.5.1.1").time("silence", SOME_TIME, about, silence);
+        }
+        Framing::RtuOverTcp { stall } => {
+            let about = "in RTU over TCP, a frame is cut without a byte for so long";
+            fields.time("stall", SOME_TIME, about, stall);
+        }
+    }
+}
+
+impl Configure for ClientConfig {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self {
+            framing,
+            timeout,
+            in_flight,
+            any_unit,
+            broadcast,
+            turnaround,
+            settle,
+            #[cfg(feature = "model")]
+                transactions: _,
+            rules: _,
+        } = self;
+        fields.time("timeout", SOME_TIME, "from a request to its reply", timeout);
+        let about = "how many are in flight at once; no more than the client has places, on a serial line 1";
+        fields.whole("in_flight", 1..=16, "requests", about, in_flight);
+        fields.flag("any_unit", "take a reply from another unit than was asked", any_unit);
+        let about =
+            "unit 0 is a broadcast that nobody answers; in RTU frames it is unless this says otherwise";
+        fields.source("SL §2.2").flag("broadcast", about, broadcast);
+        let about = "how long the units of a serial line get to carry out a broadcast; there the longest frame is added";
+        fields.source("SL §2.4.1").time("turnaround", ANY_TIME, about, turnaround);
+        let about = "assumed: in RTU frames no reply comes later than this after its request has timed out";
+        fields.time("settle", ANY_TIME, about, settle);
+        framing_of(fields, framing);
+    }
+}
+
+impl Configure for ServerConfig {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { framing, unit, broadcast, rules: _ } = self;
+        let about = "the unit that it is; any: every one";
+        fields.source("SL §2.2").whole_or("unit", 0..=u8::MAX, "", "any", about, unit);
+        let about = "unit 0 is a broadcast: carried out, never answered";
+        fields.source("SL §2.2").flag("broadcast", about, broadcast);
+        framing_of(fields, framing);
+    }
+}

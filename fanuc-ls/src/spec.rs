@@ -1,0 +1,15 @@
+//! What a writer keeps to, field by field.
+
+use robot_session::spec::{Configure, Fields};
+
+use crate::program::{CommentRule, Rules};
+
+impl Configure for Rules {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { name_limit, comment } = self;
+        let about = "the longest name that the controller takes; 8 on old controllers";
+        fields.whole("name_limit", 0..=usize::MAX, "characters", about, name_limit);
+        let choices = [("refuse", CommentRule::Refuse), ("truncate", CommentRule::Truncate)];
+        fields.choice("comment", &choices, "what is done with a comment that is too long", comment);
+    }
+}

@@ -1,0 +1,29 @@
+//! The configurations of both ends, field by field.
+
+use robot_session::spec::{ANY_TIME, Configure, Fields, LINE};
+
+use crate::ball::BallConfig;
+use crate::host::HostConfig;
+
+impl Configure for BallConfig {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { sensor_type, sensor, rules: _ } = self;
+        fields.source("§4.2").whole("sensor_type", 0..=7, "", "the type in every packet", sensor_type);
+        fields.source("§4.2").whole("sensor", 0..=7, "", "the number in every packet", sensor);
+    }
+}
+
+impl Configure for HostConfig {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { baud, period, max_delay, max_age, rules: _ } = self;
+        fields.source("§4.1").baud(LINE, baud);
+        let about =
+            "the least from poll to poll; from an exchange, rounded up to a millisecond: 14 ms at 9600 baud";
+        fields.source("§3.4").time("period", ANY_TIME, about, period);
+        let about =
+            "assumed: the longest that ball, line and driver delay a packet beyond its time on the line";
+        fields.time("max_delay", ANY_TIME, about, max_delay);
+        let about = "older values are stale; above 2 · max(period, window) + window, where window is an exchange and max_delay";
+        fields.time("max_age", ANY_TIME, about, max_age);
+    }
+}

@@ -1,0 +1,51 @@
+//! The configurations of both ends, field by field.
+
+use robot_session::spec::{ANY_TIME, Configure, Fields, SOME_TIME};
+
+use crate::central::CentralConfig;
+use crate::device::DeviceConfig;
+use crate::dialect::Dialect;
+use crate::message::ErrorCode;
+
+impl Configure for Dialect {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { itr, ovrd, clos, off, lone_lf, blank, wide_integers } = self;
+        fields.source("§6 steps 17 and 20").flag("itr", "ITR is STP", itr);
+        fields.source("§6 step 4").flag("ovrd", "OVRD is OVR", ovrd);
+        fields.source("§4.10").flag("clos", "HND…CLOS is HND…CLOSE", clos);
+        fields.flag("off", "SRVOFF is SRVOF", off);
+        fields.source("§4").flag("lone_lf", "a line ends with a line feed alone", lone_lf);
+        fields.source("§4").flag("blank", "a blank follows the sign of an integer", blank);
+        let about = "all five digits of an integer count, also above 32767";
+        fields.source("§4").flag("wide_integers", about, wide_integers);
+    }
+}
+
+/// The fields `accepts` and `writes`, which both ends have.
+fn dialects(fields: &mut impl Fields, accepts: &mut Dialect, writes: &mut Dialect) {
+    fields.source("§4").part("accepts", "Dialect", "what is read beside the source's own", accepts);
+    fields.source("§4").part("writes", "Dialect", "what is written instead of the source's own", writes);
+}
+
+impl Configure for DeviceConfig {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { accepts, writes, refusal, rules: _ } = self;
+        let mut number = i32::from(*refusal);
+        let about = "the error number of what the protocol itself refuses; not 0";
+        fields.source("§5").whole("refusal", -32768..=32767, "", about, &mut number);
+        *refusal = ErrorCode::from(number);
+        dialects(fields, accepts, writes);
+    }
+}
+
+impl Configure for CentralConfig {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { accepts, writes, timeout, settle, tolerance, rules: _ } = self;
+        fields.time("timeout", SOME_TIME, "how long a reply may take", timeout);
+        let about = "a status asked for sooner after the start of a motion may be older than it";
+        fields.time("settle", ANY_TIME, about, settle);
+        let about = "how far from its target a device has arrived: 1 µm, 0.1 mrad";
+        fields.whole("tolerance", 0..=u32::MAX, "units", about, tolerance);
+        dialects(fields, accepts, writes);
+    }
+}

@@ -10,7 +10,7 @@ use robot_session::{End as _, EventOf, Machine, Rule, Rules, Session};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use crate::fields::Fields;
+use crate::given::Given;
 use crate::json;
 
 /// An end of a link in the table.
@@ -88,8 +88,8 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
     /// What its user may ask for.
     const CALLS: &'static [Call<Self>] = &[];
 
-    /// With the fields of a configuration, and the defaults of all others.
-    fn new(fields: &mut Fields, rules: Rules<Self::Rule>) -> Result<Self>;
+    /// With what is given of a configuration, and the defaults of everything else.
+    fn new(given: Given, rules: Rules<Self::Rule>) -> Result<Self>;
 
     /// What an event shows of the session besides itself: a key, and JSON.
     fn shows(&self, _event: &EventOf<Self::End>) -> Option<(&'static str, String)> {
@@ -121,9 +121,7 @@ fn calls<O: Owner>() -> Vec<&'static str> {
 }
 
 fn make<O: Owner>(config: &Map<String, Value>, left_out: Option<usize>) -> Result<Box<dyn End>> {
-    let mut fields = Fields(config.clone());
-    let owner = O::new(&mut fields, kept(left_out)?)?;
-    fields.end()?;
+    let owner = O::new(Given(config.clone()), kept(left_out)?)?;
     Ok(Box::new(Boxed(owner)))
 }
 

@@ -6,7 +6,7 @@
 pub mod codec;
 pub mod end;
 pub mod fanuc_hmi_modbus;
-mod fields;
+mod given;
 pub mod isra_ball;
 pub mod json;
 pub mod kawasaki_msg;

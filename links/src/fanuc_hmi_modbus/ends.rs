@@ -1,18 +1,16 @@
 //! Both ends; the server with 100 of everything.
 
-use core::time::Duration;
-
 use anyhow::{Result, bail};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, Client, ClientConfig, ClientEvent, Exception, Frame, Framing, PduBuf, Registers, Server,
-    ServerConfig, Words, WordsMut, client, server, timing,
+    Bits, BitsMut, Client, ClientConfig, ClientEvent, Exception, Frame, PduBuf, Registers, Server,
+    ServerConfig, Words, WordsMut, client, server,
 };
 use robot_session::Rules;
 use serde::Deserialize as _;
 use serde_json::{Map, Value};
 
 use crate::end::{Call, End, EndRow, Owner, called};
-use crate::fields::Fields;
+use crate::given::Given;
 use crate::json;
 
 pub(super) const ENDS: &[EndRow] = &[
@@ -47,20 +45,14 @@ impl<const N: usize> Owner for Client<N> {
         called(client.request(frame.unit, &frame.pdu.request()?))
     })];
 
-    fn new(fields: &mut Fields, rules: Rules<client::Rule>) -> Result<Self> {
-        let (framing, baud) = transport(fields)?;
-        let made = match framing {
-            Framing::Tcp => ClientConfig::tcp(),
-            Framing::Rtu { .. } => ClientConfig::rtu(baud),
-            Framing::RtuOverTcp { .. } => ClientConfig::rtu_over_tcp(),
+    fn new(mut given: Given, rules: Rules<client::Rule>) -> Result<Self> {
+        let (framing, baud) = transport(&mut given)?;
+        let made = match framing.as_str() {
+            "tcp" => ClientConfig::tcp(),
+            "rtu" => ClientConfig::rtu(baud),
+            _ => ClientConfig::rtu_over_tcp(),
         };
-        let mut made = ClientConfig { framing, rules, ..made };
-        fields.time("timeout", &mut made.timeout)?;
-        fields.take("in_flight", &mut made.in_flight)?;
-        fields.take("any_unit", &mut made.any_unit)?;
-        fields.take("broadcast", &mut made.broadcast)?;
-        fields.time("turnaround", &mut made.turnaround)?;
-        fields.time("settle", &mut made.settle)?;
+        let made = given.configure(ClientConfig { rules, ..made })?;
         Ok(Self::new(made)?)
     }
 
@@ -76,39 +68,22 @@ impl<const N: usize> Owner for Server<Tables, N> {
     type End = Self;
     type Rule = server::Rule;
 
-    fn new(fields: &mut Fields, rules: Rules<server::Rule>) -> Result<Self> {
-        let (framing, baud) = transport(fields)?;
-        let made = match framing {
-            Framing::Tcp => ServerConfig::tcp(),
-            Framing::Rtu { .. } => ServerConfig::rtu(1, baud),
-            Framing::RtuOverTcp { .. } => ServerConfig::rtu_over_tcp(1),
+    fn new(mut given: Given, rules: Rules<server::Rule>) -> Result<Self> {
+        let (framing, baud) = transport(&mut given)?;
+        let made = match framing.as_str() {
+            "tcp" => ServerConfig::tcp(),
+            "rtu" => ServerConfig::rtu(1, baud),
+            _ => ServerConfig::rtu_over_tcp(1),
         };
-        let mut made = ServerConfig { framing, rules, ..made };
-        fields.take("unit", &mut made.unit)?;
-        fields.take("broadcast", &mut made.broadcast)?;
+        let made = given.configure(ServerConfig { rules, ..made })?;
         Ok(Self::new(made, Tables::new())?)
     }
 }
 
-/// `framing` of a configuration with its silence, and the baud rate of its line.
-fn transport(fields: &mut Fields) -> Result<(Framing, u32)> {
-    let (mut word, mut baud, mut silence) = ("tcp".to_owned(), 19_200, None);
-    fields.take("framing", &mut word)?;
-    fields.take("baud", &mut baud)?;
-    let name = if word == "rtu" { "silence" } else { "stall" };
-    if fields.0.contains_key(name) {
-        let mut time = Duration::ZERO;
-        fields.time(name, &mut time)?;
-        silence = Some(time);
-    }
-    let framing = match (word.as_str(), silence) {
-        ("tcp", None) => Framing::Tcp,
-        ("rtu", silence) => Framing::Rtu { silence: silence.unwrap_or_else(|| timing::silence(baud)) },
-        ("rtu_over_tcp", None) => Framing::RTU_OVER_TCP,
-        ("rtu_over_tcp", Some(stall)) => Framing::RtuOverTcp { stall },
-        (word, _) => bail!("no framing {word}, or none with this field"),
-    };
-    Ok((framing, baud))
+/// What decides the other defaults: `framing`, and `baud`, the rate of a serial line.
+fn transport(given: &mut Given) -> Result<(String, u32)> {
+    let framing = given.0.get("framing").map(String::deserialize).transpose()?;
+    Ok((framing.unwrap_or_else(|| "tcp".into()), given.take("baud")?.unwrap_or(19_200)))
 }
 
 /// What reference/README.md says that a server of the stories holds.

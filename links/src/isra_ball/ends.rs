@@ -6,7 +6,7 @@ use robot_session::Rules;
 use serde::Deserialize;
 
 use crate::end::{Call, EndRow, Owner, done, live_until};
-use crate::fields::Fields;
+use crate::given::Given;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Ball>("ball")];
 
@@ -14,12 +14,8 @@ impl Owner for Host {
     type End = Self;
     type Rule = host::Rule;
 
-    fn new(fields: &mut Fields, rules: Rules<host::Rule>) -> Result<Self> {
-        let mut made = HostConfig { rules, ..HostConfig::default() };
-        fields.take("baud", &mut made.baud)?;
-        fields.time("period", &mut made.period)?;
-        fields.time("max_delay", &mut made.max_delay)?;
-        fields.time("max_age", &mut made.max_age)?;
+    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+        let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
         Ok(Self::new(made)?)
     }
 
@@ -37,10 +33,8 @@ impl Owner for Ball {
         done(ball.measure(force, moment, keys))
     })];
 
-    fn new(fields: &mut Fields, rules: Rules<ball::Rule>) -> Result<Self> {
-        let mut made = BallConfig { rules, ..BallConfig::default() };
-        fields.take("sensor_type", &mut made.sensor_type)?;
-        fields.take("sensor", &mut made.sensor)?;
+    fn new(given: Given, rules: Rules<ball::Rule>) -> Result<Self> {
+        let made = given.configure(BallConfig { rules, ..BallConfig::default() })?;
         Ok(Self::new(made)?)
     }
 }

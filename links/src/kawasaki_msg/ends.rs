@@ -4,10 +4,9 @@ use core::borrow;
 use core::cell::RefCell;
 use std::rc::Rc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use kawasaki_msg::{
-    Acks, Dialect, Job, JobSource, LargePc, LargeRobot, PcConfig, RecoveryLimits, RobotConfig, Supply,
-    Takeover, Text, pc, robot,
+    Dialect, Job, JobSource, LargePc, LargeRobot, PcConfig, RobotConfig, Supply, Takeover, Text, pc, robot,
 };
 use robot_session::Rules;
 use robot_work_queue::Reader;
@@ -17,7 +16,7 @@ use serde_json::{Map, Value};
 use super::layout::{AnyValue, AnyWork, Holds, Layout};
 use super::plant::Plant;
 use crate::end::{Call, Called, EndRow, Owner, called, done};
-use crate::fields::Fields;
+use crate::given::Given;
 use crate::json;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Pc>("pc"), EndRow::of::<Robot>("robot")];
@@ -69,26 +68,10 @@ impl Owner for Pc {
         }),
     ];
 
-    fn new(fields: &mut Fields, rules: Rules<pc::Rule>) -> Result<Self> {
-        let (dialect, layout) = plant(fields)?;
-        let mut made = PcConfig { dialect, rules, ..PcConfig::TCP };
-        fields.take("limits", &mut made.limits)?;
-        fields.take("datagrams", &mut made.datagrams)?;
-        fields.take("max_number", &mut made.max_number)?;
-        fields.take("cumulative_acks", &mut made.cumulative_acks)?;
-        fields.time("reply_delay", &mut made.reply_delay)?;
-        fields.time("silence", &mut made.silence)?;
-        let mut takeover = "interrupt".to_owned();
-        fields.take("takeover", &mut takeover)?;
-        made.takeover = match takeover.as_str() {
-            "never" => Takeover::Never,
-            "end" => Takeover::End,
-            "interrupt" => Takeover::Interrupt,
-            _ => bail!("takeover is never, end or interrupt"),
-        };
-        fields.take("start_retries", &mut made.start_retries)?;
-        fields.take("end_when_done", &mut made.end_when_done)?;
-        let pc = LargePc::sized(made)?.with_ranges(layout.clone())?;
+    fn new(mut given: Given, rules: Rules<pc::Rule>) -> Result<Self> {
+        let (dialect, layout) = plant(&mut given)?;
+        let made = PcConfig { dialect, takeover: Takeover::Interrupt, rules, ..PcConfig::TCP };
+        let pc = LargePc::sized(given.configure(made)?)?.with_ranges(layout.clone())?;
         Ok(Self { pc, layout, jobs: Rc::default() })
     }
 }
@@ -192,34 +175,11 @@ impl Owner for Robot {
         ("abandon", |owner, _, _| done(owner.motion = None)),
     ];
 
-    fn new(fields: &mut Fields, rules: Rules<robot::Rule>) -> Result<Self> {
-        let (dialect, layout) = plant(fields)?;
-        let mut made = RobotConfig { dialect, rules, ..RobotConfig::TCP };
-        fields.take("limits", &mut made.limits)?;
-        fields.take("datagrams", &mut made.datagrams)?;
-        fields.take("max_number", &mut made.max_number)?;
-        if let Some(acks) = fields.0.remove("acks") {
-            made.acks = match acks.as_str() {
-                Some("individual") => Acks::Individual,
-                _ => Acks::Cumulative { every: serde_json::from_value(acks)? },
-            };
-        }
-        fields.take("low_water", &mut made.low_water)?;
-        if let Some(recovery) = fields.0.remove("recovery") {
-            let Recovery { resends, pauses, clears } = serde_json::from_value(recovery)?;
-            made.recovery = RecoveryLimits { resends, pauses, clears };
-        }
-        fields.time("patience", &mut made.patience)?;
-        fields.time("pause", &mut made.pause)?;
-        fields.time("reply_timeout", &mut made.reply_timeout)?;
-        fields.time("exchange", &mut made.exchange)?;
-        fields.take("silent_cycles", &mut made.silent_cycles)?;
-        fields.time("reconnect_delay", &mut made.reconnect_delay)?;
-        fields.time("status_period", &mut made.status_period)?;
-        fields.take("refuse_repeated_start", &mut made.refuse_repeated_start)?;
-        fields.take("end_foreign_order", &mut made.end_foreign_order)?;
-        let mut slots = SLOTS.min(usize::from(made.max_number).saturating_sub(1));
-        fields.take("queue", &mut slots)?;
+    fn new(mut given: Given, rules: Rules<robot::Rule>) -> Result<Self> {
+        let (dialect, layout) = plant(&mut given)?;
+        let slots: Option<usize> = given.take("queue")?;
+        let made = given.configure(RobotConfig { dialect, rules, ..RobotConfig::TCP })?;
+        let slots = slots.unwrap_or(SLOTS.min(usize::from(made.max_number).saturating_sub(1)));
         let (writer, reader) = robot_work_queue::boxed(slots, made.max_number)?;
         let robot = LargeRobot::sized(made, writer)?.with_ranges(layout.clone())?;
         Ok(Self { robot, layout, motion: Some(Motion { reader, executes: None }), taken: None })
@@ -236,14 +196,6 @@ impl Owner for Robot {
         let job = json::text(&show(&self.layout, &work));
         Some(format!(r#"{{"event":"taken","order":{order},"number":{number},"job":{job}}}"#))
     }
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Recovery {
-    resends: u16,
-    pauses: u16,
-    clears: u16,
 }
 
 impl Robot {
@@ -307,13 +259,11 @@ impl borrow::BorrowMut<LargeRobot<'static, AnyWork>> for Robot {
 }
 
 /// What is agreed on beside the settings: `charset`, `messages` and `job` of a configuration.
-fn plant(fields: &mut Fields) -> Result<(Dialect<'static>, Layout)> {
+fn plant(given: &mut Given) -> Result<(Dialect<'static>, Layout)> {
     let mut plant = Plant::default();
-    fields.take("charset", &mut plant.charset)?;
-    fields.take("job", &mut plant.job)?;
-    let mut messages = Map::new();
-    fields.take("messages", &mut messages)?;
-    plant.replace(messages)?;
+    plant.charset = given.take("charset")?.unwrap_or(plant.charset);
+    plant.job = given.take("job")?;
+    plant.replace(given.take("messages")?.unwrap_or_default())?;
     Ok((plant.dialect()?, plant.layout()?))
 }
 

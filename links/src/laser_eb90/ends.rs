@@ -13,7 +13,7 @@ use serde::Deserialize as _;
 use serde_json::Value;
 
 use crate::end::{Call, EndRow, Owner, called, done};
-use crate::fields::Fields;
+use crate::given::Given;
 use crate::json;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Robot>("controller")];
@@ -35,25 +35,10 @@ impl Owner for Host {
         ("resume", |host, _, _| done(host.resume())),
     ];
 
-    fn new(fields: &mut Fields, rules: Rules<host::Rule>) -> Result<Self> {
-        let mut baud = laser_eb90::timing::BAUD;
-        fields.take("baud", &mut baud)?;
-        let mut made = HostConfig { rules, ..HostConfig::at_baud(baud) };
-        fields.take("profile", &mut made.profile)?;
-        fields.take("words", &mut made.words)?;
-        fields.take("batch", &mut made.batch)?;
-        fields.take("resends", &mut made.resends)?;
-        fields.take("resend_on_silence", &mut made.resend_on_silence)?;
-        fields.take("longest_frame", &mut made.longest_frame)?;
-        fields.take("controller_drops_partial", &mut made.controller_drops_partial)?;
-        fields.time("answer_timeout", &mut made.answer_timeout)?;
-        fields.time("execution_timeout", &mut made.execution_timeout)?;
-        fields.time("settle", &mut made.settle)?;
-        fields.time("max_pause", &mut made.max_pause)?;
-        fields.time("reply_time", &mut made.reply_time)?;
-        fields.time("earlier_execution", &mut made.earlier_execution)?;
-        fields.time("backoff", &mut made.backoff)?;
-        fields.time("full_timeout", &mut made.full_timeout)?;
+    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+        let baud = given.0.get("baud").map(u32::deserialize).transpose()?;
+        let made = HostConfig::at_baud(baud.unwrap_or(laser_eb90::timing::BAUD));
+        let made = given.configure(HostConfig { rules, ..made })?;
         Ok(Self::new(made)?)
     }
 
@@ -95,15 +80,9 @@ impl Owner for Robot {
         }),
     ];
 
-    fn new(fields: &mut Fields, rules: Rules<controller::Rule>) -> Result<Self> {
-        let mut made = ControllerConfig { rules, ..ControllerConfig::default() };
-        let mut room = QUEUE;
-        fields.take("queue", &mut room)?;
-        fields.take("profile", &mut made.profile)?;
-        fields.take("words", &mut made.words)?;
-        fields.take("batch", &mut made.batch)?;
-        fields.time("tick", &mut made.tick)?;
-        fields.time("silence", &mut made.silence)?;
+    fn new(mut given: Given, rules: Rules<controller::Rule>) -> Result<Self> {
+        let room = given.take("queue")?.unwrap_or(QUEUE);
+        let made = given.configure(ControllerConfig { rules, ..ControllerConfig::default() })?;
         let (writer, motion) = robot_work_queue::boxed(room, MAX_NUMBER)?;
         Ok(Self { controller: Controller::new(made, writer)?, motion, taken: Vec::new() })
     }

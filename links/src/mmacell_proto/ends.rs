@@ -9,7 +9,7 @@ use robot_session::Rules;
 use serde::Deserialize as _;
 
 use crate::end::{Call, EndRow, Owner, called, done};
-use crate::fields::Fields;
+use crate::given::Given;
 
 pub(super) const ENDS: &[EndRow] =
     &[EndRow::of::<Central<PlatformPose>>("central"), EndRow::of::<Device<PlatformPose>>("device")];
@@ -23,13 +23,8 @@ impl Owner for Central<PlatformPose> {
         ("abort", |central, now, _| done(central.abort(now))),
     ];
 
-    fn new(fields: &mut Fields, rules: Rules<central::Rule>) -> Result<Self> {
-        let mut made = CentralConfig { rules, ..CentralConfig::DEFAULT };
-        fields.take("accepts", &mut made.accepts)?;
-        fields.take("writes", &mut made.writes)?;
-        fields.time("timeout", &mut made.timeout)?;
-        fields.time("settle", &mut made.settle)?;
-        fields.take("tolerance", &mut made.tolerance)?;
+    fn new(given: Given, rules: Rules<central::Rule>) -> Result<Self> {
+        let made = given.configure(CentralConfig { rules, ..CentralConfig::DEFAULT })?;
         Ok(Self::new(made)?)
     }
 }
@@ -49,11 +44,8 @@ impl Owner for Device<PlatformPose> {
         ("fail", |device, _, argument| done(device.fail(ErrorCode::deserialize(argument)?))),
     ];
 
-    fn new(fields: &mut Fields, rules: Rules<device::Rule>) -> Result<Self> {
-        let mut made = DeviceConfig { rules, ..DeviceConfig::DEFAULT };
-        fields.take("accepts", &mut made.accepts)?;
-        fields.take("writes", &mut made.writes)?;
-        fields.take("refusal", &mut made.refusal)?;
+    fn new(given: Given, rules: Rules<device::Rule>) -> Result<Self> {
+        let made = given.configure(DeviceConfig { rules, ..DeviceConfig::DEFAULT })?;
         Ok(Self::new(made)?)
     }
 }

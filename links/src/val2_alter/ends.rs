@@ -1,18 +1,15 @@
 //! Both ends.
 
-use core::time::Duration;
-
-use anyhow::{Result, bail};
+use anyhow::Result;
 use robot_session::Rules;
 use serde::Deserialize as _;
-use serde_json::Value;
 use val2_alter::{
-    Controller, ControllerConfig, Exception, Host, HostConfig, Policy, SegmentStatus, Transform, Unselected,
-    controller, host,
+    Controller, ControllerConfig, Exception, Host, HostConfig, Policy, SegmentStatus, Transform, controller,
+    host,
 };
 
 use crate::end::{Call, EndRow, Owner, called, done};
-use crate::fields::Fields;
+use crate::given::Given;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Controller>("controller"), EndRow::of::<Host>("host")];
 
@@ -29,26 +26,8 @@ impl Owner for Host {
         ("exception", |host, now, code| called(host.exception(now, Exception::deserialize(code)?))),
     ];
 
-    fn new(fields: &mut Fields, rules: Rules<host::Rule>) -> Result<Self> {
-        let mut made = HostConfig { rules, ..HostConfig::default() };
-        fields.take("framing", &mut made.framing)?;
-        fields.take("baud", &mut made.baud)?;
-        fields.take("mode", &mut made.mode.0)?;
-        fields.take("subroutine", &mut made.subroutine)?;
-        fields.take("repeats", &mut made.repeats)?;
-        fields.take("silence_cycles", &mut made.silence_cycles)?;
-        gap(fields, &mut made.gap)?;
-        fields.time("target_timeout", &mut made.target_timeout)?;
-        fields.time("reserve", &mut made.reserve)?;
-        fields.time("max_delay", &mut made.max_delay)?;
-        fields.take("policy", &mut made.policy)?;
-        if let Some(limits) = fields.0.remove("limits") {
-            let Value::Object(limits) = limits else { bail!("limits is an object") };
-            let mut limits = Fields(limits);
-            limits.take("velocity", &mut made.limits.velocity)?;
-            limits.take("acceleration", &mut made.limits.acceleration)?;
-            limits.end()?;
-        }
+    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+        let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
         Ok(Self::new(made)?)
     }
 }
@@ -71,32 +50,8 @@ impl Owner for Controller {
         }),
     ];
 
-    fn new(fields: &mut Fields, rules: Rules<controller::Rule>) -> Result<Self> {
-        let mut made = ControllerConfig { rules, ..ControllerConfig::default() };
-        fields.take("framing", &mut made.framing)?;
-        fields.take("baud", &mut made.baud)?;
-        fields.take("mode", &mut made.mode.0)?;
-        fields.take("data", &mut made.data)?;
-        fields.take("subroutine", &mut made.subroutine)?;
-        fields.take("attempts", &mut made.attempts)?;
-        gap(fields, &mut made.gap)?;
-        if let Some(unselected) = fields.0.remove("unselected") {
-            made.unselected = match unselected.as_str() {
-                Some("by_mode") => Unselected::ByMode,
-                Some("hold") => Unselected::Hold,
-                Some("zero") => Unselected::Zero,
-                _ => bail!("unselected: {unselected}"),
-            };
-        }
+    fn new(given: Given, rules: Rules<controller::Rule>) -> Result<Self> {
+        let made = given.configure(ControllerConfig { rules, ..ControllerConfig::default() })?;
         Ok(Self::new(made)?)
     }
-}
-
-/// In nanoseconds, of which the most is for ever; `null`: a silence ends no frame.
-fn gap(fields: &mut Fields, gap: &mut Option<Duration>) -> Result<()> {
-    if let Some(given) = fields.0.remove("gap") {
-        let nanoseconds = serde_json::from_value::<Option<u64>>(given)?;
-        *gap = nanoseconds.map(|gap| if gap == u64::MAX { Duration::MAX } else { Duration::from_nanos(gap) });
-    }
-    Ok(())
 }

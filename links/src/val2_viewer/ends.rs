@@ -6,7 +6,7 @@ use serde::Deserialize as _;
 use val2_viewer::{Host, HostConfig, Workstation, WorkstationConfig, WorkstationEvent, host, workstation};
 
 use crate::end::{Call, EndRow, Owner, done, live_until};
-use crate::fields::Fields;
+use crate::given::Given;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Workstation>("workstation"), EndRow::of::<Host>("host")];
 
@@ -17,10 +17,8 @@ impl Owner for Host {
     const CALLS: &'static [Call<Self>] =
         &[("set_pose", |host, now, argument| done(host.set_pose(now, <[i16; 12]>::deserialize(argument)?)))];
 
-    fn new(fields: &mut Fields, rules: Rules<host::Rule>) -> Result<Self> {
-        let mut made = HostConfig { rules, ..HostConfig::default() };
-        fields.time("interval", &mut made.interval)?;
-        fields.time("max_age", &mut made.max_age)?;
+    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+        let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
         Ok(Self::new(made)?)
     }
 }
@@ -31,10 +29,8 @@ impl Owner for Workstation {
 
     const CALLS: &'static [Call<Self>] = &[("draw", |workstation, now, _| done(workstation.draw(now)))];
 
-    fn new(fields: &mut Fields, rules: Rules<workstation::Rule>) -> Result<Self> {
-        let mut made = WorkstationConfig { rules, ..WorkstationConfig::default() };
-        fields.time("pause", &mut made.pause)?;
-        fields.time("stale_after", &mut made.stale_after)?;
+    fn new(given: Given, rules: Rules<workstation::Rule>) -> Result<Self> {
+        let made = given.configure(WorkstationConfig { rules, ..WorkstationConfig::default() })?;
         Ok(Self::new(made)?)
     }
 

@@ -125,8 +125,13 @@ impl Fields for Table<'_> {
         let values = self.or(times(&range, form), otherwise);
         let default = field.map_or_else(|| self.none(otherwise), |time| self.shown_time(time));
         self.visit(name, "ns", values, default, about, |value| {
-            let is_none = value.is_null() || value == otherwise;
-            *field = if is_none { None } else { Some(time(value, &range, form)?) };
+            *field = match value {
+                Value::Null => None,
+                value if value == otherwise => None,
+                // `null` is none: the most is never.
+                value if form == Form::Nanoseconds && *value == u64::MAX => Some(Duration::MAX),
+                value => Some(time(value, &range, form)?),
+            };
             Ok(())
         });
     }

@@ -20,10 +20,7 @@ pub(super) fn time(
             .and_then(|text| with_unit(text.trim()))
             .ok_or("not a time with its unit, such as 250ms or 1.5s")?,
         (Form::Nanoseconds, Value::Null) => Duration::MAX,
-        (Form::Nanoseconds, value) => match value.as_u64().ok_or("not in nanoseconds")? {
-            u64::MAX => Duration::MAX,
-            time => Duration::from_nanos(time),
-        },
+        (Form::Nanoseconds, value) => Duration::from_nanos(value.as_u64().ok_or("not in nanoseconds")?),
     };
     if range.contains(&time) { Ok(time) } else { Err("out of range") }
 }

@@ -6,44 +6,66 @@ use std::collections::BTreeSet;
 use arbitrary::Unstructured;
 use fanuc_hmi_modbus::assignment::{self, Slots};
 use fanuc_hmi_modbus::{
-    Bits, BitsMut, Client, ClientConfig, ClientEvent, DecodeError, Decoder, Exception, Frame, Framing, Pdu,
-    PduBuf, Registers, Reply, Request, Server, ServerConfig, ServerStatistics, Side, Signal, Table, Ticket,
-    Words, WordsMut, limit,
+    Bits, BitsMut, Client, ClientConfig, ClientEvent, Decoder, Exception, Frame, Framing, Pdu, PduBuf,
+    Registers, Reply, Request, Server, ServerConfig, ServerStatistics, Side, Signal, Table, Ticket, Words,
+    WordsMut, limit,
 };
-use robot_session::{Decoder as _, Encode as _, Session};
+use robot_session::{Encode as _, Session};
 
-use crate::written;
-
-/// A frame's PDU or an error, and the stream offset after it.
-type Item = (Result<Vec<u8>, DecodeError>, u64);
+use crate::{codecs, written};
 
 /// Two bytes choose which framing and side, and how long the reads are; the rest is the stream.
 pub fn fanuc_hmi_modbus_decoder(data: &[u8]) {
     let [settings, size, stream @ ..] = data else { return };
-    let framing = if settings & 1 == 0 { Framing::Tcp } else { Framing::RTU_OVER_TCP };
-    let side = if settings & 2 == 0 { Side::Client } else { Side::Server };
-    let items = decode(framing, side, stream, usize::from(*size).max(1));
-    assert_eq!(items, decode(framing, side, stream, usize::MAX), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
-        if let Ok(pdu) = item {
-            let frame = match framing {
-                Framing::Tcp => {
-                    let (frame, used) = Frame::decode_tcp(bytes).unwrap().unwrap();
-                    assert_eq!(used, bytes.len());
-                    frame
-                }
-                _ => Frame::decode_rtu_whole(bytes).unwrap(),
-            };
-            assert_eq!(frame.pdu, pdu);
-            assert_eq!(encoded(&frame), bytes, "an accepted frame encodes to its bytes");
-            messages(&pdu);
+    codecs::decoder(&Sent::new(*settings), stream, *size);
+}
+
+/// What one side sends in one framing.
+pub(crate) struct Sent {
+    framing: Framing,
+    side: Side,
+}
+
+impl Sent {
+    pub(crate) fn new(settings: u8) -> Self {
+        Self {
+            framing: if settings & 1 == 0 { Framing::Tcp } else { Framing::RTU_OVER_TCP },
+            side: if settings & 2 == 0 { Side::Client } else { Side::Server },
         }
-        at += bytes.len();
     }
-    assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    type Frame = Frame<PduBuf>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new(self.framing, self.side)
+    }
+
+    fn keep(&self, frame: Frame<&[u8]>) -> Frame<PduBuf> {
+        frame.to_buf().unwrap()
+    }
+
+    fn check(&self, kept: &Frame<PduBuf>, _: &[u8], bytes: &[u8]) {
+        let frame = match self.framing {
+            Framing::Tcp => {
+                let (frame, used) = Frame::decode_tcp(bytes).unwrap().unwrap();
+                assert_eq!(used, bytes.len());
+                frame
+            }
+            _ => Frame::decode_rtu_whole(bytes).unwrap(),
+        };
+        assert_eq!(frame.to_buf().unwrap(), *kept);
+        assert_eq!(encoded(&frame), bytes, "an accepted frame encodes to its bytes");
+        messages(frame.pdu);
+    }
+
+    fn good(&self, _: usize) -> (Frame<PduBuf>, Vec<u8>) {
+        let transaction = matches!(self.framing, Framing::Tcp).then_some(1);
+        let good = Frame { transaction, unit: 1, pdu: &[6, 0, 1, 2, 3][..] };
+        (good.to_buf().unwrap(), encoded(&good))
+    }
 }
 
 /// What a PDU holds encodes to its bytes again, but for the unused bits of a request; a server answers it with a reply that a
@@ -130,7 +152,8 @@ fn framed(pdu: &[u8], side: Side, transaction: u16) {
         let frame = Frame { transaction, unit, pdu };
         let bytes = encoded(&frame);
         let framing = if transaction.is_some() { Framing::Tcp } else { Framing::RTU_OVER_TCP };
-        assert_eq!(decode(framing, side, &bytes, 5), [(Ok(pdu.to_vec()), bytes.len() as u64)]);
+        let kept = frame.to_buf().unwrap();
+        assert_eq!(codecs::items(&Sent { framing, side }, &bytes, 5), [(Ok(kept), bytes.len())]);
         for cut in 0..bytes.len() {
             let part = match framing {
                 Framing::Tcp => Frame::decode_tcp(&bytes[..cut]),
@@ -317,30 +340,6 @@ fn encoded(frame: &Frame<&[u8]>) -> Vec<u8> {
     assert_eq!(len, frame.encoded_len());
     assert_eq!(PduBuf::new(&frame.pdu).unwrap().as_bytes(), frame.pdu);
     out[..len].to_vec()
-}
-
-fn decode(framing: Framing, side: Side, stream: &[u8], size: usize) -> Vec<Item> {
-    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
-        while let Some(item) = decoder.next_frame() {
-            let item = item.map(|frame| frame.pdu.to_vec());
-            items.push((item, decoder.position()));
-        }
-    }
-    let (mut decoder, mut items) = (Decoder::new(framing, side), Vec::new());
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
-            drain(&mut decoder, &mut items);
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder, &mut items);
-    let transaction = matches!(framing, Framing::Tcp).then_some(1);
-    let good = Frame { transaction, unit: 1, pdu: &[6, 0, 1, 2, 3][..] };
-    let bytes = encoded(&good);
-    assert_eq!(decoder.push(&bytes), bytes.len());
-    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what follows the silence is read");
-    items
 }
 
 /// Blocks of telemetry, 37 registers each, and speeds for DPM: whatever the registers hold, orientations are unit

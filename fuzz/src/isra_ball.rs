@@ -3,13 +3,12 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use isra_ball::robot_session::{Decoder as _, Encode as _, Session as _};
+use isra_ball::robot_session::{Encode as _, Session as _};
 use isra_ball::{
-    Ball, BallConfig, BallEvent, DecodeError, Decoder, Frame, Host, HostConfig, HostEvent, Keys, Packet,
-    Status, timing,
+    Ball, BallConfig, BallEvent, Decoder, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status, timing,
 };
 
-use crate::written;
+use crate::{codecs, written};
 
 const GOOD: Packet = Packet {
     sensor_type: 1,
@@ -20,29 +19,40 @@ const GOOD: Packet = Packet {
     keys: Keys(0x81),
 };
 
-/// A frame's data or an error, and the stream offset after it.
-type Item = (Result<Vec<u8>, DecodeError>, u64);
-
 /// The first byte is how long the reads are, the rest the stream.
 pub fn isra_ball_decoder(data: &[u8]) {
     let Some((&size, stream)) = data.split_first() else { return };
-    let items = decode(stream, usize::from(size).max(1));
-    assert_eq!(items, decode(stream, usize::MAX), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
-        if let Ok(data) = item {
-            let frame = Frame::new(&data).unwrap();
-            assert_eq!(Frame::decode(bytes), Ok(Some((frame, bytes.len()))));
-            assert_eq!(frame.encoded_len(), bytes.len());
-            if let Ok(packet) = frame.packet() {
-                assert_eq!(packet.to_bytes().unwrap(), bytes, "an accepted packet encodes to its bytes");
-            }
-        }
-        at += bytes.len();
+    codecs::decoder(&Sent, stream, size);
+}
+
+/// What the ball sends.
+pub(crate) struct Sent;
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    type Frame = Vec<u8>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new()
     }
-    assert_eq!(at, stream.len(), "every byte is in one item");
+
+    fn keep(&self, frame: Frame<'_>) -> Vec<u8> {
+        frame.data().to_vec()
+    }
+
+    fn check(&self, data: &Vec<u8>, _: &[u8], bytes: &[u8]) {
+        let frame = Frame::new(data).unwrap();
+        assert_eq!(Frame::decode(bytes), Ok(Some((frame, bytes.len()))));
+        assert_eq!(frame.encoded_len(), bytes.len());
+        if let Ok(packet) = frame.packet() {
+            assert_eq!(packet.to_bytes().unwrap(), bytes, "an accepted packet encodes to its bytes");
+        }
+    }
+
+    fn good(&self, _: usize) -> (Vec<u8>, Vec<u8>) {
+        let bytes = GOOD.to_bytes().unwrap();
+        (Frame::decode(&bytes).unwrap().unwrap().0.data().to_vec(), bytes.to_vec())
+    }
 }
 
 /// A packet of any values: what can be written is read back the same.
@@ -160,26 +170,4 @@ pub fn isra_ball_host(mut data: &[u8]) {
         assert_eq!(host.poll_transmit(now, &mut out), None, "one poll at a time");
         assert!(host.poll_timeout().unwrap() > now || host.poll_event().is_some());
     }
-}
-
-fn decode(stream: &[u8], size: usize) -> Vec<Item> {
-    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
-        while let Some(item) = decoder.next_frame() {
-            let item = item.map(|frame| frame.data().to_vec());
-            items.push((item, decoder.position()));
-        }
-    }
-    let (mut decoder, mut items) = (Decoder::new(), Vec::new());
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
-            drain(&mut decoder, &mut items);
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder, &mut items);
-    assert_eq!(decoder.push(&GOOD.to_bytes().unwrap()), Packet::LEN);
-    let next = decoder.next_frame().unwrap().and_then(|frame| frame.packet());
-    assert_eq!(next, Ok(GOOD), "what comes after the silence is read");
-    items
 }

@@ -5,51 +5,69 @@ use core::time::Duration;
 use arbitrary::Unstructured;
 use kawasaki_msg::robot_session::{Decoder as _, Session as _};
 use kawasaki_msg::{
-    Acks, Bounds, Charset, DecodeError, Decoder, Dialect, EncodeError, Job, JobKind, LargePc, LargeRobot,
-    Limits, Line, Message, MessageError, Name, Packet, Params, PcConfig, PcEvent, Point, RobotConfig,
-    RobotEvent, Role, Room, Supply, Value, Values,
+    Acks, Bounds, Charset, Decoder, Dialect, EncodeError, Job, JobKind, LargePc, LargeRobot, Limits, Line,
+    Message, MessageError, Name, Packet, Params, PcConfig, PcEvent, Point, RobotConfig, RobotEvent, Role,
+    Room, Supply, Value, Values,
 };
 use robot_work_queue::Reader;
 
-use crate::written;
-
-/// The bytes of a message as it is written, or an error, and the stream offset after it.
-type Item = (Result<Vec<u8>, DecodeError>, u64);
+use crate::{codecs, written};
 
 /// The first byte is how long the reads are and which character set it is, the rest the stream.
 pub fn kawasaki_msg_decoder(data: &[u8]) {
     let Some((&first, stream)) = data.split_first() else { return };
-    let charset = if first & 0x80 == 0 { Charset::Ascii } else { Charset::Latin1 };
-    let items = decode(charset, stream, usize::from(first & 0x7F).max(1));
-    assert_eq!(items, decode(charset, stream, usize::MAX), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
-        if let Ok(written) = item {
-            let (message, used) = Message::decode(bytes, charset).unwrap().unwrap();
-            assert_eq!(used, bytes.len());
-            let (again, _) = Message::decode(&written, charset).unwrap().unwrap();
-            assert_eq!(again, message, "what is written is what was read");
-            match written.len() < bytes.len() {
-                true => {
-                    assert_eq!(written, plain_length(bytes), "only what is around the length is left out")
-                }
-                false => assert_eq!(written, bytes, "an accepted message encodes to its bytes"),
-            }
-            if let Ok((role, params)) = Dialect::DEFAULT.read(&message)
-                && role != Role::Job
-            {
-                let mut out = [0; 256];
-                let n =
-                    Dialect::DEFAULT.write(role, &params, |m| m.encode(Charset::Ascii, &mut out)).unwrap();
-                let (again, _) = Message::decode(&out[..n], Charset::Ascii).unwrap().unwrap();
-                assert_eq!(Dialect::DEFAULT.read(&again), Ok((role, params)));
-            }
-        }
-        at += bytes.len();
+    codecs::decoder(&Sent::new(first), stream, first & 0x7F);
+}
+
+/// What both sides send, in one character set.
+pub(crate) struct Sent {
+    charset: Charset,
+}
+
+impl Sent {
+    pub(crate) fn new(settings: u8) -> Self {
+        Self { charset: if settings & 0x80 == 0 { Charset::Ascii } else { Charset::Latin1 } }
     }
-    assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    /// Its bytes, as they are written.
+    type Frame = Vec<u8>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new(self.charset)
+    }
+
+    fn keep(&self, message: Message<'_>) -> Vec<u8> {
+        let mut written = vec![0; message.encoded_len()];
+        assert_eq!(message.encode(self.charset, &mut written), Ok(written.len()));
+        written
+    }
+
+    fn check(&self, written: &Vec<u8>, _: &[u8], bytes: &[u8]) {
+        let (message, used) = Message::decode(bytes, self.charset).unwrap().unwrap();
+        assert_eq!(used, bytes.len());
+        let (again, _) = Message::decode(written, self.charset).unwrap().unwrap();
+        assert_eq!(again, message, "what is written is what was read");
+        match written.len() < bytes.len() {
+            true => assert_eq!(*written, plain_length(bytes), "only what is around the length is left out"),
+            false => assert_eq!(written, bytes, "an accepted message encodes to its bytes"),
+        }
+        if let Ok((role, params)) = Dialect::DEFAULT.read(&message)
+            && role != Role::Job
+        {
+            let mut out = [0; 256];
+            let n = Dialect::DEFAULT.write(role, &params, |m| m.encode(Charset::Ascii, &mut out)).unwrap();
+            let (again, _) = Message::decode(&out[..n], Charset::Ascii).unwrap().unwrap();
+            assert_eq!(Dialect::DEFAULT.read(&again), Ok((role, params)));
+        }
+    }
+
+    fn good(&self, _: usize) -> (Vec<u8>, Vec<u8>) {
+        let good = b"<TilausAlkaa$4#50$1#>".to_vec();
+        (good.clone(), good)
+    }
 }
 
 /// The message with its length as we write it.
@@ -58,35 +76,6 @@ fn plain_length(bytes: &[u8]) -> Vec<u8> {
     let length = bytes[..data].iter().rposition(|byte| *byte == b'$').unwrap();
     let digits = bytes.len() - data - "##>".len();
     [&bytes[..=length], digits.to_string().as_bytes(), &bytes[data..]].concat()
-}
-
-fn decode(charset: Charset, stream: &[u8], size: usize) -> Vec<Item> {
-    fn drain(decoder: &mut Decoder, charset: Charset, items: &mut Vec<Item>) {
-        while let Some(frame) = decoder.next_frame() {
-            let item = frame.map(|message| {
-                let mut written = vec![0; message.encoded_len()];
-                assert_eq!(message.encode(charset, &mut written), Ok(written.len()));
-                written
-            });
-            items.push((item, decoder.position()));
-        }
-    }
-    let (mut decoder, mut items) = (Decoder::new(charset), Vec::new());
-    for mut chunk in stream.chunks(size.min(stream.len().max(1))) {
-        while !chunk.is_empty() {
-            let taken = decoder.push(chunk);
-            chunk = &chunk[taken..];
-            let before = decoder.position();
-            drain(&mut decoder, charset, &mut items);
-            assert!(taken > 0 || decoder.position() > before, "a full decoder makes progress");
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder, charset, &mut items);
-    let good = Message::new("TilausAlkaa", &[Value::Number(50), Value::Number(1)]);
-    assert_eq!(decoder.push(b"<TilausAlkaa$4#50$1#>"), 21);
-    assert_eq!(decoder.next_frame(), Some(Ok(good)), "what follows the end is read");
-    items
 }
 
 /// A message of any name and values: what can be written is read back the same, alone and many in a packet.

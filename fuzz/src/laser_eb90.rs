@@ -3,42 +3,64 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use laser_eb90::robot_session::{Decoder as _, Encode as _, Session as _};
+use laser_eb90::robot_session::{Encode as _, Session as _};
 use laser_eb90::{
-    ByteOrder, Class, Controller, ControllerConfig, ControllerEvent, DecodeError, Decoder, EncodeError, Flag,
-    Frame, Host, HostConfig, HostEvent, Instruction, Instructions, Item as Value, MAX_PAYLOAD, Payload,
-    Profile, Refusal, SessionError, Tags, Tail, Width,
+    ByteOrder, Class, Controller, ControllerConfig, ControllerEvent, Decoder, EncodeError, Flag, Frame, Host,
+    HostConfig, HostEvent, Instruction, Instructions, Item as Value, MAX_PAYLOAD, Payload, Profile, Refusal,
+    SessionError, Tags, Tail, Width,
 };
 
-use crate::written;
-
-/// A frame's payload or an error, and the stream offset after it.
-type Item = (Result<Vec<u8>, DecodeError>, u64);
+use crate::{codecs, written};
 
 /// Two bytes say how the frames are written and how long the reads are, the rest is the stream.
 pub fn laser_eb90_decoder(data: &[u8]) {
     let [settings, size, stream @ ..] = data else { return };
-    let profile = profile(*settings);
-    let items = decode(stream, usize::from(*size).max(1), &profile);
-    assert_eq!(items, decode(stream, usize::MAX, &profile), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder makes no progress at byte {at}");
-        if let Ok(payload) = item {
-            let mut buffer = [0; MAX_PAYLOAD];
-            let (frame, used) = Frame::decode(bytes, &mut buffer, &profile).unwrap().unwrap();
-            assert_eq!((frame.payload(), used), (&payload[..], bytes.len()));
-            let mut again = vec![0; frame.encoded_len()];
-            assert_eq!(frame.encode(&mut again), Ok(bytes.len()));
-            if profile.tail != Tail::Either {
-                assert_eq!(again, bytes, "an accepted frame encodes to its bytes");
-            }
-            cut(&frame);
-        }
-        at += bytes.len();
+    codecs::decoder(&Sent::new(*settings), stream, *size);
+}
+
+/// What both sides send, in one profile.
+pub(crate) struct Sent {
+    profile: Profile,
+}
+
+impl Sent {
+    pub(crate) fn new(settings: u8) -> Self {
+        Self { profile: profile(settings) }
     }
-    assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    /// Its payload.
+    type Frame = Vec<u8>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new(&self.profile)
+    }
+
+    fn keep(&self, frame: Frame<'_>) -> Vec<u8> {
+        assert_eq!(frame.items().check(), Ok(()), "the decoder has read the items over");
+        frame.payload().to_vec()
+    }
+
+    fn check(&self, payload: &Vec<u8>, _: &[u8], bytes: &[u8]) {
+        let mut buffer = [0; MAX_PAYLOAD];
+        let (frame, used) = Frame::decode(bytes, &mut buffer, &self.profile).unwrap().unwrap();
+        assert_eq!((frame.payload(), used), (&payload[..], bytes.len()));
+        let mut again = vec![0; frame.encoded_len()];
+        assert_eq!(frame.encode(&mut again), Ok(bytes.len()));
+        if self.profile.tail != Tail::Either {
+            assert_eq!(again, bytes, "an accepted frame encodes to its bytes");
+        }
+        cut(&frame);
+    }
+
+    fn good(&self, _: usize) -> (Vec<u8>, Vec<u8>) {
+        let (mut buffer, mut out) = ([0; 8], [0; 16]);
+        let mut payload = Payload::new(&mut buffer, &self.profile);
+        let length = payload.word(0x9010).unwrap().frame().unwrap().encode(&mut out).unwrap();
+        (payload.as_bytes().to_vec(), out[..length].to_vec())
+    }
 }
 
 /// The instructions of a batch are its payload, cut in pieces that each begin with a word.
@@ -148,34 +170,6 @@ fn profile(settings: u8) -> Profile {
         checksum_with_flag: pick(7),
         byte_order: if pick(3) { ByteOrder::Big } else { ByteOrder::Little },
     }
-}
-
-fn decode(stream: &[u8], size: usize, profile: &Profile) -> Vec<Item> {
-    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
-        while let Some(item) = decoder.next_frame() {
-            let item = item.map(|frame| {
-                assert_eq!(frame.items().check(), Ok(()), "the decoder has read the items over");
-                frame.payload().to_vec()
-            });
-            items.push((item, decoder.position()));
-        }
-    }
-    let (mut decoder, mut items) = (Decoder::new(profile), Vec::new());
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
-            drain(&mut decoder, &mut items);
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder, &mut items);
-    let (mut buffer, mut out) = ([0; 8], [0; 16]);
-    let mut payload = Payload::new(&mut buffer, profile);
-    let length = payload.word(0x9010).unwrap().frame().unwrap().encode(&mut out).unwrap();
-    assert_eq!(decoder.push(&out[..length]), length);
-    let next = decoder.next_frame().unwrap().map(|frame| frame.payload().to_vec());
-    assert_eq!(next, Ok(payload.as_bytes().to_vec()), "what comes after the silence is read");
-    items
 }
 
 /// Steps of an action, a pause, a length, and so many bytes from the line.

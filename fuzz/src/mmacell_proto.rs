@@ -3,16 +3,15 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use mmacell_proto::robot_session::Decoder as _;
 use mmacell_proto::robot_session::{Encode as _, Session as _};
 use mmacell_proto::{
-    AnyPose, BLOW, Central, CentralConfig, CentralEvent, Command, DecodeError, Decoder, Device, DeviceConfig,
-    DeviceEvent, Dialect, ErrorCode, Line, Miss, Mode, Order, PlatformPose, Pose, Progress, Reply, RobotPose,
-    Status, Unfinished, VACUUM,
+    AnyPose, BLOW, Central, CentralConfig, CentralEvent, Command, Decoder, Device, DeviceConfig, DeviceEvent,
+    Dialect, ErrorCode, Line, Miss, Mode, Order, PlatformPose, Pose, Progress, Reply, RobotPose, Status,
+    Unfinished, VACUUM,
 };
 use mmacell_task::{self as task, Event, Failure, Output, Step, Task, TaskConfig};
 
-use crate::written;
+use crate::{codecs, written};
 
 /// The first byte is how long the reads are, the second the dialect, the rest the stream.
 pub fn mmacell_proto_command(data: &[u8]) {
@@ -309,45 +308,46 @@ pub fn mmacell_task(data: &[u8]) {
     }
 }
 
-/// Every line of a stream in its dialect, however it is cut; the items tile the stream.
+/// Every line of a stream in its dialect.
 fn messages(data: &[u8], check: impl Fn(Line<'_>, &Dialect)) {
     let [size, bits, stream @ ..] = data else { return };
-    let dialect = any_dialect(*bits);
-    let items = lines(stream, usize::from(*size).max(1), dialect);
-    assert_eq!(items, lines(stream, usize::MAX, dialect), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        assert!(end > at, "the decoder stands still at byte {at}");
-        let bytes = &stream[usize::try_from(at).unwrap()..usize::try_from(end).unwrap()];
-        if let Ok(content) = item {
-            let line = Line::new(&content);
-            assert_eq!(Line::decode(bytes, &dialect), Ok(Some((line, bytes.len()))));
-            check(line, &dialect);
-        }
-        at = end;
-    }
-    assert_eq!(at, stream.len() as u64, "every byte is in one item");
+    codecs::decoder(&Lines::new(*bits, check), stream, *size);
 }
 
-fn lines(stream: &[u8], size: usize, dialect: Dialect) -> Vec<(Result<Vec<u8>, DecodeError>, u64)> {
-    let (mut decoder, mut items) = (Decoder::new(dialect), Vec::new());
-    let mut drain = |decoder: &mut Decoder| {
-        while let Some(line) = decoder.next_frame() {
-            let line = line.map(|line| line.content().to_vec());
-            items.push((line, decoder.position()));
-        }
-    };
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
-            drain(&mut decoder);
-        }
+/// Lines in one dialect; `check` is of their messages.
+pub(crate) struct Lines<F> {
+    dialect: Dialect,
+    check: F,
+}
+
+impl<F: Fn(Line<'_>, &Dialect)> Lines<F> {
+    pub(crate) fn new(bits: u8, check: F) -> Self {
+        Self { dialect: any_dialect(bits), check }
     }
-    decoder.finish();
-    drain(&mut decoder);
-    assert_eq!(decoder.push(b"STA\r\n"), 5);
-    assert_eq!(decoder.next_frame(), Some(Ok(Line::new(b"STA"))), "what comes after the end is read");
-    items
+}
+
+impl<F: Fn(Line<'_>, &Dialect)> codecs::Side for Lines<F> {
+    type Decoder = Decoder;
+    /// Its content.
+    type Frame = Vec<u8>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new(self.dialect)
+    }
+
+    fn keep(&self, line: Line<'_>) -> Vec<u8> {
+        line.content().to_vec()
+    }
+
+    fn check(&self, content: &Vec<u8>, _: &[u8], bytes: &[u8]) {
+        let line = Line::new(content);
+        assert_eq!(Line::decode(bytes, &self.dialect), Ok(Some((line, bytes.len()))));
+        (self.check)(line, &self.dialect);
+    }
+
+    fn good(&self, _: usize) -> (Vec<u8>, Vec<u8>) {
+        (b"STA".to_vec(), b"STA\r\n".to_vec())
+    }
 }
 
 /// What is accepted strictly encodes to its bytes, but for a zero with a minus.

@@ -3,30 +3,80 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use robot_session::{Decoder as _, Session as _};
+use robot_session::Session as _;
 use val2_alter::{
-    Controller, ControllerConfig, ControllerState, DecodeError, Decoder, End, ErrorCode, Exception, Frame,
-    Framing, Host, HostConfig, HostMessage, HostState, LeadingDle, Limits, List, Message, Mode, Motion,
-    MotionPhase, Policy, Received, Reply, RobotMessage, SegmentStatus, Start, StartCode, Transform,
+    Controller, ControllerConfig, ControllerState, Decoder, End, ErrorCode, Exception, Frame, Framing, Host,
+    HostConfig, HostMessage, HostState, LeadingDle, Limits, List, Message, Mode, Motion, MotionPhase, Policy,
+    Received, Reply, RobotMessage, SegmentStatus, Start, StartCode, Transform,
 };
 
-use crate::written;
+use crate::{codecs, written};
 
 /// The first byte is the side and the framing, the second how long the reads are, the rest the stream.
 pub fn val2_alter_decoder(data: &[u8]) {
     let [options, size, stream @ ..] = data else { return };
-    let framing = framing(*options);
-    let size = usize::from(*size).max(1);
-    if options & 16 == 0 {
-        let end = RobotMessage::End(End { error: ErrorCode::Timeout });
-        check(framing, stream, size, end, |message| match message {
+    match options & 16 {
+        0 => codecs::decoder(&Sent::robot(*options), stream, *size),
+        _ => codecs::decoder(&Sent::host(*options), stream, *size),
+    }
+}
+
+/// What one side sends.
+pub(crate) struct Sent<M> {
+    framing: Framing,
+    good: M,
+    /// Whether a message is written in one way.
+    is_canonical: fn(&M, Framing) -> bool,
+}
+
+impl Sent<RobotMessage> {
+    pub(crate) fn robot(options: u8) -> Self {
+        let good = RobotMessage::End(End { error: ErrorCode::Timeout });
+        let is_canonical = |message: &RobotMessage, _| match message {
             RobotMessage::Start(Start { marked, .. }) => *marked,
             RobotMessage::Motion(_) => true,
             RobotMessage::End(_) => false, // the source does not say what may follow the control byte
-        });
-    } else {
-        let reply = HostMessage::Reply(Reply::all([1, -2, 3, -4, 0x1010, 0x0210]));
-        check(framing, stream, size, reply, |_| !framing.ignore_spare_select);
+        };
+        Self { framing: framing(options), good, is_canonical }
+    }
+}
+
+impl Sent<HostMessage> {
+    pub(crate) fn host(options: u8) -> Self {
+        let good = HostMessage::Reply(Reply::all([1, -2, 3, -4, 0x1010, 0x0210]));
+        Self { framing: framing(options), good, is_canonical: |_, framing| !framing.ignore_spare_select }
+    }
+}
+
+impl<M: Message + 'static> codecs::Side for Sent<M> {
+    type Decoder = Decoder<M>;
+    type Frame = Received<M>;
+
+    fn decoder(&self) -> Decoder<M> {
+        Decoder::new(self.framing)
+    }
+
+    fn keep(&self, received: Received<M>) -> Received<M> {
+        received
+    }
+
+    fn check(&self, received: &Received<M>, before: &[u8], bytes: &[u8]) {
+        let Received { offset, length, message } = received;
+        assert_eq!((*offset, *length), (before.len(), bytes.len()));
+        let mut out = [0; Frame::MAX_LEN];
+        let written = message.encode(self.framing, &mut out).unwrap();
+        assert_eq!(written, message.encoded_len(self.framing));
+        if (self.is_canonical)(message, self.framing) {
+            // But for DLEs before the start mark, and a first one that was the checksum of the frame before.
+            let backwards = bytes.iter().rev().chain(before.iter().rev()).take(written);
+            assert!(backwards.eq(out[..written].iter().rev()), "an accepted frame encodes to its bytes");
+        }
+    }
+
+    fn good(&self, offset: usize) -> (Received<M>, Vec<u8>) {
+        let mut out = [0; Frame::MAX_LEN];
+        let length = self.good.encode(self.framing, &mut out).unwrap();
+        (Received { offset, length, message: self.good }, out[..length].to_vec())
     }
 }
 
@@ -37,72 +87,6 @@ fn framing(options: u8) -> Framing {
         stuffed_checksum: options & 4 != 0,
         ignore_spare_select: options & 8 != 0,
     }
-}
-
-/// `canonical` messages are written in one way. `good` comes after the line has been silent.
-fn check<M: Message>(framing: Framing, stream: &[u8], size: usize, good: M, canonical: impl Fn(&M) -> bool) {
-    let items = decode::<M>(framing, stream, size, good);
-    assert_eq!(items, decode(framing, stream, usize::MAX, good), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for item in &items {
-        let Ok(Received { offset, length, message }) = item else { continue };
-        assert!(*offset >= at, "the frame at {offset} begins before {at}");
-        at = offset + length;
-        let mut out = [0; Frame::MAX_LEN];
-        let written = message.encode(framing, &mut out).unwrap();
-        assert_eq!(written, message.encoded_len(framing));
-        if canonical(message) {
-            // But for DLEs before the start mark, and a first one that was the checksum of the frame before.
-            assert!(stream[..at].ends_with(&out[..written]), "an accepted frame encodes to its bytes");
-        }
-    }
-    assert!(at <= stream.len());
-    let errors = items.iter().filter_map(|item| item.as_ref().err());
-    assert!(errors.clone().all(|error| error.offset() <= stream.len()), "an error is inside the stream");
-    assert!(items.len() <= stream.len(), "an item costs a byte");
-    assert!(!stream.is_empty() || items.is_empty());
-}
-
-fn decode<M: Message>(
-    framing: Framing,
-    stream: &[u8],
-    size: usize,
-    good: M,
-) -> Vec<Result<Received<M>, DecodeError>> {
-    let mut decoder = Decoder::new(framing);
-    let mut items = Vec::new();
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            let taken = decoder.push(chunk);
-            assert!(taken > 0, "a drained decoder has room");
-            chunk = &chunk[taken..];
-            items.extend(core::iter::from_fn(|| tiled(&mut decoder)));
-        }
-    }
-    decoder.finish();
-    items.extend(core::iter::from_fn(|| tiled(&mut decoder)));
-    assert_eq!(
-        (decoder.pending(), decoder.position()),
-        (0, stream.len() as u64),
-        "every byte is in one item"
-    );
-    let mut out = [0; Frame::MAX_LEN];
-    let length = good.encode(framing, &mut out).unwrap();
-    assert_eq!(decoder.push(&out[..length]), length);
-    let next = Received { offset: stream.len(), length, message: good };
-    assert_eq!(decoder.next_frame(), Some(Ok(next)), "what comes behind the silence is read");
-    items
-}
-
-/// The next item, which begins where the one before ends.
-fn tiled<M: Message>(decoder: &mut Decoder<M>) -> Option<Result<Received<M>, DecodeError>> {
-    let before = decoder.position();
-    let item = decoder.next_frame()?;
-    assert!(decoder.position() > before, "an item has bytes");
-    if let Ok(Received { offset, length, .. }) = item {
-        assert_eq!((offset as u64, (offset + length) as u64), (before, decoder.position()));
-    }
-    Some(item)
 }
 
 /// Messages of any values in any framing: what is written is read back the same, alone and one behind the other.
@@ -143,7 +127,7 @@ pub fn val2_alter_message(data: &[u8]) {
     }
 }
 
-fn round_trip<M: Message>(framing: Framing, message: M, wire: &mut Vec<u8>) {
+fn round_trip<M: Message + 'static>(framing: Framing, message: M, wire: &mut Vec<u8>) {
     let bytes = written(message.encoded_len(framing), |out| message.encode(framing, out)).unwrap();
     let (frame, used) = Frame::decode(&bytes, framing).unwrap().unwrap();
     assert_eq!((M::decode(frame.data(), framing), used), (Ok(message), bytes.len()));
@@ -151,8 +135,8 @@ fn round_trip<M: Message>(framing: Framing, message: M, wire: &mut Vec<u8>) {
         assert_eq!(Frame::decode(&bytes[..whole], framing), Ok(None), "{whole} bytes are no frame");
     }
     wire.extend(bytes.repeat(3));
-    let items = decode(framing, wire, 7, message);
-    assert!(items.len() == 3 && items.iter().all(|item| item.is_ok_and(|item| item.message == message)));
+    let items = codecs::items(&Sent { framing, good: message, is_canonical: |_, _| true }, wire, 7);
+    assert!(items.len() == 3 && items.iter().all(|(item, _)| item.is_ok_and(|item| item.message == message)));
 }
 
 /// Steps of what the caller does, a pause in milliseconds, a length, and so many bytes from the line.

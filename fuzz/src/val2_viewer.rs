@@ -3,37 +3,48 @@
 use core::time::Duration;
 
 use arbitrary::Unstructured;
-use val2_viewer::robot_session::{Decoder as _, Encode as _, Session as _};
+use val2_viewer::robot_session::{Encode as _, Session as _};
 use val2_viewer::{
-    DecodeError, Decoder, ENQ, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig,
-    WorkstationEvent,
+    Decoder, ENQ, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig, WorkstationEvent,
 };
 
-use crate::written;
+use crate::{codecs, written};
 
 const GOOD: PosePacket =
     PosePacket { count: 7, pose: [16384, 0, 0, 0, -16384, 0, 0, 0, -16384, 12800, -4816, 16] };
 
-/// A packet or an error, and the stream offset after it.
-type Item = (Result<PosePacket, DecodeError>, u64);
-
 /// The first byte is how long the reads are, the rest the stream.
 pub fn val2_viewer_decoder(data: &[u8]) {
     let Some((&size, stream)) = data.split_first() else { return };
-    let items = decode(stream, usize::from(size).max(1));
-    assert_eq!(items, decode(stream, usize::MAX), "how the stream is cut changes nothing");
-    let mut at = 0;
-    for (item, end) in items {
-        let bytes = &stream[at..usize::try_from(end).unwrap()];
-        assert!(!bytes.is_empty(), "the decoder stands still at byte {at}");
-        if let Ok(packet) = item {
-            assert_eq!(PosePacket::decode(bytes), Ok(Some((packet, bytes.len()))));
-            let encoded = written(packet.encoded_len(), |out| packet.encode(out));
-            assert_eq!(encoded.as_deref(), Ok(bytes), "an accepted packet encodes to its bytes");
-        }
-        at += bytes.len();
+    codecs::decoder(&Sent, stream, size);
+}
+
+/// What the host sends.
+pub(crate) struct Sent;
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    type Frame = PosePacket;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new()
     }
-    assert_eq!(at, stream.len(), "every byte is in one item");
+
+    fn keep(&self, packet: PosePacket) -> PosePacket {
+        packet
+    }
+
+    fn check(&self, packet: &PosePacket, _: &[u8], bytes: &[u8]) {
+        assert_eq!(PosePacket::decode(bytes), Ok(Some((*packet, bytes.len()))));
+        let encoded = written(packet.encoded_len(), |out| packet.encode(out));
+        assert_eq!(encoded.as_deref(), Ok(bytes), "an accepted packet encodes to its bytes");
+    }
+
+    fn good(&self, _: usize) -> (PosePacket, Vec<u8>) {
+        let mut bytes = vec![0; GOOD.encoded_len()];
+        GOOD.encode(&mut bytes).unwrap();
+        (GOOD, bytes)
+    }
 }
 
 /// A packet of any values: what is written is read back the same.
@@ -158,26 +169,4 @@ pub fn val2_viewer_workstation(mut data: &[u8]) {
         assert_eq!(workstation.poll_transmit(now, &mut out), None, "one request at a time");
         assert!(workstation.poll_timeout().is_none_or(|at| at > now));
     }
-}
-
-fn decode(stream: &[u8], size: usize) -> Vec<Item> {
-    fn drain(decoder: &mut Decoder, items: &mut Vec<Item>) {
-        while let Some(item) = decoder.next_frame() {
-            items.push((item, decoder.position()));
-        }
-    }
-    let (mut decoder, mut items) = (Decoder::new(), Vec::new());
-    for mut chunk in stream.chunks(size) {
-        while !chunk.is_empty() {
-            chunk = &chunk[decoder.push(chunk)..];
-            drain(&mut decoder, &mut items);
-        }
-    }
-    decoder.finish();
-    drain(&mut decoder, &mut items);
-    let mut line = vec![0; GOOD.encoded_len()];
-    GOOD.encode(&mut line).unwrap();
-    assert_eq!(decoder.push(&line), line.len());
-    assert_eq!(decoder.next_frame(), Some(Ok(GOOD)), "what comes after the end is read");
-    items
 }

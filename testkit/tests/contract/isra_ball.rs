@@ -1,13 +1,8 @@
 use core::time::Duration;
 
-use isra_ball::{BallConfig, Decoder, ENQ, HostConfig, Keys};
-use testkit::contract::{self, End};
+use isra_ball::{BallConfig, ENQ, HostConfig, Keys};
+use testkit::contract::End;
 use testkit::rng::Rng;
-
-pub fn decoder() {
-    // Values that look like a header take the next packet with them.
-    contract::decoder("isra-ball", Decoder::new, &super::frames("isra-ball", None), 1);
-}
 
 pub struct Host;
 

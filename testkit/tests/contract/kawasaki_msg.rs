@@ -1,16 +1,11 @@
 use core::time::Duration;
 
-use kawasaki_msg::{Charset, Decoder, JobKind, Line, PcConfig, Point, RobotConfig};
-use testkit::contract::{self, End};
+use kawasaki_msg::{JobKind, Line, PcConfig, Point, RobotConfig};
+use testkit::contract::End;
 use testkit::rng::Rng;
 
 const LINK: &str = "kawasaki-msg";
 const LINES: [Line; 3] = [Line { kind: JobKind::Draw, start: Point::new(0, 0), end: Point::new(2500, 0) }; 3];
-
-pub fn decoder() {
-    // Without its '>', a message ends where its length or the next '<' says.
-    contract::decoder(LINK, || Decoder::new(Charset::Ascii), &super::frames(LINK, None), 1);
-}
 
 pub struct Pc<const UDP: bool>;
 

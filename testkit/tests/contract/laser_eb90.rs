@@ -1,15 +1,10 @@
 use core::time::Duration;
 
-use laser_eb90::{ControllerConfig, Decoder, HostConfig, Instruction, Profile, Refusal};
-use testkit::contract::{self, End};
+use laser_eb90::{ControllerConfig, HostConfig, Instruction, Refusal};
+use testkit::contract::End;
 use testkit::rng::Rng;
 
 const LINK: &str = "laser-eb90";
-
-pub fn decoder() {
-    // A corrupt tail takes the next head with it: the frame ends where the next tail is.
-    contract::decoder(LINK, || Decoder::new(&Profile::default()), &super::frames(LINK, None), 1);
-}
 
 /// What the motion task takes: anything.
 #[derive(Debug)]

@@ -1,15 +1,10 @@
 use core::time::Duration;
 
-use mmacell_proto::{CentralConfig, Command, Decoder, DeviceConfig, Dialect, ErrorCode, Order, RobotPose};
-use testkit::contract::{self, End};
+use mmacell_proto::{CentralConfig, Command, DeviceConfig, ErrorCode, Order, RobotPose};
+use testkit::contract::End;
 use testkit::rng::Rng;
 
 const LINK: &str = "mmacell-proto";
-
-pub fn decoder() {
-    // A corrupt line end makes one line of two.
-    contract::decoder(LINK, || Decoder::new(Dialect::STRICT), &super::frames(LINK, None), 1);
-}
 
 pub struct Central;
 

@@ -1,18 +1,10 @@
 use core::time::Duration;
 
-use testkit::contract::{self, End};
+use testkit::contract::End;
 use testkit::rng::Rng;
-use val2_alter::{ControllerConfig, Decoder, Framing, HostConfig, HostMessage, Policy, RobotMessage};
+use val2_alter::{ControllerConfig, HostConfig, Policy};
 
 const LINK: &str = "val2-alter";
-
-pub fn decoder() {
-    // A corrupt end mark takes the next message with it, and its last DLE may belong to the start mark after that.
-    let framing = Framing::default();
-    let (robot, host) = (super::frames(LINK, Some("robot")), super::frames(LINK, Some("host")));
-    contract::decoder("val2-alter, from the robot", || Decoder::<RobotMessage>::new(framing), &robot, 2);
-    contract::decoder("val2-alter, from the host", || Decoder::<HostMessage>::new(framing), &host, 2);
-}
 
 pub struct Host;
 

@@ -1,12 +1,8 @@
 use core::time::Duration;
 
-use testkit::contract::{self, End};
+use testkit::contract::End;
 use testkit::rng::Rng;
-use val2_viewer::{Decoder, ENQ, HostConfig, WorkstationConfig};
-
-pub fn decoder() {
-    contract::decoder("val2-viewer", Decoder::new, &super::frames("val2-viewer", None), 1);
-}
+use val2_viewer::{ENQ, HostConfig, WorkstationConfig};
 
 pub struct Host;
 

@@ -121,6 +121,53 @@ fn a_frame_that_its_connection_cuts_hides_what_is_within_it() {
 }
 
 #[test]
+fn a_connection_that_ends_within_a_frame_says_so_and_a_reset_forgets_it() {
+    for cut in 1..READ.len() {
+        let error = DecodeError::Cut { expected: if cut < 6 { 7 } else { 12 }, found: cut };
+        assert_eq!(decode(Framing::Tcp, Side::Client, &READ[..cut]), [(Err(error), cut as u64)]);
+
+        let mut decoder = Decoder::new(Framing::Tcp, Side::Client);
+        push(&mut decoder, &READ[..cut]);
+        assert_eq!(decoder.next_frame(), None);
+        decoder.clear();
+        push(&mut decoder, &READ);
+        assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, &READ[7..]);
+    }
+}
+
+#[test]
+fn corruption_is_known_at_once() {
+    let mut decoder = Decoder::new(Framing::Tcp, Side::Server);
+    push(&mut decoder, &[0, 1, 0, 0, 0xFF, 0xFF]);
+    assert_eq!(decoder.next_frame(), None);
+    assert_eq!(decoder.corruption(), Some(DecodeError::MbapLength { found: 0xFFFF }));
+}
+
+#[test]
+fn two_silences_may_come_before_the_frames_are_drained() {
+    let mut decoder = Decoder::new(RTU, Side::Client);
+    push(&mut decoder, &[0x55]);
+    decoder.finish();
+    push(&mut decoder, &sealed(&[1, 65, 7]));
+    assert_eq!(decoder.pending(), 6);
+    decoder.finish();
+    assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Cut { expected: 4, found: 1 })));
+    assert_eq!(decoder.next_frame().unwrap().unwrap().pdu, [65, 7]);
+    assert_eq!(decoder.next_frame(), None);
+    assert_eq!(decoder.pending(), 0);
+}
+
+#[test]
+fn an_endless_stream_of_noise_is_tiled_by_errors() {
+    for (framing, byte) in [(Framing::Tcp, 0xFF), (RTU, 0x10)] {
+        let items = decode(framing, Side::Client, &[byte; 5000]);
+        assert!(items.iter().all(|(item, _)| item.is_err()));
+        assert!(items.len() < 30, "{items:?}");
+        assert_eq!(items.last().unwrap().1, 5000);
+    }
+}
+
+#[test]
 fn a_frame_that_a_silence_cuts_says_how_long_it_would_be() {
     use Side::{Client, Server};
     for (side, bytes, expected) in [

@@ -1,87 +1,107 @@
-//! The `tokio_util` codecs give the same items as the decoders, for any division of the stream into reads.
+//! What every decoder promises, whatever the bytes are, and that its `tokio_util` codec gives the same items.
 
 use core::fmt::Debug;
 
 use bytes::{Buf, BytesMut};
-use kawasaki_msg::{Charset, Message};
-use mmacell_proto::{Command, Dialect, Line, Reply, RobotPose};
 use robot_session::Decoder;
 use robot_session::tokio::Codec;
 use tokio_util::codec::Decoder as _;
-use val2_alter::{HostMessage, Received, RobotMessage};
 
-use crate::stream::items;
+use crate::{fanuc_hmi_modbus, isra_ball, kawasaki_msg, laser_eb90, mmacell_proto, val2_alter, val2_viewer};
+
+/// What one side of a link sends.
+pub(crate) trait Side {
+    /// Its decoder.
+    type Decoder: Decoder<Error: PartialEq> + 'static;
+
+    /// A frame that is kept.
+    type Frame: PartialEq + Debug;
+
+    /// A decoder without bytes.
+    fn decoder(&self) -> Self::Decoder;
+
+    /// A frame, kept.
+    fn keep(&self, frame: <Self::Decoder as Decoder>::Frame<'_>) -> Self::Frame;
+
+    /// Panics when an accepted frame is not what its bytes say, or, where one way of writing it is right, is written otherwise.
+    fn check(&self, frame: &Self::Frame, before: &[u8], bytes: &[u8]);
+
+    /// A frame, and its bytes at this place.
+    fn good(&self, at: usize) -> (Self::Frame, Vec<u8>);
+}
+
+/// A frame or an error.
+pub(crate) type Item<S> = Result<<S as Side>::Frame, <<S as Side>::Decoder as Decoder>::Error>;
+
+/// The body of a decoder's target: how the stream is cut changes nothing, every byte is in one item, and frames are what their
+/// bytes say.
+pub(crate) fn decoder<S: Side>(side: &S, stream: &[u8], size: u8) {
+    let found = items(side, stream, usize::from(size).max(1));
+    assert_eq!(found, items(side, stream, usize::MAX), "how the stream is cut changes nothing");
+    let mut at = 0;
+    for (item, end) in found {
+        assert!(end > at, "the decoder stands still at byte {at}");
+        if let Ok(frame) = item {
+            side.check(&frame, &stream[..at], &stream[at..end]);
+        }
+        at = end;
+    }
+    assert_eq!(at, stream.len(), "every byte is in one item");
+}
+
+/// The items of a stream that is read in pieces of this size, each with the place where it ends.
+pub(crate) fn items<S: Side>(side: &S, stream: &[u8], size: usize) -> Vec<(Item<S>, usize)> {
+    let (mut decoder, mut items) = (side.decoder(), Vec::new());
+    let drain = |decoder: &mut S::Decoder, items: &mut Vec<(Item<S>, usize)>| {
+        loop {
+            let Some(item) = decoder.next_frame() else { return };
+            let item = item.map(|frame| side.keep(frame));
+            items.push((item, decoder.position() as usize));
+        }
+    };
+    for mut piece in stream.chunks(size) {
+        while !piece.is_empty() {
+            let (taken, before) = (decoder.push(piece), decoder.position());
+            piece = &piece[taken..];
+            drain(&mut decoder, &mut items);
+            assert!(taken > 0 || decoder.position() > before, "a full decoder makes progress");
+        }
+    }
+    decoder.finish();
+    drain(&mut decoder, &mut items);
+    let (good, bytes) = side.good(stream.len());
+    assert_eq!(decoder.push(&bytes), bytes.len());
+    let next = decoder.next_frame().map(|item| item.map(|frame| side.keep(frame)));
+    assert_eq!(next, Some(Ok(good)), "what follows the end is read");
+    items
+}
 
 /// Three bytes select the link, its options, and the length of the reads; the rest is the stream.
 pub fn tokio_codecs(data: &[u8]) {
     let [link, options, size, stream @ ..] = data else { return };
-    let (second, third) = (options & 1 == 1, options & 2 != 0);
+    let (second, size) = (options & 1, usize::from(*size).max(1));
     match link % 7 {
-        0 => {
-            use fanuc_hmi_modbus::{Decoder, Frame, Framing, Side};
-            let framing = if second { Framing::Tcp } else { Framing::RTU_OVER_TCP };
-            let side = if third { Side::Client } else { Side::Server };
-            let own = |frame: Frame<&[u8]>| frame.to_buf().unwrap();
-            compare(|| Decoder::new(framing, side), own, stream, *size);
-        }
-        1 => {
-            use isra_ball::{Decoder, Frame};
-            compare(Decoder::new, |frame: Frame<'_>| frame.data().to_vec(), stream, *size);
-        }
-        2 => {
-            let charset = if second { Charset::Latin1 } else { Charset::Ascii };
-            let written = |message: Message<'_>| {
-                let mut out = vec![0; message.encoded_len()];
-                message.encode(charset, &mut out).unwrap();
-                out
-            };
-            compare(|| kawasaki_msg::Decoder::new(charset), written, stream, *size);
-        }
-        3 => {
-            use laser_eb90::{Decoder, Frame, Profile};
-            let own = |frame: Frame<'_>| frame.payload().to_vec();
-            compare(|| Decoder::new(&Profile::default()), own, stream, *size);
-        }
-        4 => {
-            let new = || mmacell_proto::Decoder::new(Dialect::STRICT);
-            if second {
-                let own = |line: Line<'_>| Command::<RobotPose>::decode(line, &Dialect::STRICT);
-                compare(new, own, stream, *size);
-            } else {
-                let own = |line: Line<'_>| Reply::<RobotPose>::decode(line, &Dialect::STRICT);
-                compare(new, own, stream, *size);
-            }
-        }
-        6 => compare(val2_viewer::Decoder::new, |packet| packet, stream, *size),
-        _ => {
-            use val2_alter::{Decoder, Framing};
-            if second {
-                let own = |received: Received<HostMessage>| received;
-                compare(|| Decoder::new(Framing::DEFAULT), own, stream, *size);
-            } else {
-                let own = |received: Received<RobotMessage>| received;
-                compare(|| Decoder::new(Framing::DEFAULT), own, stream, *size);
-            }
-        }
+        0 => framed(&fanuc_hmi_modbus::Sent::new(!options), stream, size),
+        1 => framed(&isra_ball::Sent, stream, size),
+        2 => framed(&kawasaki_msg::Sent::new(second << 7), stream, size),
+        3 => framed(&laser_eb90::Sent::new(0), stream, size),
+        4 => framed(&mmacell_proto::Lines::new(0, |_, _| {}), stream, size),
+        6 => framed(&val2_viewer::Sent, stream, size),
+        _ if second == 1 => framed(&val2_alter::Sent::host(0), stream, size),
+        _ => framed(&val2_alter::Sent::robot(0), stream, size),
     }
 }
 
-/// The items of a decoder, and of its codec called as by a framed transport.
-fn compare<D: Decoder<Error: PartialEq>, T: Debug + PartialEq>(
-    new: impl Fn() -> D,
-    own: impl Fn(D::Frame<'_>) -> T,
-    stream: &[u8],
-    size: u8,
-) {
-    let decoded: Vec<_> =
-        items(&mut new(), &own, stream, usize::MAX).into_iter().map(|(item, _)| item).collect();
-    let mut codec = Codec::new(new(), own);
-    let (mut buffer, mut read) = (BytesMut::new(), Vec::new());
-    for chunk in stream.chunks(usize::from(size).max(1)) {
-        buffer.extend_from_slice(chunk);
-        read.extend(core::iter::from_fn(|| codec.decode(&mut buffer).unwrap()));
+/// The items of a codec, called as by a framed transport, are those of the decoder.
+fn framed<S: Side>(side: &S, stream: &[u8], size: usize) {
+    let keep = |frame: <S::Decoder as Decoder>::Frame<'_>| side.keep(frame);
+    let (mut codec, mut buffer, mut found) = (Codec::new(side.decoder(), keep), BytesMut::new(), Vec::new());
+    for piece in stream.chunks(size) {
+        buffer.extend_from_slice(piece);
+        found.extend(core::iter::from_fn(|| codec.decode(&mut buffer).unwrap()));
         assert!(!buffer.has_remaining(), "the codec takes all bytes, and keeps those of an incomplete frame");
     }
-    read.extend(core::iter::from_fn(|| codec.decode_eof(&mut buffer).unwrap()));
-    assert_eq!(read, decoded);
+    found.extend(core::iter::from_fn(|| codec.decode_eof(&mut buffer).unwrap()));
+    let expected: Vec<_> = items(side, stream, usize::MAX).into_iter().map(|(item, _)| item).collect();
+    assert_eq!(found, expected);
 }

@@ -12,33 +12,60 @@ use fanuc_hmi_modbus::{
 };
 use robot_session::{Encode as _, Session};
 
-use crate::stream::{items_and_next, step, tile};
-use crate::written;
+use crate::{codecs, step, written};
 
 /// Two bytes choose which framing and side, and how long the reads are; the rest is the stream.
 pub fn fanuc_hmi_modbus_decoder(data: &[u8]) {
     let [settings, size, stream @ ..] = data else { return };
-    let framing = if settings & 1 == 0 { Framing::Tcp } else { Framing::RTU_OVER_TCP };
-    let side = if settings & 2 == 0 { Side::Client } else { Side::Server };
-    let (next, frame) = next(framing);
-    tile(
-        || Decoder::new(framing, side),
-        kept,
-        stream,
-        *size,
-        (&next, &frame),
-        |item, place| {
-            let (Ok(frame), bytes) = (item, &stream[place]) else { return };
-            let frame = frame.as_ref();
-            let (again, used) = match framing {
-                Framing::Tcp => Frame::decode_tcp(bytes).unwrap().unwrap(),
-                _ => (Frame::decode_rtu_whole(bytes).unwrap(), bytes.len()),
-            };
-            assert_eq!((again, used), (frame, bytes.len()));
-            assert_eq!(encoded(&frame), bytes, "an accepted frame encodes to its bytes");
-            messages(frame.pdu);
-        },
-    );
+    codecs::decoder(&Sent::new(*settings), stream, *size);
+}
+
+/// What one side sends in one framing.
+pub(crate) struct Sent {
+    framing: Framing,
+    side: Side,
+}
+
+impl Sent {
+    pub(crate) fn new(settings: u8) -> Self {
+        Self {
+            framing: if settings & 1 == 0 { Framing::Tcp } else { Framing::RTU_OVER_TCP },
+            side: if settings & 2 == 0 { Side::Client } else { Side::Server },
+        }
+    }
+}
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    type Frame = Frame<PduBuf>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new(self.framing, self.side)
+    }
+
+    fn keep(&self, frame: Frame<&[u8]>) -> Frame<PduBuf> {
+        frame.to_buf().unwrap()
+    }
+
+    fn check(&self, kept: &Frame<PduBuf>, _: &[u8], bytes: &[u8]) {
+        let frame = match self.framing {
+            Framing::Tcp => {
+                let (frame, used) = Frame::decode_tcp(bytes).unwrap().unwrap();
+                assert_eq!(used, bytes.len());
+                frame
+            }
+            _ => Frame::decode_rtu_whole(bytes).unwrap(),
+        };
+        assert_eq!(frame.to_buf().unwrap(), *kept);
+        assert_eq!(encoded(&frame), bytes, "an accepted frame encodes to its bytes");
+        messages(frame.pdu);
+    }
+
+    fn good(&self, _: usize) -> (Frame<PduBuf>, Vec<u8>) {
+        let transaction = matches!(self.framing, Framing::Tcp).then_some(1);
+        let good = Frame { transaction, unit: 1, pdu: &[6, 0, 1, 2, 3][..] };
+        (good.to_buf().unwrap(), encoded(&good))
+    }
 }
 
 /// What a PDU holds encodes to its bytes again, but for the unused bits of a request; a server answers it with a reply that a
@@ -125,9 +152,8 @@ fn framed(pdu: &[u8], side: Side, transaction: u16) {
         let frame = Frame { transaction, unit, pdu };
         let bytes = encoded(&frame);
         let framing = if transaction.is_some() { Framing::Tcp } else { Framing::RTU_OVER_TCP };
-        let (next, after) = next(framing);
-        let items = items_and_next(Decoder::new(framing, side), kept, &bytes, 5, (&next, &after));
-        assert_eq!(items, [(Ok(kept(frame)), bytes.len() as u64)]);
+        let kept = frame.to_buf().unwrap();
+        assert_eq!(codecs::items(&Sent { framing, side }, &bytes, 5), [(Ok(kept), bytes.len())]);
         for cut in 0..bytes.len() {
             let part = match framing {
                 Framing::Tcp => Frame::decode_tcp(&bytes[..cut]),
@@ -313,17 +339,6 @@ fn encoded(frame: &Frame<&[u8]>) -> Vec<u8> {
     assert_eq!(len, frame.encoded_len());
     assert_eq!(PduBuf::new(&frame.pdu).unwrap().as_bytes(), frame.pdu);
     out[..len].to_vec()
-}
-
-fn kept(frame: Frame<&[u8]>) -> Frame<PduBuf> {
-    frame.to_buf().unwrap()
-}
-
-/// A frame as its bytes and as it is read.
-fn next(framing: Framing) -> (Vec<u8>, Frame<PduBuf>) {
-    let transaction = matches!(framing, Framing::Tcp).then_some(1);
-    let frame = Frame { transaction, unit: 1, pdu: &[6, 0, 1, 2, 3][..] };
-    (encoded(&frame), kept(frame))
 }
 
 /// Blocks of telemetry, 37 registers each, and speeds for DPM: whatever the registers hold, orientations are unit

@@ -8,8 +8,7 @@ use isra_ball::{
     Ball, BallConfig, BallEvent, Decoder, Frame, Host, HostConfig, HostEvent, Keys, Packet, Status, timing,
 };
 
-use crate::stream::{step, tile};
-use crate::written;
+use crate::{codecs, step, written};
 
 const GOOD: Packet = Packet {
     sensor_type: 1,
@@ -23,24 +22,37 @@ const GOOD: Packet = Packet {
 /// The first byte is how long the reads are, the rest the stream.
 pub fn isra_ball_decoder(data: &[u8]) {
     let Some((&size, stream)) = data.split_first() else { return };
-    let next = GOOD.to_bytes().unwrap();
-    let data = Frame::decode(&next).unwrap().unwrap().0.data().to_vec();
-    tile(
-        Decoder::new,
-        |frame| frame.data().to_vec(),
-        stream,
-        size,
-        (&next, &data),
-        |item, place| {
-            let (Ok(data), bytes) = (item, &stream[place]) else { return };
-            let frame = Frame::new(&data).unwrap();
-            assert_eq!(Frame::decode(bytes), Ok(Some((frame, bytes.len()))));
-            assert_eq!(frame.encoded_len(), bytes.len());
-            if let Ok(packet) = frame.packet() {
-                assert_eq!(packet.to_bytes().unwrap(), bytes, "an accepted packet encodes to its bytes");
-            }
-        },
-    );
+    codecs::decoder(&Sent, stream, size);
+}
+
+/// What the ball sends.
+pub(crate) struct Sent;
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    type Frame = Vec<u8>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new()
+    }
+
+    fn keep(&self, frame: Frame<'_>) -> Vec<u8> {
+        frame.data().to_vec()
+    }
+
+    fn check(&self, data: &Vec<u8>, _: &[u8], bytes: &[u8]) {
+        let frame = Frame::new(data).unwrap();
+        assert_eq!(Frame::decode(bytes), Ok(Some((frame, bytes.len()))));
+        assert_eq!(frame.encoded_len(), bytes.len());
+        if let Ok(packet) = frame.packet() {
+            assert_eq!(packet.to_bytes().unwrap(), bytes, "an accepted packet encodes to its bytes");
+        }
+    }
+
+    fn good(&self, _: usize) -> (Vec<u8>, Vec<u8>) {
+        let bytes = GOOD.to_bytes().unwrap();
+        (Frame::decode(&bytes).unwrap().unwrap().0.data().to_vec(), bytes.to_vec())
+    }
 }
 
 /// A packet of any values: what can be written is read back the same.

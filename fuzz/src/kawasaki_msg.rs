@@ -11,48 +11,63 @@ use kawasaki_msg::{
 };
 use robot_work_queue::Reader;
 
-use crate::stream::{step, tile};
-use crate::written;
+use crate::{codecs, step, written};
 
 /// The first byte is how long the reads are and which character set it is, the rest the stream.
 pub fn kawasaki_msg_decoder(data: &[u8]) {
     let Some((&first, stream)) = data.split_first() else { return };
-    let charset = if first & 0x80 == 0 { Charset::Ascii } else { Charset::Latin1 };
-    let own = |message: Message<'_>| {
+    codecs::decoder(&Sent::new(first), stream, first & 0x7F);
+}
+
+/// What both sides send, in one character set.
+pub(crate) struct Sent {
+    charset: Charset,
+}
+
+impl Sent {
+    pub(crate) fn new(settings: u8) -> Self {
+        Self { charset: if settings & 0x80 == 0 { Charset::Ascii } else { Charset::Latin1 } }
+    }
+}
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    /// Its bytes, as they are written.
+    type Frame = Vec<u8>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new(self.charset)
+    }
+
+    fn keep(&self, message: Message<'_>) -> Vec<u8> {
         let mut written = vec![0; message.encoded_len()];
-        assert_eq!(message.encode(charset, &mut written), Ok(written.len()));
+        assert_eq!(message.encode(self.charset, &mut written), Ok(written.len()));
         written
-    };
-    let next = b"<TilausAlkaa$4#50$1#>";
-    tile(
-        || Decoder::new(charset),
-        own,
-        stream,
-        first & 0x7F,
-        (next, &next.to_vec()),
-        |item, place| {
-            let (Ok(written), bytes) = (item, &stream[place]) else { return };
-            let (message, used) = Message::decode(bytes, charset).unwrap().unwrap();
-            assert_eq!(used, bytes.len());
-            let (again, _) = Message::decode(&written, charset).unwrap().unwrap();
-            assert_eq!(again, message, "what is written is what was read");
-            match written.len() < bytes.len() {
-                true => {
-                    assert_eq!(written, plain_length(bytes), "only what is around the length is left out")
-                }
-                false => assert_eq!(written, bytes, "an accepted message encodes to its bytes"),
-            }
-            if let Ok((role, params)) = Dialect::DEFAULT.read(&message)
-                && role != Role::Job
-            {
-                let mut out = [0; 256];
-                let n =
-                    Dialect::DEFAULT.write(role, &params, |m| m.encode(Charset::Ascii, &mut out)).unwrap();
-                let (again, _) = Message::decode(&out[..n], Charset::Ascii).unwrap().unwrap();
-                assert_eq!(Dialect::DEFAULT.read(&again), Ok((role, params)));
-            }
-        },
-    );
+    }
+
+    fn check(&self, written: &Vec<u8>, _: &[u8], bytes: &[u8]) {
+        let (message, used) = Message::decode(bytes, self.charset).unwrap().unwrap();
+        assert_eq!(used, bytes.len());
+        let (again, _) = Message::decode(written, self.charset).unwrap().unwrap();
+        assert_eq!(again, message, "what is written is what was read");
+        match written.len() < bytes.len() {
+            true => assert_eq!(*written, plain_length(bytes), "only what is around the length is left out"),
+            false => assert_eq!(written, bytes, "an accepted message encodes to its bytes"),
+        }
+        if let Ok((role, params)) = Dialect::DEFAULT.read(&message)
+            && role != Role::Job
+        {
+            let mut out = [0; 256];
+            let n = Dialect::DEFAULT.write(role, &params, |m| m.encode(Charset::Ascii, &mut out)).unwrap();
+            let (again, _) = Message::decode(&out[..n], Charset::Ascii).unwrap().unwrap();
+            assert_eq!(Dialect::DEFAULT.read(&again), Ok((role, params)));
+        }
+    }
+
+    fn good(&self, _: usize) -> (Vec<u8>, Vec<u8>) {
+        let good = b"<TilausAlkaa$4#50$1#>".to_vec();
+        (good.clone(), good)
+    }
 }
 
 /// The message with its length as we write it.

@@ -10,40 +10,57 @@ use laser_eb90::{
     SessionError, Tags, Tail, Width,
 };
 
-use crate::stream::{step, tile};
-use crate::written;
+use crate::{codecs, step, written};
 
 /// Two bytes say how the frames are written and how long the reads are, the rest is the stream.
 pub fn laser_eb90_decoder(data: &[u8]) {
     let [settings, size, stream @ ..] = data else { return };
-    let profile = profile(*settings);
-    let (mut buffer, mut next) = ([0; 8], [0; 16]);
-    let mut word = Payload::new(&mut buffer, &profile);
-    let length = word.word(0x9010).unwrap().frame().unwrap().encode(&mut next).unwrap();
-    let own = |frame: Frame<'_>| {
+    codecs::decoder(&Sent::new(*settings), stream, *size);
+}
+
+/// What both sides send, in one profile.
+pub(crate) struct Sent {
+    profile: Profile,
+}
+
+impl Sent {
+    pub(crate) fn new(settings: u8) -> Self {
+        Self { profile: profile(settings) }
+    }
+}
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    /// Its payload.
+    type Frame = Vec<u8>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new(&self.profile)
+    }
+
+    fn keep(&self, frame: Frame<'_>) -> Vec<u8> {
         assert_eq!(frame.items().check(), Ok(()), "the decoder has read the items over");
         frame.payload().to_vec()
-    };
-    let next = (&next[..length], &word.as_bytes().to_vec());
-    tile(
-        || Decoder::new(&profile),
-        own,
-        stream,
-        *size,
-        next,
-        |item, place| {
-            let (Ok(payload), bytes) = (item, &stream[place]) else { return };
-            let mut buffer = [0; MAX_PAYLOAD];
-            let (frame, used) = Frame::decode(bytes, &mut buffer, &profile).unwrap().unwrap();
-            assert_eq!((frame.payload(), used), (&payload[..], bytes.len()));
-            let mut again = vec![0; frame.encoded_len()];
-            assert_eq!(frame.encode(&mut again), Ok(bytes.len()));
-            if profile.tail != Tail::Either {
-                assert_eq!(again, bytes, "an accepted frame encodes to its bytes");
-            }
-            cut(&frame);
-        },
-    );
+    }
+
+    fn check(&self, payload: &Vec<u8>, _: &[u8], bytes: &[u8]) {
+        let mut buffer = [0; MAX_PAYLOAD];
+        let (frame, used) = Frame::decode(bytes, &mut buffer, &self.profile).unwrap().unwrap();
+        assert_eq!((frame.payload(), used), (&payload[..], bytes.len()));
+        let mut again = vec![0; frame.encoded_len()];
+        assert_eq!(frame.encode(&mut again), Ok(bytes.len()));
+        if self.profile.tail != Tail::Either {
+            assert_eq!(again, bytes, "an accepted frame encodes to its bytes");
+        }
+        cut(&frame);
+    }
+
+    fn good(&self, _: usize) -> (Vec<u8>, Vec<u8>) {
+        let (mut buffer, mut out) = ([0; 8], [0; 16]);
+        let mut payload = Payload::new(&mut buffer, &self.profile);
+        let length = payload.word(0x9010).unwrap().frame().unwrap().encode(&mut out).unwrap();
+        (payload.as_bytes().to_vec(), out[..length].to_vec())
+    }
 }
 
 /// The instructions of a batch are its payload, cut in pieces that each begin with a word.

@@ -11,7 +11,6 @@ mod kawasaki_msg;
 mod kawasaki_work;
 mod laser_eb90;
 mod mmacell_proto;
-mod stream;
 mod val2_alter;
 mod val2_viewer;
 
@@ -65,6 +64,14 @@ fn written<E>(len: usize, encode: impl Fn(&mut [u8]) -> Result<usize, E>) -> Res
     let filled = encode(&mut out)?;
     assert_eq!(filled, len, "the encoded length is wrong");
     Ok(out)
+}
+
+/// The next step of a script: `N` bytes, of which the last says how many more there are, and these.
+fn step<'a, const N: usize>(script: &mut &'a [u8]) -> Option<([u8; N], &'a [u8])> {
+    let (step, rest) = script.split_first_chunk::<N>()?;
+    let bytes;
+    (bytes, *script) = rest.split_at(usize::from(step[N - 1]).min(rest.len()));
+    Some((*step, bytes))
 }
 
 #[cfg(test)]

@@ -11,8 +11,7 @@ use mmacell_proto::{
 };
 use mmacell_task::{self as task, Event, Failure, Output, Step, Task, TaskConfig};
 
-use crate::stream::{step, tile};
-use crate::written;
+use crate::{codecs, step, written};
 
 /// The first byte is how long the reads are, the second the dialect, the rest the stream.
 pub fn mmacell_proto_command(data: &[u8]) {
@@ -305,24 +304,46 @@ pub fn mmacell_task(data: &[u8]) {
     }
 }
 
-/// Every line of a stream in its dialect, however it is cut; the items tile the stream.
+/// Every line of a stream in its dialect.
 fn messages(data: &[u8], check: impl Fn(Line<'_>, &Dialect)) {
     let [size, bits, stream @ ..] = data else { return };
-    let dialect = any_dialect(*bits);
-    let next = (&b"STA\r\n"[..], &b"STA".to_vec());
-    tile(
-        || Decoder::new(dialect),
-        |line| line.content().to_vec(),
-        stream,
-        *size,
-        next,
-        |item, place| {
-            let (Ok(content), bytes) = (item, &stream[place]) else { return };
-            let line = Line::new(&content);
-            assert_eq!(Line::decode(bytes, &dialect), Ok(Some((line, bytes.len()))));
-            check(line, &dialect);
-        },
-    );
+    codecs::decoder(&Lines::new(*bits, check), stream, *size);
+}
+
+/// Lines in one dialect; `check` is of their messages.
+pub(crate) struct Lines<F> {
+    dialect: Dialect,
+    check: F,
+}
+
+impl<F: Fn(Line<'_>, &Dialect)> Lines<F> {
+    pub(crate) fn new(bits: u8, check: F) -> Self {
+        Self { dialect: any_dialect(bits), check }
+    }
+}
+
+impl<F: Fn(Line<'_>, &Dialect)> codecs::Side for Lines<F> {
+    type Decoder = Decoder;
+    /// Its content.
+    type Frame = Vec<u8>;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new(self.dialect)
+    }
+
+    fn keep(&self, line: Line<'_>) -> Vec<u8> {
+        line.content().to_vec()
+    }
+
+    fn check(&self, content: &Vec<u8>, _: &[u8], bytes: &[u8]) {
+        let line = Line::new(content);
+        assert_eq!(Line::decode(bytes, &self.dialect), Ok(Some((line, bytes.len()))));
+        (self.check)(line, &self.dialect);
+    }
+
+    fn good(&self, _: usize) -> (Vec<u8>, Vec<u8>) {
+        (b"STA".to_vec(), b"STA\r\n".to_vec())
+    }
 }
 
 /// What is accepted strictly encodes to its bytes, but for a zero with a minus.

@@ -10,23 +10,73 @@ use val2_alter::{
     Received, Reply, RobotMessage, SegmentStatus, Start, StartCode, Transform,
 };
 
-use crate::stream::{items_and_next, step, tile};
-use crate::written;
+use crate::{codecs, step, written};
 
 /// The first byte is the side and the framing, the second how long the reads are, the rest the stream.
 pub fn val2_alter_decoder(data: &[u8]) {
     let [options, size, stream @ ..] = data else { return };
-    let framing = framing(*options);
-    if options & 16 == 0 {
-        let end = RobotMessage::End(End { error: ErrorCode::Timeout });
-        check(framing, stream, *size, end, |message| match message {
+    match options & 16 {
+        0 => codecs::decoder(&Sent::robot(*options), stream, *size),
+        _ => codecs::decoder(&Sent::host(*options), stream, *size),
+    }
+}
+
+/// What one side sends.
+pub(crate) struct Sent<M> {
+    framing: Framing,
+    good: M,
+    /// Whether a message is written in one way.
+    is_canonical: fn(&M, Framing) -> bool,
+}
+
+impl Sent<RobotMessage> {
+    pub(crate) fn robot(options: u8) -> Self {
+        let good = RobotMessage::End(End { error: ErrorCode::Timeout });
+        let is_canonical = |message: &RobotMessage, _| match message {
             RobotMessage::Start(Start { marked, .. }) => *marked,
             RobotMessage::Motion(_) => true,
             RobotMessage::End(_) => false, // the source does not say what may follow the control byte
-        });
-    } else {
-        let reply = HostMessage::Reply(Reply::all([1, -2, 3, -4, 0x1010, 0x0210]));
-        check(framing, stream, *size, reply, |_| !framing.ignore_spare_select);
+        };
+        Self { framing: framing(options), good, is_canonical }
+    }
+}
+
+impl Sent<HostMessage> {
+    pub(crate) fn host(options: u8) -> Self {
+        let good = HostMessage::Reply(Reply::all([1, -2, 3, -4, 0x1010, 0x0210]));
+        Self { framing: framing(options), good, is_canonical: |_, framing| !framing.ignore_spare_select }
+    }
+}
+
+impl<M: Message + 'static> codecs::Side for Sent<M> {
+    type Decoder = Decoder<M>;
+    type Frame = Received<M>;
+
+    fn decoder(&self) -> Decoder<M> {
+        Decoder::new(self.framing)
+    }
+
+    fn keep(&self, received: Received<M>) -> Received<M> {
+        received
+    }
+
+    fn check(&self, received: &Received<M>, before: &[u8], bytes: &[u8]) {
+        let Received { offset, length, message } = received;
+        assert_eq!((*offset, *length), (before.len(), bytes.len()));
+        let mut out = [0; Frame::MAX_LEN];
+        let written = message.encode(self.framing, &mut out).unwrap();
+        assert_eq!(written, message.encoded_len(self.framing));
+        if (self.is_canonical)(message, self.framing) {
+            // But for DLEs before the start mark, and a first one that was the checksum of the frame before.
+            let backwards = bytes.iter().rev().chain(before.iter().rev()).take(written);
+            assert!(backwards.eq(out[..written].iter().rev()), "an accepted frame encodes to its bytes");
+        }
+    }
+
+    fn good(&self, offset: usize) -> (Received<M>, Vec<u8>) {
+        let mut out = [0; Frame::MAX_LEN];
+        let length = self.good.encode(self.framing, &mut out).unwrap();
+        (Received { offset, length, message: self.good }, out[..length].to_vec())
     }
 }
 
@@ -37,52 +87,6 @@ fn framing(options: u8) -> Framing {
         stuffed_checksum: options & 4 != 0,
         ignore_spare_select: options & 8 != 0,
     }
-}
-
-/// `canonical` messages are written in one way. `good` comes after the line has been silent.
-fn check<M: Message + 'static>(
-    framing: Framing,
-    stream: &[u8],
-    size: u8,
-    good: M,
-    canonical: impl Fn(&M) -> bool,
-) {
-    let (next, after) = next(framing, stream.len(), good);
-    tile(
-        || Decoder::new(framing),
-        |received| received,
-        stream,
-        size,
-        (&next, &after),
-        |item, place| {
-            let message = match item {
-                Ok(Received { offset, length, message }) => {
-                    assert_eq!(offset..offset + length, place);
-                    message
-                }
-                Err(error) => {
-                    return assert!(error.offset() <= stream.len(), "an error is inside the stream");
-                }
-            };
-            let mut out = [0; Frame::MAX_LEN];
-            let written = message.encode(framing, &mut out).unwrap();
-            assert_eq!(written, message.encoded_len(framing));
-            if canonical(&message) {
-                // But for DLEs before the start mark, and a first one that was the checksum of the frame before.
-                assert!(
-                    stream[..place.end].ends_with(&out[..written]),
-                    "an accepted frame encodes to its bytes"
-                );
-            }
-        },
-    );
-}
-
-/// A message as its bytes, and as it is read behind a stream.
-fn next<M: Message>(framing: Framing, offset: usize, message: M) -> (Vec<u8>, Received<M>) {
-    let bytes = written(message.encoded_len(framing), |out| message.encode(framing, out)).unwrap();
-    let length = bytes.len();
-    (bytes, Received { offset, length, message })
 }
 
 /// Messages of any values in any framing: what is written is read back the same, alone and one behind the other.
@@ -131,8 +135,7 @@ fn round_trip<M: Message + 'static>(framing: Framing, message: M, wire: &mut Vec
         assert_eq!(Frame::decode(&bytes[..whole], framing), Ok(None), "{whole} bytes are no frame");
     }
     wire.extend(bytes.repeat(3));
-    let (next, after) = next(framing, wire.len(), message);
-    let items = items_and_next(Decoder::new(framing), |received| received, wire, 7, (&next, &after));
+    let items = codecs::items(&Sent { framing, good: message, is_canonical: |_, _| true }, wire, 7);
     assert!(items.len() == 3 && items.iter().all(|(item, _)| item.is_ok_and(|item| item.message == message)));
 }
 

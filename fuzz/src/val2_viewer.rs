@@ -8,8 +8,7 @@ use val2_viewer::{
     Decoder, ENQ, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig, WorkstationEvent,
 };
 
-use crate::stream::{step, tile};
-use crate::written;
+use crate::{codecs, step, written};
 
 const GOOD: PosePacket =
     PosePacket { count: 7, pose: [16384, 0, 0, 0, -16384, 0, 0, 0, -16384, 12800, -4816, 16] };
@@ -17,20 +16,35 @@ const GOOD: PosePacket =
 /// The first byte is how long the reads are, the rest the stream.
 pub fn val2_viewer_decoder(data: &[u8]) {
     let Some((&size, stream)) = data.split_first() else { return };
-    let next = written(GOOD.encoded_len(), |out| GOOD.encode(out)).unwrap();
-    tile(
-        Decoder::new,
-        |packet| packet,
-        stream,
-        size,
-        (&next, &GOOD),
-        |item, place| {
-            let (Ok(packet), bytes) = (item, &stream[place]) else { return };
-            assert_eq!(PosePacket::decode(bytes), Ok(Some((packet, bytes.len()))));
-            let encoded = written(packet.encoded_len(), |out| packet.encode(out));
-            assert_eq!(encoded.as_deref(), Ok(bytes), "an accepted packet encodes to its bytes");
-        },
-    );
+    codecs::decoder(&Sent, stream, size);
+}
+
+/// What the host sends.
+pub(crate) struct Sent;
+
+impl codecs::Side for Sent {
+    type Decoder = Decoder;
+    type Frame = PosePacket;
+
+    fn decoder(&self) -> Decoder {
+        Decoder::new()
+    }
+
+    fn keep(&self, packet: PosePacket) -> PosePacket {
+        packet
+    }
+
+    fn check(&self, packet: &PosePacket, _: &[u8], bytes: &[u8]) {
+        assert_eq!(PosePacket::decode(bytes), Ok(Some((*packet, bytes.len()))));
+        let encoded = written(packet.encoded_len(), |out| packet.encode(out));
+        assert_eq!(encoded.as_deref(), Ok(bytes), "an accepted packet encodes to its bytes");
+    }
+
+    fn good(&self, _: usize) -> (PosePacket, Vec<u8>) {
+        let mut bytes = vec![0; GOOD.encoded_len()];
+        GOOD.encode(&mut bytes).unwrap();
+        (GOOD, bytes)
+    }
 }
 
 /// A packet of any values: what is written is read back the same.

@@ -47,7 +47,9 @@ fn an_identity_of_more_than_three_bits_is_refused() {
 fn a_packet_of_one_byte_is_found_after_noise() {
     // A length of 1 has a header whose bits the XOR turns off as well as on.
     let packet = [0x01, 0xFF, 0x54, 0xAA, 0x55];
-    assert_eq!(Frame::decode(&packet).unwrap().unwrap(), (Frame::new(&[0xAA]).unwrap(), 5));
+    let frame = Frame::new(&[0xAA]).unwrap();
+    assert_eq!((Frame::decode(&packet), frame.encoded_len()), (Ok(Some((frame, 5))), 5));
+    assert_eq!(frame.encode(&mut [0; 300]), Err(EncodeError::Layout { expected: 8, found: 1 }));
     let wrong = DecodeError::Header { offset: 2, expected: 0x54, found: 0x55 };
     assert_eq!(Frame::decode(&[0x01, 0xFF, 0x55]), Err(wrong));
     let mut decoder = Decoder::default();

@@ -56,6 +56,11 @@ fn json_that_is_no_message_says_what_it_should_be() {
         let error = read(json).unwrap_err();
         assert!(error.starts_with(expected), "{json}: {error}");
     }
+    let mut buffer = [0; 64];
+    let mut payload = Payload::new(&mut buffer, &Profile::default());
+    let error = payload.deserialize(serde_json::json!({"items": [{"f32": vec![0; 16]}]})).unwrap_err();
+    assert_eq!(error.to_string(), "66 bytes do not fit into 64");
+    assert!(payload.as_bytes().is_empty());
 }
 
 #[test]
@@ -152,6 +157,29 @@ fn bytes_that_begin_with_no_head_are_an_error_of_the_frame_itself() {
     let decode = |bytes: &[u8]| Frame::decode(bytes, &mut [0; 8], &Profile::default()).map(drop);
     assert_eq!(decode(&[0xEB, 0x91, 0x82]), Err(DecodeError::NoHead { skipped: 3 }));
     assert_eq!(decode(&[0xEB, 0x90]), Ok(()));
+    // The checksum is right: a false head can be followed by that too.
+    let no_tag = [0xEB, 0x90, 0x82, 0xF0, 0x55, 0x01, 0x90, 0x82, 0x56];
+    assert_eq!(decode(&no_tag), Err(DecodeError::Tag { offset: 0, found: 0x55 }));
+}
+
+#[test]
+fn a_frame_decodes_without_a_decoder() {
+    let mut buffer = [0; 7];
+    let mut payload = Payload::new(&mut buffer, &Profile::default());
+    let frame = payload.char(b"HELLO").unwrap().frame().unwrap();
+    let mut bytes = vec![0; frame.encoded_len()];
+    assert_eq!(frame.encode(&mut bytes), Ok(bytes.len()));
+    let mut appended = Vec::new();
+    frame.append_to(&mut appended);
+    assert_eq!(appended, bytes);
+    let mut payload = [0; 7];
+    for cut in 0..bytes.len() {
+        assert_eq!(Frame::decode(&bytes[..cut], &mut payload, &Profile::default()), Ok(None));
+    }
+    let (frame, used) = Frame::decode(&bytes, &mut payload, &Profile::default()).unwrap().unwrap();
+    assert_eq!((frame.payload(), used), (&b"\xF3\x05HELLO"[..], bytes.len()));
+    let error = Frame::decode(&bytes, &mut [0; 6], &Profile::default()).unwrap_err();
+    assert_eq!(error.to_string(), "the payload is longer than 6 bytes (at byte 10)");
 }
 
 #[test]

@@ -5,7 +5,8 @@ use std::io::{self, Write};
 use anyhow::Result;
 use robot_session::Decoder;
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 
 use crate::json;
 
@@ -17,17 +18,51 @@ pub trait Codec {
     /// Writes the next message object, or error object; `None` when more bytes are needed.
     fn next(&mut self, json: &mut Vec<u8>) -> Option<Kind>;
 
-    /// The stream has ended: an incomplete frame becomes an error of `next`, or its bytes remain after the last position.
+    /// The stream has ended: an incomplete frame becomes an error of `next`.
     fn finish(&mut self);
 
     /// The stream offset of the first byte after what `next` returned last.
     fn position(&self) -> u64;
 
+    /// Discards the bytes that are held; they count in [`position`](Self::position).
+    fn clear(&mut self);
+
     /// The bytes of one message object.
     ///
     /// # Errors
-    /// When the object is not a message of this link, or a value cannot be encoded.
-    fn encode(&self, message: Value) -> Result<Vec<u8>>;
+    /// When the object is no message of this link, or a value cannot be encoded.
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
+}
+
+/// Why an object has no bytes.
+#[derive(Debug, thiserror::Error)]
+pub enum EncodeError {
+    /// It is no message of this link.
+    #[error(transparent)]
+    Message(#[from] anyhow::Error),
+    /// The link's encoder refuses it.
+    #[error("{text}")]
+    Refused {
+        /// The encoder's error as text.
+        text: String,
+        /// The encoder's error as an object.
+        json: String,
+    },
+}
+
+impl EncodeError {
+    /// The error object: `{"kind":"message"}`, or the encoder's.
+    pub fn json(&self) -> &str {
+        match self {
+            Self::Message(_) => r#"{"kind":"message"}"#,
+            Self::Refused { json, .. } => json,
+        }
+    }
+
+    /// The error of a link's encoder.
+    pub fn refused(error: impl core::error::Error + Serialize) -> Self {
+        Self::Refused { text: error.to_string(), json: object(&error) }
+    }
 }
 
 /// What an object is.
@@ -50,8 +85,29 @@ pub trait Messages {
     /// The bytes of one message object.
     ///
     /// # Errors
-    /// When the object is not a message of this link, or a value cannot be encoded.
-    fn encode(&self, message: Value) -> Result<Vec<u8>>;
+    /// When the object is no message of this link, or a value cannot be encoded.
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError>;
+}
+
+/// A message of its object.
+///
+/// # Errors
+/// When the object is none.
+pub fn read<M: DeserializeOwned>(message: Value) -> Result<M, EncodeError> {
+    Ok(serde_json::from_value(message).map_err(anyhow::Error::new)?)
+}
+
+/// The bytes that an encoder writes.
+///
+/// # Errors
+/// Those of the encoder.
+pub fn bytes<E: core::error::Error + Serialize>(
+    length: usize,
+    encode: impl FnOnce(&mut [u8]) -> Result<usize, E>,
+) -> Result<Vec<u8>, EncodeError> {
+    let mut bytes = vec![0; length];
+    encode(&mut bytes).map_err(EncodeError::refused)?;
+    Ok(bytes)
 }
 
 /// Writes a message object.
@@ -103,7 +159,11 @@ where
         self.decoder.position()
     }
 
-    fn encode(&self, message: Value) -> Result<Vec<u8>> {
+    fn clear(&mut self) {
+        self.decoder.clear();
+    }
+
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         self.messages.encode(message)
     }
 }
@@ -138,15 +198,53 @@ impl Item<'_> {
         out.write_all(self.json)?;
         out.write_all(b"}\n")
     }
+}
 
+/// An item that is kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Found {
+    /// The first byte, from the start of the stream.
+    pub offset: u64,
+    /// The number of bytes.
+    pub length: u64,
+    /// The object of a message, or of an error, as JSON.
+    pub content: Result<String, String>,
+    /// It is given only because the stream ends.
+    pub at_end: bool,
+}
+
+impl Found {
     /// The object as a value: of a message, or of an error.
     ///
     /// # Errors
     /// None: it is an object.
-    pub fn content(&self) -> serde_json::Result<Result<Value, Value>> {
-        let value = serde_json::from_slice(self.json)?;
-        Ok(if self.kind == Kind::Message { Ok(value) } else { Err(value) })
+    pub fn value(&self) -> serde_json::Result<Result<Value, Value>> {
+        Ok(match &self.content {
+            Ok(message) => Ok(serde_json::from_str(message)?),
+            Err(error) => Err(serde_json::from_str(error)?),
+        })
     }
+}
+
+/// Everything that a codec makes of a stream that arrives in these pieces; after each part comes an end.
+///
+/// # Errors
+/// When the decoder makes no progress, or the items do not cover every byte.
+pub fn items(codec: Box<dyn Codec>, parts: &[Vec<&[u8]>]) -> Result<Vec<Found>> {
+    let (mut stream, mut items) = (Stream::new(codec), Vec::new());
+    for part in parts {
+        let mut keep = |item: Item<'_>, at_end| {
+            let json = String::from_utf8(item.json.to_vec())?;
+            let content = if item.kind == Kind::Message { Ok(json) } else { Err(json) };
+            items.push(Found { offset: item.offset, length: item.length, content, at_end });
+            Ok(())
+        };
+        for piece in part {
+            stream.push(piece, |item| keep(item, false))?;
+        }
+        stream.finish(|item| keep(item, true))?;
+    }
+    Ok(items)
 }
 
 /// Feeds a codec and divides the stream into items: every byte is in exactly one.
@@ -194,20 +292,16 @@ impl Stream {
         Ok(())
     }
 
-    /// Ends the stream: remaining bytes that are not a whole frame are an error of kind `incomplete`.
+    /// Ends the stream, or says that the line is silent: remaining bytes that are not a whole frame are an error.
     ///
     /// # Errors
     /// Whatever `emit` returns.
-    pub fn finish(mut self, mut emit: impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
+    pub fn finish(&mut self, mut emit: impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
         self.codec.finish();
         self.drain(&mut emit)?;
-        let offset = self.codec.position();
-        let length = self.taken - offset;
-        if length == 0 {
-            return Ok(());
-        }
-        let kind = error(&json!({"kind": "incomplete"}), &mut self.json);
-        emit(Item { offset: self.begin + offset, length, kind, json: &self.json })
+        let (taken, end) = (self.taken, self.codec.position());
+        anyhow::ensure!(end == taken, "the items cover {end} of {taken} bytes: please report them as a bug");
+        Ok(())
     }
 
     fn drain(&mut self, emit: &mut impl FnMut(Item<'_>) -> Result<()>) -> Result<()> {
@@ -219,6 +313,12 @@ impl Stream {
             emit(Item { offset: self.begin + offset, length, kind, json: &self.json })?;
         }
     }
+}
+
+fn object(value: &impl Serialize) -> String {
+    let mut json = Vec::new();
+    write(value, &mut json);
+    String::from_utf8_lossy(&json).into_owned()
 }
 
 /// Every value of the links is one of numbers, texts and names, which JSON has.

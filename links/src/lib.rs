@@ -16,6 +16,7 @@ pub mod mmacell_proto;
 pub mod settings;
 pub mod val2_alter;
 pub mod val2_viewer;
+pub mod vectors;
 
 pub use link::Link;
 

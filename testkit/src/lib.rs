@@ -5,7 +5,6 @@
 //! - [`chunking`]: every way to cut a stream that a decoder must not notice
 //! - [`model`]: both machines of a link as one system, every state of which is explored
 //! - [`turn`]: one turn of an end on that link
-//! - [`vectors`]: the reader of `reference/vectors/<link>.json`
 //! - `controller` (feature `links`): a Kawasaki robot as the tests use it, ours and the one that AS programs make
 //! - `links` (feature `links`): each link's pair of machines as such a system
 //! - `soak` (feature `soak`, on by default): both ends of every session over bad transports
@@ -28,6 +27,5 @@ pub mod rng;
 #[cfg(feature = "soak")]
 pub mod soak;
 mod turn;
-pub mod vectors;
 
 pub use turn::{Carrier, turn};

@@ -233,6 +233,16 @@ fn messages_are_reported_where_they_are() {
     assert_eq!(items(stream), [(Err(sum), 5), (Ok(Received { offset: 5, length: 12, message }), 17)]);
 }
 
+/// DLEs before a start mark belong to its frame.
+#[test]
+fn offsets_count_through_the_stream() {
+    let frame = b"\x10\x10\x02\xa0\x17\x10\x03\xb7";
+    let stream = [&frame[..], frame, b"noise", frame, b"\x10\x10", frame].concat();
+    let places: Vec<_> = items(&stream).into_iter().map(|(item, _)| item.map(|r| r.offset)).collect();
+    let noise = DecodeError::StartMark { offset: 16, length: 5 };
+    assert_eq!(places, [Ok(0), Ok(8), Err(noise), Ok(21), Ok(29)]);
+}
+
 #[test]
 fn a_wrong_checksum_is_reported_as_such_and_covers_its_frame() {
     let frame = b"\x10\x10\x02\xe0\x10\x03\xe1";

@@ -33,7 +33,7 @@ pub fn run(args: &Args) -> Result<bool> {
         if line.trim().is_empty() {
             continue;
         }
-        let frame = message(&line).and_then(|message| codec.encode(message));
+        let frame = message(&line).and_then(|message| Ok(codec.encode(message)?));
         match frame {
             Ok(frame) => writeln!(out, "{}", hex(&frame))?,
             Err(error) => {
@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<bool> {
 }
 
 /// Bytes as upper-case hex, separated by spaces.
-pub fn hex(bytes: &[u8]) -> String {
+fn hex(bytes: &[u8]) -> String {
     let pairs: Vec<String> = bytes.iter().map(|b| format!("{b:02X}")).collect();
     pairs.join(" ")
 }

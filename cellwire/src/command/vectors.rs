@@ -6,13 +6,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use clap::Subcommand;
-use serde::Deserialize;
-use serde_json::{Map, Value};
-
-use crate::command::encode::hex;
-use cellwire_links::codec::{Item, Stream};
 use cellwire_links::link::Link;
+use cellwire_links::vectors::vectors;
+use clap::Subcommand;
 
 /// The reference vectors.
 #[derive(Debug, clap::Args)]
@@ -29,24 +25,6 @@ enum Command {
         #[arg(default_value = "reference/vectors")]
         dir: PathBuf,
     },
-}
-
-#[derive(Deserialize)]
-struct File {
-    vectors: Vec<Vector>,
-}
-
-#[derive(Deserialize)]
-struct Vector {
-    id: u32,
-    comment: String,
-    from: Option<String>,
-    #[serde(default)]
-    options: Map<String, Value>,
-    hex: String,
-    result: String,
-    message: Option<Value>,
-    error: Option<Value>,
 }
 
 /// Returns true when every vector agrees.
@@ -68,66 +46,24 @@ pub fn run(args: &Args) -> Result<bool> {
 
 fn check_file(path: &Path) -> Result<bool> {
     let name = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
-    let text = std::fs::read_to_string(path)?;
     if name == "fanuc-ls" {
-        return programs::check_file(name, &text);
+        return programs::check_file(name, &std::fs::read_to_string(path)?);
     }
     let link = Link::by_name(name)?;
-    let file: File = serde_json::from_str(&text)?;
-    let (mut disagree, mut out) = (0, std::io::stdout());
-    for vector in &file.vectors {
-        if let Err(error) = check(link, vector) {
+    let vectors = vectors(path)?;
+    report(name, vectors.iter().map(|v| (v.id, v.comment.as_str(), v.check(link, &[&v.bytes]))))
+}
+
+/// Prints what disagrees, and how much; returns true when nothing does.
+fn report<'a>(name: &str, checked: impl Iterator<Item = (u32, &'a str, Result<()>)>) -> Result<bool> {
+    let (mut all, mut disagree, mut out) = (0, 0, std::io::stdout());
+    for (id, comment, result) in checked {
+        all += 1;
+        if let Err(error) = result {
             disagree += 1;
-            writeln!(out, "{name} {}: {error:#} ({})", vector.id, vector.comment)?;
+            writeln!(out, "{name} {id}: {error:#} ({comment})")?;
         }
     }
-    writeln!(out, "{name}: {} vectors, {disagree} disagree", file.vectors.len())?;
+    writeln!(out, "{name}: {all} vectors, {disagree} disagree")?;
     Ok(disagree == 0)
-}
-
-fn check(link: &Link, vector: &Vector) -> Result<()> {
-    let codec = || (link.codec)(link.side(vector.from.as_deref())?, &vector.options);
-    let bytes = unhex(&vector.hex)?;
-    let (mut items, mut covered) = (Vec::new(), 0);
-    let mut emit = |item: Item<'_>| {
-        covered += item.length;
-        items.push(item.content()?);
-        Ok(())
-    };
-    let mut stream = Stream::new(codec()?);
-    stream.push(&bytes, &mut emit)?;
-    stream.finish(&mut emit)?;
-    anyhow::ensure!(covered == bytes.len() as u64, "the items cover {covered} of {} bytes", bytes.len());
-    match (vector.result.as_str(), &vector.message, &vector.error) {
-        ("valid" | "acceptable", Some(message), _) => {
-            anyhow::ensure!(items == [Ok(message.clone())], "decodes to {items:?}, not to {message}");
-            if vector.result == "valid" {
-                let encoded = codec()?.encode(message.clone())?;
-                anyhow::ensure!(encoded == bytes, "encodes to {}", hex(&encoded));
-            }
-            Ok(())
-        }
-        ("invalid", _, Some(error)) => {
-            let fits = items.iter().any(|item| matches!(item, Err(found) if includes(found, error)));
-            anyhow::ensure!(fits, "gives {items:?}, not the error {error}");
-            Ok(())
-        }
-        _ => anyhow::bail!("the vector has neither a message nor an error"),
-    }
-}
-
-/// True when `found` contains everything that `expected` contains.
-fn includes(found: &Value, expected: &Value) -> bool {
-    match (found, expected) {
-        (Value::Object(found), Value::Object(expected)) => {
-            expected.iter().all(|(key, value)| found.get(key).is_some_and(|f| includes(f, value)))
-        }
-        _ => found == expected,
-    }
-}
-
-fn unhex(text: &str) -> Result<Vec<u8>> {
-    let digits: Vec<u8> = text.bytes().filter(|b| !b.is_ascii_whitespace()).collect();
-    let pairs = digits.chunks(2).map(|pair| Ok(u8::from_str_radix(core::str::from_utf8(pair)?, 16)?));
-    pairs.collect::<Result<_>>().with_context(|| format!("not hex: {text}"))
 }

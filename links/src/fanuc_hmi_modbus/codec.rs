@@ -1,10 +1,10 @@
-use anyhow::{Result, ensure};
+use anyhow::{Result, anyhow};
 use fanuc_hmi_modbus::{Decoder, Frame, Framing, PduBuf, Reply, Side, TelemetryBlock, WordOrder};
 use robot_session::Encode as _;
 use serde_json::{Map, Value};
 
 use super::options::ViewSettings;
-use crate::codec::{Codec, Kind, Messages, codec, error, message};
+use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, error, message, read};
 use crate::json::value;
 use crate::settings;
 
@@ -53,30 +53,27 @@ impl Messages for Modbus {
         message(&reply, out)
     }
 
-    fn encode(&self, mut message: Value) -> Result<Vec<u8>> {
+    fn encode(&self, mut message: Value) -> Result<Vec<u8>, EncodeError> {
         if let (Some(order), Value::Object(message)) = (self.view, &mut message)
             && let Some(block) = message.remove("telemetry")
         {
-            let block: TelemetryBlock = serde_json::from_value(block)?;
+            let block: TelemetryBlock = read(block)?;
             message.insert("registers".into(), block.to_registers(order).as_slice().into());
         }
-        let frame: Frame<PduBuf> = serde_json::from_value(message)?;
-        let tcp = self.framing == Framing::Tcp;
-        ensure!(tcp || frame.transaction.is_none(), "an RTU frame has no transaction; use --set framing=tcp");
-        ensure!(
-            !tcp || frame.transaction.is_some(),
-            "a key is missing: transaction, or use --set framing=rtu"
-        );
-        let mut bytes = vec![0; frame.encoded_len()];
-        frame.encode(&mut bytes)?;
-        Ok(bytes)
+        let frame: Frame<PduBuf> = read(message)?;
+        match (self.framing, frame.transaction) {
+            (Framing::Tcp, None) => Err(anyhow!("a key is missing: transaction, or use --set framing=rtu"))?,
+            (Framing::Tcp, Some(_)) | (_, None) => {}
+            (_, Some(_)) => Err(anyhow!("an RTU frame has no transaction; use --set framing=tcp"))?,
+        }
+        bytes(frame.encoded_len(), |out| frame.encode(out))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::codec::Stream;
+    use crate::codec::items;
     use serde_json::{Map, json};
 
     fn options(settings: &[(&str, &str)]) -> Map<String, Value> {
@@ -91,15 +88,8 @@ mod tests {
             registers[..5].copy_from_slice(&[0x86A0, 0x0001, 100, 0xE979, 0x42F6]);
             let plain = json!({"transaction": 1, "unit": 1, "function": 3, "registers": registers});
             let bytes = either("server", &options).unwrap().encode(plain).unwrap();
-            let mut items = Vec::new();
-            let mut stream = Stream::new(either("server", &options).unwrap());
-            stream
-                .push(&bytes, |item| {
-                    items.push(item.content()?);
-                    Ok(())
-                })
-                .unwrap();
-            let message = items.pop().unwrap().unwrap();
+            let items = items(either("server", &options).unwrap(), &[vec![&bytes]]).unwrap();
+            let message = items[0].value().unwrap().unwrap();
             assert_eq!(message["telemetry"]["life_counter"], counter);
             assert_eq!(message["telemetry"]["override"], 100);
             assert_eq!(message.get("registers"), None);
@@ -111,17 +101,11 @@ mod tests {
     fn other_replies_look_the_same_in_every_view() {
         let reply = json!({"unit": 1, "function": 3, "registers": [1, 2]});
         let options = options(&[("view", "telemetry"), ("framing", "rtu")]);
-        let codec = |_| either("server", &options).unwrap();
-        let mut stream = Stream::new(codec(0));
-        let mut items = Vec::new();
-        let bytes = codec(1).encode(reply.clone()).unwrap();
-        stream
-            .push(&bytes, |item| {
-                items.push(item.content()?);
-                Ok(())
-            })
-            .unwrap();
-        assert_eq!(items, [Ok(reply)]);
+        let codec = || either("server", &options).unwrap();
+        let bytes = codec().encode(reply.clone()).unwrap();
+        let items = items(codec(), &[vec![&bytes]]).unwrap();
+        assert_eq!(items[0].value().unwrap(), Ok(reply));
+        assert_eq!(items.len(), 1);
     }
 
     #[test]
@@ -142,5 +126,8 @@ mod tests {
         let request = json!({"transaction": 1, "unit": 1, "function": 3, "address": 0, "quantity": 126});
         let error = tcp.encode(request).unwrap_err().to_string();
         assert_eq!(error, "quantity 126 in function 3 is not within 1 to 125");
+        let request = json!({"transaction": 1, "unit": 1, "function": 3, "address": 65535, "quantity": 2});
+        let error = tcp.encode(request).unwrap_err().to_string();
+        assert_eq!(error, "2 from address 65535 reach beyond 65535");
     }
 }

@@ -1,8 +1,9 @@
 use anyhow::Result;
 use isra_ball::{Decoder, Frame, Packet};
+use robot_session::Encode as _;
 use serde_json::{Map, Value};
 
-use crate::codec::{Codec, Kind, Messages, codec, message};
+use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message, read};
 use crate::settings;
 
 /// What the ball sends. The host's ENQ is one byte and no message.
@@ -23,8 +24,8 @@ impl Messages for Ball {
         message(&frame, json)
     }
 
-    fn encode(&self, message: Value) -> Result<Vec<u8>> {
-        let packet: Packet = serde_json::from_value(message)?;
-        Ok(packet.to_bytes()?.to_vec())
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
+        let packet: Packet = read(message)?;
+        bytes(packet.encoded_len(), |out| packet.encode(out))
     }
 }

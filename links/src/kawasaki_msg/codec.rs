@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 
 use super::options::CodecSettings;
 use super::roles::Roles;
-use crate::codec::{self, Codec, Kind, codec, message};
+use crate::codec::{self, Codec, EncodeError, Kind, bytes, codec, message};
 use crate::settings;
 
 /// Both sides send the same messages. The settings are those of [`CodecSettings`].
@@ -43,7 +43,7 @@ impl codec::Messages for Messages {
         message(&frame, json)
     }
 
-    fn encode(&self, message: Value) -> Result<Vec<u8>> {
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         let object: Object = serde_json::from_value(message).context("is no kawasaki-msg message")?;
         let (header, fields) = (values(&object.header), values(&object.fields));
         let message = Message {
@@ -51,9 +51,7 @@ impl codec::Messages for Messages {
             header: Values::List(&header),
             fields: Values::List(&fields),
         };
-        let mut wire = vec![0; message.encoded_len()];
-        message.encode(self.charset, &mut wire)?;
-        Ok(wire)
+        bytes(message.encoded_len(), |out| message.encode(self.charset, out))
     }
 }
 

@@ -1,12 +1,12 @@
 //! Messages as what they mean in the plant's table, whatever they are called there.
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, anyhow};
 use kawasaki_msg::{Decoder, Dialect, Field, Message, Params, Value as Text, Values};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::plant::{field_name, role_name};
-use crate::codec::{self, Kind, error, message};
+use crate::codec::{self, EncodeError, Kind, bytes, error, message};
 
 /// Reads and writes `{"role": …, "values": {…}, "work": […]}`.
 pub(super) struct Roles(pub(super) Dialect<'static>);
@@ -39,7 +39,7 @@ impl codec::Messages for Roles {
         message(&Object { role: role_name(role), values: values.collect(), work }, json)
     }
 
-    fn encode(&self, message: Value) -> Result<Vec<u8>> {
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         let Object { role, values, work } =
             serde_json::from_value(message).context("is no message of a role")?;
         let entry = self.0.entries().iter().find(|entry| role_name(entry.role) == role);
@@ -53,7 +53,8 @@ impl codec::Messages for Roles {
             }
         }
         if used < values.len() {
-            bail!("a value is no field of the message `{}`: {}", entry.name, Value::Object(values));
+            let values = Value::Object(values);
+            Err(anyhow!("a value is no field of the message `{}`: {values}", entry.name))?;
         }
         let text = |field: &Field<'static>| match field {
             Field::Constant(text) => Text::Text(text),
@@ -70,11 +71,10 @@ impl codec::Messages for Roles {
             .collect();
         let header = if header.is_empty() { Values::NONE } else { Values::List(&header) };
         let message = Message { name: Text::Text(entry.name), header, fields: Values::List(&fields) };
-        let mut wire = vec![0; message.encoded_len()];
-        message.encode(self.0.charset(), &mut wire)?;
+        let wire = bytes(message.encoded_len(), |out| message.encode(self.0.charset(), out))?;
         // What the plant would not understand is not written.
-        let read = Message::decode(&wire, self.0.charset())?.ok_or_else(|| anyhow!("it is not whole"))?;
-        self.0.read(&read.0)?;
+        let read = Message::decode(&wire, self.0.charset()).map_err(EncodeError::refused)?;
+        self.0.read(&read.context("it is not whole")?.0).map_err(EncodeError::refused)?;
         Ok(wire)
     }
 }

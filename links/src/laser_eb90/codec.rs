@@ -4,7 +4,7 @@ use laser_eb90::{Decoder, Frame, MAX_PAYLOAD, Payload, Profile};
 use serde::de::DeserializeSeed;
 use serde_json::{Map, Value};
 
-use crate::codec::{Codec, Kind, Messages, codec, message};
+use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message};
 use crate::settings;
 
 /// Both directions have the same frames.
@@ -27,13 +27,11 @@ impl Messages for Eb90 {
         message(&frame, json)
     }
 
-    fn encode(&self, message: Value) -> Result<Vec<u8>> {
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         let mut buffer = [0; MAX_PAYLOAD];
         let mut payload = Payload::new(&mut buffer, &self.profile);
         payload.deserialize(message).context("is no laser-eb90 message")?;
-        let frame = payload.frame()?;
-        let mut out = vec![0; frame.encoded_len()];
-        frame.encode(&mut out)?;
-        Ok(out)
+        let frame = payload.frame().map_err(EncodeError::refused)?;
+        bytes(frame.encoded_len(), |out| frame.encode(out))
     }
 }

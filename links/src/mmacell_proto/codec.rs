@@ -2,11 +2,12 @@ use anyhow::Result;
 use mmacell_proto::{
     AnyPose, Command, DecodeError, Decoder, Dialect, Line, PlatformPose, Pose, Reply, RobotPose,
 };
+use robot_session::Encode as _;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-use crate::codec::{Codec, Kind, Messages, codec, error, message};
+use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, error, message, read};
 use crate::settings;
 
 /// What a side sends.
@@ -27,7 +28,7 @@ pub(super) fn either(side: &str, settings: &Map<String, Value>) -> Result<Box<dy
 struct Side {
     dialect: Dialect,
     parse: fn(Line<'_>, &Dialect, &mut Vec<u8>) -> Kind,
-    write: fn(Value, Dialect) -> Result<Vec<u8>>,
+    write: fn(Value, Dialect) -> Result<Vec<u8>, EncodeError>,
 }
 
 impl Messages for Side {
@@ -37,7 +38,7 @@ impl Messages for Side {
         (self.parse)(line, &self.dialect, json)
     }
 
-    fn encode(&self, message: Value) -> Result<Vec<u8>> {
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
         (self.write)(message, self.dialect)
     }
 }
@@ -57,16 +58,12 @@ fn show<M: Serialize>(decoded: Result<M, DecodeError>, json: &mut Vec<u8>) -> Ki
     }
 }
 
-fn write_command(message: Value, dialect: Dialect) -> Result<Vec<u8>> {
-    let command: Command<AnyPose> = serde_json::from_value(message)?;
-    let mut bytes = Vec::new();
-    command.in_dialect(dialect).append_to(&mut bytes)?;
-    Ok(bytes)
+fn write_command(message: Value, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+    let command = read::<Command<AnyPose>>(message)?.in_dialect(dialect);
+    bytes(command.encoded_len(), |out| command.encode(out))
 }
 
-fn write_reply<P: Pose + DeserializeOwned>(message: Value, dialect: Dialect) -> Result<Vec<u8>> {
-    let reply: Reply<P> = serde_json::from_value(message)?;
-    let mut bytes = Vec::new();
-    reply.in_dialect(dialect).append_to(&mut bytes)?;
-    Ok(bytes)
+fn write_reply<P: Pose + DeserializeOwned>(message: Value, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+    let reply = read::<Reply<P>>(message)?.in_dialect(dialect);
+    bytes(reply.encoded_len(), |out| reply.encode(out))
 }

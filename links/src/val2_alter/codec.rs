@@ -4,9 +4,9 @@ use anyhow::{Result, bail};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
-use val2_alter::{Decoder, Frame, Framing, HostMessage, Message, Received, RobotMessage};
+use val2_alter::{Decoder, Framing, HostMessage, Message, Received, RobotMessage};
 
-use crate::codec::{Codec, Kind, Messages, codec, message};
+use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message, read};
 use crate::settings;
 
 /// What the `robot` or the `host` sends. The settings are the fields of [`Framing`].
@@ -38,10 +38,8 @@ impl<M: Message + Serialize + DeserializeOwned> Messages for Side<M> {
         message(&received.message, json)
     }
 
-    fn encode(&self, message: Value) -> Result<Vec<u8>> {
-        let message: M = serde_json::from_value(message)?;
-        let mut frame = [0; Frame::MAX_LEN];
-        let length = message.encode(self.framing, &mut frame)?;
-        Ok(frame.get(..length).unwrap_or_default().to_vec())
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
+        let message: M = read(message)?;
+        bytes(message.encoded_len(self.framing), |out| message.encode(self.framing, out))
     }
 }

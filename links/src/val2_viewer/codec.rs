@@ -3,7 +3,7 @@ use robot_session::Encode as _;
 use serde_json::{Map, Value};
 use val2_viewer::{Decoder, PosePacket};
 
-use crate::codec::{Codec, Kind, Messages, codec, message};
+use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message, read};
 use crate::settings;
 
 /// What the host sends. The workstation's ENQ is one byte and no message.
@@ -24,10 +24,8 @@ impl Messages for Host {
         message(&packet, json)
     }
 
-    fn encode(&self, message: Value) -> Result<Vec<u8>> {
-        let packet: PosePacket = serde_json::from_value(message)?;
-        let mut bytes = vec![0; packet.encoded_len()];
-        packet.encode(&mut bytes)?;
-        Ok(bytes)
+    fn encode(&self, message: Value) -> Result<Vec<u8>, EncodeError> {
+        let packet: PosePacket = read(message)?;
+        bytes(packet.encoded_len(), |out| packet.encode(out))
     }
 }

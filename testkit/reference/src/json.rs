@@ -2,7 +2,7 @@
 
 use core::fmt::Write as _;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use serde::Serialize;
 
 /// An object that is being written.
@@ -73,18 +73,6 @@ pub(crate) fn file(schema: &str, head: &[(&str, String)], list: &str, items: &[S
     }
     let _ = write!(text, "  \"{list}\": [\n    {}\n  ]\n}}\n", items.join(",\n    "));
     text
-}
-
-/// Bytes of hex digits; spaces mean nothing.
-pub(crate) fn unhex(text: &str) -> Result<Vec<u8>> {
-    let digits: Vec<u8> = text.bytes().filter(|byte| !byte.is_ascii_whitespace()).collect();
-    anyhow::ensure!(digits.len().is_multiple_of(2), "an odd number of hex digits: {text}");
-    digits
-        .chunks(2)
-        .map(|pair| {
-            u8::from_str_radix(core::str::from_utf8(pair)?, 16).with_context(|| format!("not hex: {text}"))
-        })
-        .collect()
 }
 
 pub(crate) fn hex(bytes: &[u8]) -> String {

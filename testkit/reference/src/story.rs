@@ -5,13 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
+use cellwire_links::vectors::unhex;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use testkit::model::Cell;
 
 use crate::codec::codec;
 use crate::ends::{self, Do, End, Omits, Step};
-use crate::json::{self, Object, hex, unhex};
+use crate::json::{self, Object, hex};
 use crate::states;
 
 #[derive(Deserialize)]
@@ -261,6 +262,6 @@ fn verb_of(link: &str, inputs: &Inputs, verb: &str) -> Result<(Do, String)> {
 
 fn said(link: &str, inputs: &Inputs, word: &str) -> Result<Vec<u8>> {
     let word = inputs.words.get(word).with_context(|| format!("no word {word}"))?;
-    let encoded = codec(link, word.from.as_deref(), &word.options)?.encode(word.message.clone())?;
-    encoded.map_err(|error| anyhow::anyhow!("{} is not written: {error}", word.message))
+    let encoded = codec(link, word.from.as_deref(), &word.options)?.encode(word.message.clone());
+    encoded.with_context(|| format!("{} is not written", word.message))
 }

@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use cellwire_links::codec::Found;
+use cellwire_links::vectors::unhex;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use crate::codec::{Item, codec, read_every_way};
-use crate::json::{self, Object, unhex};
+use crate::codec::{codec, read_every_way};
+use crate::json::{self, Object};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -60,12 +62,12 @@ fn line(link: &str, stream: &Stream) -> Result<String> {
         .end())
 }
 
-fn item(item: &Item) -> String {
+fn item(item: &Found) -> String {
     let object = Object::new().raw("offset", item.offset).raw("length", item.length);
     let object = if item.at_end { object.raw("end", "true") } else { object };
     match &item.content {
-        Ok(message) => object.raw("message", message),
-        Err(error) => object.raw("error", error),
+        Ok(message) => object.raw("message", json::spaced(message)),
+        Err(error) => object.raw("error", json::spaced(error)),
     }
     .end()
 }

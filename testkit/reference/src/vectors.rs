@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
+use cellwire_links::vectors::{includes, unhex};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use crate::codec::{codec, read_every_way};
-use crate::json::{self, Object, unhex};
+use crate::json::{self, Object};
 use crate::values;
 
 #[derive(Deserialize)]
@@ -99,17 +100,18 @@ fn line(link: &str, vector: &Vector) -> Result<String> {
                 ensure!(*stated == value, "decodes to {message}, not to {stated}");
             }
             ensure!(vector.error.is_none(), "decodes to {message}, not to an error");
-            let encoded = make()?.encode(value)?;
-            let result = if encoded.as_ref() == Ok(&bytes) { "valid" } else { "acceptable" };
+            let is_same = make()?.encode(value).is_ok_and(|encoded| encoded == bytes);
+            let result = if is_same { "valid" } else { "acceptable" };
             let object = object.value("result", result)?;
-            (if item.at_end { object.raw("end", "true") } else { object }).raw("message", message)
+            (if item.at_end { object.raw("end", "true") } else { object })
+                .raw("message", json::spaced(&message))
         }
         items => {
             // An error that was stated may be any of them; else the first one counts.
             let errors = items.iter().filter_map(|item| Some((item, item.content.as_ref().err()?)));
             let mut fitting = errors.filter(|(_, error)| {
                 let error = serde_json::from_str(error).unwrap_or_default();
-                vector.error.as_ref().is_none_or(|stated| testkit::vectors::includes(&error, stated))
+                vector.error.as_ref().is_none_or(|stated| includes(&error, stated))
             });
             let Some((item, error)) = fitting.next() else { bail!("gives {items:?}") };
             ensure!(vector.message.is_none(), "gives {error}, not a message");
@@ -117,7 +119,7 @@ fn line(link: &str, vector: &Vector) -> Result<String> {
             ensure!(first, "the error is not the first item: {items:?}");
             let object = object.value("result", "invalid")?;
             let object = if item.at_end { object.raw("end", "true") } else { object };
-            object.raw("only", items.len() == 1).raw("error", error)
+            object.raw("only", items.len() == 1).raw("error", json::spaced(error))
         }
     };
     Ok(object
@@ -129,14 +131,14 @@ fn line(link: &str, vector: &Vector) -> Result<String> {
 
 fn refuse(link: &str, vector: &Refused) -> Result<String> {
     let codec = codec(link, vector.from.as_deref(), &vector.options)?;
-    let Err(error) = codec.encode(vector.message.clone())? else { bail!("the encoder writes it") };
+    let Err(error) = codec.encode(vector.message.clone()) else { bail!("the encoder writes it") };
     Ok(Object::new()
         .value("id", &vector.id)?
         .value("comment", &vector.comment)?
         .optional("from", vector.from.as_ref())?
         .optional("options", (!vector.options.is_empty()).then_some(&vector.options))?
         .value("message", &vector.message)?
-        .raw("error", error)
+        .raw("error", json::spaced(error.json()))
         .value("clauses", &vector.clauses)?
         .end())
 }

@@ -1,4 +1,4 @@
-//! VAL II ALTER: both ends on one line, and the vectors.
+//! VAL II ALTER: both ends on one line.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 mod common;
@@ -6,4 +6,3 @@ mod model;
 mod motion;
 mod refine;
 mod session;
-mod vectors;

@@ -232,7 +232,7 @@ impl Connection {
         for Direction { mut tcp, state } in self.directions {
             if let State::Decoded(mut decoded) = state {
                 tcp.finish(|piece| decoded.take(args, piece, out))?;
-                let Decoded { stream, label, .. } = *decoded;
+                let Decoded { mut stream, label, .. } = *decoded;
                 stream.finish(|item| out.write(&label, item))?;
             }
         }

@@ -107,7 +107,7 @@ impl Direction {
             remark(&format!("{} bytes are of the end that sends no messages", self.skipped));
         }
         match self.stream {
-            Some((_, stream)) => stream.finish(|item| out.write(&self.label, item)),
+            Some((_, mut stream)) => stream.finish(|item| out.write(&self.label, item)),
             None => Ok(()),
         }
     }

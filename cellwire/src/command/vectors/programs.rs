@@ -1,12 +1,13 @@
 //! The vectors of fanuc-ls: texts of programs, and of parts of them.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 
 use anyhow::{Context, Result, bail, ensure};
 use fanuc_ls::{CommentRule, Program, Rules};
 use serde::Deserialize;
 use serde_json::Value;
+
+use super::report;
 
 #[derive(Deserialize)]
 struct File {
@@ -46,15 +47,7 @@ struct Options {
 /// Returns true when every vector agrees.
 pub(super) fn check_file(name: &str, text: &str) -> Result<bool> {
     let file: File = serde_json::from_str(text)?;
-    let (mut disagree, mut out) = (0, std::io::stdout());
-    for vector in &file.vectors {
-        if let Err(error) = check(&file, vector) {
-            disagree += 1;
-            writeln!(out, "{name} {}: {error:#} ({})", vector.id, vector.comment)?;
-        }
-    }
-    writeln!(out, "{name}: {} vectors, {disagree} disagree", file.vectors.len())?;
-    Ok(disagree == 0)
+    report(name, file.vectors.iter().map(|v| (v.id, v.comment.as_str(), check(&file, v))))
 }
 
 fn check(file: &File, vector: &Vector) -> Result<()> {

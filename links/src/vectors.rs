@@ -1,0 +1,152 @@
+//! The reference vectors of a link, and whether its codec agrees with them: `reference/vectors/<link>.json`, whose schema is
+//! `reference/vectors.schema.json`.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use serde::{Deserialize, Deserializer};
+use serde_json::{Map, Value};
+
+use crate::codec::{self, Codec};
+use crate::link::Link;
+
+/// A vector.
+#[derive(Debug, Clone, Deserialize)]
+pub struct Vector {
+    /// Unique in its file, for ever: a vector that is withdrawn takes its number with it.
+    pub id: u32,
+    /// What it shows.
+    pub comment: String,
+    /// The side that sends these bytes, where the link's sides differ.
+    pub from: Option<String>,
+    /// Settings of the codec other than the link's defaults, such as `{"framing":"rtu"}`.
+    #[serde(default)]
+    pub options: Map<String, Value>,
+    /// The bytes on the wire. In the file: hex, spaced by field.
+    #[serde(rename = "hex", deserialize_with = "hex")]
+    pub bytes: Vec<u8>,
+    /// What a decoder makes of them.
+    pub result: Outcome,
+    /// The decoded object, for `valid` and `acceptable`.
+    pub message: Option<Value>,
+    /// For `invalid`, the first error's object: its `kind`, and whatever else the vector pins down.
+    pub error: Option<Value>,
+    /// The result is given only at the end of the stream: the bytes are incomplete.
+    #[serde(default)]
+    pub end: bool,
+    /// Whether the error is all that the bytes give.
+    pub only: Option<bool>,
+    /// Words to filter by, such as `stuffing` or `limit`.
+    #[serde(default)]
+    pub flags: Vec<String>,
+}
+
+/// What a decoder makes of a vector's bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// The object, which encodes to exactly these bytes.
+    Valid,
+    /// The object, which the encoder writes another way or not at all.
+    Acceptable,
+    /// The error.
+    Invalid,
+}
+
+/// The vectors of a file.
+///
+/// # Errors
+/// When it cannot be read, or is no file of vectors.
+pub fn vectors(file: impl AsRef<Path>) -> Result<Vec<Vector>> {
+    #[derive(Deserialize)]
+    struct File {
+        vectors: Vec<Vector>,
+    }
+    let text = fs::read_to_string(&file).with_context(|| file.as_ref().display().to_string())?;
+    Ok(serde_json::from_str::<File>(&text)?.vectors)
+}
+
+impl Vector {
+    /// The codec of the side that sends it.
+    ///
+    /// # Errors
+    /// When the link has no such side or setting.
+    pub fn codec(&self, link: &Link) -> Result<Box<dyn Codec>> {
+        (link.codec)(link.side(self.from.as_deref())?, &self.options)
+    }
+
+    /// Whether the codec makes of its bytes, read in these pieces, what the vector says, and of its message these bytes.
+    ///
+    /// # Errors
+    /// When it does not: what it makes instead.
+    pub fn check(&self, link: &Link, pieces: &[&[u8]]) -> Result<()> {
+        let items = codec::items(self.codec(link)?, &[pieces.to_vec()])?;
+        let Some(first) = items.first() else { bail!("gives nothing") };
+        ensure!(first.at_end == self.end, "is given at the end of the stream: {}", first.at_end);
+        match (&self.message, &self.error) {
+            (Some(message), None) if self.result != Outcome::Invalid => {
+                let is_all = items.len() == 1 && first.value()? == Ok(message.clone());
+                ensure!(is_all, "decodes to {items:?}, not to {message}");
+                let encoded = self.codec(link)?.encode(message.clone());
+                let is_same = encoded.as_ref().is_ok_and(|bytes| *bytes == self.bytes);
+                ensure!(is_same == (self.result == Outcome::Valid), "encodes to {encoded:02X?}");
+            }
+            (None, Some(error)) if self.result == Outcome::Invalid => {
+                let fits = first.value()?.is_err_and(|found| includes(&found, error));
+                ensure!(fits, "gives {items:?}, not the error {error}");
+                ensure!(self.only == Some(items.len() == 1), "gives {items:?}");
+            }
+            _ => bail!("the vector has not what its result asks for: a message, or an error"),
+        }
+        Ok(())
+    }
+}
+
+/// True when `found` contains everything that `expected` contains: a vector pins down an error's kind and, where it matters,
+/// its fields.
+pub fn includes(found: &Value, expected: &Value) -> bool {
+    match (found, expected) {
+        (Value::Object(found), Value::Object(expected)) => {
+            expected.iter().all(|(key, value)| found.get(key).is_some_and(|found| includes(found, value)))
+        }
+        _ => found == expected,
+    }
+}
+
+/// Bytes of hex digits; spaces mean nothing.
+///
+/// # Errors
+/// When a digit is none, or their number is odd.
+pub fn unhex(text: &str) -> Result<Vec<u8>> {
+    let digits: Vec<u8> = text.bytes().filter(|byte| !byte.is_ascii_whitespace()).collect();
+    ensure!(digits.len().is_multiple_of(2), "an odd number of hex digits: {text}");
+    let pairs = digits.chunks(2).map(|pair| Ok(u8::from_str_radix(core::str::from_utf8(pair)?, 16)?));
+    pairs.collect::<Result<_>>().with_context(|| format!("not hex: {text}"))
+}
+
+fn hex<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D::Error> {
+    unhex(&String::deserialize(deserializer)?).map_err(serde::de::Error::custom)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn an_error_object_may_say_more_than_the_vector() {
+        let found = json!({"kind": "length", "expected": 4, "found": 5});
+        assert!(includes(&found, &json!({"kind": "length"})));
+        assert!(includes(&found, &json!({"kind": "length", "found": 5})));
+        assert!(!includes(&found, &json!({"kind": "length", "found": 6})));
+        assert!(!includes(&found, &json!({"kind": "length", "offset": 0})));
+    }
+
+    #[test]
+    fn hex_is_spaced_by_field() {
+        assert_eq!(unhex("10 1002 a017").unwrap(), [0x10, 0x10, 0x02, 0xA0, 0x17]);
+        assert_eq!(unhex("1").unwrap_err().to_string(), "an odd number of hex digits: 1");
+        assert_eq!(unhex("1g").unwrap_err().to_string(), "not hex: 1g");
+    }
+}

@@ -1,13 +1,12 @@
-//! toy-link: its row of the table, and its codec.
+//! toy-link: its row of the table, its codec and its ends.
 
-use anyhow::Result;
-use serde_json::{Map, Value};
-use toy_link::robot_session::Encode as _;
-use toy_link::{Decoder, Message};
+mod codec;
+mod ends;
 
-use crate::codec::{Codec, Kind, Messages, codec, message};
-use crate::link::Link;
-use crate::settings;
+use ::toy_link::{DeviceConfig, HostConfig};
+
+use crate::link::{Config, Link};
+use crate::settings::{self, fields};
 
 /// The link.
 pub const LINK: Link = Link {
@@ -16,29 +15,11 @@ pub const LINK: Link = Link {
     sides: &["host", "device"],
     sender: |is_client, _server_port| if is_client { "host" } else { "device" },
     traces: &[],
+    configs: &[
+        Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
+        Config { name: "DeviceConfig", fields: |given| fields(DeviceConfig::default(), given) },
+    ],
     settings: || settings::list(()),
-    codec: either,
+    codec: codec::either,
+    ends: ends::ENDS,
 };
-
-/// Both sides write lines.
-fn either(_side: &str, settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
-    settings::read("toy-link", (), settings)?;
-    Ok(codec(Decoder::new(), Lines))
-}
-
-struct Lines;
-
-impl Messages for Lines {
-    type Decoder = Decoder;
-
-    fn show(&self, line: Message, json: &mut Vec<u8>) -> Kind {
-        message(&line, json)
-    }
-
-    fn encode(&self, message: Value) -> Result<Vec<u8>> {
-        let message: Message = serde_json::from_value(message)?;
-        let mut line = vec![0; message.encoded_len()];
-        message.encode(&mut line)?;
-        Ok(line)
-    }
-}

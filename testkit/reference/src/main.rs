@@ -24,18 +24,8 @@ mod vectors;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
+use cellwire_links::LINKS;
 use clap::{Parser, Subcommand};
-
-/// Every link that has a codec, as its files are named.
-const LINKS: [&str; 7] = [
-    "fanuc-hmi-modbus",
-    "isra-ball",
-    "kawasaki-msg",
-    "laser-eb90",
-    "mmacell-proto",
-    "val2-alter",
-    "val2-viewer",
-];
 
 #[derive(Parser)]
 #[command(about = "Writes and checks the data of the reference for ports")]
@@ -105,8 +95,9 @@ fn files(root: &Path, only: Option<&str>) -> Result<Vec<(PathBuf, String)>> {
     let defaults = defaults::file()?;
     let mut files = pages::files(root, &defaults)?;
     files.push((reference.join("defaults.json"), defaults));
-    let links: Vec<&str> = LINKS.into_iter().filter(|link| only.is_none_or(|only| only == *link)).collect();
-    ensure!(!links.is_empty(), "the links are {}", LINKS.join(", "));
+    let all: Vec<&str> = LINKS.iter().map(|link| link.name).collect();
+    let links: Vec<&str> = all.iter().copied().filter(|link| only.is_none_or(|only| only == *link)).collect();
+    ensure!(!links.is_empty(), "the links are {}", all.join(", "));
     for link in links {
         let file = format!("{link}.json");
         files.push((reference.join("vectors").join(&file), vectors::file(root, link)?));

@@ -6,25 +6,19 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use cellwire_links::LINKS;
 use serde_json::Value;
 
 const CONFIGURATIONS: &str = "<!-- Written by `cargo run -p reference -- write`. -->\n";
 const COSTS: &str = "<!-- Costs, written by `cargo run -p reference -- write`. -->\n";
 const END: &str = "<!-- End -->\n";
 
-/// Each crate with costs: its name, and its folder.
-const CRATES: [(&str, &str); 11] = [
-    ("fanuc-hmi-modbus", "fanuc-hmi-modbus"),
+/// The crates with costs that are no links: the name, and the folder.
+const OTHERS: [(&str, &str); 4] = [
     ("fanuc-ls", "fanuc-ls"),
-    ("isra-ball", "isra-ball"),
-    ("kawasaki-msg", "kawasaki-msg"),
-    ("laser-eb90", "laser-eb90"),
-    ("mmacell-proto", "mmacell-proto"),
     ("mmacell-task", "mmacell-task"),
     ("robot-session", "robot-session"),
     ("robot-work-queue", "work-queue"),
-    ("val2-alter", "val2-alter"),
-    ("val2-viewer", "val2-viewer"),
 ];
 
 /// The page of each crate.
@@ -44,7 +38,7 @@ pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)
             put(&page, COSTS, &costs(name, &sizes, &counts)).with_context(|| path.display().to_string())?;
         Ok((path, page))
     };
-    CRATES.into_iter().map(page).collect()
+    LINKS.iter().map(|link| (link.name, link.name)).chain(OTHERS).map(page).collect()
 }
 
 /// A page with another table after this mark.

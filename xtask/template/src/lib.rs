@@ -7,6 +7,8 @@ pub mod device;
 mod error;
 pub mod host;
 mod message;
+#[cfg(feature = "spec")]
+mod spec;
 
 pub use robot_session;
 

@@ -47,8 +47,10 @@ pub(super) fn names(link: &str, end: &str, config: &Map<String, Value>) -> Names
             (_, "rtu") => (server::<Rtu>, server_state),
             _ => (server::<RtuOverTcp>, server_state),
         },
-        (_, "pc") => (cells::<kawasaki::Pc<ALL_NUMBERS>>, pc_state),
-        _ => (cells::<kawasaki::Robot<ALL_NUMBERS>>, robot_state),
+        ("kawasaki-msg", "pc") => (cells::<kawasaki::Pc<ALL_NUMBERS>>, pc_state),
+        ("kawasaki-msg", _) => (cells::<kawasaki::Robot<ALL_NUMBERS>>, robot_state),
+        // A link whose machines have no tables yet.
+        _ => (|_| Vec::new(), name),
     };
     Names { cells, state }
 }

@@ -31,6 +31,7 @@ pub struct Device {
 /// What the device reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum DeviceEvent {
     /// A request: [`Device::answer`] it.
@@ -39,6 +40,7 @@ pub enum DeviceEvent {
         register: u8,
     },
     /// A notice: corrupt bytes.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// A notice: a request came without a connection.
     Unexpected(Unexpected),
@@ -47,6 +49,7 @@ pub enum DeviceEvent {
 /// What a device has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct DeviceStatistics {
     /// Replies sent.

@@ -30,6 +30,7 @@ pub struct Host {
 /// What the host reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(tag = "event", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum HostEvent {
     /// The reply to the request.
@@ -52,6 +53,7 @@ pub enum HostEvent {
         value: i32,
     },
     /// A notice: corrupt bytes.
+    #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
     /// A notice: a line came without a connection.
     Unexpected(Unexpected),
@@ -60,6 +62,7 @@ pub enum HostEvent {
 /// What a host has done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[non_exhaustive]
 pub struct HostStatistics {
     /// Requests sent.

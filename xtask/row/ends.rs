@@ -1,0 +1,37 @@
+//! Both ends.
+
+use anyhow::Result;
+use robot_session::Rules;
+use serde::Deserialize as _;
+use toy_link::{Device, DeviceConfig, Host, HostConfig, device, host};
+
+use crate::end::{Call, EndRow, Owner, called};
+use crate::given::Given;
+
+pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Device>("device")];
+
+impl Owner for Host {
+    type End = Self;
+    type Rule = host::Rule;
+
+    const CALLS: &'static [Call<Self>] =
+        &[("get", |host, now, register| called(host.get(now, u8::deserialize(register)?)))];
+
+    fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
+        let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
+        Ok(Self::new(made)?)
+    }
+}
+
+impl Owner for Device {
+    type End = Self;
+    type Rule = device::Rule;
+
+    const CALLS: &'static [Call<Self>] =
+        &[("answer", |device, _, value| called(device.answer(i32::deserialize(value)?)))];
+
+    fn new(given: Given, rules: Rules<device::Rule>) -> Result<Self> {
+        let made = given.configure(DeviceConfig { rules })?;
+        Ok(Self::new(made))
+    }
+}

@@ -1,0 +1,19 @@
+//! The configurations of both ends, field by field.
+
+use robot_session::spec::{Configure, Fields, SOME_TIME};
+
+use crate::device::DeviceConfig;
+use crate::host::HostConfig;
+
+impl Configure for HostConfig {
+    fn configure(&mut self, fields: &mut impl Fields) {
+        let Self { timeout, rules: _ } = self;
+        fields.time("timeout", SOME_TIME, "how long a reply may take", timeout);
+    }
+}
+
+impl Configure for DeviceConfig {
+    fn configure(&mut self, _: &mut impl Fields) {
+        let Self { rules: _ } = self;
+    }
+}

@@ -27,7 +27,7 @@ pub(crate) fn make(root: &Path, name: &str) -> Result<()> {
     link.insert("Cargo.toml", "    \"xtask\",", &format!("    \"{name}\","))?;
     let line = format!("{name} = {{ version = \"0.1.0\", path = \"{name}\", default-features = false }}");
     link.insert("Cargo.toml", "cellwire = {", &line)?;
-    let line = format!("{name} = {{ workspace = true, features = [\"serde\"] }}");
+    let line = format!("{name} = {{ workspace = true, features = [\"serde\", \"spec\"] }}");
     link.insert("links/Cargo.toml", "val2-alter = {", &line)?;
     link.insert("links/src/lib.rs", "pub mod val2_alter;", &format!("pub mod {};", link.name[1]))?;
     link.insert("links/src/lib.rs", "];", &format!("    {}::LINK,", link.name[1]))?;

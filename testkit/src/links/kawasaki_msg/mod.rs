@@ -26,7 +26,7 @@ pub use world::{Act, Faults, Flags, InFlight, Reported, Sent, Setup, Start, Tag,
 
 use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, draw};
 use any_pc::{BOUND, EARLY_END, WRONG_COUNT};
-use pair::{FAST, NO_ALARM, NOT_EXECUTED, TWICE};
+use pair::{NO_ALARM, NOT_EXECUTED, TWICE};
 
 /// PC and robot over TCP.
 pub const TCP: Pair =
@@ -372,7 +372,6 @@ fn any_pc_must_fail() -> Vec<MustFail> {
         ),
         free("StepsByClock (robot)", BOUND, RobotRule::StepsByClock),
         free("ClosingIsStep (robot)", BOUND, RobotRule::ClosingIsStep),
-        free("SlowInRest (robot)", FAST, RobotRule::SlowInRest),
         free("SettledTwice (robot)", WRONG_COUNT, RobotRule::SettledTwice),
     ]
 }

@@ -58,7 +58,7 @@ impl codecs::Side for Sent {
             && role != Role::Job
         {
             let mut out = [0; 256];
-            let n = Dialect::DEFAULT.write(role, &params, |m| m.encode(Charset::Ascii, &mut out)).unwrap();
+            let n = Dialect::DEFAULT.write(role, &params, &mut out).unwrap();
             let (again, _) = Message::decode(&out[..n], Charset::Ascii).unwrap().unwrap();
             assert_eq!(Dialect::DEFAULT.read(&again), Ok((role, params)));
         }

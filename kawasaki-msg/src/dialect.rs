@@ -4,11 +4,12 @@
 //! names and the order of their fields are ours; a plant that has its own replaces the table.
 
 use crate::error::{ConfigError, EncodeError, MessageError, Name};
-use crate::job::{self, Head, Job, Work};
+use crate::frame::{Frame, Writer, Written};
+use crate::job::{self, Job, Work};
 use crate::lacks::{self, Lack};
 use crate::message::Message;
 use crate::role::{Field, Role};
-use crate::value::{Charset, Value, Values};
+use crate::value::{Charset, Left, Value, Values};
 
 /// The table of messages of one plant, borrowed: it may have been read from a file.
 ///
@@ -29,7 +30,6 @@ use crate::value::{Charset, Value, Values};
 pub struct Dialect<'a> {
     entries: &'a [Entry<'a>],
     charset: Charset,
-    head: Option<Head>,
 }
 
 /// One message of the table.
@@ -83,7 +83,7 @@ impl<'a> Dialect<'a> {
     pub const MAX_FIELDS: usize = 16;
 
     /// The source's two names, and ours for the rest. See the table in the crate's README.
-    pub const DEFAULT: Self = Self::of(DEFAULT_TABLE);
+    pub const DEFAULT: Self = Self { entries: DEFAULT_TABLE, charset: Charset::Ascii };
 
     /// A table of the caller's, in ASCII. It may lack some roles and fields: see [`lacks`](Self::lacks).
     ///
@@ -109,18 +109,7 @@ impl<'a> Dialect<'a> {
                 return Err(ConfigError::Name { role });
             }
         }
-        Ok(Self::of(entries))
-    }
-
-    const fn of(entries: &'a [Entry<'a>]) -> Self {
-        let (mut head, mut rest) = (None, entries);
-        while let [entry, others @ ..] = rest {
-            if matches!(entry.role, Role::Job) {
-                head = Head::new(entry.name, entry.header, entry.fields);
-            }
-            rest = others;
-        }
-        Self { entries, charset: Charset::Ascii, head }
+        Ok(Self { entries, charset: Charset::Ascii })
     }
 
     /// The same table in another character set.
@@ -150,11 +139,6 @@ impl<'a> Dialect<'a> {
     /// The character set of names and fields.
     pub const fn charset(&self) -> Charset {
         self.charset
-    }
-
-    /// What its jobs begin with.
-    pub(crate) const fn head(&self) -> Option<&Head> {
-        self.head.as_ref()
     }
 
     /// All messages of the table.
@@ -188,37 +172,80 @@ impl<'a> Dialect<'a> {
     /// # Errors
     /// See [`MessageError`].
     pub fn read(&self, message: &Message<'_>) -> Result<(Role, Params), MessageError> {
+        self.read_with(message, |_| ()).map(|(role, params, _)| (role, params))
+    }
+
+    /// The same with the own fields of a job, if it is one.
+    #[expect(
+        clippy::type_complexity,
+        reason = "what a message holds is good or not by itself, and so is a job in it"
+    )]
+    pub(crate) fn read_all<W: Work>(
+        &self,
+        message: &Message<'_>,
+        ranges: &W::Ranges,
+    ) -> Result<(Role, Params, Option<Result<W, MessageError>>), MessageError> {
+        self.read_with(message, |values| {
+            let (limit, marks) = (job::LONGEST, "#>".len());
+            let is_short = matches!(message.fields, Values::Wire(data) if 1 + data.len() + marks <= limit);
+            if !is_short {
+                let lengths = self.work_values(message).map(|value| 1 + value.chars().count());
+                let found = lengths.sum::<usize>() + marks;
+                if found > limit {
+                    return Err(MessageError::JobTooLong { found, limit });
+                }
+            }
+            job::read(values, ranges, self.charset).map_err(|error| match error {
+                MessageError::FieldCount { expected, .. } => {
+                    let others = self.entry(Role::Job).map_or(0, |entry| entry.fields.len() - 1);
+                    MessageError::FieldCount { expected: expected + others, found: message.fields.count() }
+                }
+                error => error,
+            })
+        })
+    }
+
+    /// What a message means, and what is made of a job's own fields.
+    fn read_with<'m, T>(
+        &self,
+        message: &Message<'m>,
+        own: impl Fn(Values<'m>) -> T,
+    ) -> Result<(Role, Params, Option<T>), MessageError> {
         let unknown = || MessageError::UnknownName { name: Name::new(message.name.chars()) };
         let entry = self.find(message.name).ok_or_else(unknown)?;
         let mut params = Params::default();
         if !entry.header.is_empty() {
             entry.read_header(message, &mut params)?;
         }
-        let (fields, found) = (entry.fields, message.fields.count());
-        let of_work = entry.count_of_work(message)?;
-        let mut values = message.fields.iter();
-        let mut place = 0;
-        for field in fields {
-            if *field == Field::Work {
-                // Skipped even where there are none.
-                values.by_ref().take(of_work).for_each(drop);
-                place += of_work;
+        let count = || message.fields.count();
+        let miscounted = || MessageError::FieldCount { expected: entry.fields.len(), found: count() };
+        let (mut values, mut fields) = (Left(message.fields), entry.fields.iter());
+        let (mut place, mut work) = (0, None);
+        while let Some(field) = fields.next() {
+            if matches!(field, Field::Work) {
+                let (own_values, after) = values.0.split(fields.len()).ok_or_else(miscounted)?;
+                work = Some(own(own_values));
+                values = Left(after);
+                if fields.len() > 0 {
+                    place = count() - fields.len();
+                }
                 continue;
             }
-            let Some(value) = values.next() else {
+            let Some(read) = params.read(field, &mut values, place) else {
                 // A single empty value is no value on the wire.
-                if fields.len() == 1 && field.may_be_absent() {
+                if entry.fields.len() == 1 && field.may_be_absent() {
                     break;
                 }
-                return Err(MessageError::FieldCount { expected: fields.len(), found });
+                return Err(miscounted());
             };
-            params.read(*field, value, place)?;
+            // That a job has too few fields comes first.
+            read.map_err(|error| entry.count_of_work(count()).err().unwrap_or(error))?;
             place += 1;
         }
         if values.next().is_some() {
-            return Err(MessageError::FieldCount { expected: fields.len(), found });
+            return Err(miscounted());
         }
-        Ok((entry.role, params))
+        Ok((entry.role, params, work))
     }
 
     /// The job in a message; its order is 0 where the table's jobs do not name it.
@@ -230,28 +257,12 @@ impl<'a> Dialect<'a> {
         message: &Message<'_>,
         ranges: &W::Ranges,
     ) -> Result<Job<W>, MessageError> {
-        let (role, params) = self.read(message)?;
+        let (role, params, work) = self.read_all::<W>(message, ranges)?;
         let (order, number) = (params.number(Field::Order), params.number(Field::Number));
-        let (Role::Job, Some(number)) = (role, number) else {
+        let (Role::Job, Some(number), Some(work)) = (role, number, work) else {
             return Err(MessageError::NotExpected { role });
         };
-        Ok(Job { order: order.unwrap_or(0), number, work: self.read_work::<W>(message, ranges)? })
-    }
-
-    /// A job's own fields in a message that is a job.
-    pub(crate) fn read_work<W: Work>(
-        &self,
-        message: &Message<'_>,
-        ranges: &W::Ranges,
-    ) -> Result<W, MessageError> {
-        let others = self.entry(Role::Job).map_or(0, |entry| entry.fields.len() - 1);
-        let values = self.work_values(message);
-        job::read_values::<W>(values, ranges, self.charset).map_err(|error| match error {
-            MessageError::FieldCount { expected, found } => {
-                MessageError::FieldCount { expected: expected + others, found: found + others }
-            }
-            error => error,
-        })
+        Ok(Job { order: order.unwrap_or(0), number, work: work? })
     }
 
     /// A job's own fields as they are in its message; nothing where the message is no job.
@@ -259,20 +270,20 @@ impl<'a> Dialect<'a> {
         let job = self.entry(Role::Job).filter(|entry| message.name == *entry.name);
         let fields = job.map_or(&[][..], |entry| entry.fields);
         let place = fields.iter().position(|field| *field == Field::Work).unwrap_or(0);
-        let count = job.and_then(|entry| entry.count_of_work(message).ok()).unwrap_or(0);
+        let count = job.and_then(|entry| entry.count_of_work(message.fields.count()).ok()).unwrap_or(0);
         message.fields.iter().skip(place).take(count)
     }
 
-    /// Gives the message with this role and these values to `f`. A value that is not there is written empty; a role that the table
-    /// does not have is written as filler.
-    pub fn write<T>(&self, role: Role, params: &Params, f: impl FnOnce(&Message<'_>) -> T) -> T {
+    /// Writes the message with this role and these values, and gives its length. A value that is not there is written empty; a role
+    /// that the table does not have is written as filler.
+    ///
+    /// # Errors
+    /// See [`EncodeError`]; nothing of use is in `out` then.
+    pub fn write(&self, role: Role, params: &Params, out: &mut [u8]) -> Result<usize, EncodeError> {
         let entry = self.entry(role).or_else(|| self.entry(Role::Filler)).unwrap_or(&FILLER);
-        let (mut header, mut fields) =
-            ([Value::Text(""); Self::MAX_FIELDS], [Value::Text(""); Self::MAX_FIELDS]);
-        let header = params.write(entry.header, &mut header);
-        let fields = params.write(entry.fields, &mut fields);
-        let header = if header.is_empty() { Values::NONE } else { Values::List(header) };
-        f(&Message { name: Value::Text(entry.name), header, fields: Values::List(fields) })
+        let written = self.write_with(entry, params, out, |writer| writer.field());
+        let length = written.fit(Message::MAX_LEN)?;
+        written.error.map_or(Ok(length), Err)
     }
 
     /// Writes a job, and gives the length of its message.
@@ -285,7 +296,31 @@ impl<'a> Dialect<'a> {
         ranges: &W::Ranges,
         out: &mut [u8],
     ) -> Result<usize, EncodeError> {
-        job::encode(self, job, ranges, out)
+        let entry = self.entry(Role::Job).ok_or(EncodeError::NoName)?;
+        let params = Params::default().with(Field::Order, job.order).with(Field::Number, job.number);
+        let own = |writer: &mut Writer<'_>| job::write(job.work, ranges, writer);
+        let written = self.write_with(entry, &params, out, own);
+        written.error.map_or(Ok(()), Err)?;
+        written.fit(Message::MAX_LEN)
+    }
+
+    /// Writes a message of which `own` writes a job's own fields.
+    fn write_with(
+        &self,
+        entry: &Entry<'_>,
+        params: &Params,
+        out: &mut [u8],
+        own: impl Fn(&mut Writer<'_>),
+    ) -> Written {
+        let header = |writer: &mut Writer<'_>| {
+            writer.text(entry.name.chars());
+            entry.header.iter().for_each(|field| params.write(*field, writer));
+        };
+        Frame::encode(out, self.charset, header, |writer| {
+            for field in entry.fields {
+                if matches!(field, Field::Work) { own(writer) } else { params.write(*field, writer) }
+            }
+        })
     }
 
     /// The values of a message with those added that this table does not send: of the active order, and the first job.
@@ -329,12 +364,11 @@ impl Entry<'_> {
     }
 
     fn read_header(&self, message: &Message<'_>, params: &mut Params) -> Result<(), MessageError> {
-        let (mut values, count) = (message.header.iter(), message.header.count());
+        let (mut values, count) = (Left(message.header), message.header.count());
         let found = if matches!(message.header, Values::Wire(_)) || count > 0 { count } else { 0 };
         for (place, field) in self.header.iter().enumerate() {
             let wrong = MessageError::Header { value: place };
-            let value = values.next().ok_or(wrong)?;
-            params.read(*field, value, place).map_err(|_| wrong)?;
+            params.read(field, &mut values, place).ok_or(wrong)?.map_err(|_| wrong)?;
         }
         if found > self.header.len() {
             return Err(MessageError::Header { value: self.header.len() });
@@ -342,12 +376,12 @@ impl Entry<'_> {
         Ok(())
     }
 
-    /// How many of a message's fields are a job's own.
-    fn count_of_work(&self, message: &Message<'_>) -> Result<usize, MessageError> {
-        if !self.fields.contains(&Field::Work) {
+    /// How many fields of a message that has so many are a job's own.
+    fn count_of_work(&self, found: usize) -> Result<usize, MessageError> {
+        if !self.fields.iter().any(|field| matches!(field, Field::Work)) {
             return Ok(0);
         }
-        let (found, others) = (message.fields.count(), self.fields.len() - 1);
+        let others = self.fields.len() - 1;
         found.checked_sub(others).ok_or(MessageError::FieldCount { expected: others + 1, found })
     }
 }
@@ -393,32 +427,43 @@ impl Params {
         if self.get(field).is_none() { self.with(field, value) } else { self }
     }
 
-    /// Keeps the value of a field at a place of its message.
-    fn read(&mut self, field: Field<'_>, value: Value<'_>, place: usize) -> Result<(), MessageError> {
-        match field {
-            Field::Unused | Field::Work => return Ok(()),
-            Field::Constant(text) if value == *text => return Ok(()),
-            Field::Constant(_) => return Err(MessageError::NotTheConstant { field: place }),
-            _ if field.may_be_empty() && value.is_empty() => return Ok(()),
-            _ => {}
+    /// Keeps the next value, that of a field at a place of its message; `None` without one.
+    #[inline(always)]
+    fn read(
+        &mut self,
+        field: &Field<'_>,
+        values: &mut Left<'_>,
+        place: usize,
+    ) -> Option<Result<(), MessageError>> {
+        let is_empty = match field {
+            Field::Unused | Field::Work => return values.next().map(|_| Ok(())),
+            Field::Constant(text) => {
+                let wrong = || MessageError::NotTheConstant { field: place };
+                return values.next().map(|value| if value == *text { Ok(()) } else { Err(wrong()) });
+            }
+            _ => field.may_be_empty() && Left::clone(values).next()?.is_empty(),
+        };
+        if is_empty {
+            values.next();
+            return Some(Ok(()));
         }
-        let found = value.number().ok_or(MessageError::NotANumber { field: place })?;
         let (min, max) = field.range();
-        if !(min..=max).contains(&found) {
-            return Err(MessageError::OutOfRange { field: place, found, min, max });
-        }
-        self.set(field, found);
-        Ok(())
+        Some(match values.decimal(0)? {
+            Ok(found) if min <= found && found <= max => {
+                self.set(*field, found);
+                Ok(())
+            }
+            Ok(found) => Err(MessageError::OutOfRange { field: place, found, min, max }),
+            Err(_) => Err(MessageError::NotANumber { field: place }),
+        })
     }
 
-    /// The values of these fields, one after the other.
-    fn write<'v>(&self, fields: &[Field<'v>], values: &'v mut [Value<'v>]) -> &'v [Value<'v>] {
-        for (value, field) in values.iter_mut().zip(fields) {
-            *value = match field {
-                Field::Constant(text) => Value::Text(text),
-                field => self.get(*field).map_or(Value::Text(""), Value::Number),
-            };
+    /// The value of a field, which is empty without one.
+    fn write(&self, field: Field<'_>, writer: &mut Writer<'_>) {
+        match (field, self.get(field)) {
+            (Field::Constant(text), _) => writer.text(text.chars()),
+            (_, Some(number)) => writer.number(number, 0),
+            (_, None) => writer.field(),
         }
-        values.get(..fields.len()).unwrap_or_default()
     }
 }

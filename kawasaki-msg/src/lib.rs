@@ -9,6 +9,7 @@ mod content;
 mod decoder;
 mod dialect;
 mod error;
+mod frame;
 mod job;
 mod lacks;
 mod message;

@@ -136,34 +136,30 @@ impl<'b> Packet<'b> {
     }
 
     /// What was written into the free part belongs to the packet.
-    #[inline(always)]
     fn append(&mut self, written: Result<usize, EncodeError>) -> Result<Room, EncodeError> {
+        let limit = self.buffer.len();
         match written {
             Ok(length) => {
                 self.length += length;
                 Ok(Room::Added)
             }
-            Err(error) => self.no_room(error),
-        }
-    }
-
-    #[cold]
-    fn no_room(&self, error: EncodeError) -> Result<Room, EncodeError> {
-        let limit = self.buffer.len();
-        match error {
-            EncodeError::BufferTooSmall { needed, .. } if needed <= limit => Ok(Room::Full),
-            EncodeError::BufferTooSmall { needed, .. } | EncodeError::TooLong { length: needed, .. } => {
+            Err(EncodeError::BufferTooSmall { needed, .. }) if needed <= limit => Ok(Room::Full),
+            Err(EncodeError::BufferTooSmall { needed, .. } | EncodeError::TooLong { length: needed, .. }) => {
                 Err(EncodeError::TooLong { length: needed, limit })
             }
-            error => Err(error),
+            Err(error) => Err(error),
         }
     }
 
     /// Appends a message of a table, with these values: whether it is in the packet. One that no packet could hold is refused when
     /// a session is made; nothing is written for a role that the table lacks.
     pub(crate) fn write(&mut self, dialect: &Dialect<'_>, role: Role, params: &Params) -> bool {
-        dialect.entry(role).is_none()
-            || matches!(dialect.write(role, params, |message| self.push(message)), Ok(Room::Added))
+        if dialect.entry(role).is_none() {
+            return true;
+        }
+        let Some(free) = self.buffer.get_mut(self.length..) else { return false };
+        let written = dialect.write(role, params, free);
+        matches!(self.append(written), Ok(Room::Added))
     }
 
     /// The bytes of the packet so far.

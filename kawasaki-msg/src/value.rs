@@ -40,46 +40,31 @@ impl Charset {
     }
 
     /// Whether this byte cannot be in the text of a header or a data part: a mark that ends one, or no character.
+    #[inline]
     pub(crate) const fn ends_text(self, byte: u8) -> bool {
         matches!(byte, START | END | DATA) || !self.has(byte)
     }
 
-    /// Where text ends that begins at a place: at the first byte that [ends it](Self::ends_text).
+    /// Where text ends: at the first byte that [ends it](Self::ends_text). Eight are looked at together.
     #[inline(always)]
-    pub(crate) fn text_end(self, bytes: &[u8], from: usize) -> Option<usize> {
-        let (words, tail) = bytes.get(from..)?.as_chunks();
+    pub(crate) fn text_end(self, bytes: &[u8]) -> Option<usize> {
+        const ONES: u64 = u64::from_le_bytes([1; 8]);
+        // Of the first byte that is 0 the highest bit comes up by a borrow, and of no byte before it.
+        let zero = |word: u64| word.wrapping_sub(ONES) & !word;
+        let beyond = if matches!(self, Charset::Ascii) { u64::MAX } else { 0 };
+        let (words, rest) = bytes.as_chunks();
         for (at, word) in words.iter().enumerate() {
-            let ends = self.text_ends(u64::from_le_bytes(*word));
+            let word = u64::from_le_bytes(*word);
+            // `<` and `>` differ in one bit.
+            let marks = (word & !(ONES * u64::from(START ^ END))) ^ (ONES * u64::from(START & END));
+            let ends = zero(marks) | zero(word ^ (ONES * u64::from(DATA))) | (word & beyond);
+            let ends = ends & (ONES << 7);
             if ends != 0 {
-                return Some(from + 8 * at + ends.trailing_zeros() as usize / 8);
+                return Some(8 * at + ends.trailing_zeros() as usize / 8);
             }
         }
-        let end = tail.iter().position(|byte| self.ends_text(*byte))?;
-        Some(from + 8 * words.len() + end)
-    }
-
-    /// Whether no byte [ends text](Self::ends_text): eight at a time, the last ones once more perhaps.
-    #[inline(never)] // its constants are in registers here
-    pub(crate) fn is_text(self, bytes: &[u8]) -> bool {
-        let Some(last) = bytes.last_chunk() else { return !bytes.iter().any(|byte| self.ends_text(*byte)) };
-        let mut ends = self.text_ends(u64::from_le_bytes(*last));
-        for word in bytes.as_chunks().0 {
-            ends |= self.text_ends(u64::from_le_bytes(*word));
-        }
-        ends == 0
-    }
-
-    /// The highest bit of the first byte that ends text is the lowest bit that is set.
-    #[inline(always)]
-    fn text_ends(self, word: u64) -> u64 {
-        const ONES: u64 = u64::from_le_bytes([1; 8]);
-        // `<` and `>` differ in one bit.
-        let ends = (word & !(ONES * u64::from(START ^ END))) ^ (ONES * u64::from(START & END));
-        let data = word ^ (ONES * u64::from(DATA));
-        // Of a byte that is 0, and of no byte below the first such one, the highest bit comes up by a borrow.
-        let zeros = (ends.wrapping_sub(ONES) & !ends) | (data.wrapping_sub(ONES) & !data);
-        let others = if matches!(self, Charset::Ascii) { word } else { 0 };
-        (zeros | others) & (ONES << 7)
+        let end = rest.iter().position(|byte| self.ends_text(*byte))?;
+        Some(8 * words.len() + end)
     }
 
     /// The byte that a character is on the wire.
@@ -109,34 +94,34 @@ impl<'a> Value<'a> {
     pub fn number(&self) -> Option<i32> {
         match *self {
             Value::Number(n) => Some(n),
-            Value::Text(text) => number::parse(text.as_bytes()),
-            Value::Wire(bytes) => number::parse(bytes),
+            Value::Text(text) => number::parse(text.as_bytes(), 0).ok(),
+            Value::Wire(bytes) => number::parse(bytes, 0).ok(),
+        }
+    }
+
+    /// The number of up to so many decimals in this value, in units of the last one.
+    pub(crate) fn decimal(&self, places: u8) -> Result<i32, number::Fault> {
+        match *self {
+            Value::Number(n) => number::parse(number::Text::new(n).as_bytes(), places),
+            Value::Text(text) => number::parse(text.as_bytes(), places),
+            Value::Wire(bytes) => number::parse(bytes, places),
         }
     }
 
     /// Whether there is no character.
     pub fn is_empty(&self) -> bool {
-        self.chars().next().is_none()
+        matches!(self, Value::Text("") | Value::Wire([]))
     }
 
     /// The characters.
     pub fn chars(&self) -> impl Iterator<Item = char> + use<'a> {
         let (number, text, wire) = match *self {
-            Value::Number(n) => (Some(number::Digits::new(n)), "", &[][..]),
+            Value::Number(n) => (Some(number::Text::new(n)), "", &[][..]),
             Value::Text(text) => (None, text, &[][..]),
             Value::Wire(bytes) => (None, "", bytes),
         };
         let digits = number.into_iter().flatten().map(char::from);
         digits.chain(text.chars()).chain(wire.iter().map(|b| char::from(*b)))
-    }
-
-    /// How many bytes it is on the wire, if it can be written at all.
-    pub(crate) fn wire_len(&self) -> usize {
-        match *self {
-            Value::Number(n) => number::len(n),
-            Value::Text(text) => text.chars().count(),
-            Value::Wire(bytes) => bytes.len(),
-        }
     }
 }
 
@@ -150,13 +135,16 @@ impl Eq for Value<'_> {}
 
 impl PartialEq<str> for Value<'_> {
     fn eq(&self, other: &str) -> bool {
-        *self == Value::Text(other)
+        match self {
+            Value::Wire(bytes) => bytes.iter().map(|byte| char::from(*byte)).eq(other.chars()),
+            value => value.chars().eq(other.chars()),
+        }
     }
 }
 
 impl PartialEq<&str> for Value<'_> {
     fn eq(&self, other: &&str) -> bool {
-        *self == Value::Text(other)
+        *self == **other
     }
 }
 
@@ -206,30 +194,83 @@ impl<'a> Values<'a> {
 
     /// The values in order.
     pub fn iter(&self) -> impl Iterator<Item = Value<'a>> + use<'a> {
-        let (wire, list) = match *self {
-            Values::Wire(bytes) => (Some(bytes), &[][..]),
-            Values::List(list) => (None, list),
-        };
-        let wire = wire.into_iter().flat_map(|bytes| bytes.split(|b| *b == SEPARATOR)).map(Value::Wire);
-        wire.chain(list.iter().copied())
+        Left(*self)
     }
 
-    /// How many bytes they are on the wire, with the separators between them.
-    pub(crate) fn wire_len(&self) -> usize {
-        match *self {
-            Values::Wire(bytes) => bytes.len(),
-            Values::List(list) => list.iter().map(|v| v.wire_len() + 1).sum::<usize>().saturating_sub(1),
+    /// Those before the last `count` ones, and these; `None` where there are fewer.
+    pub(crate) fn split(self, count: usize) -> Option<(Self, Self)> {
+        let wire = match self {
+            Values::Wire(wire) if count > 0 => wire,
+            Values::Wire(_) => return Some((self, Self::NONE)),
+            Values::List(list) => {
+                let (before, last) = list.split_at(list.len().checked_sub(count)?);
+                return Some((Values::List(before), Values::List(last)));
+            }
+        };
+        let mut before = Some(wire);
+        for _ in 0..count {
+            let rest = before?;
+            let mark = rest.iter().rposition(|byte| *byte == SEPARATOR);
+            before = mark.and_then(|mark| rest.get(..mark));
         }
+        let last = wire.get(before.map_or(0, |before| before.len() + 1)..)?;
+        Some((before.map_or(Self::NONE, Values::Wire), Values::Wire(last)))
     }
 
     /// How many values there are.
     pub fn count(&self) -> usize {
-        self.iter().count()
+        match *self {
+            Values::Wire(bytes) => 1 + bytes.iter().filter(|byte| **byte == SEPARATOR).count(),
+            Values::List(list) => list.len(),
+        }
     }
 
     /// The value at a place, counted from 0.
     pub fn get(&self, index: usize) -> Option<Value<'a>> {
         self.iter().nth(index)
+    }
+}
+
+/// The values that are left.
+#[derive(Clone, Copy)]
+pub(crate) struct Left<'a>(pub(crate) Values<'a>);
+
+impl Left<'_> {
+    /// The next value as a number of up to so many decimals: it ends where its digits do.
+    #[inline(always)]
+    pub(crate) fn decimal(&mut self, places: u8) -> Option<Result<i32, number::Fault>> {
+        if let Values::Wire(wire) = self.0 {
+            let (number, rest) = number::read(wire, places);
+            let left = match rest {
+                [] => Some(Values::NONE),
+                [SEPARATOR, rest @ ..] => Some(Values::Wire(rest)),
+                _ => None,
+            };
+            if let Some(left) = left {
+                self.0 = left;
+                return Some(number);
+            }
+        }
+        self.next().map(|value| value.decimal(places))
+    }
+}
+
+impl<'a> Iterator for Left<'a> {
+    type Item = Value<'a>;
+
+    #[inline]
+    fn next(&mut self) -> Option<Value<'a>> {
+        let wire = match self.0 {
+            Values::Wire(wire) => wire,
+            Values::List([first, rest @ ..]) => {
+                self.0 = Values::List(rest);
+                return Some(*first);
+            }
+            Values::List([]) => return None,
+        };
+        let end = wire.iter().position(|byte| *byte == SEPARATOR);
+        self.0 = end.and_then(|end| wire.get(end + 1..)).map_or(Values::NONE, Values::Wire);
+        wire.get(..end.unwrap_or(wire.len())).map(Value::Wire)
     }
 }
 

@@ -101,9 +101,7 @@ fn with_name(role: Role, name: &'static str) -> Dialect<'static> {
 fn a_name_is_compared_by_its_characters() {
     let dialect = with_name(Role::Filler, "Hölynpöly").with_charset(Charset::Latin1);
     let mut wire = [0; 64];
-    let length = dialect
-        .write(Role::Filler, &Params::default(), |message| message.encode(Charset::Latin1, &mut wire))
-        .unwrap();
+    let length = dialect.write(Role::Filler, &Params::default(), &mut wire).unwrap();
     assert_eq!(&wire[..length], b"<H\xf6lynp\xf6ly$0##>");
     let (message, _) = Message::decode(&wire[..length], Charset::Latin1).unwrap().unwrap();
     assert_eq!(dialect.read(&message), Ok((Role::Filler, Params::default())));

@@ -447,3 +447,37 @@ impl Work for Numbers {
         fields.whole("whole", &mut self.1, 0..=9)
     }
 }
+
+/// Text of every length, and a number with as many decimals as the range says.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Any([Text<255>; 2], i32);
+
+impl Work for Any {
+    type Ranges = u8;
+
+    fn fields<F: Fields>(&mut self, places: &u8, fields: &mut F) -> Result<(), Unfit> {
+        fields.text("first", &mut self.0[0], 0..=255)?;
+        fields.decimal("number", &mut self.1, *places, i32::MIN..=i32::MAX)?;
+        fields.text("last", &mut self.0[1], 0..=255)
+    }
+}
+
+/// With the length in front of them that it takes: of one digit, two or three.
+#[test]
+fn jobs_of_any_length_and_number_are_read_as_they_are_written() {
+    let text = |length| Text::new(&"x".repeat(length)).unwrap();
+    let works = (0..=255).map(|length| (Any([text(length), text(length / 2)], -7), 0));
+    let numbers = [0, 1, -1, 9, 10, -99, 100, 12_345, -999_999, 9_999_999, 10_000_000, i32::MIN, i32::MAX];
+    let numbers = numbers.into_iter().flat_map(|number| (0..=9).map(move |places| (number, places)));
+    for (work, places) in works.chain(numbers.map(|(number, places)| (Any([text(3); 2], number), places))) {
+        let job = Job { order: 5, number: 1, work };
+        let mut wire = [0; 1024];
+        let length = Dialect::DEFAULT.write_job(&job, &places, &mut wire).unwrap();
+        let (message, used) = Message::decode(&wire[..length], Charset::Ascii).unwrap().unwrap();
+        assert_eq!((Dialect::DEFAULT.read_job(&message, &places), used), (Ok(job), length));
+        // A buffer that is exactly as long is enough, and one byte less is not.
+        assert_eq!(Dialect::DEFAULT.write_job(&job, &places, &mut wire[..length]), Ok(length));
+        let small = EncodeError::BufferTooSmall { needed: length, available: length - 1 };
+        assert_eq!(Dialect::DEFAULT.write_job(&job, &places, &mut wire[..length - 1]), Err(small));
+    }
+}

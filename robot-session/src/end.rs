@@ -96,13 +96,6 @@ pub trait End: Sized {
     #[inline]
     fn end_input(&mut self, _now: Duration) {}
 
-    /// Gives the decoder what it takes of the bytes, and says how many that is. A packet of jobs goes into a queue where it is: an
-    /// end with many small frames of one kind may use them here.
-    #[inline(always)]
-    fn take(&mut self, _now: Duration, bytes: &[u8]) -> usize {
-        self.core_mut().decoder.push(bytes)
-    }
-
     /// What else there is to see than bytes and time, as the queue that a robot fills: after what came due. Whoever changes it wakes the
     /// caller, see [`Session`].
     #[inline]
@@ -252,11 +245,11 @@ impl<E: End> Session for E {
             return;
         }
         while !bytes.is_empty() {
-            let takes = push(self, now, &mut bytes);
+            let takes = push(self, &mut bytes);
             self.read(now);
             if !takes && !self.reads() {
                 self.overrun(now);
-                if !push(self, now, &mut bytes) {
+                if !push(self, &mut bytes) {
                     break;
                 }
             }
@@ -329,8 +322,8 @@ fn expire_first<E: End>(end: &mut E, now: Duration) {
 
 /// Gives the decoder what it takes of the bytes, and says whether it takes any.
 #[inline(always)]
-fn push<E: End>(end: &mut E, now: Duration, bytes: &mut &[u8]) -> bool {
-    let taken = end.take(now, bytes);
+fn push<E: End>(end: &mut E, bytes: &mut &[u8]) -> bool {
+    let taken = end.core_mut().decoder.push(bytes);
     *bytes = bytes.get(taken..).unwrap_or_default();
     taken > 0
 }

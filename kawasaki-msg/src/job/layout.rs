@@ -2,12 +2,13 @@
 
 use core::ops::RangeInclusive;
 
+use super::Text;
 use super::work::{Decimal, Fields, Unfit, Work};
-use super::{Text, writer};
 use crate::error::{ConfigError, FieldError, Name};
+use crate::number;
 
-/// How many bytes a job's own fields may have, with the marks around them and the eight bytes after them that are looked at.
-pub(super) const LONGEST: usize = 1024;
+/// How many bytes the own fields of a message may have that is read, with the mark before each and two after them.
+pub(crate) const LONGEST: usize = 1024;
 
 /// What one field of a job is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,9 +43,7 @@ impl FieldType {
     fn longest(&self) -> usize {
         match *self {
             FieldType::Number { min, max } => {
-                let length = |d: Decimal| {
-                    usize::from(d.units < 0) + writer::digits(d.units.unsigned_abs(), d.places).count()
-                };
+                let length = |decimal: Decimal| number::len(decimal.units, decimal.places);
                 length(min).max(length(max))
             }
             FieldType::Text { max, .. } => max,
@@ -67,7 +66,7 @@ pub(crate) fn check<W: Work>(ranges: &W::Ranges) -> Result<usize, ConfigError> {
         }
     });
     empty?;
-    // The marks around them, and eight bytes that are looked at.
+    // Blanks and zeros may be around them.
     let (found, limit) = (longest::<W>(ranges), LONGEST - 64);
     if found > limit { Err(ConfigError::JobTooLong { found, limit }) } else { Ok(found) }
 }

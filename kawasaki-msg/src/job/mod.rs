@@ -1,8 +1,6 @@
 //! Jobs: the user's own type, its fields, and how they are read and written.
 
 mod drawing;
-mod expected;
-mod head;
 mod layout;
 mod reader;
 mod text;
@@ -10,14 +8,12 @@ mod work;
 mod writer;
 
 pub use drawing::{Bounds, JobKind, Line, Point};
-pub(crate) use expected::Expected;
-pub(crate) use head::Head;
-pub(crate) use layout::check;
 pub use layout::{FieldLayout, FieldType, each_field};
-pub(crate) use reader::read_values;
+pub(crate) use layout::{LONGEST, check};
+pub(crate) use reader::read;
 pub use text::Text;
 pub use work::{Decimal, Fields, Unfit, Work};
-pub(crate) use writer::encode;
+pub(crate) use writer::write;
 
 /// What a queue holds: one job of an order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

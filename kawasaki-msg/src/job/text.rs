@@ -17,13 +17,10 @@ impl<const N: usize> Text<N> {
 
     /// This text; `None` when it is longer than `N` characters, or holds a mark or a character above U+00FF.
     pub fn new(text: &str) -> Option<Self> {
-        let (mut new, mut length) = (Self::EMPTY, 0);
+        let mut new = Self::EMPTY;
         for c in text.chars() {
-            let byte = u8::try_from(c).ok().filter(|byte| !is_mark(*byte))?;
-            *new.bytes.get_mut(length)? = byte;
-            length += 1;
+            new.push(u8::try_from(c).ok().filter(|byte| !is_mark(*byte))?)?;
         }
-        new.set_length(length)?;
         Some(new)
     }
 
@@ -42,31 +39,11 @@ impl<const N: usize> Text<N> {
         self.length == 0
     }
 
-    /// Up to eight bytes from a place, zeros after the last one.
-    #[inline(always)]
-    pub(super) fn word(&self, at: usize) -> u64 {
-        let rest = self.bytes.get(at..).unwrap_or_default();
-        u64::from_le_bytes(rest.first_chunk().copied().unwrap_or_else(|| {
-            let mut bytes = [0; 8];
-            bytes.iter_mut().zip(rest).for_each(|(byte, found)| *byte = *found);
-            bytes
-        }))
-    }
-
-    /// Puts up to eight bytes to a place, zeros after the last one.
-    #[inline(always)]
-    pub(super) fn put(&mut self, at: usize, word: u64) {
-        let Some(rest) = self.bytes.get_mut(at..) else { return };
-        match rest.first_chunk_mut() {
-            Some(place) => *place = word.to_le_bytes(),
-            None => rest.iter_mut().zip(word.to_le_bytes()).for_each(|(place, byte)| *place = byte),
-        }
-    }
-
-    /// Its length, when all was put; `None` when it is too long.
-    #[inline(always)]
-    pub(super) fn set_length(&mut self, length: usize) -> Option<()> {
-        self.length = u8::try_from(length).ok().filter(|_| length <= N)?;
+    /// Appends a character, if there is room.
+    pub(super) fn push(&mut self, byte: u8) -> Option<()> {
+        let length = self.length.checked_add(1)?;
+        *self.bytes.get_mut(usize::from(self.length))? = byte;
+        self.length = length;
         Some(())
     }
 }

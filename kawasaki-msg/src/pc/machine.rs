@@ -24,7 +24,6 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
     /// # Errors
     /// There is no connection, or no order that this could be for, or too many commands wait.
     fn on(&mut self, now: Duration, input: Input, config: &Config) -> Result<Action, Unexpected> {
-        let unexpected = self.unexpected(&input);
         let action = match input {
             Input::Connected => Some(self.on_connected(now, config)),
             Input::Disconnected => Some(self.on_disconnected()),
@@ -46,7 +45,7 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
             Input::Sent(sent) => self.on_sent(now, sent, config),
             Input::Reported => self.on_reported(),
         };
-        action.ok_or(unexpected)
+        action.ok_or_else(|| self.unexpected(&input))
     }
 
     /// What has come since it was due is in it.

@@ -104,8 +104,6 @@ robot_session::rules! {
         StepsByClock,
         /// A connection that ends while nothing is left to execute is a step, too.
         ClosingIsStep,
-        /// No fast path in what is destroyed.
-        SlowInRest,
         /// A cleared queue is looked at twice, and what was executed until then is reported between.
         SettledTwice,
         /// Over datagrams, the start of an order that is over is refused.

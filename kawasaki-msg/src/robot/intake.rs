@@ -6,26 +6,6 @@ use super::config::{Acks, Config, Rule};
 use super::state::{AckState, Action, Flow, Gap, Machine, Order, Recovery, Rejection, Stage, Starts};
 
 impl<const WORDS: usize> Machine<WORDS> {
-    /// The order and the number of the job that may be queued without asking, and those that follow it; `None` where every
-    /// message has to be looked at. How many were is [`Input::Queued`](super::state::Input::Queued).
-    pub fn fast_path(&self, config: &Config) -> Option<(u16, u16)> {
-        let Order::Active { number, stage: Stage::Intake { gap, .. } } = self.order else { return None };
-        let rest = gap == Gap::Rest && config.rules.keeps(Rule::SlowInRest);
-        let open = self.is_connected() && !rest && self.acks.is_in_order();
-        open.then(|| (number, config.numbering().next(self.queued)))
-    }
-
-    pub(super) fn on_queued(&mut self, count: u32) -> Option<Action> {
-        let Order::Active { stage: Stage::Intake { gap, recovery, .. }, .. } = &mut self.order else {
-            return None;
-        };
-        *gap = Gap::Closed;
-        *recovery = Recovery::Resting { failures: recovery.failures() };
-        self.queued += count;
-        self.answered()?;
-        Some(Action::Nothing)
-    }
-
     /// "If the job is not the next one, or its values are out of bounds, it and what follows it in the packet is destroyed"
     /// (thesis, sections 7.2 and 12).
     pub(super) fn on_job(

@@ -25,7 +25,6 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
     /// # Errors
     /// There is no connection, or no order that this could be for.
     fn on(&mut self, now: Duration, input: Input, config: &Config) -> Result<Action, Unexpected> {
-        let unexpected = self.unexpected(&input);
         let action = match input {
             Input::Connected => {
                 self.on_connected(now, config);
@@ -35,7 +34,6 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
             Input::Timeout => Some(self.on_timeout(now, config)),
             Input::Message { message, room } => self.on_message(now, message, room, config),
             Input::Corrupt => self.on_corrupt(config),
-            Input::Queued { count } => self.on_queued(count),
             Input::ReadEnd => Some(self.on_read_end(now)),
             Input::Executed { number } => self.on_executed(number, config),
             Input::Settled => Some(self.on_settled(now, config)),
@@ -45,7 +43,7 @@ impl<const WORDS: usize> robot_session::Machine for Machine<WORDS> {
             Input::Sent(sent) => self.on_sent(now, sent, config),
             Input::Reported => self.on_reported(),
         };
-        action.ok_or(unexpected)
+        action.ok_or_else(|| self.unexpected(&input))
     }
 
     fn transmit(&self, now: Duration, _config: &Config) -> Option<()> {
@@ -325,7 +323,7 @@ impl<const WORDS: usize> Machine<WORDS> {
     }
 
     /// Something has come; `None` without a connection.
-    pub(super) fn answered(&mut self) -> Option<()> {
+    fn answered(&mut self) -> Option<()> {
         let Link::Connected { cycle, .. } = &mut self.link else { return None };
         if let Cycle::Waiting { answered, .. } = cycle {
             *answered = true;

@@ -20,10 +20,8 @@ pub(super) const OF_ORDER: usize = 5;
 pub struct Received<W> {
     role: Role,
     params: Params,
-    /// A job's own fields.
-    work: Option<W>,
-    /// Why it cannot be used.
-    error: Option<MessageError>,
+    /// A job's own fields, or why the message cannot be used.
+    work: Result<Option<W>, MessageError>,
 }
 
 impl<W: Work> Received<W> {
@@ -33,17 +31,12 @@ impl<W: Work> Received<W> {
         active: u16,
         message: &Message<'_>,
     ) -> Self {
-        let (role, params) = match dialect.read(message) {
-            Ok((role, params)) => (role, dialect.complete(role, params, active)),
-            Err(error) => {
-                let params = Params::default();
-                return Self { role: Role::Filler, params, work: None, error: Some(error) };
+        match dialect.read_all(message, ranges) {
+            Ok((role, params, work)) => {
+                let params = dialect.complete(role, params, active);
+                Self { role, params, work: work.filter(|_| role == Role::Job).transpose() }
             }
-        };
-        let work = (role == Role::Job).then(|| dialect.read_work::<W>(message, ranges));
-        match work.transpose() {
-            Ok(work) => Self { role, params, work, error: None },
-            Err(error) => Self { role, params, work: None, error: Some(error) },
+            Err(error) => Self { role: Role::Filler, params: Params::default(), work: Err(error) },
         }
     }
 
@@ -53,18 +46,18 @@ impl<W: Work> Received<W> {
 
     pub(super) fn job(self) -> Option<Job<W>> {
         let (order, number) = (self.number(Field::Order), self.number(Field::Number));
-        Some(Job { order, number, work: self.work? })
+        Some(Job { order, number, work: self.work.ok()?? })
     }
 
     fn message(&self) -> FromPc {
-        match (self.role, self.error) {
-            (Role::Job, error) => FromPc::Job {
+        match (self.role, &self.work) {
+            (Role::Job, work) => FromPc::Job {
                 order: self.number(Field::Order),
                 number: self.number(Field::Number),
-                good: error.is_none(),
+                good: work.is_ok(),
             },
-            (_, Some(_)) => FromPc::Unusable,
-            (role, None) => FromPc::read(role, &self.params),
+            (_, Err(_)) => FromPc::Unusable,
+            (role, Ok(_)) => FromPc::read(role, &self.params),
         }
     }
 }
@@ -109,8 +102,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
         let active = machine.order.number();
         let fields = self.dialect.entry(role).map_or(&[][..], |entry| entry.fields);
         let place = fields.iter().position(|field| *field == Field::Number).unwrap_or(0);
-        let error = match (why, received.error) {
-            (Rejection::Bad, Some(error)) => error,
+        let error = match (why, received.work) {
+            (Rejection::Bad, Err(error)) => error,
             (Rejection::WrongOrder, _) => MessageError::WrongOrder { active, found: found_order },
             (Rejection::Repeated, _) => MessageError::Repeated { expected, found },
             (Rejection::OutOfOrder, _) => MessageError::OutOfOrder { expected, found },

@@ -10,7 +10,7 @@ use super::state::{Action, Input, Machine, RecoveryStep, Report};
 use crate::decoder::Decoder;
 use crate::dialect::{Dialect, Params};
 use crate::error::{ConfigError, SessionError};
-use crate::job::{self, Expected, Job, Work};
+use crate::job::{self, Job, Work};
 use crate::message::Message;
 use crate::numbering::ALL_NUMBERS;
 use crate::packet::{Limits, Packet};
@@ -183,48 +183,11 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
         Ok(())
     }
 
-    /// Queues the expected jobs that come next, as far as there is room, and publishes them together: of these bytes where they are,
-    /// and of those that are held. What was used or is held now, and how many jobs that is.
-    fn queue_expected_jobs(&mut self, bytes: &[u8]) -> (usize, u32) {
-        let (machine, config) = (&self.core.machine, &self.core.config);
-        let next = machine.fast_path(config);
-        let expected =
-            next.and_then(|(order, number)| Expected::new(&self.dialect, order, number, config.max_number));
-        let mut count = 0;
-        let rest = match expected {
-            None => self.core.decoder.take_next(bytes, false),
-            Some(mut expected) => self.core.decoder.read_in_place(bytes, false, |bytes| {
-                let (used, queued) =
-                    queue_jobs::<W, MESSAGE, R>(bytes, &mut self.writer, &mut expected, &self.ranges);
-                count += queued;
-                used
-            }),
-        };
-        self.statistics.queued += count as u64;
-        (bytes.len() - rest.len(), u32::try_from(count).unwrap_or(u32::MAX))
-    }
-
     /// An outcome: what it is of was begun only with room for it.
     pub(super) fn push_outcome(&mut self, outcome: RobotEvent) {
         let pushed = self.core.events.push_outcome(outcome);
         debug_assert!(pushed.is_ok(), "begun only with room for its outcomes");
     }
-}
-
-/// Queues the expected jobs that these bytes begin with: how many bytes, and how many jobs they are.
-#[inline(never)] // by itself it fits the registers
-fn queue_jobs<W: Work, const MESSAGE: usize, R: Wake>(
-    bytes: &[u8],
-    writer: &mut Writer<'_, Job<W>, R>,
-    expected: &mut Expected,
-    ranges: &W::Ranges,
-) -> (usize, usize) {
-    let Ok(mut batch) = writer.claim_batch(writer.free()) else { return (0, 0) };
-    let used = expected.read::<W, MESSAGE>(bytes, ranges, |job| {
-        let claim = batch.claim();
-        claim.map(|claim| claim.push(*job)).is_ok()
-    });
-    (used, batch.publish())
 }
 
 impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'_, W, MESSAGE, WORDS, R> {
@@ -258,15 +221,6 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
         }
     }
 
-    /// The expected jobs of a packet are queued where they are.
-    fn take(&mut self, now: Duration, bytes: &[u8]) -> usize {
-        let (taken, count) = self.queue_expected_jobs(bytes);
-        if count > 0 {
-            self.advance(now, Input::Queued { count }, None);
-        }
-        taken
-    }
-
     fn look(&mut self, now: Duration) {
         if self.writer.is_settled() || self.writer.is_abandoned() {
             self.advance(now, Input::Settled, None);
@@ -277,9 +231,6 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
     }
 
     fn next_input(&mut self) -> Option<(Input, Option<Received<W>>)> {
-        if let (_, count @ 1..) = self.queue_expected_jobs(&[]) {
-            return Some((Input::Queued { count }, None));
-        }
         match self.core.decoder.next_frame()? {
             Ok(message) => {
                 let received =

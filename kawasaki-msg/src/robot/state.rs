@@ -240,11 +240,6 @@ pub enum Input {
     },
     /// Bytes that are no message.
     Corrupt,
-    /// So many jobs of [`Machine::fast_path`] were queued.
-    Queued {
-        /// How many.
-        count: u32,
-    },
     /// All that was read is understood, and no half message is held.
     ReadEnd,
     /// A job is executed.
@@ -415,11 +410,6 @@ impl<const WORDS: usize> AckState<WORDS> {
         }
     }
 
-    /// No job is executed ahead of others.
-    pub(super) fn is_in_order(&self) -> bool {
-        !matches!(self, AckState::Individual { ahead, .. } if !ahead.is_empty())
-    }
-
     pub(super) fn is_ahead(&self, number: u16) -> bool {
         matches!(self, AckState::Individual { ahead, .. } if ahead.contains(number))
     }
@@ -444,7 +434,6 @@ robot_session::inputs!(
     Message { message: FromPc::WrongSide } as "Message(WrongSide)",
     Message { message: FromPc::Unusable } as "Message(Unusable)",
     Corrupt,
-    Queued,
     ReadEnd,
     Executed,
     Settled,

@@ -1,6 +1,5 @@
 //! What a packet of jobs takes in a loop that is written by hand for one layout and one table of messages, with the checks of the
-//! general one: marks, length, order, the next number, ranges, decimals, room in the queue and in the packet. Read byte after byte;
-//! written two digits at a time, after what is the same in all jobs of an order.
+//! general one: marks, length, order, the next number, ranges, decimals, room in the queue and in the packet. Byte after byte.
 
 use core::hint::black_box;
 
@@ -142,23 +141,9 @@ pub(super) fn find(bytes: &[u8]) -> Option<[&[u8]; 3]> {
     (is_text(name) && is_text(data)).then_some([name, data, rest])
 }
 
-/// Eight bytes at a time, the last ones twice perhaps.
 #[inline(always)]
 fn is_text(text: &[u8]) -> bool {
-    const ONES: u64 = u64::from_le_bytes([1; 8]);
-    let marks = |word: &[u8; 8]| {
-        let word = u64::from_le_bytes(*word);
-        let below = |mark: u8| (word ^ (ONES * u64::from(mark))).wrapping_sub(ONES);
-        (word | below(b'<') | below(b'>') | below(b'#')) & (ONES << 7)
-    };
-    let Some(last) = text.last_chunk() else {
-        return !text.iter().any(|byte| matches!(byte, b'<' | b'>' | b'#' | 128..));
-    };
-    let mut found = marks(last);
-    for word in text.as_chunks().0 {
-        found |= marks(word);
-    }
-    found == 0
+    !text.iter().any(|byte| matches!(byte, b'<' | b'>' | b'#' | 128..))
 }
 
 struct Job<W> {
@@ -215,131 +200,74 @@ pub(super) fn build<W: Layout>(rounds: u64, work: impl Fn(u16) -> W) -> Vec<u8> 
     let mut buffer = [0; 4096];
     let mut length = 0;
     for _ in 0..rounds {
-        let mut out = Out { bytes: black_box(&mut buffer), length: 0 };
-        let head = Head::new(black_box(50));
+        let mut out = Window { bytes: black_box(&mut buffer), at: 0 };
         length = 0;
         for number in 1.. {
             let work = black_box(work(number));
-            if out.job(&head, number, &work).is_none() {
+            if out.job(black_box(50), number, &work).is_none() {
                 break;
             }
-            length = out.length;
+            length = out.at;
         }
     }
     buffer[..length].to_vec()
 }
 
-/// `<Tyo$00#order$`: what all jobs of an order begin with.
-struct Head {
-    text: [u8; 16],
-    length: usize,
-}
-
-impl Head {
-    fn new(order: u16) -> Self {
-        let head = format!("<Tyo$00#{order}$");
-        let mut text = [0; 16];
-        text[..head.len()].copy_from_slice(head.as_bytes());
-        Self { text, length: head.len() }
-    }
-}
-
 /// A packet that is being built.
-struct Out<'b> {
-    bytes: &'b mut [u8],
-    length: usize,
-}
-
-impl Out<'_> {
-    /// `None`: there is no room for all of it.
-    #[inline(never)]
-    fn job<W: Layout>(&mut self, head: &Head, number: u16, work: &W) -> Option<()> {
-        if let Some(place) = self.bytes.get_mut(self.length..).and_then(<[u8]>::first_chunk_mut) {
-            self.length += Window::write(place, head, number, work)?;
-            return Some(());
-        }
-        // At the end of the packet.
-        let mut window = [0; WINDOW];
-        let length = Window::write(&mut window, head, number, work)?;
-        self.bytes.get_mut(self.length..self.length + length)?.copy_from_slice(&window[..length]);
-        self.length += length;
-        Some(())
-    }
-}
-
-/// The longest of the layouts' jobs, and the eight bytes after it that are written at once.
-const WINDOW: usize = 128;
-
-/// The digits of each number below 100.
-static PAIRS: [[u8; 2]; 100] = {
-    let mut pairs = [[0; 2]; 100];
-    let mut number = 0;
-    while number < 100 {
-        pairs[number] = [b'0' + number as u8 / 10, b'0' + number as u8 % 10];
-        number += 1;
-    }
-    pairs
-};
-
-/// The place of a job's message.
 pub(super) struct Window<'b> {
-    bytes: &'b mut [u8; WINDOW],
+    bytes: &'b mut [u8],
     at: usize,
 }
 
 impl Window<'_> {
-    #[inline(always)]
-    fn write<W: Layout>(bytes: &mut [u8; WINDOW], head: &Head, number: u16, work: &W) -> Option<usize> {
-        *bytes.first_chunk_mut()? = head.text;
-        let mut window = Window { bytes, at: head.length };
-        window.digits(u32::from(number))?;
-        work.write(&mut window)?;
-        let data = window.at - "<Tyo$00#".len();
-        window.word(u64::from(u16::from_le_bytes(*b"#>")), 2)?;
-        let length = window.at;
-        match data {
-            0..10 => {
-                bytes.copy_within(7..7 + 16, 6);
-                bytes[5] = b'0' + data as u8;
-                Some(length - 1)
-            }
-            10..100 => {
-                [bytes[5], bytes[6]] = PAIRS[data];
-                Some(length)
-            }
-            _ => None,
+    /// `None`: there is no room for all of it.
+    #[inline(never)]
+    fn job<W: Layout>(&mut self, order: u16, number: u16, work: &W) -> Option<()> {
+        self.put(b"<Tyo$")?;
+        let length_at = self.at;
+        self.put(b"00#")?;
+        let data_at = self.at;
+        self.digits(u32::from(order), 0)?;
+        self.put(b"$")?;
+        self.digits(u32::from(number), 0)?;
+        work.write(self)?;
+        let data = self.at - data_at;
+        if data < 10 {
+            self.bytes.copy_within(length_at + 2..self.at, length_at + 1);
+            self.at -= 1;
         }
+        let end = self.at;
+        self.at = length_at;
+        self.digits(data as u32, 0)?;
+        self.at = end;
+        self.put(b"#>")
     }
 
-    /// So many of eight bytes.
     #[inline(always)]
-    fn word(&mut self, word: u64, length: usize) -> Option<()> {
-        *self.bytes.get_mut(self.at..)?.first_chunk_mut()? = word.to_le_bytes();
-        self.at += length;
+    fn put(&mut self, bytes: &[u8]) -> Option<()> {
+        let end = self.at + bytes.len();
+        self.bytes.get_mut(self.at..end)?.copy_from_slice(bytes);
+        self.at = end;
         Some(())
     }
 
+    /// With a point before the last `places` digits.
     #[inline(always)]
-    fn digits(&mut self, number: u32) -> Option<()> {
-        let one = |number: u32| u64::from(number) + u64::from(b'0');
-        let two = |number: u32| u64::from(u16::from_le_bytes(PAIRS[number as usize]));
-        let four = |number: u32| two(number / 100) | two(number % 100) << 16;
-        let (text, length) = match number {
-            0..10_000 => match number {
-                0..10 => (one(number), 1),
-                10..100 => (two(number), 2),
-                100..1000 => (one(number / 100) | two(number % 100) << 8, 3),
-                _ => (four(number), 4),
-            },
-            10_000..100_000 => (one(number / 10_000) | four(number % 10_000) << 8, 5),
-            100_000..1_000_000 => (two(number / 10_000) | four(number % 10_000) << 16, 6),
-            1_000_000..10_000_000 => {
-                let (first, last) = (number / 10_000, number % 10_000);
-                (one(first / 100) | two(first % 100) << 8 | four(last) << 24, 7)
+    fn digits(&mut self, number: u32, places: usize) -> Option<()> {
+        let digits =
+            (number.checked_ilog10().unwrap_or(0) as usize + 1).max(if places > 0 { places + 1 } else { 0 });
+        let end = self.at + digits + usize::from(places > 0);
+        let mut rest = number;
+        for (at, place) in self.bytes.get_mut(self.at..end)?.iter_mut().rev().enumerate() {
+            if places > 0 && at == places {
+                *place = b'.';
+                continue;
             }
-            _ => return None,
-        };
-        self.word(text, length)
+            *place = b'0' + (rest % 10) as u8;
+            rest /= 10;
+        }
+        self.at = end;
+        Some(())
     }
 
     /// A mark, and a number with no decimals or with three.
@@ -348,34 +276,15 @@ impl Window<'_> {
         if !(min..=max).contains(&number) {
             return None;
         }
-        // A minus that is not there is written over.
-        self.word(u64::from(u16::from_le_bytes(*b"$-")), 1 + usize::from(number < 0))?;
-        let number = number.unsigned_abs();
-        if places == 0 {
-            return self.digits(number);
-        }
-        self.digits(number / 1000)?;
-        let [[_, hundreds], [tens, ones]] =
-            [number % 1000 / 100, number % 100].map(|pair| PAIRS[pair as usize]);
-        self.word(u64::from(u32::from_le_bytes([b'.', hundreds, tens, ones])), 4)
+        self.put(if number < 0 { b"$-" } else { b"$" })?;
+        self.digits(number.unsigned_abs(), places)
     }
 
-    /// A mark, and a text of up to eight bytes.
+    /// A mark, and a text.
     #[inline(always)]
     pub(super) fn text(&mut self, text: &[u8]) -> Option<()> {
-        self.word(u64::from(b'$'), 1)?;
-        let (Some(first), Some(last)) = (text.first_chunk::<4>(), text.last_chunk::<4>()) else {
-            // No text holds a mark.
-            return text
-                .iter()
-                .try_for_each(|byte| self.word(byte.is_ascii().then_some(u64::from(*byte))?, 1));
-        };
-        let [first, last] = [first, last].map(|bytes| u32::from_le_bytes(*bytes));
-        if (first | last) & 0x8080_8080 != 0 {
-            return None;
-        }
-        let rest = text.len() - 4;
-        self.word(first.into(), rest)?;
-        self.word(last.into(), 4)
+        self.put(b"$")?;
+        // No text holds a mark.
+        text.iter().try_for_each(|byte| self.put(byte.is_ascii().then_some(&[*byte])?))
     }
 }

@@ -1,9 +1,6 @@
 //! Both machines as the model drives them.
 
-use core::time::Duration;
-
-use kawasaki_msg::{FromPc, pc, robot};
-use robot_session::Machine as _;
+use kawasaki_msg::{pc, robot};
 
 use crate::model::Drawn;
 
@@ -32,33 +29,4 @@ impl Drawn for Pc {
         };
         text.split(' ').next().unwrap_or_default().into()
     }
-}
-
-/// Whether the fast path leaves the robot where the slow one does: for the jobs that it would take of those that come next, with so
-/// many free places in the queue.
-pub fn fast_is_slow(
-    robot: &Robot,
-    messages: impl Iterator<Item = FromPc>,
-    free: usize,
-    config: &robot::Config,
-) -> bool {
-    let Some((order, mut number)) = robot.fast_path(config) else { return true };
-    let (mut slow, mut count) = (robot.clone(), 0);
-    for message in messages.take(free) {
-        if message != (FromPc::Job { order, number, good: true }) {
-            break;
-        }
-        let input = robot::Input::Message { message, room: true };
-        if slow.on(Duration::ZERO, input, config) != Ok(robot::Action::Queue) {
-            return false;
-        }
-        number = number % config.max_number + 1;
-        count += 1;
-        let mut fast = robot.clone();
-        let queued = fast.on(Duration::ZERO, robot::Input::Queued { count }, config);
-        if queued != Ok(robot::Action::Nothing) || fast != slow {
-            return false;
-        }
-    }
-    true
 }

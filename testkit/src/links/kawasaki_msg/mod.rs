@@ -26,7 +26,7 @@ pub use world::{Act, Faults, Flags, InFlight, Reported, Sent, Setup, Start, Tag,
 
 use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, Table, draw};
 use any_pc::{BOUND, EARLY_END, WRONG_COUNT};
-use pair::{FAST, NO_ALARM, NOT_EXECUTED, TWICE};
+use pair::{NO_ALARM, NOT_EXECUTED, TWICE};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] =
@@ -376,7 +376,6 @@ fn any_pc_must_fail() -> Vec<MustFail> {
         ),
         free("StepsByClock (robot)", BOUND, RobotRule::StepsByClock),
         free("ClosingIsStep (robot)", BOUND, RobotRule::ClosingIsStep),
-        free("SlowInRest (robot)", FAST, RobotRule::SlowInRest),
         free("SettledTwice (robot)", WRONG_COUNT, RobotRule::SettledTwice),
     ]
 }

@@ -22,7 +22,6 @@ pub(super) const NOT_EXECUTED: &str = "what is reported not executed was not";
 pub(super) const COUNTED: &str = "what is counted executed is";
 pub(super) const ONE_OUTCOME: &str = "a start has one outcome";
 pub(super) const WHOLE: &str = "an order that nobody breaks off is executed whole";
-pub(super) const FAST: &str = "the fast path does what the slow one does";
 pub(super) const NO_SPIN: &str = "what is due is done, and the next deadline is later";
 pub(super) const NO_ALARM: &str = "no alarm without a fault";
 
@@ -164,7 +163,6 @@ impl System for Setup {
         add(w.flags.twice, TWICE);
         add(w.flags.mixed, MIXED);
         add(w.flags.unexpected, UNEXPECTED);
-        add(w.flags.fast_path, FAST);
         add(w.flags.broken_off, WHOLE);
         let ready = matches!(w.robot.link, Link::Connected { cycle: Cycle::Ready { at: NOW }, .. });
         let answers = matches!(w.pc.link, pc::Link::Connected { reply: pc::Reply::Due { at: NOW, .. }, .. });

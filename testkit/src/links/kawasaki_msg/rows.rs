@@ -255,7 +255,6 @@ impl<const WORDS: usize> Rows for Robot<WORDS> {
             job(3, false),
             job(5, true),
             On::Corrupt,
-            On::Queued { count: 1 },
             On::ReadEnd,
             On::Executed { number: 2 },
             On::Settled,

@@ -7,7 +7,7 @@ use kawasaki_msg::robot::{self, Cycle, Link, Order, RecoveryStep, Stage};
 use kawasaki_msg::{FromPc, FromRobot, Takeover};
 use robot_session::Machine as _;
 
-use super::machines::{Pc, Robot, fast_is_slow};
+use super::machines::{Pc, Robot};
 use super::world::{Act, InFlight, Reported, Sent, Setup, Start, TICK, Tag, World};
 use crate::model::{Edges, age, drive};
 
@@ -264,15 +264,11 @@ impl Setup {
         if !w.robot.is_connected() {
             return;
         }
-        for at in 0..messages.len() {
-            let Sent { message, tag } = messages[at];
+        for Sent { message, tag } in messages {
             if core::mem::replace(&mut w.robot_tail, message.is_none()) {
                 self.robot(w, robot::Input::Corrupt, edges);
             }
             let Some(message) = message else { continue };
-            let jobs = messages[at..].iter().map_while(|sent| sent.message);
-            w.flags.fast_path |=
-                !fast_is_slow(&w.robot, jobs, self.capacity - w.occupied(), &self.robot.machine());
             let job = matches!(message, FromPc::Job { .. });
             let room = !job || w.occupied() < self.capacity;
             let first = w.robot.queued == 0;

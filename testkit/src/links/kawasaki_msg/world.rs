@@ -167,8 +167,6 @@ pub struct Flags {
     pub mixed: bool,
     /// A machine did not expect an input.
     pub unexpected: bool,
-    /// The fast path would have led elsewhere than the slow one.
-    pub fast_path: bool,
     /// An order that nobody has broken off was not executed whole.
     pub broken_off: bool,
 }

@@ -8,8 +8,8 @@ use kawasaki_msg::robot::{Action, Cycle, Input, Link, Order, RecoveryStep, Repor
 use kawasaki_msg::{FromPc, FromRobot, RobotConfig};
 use robot_session::Machine as _;
 
-use super::machines::{Robot, fast_is_slow};
-use super::pair::{FAST, NO_ALARM, NO_SPIN, TWICE, UNEXPECTED};
+use super::machines::Robot;
+use super::pair::{NO_ALARM, NO_SPIN, TWICE, UNEXPECTED};
 use super::world::TICK;
 use crate::model::{Edge, Edges, System, age, drive};
 
@@ -134,7 +134,6 @@ impl AnyPc {
         }
         let Some(message) = message else { return };
         let free = self.capacity - w.occupied();
-        w.flags.fast_path |= !fast_is_slow(&w.robot, [message].into_iter(), free, &self.robot.machine());
         let room = !matches!(message, FromPc::Job { .. }) || free > 0;
         match self.drive(w, Input::Message { message, room }, edges) {
             Action::Queue => {
@@ -427,7 +426,6 @@ impl System for AnyPc {
         add(flags.wrong_count, WRONG_COUNT);
         add(flags.unexpected, UNEXPECTED);
         add(flags.healthy, HEALTHY);
-        add(flags.fast_path, FAST);
         add(u32::from(w.stood) > self.bound(), BOUND);
         let counted = w.robot.executed + u32::from(w.unreported);
         add(w.stage().is_some() && counted != u32::from(w.done), WRONG_COUNT);

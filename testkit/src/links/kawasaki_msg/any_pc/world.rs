@@ -45,7 +45,6 @@ pub(super) struct Flags {
     pub(super) wrong_count: bool,
     pub(super) unexpected: bool,
     pub(super) healthy: bool,
-    pub(super) fast_path: bool,
 }
 
 /// What happens.

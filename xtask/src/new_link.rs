@@ -31,12 +31,13 @@ pub(crate) fn make(root: &Path, name: &str) -> Result<()> {
     link.insert("links/Cargo.toml", "val2-alter = {", &line)?;
     link.insert("links/src/lib.rs", "pub mod val2_alter;", &format!("pub mod {};", link.name[1]))?;
     link.insert("links/src/lib.rs", "];", &format!("    {}::LINK,", link.name[1]))?;
-    println!("{name}/, links/src/{}/ and the reference's inputs are made. {NEXT}", link.name[1]);
+    println!("{name}/, links/src/{}/ and the reference's inputs are made.", link.name[1]);
+    println!(
+        "Next: cargo xtask bless {name}, cargo xtask check {name}, and CONTRIBUTING, \"Adding a link\"."
+    );
+    println!("To see it: echo G7 | cargo run -p cellwire -- decode {name} --format raw");
     Ok(())
 }
-
-const NEXT: &str = "CONTRIBUTING, \"Adding a link\", says what comes next.
-Try it: cargo xtask check NAME, and echo G7 | cellwire decode NAME --format raw";
 
 /// A link that is made.
 struct NewLink<'a> {

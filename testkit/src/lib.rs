@@ -29,3 +29,8 @@ pub mod soak;
 mod turn;
 
 pub use turn::{Carrier, turn};
+
+/// Whether the tests over the table of links are to look at this one: all of them, or only what `LINK` names.
+pub fn is_tested(link: &str) -> bool {
+    std::env::var("LINK").map_or(true, |only| only == link)
+}

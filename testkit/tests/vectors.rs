@@ -23,7 +23,7 @@ type Item = (Option<Value>, usize);
 
 fn groups() -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
-    for link in LINKS {
+    for link in LINKS.iter().filter(|link| testkit::is_tested(link.name)) {
         let path = format!("{}/../reference/vectors/{}.json", env!("CARGO_MANIFEST_DIR"), link.name);
         let mut ids = BTreeSet::new();
         for vector in vectors(path).unwrap() {
@@ -139,5 +139,6 @@ fn a_frame_that_is_cut_costs_itself_alone() {
             }
         }
     }
-    assert!(streams > 30_000, "{streams}");
+    // Of all links.
+    assert!(streams > 30_000 || std::env::var("LINK").is_ok(), "{streams}");
 }

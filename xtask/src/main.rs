@@ -110,8 +110,10 @@ impl Workspace {
         self.cargo(with(&["test", "-q"], &[]))?;
         for link in packages.iter().filter(|package| self.is_link(package)) {
             // What the link's crate has no test of its own for.
-            let name = link.replace('-', "_");
-            self.cargo(["test", "-q", "-p", "testkit", "--test", "machines", "--test", "contract", &name])?;
+            let tests = ["--test", "machines", "--test", "contract", "--test", "vectors"];
+            let mut tested =
+                self.command(env!("CARGO"), ["test", "-q", "-p", "testkit"].iter().chain(&tests));
+            Self::succeed(tested.env("LINK", link))?;
             self.cargo(["run", "-q", "-p", "reference", "--", "check", link])?;
         }
         println!("checked in {:.0} s", begin.elapsed().as_secs_f64());
@@ -181,8 +183,17 @@ impl Workspace {
     }
 
     fn run(&self, program: &str, arguments: impl IntoIterator<Item: AsRef<OsStr>>) -> Result<()> {
+        Self::succeed(&mut self.command(program, arguments))
+    }
+
+    fn command(&self, program: &str, arguments: impl IntoIterator<Item: AsRef<OsStr>>) -> Command {
         let mut command = Command::new(program);
         command.args(arguments).current_dir(&self.0);
+        command
+    }
+
+    fn succeed(command: &mut Command) -> Result<()> {
+        let program = command.get_program().display().to_string();
         let status = command.status().with_context(|| format!("cannot run {program}"))?;
         if !status.success() {
             bail!("{program} failed");

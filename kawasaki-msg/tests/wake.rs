@@ -58,11 +58,13 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
 
     let (report, reports) = channel();
     let (execute, order_to_execute) = channel::<()>();
+    let (begins, has_begun) = channel();
     let (motion, reader) = channel();
     let motion_task = thread::spawn(move || {
         let mut queue: robot_work_queue::Reader<'_, Job<Line>, _> = reader.recv().unwrap();
         loop {
             while let Some(job) = queue.take() {
+                begins.send(()).unwrap();
                 order_to_execute.recv().unwrap();
                 report.send(job.number).unwrap();
                 job.complete();
@@ -111,6 +113,8 @@ fn a_robot_learns_of_executed_jobs_from_the_wake_of_its_queue_alone() {
     while robot.queued() == 0 {
         assert_eq!(turn(&mut robot), (None, go_on));
     }
+    // A job that nobody has taken would be discarded.
+    has_begun.recv().unwrap();
     // The order is over when the job is executed. The packet that says so has no answer: there is nothing else to do for an hour.
     robot.reset_order().unwrap();
     holds.store(true, Ordering::SeqCst);

@@ -111,6 +111,9 @@ pub struct PcStatistics {
     pub dropped_notices: u64,
 }
 
+robot_session::counters!(RobotStatistics);
+robot_session::counters!(PcStatistics);
+
 #[cfg(test)]
 mod tests {
     use super::*;

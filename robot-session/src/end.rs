@@ -3,11 +3,11 @@
 use core::time::Duration;
 
 use crate::event::Events;
-use crate::{Decoder, Expiry, Input, Machine, Session, Unexpected};
+use crate::{Counters, Decoder, Expiry, Input, Machine, Session, Unexpected};
 
 /// What every end consists of.
 #[derive(Debug, Clone)]
-pub struct Core<M: Machine, D, Q> {
+pub struct Core<M: Machine, D, Q, S> {
     /// What it works with.
     pub config: M::Config,
     /// What it decides.
@@ -16,8 +16,8 @@ pub struct Core<M: Machine, D, Q> {
     pub decoder: D,
     /// What waits for the caller.
     pub events: Q,
-    /// How many inputs the state did not allow.
-    pub unexpected: u64,
+    /// What it has counted.
+    pub statistics: S,
     /// Frames may wait in the decoder: reading has stopped.
     held: bool,
     /// What the machine was given, if somebody has asked for it: time, state and input.
@@ -48,7 +48,7 @@ pub trait End: Sized {
     /// What waits for the caller.
     type Events: Events;
     /// [`Session::Statistics`].
-    type Statistics: Copy + Default + core::fmt::Debug + PartialEq;
+    type Statistics: Counters;
     /// What a frame carries that the machine does not look at.
     type Payload;
 
@@ -82,9 +82,6 @@ pub trait End: Sized {
 
     /// The event of an input that the state does not allow.
     fn unexpected(unexpected: Unexpected) -> EventOf<Self>;
-
-    /// [`Session::statistics`].
-    fn counters(&self) -> Self::Statistics;
 
     /// Bytes have come and are not decoded yet. False: they are not read.
     #[inline]
@@ -139,7 +136,7 @@ pub trait End: Sized {
     #[cold]
     fn refuse(&mut self, unexpected: Unexpected) {
         let core = self.core_mut();
-        core.unexpected += 1;
+        *core.statistics.unexpected() += 1;
         core.events.push_notice(Self::unexpected(unexpected));
     }
 
@@ -168,7 +165,8 @@ pub trait End: Sized {
 }
 
 /// The [`Core`] of an end.
-pub type CoreOf<E> = Core<<E as End>::Machine, <E as End>::Decoder, <E as End>::Events>;
+pub type CoreOf<E> =
+    Core<<E as End>::Machine, <E as End>::Decoder, <E as End>::Events, <E as End>::Statistics>;
 /// The [`Machine::Input`] of an end.
 pub type InputOf<E> = <<E as End>::Machine as Machine>::Input;
 /// The [`Machine::Action`] of an end.
@@ -183,7 +181,7 @@ impl Room {
     pub const NONE: Self = Self { connect: 0, read: 0, transmit: 0 };
 }
 
-impl<M: Machine, D, Q: Default> Core<M, D, Q> {
+impl<M: Machine, D, Q: Default, S: Default> Core<M, D, Q, S> {
     /// Without events.
     pub fn new(config: M::Config, machine: M, decoder: D) -> Self {
         Self {
@@ -191,7 +189,7 @@ impl<M: Machine, D, Q: Default> Core<M, D, Q> {
             machine,
             decoder,
             events: Q::default(),
-            unexpected: 0,
+            statistics: S::default(),
             held: false,
             #[cfg(feature = "model")]
             moves: None,
@@ -308,7 +306,10 @@ impl<E: End> Session for E {
     }
 
     fn statistics(&self) -> E::Statistics {
-        self.counters()
+        let core = self.core();
+        let mut statistics = core.statistics;
+        *statistics.dropped_notices() = core.events.dropped_notices();
+        statistics
     }
 }
 

@@ -127,6 +127,9 @@ pub trait Events: Default {
 
     /// [`EventQueue::pop`].
     fn pop(&mut self) -> Option<Self::Event>;
+
+    /// [`EventQueue::dropped_notices`].
+    fn dropped_notices(&self) -> u64;
 }
 
 impl<E, const N: usize> Events for EventQueue<E, N> {
@@ -145,5 +148,9 @@ impl<E, const N: usize> Events for EventQueue<E, N> {
     #[inline]
     fn pop(&mut self) -> Option<E> {
         Self::pop(self)
+    }
+
+    fn dropped_notices(&self) -> u64 {
+        Self::dropped_notices(self)
     }
 }

@@ -7,6 +7,7 @@ extern crate std;
 
 mod buffer;
 mod bytes;
+mod counters;
 mod decoder;
 mod encode;
 mod end;
@@ -29,6 +30,7 @@ mod wait;
 
 pub use buffer::StreamBuffer;
 pub use bytes::ByteDecoder;
+pub use counters::Counters;
 pub use decoder::Decoder;
 pub use encode::Encode;
 pub use end::{ActionOf, Core, CoreOf, End, EventOf, InputOf, Room, TransmitOf};

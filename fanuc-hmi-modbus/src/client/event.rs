@@ -137,3 +137,5 @@ pub struct ClientStatistics {
     /// Notices that nobody polled in time.
     pub dropped_notices: u64,
 }
+
+robot_session::counters!(ClientStatistics);

@@ -38,11 +38,10 @@ use crate::message::{PduBuf, Reply, Request, function};
 /// All bytes are taken. Corrupt ones cost the frames that they touch and are reported.
 #[derive(Debug, Clone)]
 pub struct Client<const N: usize = 8, F = Framing> {
-    core: Core<ClientMachine<N>, Decoder<F>, EventQueue<ClientEvent, EVENTS>>,
+    core: Core<ClientMachine<N>, Decoder<F>, EventQueue<ClientEvent, EVENTS>, ClientStatistics>,
     places: [Place; N],
     /// The bytes before those that are read now ended within corruption.
     was_corrupt: bool,
-    statistics: ClientStatistics,
 }
 
 /// Outcomes have room here for every place.
@@ -92,7 +91,6 @@ impl<const N: usize, F: Framings> Client<N, F> {
             core: Core::new(config, ClientMachine::NEW, Decoder::new(framing, Side::Server)),
             places: [place; N],
             was_corrupt: false,
-            statistics: ClientStatistics::default(),
         })
     }
 
@@ -113,10 +111,10 @@ impl<const N: usize, F: Framings> Client<N, F> {
         };
         // A request that cannot be written leaves the reply that is there.
         kept.pdu.put(request)?;
-        let ticket = Ticket { number: self.statistics.requests + 1, place };
+        let ticket = Ticket { number: self.core.statistics.requests + 1, place };
         (kept.ticket, kept.unit) = (ticket, unit);
         (kept.quantity, kept.is_reply) = (request.quantity_read(), false);
-        self.statistics.requests += 1;
+        self.core.statistics.requests += 1;
         self.tell(Input::Request { broadcast });
         Ok(ticket)
     }
@@ -177,7 +175,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
     fn stray(&mut self, late: Option<u8>, frame: Option<Range<usize>>) {
         let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
         let misfit = self.misfit(&frame);
-        self.statistics.strays += 1;
+        self.core.statistics.strays += 1;
         self.core.events.push_notice(ClientEvent::Stray {
             transaction: frame.transaction,
             unit: frame.unit,
@@ -195,7 +193,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
         let Some(frame) = frame.and_then(|range| self.core.decoder.frame(range)) else { return };
         let Some(place) = self.places.get_mut(usize::from(place)) else { return };
         place.keep_reply(frame.pdu);
-        self.statistics.replies += 1;
+        self.core.statistics.replies += 1;
         let (ticket, unit) = (place.ticket, frame.unit);
         self.report(ClientEvent::Replied { ticket, unit });
     }
@@ -218,13 +216,13 @@ impl<const N: usize, F: Framings> Client<N, F> {
 
     #[cold]
     fn corrupt(&mut self, error: DecodeError) {
-        self.statistics.corrupt += 1;
+        self.core.statistics.corrupt += 1;
         self.core.events.push_notice(ClientEvent::Corrupt(error));
     }
 
     #[cold]
     fn fail(&mut self, place: u8, failure: Failure) {
-        self.statistics.failures += 1;
+        self.core.statistics.failures += 1;
         if let Some(ticket) = self.ticket(place) {
             self.report(ClientEvent::Failed { ticket, failure });
         }
@@ -305,11 +303,6 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
 
     fn unexpected(unexpected: Unexpected) -> ClientEvent {
         ClientEvent::Unexpected(unexpected)
-    }
-
-    fn counters(&self) -> ClientStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        ClientStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 
     #[inline(always)]

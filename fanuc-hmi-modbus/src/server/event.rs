@@ -56,3 +56,5 @@ pub struct ServerStatistics {
     /// Notices that nobody polled in time.
     pub dropped_notices: u64,
 }
+
+robot_session::counters!(ServerStatistics);

@@ -37,12 +37,11 @@ use replies::Replies;
 /// A server that shares its line with others receives their replies as corrupt bytes.
 #[derive(Debug, Clone)]
 pub struct Server<R, const N: usize = 8, F = Framing> {
-    core: Core<ServerMachine<N>, Decoder<F>, EventQueue<ServerEvent, 8>>,
+    core: Core<ServerMachine<N>, Decoder<F>, EventQueue<ServerEvent, 8>, ServerStatistics>,
     registers: R,
     replies: Replies<N>,
     /// What was read last ended within corruption.
     was_corrupt: bool,
-    statistics: ServerStatistics,
 }
 
 impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
@@ -61,7 +60,6 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
             registers,
             replies: Replies::EMPTY,
             was_corrupt: false,
-            statistics: ServerStatistics::default(),
         })
     }
 
@@ -99,7 +97,7 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
 
     #[cold]
     fn corrupt(&mut self, error: DecodeError) {
-        self.statistics.corrupt += 1;
+        self.core.statistics.corrupt += 1;
         self.core.events.push_notice(ServerEvent::Corrupt(error));
     }
 }
@@ -162,11 +160,11 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
                 out.get(..length).and_then(|reply| replies::exception(reply, transaction.is_some()))
             }
             _ => {
-                self.statistics.refused += 1;
+                self.core.statistics.refused += 1;
                 return self.core.events.push_notice(ServerEvent::Refused { unit, function });
             }
         };
-        self.statistics.served += 1;
+        self.core.statistics.served += 1;
         self.core.events.push_notice(ServerEvent::Served { transaction, unit, function, exception });
     }
 
@@ -178,11 +176,6 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
 
     fn unexpected(unexpected: Unexpected) -> ServerEvent {
         ServerEvent::Unexpected(unexpected)
-    }
-
-    fn counters(&self) -> ServerStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        ServerStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 
     #[inline]

@@ -31,7 +31,6 @@ pub struct Ball {
     core: CoreOf<Self>,
     /// The sensor's values.
     packet: Packet,
-    statistics: BallStatistics,
 }
 
 /// What the ball reports.
@@ -78,8 +77,8 @@ impl Ball {
     /// # Errors
     /// [`ConfigError::Identity`] if sensor type or number is out of range.
     pub fn new(config: BallConfig) -> Result<Self, ConfigError> {
-        let (packet, statistics) = (config.packet()?, BallStatistics::default());
-        Ok(Self { core: Core::new(config, BallMachine::NEW, ByteDecoder::new()), packet, statistics })
+        let packet = config.packet()?;
+        Ok(Self { core: Core::new(config, BallMachine::NEW, ByteDecoder::new()), packet })
     }
 
     /// New values from the sensor, for the next reply.
@@ -116,7 +115,7 @@ impl End for Ball {
             match self.core.decoder.next_frame()?.ok()? {
                 ENQ => return Some((Input::Enquiry, None)),
                 byte => {
-                    self.statistics.unknown += 1;
+                    self.core.statistics.unknown += 1;
                     self.core.events.push_notice(BallEvent::Unknown(byte));
                 }
             }
@@ -127,11 +126,11 @@ impl End for Ball {
         match action {
             Action::Nothing => {}
             Action::Ignore => {
-                self.statistics.ignored += 1;
+                self.core.statistics.ignored += 1;
                 self.core.events.push_notice(BallEvent::Ignored);
             }
             Action::Sent { fresh } => {
-                *if fresh { &mut self.statistics.fresh } else { &mut self.statistics.old } += 1;
+                *if fresh { &mut self.core.statistics.fresh } else { &mut self.core.statistics.old } += 1;
                 self.core.events.push_notice(BallEvent::Reply(self.reply(Reply { fresh })));
             }
         }
@@ -145,9 +144,6 @@ impl End for Ball {
     fn unexpected(unexpected: Unexpected) -> BallEvent {
         BallEvent::Unexpected(unexpected)
     }
-
-    fn counters(&self) -> BallStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        BallStatistics { dropped_notices, unexpected, ..self.statistics }
-    }
 }
+
+robot_session::counters!(BallStatistics);

@@ -35,7 +35,6 @@ use machine::{Action, Enquiry, HostMachine, Input};
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
-    statistics: HostStatistics,
 }
 
 /// What the host reports.
@@ -101,7 +100,7 @@ impl Host {
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, HostMachine::Disconnected, Decoder::new());
-        Ok(Self { core, statistics: HostStatistics::default() })
+        Ok(Self { core })
     }
 
     /// Until when the values of the last [`HostEvent::Packet`] may be used; `None` if they are stale. A consumer that runs apart
@@ -117,10 +116,10 @@ impl Host {
 
     fn report(&mut self, outcome: HostEvent) {
         let count = match outcome {
-            HostEvent::Packet(_) => &mut self.statistics.packets,
-            HostEvent::Old(_) => &mut self.statistics.old,
-            HostEvent::Missed => &mut self.statistics.missed,
-            _ => &mut self.statistics.stale,
+            HostEvent::Packet(_) => &mut self.core.statistics.packets,
+            HostEvent::Old(_) => &mut self.core.statistics.old,
+            HostEvent::Missed => &mut self.core.statistics.missed,
+            _ => &mut self.core.statistics.stale,
         };
         *count += 1;
         // A poll is sent only when its outcomes have room.
@@ -149,7 +148,7 @@ impl End for Host {
                     return Some((Input::Packet { fresh: packet.status.is_fresh() }, Some(packet)));
                 }
                 Err(error) => {
-                    self.statistics.corrupt += 1;
+                    self.core.statistics.corrupt += 1;
                     self.core.events.push_notice(HostEvent::Corrupt(error));
                 }
             }
@@ -161,7 +160,7 @@ impl End for Host {
             (Action::New, Some(packet)) => self.report(HostEvent::Packet(packet)),
             (Action::Old, Some(packet)) => self.report(HostEvent::Old(packet)),
             (Action::Unasked, Some(packet)) => {
-                self.statistics.unasked += 1;
+                self.core.statistics.unasked += 1;
                 self.core.events.push_notice(HostEvent::Unasked(packet));
             }
             (Action::Missed, _) => {
@@ -177,7 +176,7 @@ impl End for Host {
                     self.report(HostEvent::Stale);
                 }
             }
-            (Action::Sent, _) => self.statistics.polls += 1,
+            (Action::Sent, _) => self.core.statistics.polls += 1,
             (Action::Nothing | Action::New | Action::Old | Action::Unasked, _) => {}
         }
     }
@@ -192,9 +191,6 @@ impl End for Host {
     fn unexpected(unexpected: Unexpected) -> HostEvent {
         HostEvent::Unexpected(unexpected)
     }
-
-    fn counters(&self) -> HostStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        HostStatistics { dropped_notices, unexpected, ..self.statistics }
-    }
 }
+
+robot_session::counters!(HostStatistics);

@@ -49,7 +49,6 @@ pub struct Pc<'a, S: JobSource, const MESSAGE: usize = 256, const WORDS: usize =
     commands: [(u8, i32); Commands::MAX as usize],
     /// A message that was received, and is used next.
     received: Option<Result<(Role, Params), MessageError>>,
-    statistics: PcStatistics,
 }
 
 /// A [`Pc`] for messages of every length and all job numbers: [`LargePc::sized`](Pc::sized).
@@ -86,7 +85,6 @@ impl<'a, S: JobSource, const MESSAGE: usize, const WORDS: usize> Pc<'a, S, MESSA
             source: None,
             commands: [(0, 0); Commands::MAX as usize],
             received: None,
-            statistics: PcStatistics::default(),
         })
     }
 
@@ -366,7 +364,7 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
         match self.core.decoder.next_frame()? {
             Ok(message) => self.received = Some(self.dialect.read(&message)),
             Err(error) => {
-                self.statistics.corrupt += 1;
+                self.core.statistics.corrupt += 1;
                 self.core.events.push_notice(PcEvent::Corrupt(error));
                 return Some((Input::Corrupt, None));
             }
@@ -401,7 +399,7 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
                 self.core.events.push_notice(PcEvent::ExecutedAhead { index });
             }
             Action::Commands { count, outcome } => self.commands_end(count, outcome),
-            Action::Sent => self.statistics.packets += 1,
+            Action::Sent => self.core.statistics.packets += 1,
             Action::Outcome { order, outcome } => {
                 self.source = None;
                 self.push_outcome(match outcome {
@@ -463,10 +461,5 @@ impl<S: JobSource, const MESSAGE: usize, const WORDS: usize> End for Pc<'_, S, M
 
     fn unexpected(Unexpected { state, input }: Unexpected) -> PcEvent {
         PcEvent::Unexpected { state, input }
-    }
-
-    fn counters(&self) -> PcStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        PcStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }

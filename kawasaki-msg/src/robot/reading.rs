@@ -84,7 +84,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
                 true
             }
             (_, role @ Role::Command(_)) => {
-                self.statistics.discarded += 1;
+                self.core.statistics.discarded += 1;
                 events.push_notice(RobotEvent::Rejected(MessageError::NotExpected { role }));
                 true
             }
@@ -119,8 +119,8 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'_, W, ME
             (Rejection::Bad | Rejection::NotExpected, _) => MessageError::NotExpected { role },
         };
         match why {
-            Rejection::Repeated => self.statistics.repeated += 1,
-            _ => self.statistics.discarded += 1,
+            Rejection::Repeated => self.core.statistics.repeated += 1,
+            _ => self.core.statistics.discarded += 1,
         }
         self.core.events.push_notice(RobotEvent::Rejected(error));
         if why == Rejection::QueueFull {

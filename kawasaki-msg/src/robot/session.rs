@@ -55,7 +55,6 @@ pub struct Robot<'a, W: Work, const MESSAGE: usize = 256, const WORDS: usize = 1
     pub(super) ranges: W::Ranges,
     pub(super) writer: Writer<'a, Job<W>, R>,
     low_water: usize,
-    pub(super) statistics: RobotStatistics,
 }
 
 /// A [`Robot`] for messages of every length and all job numbers: [`LargeRobot::sized`](Robot::sized).
@@ -94,7 +93,6 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
             ranges,
             low_water: config.low_water.unwrap_or(writer.capacity() / 2),
             writer,
-            statistics: RobotStatistics::default(),
         })
     }
 
@@ -114,9 +112,9 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
     /// When no job of this number is in the queue, or it was reported before.
     pub fn job_done(&mut self, now: Duration, number: u16) -> Result<(), SessionError> {
         self.ask(now, Input::Executed { number }).map_err(|_| SessionError::NotQueued { number })?;
-        self.statistics.executed += 1;
-        self.statistics.work_cycle.end(now);
-        self.statistics.work_cycle.begin(now);
+        self.core.statistics.executed += 1;
+        self.core.statistics.work_cycle.end(now);
+        self.core.statistics.work_cycle.begin(now);
         Ok(())
     }
 
@@ -142,7 +140,7 @@ impl<'a, W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> Robot<'a, W
 
     /// Keeps a time that the caller has measured: unpacking one packet and queueing its jobs.
     pub fn record_unpack(&mut self, time: Duration) {
-        self.statistics.unpack.record(time);
+        self.core.statistics.unpack.record(time);
     }
 
     /// Everything that decides what the session does next.
@@ -238,7 +236,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
                 Some(self.received(received))
             }
             Err(error) => {
-                self.statistics.corrupt += 1;
+                self.core.statistics.corrupt += 1;
                 self.core.events.push_notice(RobotEvent::Corrupt(error));
                 Some((Input::Corrupt, None))
             }
@@ -250,14 +248,14 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
         let order = self.core.machine.order.number();
         match action {
             Action::Nothing => {}
-            Action::Connected => self.statistics.exchange.cancel(),
+            Action::Connected => self.core.statistics.exchange.cancel(),
             Action::Sent => {
-                self.statistics.packets += 1;
-                self.statistics.exchange.begin(now);
+                self.core.statistics.packets += 1;
+                self.core.statistics.exchange.begin(now);
             }
-            Action::Answered => self.statistics.exchange.end(now),
+            Action::Answered => self.core.statistics.exchange.end(now),
             Action::Queue | Action::QueuedBefore => {
-                self.statistics.queued += 1;
+                self.core.statistics.queued += 1;
                 if action == Action::Queue
                     && let (Ok(claim), Some(job)) = (self.writer.claim(), received.and_then(Received::job))
                 {
@@ -268,14 +266,14 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
                 let found = received.map_or(0, |received| received.number(Field::Order));
                 self.core.events.push_notice(RobotEvent::OrderRefused { order: found, active: order });
             }
-            Action::Discarded => self.statistics.discarded += 1,
+            Action::Discarded => self.core.statistics.discarded += 1,
             Action::Rejected(why) => {
                 if let Some(received) = received {
                     self.rejected(why, received);
                 }
             }
             Action::NoReply => {
-                self.statistics.unanswered += 1;
+                self.core.statistics.unanswered += 1;
                 self.core.events.push_notice(RobotEvent::NoReply);
             }
             Action::Clear => self.writer.clear(),
@@ -284,7 +282,7 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
                 self.push_outcome(RobotEvent::OrderInterrupted { order });
             }
             Action::Started => {
-                self.statistics.work_cycle.cancel();
+                self.core.statistics.work_cycle.cancel();
                 self.push_outcome(RobotEvent::OrderStarted { order });
             }
             Action::Ending => self.push_outcome(RobotEvent::OrderEnding { order }),
@@ -333,10 +331,5 @@ impl<W: Work, const MESSAGE: usize, const WORDS: usize, R: Wake> End for Robot<'
 
     fn unexpected(Unexpected { state, input }: Unexpected) -> RobotEvent {
         RobotEvent::Unexpected { state, input }
-    }
-
-    fn counters(&self) -> RobotStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        RobotStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }

@@ -43,12 +43,11 @@ use crate::words::{Class, Refusal};
 /// - An instruction that is being executed when the connection is lost still waits for its `answer`, which goes nowhere.
 #[derive(Debug)]
 pub struct Controller<'q, T, R: Wake = NoWake> {
-    core: Core<ControllerMachine, Decoder, EventQueue<ControllerEvent, EVENTS>>,
+    core: Core<ControllerMachine, Decoder, EventQueue<ControllerEvent, EVENTS>, ControllerStatistics>,
     queue: Writer<'q, T, R>,
     /// The parameters of the instruction to execute, then the values of the answer.
     values: [u8; MAX_PAYLOAD],
     len: usize,
-    statistics: ControllerStatistics,
 }
 
 /// What has happened.
@@ -125,7 +124,6 @@ where
             queue,
             values: [0; MAX_PAYLOAD],
             len: 0,
-            statistics: ControllerStatistics::default(),
         })
     }
 
@@ -231,7 +229,7 @@ where
         let (input, event) = match self.core.decoder.next_frame()? {
             Ok(frame) => match judge(frame.items(), &self.core.config, &mut self.queue) {
                 Ok(Verdict::Queued { word, count }) => {
-                    self.statistics.queued += u64::from(count);
+                    self.core.statistics.queued += u64::from(count);
                     (Input::Queued { word }, Some(ControllerEvent::Queued { count }))
                 }
                 Ok(Verdict::Execute { class, instruction: Instruction { word, parameters } }) => {
@@ -245,7 +243,7 @@ where
                 Err(refusal) => (Input::Refused(refusal), None),
             },
             Err(error) => {
-                self.statistics.corrupt += 1;
+                self.core.statistics.corrupt += 1;
                 self.core.events.push_notice(ControllerEvent::Corrupt(error));
                 let checksum = matches!(error, DecodeError::Checksum { .. });
                 let refusal = if checksum { Refusal::BadChecksum } else { Refusal::BadFrame };
@@ -259,7 +257,7 @@ where
     fn act(&mut self, _: Duration, action: Action, frame: Option<ControllerEvent>) {
         match (action, frame) {
             (Action::Execute, Some(event)) => {
-                self.statistics.executed += 1;
+                self.core.statistics.executed += 1;
                 // There is room: the event before was taken when its instruction was answered.
                 let _ = self.core.events.push_outcome(event);
             }
@@ -269,10 +267,10 @@ where
             }
             (Action::Answer(Answer::Error(refusal)), _) => {
                 self.len = 0;
-                self.statistics.refused += 1;
+                self.core.statistics.refused += 1;
                 self.core.events.push_notice(ControllerEvent::Refused(refusal));
             }
-            (Action::Sent, _) => self.statistics.answers += 1,
+            (Action::Sent, _) => self.core.statistics.answers += 1,
             // What was executed is answered with the caller's values.
             (Action::Nothing | Action::Execute | Action::Answer(Answer::Echo(_)), _) => {}
         }
@@ -284,11 +282,6 @@ where
 
     fn unexpected(unexpected: Unexpected) -> ControllerEvent {
         ControllerEvent::Unexpected(unexpected)
-    }
-
-    fn counters(&self) -> ControllerStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        ControllerStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 
     /// Also while an instruction is executed: a frame that comes before the answer withdraws it, and so it must not wait in the port.
@@ -306,3 +299,5 @@ where
         self.advance(now, Input::Read { partial }, None);
     }
 }
+
+robot_session::counters!(ControllerStatistics);

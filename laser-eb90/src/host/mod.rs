@@ -46,7 +46,6 @@ pub struct Host {
     frames: Buffers,
     /// The values of the query that was answered last.
     answer: Buffer,
-    statistics: HostStatistics,
 }
 
 /// What has happened. Instructions are numbered as they were submitted, from 0.
@@ -137,12 +136,7 @@ impl Host {
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, HostMachine::NEW, Decoder::new(&config.profile));
-        Ok(Self {
-            core,
-            frames: Buffers::EMPTY,
-            answer: Buffer::EMPTY,
-            statistics: HostStatistics::default(),
-        })
+        Ok(Self { core, frames: Buffers::EMPTY, answer: Buffer::EMPTY })
     }
 
     /// Adds an instruction to the next frame; returns the number that events know it by: 0, 1, 2 …
@@ -180,8 +174,8 @@ impl Host {
             return Err(SessionError::LoneShort);
         }
         next.set_len(len);
-        let ticket = self.statistics.submitted;
-        self.statistics.submitted += 1;
+        let ticket = self.core.statistics.submitted;
+        self.core.statistics.submitted += 1;
         self.advance(Duration::ZERO, Input::Submit { ticket, word, class }, None);
         Ok(ticket)
     }
@@ -257,7 +251,7 @@ impl End for Host {
                 Input::Answer { word, refusal: self.core.config.words.errors().refusal(word) }
             }
             Err(error) => {
-                self.statistics.corrupt += 1;
+                self.core.statistics.corrupt += 1;
                 self.core.events.push_notice(HostEvent::Corrupt(error));
                 Input::Corrupt
             }
@@ -272,15 +266,15 @@ impl End for Host {
             Action::Sent(due) => {
                 // What came before this frame is no answer to it.
                 self.core.decoder.clear();
-                self.statistics.frames += 1;
+                self.core.statistics.frames += 1;
                 match due {
                     Due::Next => self.frames.swap(),
-                    Due::Again => self.statistics.resends += 1,
+                    Due::Again => self.core.statistics.resends += 1,
                 }
             }
             Action::Report(batch, outcome) => self.report(batch, outcome),
             Action::Unasked { word } => {
-                self.statistics.unasked += 1;
+                self.core.statistics.unasked += 1;
                 self.core.events.push_notice(HostEvent::Unasked { word });
             }
         }
@@ -298,11 +292,6 @@ impl End for Host {
 
     fn unexpected(unexpected: Unexpected) -> HostEvent {
         HostEvent::Unexpected(unexpected)
-    }
-
-    fn counters(&self) -> HostStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        HostStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 
     fn transmitted(&mut self, now: Duration) {
@@ -369,3 +358,5 @@ impl Buffer {
         }
     }
 }
+
+robot_session::counters!(HostStatistics);

@@ -34,8 +34,7 @@ use crate::pose::Pose;
 ///   [`Progress::Moving`] until a motion is commanded.
 #[derive(Debug, Clone)]
 pub struct Central<P: Pose> {
-    core: Core<CentralMachine<P>, Decoder, EventQueue<CentralEvent<P>, OUTCOMES>>,
-    statistics: CentralStatistics,
+    core: Core<CentralMachine<P>, Decoder, EventQueue<CentralEvent<P>, OUTCOMES>, CentralStatistics>,
 }
 
 /// The outcomes that can wait: a command's and its connection's, twice.
@@ -68,10 +67,7 @@ impl<P: Pose> Central<P> {
     /// The configuration cannot work.
     pub fn new(config: CentralConfig) -> Result<Self, ConfigError> {
         config.check()?;
-        Ok(Self {
-            core: Core::new(config, CentralMachine::NEW, Decoder::new(config.accepts)),
-            statistics: CentralStatistics::default(),
-        })
+        Ok(Self { core: Core::new(config, CentralMachine::NEW, Decoder::new(config.accepts)) })
     }
 
     /// Requests a command: `poll_transmit` gives it.
@@ -128,7 +124,7 @@ impl<P: Pose> Central<P> {
 
     fn report(&mut self, event: CentralEvent<P>) {
         if let CentralEvent::Closed { unfinished: Unfinished::Unknown(_), .. } = event {
-            self.statistics.unknown += 1;
+            self.core.statistics.unknown += 1;
         }
         // A command is requested, and a connection begun, only where there is room for their outcomes.
         let _ = self.core.events.push_outcome(event);
@@ -153,7 +149,7 @@ impl<P: Pose> End for Central<P> {
     fn next_input(&mut self) -> Option<(Input<P>, Option<()>)> {
         let line = self.core.decoder.next_frame()?;
         let reply = line.and_then(|line| Reply::decode(line, &self.core.config.accepts));
-        self.statistics.lines += 1;
+        self.core.statistics.lines += 1;
         Some((reply.map_or_else(Input::Corrupt, Input::Reply), None))
     }
 
@@ -162,13 +158,13 @@ impl<P: Pose> End for Central<P> {
         match action {
             Action::Nothing => {}
             Action::Connected { before } => {
-                self.statistics.connections += 1;
+                self.core.statistics.connections += 1;
                 if let Some(closed) = before {
                     self.report(closed);
                 }
                 self.core.events.push_notice(CentralEvent::Connected);
             }
-            Action::Sent => self.statistics.commands += 1,
+            Action::Sent => self.core.statistics.commands += 1,
             Action::Report(event) => self.report(event),
         }
     }
@@ -181,9 +177,6 @@ impl<P: Pose> End for Central<P> {
     fn unexpected(unexpected: Unexpected) -> CentralEvent<P> {
         CentralEvent::Unexpected(unexpected)
     }
-
-    fn counters(&self) -> CentralStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        CentralStatistics { dropped_notices, unexpected, ..self.statistics }
-    }
 }
+
+robot_session::counters!(CentralStatistics);

@@ -41,8 +41,7 @@ use crate::pose::Pose;
 /// does not latch an error.
 #[derive(Debug, Clone)]
 pub struct Device<P: Pose> {
-    core: Core<DeviceMachine<P>, LineDecoder<BACKLOG>, EventQueue<DeviceEvent<P>, 8>>,
-    statistics: DeviceStatistics,
+    core: Core<DeviceMachine<P>, LineDecoder<BACKLOG>, EventQueue<DeviceEvent<P>, 8>, DeviceStatistics>,
 }
 
 const BACKLOG: usize = 512;
@@ -77,10 +76,7 @@ impl<P: Pose> Device<P> {
     /// The configuration cannot work.
     pub fn new(config: DeviceConfig) -> Result<Self, ConfigError> {
         config.check()?;
-        Ok(Self {
-            core: Core::new(config, DeviceMachine::NEW, LineDecoder::new(config.accepts)),
-            statistics: DeviceStatistics::default(),
-        })
+        Ok(Self { core: Core::new(config, DeviceMachine::NEW, LineDecoder::new(config.accepts)) })
     }
 
     /// Accepts the order that is pending: `OK`. The order is to be carried out if this succeeds, and not otherwise.
@@ -155,7 +151,7 @@ impl<P: Pose> Device<P> {
                 let _ = self.core.events.push_outcome(event);
             }
             DeviceEvent::Rejected { .. } => {
-                self.statistics.rejected += 1;
+                self.core.statistics.rejected += 1;
                 self.core.events.push_notice(event);
             }
             DeviceEvent::Unexpected(_) => self.core.events.push_notice(event),
@@ -182,7 +178,7 @@ impl<P: Pose> End for Device<P> {
     fn next_input(&mut self) -> Option<(Input<P>, Option<()>)> {
         let line = self.core.decoder.next_frame()?;
         let command = line.and_then(|line| Command::decode(line, &self.core.config.accepts));
-        self.statistics.lines += 1;
+        self.core.statistics.lines += 1;
         Some((command.map_or_else(Input::Corrupt, Input::Command), None))
     }
 
@@ -190,10 +186,10 @@ impl<P: Pose> End for Device<P> {
     fn act(&mut self, _now: Duration, action: Action<P>, _: Option<()>) {
         match action {
             Action::Nothing => {}
-            Action::Connected => self.statistics.connections += 1,
-            Action::Sent => self.statistics.replies += 1,
+            Action::Connected => self.core.statistics.connections += 1,
+            Action::Sent => self.core.statistics.replies += 1,
             Action::Left => {
-                self.statistics.replies += 1;
+                self.core.statistics.replies += 1;
                 self.report(DeviceEvent::Closed { reason: DeviceClosing::Agreed });
             }
             Action::Report(event) => self.report(event),
@@ -209,13 +205,10 @@ impl<P: Pose> End for Device<P> {
         DeviceEvent::Unexpected(unexpected)
     }
 
-    fn counters(&self) -> DeviceStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        DeviceStatistics { dropped_notices, unexpected, ..self.statistics }
-    }
-
     fn overrun(&mut self, now: Duration) {
         self.advance(now, Input::Overrun, None);
         self.core.decoder.clear();
     }
 }
+
+robot_session::counters!(DeviceStatistics);

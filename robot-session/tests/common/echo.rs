@@ -108,6 +108,14 @@ pub enum EchoEvent {
     Unexpected(Unexpected),
 }
 
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct EchoStatistics {
+    pub unexpected: u64,
+    pub dropped_notices: u64,
+}
+
+robot_session::counters!(EchoStatistics);
+
 pub struct Echo {
     core: CoreOf<Self>,
 }
@@ -122,7 +130,7 @@ impl End for Echo {
     type Machine = EchoMachine;
     type Decoder = ByteDecoder;
     type Events = EventQueue<EchoEvent, 4>;
-    type Statistics = u64;
+    type Statistics = EchoStatistics;
     type Payload = ();
 
     const MAX_INPUT: usize = 32;
@@ -155,9 +163,5 @@ impl End for Echo {
 
     fn unexpected(unexpected: Unexpected) -> EchoEvent {
         EchoEvent::Unexpected(unexpected)
-    }
-
-    fn counters(&self) -> u64 {
-        self.core.unexpected
     }
 }

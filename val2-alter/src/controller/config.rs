@@ -186,3 +186,5 @@ pub struct ControllerStatistics {
     /// Notices that were dropped because nobody fetched them.
     pub dropped_notices: u64,
 }
+
+robot_session::counters!(ControllerStatistics);

@@ -35,7 +35,6 @@ use machine::{
 #[derive(Debug, Clone)]
 pub struct Controller {
     core: CoreOf<Self>,
-    statistics: ControllerStatistics,
     /// What the next standard messages say.
     segment: (SegmentStatus, u16, u16),
     transform: Transform,
@@ -56,7 +55,6 @@ impl Controller {
         config.check()?;
         Ok(Self {
             core: Core::new(config, ControllerMachine::NEW, Decoder::new(config.framing)),
-            statistics: ControllerStatistics::default(),
             segment: (SegmentStatus::Normal, 1, 0),
             transform: Transform([0; 12]),
             words: [0; AXES],
@@ -152,7 +150,7 @@ impl Controller {
     }
 
     fn started(&mut self, outcome: StartOutcome) {
-        self.statistics.starts += u64::from(outcome == StartOutcome::Started);
+        self.core.statistics.starts += u64::from(outcome == StartOutcome::Started);
         self.push_outcome(match outcome {
             StartOutcome::Started => ControllerEvent::Started,
             StartOutcome::Refused => ControllerEvent::Refused,
@@ -255,14 +253,14 @@ impl robot_session::End for Controller {
             Action::Sent(message) => {
                 self.core.decoder.clear();
                 match message {
-                    Outgoing::Start(_) => self.statistics.attempts += 1,
-                    Outgoing::Motion(..) => self.statistics.cycles += 1,
+                    Outgoing::Start(_) => self.core.statistics.attempts += 1,
+                    Outgoing::Motion(..) => self.core.statistics.cycles += 1,
                     Outgoing::End(error) => self.push_outcome(ControllerEvent::Ended(error)),
                 }
             }
             Action::Take(taken, handling) => {
                 let Some(HostMessage::Reply(reply)) = message else { return };
-                self.statistics.replies += 1;
+                self.core.statistics.replies += 1;
                 match taken {
                     Taken::Moves => self.take(&reply),
                     Taken::Rests => self.rest(),
@@ -280,11 +278,11 @@ impl robot_session::End for Controller {
                 outcome.into_iter().for_each(|outcome| self.started(outcome));
             }
             Action::BadReply(code) => {
-                self.statistics.bad_replies += 1;
+                self.core.statistics.bad_replies += 1;
                 self.bad_reply(code);
             }
             Action::Missing => {
-                self.statistics.timeouts += 1;
+                self.core.statistics.timeouts += 1;
                 self.bad_reply(ErrorCode::Timeout);
             }
             Action::Rest => self.rest(),
@@ -293,7 +291,7 @@ impl robot_session::End for Controller {
                 self.push_outcome(ControllerEvent::Ended(error));
             }
             Action::Stray => {
-                self.statistics.strays += 1;
+                self.core.statistics.strays += 1;
                 message.into_iter().for_each(|it| self.core.events.push_notice(ControllerEvent::Stray(it)));
             }
         }
@@ -306,11 +304,6 @@ impl robot_session::End for Controller {
 
     fn unexpected(unexpected: Unexpected) -> ControllerEvent {
         ControllerEvent::Unexpected(unexpected)
-    }
-
-    fn counters(&self) -> ControllerStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        ControllerStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }
 

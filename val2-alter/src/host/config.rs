@@ -275,3 +275,5 @@ pub struct HostStatistics {
     /// Notices that were dropped because nobody fetched them.
     pub dropped_notices: u64,
 }
+
+robot_session::counters!(HostStatistics);

@@ -40,7 +40,6 @@ use machine::{Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Judg
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
-    statistics: HostStatistics,
     /// Where the caller goes, what the limits make of it, and what was sent last.
     target: [i16; AXES],
     limiter: Limiter,
@@ -59,7 +58,6 @@ impl Host {
         config.check()?;
         let machine = HostMachine::new(config.policy, config.subroutine);
         Ok(Self {
-            statistics: HostStatistics::default(),
             target: [0; AXES],
             limiter: Limiter::new(config.limits),
             sent: [0; AXES],
@@ -168,11 +166,11 @@ impl Host {
             Action::Exception(exception, outcome) => self.ended(exception, outcome),
             Action::Lost { missed, outcome, reason } => {
                 self.judged(Judged { missed, outcome, ..Judged::default() });
-                self.statistics.lost += 1;
+                self.core.statistics.lost += 1;
                 self.push_outcome(HostEvent::Lost(reason));
             }
             Action::SentStart(StartCode::Accept) => {
-                self.statistics.starts += 1;
+                self.core.statistics.starts += 1;
                 self.limiter.restart();
                 (self.target, self.sent) = ([0; AXES], [0; AXES]);
             }
@@ -189,7 +187,7 @@ impl Host {
     fn missed(&mut self) {
         // The arm is at rest for want of a reply: should ALTER go on all the same, it begins again from rest.
         self.limiter.rest();
-        self.statistics.missed += 1;
+        self.core.statistics.missed += 1;
         self.core.events.push_notice(HostEvent::Missed);
     }
 
@@ -205,7 +203,7 @@ impl Host {
         }
         if let Some(error) = rejected {
             self.limiter.rejected();
-            self.statistics.rejected += 1;
+            self.core.statistics.rejected += 1;
             self.core.events.push_notice(HostEvent::Rejected(error));
         }
         if let Some((exception, outcome)) = outcome {
@@ -257,7 +255,7 @@ impl Host {
             return Some((frame.encode(self.core.config.framing, out).ok()?, sent));
         }
         self.limiter.hold(held);
-        self.statistics.held += u64::from(held != 0);
+        self.core.statistics.held += u64::from(held != 0);
         for (axis, (value, sent)) in reply.values.iter_mut().zip(&mut self.sent).enumerate() {
             if select >> axis & 1 == 0 {
                 (*value, *sent) = (None, 0);
@@ -269,7 +267,7 @@ impl Host {
     /// The reply has these values, and the words that are selected.
     #[inline]
     fn replied(&mut self, values: [i16; AXES], axes: Axes, select: u8) -> Input {
-        self.statistics.replies += 1;
+        self.core.statistics.replies += 1;
         self.limiter.set_axes(axes);
         self.sent = values;
         let moving = moving(&values);
@@ -351,7 +349,7 @@ impl End for Host {
             let item = self.core.decoder.next_frame();
             let is_corrupt = self.core.decoder.corruption().is_some();
             if let Some(Err(error)) = &item {
-                self.statistics.corrupt += 1;
+                self.core.statistics.corrupt += 1;
                 self.core.events.push_notice(HostEvent::Corrupt(*error));
                 if !is_corrupt && matches!(error, DecodeError::StartMark { .. }) {
                     return Some((Input::Noise, None));
@@ -380,19 +378,19 @@ impl End for Host {
         match action {
             Action::Nothing | Action::Refuse(_) | Action::SentReply(_) => {}
             Action::Asked(judged) => {
-                self.statistics.cycles += 1;
+                self.core.statistics.cycles += 1;
                 self.judged(judged);
             }
             Action::Ended(outcome) => {
                 self.judged(Judged { outcome, ..Judged::default() });
-                self.statistics.ends += 1;
+                self.core.statistics.ends += 1;
                 message.into_iter().for_each(|end| self.push_outcome(end));
                 return;
             }
             action => self.act_rarely(now, action),
         }
         if let Some(message) = message {
-            self.statistics.ends += u64::from(matches!(message, HostEvent::End(_)));
+            self.core.statistics.ends += u64::from(matches!(message, HostEvent::End(_)));
             self.core.events.push_notice(message);
         }
     }
@@ -419,11 +417,6 @@ impl End for Host {
 
     fn unexpected(unexpected: Unexpected) -> HostEvent {
         HostEvent::Unexpected(unexpected)
-    }
-
-    fn counters(&self) -> HostStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        HostStatistics { dropped_notices, unexpected, ..self.statistics }
     }
 }
 

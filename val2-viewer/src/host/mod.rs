@@ -33,7 +33,6 @@ pub struct Host {
     core: CoreOf<Self>,
     /// The next packet: how many were sent before it, and the newest pose.
     packet: PosePacket,
-    statistics: HostStatistics,
 }
 
 /// What the host reports.
@@ -89,7 +88,7 @@ impl Host {
         config.check()?;
         let core = Core::new(config, HostMachine::NEW, ByteDecoder::new());
         let packet = PosePacket { count: 0, pose: [0; 12] };
-        Ok(Self { core, packet, statistics: HostStatistics::default() })
+        Ok(Self { core, packet })
     }
 
     /// Sets the pose that requests are answered with from now on.
@@ -122,7 +121,7 @@ impl End for Host {
             match self.core.decoder.next_frame()?.ok()? {
                 ENQ => return Some((Input::Enquiry, None)),
                 byte => {
-                    self.statistics.unknown += 1;
+                    self.core.statistics.unknown += 1;
                     self.core.events.push_notice(HostEvent::Unknown(byte));
                 }
             }
@@ -132,13 +131,13 @@ impl End for Host {
     fn act(&mut self, _now: Duration, action: Action, _: Option<()>) {
         let (count, event) = match action {
             Action::Nothing => return,
-            Action::Accept => (&mut self.statistics.asked, HostEvent::Asked),
-            Action::Ignore => (&mut self.statistics.ignored, HostEvent::Ignored),
-            Action::Stale => (&mut self.statistics.stale, HostEvent::Stale),
+            Action::Accept => (&mut self.core.statistics.asked, HostEvent::Asked),
+            Action::Ignore => (&mut self.core.statistics.ignored, HostEvent::Ignored),
+            Action::Stale => (&mut self.core.statistics.stale, HostEvent::Stale),
             Action::Sent => {
                 let packet = self.packet;
                 self.packet.count = packet.count.wrapping_add(1);
-                (&mut self.statistics.sent, HostEvent::Sent(packet))
+                (&mut self.core.statistics.sent, HostEvent::Sent(packet))
             }
         };
         *count += 1;
@@ -153,9 +152,6 @@ impl End for Host {
     fn unexpected(unexpected: Unexpected) -> HostEvent {
         HostEvent::Unexpected(unexpected)
     }
-
-    fn counters(&self) -> HostStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        HostStatistics { dropped_notices, unexpected, ..self.statistics }
-    }
 }
+
+robot_session::counters!(HostStatistics);

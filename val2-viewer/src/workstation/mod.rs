@@ -31,7 +31,6 @@ use machine::{Action, Enquiry, Input, WorkstationMachine};
 #[derive(Debug, Clone)]
 pub struct Workstation {
     core: CoreOf<Self>,
-    statistics: WorkstationStatistics,
 }
 
 /// What the workstation reports.
@@ -90,7 +89,7 @@ impl Workstation {
     pub fn new(config: WorkstationConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, WorkstationMachine::Disconnected, Decoder::new());
-        Ok(Self { core, statistics: WorkstationStatistics::default() })
+        Ok(Self { core })
     }
 
     /// A display cycle, about five times a second while the display is on, and not while it is paused.
@@ -110,9 +109,9 @@ impl Workstation {
 
     fn report(&mut self, outcome: WorkstationEvent) {
         let count = match outcome {
-            WorkstationEvent::Pose(_) => &mut self.statistics.poses,
-            WorkstationEvent::Missed => &mut self.statistics.missed,
-            _ => &mut self.statistics.stale,
+            WorkstationEvent::Pose(_) => &mut self.core.statistics.poses,
+            WorkstationEvent::Missed => &mut self.core.statistics.missed,
+            _ => &mut self.core.statistics.stale,
         };
         *count += 1;
         // A request is sent only when its outcomes have room.
@@ -138,7 +137,7 @@ impl End for Workstation {
         Some(match self.core.decoder.next_frame()? {
             Ok(packet) => (Input::Pose, Some(packet)),
             Err(error) => {
-                self.statistics.corrupt += 1;
+                self.core.statistics.corrupt += 1;
                 self.core.events.push_notice(WorkstationEvent::Corrupt(error));
                 (Input::Corrupt { line: error.is_line() }, None)
             }
@@ -149,7 +148,7 @@ impl End for Workstation {
         match (action, packet) {
             (Action::Pose, Some(packet)) => self.report(WorkstationEvent::Pose(packet)),
             (Action::Unasked, Some(packet)) => {
-                self.statistics.unasked += 1;
+                self.core.statistics.unasked += 1;
                 self.core.events.push_notice(WorkstationEvent::Unasked(packet));
             }
             (Action::Missed, _) => self.report(WorkstationEvent::Missed),
@@ -162,7 +161,7 @@ impl End for Workstation {
                     self.report(WorkstationEvent::Stale);
                 }
             }
-            (Action::Sent, _) => self.statistics.requests += 1,
+            (Action::Sent, _) => self.core.statistics.requests += 1,
             (Action::Nothing | Action::Pose | Action::Unasked, _) => {}
         }
     }
@@ -175,9 +174,6 @@ impl End for Workstation {
     fn unexpected(unexpected: Unexpected) -> WorkstationEvent {
         WorkstationEvent::Unexpected(unexpected)
     }
-
-    fn counters(&self) -> WorkstationStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        WorkstationStatistics { dropped_notices, unexpected, ..self.statistics }
-    }
 }
+
+robot_session::counters!(WorkstationStatistics);

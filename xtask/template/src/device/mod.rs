@@ -25,7 +25,6 @@ pub struct Device {
     core: CoreOf<Self>,
     /// The value that is to be sent.
     value: i32,
-    statistics: DeviceStatistics,
 }
 
 /// What the device reports.
@@ -66,7 +65,7 @@ impl Device {
     /// A device without a connection.
     pub fn new(config: DeviceConfig) -> Self {
         let core = Core::new(config, DeviceMachine::Disconnected, Decoder::new());
-        Self { core, value: 0, statistics: DeviceStatistics::default() }
+        Self { core, value: 0 }
     }
 
     /// Answers the request with the value of its register.
@@ -105,7 +104,7 @@ impl End for Device {
                 // Another device's, or an echo.
                 Ok(Message::Value { .. }) => {}
                 Err(error) => {
-                    self.statistics.corrupt += 1;
+                    self.core.statistics.corrupt += 1;
                     self.core.events.push_notice(DeviceEvent::Corrupt(error));
                 }
             }
@@ -119,7 +118,7 @@ impl End for Device {
                 // No request is read without room for it.
                 let _ = self.core.events.push_outcome(DeviceEvent::Asked { register });
             }
-            Action::Sent => self.statistics.replies += 1,
+            Action::Sent => self.core.statistics.replies += 1,
         }
     }
 
@@ -131,9 +130,6 @@ impl End for Device {
     fn unexpected(unexpected: Unexpected) -> DeviceEvent {
         DeviceEvent::Unexpected(unexpected)
     }
-
-    fn counters(&self) -> DeviceStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        DeviceStatistics { dropped_notices, unexpected, ..self.statistics }
-    }
 }
+
+robot_session::counters!(DeviceStatistics);

@@ -24,7 +24,6 @@ use machine::{Action, HostMachine, Input, Request};
 #[derive(Debug, Clone)]
 pub struct Host {
     core: CoreOf<Self>,
-    statistics: HostStatistics,
 }
 
 /// What the host reports.
@@ -85,7 +84,7 @@ impl Host {
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, HostMachine::Disconnected, Decoder::new());
-        Ok(Self { core, statistics: HostStatistics::default() })
+        Ok(Self { core })
     }
 
     /// Asks for the value of a register.
@@ -138,7 +137,7 @@ impl End for Host {
                 // Another host's, or an echo.
                 Ok(Message::Get { .. }) => {}
                 Err(error) => {
-                    self.statistics.corrupt += 1;
+                    self.core.statistics.corrupt += 1;
                     self.core.events.push_notice(HostEvent::Corrupt(error));
                 }
             }
@@ -152,10 +151,10 @@ impl End for Host {
                 self.core.events.push_notice(HostEvent::Unasked { register, value });
             }
             (Action::TimedOut { register }, _) => {
-                self.statistics.timed_out += 1;
+                self.core.statistics.timed_out += 1;
                 self.report(HostEvent::TimedOut { register });
             }
-            (Action::Sent, _) => self.statistics.requests += 1,
+            (Action::Sent, _) => self.core.statistics.requests += 1,
             (Action::Nothing | Action::Report { .. } | Action::Unasked { .. }, _) => {}
         }
     }
@@ -168,9 +167,6 @@ impl End for Host {
     fn unexpected(unexpected: Unexpected) -> HostEvent {
         HostEvent::Unexpected(unexpected)
     }
-
-    fn counters(&self) -> HostStatistics {
-        let (dropped_notices, unexpected) = (self.core.events.dropped_notices(), self.core.unexpected);
-        HostStatistics { dropped_notices, unexpected, ..self.statistics }
-    }
 }
+
+robot_session::counters!(HostStatistics);

@@ -1,6 +1,5 @@
 //! Modbus: a client and a server over TCP and on a serial line.
 
-mod machines;
 mod pair;
 mod refine;
 pub mod rows;

@@ -8,7 +8,7 @@ use fanuc_hmi_modbus::server::machine::{self as server, Line, ServerLink, Server
 use fanuc_hmi_modbus::{ClientConfig, ServerConfig};
 use robot_session::{Input as _, Machine as _, is_due};
 
-use crate::model::{NOW, Rows};
+use crate::model::{Drawn, NOW, Rows};
 
 /// Shorter than `NOW`, also twice: what begins at zero is over.
 const TIME: Duration = Duration::from_millis(400);
@@ -273,3 +273,6 @@ impl<T: Transport, const N: usize> Rows for Server<T, N> {
         }
     }
 }
+
+impl Drawn for ClientMachine<2> {}
+impl Drawn for ServerMachine<2> {}

@@ -1,6 +1,5 @@
 //! isra-ball: its host and its ball, with every fault of a serial line.
 
-mod machines;
 mod pair;
 mod refine;
 pub mod rows;

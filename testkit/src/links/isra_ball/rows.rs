@@ -7,7 +7,7 @@ use isra_ball::host::machine::{self as host, HostMachine, Poll, Polling, Values}
 use isra_ball::{BallConfig, HostConfig};
 use robot_session::Machine as _;
 
-use crate::model::{NOW, Rows};
+use crate::model::{Drawn, NOW, Rows};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -94,3 +94,6 @@ impl Rows for Ball {
         BallConfig::default()
     }
 }
+
+impl Drawn for HostMachine {}
+impl Drawn for BallMachine {}

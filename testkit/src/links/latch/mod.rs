@@ -1,6 +1,5 @@
 //! The operator's latch: an operator, an input and a robot that do anything at any time, and a program that is called late.
 
-mod machines;
 pub mod rows;
 mod world;
 

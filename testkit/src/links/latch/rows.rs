@@ -5,7 +5,7 @@ use core::time::Duration;
 use cellwire_motion::latch::{Cause, Latch, LatchConfig, LatchInput};
 use robot_session::{Machine as _, is_due};
 
-use crate::model::{NOW, Rows};
+use crate::model::{Drawn, NOW, Rows};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -90,3 +90,5 @@ impl Rows for Operator {
         }
     }
 }
+
+impl Drawn for Latch {}

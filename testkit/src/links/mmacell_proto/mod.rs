@@ -1,6 +1,5 @@
 //! mmacell-proto: a central controller and a device over TCP.
 
-mod machines;
 mod pair;
 mod refine;
 pub mod rows;

@@ -9,7 +9,7 @@ use mmacell_proto::{
 };
 use robot_session::{Input as _, Machine as _};
 
-use crate::model::{NOW, Rows};
+use crate::model::{Drawn, NOW, Rows};
 
 type Pose = PlatformPose;
 
@@ -303,3 +303,6 @@ impl Rows for Moved {
 }
 
 const FAULT: Axes = Axes::Fault { error: ErrorCode::Servo2 };
+
+impl Drawn for CentralMachine<PlatformPose> {}
+impl Drawn for DeviceMachine<PlatformPose> {}

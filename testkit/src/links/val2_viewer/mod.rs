@@ -1,6 +1,5 @@
 //! val2-viewer: its host and its workstation, with every fault of a serial line.
 
-mod machines;
 mod pair;
 mod refine;
 pub mod rows;

@@ -7,7 +7,7 @@ use val2_viewer::host::machine::{self as host, HostMachine, Link, Pose};
 use val2_viewer::workstation::machine::{self as workstation, Display, Picture, Request, WorkstationMachine};
 use val2_viewer::{HostConfig, WorkstationConfig};
 
-use crate::model::{NOW, Rows};
+use crate::model::{Drawn, NOW, Rows};
 
 const PAST: Duration = NOW.saturating_sub(Duration::from_millis(1));
 const FUTURE: Duration = NOW.saturating_add(Duration::from_millis(1));
@@ -89,3 +89,6 @@ impl Rows for Workstation {
         format!("{}{request}{picture}", machine.name())
     }
 }
+
+impl Drawn for HostMachine {}
+impl Drawn for WorkstationMachine {}

@@ -11,7 +11,7 @@ pub fn value(value: impl Serialize) -> Value {
     serde_json::to_value(value).unwrap_or_default()
 }
 
-/// A value as JSON, as [`write`] has it; every value of the links is one of numbers, texts and names.
+/// A value as JSON, as [`write()`] has it; every value of the links is one of numbers, texts and names.
 pub fn text(value: &impl Serialize) -> String {
     let mut out = Vec::new();
     match write(value, &mut out) {

@@ -21,6 +21,8 @@ pub struct Link {
     pub sender: fn(is_client: bool, server_port: u16) -> &'static str,
     /// The traces of the tool by name: which sides sent what was sent and received there. A side that sends no messages is none.
     pub traces: &'static [(&'static str, [Option<&'static str>; 2])],
+    /// Whether something marks where a frame begins: if not, a frame that is cut takes the next with it.
+    pub marks_begin: bool,
     /// The configurations of its crate.
     pub configs: &'static [Config],
     /// What can be set of its codec, and the defaults.

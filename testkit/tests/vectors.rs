@@ -112,8 +112,7 @@ fn a_frame_that_is_cut_costs_itself_alone() {
     // TCP loses no bytes: a frame that is cut there ends with its connection.
     let is_tcp = |group: &Group| group.link.name == "fanuc-hmi-modbus" && group.options.is_empty();
     for group in groups().into_iter().filter(|group| !is_tcp(group)) {
-        // Nothing marks the beginning of a line: one that is cut takes the next with it.
-        let lost = usize::from(group.link.name == "mmacell-proto");
+        let lost = usize::from(!group.link.marks_begin);
         for (index, cut) in group.valid().enumerate() {
             let believed = group.valid().filter(|good| group.believes(good));
             for good in believed.clone().cycle().skip(index).take(4.min(believed.count())) {

@@ -15,6 +15,7 @@ pub const LINK: Link = Link {
     sides: &["host", "device"],
     sender: |is_client, _server_port| if is_client { "host" } else { "device" },
     traces: &[],
+    marks_begin: false,
     configs: &[
         Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
         Config { name: "DeviceConfig", fields: |given| fields(DeviceConfig::default(), given) },

@@ -18,6 +18,7 @@ pub const LINK: Link = Link {
     sides: &["client", "server"],
     sender: |is_client, _server_port| if is_client { "client" } else { "server" },
     traces: &[("fanuc", [Some("server"), Some("client")])],
+    marks_begin: true,
     configs: &[
         Config { name: "ClientConfig", fields: |given| fields(ClientConfig::default(), given) },
         Config { name: "ServerConfig", fields: |given| fields(ServerConfig::default(), given) },

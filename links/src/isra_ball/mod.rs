@@ -15,6 +15,7 @@ pub const LINK: Link = Link {
     sides: &["ball"],
     sender: |_is_client, _server_port| "ball",
     traces: &[("ball", [Some("ball"), None]), ("host-ball", [None, Some("ball")])],
+    marks_begin: true,
     configs: &[
         Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
         Config { name: "BallConfig", fields: |given| fields(BallConfig::default(), given) },

@@ -22,6 +22,7 @@ pub const LINK: Link = Link {
     // The robot opens the connection.
     sender: |is_client, _server_port| if is_client { "robot" } else { "pc" },
     traces: &[("kawasaki-robot", [Some("robot"), Some("pc")]), ("kawasaki-pc", [Some("pc"), Some("robot")])],
+    marks_begin: true,
     configs: &[
         Config { name: "Limits", fields: |given| fields(Limits::TCP, given) },
         Config { name: "RecoveryLimits", fields: |given| fields(RecoveryLimits::default(), given) },

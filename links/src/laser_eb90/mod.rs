@@ -19,6 +19,7 @@ pub const LINK: Link = Link {
         ("laser", [Some("controller"), Some("host")]),
         ("laser-host", [Some("host"), Some("controller")]),
     ],
+    marks_begin: true,
     configs: &[
         Config { name: "Profile", fields: |given| fields(Profile::default(), given) },
         Config { name: "ErrorCodes", fields: |given| fields(ErrorCodes::default(), given) },

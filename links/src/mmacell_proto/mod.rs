@@ -22,6 +22,7 @@ pub const LINK: Link = Link {
         ("mma-robot", [Some("robot"), Some("central")]),
         ("mma-platform", [Some("platform"), Some("central")]),
     ],
+    marks_begin: false,
     configs: &[
         Config { name: "Dialect", fields: |given| fields(Dialect::STRICT, given) },
         Config { name: "CentralConfig", fields: |given| fields(CentralConfig::DEFAULT, given) },

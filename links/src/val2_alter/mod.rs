@@ -16,6 +16,7 @@ pub const LINK: Link = Link {
     // Serial device servers listen: the robot is connected to one.
     sender: |is_client, _server_port| if is_client { "host" } else { "robot" },
     traces: &[("robot", [Some("robot"), Some("host")]), ("host-robot", [Some("host"), Some("robot")])],
+    marks_begin: true,
     configs: &[
         Config { name: "Framing", fields: |given| fields(Framing::DEFAULT, given) },
         Config { name: "Limits", fields: |given| fields(Limits::default(), given) },

@@ -15,6 +15,7 @@ pub const LINK: Link = Link {
     sides: &["host"],
     sender: |_is_client, _server_port| "host",
     traces: &[("viewer", [None, Some("host")]), ("host-viewer", [Some("host"), None])],
+    marks_begin: true,
     configs: &[
         Config { name: "HostConfig", fields: |given| fields(HostConfig::default(), given) },
         Config { name: "WorkstationConfig", fields: |given| fields(WorkstationConfig::default(), given) },

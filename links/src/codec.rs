@@ -61,7 +61,7 @@ impl EncodeError {
 
     /// The error of a link's encoder.
     pub fn refused(error: impl core::error::Error + Serialize) -> Self {
-        Self::Refused { text: error.to_string(), json: object(&error) }
+        Self::Refused { text: error.to_string(), json: json::text(&error) }
     }
 }
 
@@ -313,12 +313,6 @@ impl Stream {
             emit(Item { offset: self.begin + offset, length, kind, json: &self.json })?;
         }
     }
-}
-
-fn object(value: &impl Serialize) -> String {
-    let mut json = Vec::new();
-    write(value, &mut json);
-    String::from_utf8_lossy(&json).into_owned()
 }
 
 /// Every value of the links is one of numbers, texts and names, which JSON has.

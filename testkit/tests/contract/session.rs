@@ -2,6 +2,7 @@
 
 use cellwire_links::Link;
 use cellwire_links::end::EndRow;
+use cellwire_links::vectors::unhex;
 use serde_json::Value;
 use testkit::contract::{Held, Story};
 
@@ -30,7 +31,7 @@ fn story(story: &Value) -> Story {
         let (name, argument) = step["do"].as_object().unwrap().iter().next().unwrap();
         match name.as_str() {
             "connected" | "disconnected" | "timeout" | "transmitted" | "nothing" => {}
-            "input" => inputs.push(unhex(argument.as_str().unwrap())),
+            "input" => inputs.push(unhex(argument.as_str().unwrap()).unwrap()),
             _ => calls.push((name.clone(), argument.clone())),
         }
     }
@@ -39,10 +40,4 @@ fn story(story: &Value) -> Story {
 
 fn list(value: &Value) -> &[Value] {
     value.as_array().unwrap()
-}
-
-fn unhex(text: &str) -> Vec<u8> {
-    let digits: Vec<u8> = text.bytes().filter(u8::is_ascii_hexdigit).collect();
-    let byte = |pair: &[u8]| u8::from_str_radix(core::str::from_utf8(pair).unwrap(), 16).unwrap();
-    digits.chunks(2).map(byte).collect()
 }

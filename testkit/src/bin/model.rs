@@ -56,6 +56,8 @@ enum Command {
         #[arg(long)]
         traces: bool,
     },
+    /// Prints, as Markdown, what is known of the peers that have no machine, and what holds all the same.
+    Peers,
     /// Draws the state diagram of every end and writes it to `<crate>/diagrams/<end>.md`.
     Diagrams {
         /// Writes nothing; exit 1 if a file is not what would be written.
@@ -83,6 +85,7 @@ fn main() -> ExitCode {
         None if cli.stateright => cross_check(&pairs, depth, &common),
         None => explore(&pairs, depth, &common),
         Some(Command::MustFail { traces }) => must_fail(&pairs, traces, &common),
+        Some(Command::Peers) => peers(&pairs, depth, &common),
         Some(Command::Diagrams { check }) => diagrams(&pairs, !check),
     };
     ExitCode::from(u8::from(!good))
@@ -180,6 +183,27 @@ fn must_fail(pairs: &[Pair], traces: bool, common: &Common) -> bool {
     let good = missed == 0 && !rows.is_empty();
     println!("{}", if good { "every rule is needed" } else { "FAILED" });
     good
+}
+
+fn peers(pairs: &[Pair], depth: Depth, common: &Common) -> bool {
+    let settings: Vec<_> = settings(pairs, depth)
+        .into_iter()
+        .filter_map(|(pair, setting)| Some((pair, setting.terms?, setting)))
+        .collect();
+    let rows = run(&settings, common, |(_, _, setting), options| setting.explore(options));
+    println!("| end and peer | clauses that it keeps | what is open | what holds | states | seconds |");
+    println!("| --- | --- | --- | --- | ---: | ---: |");
+    for ((pair, terms, setting), row) in settings.iter().zip(&rows) {
+        let keeps = if terms.keeps.is_empty() { "none" } else { terms.keeps };
+        let (free, holds) = (terms.free, terms.properties.join("; "));
+        let (states, seconds) = (thousands(row.states), row.time.as_secs_f64());
+        let verdict = if row.holds() { "" } else { " **FAILED**" };
+        println!(
+            "| {pair}, {} | {keeps} | {free} | {holds}{verdict} | {states} | {seconds:.1} |",
+            setting.name
+        );
+    }
+    rows.iter().all(Explored::holds) && !rows.is_empty()
 }
 
 fn diagrams(pairs: &[Pair], write: bool) -> bool {

@@ -25,6 +25,8 @@ pub const PAIRS: &[Pair] = &[
     kawasaki_msg::ANY_ROBOT,
     laser_eb90::PAIR,
     mmacell_proto::PAIR,
+    mmacell_proto::ANY_DEVICE,
+    mmacell_proto::ANY_CENTRAL,
     val2_alter::PAIR,
     val2_viewer::PAIR,
     work_queue::PAIR,

@@ -9,6 +9,7 @@
 //! [`Graph::walks`] gives paths that together visit every state and take every transition: [`refine()`] replays them
 //! over bytes through the sessions. [`mermaid`] draws what was seen, and a [`Pair`] is what the command `model` knows of a link.
 
+mod against;
 pub mod diagram;
 mod explore;
 mod fingerprint;
@@ -23,12 +24,13 @@ mod second;
 mod system;
 mod table;
 
+pub use against::{ActionOf, Against, By, Cause, CauseOf, EXPECTED, InputOf, Peer, TransmitOf};
 pub use diagram::{check_or_write, mermaid};
 pub use explore::{Options, explore, explore_whole};
 pub use graph::{DEADLOCK, Finding, Graph, STANDS_FOR_EVER, STANDSTILL};
 pub use machine::{Drawn, Edge, Edges, age, drive};
 pub use matrix::{Cell, NOW, Rows};
-pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, draw};
+pub use pair::{Broken, Depth, Diagram, Explored, MustFail, Pair, Setting, Terms, draw};
 pub use refine::{Refined, refine};
 pub use system::{System, trace};
 pub use table::Table;

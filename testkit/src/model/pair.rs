@@ -36,7 +36,20 @@ pub enum Depth {
 pub struct Setting {
     /// Bounds and faults in words: `2 batches, 2 faults of any kind`.
     pub name: String,
+    /// What a peer that has no machine keeps, and what must hold all the same.
+    pub terms: Option<Terms>,
     system: Box<dyn Explorable>,
+}
+
+/// What is known of a peer that has no machine.
+#[derive(Debug, Clone, Copy)]
+pub struct Terms {
+    /// The clauses of the specification that it keeps; none for one that does anything.
+    pub keeps: &'static str,
+    /// What is open.
+    pub free: &'static str,
+    /// What must hold.
+    pub properties: &'static [&'static str],
 }
 
 impl fmt::Debug for Setting {
@@ -51,7 +64,12 @@ impl Setting {
     where
         S: System<State: Send + Sync, Act: Send + Sync> + Send + Sync + 'static,
     {
-        Self { name: name.into(), system: Box::new(Arc::new(system)) }
+        Self { name: name.into(), terms: None, system: Box::new(Arc::new(system)) }
+    }
+
+    /// With one end against a peer of which only this is known.
+    pub fn on(self, terms: Terms) -> Self {
+        Self { terms: Some(terms), ..self }
     }
 
     /// Explores it.

@@ -1,5 +1,7 @@
 //! mmacell-proto: a central controller and a device over TCP.
 
+mod any_central;
+mod any_device;
 mod pair;
 mod refine;
 pub mod rows;
@@ -13,9 +15,11 @@ use mmacell_proto::{CentralConfig, DeviceConfig};
 
 use robot_session::Rules;
 
+pub use self::any_central::AnyCentral;
+pub use self::any_device::AnyDevice;
 pub use self::refine::refine;
 pub use self::world::{Act, Setup, World};
-use crate::model::{Depth, MustFail, Pair, Setting, Table, draw};
+use crate::model::{Against, Depth, MustFail, Pair, Setting, Table, draw};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] = &[
@@ -27,6 +31,74 @@ pub const TABLES: &[Table] = &[
 
 /// A central controller and a device over TCP.
 pub const PAIR: Pair = Pair { name: "mmacell-proto central × device", settings, must_fail, diagrams };
+
+/// A central controller and devices that are not ours.
+pub const ANY_DEVICE: Pair = Pair {
+    name: "mmacell-proto central × any device",
+    settings: |_| {
+        vec![
+            Setting::new("keeps the rules", any_device(true)).on(any_device::RULES),
+            Setting::new("does anything", any_device(false)).on(any_device::ANYTHING),
+        ]
+    },
+    must_fail: || {
+        let without = |name, property, keeps_rules, rule| {
+            let mut system = any_device(keeps_rules);
+            system.peer.config.rules = Rules::without(rule);
+            MustFail::new(
+                name,
+                property,
+                if keeps_rules { "keeps the rules" } else { "does anything" },
+                system,
+            )
+        };
+        vec![
+            without("CentralRule::UnknownWhenSent", world::NOT_DONE, true, CentralRule::UnknownWhenSent),
+            without("CentralRule::AbortEnds", world::NOT_DONE, true, CentralRule::AbortEnds),
+            without("CentralRule::ServoOn", world::ARRIVED, true, CentralRule::ServoOn),
+            without("CentralRule::ForgetTarget", world::NO_TARGET, true, CentralRule::ForgetTarget),
+            without("CentralRule::ForgetMotion", world::NO_TARGET, true, CentralRule::ForgetMotion),
+            without("CentralRule::UnknownWhenSent", world::NOT_DONE, false, CentralRule::UnknownWhenSent),
+            without("CentralRule::ServoOn", world::ARRIVED, false, CentralRule::ServoOn),
+        ]
+    },
+    diagrams: || Vec::new(),
+};
+
+/// A device and central controllers that are not ours.
+pub const ANY_CENTRAL: Pair = Pair {
+    name: "mmacell-proto device × any central",
+    settings: |_| {
+        vec![
+            Setting::new("keeps the rules", any_central(true)).on(any_central::RULES),
+            Setting::new("does anything", any_central(false)).on(any_central::ANYTHING),
+        ]
+    },
+    must_fail: || {
+        let without = |name, property, rule| {
+            let mut system = any_central(true);
+            system.peer.config.rules = Rules::without(rule);
+            MustFail::new(name, property, "keeps the rules", system)
+        };
+        vec![
+            without("DeviceRule::TakeOver", any_central::ANSWERED, DeviceRule::TakeOver),
+            without("DeviceRule::AcceptPossible", world::IN_FAULT, DeviceRule::AcceptPossible),
+            without("DeviceRule::OneMotion", world::ONE_MOTION, DeviceRule::OneMotion),
+            without("DeviceRule::ServoFirst", world::SERVO_OFF, DeviceRule::ServoFirst),
+        ]
+    },
+    diagrams: || Vec::new(),
+};
+
+const fn any_device(keeps_rules: bool) -> Against<AnyDevice> {
+    let config =
+        CentralConfig { timeout: Duration::from_millis(100), settle: world::TICK, ..CentralConfig::DEFAULT };
+    Against::new(AnyDevice { config, keeps_rules })
+}
+
+const fn any_central(keeps_rules: bool) -> Against<AnyCentral> {
+    Against::new(AnyCentral { config: DeviceConfig::DEFAULT, keeps_rules })
+}
 
 /// So many motions, two at most, and so many faults. A reply may take two ticks, a motion one to show.
 pub fn setup(jobs: u8, faults: u8) -> Setup {

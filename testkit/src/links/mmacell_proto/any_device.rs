@@ -1,0 +1,308 @@
+//! A central controller against devices that are not ours.
+
+use core::time::Duration;
+
+use mmacell_proto::central::machine::{self as central, CentralLink, CentralMachine, Input};
+use mmacell_proto::{
+    CentralConfig, CentralEvent as Event, Closing, Command, DecodeError, ErrorCode, Mode, Progress, Reply,
+    Status, Unfinished,
+};
+
+use super::world::{ARRIVED, BETWEEN, DONE, HOME, NO_BREAK, NO_TARGET, NOT_DONE, OUTCOME, Pose, TICK};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+
+const THERE: Pose = Pose::from_units([10_000, 0]);
+const MOVE: Command<Pose> = Command::Move { mode: Mode::Absolute, pose: THERE };
+
+const CLAIMED: &str = "done: the device has said so since it was asked";
+
+pub(super) const RULES: Terms = Terms {
+    keeps: "MM-3, MM-4, MM-18, MM-20",
+    free: "when it answers and obeys, what it refuses, what stops its axes and where",
+    properties: &[OUTCOME, CLAIMED, DONE, NOT_DONE, ARRIVED, NO_TARGET, NO_BREAK, EXPECTED],
+};
+pub(super) const ANYTHING: Terms = Terms {
+    keeps: "",
+    free: "any line at any time",
+    properties: &[OUTCOME, CLAIMED, NOT_DONE, ARRIVED, NO_TARGET, EXPECTED],
+};
+
+/// A device of which only this is known.
+#[derive(Debug, Clone, Copy)]
+pub struct AnyDevice {
+    /// The central controller's configuration.
+    pub config: CentralConfig,
+    /// It answers each command once, with what is true of its axes, and says nothing unasked (MM-3, MM-18, MM-20). When it answers,
+    /// whether it obeys, and what stops its axes is open.
+    pub keeps_rules: bool,
+}
+
+/// What is known of the device and of the caller's command.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Known {
+    /// The command that the caller has no outcome of, and what has become of it.
+    pending: Option<(Command<Pose>, Fate)>,
+    /// The command that the device has not answered.
+    asked: Option<Command<Pose>>,
+    /// Whether it has carried that out.
+    obeyed: bool,
+    axes: Axes,
+    /// The device has accepted a motion on this connection, and nothing else that ends it, as the caller knows it.
+    has_target: bool,
+    wrong: Option<&'static str>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Fate {
+    /// It is with the central controller.
+    Unsent,
+    /// It was sent.
+    Sent,
+    /// The device has said that it is done, or that it is refused.
+    Answered,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Axes {
+    moving: bool,
+    at: Pose,
+    servo: bool,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// The caller requests a command.
+    Request(Command<Pose>),
+    /// The caller aborts.
+    Abort,
+    /// A reply comes.
+    Reply(Reply<Pose>),
+    /// A line comes that is none.
+    Corrupt,
+    /// The device obeys.
+    Obey,
+    /// Its axes come to rest here.
+    Rest(Pose),
+    /// Its servo motors go off.
+    Off,
+}
+
+const REQUESTS: [Command<Pose>; 6] =
+    [MOVE, Command::Status, Command::Stop, Command::Reset, Command::Servo { on: false }, Command::Close];
+const REFUSAL: Reply<Pose> = Reply::Error { error: ErrorCode::Generic };
+
+impl AnyDevice {
+    fn statuses(&self) -> impl Iterator<Item = Reply<Pose>> {
+        let axes = |moving, at, servo| Axes { moving, at, servo }.status();
+        [axes(true, HOME, true), axes(false, HOME, true), axes(false, THERE, true), axes(false, THERE, false)]
+            .into_iter()
+    }
+
+    fn report(&self, known: &mut Known, event: Event<Pose>) {
+        let (outcome, command) = match event {
+            Event::Connected | Event::Unexpected(_) => return,
+            Event::Done { command } => (DONE, Some(command)),
+            Event::Refused { command, .. } => (NOT_DONE, Some(command)),
+            Event::Aborted { command } => (NOT_DONE, Some(command)),
+            Event::Status { status, motion } => {
+                self.judge(known, status, motion);
+                ("", Some(Command::Status))
+            }
+            Event::Closed { reason, unfinished } => {
+                if self.keeps_rules && matches!(reason, Closing::Mismatch | Closing::Malformed(_)) {
+                    known.wrong = Some(NO_BREAK);
+                }
+                match unfinished {
+                    Unfinished::Nothing if reason == Closing::Agreed => (DONE, Some(Command::Close)),
+                    Unfinished::Nothing => ("", None),
+                    Unfinished::NotSent(command) => (NOT_DONE, Some(command)),
+                    Unfinished::Unknown(command) => ("", Some(command)),
+                }
+            }
+            _ => ("", None),
+        };
+        let pending = known.pending.take();
+        if pending.map(|(command, _)| command) != command {
+            known.wrong = Some(OUTCOME);
+        }
+        let Some((_, fate)) = pending else { return };
+        let has_answered = fate == Fate::Answered;
+        if outcome == DONE && !has_answered {
+            known.wrong = Some(CLAIMED);
+        }
+        if outcome == NOT_DONE && fate == Fate::Sent {
+            known.wrong = Some(NOT_DONE);
+        }
+        if outcome == DONE && self.keeps_rules && !known.obeyed {
+            known.wrong = Some(DONE);
+        }
+        if outcome == NOT_DONE && self.keeps_rules && known.obeyed && fate != Fate::Unsent {
+            known.wrong = Some(NOT_DONE);
+        }
+        match command {
+            Some(MOVE) if outcome == DONE => known.has_target = true,
+            Some(Command::Stop | Command::Reset | Command::Servo { on: false }) if outcome == DONE => {
+                known.has_target = false
+            }
+            _ => {}
+        }
+    }
+
+    /// What a status is said to mean.
+    fn judge(&self, known: &mut Known, status: Status<Pose>, motion: Progress) {
+        match motion {
+            Progress::Arrived if !known.has_target => known.wrong = Some(NO_TARGET),
+            Progress::Arrived if status.moving || !status.servo || status.pose != THERE => {
+                known.wrong = Some(ARRIVED)
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Peer for AnyDevice {
+    type End = CentralMachine<Pose>;
+    type Known = Known;
+    type Word = Word;
+
+    const TICK: Duration = TICK;
+
+    fn config(&self) -> &CentralConfig {
+        &self.config
+    }
+
+    fn end(&self) -> CentralMachine<Pose> {
+        CentralMachine::NEW
+    }
+
+    fn known(&self) -> Known {
+        let axes = Axes { moving: false, at: HOME, servo: true };
+        Known { pending: None, asked: None, obeyed: false, axes, has_target: false, wrong: None }
+    }
+
+    fn words(&self, end: &CentralMachine<Pose>, known: &Known, words: &mut Vec<Word>) {
+        match end.link {
+            CentralLink::Idle => words.extend(REQUESTS.map(Word::Request)),
+            CentralLink::Sending { .. } | CentralLink::Awaiting { .. } => words.push(Word::Abort),
+            CentralLink::Down | CentralLink::Ended => {}
+        }
+        if !self.keeps_rules {
+            if end.link != CentralLink::Down {
+                words.extend([Reply::Ok, REFUSAL].into_iter().chain(self.statuses()).map(Word::Reply));
+                words.push(Word::Corrupt);
+            }
+            return;
+        }
+        if known.axes.moving {
+            words.extend([HOME, BETWEEN, THERE].map(Word::Rest));
+        }
+        if known.axes.servo {
+            words.push(Word::Off);
+        }
+        match known.asked {
+            None => {}
+            Some(Command::Status) => words.extend([known.axes.status(), REFUSAL].map(Word::Reply)),
+            Some(_) if known.obeyed => words.push(Word::Reply(Reply::Ok)),
+            Some(_) => words.extend([Word::Obey, Word::Reply(REFUSAL)]),
+        }
+    }
+
+    fn by(&self, word: Word) -> By {
+        match word {
+            Word::Request(_) | Word::Abort => By::User,
+            Word::Reply(_) | Word::Corrupt => By::Line,
+            Word::Obey | Word::Rest(_) | Word::Off => By::Others,
+        }
+    }
+
+    fn hear(&self, end: &CentralMachine<Pose>, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
+        let mut axes = known.axes;
+        let input = match word {
+            Word::Request(command) => {
+                known.pending = Some((command, Fate::Unsent));
+                Some(Input::Request(command))
+            }
+            Word::Abort => Some(Input::Abort),
+            Word::Reply(reply) => {
+                known.asked = None;
+                let fits = matches!(end.link, CentralLink::Awaiting { .. });
+                if let (Some((_, fate)), true) = (&mut known.pending, fits) {
+                    *fate = Fate::Answered;
+                }
+                Some(Input::Reply(reply))
+            }
+            Word::Corrupt => Some(Input::Corrupt(DecodeError::Incomplete)),
+            Word::Obey => {
+                known.obeyed = true;
+                match known.asked {
+                    Some(MOVE | Command::Reset) => axes = Axes { moving: true, servo: true, ..axes },
+                    Some(Command::Stop) => axes.moving = false,
+                    Some(Command::Servo { on }) => axes = Axes { moving: false, servo: on, ..axes },
+                    _ => {}
+                }
+                None
+            }
+            Word::Rest(at) => {
+                axes = Axes { moving: false, at, ..axes };
+                None
+            }
+            Word::Off => {
+                axes = Axes { moving: false, servo: false, ..axes };
+                None
+            }
+        };
+        known.axes = axes;
+        input
+    }
+
+    fn sent(&self, _: &Command<Pose>) -> InputOf<Self> {
+        Input::Sent
+    }
+
+    fn acted(
+        &self,
+        _: &CentralMachine<Pose>,
+        known: &mut Known,
+        cause: CauseOf<Self>,
+        action: central::Action<Pose>,
+    ) {
+        if let Cause::Sent(command) = cause {
+            (known.asked, known.obeyed) = (Some(command), false);
+            if let Some((_, fate)) = &mut known.pending {
+                *fate = Fate::Sent;
+            }
+        }
+        match action {
+            central::Action::Nothing
+            | central::Action::Sent
+            | central::Action::Connected { before: None } => {}
+            central::Action::Report(event) | central::Action::Connected { before: Some(event) } => {
+                self.report(known, event);
+            }
+        }
+        if matches!(cause, Cause::Connected | Cause::Disconnected) {
+            (known.asked, known.has_target) = (None, false);
+        }
+    }
+
+    fn restarted(&self, known: &mut Known) {
+        (known.pending, known.asked, known.has_target) = (None, None, false);
+    }
+
+    fn broken(&self, _: &CentralMachine<Pose>, known: &Known, broken: &mut Vec<&'static str>) {
+        broken.extend(known.wrong);
+    }
+
+    /// Whatever the device does, a command has an outcome in the end.
+    fn is_over(&self, _: &CentralMachine<Pose>, known: &Known) -> bool {
+        known.pending.is_none()
+    }
+}
+
+impl Axes {
+    fn status(self) -> Reply<Pose> {
+        let Self { moving, at, servo } = self;
+        Reply::Status(Status { moving, pose: at, servo, percent: 100, error: ErrorCode::None })
+    }
+}

@@ -1,0 +1,292 @@
+//! One end against any peer.
+
+use core::fmt::Debug;
+use core::hash::Hash;
+use core::time::Duration;
+
+use robot_session::{Expiry, Input as _, Machine};
+
+use super::machine::{Drawn, Edge, age, drive};
+use super::system::System;
+
+/// What the model calls an input that the state of the end does not allow.
+pub const EXPECTED: &str = "no input is unexpected";
+
+const NOW: Duration = Duration::ZERO;
+
+/// A peer of which only this is known: what it may do at each moment, and what has become of its end's jobs so far.
+///
+/// A peer that keeps the source's rules does what they permit, and one that does anything does whatever a decoder can make of bytes.
+/// Neither has a machine: what is left open stays open.
+pub trait Peer {
+    /// The end.
+    type End: Drawn;
+    /// What is known of the peer, of the line and of the jobs. Times in it are relative to now, and end somewhere.
+    type Known: Clone + Eq + Hash + Debug;
+    /// What the peer, the line or the end's user may do.
+    type Word: Copy + PartialEq + Debug;
+
+    /// How long a tick is.
+    const TICK: Duration;
+
+    /// The end's configuration.
+    fn config(&self) -> &<Self::End as Machine>::Config;
+
+    /// The end when its process starts.
+    fn end(&self) -> Self::End;
+
+    /// What is known then.
+    fn known(&self) -> Self::Known;
+
+    /// Pushes what may be said now.
+    fn words(&self, end: &Self::End, known: &Self::Known, words: &mut Vec<Self::Word>);
+
+    /// Who says a word.
+    fn by(&self, word: Self::Word) -> By;
+
+    /// What a word is to the end, if anything.
+    fn hear(&self, end: &Self::End, known: &mut Self::Known, word: Self::Word) -> Option<InputOf<Self>>;
+
+    /// The input which says that this was sent.
+    fn sent(&self, what: &TransmitOf<Self>) -> InputOf<Self>;
+
+    /// The end has done something. What must not be is noted, for [`broken`](Self::broken).
+    fn acted(&self, end: &Self::End, known: &mut Self::Known, cause: CauseOf<Self>, action: ActionOf<Self>);
+
+    /// A tick has passed.
+    fn tick(&self, _known: &mut Self::Known) {}
+
+    /// The end's process has ended, and what its owner knew. A new one is without a connection.
+    fn restarted(&self, known: &mut Self::Known);
+
+    /// Pushes the properties that do not hold.
+    fn broken(&self, end: &Self::End, known: &Self::Known, broken: &mut Vec<&'static str>);
+
+    /// Whether all work has come to its end: a run without faults leads here from every state. For a peer that does anything nothing is
+    /// to be said of that.
+    fn is_over(&self, _end: &Self::End, _known: &Self::Known) -> bool {
+        true
+    }
+
+    /// What a patient user and a peer that keeps the rules do next, where no fault happens: one of [`words`](Self::words).
+    /// `None`: they let time pass.
+    fn benign(&self, _end: &Self::End, _known: &Self::Known) -> Option<Self::Word> {
+        None
+    }
+}
+
+/// Who says a word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum By {
+    /// The line brings bytes. They wait in the transport while the end does not read.
+    Line,
+    /// The end's user calls it.
+    User,
+    /// It happens elsewhere, and the end does not notice.
+    Others,
+}
+
+/// Why an end has done something.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause<W, T> {
+    /// A connection was made, perhaps in place of another.
+    Connected,
+    /// The connection is lost.
+    Disconnected,
+    /// Something came due.
+    Due,
+    /// It has sent this.
+    Sent(T),
+    /// A word.
+    Word(W),
+}
+
+/// The [`Machine::Input`] of a peer's end.
+pub type InputOf<P> = <<P as Peer>::End as Machine>::Input;
+/// The [`Machine::Action`] of a peer's end.
+pub type ActionOf<P> = <<P as Peer>::End as Machine>::Action;
+/// The [`Machine::Transmit`] of a peer's end.
+pub type TransmitOf<P> = <<P as Peer>::End as Machine>::Transmit;
+/// The [`Cause`] of a peer's end.
+pub type CauseOf<P> = Cause<<P as Peer>::Word, TransmitOf<P>>;
+
+/// One end against any peer: a [`System`].
+#[derive(Debug, Clone, Copy)]
+pub struct Against<P> {
+    /// The peer.
+    pub peer: P,
+    /// The end is called late now and then: what is due waits, and time goes on.
+    pub late: bool,
+    /// The connection is lost and the end's process restarted at any moment.
+    pub breaks: bool,
+}
+
+/// The end, and what is known beside it.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Scene<E, K> {
+    /// The end.
+    pub end: E,
+    /// What is known.
+    pub known: K,
+    is_connected: bool,
+    was_unexpected: bool,
+}
+
+/// One thing that happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Act<W> {
+    /// A connection is made, perhaps in place of another.
+    Connect,
+    /// The connection is lost.
+    Disconnect,
+    /// What came due is done.
+    Due,
+    /// What is to be sent is sent.
+    Send,
+    /// The end's process is restarted.
+    Restart,
+    /// Time passes.
+    Tick,
+    /// A word.
+    Word(W),
+}
+
+type SceneOf<P> = Scene<<P as Peer>::End, <P as Peer>::Known>;
+
+impl<P: Peer> Against<P> {
+    /// With an end that is called late, and connections that break.
+    pub const fn new(peer: P) -> Self {
+        Self { peer, late: true, breaks: true }
+    }
+
+    /// What came due is done before what else happens in this moment, if the session does so.
+    fn expire(&self, scene: &mut SceneOf<P>, before: &[Expiry], edges: &mut Option<&mut Vec<Edge>>) {
+        if before.contains(&P::End::EXPIRY) {
+            while scene.end.expires(NOW) {
+                self.drive(scene, Cause::Due, InputOf::<P>::TIMEOUT, edges);
+            }
+        }
+    }
+
+    fn drive(
+        &self,
+        scene: &mut SceneOf<P>,
+        cause: CauseOf<P>,
+        input: InputOf<P>,
+        edges: &mut Option<&mut Vec<Edge>>,
+    ) {
+        match drive(&mut scene.end, input, self.peer.config(), edges) {
+            Ok(action) => self.peer.acted(&scene.end, &mut scene.known, cause, action),
+            Err(_) => scene.was_unexpected = true,
+        }
+    }
+
+    fn send(&self, scene: &mut SceneOf<P>, edges: &mut Option<&mut Vec<Edge>>) {
+        self.expire(scene, &[Expiry::First, Expiry::BeforeTransmit, Expiry::BeforeBytes], edges);
+        let Some(what) = scene.end.transmit(NOW, self.peer.config()) else { return };
+        let sent = self.peer.sent(&what);
+        self.drive(scene, Cause::Sent(what), sent, edges);
+    }
+
+    fn say(&self, scene: &mut SceneOf<P>, word: P::Word, edges: &mut Option<&mut Vec<Edge>>) {
+        match self.peer.by(word) {
+            By::Line if !scene.end.reads() => return,
+            By::Line => {
+                self.expire(scene, &[Expiry::First, Expiry::BeforeInput, Expiry::BeforeBytes], edges);
+            }
+            By::User => self.expire(scene, &[Expiry::First], edges),
+            By::Others => {}
+        }
+        if let Some(input) = self.peer.hear(&scene.end, &mut scene.known, word) {
+            self.drive(scene, Cause::Word(word), input, edges);
+        }
+    }
+}
+
+impl<P: Peer> System for Against<P> {
+    type State = SceneOf<P>;
+    type Act = Act<P::Word>;
+
+    fn init(&self) -> Self::State {
+        let (end, known) = (self.peer.end(), self.peer.known());
+        Scene { end, known, is_connected: false, was_unexpected: false }
+    }
+
+    fn acts(&self, scene: &Self::State, acts: &mut Vec<Self::Act>) {
+        let is_due = scene.end.expires(NOW);
+        let sends = scene.end.transmit(NOW, self.peer.config()).is_some();
+        if is_due {
+            acts.push(Act::Due);
+        }
+        if sends {
+            acts.push(Act::Send);
+        }
+        let mut words = Vec::new();
+        self.peer.words(&scene.end, &scene.known, &mut words);
+        acts.extend(words.into_iter().map(Act::Word));
+        if self.late || !(is_due || sends) {
+            acts.push(Act::Tick);
+        }
+        if !scene.is_connected {
+            acts.push(Act::Connect);
+        } else if self.breaks {
+            acts.extend([Act::Connect, Act::Disconnect, Act::Restart]);
+        }
+    }
+
+    fn step(&self, scene: &Self::State, act: Self::Act, edges: Option<&mut Vec<Edge>>) -> Self::State {
+        let (mut scene, edges) = (scene.clone(), &mut { edges });
+        match act {
+            Act::Connect => {
+                self.expire(&mut scene, &[Expiry::First], edges);
+                scene.is_connected = true;
+                self.drive(&mut scene, Cause::Connected, InputOf::<P>::CONNECTED, edges);
+            }
+            Act::Disconnect => {
+                self.expire(&mut scene, &[Expiry::First], edges);
+                scene.is_connected = false;
+                self.drive(&mut scene, Cause::Disconnected, InputOf::<P>::DISCONNECTED, edges);
+            }
+            Act::Due => self.drive(&mut scene, Cause::Due, InputOf::<P>::TIMEOUT, edges),
+            Act::Send => self.send(&mut scene, edges),
+            Act::Restart => {
+                (scene.end, scene.is_connected) = (self.peer.end(), false);
+                self.peer.restarted(&mut scene.known);
+            }
+            Act::Tick => {
+                age(&mut scene.end, P::TICK);
+                self.peer.tick(&mut scene.known);
+            }
+            Act::Word(word) => self.say(&mut scene, word, edges),
+        }
+        scene
+    }
+
+    fn broken(&self, scene: &Self::State, broken: &mut Vec<&'static str>) {
+        if scene.was_unexpected {
+            broken.push(EXPECTED);
+        }
+        self.peer.broken(&scene.end, &scene.known, broken);
+    }
+
+    fn benign(&self, scene: &Self::State) -> Option<Self::Act> {
+        if !scene.is_connected {
+            return Some(Act::Connect);
+        }
+        if scene.end.expires(NOW) {
+            return Some(Act::Due);
+        }
+        if scene.end.transmit(NOW, self.peer.config()).is_some() {
+            return Some(Act::Send);
+        }
+        Some(self.peer.benign(&scene.end, &scene.known).map_or(Act::Tick, Act::Word))
+    }
+
+    fn is_over(&self, scene: &Self::State) -> bool {
+        self.peer.is_over(&scene.end, &scene.known)
+    }
+
+    fn ticks(&self, act: Self::Act) -> u32 {
+        u32::from(act == Act::Tick)
+    }
+}

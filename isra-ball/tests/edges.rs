@@ -61,9 +61,10 @@ fn a_packet_of_one_byte_is_found_after_noise() {
 }
 
 #[test]
-fn to_push_nothing_takes_back_no_end() {
+fn to_push_nothing_ends_nothing_and_takes_back_no_end() {
     let mut decoder = Decoder::new();
     assert_eq!(decoder.push(&BYTES[..5]), 5);
+    assert_eq!((decoder.push(&[]), decoder.next_frame()), (0, None));
     decoder.finish();
     assert_eq!(decoder.push(&[]), 0);
     assert_eq!(decoder.next_frame(), Some(Err(DecodeError::Incomplete { expected: 12, found: 5 })));
@@ -85,9 +86,32 @@ fn noise_that_comes_byte_by_byte_is_given_as_soon_as_a_whole_piece_or_the_end_ha
 }
 
 #[test]
+fn noise_as_long_as_one_error_can_cover_costs_no_packet_after_it() {
+    for (length, size) in (250..=530).flat_map(|length| [1, 5, 64, 600].map(|size| (length, size))) {
+        let mut decoder = Decoder::new();
+        let stream = [&vec![0xAA; length][..], &BYTES].concat();
+        let mut found = Vec::new();
+        for mut piece in stream.chunks(size) {
+            while !piece.is_empty() {
+                piece = &piece[decoder.push(piece)..];
+                while let Some(item) = decoder.next_frame() {
+                    found.push(item.map(|frame| frame.packet()));
+                }
+            }
+        }
+        let whole = length.saturating_sub(1) / 259;
+        let mut expected = vec![Err(DecodeError::Noise { length: 259 }); whole];
+        expected.extend([Err(DecodeError::Noise { length: length - 259 * whole }), Ok(Ok(PACKET))]);
+        assert_eq!(found, expected, "{length} in pieces of {size}");
+    }
+}
+
+#[test]
 fn a_key_that_is_down_twice_is_down() {
     assert_eq!(Keys::NONE.with(1).with(8).with(1), Keys(0x81));
     assert_eq!(Keys(0x81).with(9), Keys(0x81));
+    assert_eq!(Keys(0x81).iter().collect::<Vec<_>>(), [1, 8]);
+    assert_eq!([0, 1, 2, 8, 9].map(|key| Keys(0x81).is_down(key)), [false, true, false, true, false]);
 }
 
 #[test]

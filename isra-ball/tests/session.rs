@@ -297,6 +297,7 @@ fn the_ball_sends_nothing_unasked_and_answers_once() {
     assert_eq!(ball.poll_transmit(MS, &mut out), None);
     let reply = Packet { force: [4; 3], moment: [5; 3], keys: Keys(6), ..fresh(0) };
     assert_eq!(events(&mut ball), [BallEvent::Unknown(7), BallEvent::Ignored, BallEvent::Reply(reply)]);
+    assert_eq!((ball.statistics().unknown, ball.statistics().ignored), (1, 1));
 }
 
 #[test]

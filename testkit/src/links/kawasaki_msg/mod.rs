@@ -24,7 +24,7 @@ pub use refine::{Refined, refine};
 pub use world::TICK;
 pub use world::{Act, Faults, Flags, InFlight, Reported, Sent, Setup, Start, Tag, World};
 
-use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, Table, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, Table, Terms, draw};
 use any_pc::{BOUND, EARLY_END, WRONG_COUNT};
 use pair::{NO_ALARM, NOT_EXECUTED, TWICE};
 
@@ -223,7 +223,17 @@ fn over_udp(depth: Depth) -> Vec<Setting> {
 fn with_any_pc(_: Depth) -> Vec<Setting> {
     let free = any(Peer::Any, 0);
     let with = |robot| AnyPc { robot, ..free.clone() };
-    vec![
+    let rules = Terms {
+        keeps: "KM-3, KM-4, KM-7, KM-94, KM-95, KM-96",
+        free: "how many jobs a packet has, whether it repeats the end; the line corrupts, splits, delays and breaks",
+        properties: &[TWICE, any_pc::SKIPPED, EARLY_END, WRONG_COUNT, any_pc::HEALTHY, NO_ALARM, BOUND],
+    };
+    let anything = Terms {
+        keeps: "",
+        free: "any message at any time",
+        properties: &[TWICE, any_pc::SKIPPED, EARLY_END, WRONG_COUNT, any_pc::HEALTHY, BOUND],
+    };
+    let kept = vec![
         // With three lost connections in a row the steps of recovery are used up, one of each here, and the alarm is right.
         Setting::new("one that keeps the rules, 3 jobs, 2 faults", any(Peer::Lossy { insists: false }, 2)),
         // Assumption: a PC that is asked for a job again sends it and those that follow before the end, as the source's does. Of one
@@ -233,6 +243,8 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
             "one that sends the end whenever all is sent, 2 faults",
             any(Peer::Lossy { insists: true }, 2),
         ),
+    ];
+    let free = vec![
         Setting::new("one that does anything, 3 jobs", free.clone()),
         Setting::new(
             "one that does anything, foreign orders end",
@@ -244,13 +256,28 @@ fn with_any_pc(_: Depth) -> Vec<Setting> {
         ),
         Setting::new("one that does anything, late polls", AnyPc { late: true, ..free.clone() }),
         Setting::new("one that withholds the next job", any(Peer::Withholds, 0)),
-    ]
+    ];
+    let free = free.into_iter().map(|setting| setting.on(anything));
+    kept.into_iter().map(|setting| setting.on(rules)).chain(free).collect()
 }
 
 fn with_any_robot(depth: Depth) -> Vec<Setting> {
-    let mut settings = vec![Setting::new("one that does anything, 2 jobs", any_robot(2, 1))];
+    let anything = Terms {
+        keeps: "",
+        free: "any message at any time",
+        properties: &[
+            any_robot::AGAIN,
+            any_robot::COUNTS,
+            any_robot::REPORTED,
+            any_robot::NUMBERS,
+            any_robot::SPOKEN,
+            any_robot::SILENCE,
+            pair::ONE_OUTCOME,
+        ],
+    };
+    let mut settings = vec![Setting::new("one that does anything, 2 jobs", any_robot(2, 1)).on(anything)];
     if depth == Depth::Deep {
-        settings.push(Setting::new("one that does anything, 8 jobs", any_robot(8, 2)));
+        settings.push(Setting::new("one that does anything, 8 jobs", any_robot(8, 2)).on(anything));
     }
     settings
 }

@@ -16,7 +16,7 @@ pub use refine::{Refined, refine};
 pub use rule::Rule;
 pub use state::{Looks, State};
 
-use crate::model::{Depth, MustFail, Pair, Setting};
+use crate::model::{Depth, MustFail, Pair, Setting, Terms};
 use rule::UNIQUE;
 
 /// The queue's ends.
@@ -25,9 +25,28 @@ pub const PAIR: Pair =
 
 fn settings(depth: Depth) -> Vec<Setting> {
     let readers = [(Looks::Take, "in order"), (Looks::Batch, "in batches"), (Looks::Find, "by choice")];
+    let terms = Terms {
+        keeps: "the types of the interface",
+        free: "every interleaving of loads and stores; when each end acts, resets, is dropped",
+        properties: &[
+            rule::EXECUTED_ONCE,
+            rule::NOT_LOST,
+            rule::NOT_PULLED_AWAY,
+            rule::PUBLISHED,
+            rule::NUMBERED,
+            rule::KEPT,
+            rule::NOT_BEGUN,
+            rule::SETTLED,
+            rule::IN_ORDER,
+            UNIQUE,
+            rule::GAPLESS,
+            rule::DROPPED,
+            rule::FOUND,
+        ],
+    };
     let setting = |capacity, (looks, by)| {
         let name = format!("capacity {capacity}, a reader that goes on {by}");
-        Setting::new(name, Queue::new(capacity, looks))
+        Setting::new(name, Queue::new(capacity, looks)).on(terms)
     };
     let small = (1..=2).flat_map(|capacity| readers.map(|reader| setting(capacity, reader)));
     // The ways to go on differ in the search for a standstill alone.

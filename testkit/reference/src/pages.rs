@@ -1,5 +1,5 @@
 //! The tables of a crate's page that are made: every field of its configurations from the code, and what it costs from what was
-//! measured last (`.ci/size`, and the counts in BENCHMARKS.md).
+//! measured last (`.ci/size`, and the counts in BENCHMARKS.md); and the figures of the first page, from the same counts.
 
 use core::fmt::Write as _;
 use std::collections::BTreeMap;
@@ -11,7 +11,22 @@ use serde_json::Value;
 
 const CONFIGURATIONS: &str = "<!-- Written by `cargo run -p reference -- write`. -->\n";
 const COSTS: &str = "<!-- Costs, written by `cargo run -p reference -- write`. -->\n";
+const FIGURES: &str = "<!-- Figures, written by `cargo run -p reference -- write`. -->\n";
 const END: &str = "<!-- End -->\n";
+
+/// The work on the first page: the link, and what BENCHMARKS.md calls it.
+const SHOWN: [(&str, &str); 10] = [
+    ("fanuc-hmi-modbus", "decode a reply of 38 registers, copy them"),
+    ("fanuc-hmi-modbus", "serve a read of 38 registers"),
+    ("fanuc-hmi-modbus", "encode the request"),
+    ("val2-alter", "turn-around: decode a 36-byte request, limit six axes, encode six values"),
+    ("isra-ball", "decode a packet"),
+    ("kawasaki-msg", "a packet of lines: parsed, checked, queued"),
+    ("kawasaki-msg", "a packet of lines, built"),
+    ("laser-eb90", "217-byte batch: unstuffed, summed, 14 items by their types"),
+    ("mmacell-proto", "50 characters: the end found, the status read"),
+    ("robot-work-queue", "queue and complete, u64, its number checked"),
+];
 
 /// The crates with costs that are no links: the name, and the folder.
 const OTHERS: [(&str, &str); 4] = [
@@ -38,7 +53,38 @@ pub(crate) fn files(root: &Path, defaults: &str) -> Result<Vec<(PathBuf, String)
             put(&page, COSTS, &costs(name, &sizes, &counts)).with_context(|| path.display().to_string())?;
         Ok((path, page))
     };
-    LINKS.iter().map(|link| (link.name, link.name)).chain(OTHERS).map(page).collect()
+    let pages = LINKS.iter().map(|link| (link.name, link.name)).chain(OTHERS).map(page);
+    let first = root.join("README.md");
+    let text = put(&std::fs::read_to_string(&first)?, FIGURES, &figures(&counts)?);
+    let text = text.with_context(|| first.display().to_string())?;
+    pages.chain([Ok((first, text))]).collect()
+}
+
+/// A row of the counts: link, what is counted, for each what, and how many instructions.
+fn row(line: &str) -> Option<[&str; 4]> {
+    match line.split('|').map(str::trim).collect::<Vec<_>>()[..] {
+        [_, link, what, each, count, ..] if ["op", "byte", "job"].contains(&each) => {
+            Some([link, what, each, count])
+        }
+        _ => None,
+    }
+}
+
+/// The table of the first page: each work with its instructions, and those of other crates, whose rows follow it.
+fn figures(counts: &str) -> Result<String> {
+    let mut table =
+        "| link | work | instructions | other crates, same work |\n| --- | --- | ---: | --- |\n".to_owned();
+    for (link, work) in SHOWN {
+        let mut rows = counts.lines().filter_map(row).skip_while(|row| row[..2] != [link, work]);
+        let [_, _, each, count] =
+            rows.next().with_context(|| format!("BENCHMARKS.md has no {link}: {work}"))?;
+        let peers = rows.take_while(|[_, what, ..]| what.starts_with(['…', '–']));
+        let peers = peers.filter_map(|[_, what, _, count]| Some(format!("{} {count}", peer(what)?)));
+        let each = if each == "byte" { " a byte" } else { "" };
+        let _ =
+            writeln!(table, "| {link} | {work} | {count}{each} | {} |", peers.collect::<Vec<_>>().join(", "));
+    }
+    Ok(table)
 }
 
 /// A page with another table after this mark.
@@ -67,9 +113,8 @@ fn costs(name: &str, sizes: &str, counts: &str) -> String {
     }
     let mut instructions = String::new();
     for line in counts.lines() {
-        if let [_, link, what, each, count, ..] = line.split('|').map(str::trim).collect::<Vec<_>>()[..]
+        if let Some([link, what, each, count]) = row(line)
             && link == name
-            && ["op", "byte", "job"].contains(&each)
             && is_own(what)
         {
             let _ = writeln!(instructions, "| {what} | {} | {count} |", each.replace("op", "time"));
@@ -80,6 +125,15 @@ fn costs(name: &str, sizes: &str, counts: &str) -> String {
         table += &instructions;
     }
     format!("{}\n", table.trim_end())
+}
+
+/// The crate that a row is of, if another's: `– rmodbus 0.13`, `– the same by rtrb`.
+fn peer(what: &str) -> Option<&str> {
+    let what = what.strip_prefix("– ")?;
+    what.strip_prefix("the same by ").or_else(|| {
+        let (name, version) = what.split_once(' ')?;
+        version.starts_with(|c: char| c.is_ascii_digit()).then_some(name)
+    })
 }
 
 /// Whether a row of the counts is neither another crate's, nor a limit by hand, nor a line that is out of order.

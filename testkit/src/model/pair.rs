@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use super::diagram::mermaid;
 use super::explore::{Options, explore};
 use super::machine::Edge;
+use super::refine::Refined;
 use super::system::{System, trace};
 
 /// Two ends that are explored together.
@@ -21,6 +22,8 @@ pub struct Pair {
     pub must_fail: fn() -> Vec<MustFail>,
     /// The diagrams that its crate commits, see [`draw`].
     pub diagrams: fn() -> Vec<Diagram>,
+    /// Walks small systems with the real ends, and panics where they differ from the model.
+    pub refined: fn() -> Vec<Refined>,
 }
 
 /// How large the bounds are.

@@ -8,10 +8,30 @@ use super::system::System;
 pub struct Refined {
     /// States of the model.
     pub states: usize,
+    /// Transitions of its machines.
+    pub transitions: usize,
     /// Paths through them.
     pub walks: usize,
     /// Steps of all paths.
     pub steps: usize,
+}
+
+impl Refined {
+    /// Walks every state and every transition of a system in which every property holds.
+    ///
+    /// # Panics
+    /// Where one does not.
+    pub fn by<S: System>(system: &S, mut walk: impl FnMut(Vec<S::Act>)) -> Self {
+        let graph = explore(system, &Options { edges: true, ..Options::default() });
+        assert!(graph.holds(), "{:?}", graph.findings());
+        let mut refined = Self { states: graph.states, transitions: graph.edges.len(), ..Self::default() };
+        for path in graph.walks() {
+            refined.walks += 1;
+            refined.steps += path.len();
+            walk(path);
+        }
+        refined
+    }
 }
 
 /// Walks every state and every transition of a system with sessions that are `new` for each path. `walk` does to them what an act
@@ -22,9 +42,7 @@ pub fn refine<S: System, R>(
     walk: impl Fn(&mut R, S::Act, &S::State, &S::State, &[S::Act]),
     compare: impl Fn(&mut R, &S::State, &[S::Act]),
 ) -> Refined {
-    let graph = explore(system, &Options { edges: true, ..Options::default() });
-    let mut refined = Refined { states: graph.states, ..Refined::default() };
-    for path in graph.walks() {
+    Refined::by(system, |path| {
         let (mut sessions, mut state) = (new(), system.init());
         compare(&mut sessions, &state, &[]);
         for (at, act) in path.iter().enumerate() {
@@ -33,8 +51,5 @@ pub fn refine<S: System, R>(
             compare(&mut sessions, &next, &path[..=at]);
             state = next;
         }
-        refined.walks += 1;
-        refined.steps += path.len();
-    }
-    refined
+    })
 }

@@ -37,7 +37,8 @@ pub const TCP: Pair = Pair {
         ],
     },
     must_fail: tcp_must_fail,
-    diagrams: || Vec::new(),
+    diagrams: Vec::new,
+    refined: || refined(&[tcp(3, 2, 2), tcp(3, 1, 2)]),
 };
 
 /// RTU on a serial line: one request at a time, and nothing in a reply shows what it answers.
@@ -57,6 +58,7 @@ pub const RTU: Pair = Pair {
     },
     must_fail: rtu_must_fail,
     diagrams,
+    refined: || refined(&[rtu(&[Job::Unicast; 3], 3), rtu(&MIXED, 3)]),
 };
 
 /// RTU frames through a TCP connection: one request at a time, and neither a transaction nor a silence between frames.
@@ -73,7 +75,8 @@ pub const RTU_OVER_TCP: Pair = Pair {
         ],
     },
     must_fail: rtu_over_tcp_must_fail,
-    diagrams: || Vec::new(),
+    diagrams: Vec::new,
+    refined: || refined(&[rtu_over_tcp(&[Job::Unicast; 3], 2), rtu_over_tcp(&MIXED, 1)]),
 };
 
 const MIXED: [Job; 4] = [Job::Unicast, Job::Broadcast, Job::Absent, Job::Unicast];
@@ -109,19 +112,7 @@ fn rtu_over_tcp(jobs: &[Job], faults: u8) -> Setup {
     setup
 }
 
-/// Walks every state and every transition of small systems of each transport with real sessions.
-///
-/// # Panics
-/// Where a session differs from its machine.
-pub fn refine_all() -> Vec<Refined> {
-    let setups = [
-        tcp(3, 2, 2),
-        tcp(3, 1, 2),
-        rtu(&[Job::Unicast; 3], 3),
-        rtu(&MIXED, 3),
-        rtu_over_tcp(&[Job::Unicast; 3], 2),
-        rtu_over_tcp(&MIXED, 1),
-    ];
+fn refined(setups: &[Setup]) -> Vec<Refined> {
     setups.iter().map(refine::refine).collect()
 }
 

@@ -5,13 +5,12 @@ mod refine;
 pub mod rows;
 mod world;
 
-pub use refine::refine;
 pub use world::{Act, Exchange, Fate, State, TICK};
 
 use isra_ball::{ball, host};
 use robot_session::Rules;
 
-use crate::model::{Depth, Diagram, MustFail, Pair, Setting, Table, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, Refined, Setting, Table, draw};
 use pair::{AGE, ASKED, ONE_OUTCOME, PAIRED, STALE};
 
 /// The tables of the link's machines.
@@ -19,7 +18,7 @@ pub const TABLES: &[Table] =
     &[Table::of::<rows::Host>("isra-ball", 112), Table::of::<rows::Ball>("isra-ball", 2)];
 
 /// The link's ends.
-pub const PAIR: Pair = Pair { name: "isra-ball host × ball", settings, must_fail, diagrams };
+pub const PAIR: Pair = Pair { name: "isra-ball host × ball", settings, must_fail, diagrams, refined };
 
 fn settings(depth: Depth) -> Vec<Setting> {
     let faults = match depth {
@@ -86,6 +85,12 @@ fn must_fail() -> Vec<MustFail> {
             late,
         ),
     ]
+}
+
+fn refined() -> Vec<Refined> {
+    let noisy = Exchange { noise: true, faults: 2, ..Exchange::steady() };
+    let exchanges = [Exchange { faults: 0, ..Exchange::slow() }, Exchange::slow(), noisy];
+    exchanges.iter().map(refine::refine).collect()
 }
 
 fn diagrams() -> Vec<Diagram> {

@@ -13,7 +13,7 @@ use crate::model::{self, Refined, age};
 ///
 /// # Panics
 /// Where a session differs from its machine.
-pub fn refine(exchange: &Exchange) -> Refined {
+pub(super) fn refine(exchange: &Exchange) -> Refined {
     model::refine(exchange, || Sessions::new(exchange), Sessions::walk, Sessions::compare)
 }
 

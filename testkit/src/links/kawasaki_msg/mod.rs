@@ -20,11 +20,10 @@ use robot_session::Rules;
 pub use any_pc::{AnyPc, Peer};
 pub use any_robot::AnyRobot;
 pub use machines::{Pc, Robot};
-pub use refine::{Refined, refine};
 pub use world::TICK;
 pub use world::{Act, Faults, Flags, InFlight, Reported, Sent, Setup, Start, Tag, World};
 
-use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, Table, Terms, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, Terms, draw};
 use any_pc::{BOUND, EARLY_END, WRONG_COUNT};
 use pair::{NO_ALARM, NOT_EXECUTED, TWICE};
 
@@ -33,8 +32,13 @@ pub const TABLES: &[Table] =
     &[Table::of::<rows::Pc>("kawasaki-msg", 160), Table::of::<rows::Robot>("kawasaki-msg", 240)];
 
 /// PC and robot over TCP.
-pub const TCP: Pair =
-    Pair { name: "kawasaki-msg pc × robot, tcp", settings: over_tcp, must_fail: tcp_must_fail, diagrams };
+pub const TCP: Pair = Pair {
+    name: "kawasaki-msg pc × robot, tcp",
+    settings: over_tcp,
+    must_fail: tcp_must_fail,
+    diagrams,
+    refined,
+};
 
 /// The same over UDP.
 pub const UDP: Pair = Pair {
@@ -42,6 +46,7 @@ pub const UDP: Pair = Pair {
     settings: over_udp,
     must_fail: udp_must_fail,
     diagrams: Vec::new,
+    refined: Vec::new,
 };
 
 /// The robot and PCs that are not ours.
@@ -50,6 +55,7 @@ pub const ANY_PC: Pair = Pair {
     settings: with_any_pc,
     must_fail: any_pc_must_fail,
     diagrams: Vec::new,
+    refined: Vec::new,
 };
 
 /// The PC and robots that are not ours.
@@ -58,10 +64,8 @@ pub const ANY_ROBOT: Pair = Pair {
     settings: with_any_robot,
     must_fail: any_robot_must_fail,
     diagrams: Vec::new,
+    refined: Vec::new,
 };
-
-/// All of them.
-pub const PAIRS: [Pair; 4] = [TCP, UDP, ANY_PC, ANY_ROBOT];
 
 const LINE: Faults = Faults {
     most: 1,
@@ -282,8 +286,8 @@ fn with_any_robot(depth: Depth) -> Vec<Setting> {
     settings
 }
 
-/// The pairs that are walked over bytes: over TCP, where jobs overtake one another, and over UDP.
-pub fn refined() -> Vec<Setup> {
+/// Over TCP, where jobs overtake one another, and over UDP.
+fn refined() -> Vec<Refined> {
     let lossy = Faults { most: 1, lose: true, repeat: true, delay: true, ..Faults::default() };
     let numbers = |setup: Setup, max_number| Setup {
         robot: RobotConfig { max_number, ..setup.robot },
@@ -292,13 +296,14 @@ pub fn refined() -> Vec<Setup> {
         capacity: 4,
         ..setup
     };
-    vec![
+    let setups = [
         tcp(&[1, 1], 2, users(ALL, 0, 1)),
         tcp(&[1, 1], 2, ALL),
         every_second(tcp(&[1], 3, ALL)),
         numbers(overtaking(tcp(&[1], 2, ALL)), 6),
         udp(2, Faults { delay: false, ..lossy }),
-    ]
+    ];
+    setups.iter().map(refine::refine).collect()
 }
 
 fn tcp_must_fail() -> Vec<MustFail> {

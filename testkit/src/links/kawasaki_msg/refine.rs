@@ -14,36 +14,14 @@ use robot_work_queue::Reader;
 
 use super::machines;
 use super::world::{Act, Reported, Setup, TICK, Tag, World};
-use crate::model::{Options, System, explore};
-
-/// How much was walked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Refined {
-    /// States of the model.
-    pub states: usize,
-    /// Transitions of its machines.
-    pub transitions: usize,
-    /// Paths through them.
-    pub walks: usize,
-    /// Steps of all paths.
-    pub steps: usize,
-}
+use crate::model::{Refined, System};
 
 /// Walks every state and every transition of a pair with real sessions.
 ///
 /// # Panics
 /// Where a session differs from its machine.
-pub fn refine(setup: &Setup) -> Refined {
-    let graph = explore(setup, &Options { edges: true, ..Options::default() });
-    assert!(graph.holds(), "{:?}", graph.findings());
-    let (states, transitions) = (graph.states, graph.edges.len());
-    let mut refined = Refined { states, transitions, ..Refined::default() };
-    for path in graph.walks() {
-        walk(setup, &path);
-        refined.walks += 1;
-        refined.steps += path.len();
-    }
-    refined
+pub(super) fn refine(setup: &Setup) -> Refined {
+    Refined::by(setup, |path| walk(setup, &path))
 }
 
 fn walk(setup: &Setup, path: &[Act]) {

@@ -20,7 +20,8 @@ pub const TABLES: &[Table] =
     &[Table::of::<rows::Host>("laser-eb90", 160), Table::of::<rows::Controller>("laser-eb90", 64)];
 
 /// A host and a controller on a serial line.
-pub const PAIR: Pair = Pair { name: "laser-eb90 host × controller", settings, must_fail, diagrams };
+pub const PAIR: Pair =
+    Pair { name: "laser-eb90 host × controller", settings, must_fail, diagrams, refined: Vec::new };
 
 /// What a line does, apart from pauses and lateness.
 const LINE: Faults = Faults {

@@ -15,7 +15,8 @@ use crate::model::{Depth, Diagram, MustFail, Pair, Setting, Table, draw};
 pub const TABLES: &[Table] = &[Table::of::<rows::Operator>("cellwire-motion", 40)];
 
 /// The latch, and everything around it.
-pub const PAIR: Pair = Pair { name: "cellwire-motion latch × operator", settings, must_fail, diagrams };
+pub const PAIR: Pair =
+    Pair { name: "cellwire-motion latch × operator", settings, must_fail, diagrams, refined: Vec::new };
 
 const KEYS: [(&str, bool, bool); 4] = [
     ("a hand at rest arms", false, false),

@@ -17,9 +17,8 @@ use robot_session::Rules;
 
 pub use self::any_central::AnyCentral;
 pub use self::any_device::AnyDevice;
-pub use self::refine::refine;
 pub use self::world::{Act, Setup, World};
-use crate::model::{Against, Depth, MustFail, Pair, Setting, Table, draw};
+use crate::model::{Against, Depth, MustFail, Pair, Refined, Setting, Table, draw};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] = &[
@@ -30,7 +29,8 @@ pub const TABLES: &[Table] = &[
 ];
 
 /// A central controller and a device over TCP.
-pub const PAIR: Pair = Pair { name: "mmacell-proto central × device", settings, must_fail, diagrams };
+pub const PAIR: Pair =
+    Pair { name: "mmacell-proto central × device", settings, must_fail, diagrams, refined };
 
 /// A central controller and devices that are not ours.
 pub const ANY_DEVICE: Pair = Pair {
@@ -62,7 +62,8 @@ pub const ANY_DEVICE: Pair = Pair {
             without("CentralRule::ServoOn", world::ARRIVED, false, CentralRule::ServoOn),
         ]
     },
-    diagrams: || Vec::new(),
+    diagrams: Vec::new,
+    refined: Vec::new,
 };
 
 /// A device and central controllers that are not ours.
@@ -87,7 +88,8 @@ pub const ANY_CENTRAL: Pair = Pair {
             without("DeviceRule::ServoFirst", world::SERVO_OFF, DeviceRule::ServoFirst),
         ]
     },
-    diagrams: || Vec::new(),
+    diagrams: Vec::new,
+    refined: Vec::new,
 };
 
 const fn any_device(keeps_rules: bool) -> Against<AnyDevice> {
@@ -165,6 +167,10 @@ fn must_fail() -> Vec<MustFail> {
             Setup { late_repeats: true, ..setup(2, 2) },
         ),
     ]
+}
+
+fn refined() -> Vec<Refined> {
+    [setup(2, 0), setup(1, 1)].iter().map(refine::refine).collect()
 }
 
 fn diagrams() -> Vec<crate::model::Diagram> {

@@ -15,7 +15,7 @@ use crate::model::{self, Refined, age};
 ///
 /// # Panics
 /// Where a session differs from its machine.
-pub fn refine(setup: &Setup) -> Refined {
+pub(super) fn refine(setup: &Setup) -> Refined {
     model::refine(setup, || Sessions::new(setup), Sessions::walk, Sessions::compare)
 }
 

@@ -20,8 +20,13 @@ pub const TABLES: &[Table] =
     &[Table::of::<rows::Host>("val2-alter", 200), Table::of::<rows::Controller>("val2-alter", 100)];
 
 /// The link's ends.
-pub const PAIR: Pair =
-    Pair { name: "val2-alter host × controller", settings, must_fail: rules::must_fail, diagrams };
+pub const PAIR: Pair = Pair {
+    name: "val2-alter host × controller",
+    settings,
+    must_fail: rules::must_fail,
+    diagrams,
+    refined: Vec::new,
+};
 
 fn settings(depth: Depth) -> Vec<Setting> {
     let (faults, jobs) = if depth == Depth::Quick { (2, 1) } else { (4, 2) };

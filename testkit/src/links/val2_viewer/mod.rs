@@ -5,12 +5,11 @@ mod refine;
 pub mod rows;
 mod world;
 
-pub use refine::refine;
 pub use world::{Act, Exchange, Fate, Packet, State, TICK};
 
 use val2_viewer::{host, workstation};
 
-use crate::model::{Depth, Diagram, MustFail, Pair, STANDSTILL, Setting, Table, draw};
+use crate::model::{Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, draw};
 use pair::{ASKED, CREDIT, ENDED, FRESH, ONE_OUTCOME, PACED, PILED, STALE};
 
 /// The tables of the link's machines.
@@ -18,7 +17,8 @@ pub const TABLES: &[Table] =
     &[Table::of::<rows::Host>("val2-viewer", 48), Table::of::<rows::Workstation>("val2-viewer", 48)];
 
 /// The link's ends.
-pub const PAIR: Pair = Pair { name: "val2-viewer host × workstation", settings, must_fail, diagrams };
+pub const PAIR: Pair =
+    Pair { name: "val2-viewer host × workstation", settings, must_fail, diagrams, refined };
 
 fn settings(depth: Depth) -> Vec<Setting> {
     let faults = match depth {
@@ -63,6 +63,10 @@ fn must_fail() -> Vec<MustFail> {
             workstation::Rule::AskFirst,
         ),
     ]
+}
+
+fn refined() -> Vec<Refined> {
+    [Exchange::steady(), Exchange::free(), Exchange::first_workstation()].iter().map(refine::refine).collect()
 }
 
 fn diagrams() -> Vec<Diagram> {

@@ -12,16 +12,26 @@ mod state;
 mod write;
 
 pub use queue::{Act, Queue};
-pub use refine::{Refined, refine};
 pub use rule::Rule;
 pub use state::{Looks, State};
 
-use crate::model::{Depth, MustFail, Pair, Setting, Terms};
+use crate::model::{Depth, MustFail, Pair, Refined, Setting, Terms};
 use rule::UNIQUE;
 
 /// The queue's ends.
-pub const PAIR: Pair =
-    Pair { name: "robot-work-queue writer × reader", settings, must_fail, diagrams: Vec::new };
+pub const PAIR: Pair = Pair {
+    name: "robot-work-queue writer × reader",
+    settings,
+    must_fail,
+    diagrams: Vec::new,
+    // A queue of three takes 36 million steps.
+    refined: || [1, 2].map(refined).to_vec(),
+};
+
+/// Replays a queue of this capacity on the queue itself.
+pub fn refined(capacity: u8) -> Refined {
+    refine::refine(Queue { single: true, ..Queue::new(capacity, Looks::Take) })
+}
 
 fn settings(depth: Depth) -> Vec<Setting> {
     let readers = [(Looks::Take, "in order"), (Looks::Batch, "in batches"), (Looks::Find, "by choice")];

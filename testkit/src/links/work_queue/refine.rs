@@ -8,36 +8,15 @@ use robot_work_queue::{Full, NumberError, Reader, Taken, TakenBatch, Writer, box
 
 use super::queue::{Act, Queue};
 use super::state::{Looks, Reading, State, Writing, after};
-use crate::model::{Options, System, explore};
-
-/// How much was replayed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Refined {
-    /// The states of the model, each of which was visited.
-    pub states: usize,
-    /// The transitions, each of which was taken.
-    pub transitions: usize,
-    /// The paths.
-    pub walks: usize,
-    /// The acts.
-    pub steps: usize,
-}
+use crate::model::{Refined, System};
 
 /// Replays every walk of `queue`, which is [`single`](Queue::single).
 ///
 /// # Panics
 /// Where the queue does something else than the model, with the path to it.
-pub fn refine(queue: Queue) -> Refined {
+pub(super) fn refine(queue: Queue) -> Refined {
     assert!(queue.single, "one thread cannot interrupt itself");
-    let graph = explore(&queue, &Options { edges: true, ..Options::default() });
-    assert!(graph.holds());
-    let mut refined = Refined { states: graph.states, transitions: graph.edges.len(), ..Refined::default() };
-    for path in graph.walks() {
-        refined.walks += 1;
-        refined.steps += path.len();
-        walk(queue, path);
-    }
-    refined
+    Refined::by(&queue, |path| walk(queue, path))
 }
 
 fn walk(queue: Queue, path: Vec<Act>) {

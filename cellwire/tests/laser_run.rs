@@ -105,7 +105,7 @@ fn a_program_is_run_once() {
     // Again: not without being told to.
     let (code, said) = cell.run(&program, &[]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("this program was run to its end") && said.contains("--again"), "{said}");
+    assert!(said.contains("the program was run to its end") && said.contains("--again"), "{said}");
     let run = cell.run(&program, &["--again"]);
     assert_eq!(run.event("ended")["done"], 50);
     assert_eq!(run.end().0, Some(0));
@@ -132,7 +132,7 @@ fn a_run_that_is_killed_goes_on_and_asks_about_the_frame_in_flight() {
     let mut run = cell.run(&program, &[]);
     let mut line = run.line();
     assert_eq!(line["event"], "goes_on");
-    let done = line["after"].as_u64().unwrap();
+    let done = line["done"].as_u64().unwrap();
     line = run.line();
     // It may have been killed between two frames: then there is no question.
     if line["event"] == "question" {

@@ -100,7 +100,7 @@ fn every_part_is_placed_once() {
     // Again: not without being told to, and the robot does not move.
     let (code, said) = cell.run(3, &[]).end();
     assert_eq!(code, Some(2));
-    assert!(said.contains("every part of this task is placed") && said.contains("--again"), "{said}");
+    assert!(said.contains("the task was run to its end") && said.contains("--again"), "{said}");
     let (code, said) = cell.run(4, &[]).end();
     assert_eq!(code, Some(2));
     assert!(said.contains("it is of another task"), "{said}");
@@ -130,7 +130,7 @@ fn a_run_that_is_killed_asks_about_its_part_and_goes_on() {
     assert_eq!(run.end().0, Some(1));
     // The operator has put it into its place: it is not picked again.
     let mut run = cell.run(3, &[]);
-    assert_eq!(run.event("goes_on")["placed"], 1);
+    assert_eq!(run.event("goes_on")["done"], 1);
     assert_eq!(run.event("question")["part"], 2);
     run.say("nonsense");
     run.event("hint");

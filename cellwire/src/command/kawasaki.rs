@@ -4,21 +4,21 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use clap::Subcommand;
-use indicatif::{ProgressBar, ProgressDrawTarget};
+use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::settings::SetArgs;
+use super::work::{Work, WorkArgs, say_goes_on};
 use crate::cell::run::Operator;
 use crate::cell::run::kawasaki::{Ended, Jobs, Journal, Runner, Settings};
 use crate::io::bell::Bell;
 use crate::io::input::seconds;
-use crate::io::journal::{self, Outcome};
+use crate::io::journal::Outcome;
 use crate::io::output::{log, ready};
-use crate::io::tcp::ConnectArgs;
 use crate::io::trace::TraceArgs;
-use crate::io::{files, input, interrupt};
+use crate::io::{input, interrupt};
 use crate::links::device::Endpoint;
 use crate::links::kawasaki_msg::meeting::Meeting;
 use cellwire_links::settings;
@@ -106,30 +106,13 @@ struct RunArgs {
     /// Connect to this address, where a robot listens
     #[arg(long = "connect", value_name = "ADDR")]
     connect_to: Option<String>,
-    /// Send nothing: print what would be executed
-    #[arg(long)]
-    dry_run: bool,
-    /// Draw what the robot would do into this SVG file
-    #[arg(long, value_name = "FILE")]
-    draw: Option<PathBuf>,
-    /// The journal [default: the file's name with .journal]
-    #[arg(long, value_name = "FILE")]
-    journal: Option<PathBuf>,
-    /// Begin at the first job whatever the journal says: what was done is done again
-    #[arg(long)]
-    again: bool,
-    /// Write the outcome of every job into this CSV file at the end
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
     /// End when no robot is connected for so many seconds; 0: never
     #[arg(long, value_name = "N", default_value = "60", value_parser = seconds(0.0..=1e6))]
     robot_timeout: Duration,
     #[command(flatten)]
-    connect: ConnectArgs,
-    #[command(flatten)]
     trace: TraceArgs,
     #[command(flatten)]
-    set: SetArgs,
+    work: WorkArgs,
 }
 
 /// Returns true when every job is done.
@@ -148,33 +131,32 @@ pub fn run(args: &Args) -> Result<bool> {
 impl Command {
     fn set(&self) -> &SetArgs {
         match self {
-            Self::Draw(args) => &args.run.set,
-            Self::Run(args) => &args.run.set,
+            Self::Draw(args) => &args.run.work.set,
+            Self::Run(args) => &args.run.work.set,
         }
     }
 }
 
 fn execute(file: &Path, args: &RunArgs, read: impl FnOnce(&Settings) -> Result<Jobs>) -> Result<bool> {
-    let settings = settings::read("kawasaki", Settings::default(), &args.set.read()?)?;
+    let settings = settings::read("kawasaki", Settings::default(), &args.work.set.read()?)?;
     let config = settings.plant.pc(settings.config)?;
     let jobs = read(&settings)?;
-    if let Some(file) = &args.draw {
+    if let Some(file) = &args.work.draw {
         jobs.draw(file, settings.sheet())?;
     }
-    if args.dry_run {
+    if args.work.dry_run {
         if file.extension().is_some_and(|it| it.eq_ignore_ascii_case("csv")) {
             writeln!(std::io::stdout().lock(), "{}", jobs.table())?;
         }
         log(&jobs.summary(config.limits.packet))?;
         return Ok(true);
     }
-    let path = args.journal.clone().unwrap_or_else(|| journal::beside(file));
-    let mut journal = Journal::open(&path, "file of jobs", jobs.fingerprint(), jobs.work.len(), args.again)?;
-    let ended = serve(args, &settings, config, &jobs, &mut journal);
-    if let Some(file) = &args.out {
-        files::write(file, outcomes(&jobs, &journal).as_bytes())?;
-    }
-    let ended = ended?;
+    let (fingerprint, parts) = (jobs.fingerprint(), jobs.work.len());
+    let work = Work { file, what: "file of jobs", fingerprint, parts };
+    let run = |journal: &mut Journal, progress: &ProgressBar| {
+        serve(args, &settings, config, &jobs, journal, progress)
+    };
+    let (ended, journal) = args.work.run(work, run, |journal| outcomes(&jobs, journal))?;
     let count = |outcome| journal.count(outcome);
     let active = if let Ended::Refused { active } = ended { Some(active) } else { None };
     log(&json!({
@@ -195,28 +177,19 @@ fn serve(
     config: kawasaki_msg::PcConfig<'static>,
     jobs: &Jobs,
     journal: &mut Journal,
+    progress: &ProgressBar,
 ) -> Result<Ended> {
-    let (all, before) = (jobs.work.len(), journal.count(Outcome::Done));
-    ensure!(
-        before < all || journal.record().flight.is_some(),
-        "these jobs were run to their end, as {} says; --again runs them again",
-        journal.path().display()
-    );
     // Whatever ends it, the journal is whole.
     interrupt::handle()?;
     let endpoint = match (&args.listen, &args.connect_to) {
         (Some(address), _) => Endpoint::Listen(address.clone()),
         (None, address) => Endpoint::Connect(address.clone().unwrap_or_default()),
     };
-    let timeout = args.connect.timeout();
+    let timeout = args.work.connect.timeout();
     let (mut meeting, kind, place) = Meeting::of_pc(&endpoint, config.datagrams, config.dialect, timeout)?;
     ready("kawasaki", kind, &place)?;
-    if before > 0 {
-        log(&json!({"event": "goes_on", "after": before, "of": all}))?;
-    }
+    say_goes_on(journal)?;
     let trace = args.trace.start("kawasaki-pc");
-    let progress = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
-    progress.set_position(before as u64);
     let operator = Operator {
         words: input::lines(Bell::default()),
         notify: &mut |event| log(&event),
@@ -224,9 +197,7 @@ fn serve(
     };
     let absence = (!args.robot_timeout.is_zero()).then_some(args.robot_timeout);
     let runner = Runner::new(jobs, config, settings.order, absence, operator);
-    let ended = runner.run(journal, &mut meeting, &trace);
-    progress.finish_and_clear();
-    ended
+    runner.run(journal, &mut meeting, &trace)
 }
 
 /// `number,line,outcome` of every job.

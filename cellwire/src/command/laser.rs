@@ -2,20 +2,19 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use clap::Subcommand;
-use indicatif::{ProgressBar, ProgressDrawTarget};
+use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::settings::SetArgs;
+use super::work::{Work, WorkArgs, say_goes_on};
 use crate::cell::run::Operator;
 use crate::cell::run::laser::{Ended, Journal, Program, Runner, Settings};
 use crate::io::bell::Bell;
-use crate::io::journal::{self, Outcome};
+use crate::io::input;
+use crate::io::journal::Outcome;
 use crate::io::output::log;
 use crate::io::port::AnyPort;
-use crate::io::tcp::ConnectArgs;
-use crate::io::{files, input};
 use cellwire_links::settings;
 
 /// Runs programs on a laser robot over its serial line (EB 90 frames).
@@ -54,39 +53,22 @@ struct RunArgs {
     /// The controller: the path of a serial port, or HOST:PORT of a serial device server
     #[arg(long, value_name = "PORT", required_unless_present = "dry_run")]
     port: Option<String>,
-    /// Send nothing: print what the program has, and how long it takes on the line at least
-    #[arg(long)]
-    dry_run: bool,
-    /// Draw what the robot would do into this SVG file
-    #[arg(long, value_name = "FILE")]
-    draw: Option<PathBuf>,
-    /// The journal [default: the program's name with .journal]
-    #[arg(long, value_name = "FILE")]
-    journal: Option<PathBuf>,
-    /// Begin at the first instruction whatever the journal says: what was done is done again
-    #[arg(long)]
-    again: bool,
-    /// Write the outcome of every instruction into this CSV file at the end
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
     #[command(flatten)]
-    connect: ConnectArgs,
-    #[command(flatten)]
-    set: SetArgs,
+    work: WorkArgs,
 }
 
 /// Returns true when every instruction is done.
 pub fn run(args: &Args) -> Result<bool> {
     let Command::Run(args) = &args.command;
-    let given = args.set.read()?;
+    let given = args.work.set.read()?;
     // Some defaults follow from the rate.
     let baud = settings::read("laser", Settings::at_baud(laser_eb90::timing::BAUD), &given)?.host.baud;
     let Settings { host, mapping } = settings::read("laser", Settings::at_baud(baud), &given)?;
     let program = Program::read(&args.file, &mapping, &host)?;
-    if let Some(file) = &args.draw {
+    if let Some(file) = &args.work.draw {
         program.draw(file, &mapping)?;
     }
-    if args.dry_run {
+    if args.work.dry_run {
         let (frames, time) = program.estimate(&host);
         let bounds = program.bounds(&mapping).map(|(least, most)| json!({"least": least, "most": most}));
         log(&json!({
@@ -95,14 +77,11 @@ pub fn run(args: &Args) -> Result<bool> {
         }))?;
         return Ok(true);
     }
-    let path = args.journal.clone().unwrap_or_else(|| journal::beside(&args.file));
-    let (work, parts) = (program.fingerprint(), program.instructions.len());
-    let mut journal = Journal::open(&path, "program", work, parts, args.again)?;
-    let ended = execute(args, &program, &mut journal, host);
-    if let Some(file) = &args.out {
-        files::write(file, outcomes(&program, &journal).as_bytes())?;
-    }
-    let ended = ended?;
+    let (fingerprint, parts) = (program.fingerprint(), program.instructions.len());
+    let work = Work { file: &args.file, what: "program", fingerprint, parts };
+    let run =
+        |journal: &mut Journal, progress: &ProgressBar| execute(args, &program, journal, progress, host);
+    let (ended, journal) = args.work.run(work, run, |journal| outcomes(&program, journal))?;
     let count = |outcome| journal.count(outcome);
     log(&json!({
         "event": "ended", "why": match ended {
@@ -120,19 +99,10 @@ fn execute(
     args: &RunArgs,
     program: &Program,
     journal: &mut Journal,
+    progress: &ProgressBar,
     host: laser_eb90::HostConfig,
 ) -> Result<Ended> {
-    let (all, before) = (program.instructions.len(), journal.count(Outcome::Done));
-    ensure!(
-        before < all,
-        "this program was run to its end, as {} says; --again runs it again",
-        journal.path().display()
-    );
-    if before > 0 {
-        log(&json!({"event": "goes_on", "after": before, "of": all}))?;
-    }
-    let progress = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
-    progress.set_position(before as u64);
+    say_goes_on(journal)?;
     let operator = Operator {
         words: input::lines(Bell::default()),
         notify: &mut |event| log(&event),
@@ -143,9 +113,7 @@ fn execute(
         return Ok(Ended::Stopped);
     }
     let port = args.port.as_deref().unwrap_or_default();
-    let ended = runner.run(AnyPort::open(port, host.baud, args.connect.timeout())?);
-    progress.finish_and_clear();
-    ended
+    runner.run(AnyPort::open(port, host.baud, args.work.connect.timeout())?)
 }
 
 /// `number,line,word,outcome` of every instruction.

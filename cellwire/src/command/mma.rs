@@ -2,19 +2,18 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use clap::Subcommand;
-use indicatif::{ProgressBar, ProgressDrawTarget};
+use indicatif::ProgressBar;
 use serde_json::json;
 
-use super::settings::SetArgs;
+use super::work::{Work, WorkArgs, say_goes_on};
 use crate::cell::run::Operator;
 use crate::cell::run::mma::{Addresses, Ended, Journal, Line, Periphery, Runner, Settings, Simulated};
 use crate::io::bell::Bell;
-use crate::io::journal::{self, Outcome};
+use crate::io::input;
+use crate::io::journal::Outcome;
 use crate::io::output::log;
-use crate::io::tcp::ConnectArgs;
-use crate::io::{files, input};
 use cellwire_links::settings;
 
 /// Runs the pick-and-place task of an MM&A micro-manipulation cell.
@@ -75,47 +74,26 @@ struct RunArgs {
     /// Cameras, valves and vacuum switch: HOST:PORT [default: simulated]
     #[arg(long, value_name = "ADDR")]
     periphery: Option<String>,
-    /// Connect to nobody: print how many parts there are
-    #[arg(long)]
-    dry_run: bool,
-    /// Draw the robot's ways into this SVG file
-    #[arg(long, value_name = "FILE")]
-    draw: Option<PathBuf>,
-    /// The journal [default: the task's name with .journal]
-    #[arg(long, value_name = "FILE")]
-    journal: Option<PathBuf>,
-    /// Begin at the first part whatever the journal says
-    #[arg(long)]
-    again: bool,
-    /// Write the state of every part into this CSV file at the end
-    #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
     #[command(flatten)]
-    connect: ConnectArgs,
-    #[command(flatten)]
-    set: SetArgs,
+    work: WorkArgs,
 }
 
 /// Returns true when every part is placed.
 pub fn run(args: &Args) -> Result<bool> {
     let Command::Run(args) = &args.command;
-    let given = args.set.read_over(Some(&args.task))?;
+    let given = args.work.set.read_over(Some(&args.task))?;
     let settings = settings::read("the task", Settings::default(), &given)?;
     let parts = settings.count(args.periphery.is_none())?;
-    if let Some(file) = &args.draw {
+    if let Some(file) = &args.work.draw {
         settings.draw(file)?;
     }
-    if args.dry_run {
+    if args.work.dry_run {
         log(&json!({"task": args.task, "parts": parts}))?;
         return Ok(true);
     }
-    let path = args.journal.clone().unwrap_or_else(|| journal::beside(&args.task));
-    let mut journal = Journal::open(&path, "task", settings.fingerprint(), parts, args.again)?;
-    let ended = execute(args, &settings, &mut journal);
-    if let Some(file) = &args.out {
-        files::write(file, states(&journal).as_bytes())?;
-    }
-    let ended = ended?;
+    let work = Work { file: &args.task, what: "task", fingerprint: settings.fingerprint(), parts };
+    let run = |journal: &mut Journal, progress: &ProgressBar| execute(args, &settings, journal, progress);
+    let (ended, journal) = args.work.run(work, run, states)?;
     log(&json!({
         "event": "ended", "why": if ended == Ended::Complete { "complete" } else { "stopped" },
         "placed": journal.count(Outcome::Done), "begun": journal.count(Outcome::Unknown),
@@ -124,17 +102,13 @@ pub fn run(args: &Args) -> Result<bool> {
     Ok(ended == Ended::Complete)
 }
 
-fn execute(args: &RunArgs, settings: &Settings, journal: &mut Journal) -> Result<Ended> {
-    let (all, before) = (journal.record().len(), journal.count(Outcome::Done));
-    ensure!(
-        before < all,
-        "every part of this task is placed, as {} says; --again begins anew",
-        journal.path().display()
-    );
-    if before > 0 {
-        log(&json!({"event": "goes_on", "placed": before, "of": all}))?;
-    }
-    let progress = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+fn execute(
+    args: &RunArgs,
+    settings: &Settings,
+    journal: &mut Journal,
+    progress: &ProgressBar,
+) -> Result<Ended> {
+    say_goes_on(journal)?;
     let bell = Bell::default();
     let operator = Operator {
         words: input::lines(bell.clone()),
@@ -145,16 +119,14 @@ fn execute(args: &RunArgs, settings: &Settings, journal: &mut Journal) -> Result
     if !runner.settle_begun()? {
         return Ok(Ended::Stopped);
     }
-    let timeout = args.connect.timeout();
+    let timeout = args.work.connect.timeout();
     let address = |given: &Option<String>| given.clone().unwrap_or_default();
     let addresses = Addresses { robot: address(&args.robot), platform: address(&args.platform), timeout };
     let mut periphery: Box<dyn Periphery> = match &args.periphery {
         Some(address) => Box::new(Line::open(address, timeout, bell)?),
         None => Box::new(Simulated::new(settings.part.clone(), settings.vacuum)),
     };
-    let ended = runner.run(settings, &addresses, &mut *periphery);
-    progress.finish_and_clear();
-    ended
+    runner.run(settings, &addresses, &mut *periphery)
 }
 
 /// `part,state` of every part.

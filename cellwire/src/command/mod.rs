@@ -15,3 +15,4 @@ pub mod modbus;
 pub mod settings;
 pub mod simulate;
 pub mod vectors;
+mod work;

@@ -44,7 +44,7 @@ impl<F: Framings> Receiver<F> {
     }
 
     /// The place of the next request.
-    #[inline]
+    #[inline(always)] // into the one place that reads
     pub(super) fn advance(&mut self) -> Option<Result<Range<usize>, DecodeError>> {
         if self.decoder.has_transactions() { self.decoder.advance() } else { self.advance_rtu() }
     }
@@ -143,7 +143,7 @@ impl<F: Framings> robot_session::Decoder for Receiver<F> {
     type Frame<'a> = Frame<&'a [u8]>;
     type Error = DecodeError;
 
-    #[inline]
+    #[inline(always)]
     fn push(&mut self, bytes: &[u8]) -> usize {
         self.decoder.push(bytes)
     }

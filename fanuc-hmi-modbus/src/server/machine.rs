@@ -155,7 +155,7 @@ impl<const N: usize> Machine for ServerMachine<N> {
 
     /// # Errors
     /// Bytes without a connection, a request while none is read, a reply that was not due.
-    #[inline]
+    #[inline(always)] // where the input is known, little of it is left
     fn on(&mut self, now: Duration, input: Input, config: &ServerConfig) -> Result<Action, Unexpected> {
         let action = match (input, &mut self.link) {
             (Input::Connected | Input::Disconnected, ServerLink::Up { .. })

@@ -101,6 +101,12 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     }
 
     #[cold]
+    fn refused(&mut self, unit: u8, function: u8) {
+        self.core.statistics.refused += 1;
+        self.core.events.push_notice(ServerEvent::Refused { unit, function });
+    }
+
+    #[cold]
     fn corrupt(&mut self, error: DecodeError) {
         self.core.statistics.corrupt += 1;
         self.core.events.push_notice(ServerEvent::Corrupt(error));
@@ -142,7 +148,7 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
         }
     }
 
-    #[inline]
+    #[inline(always)] // where the input is known, few actions are left
     fn act(&mut self, now: Duration, action: Action, request: Option<Range<usize>>) {
         match action {
             Action::Reset => {
@@ -165,10 +171,7 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
                 let length = frame.serve(&mut self.registers, &mut out).unwrap_or(0);
                 out.get(..length).and_then(|reply| replies::exception(reply, transaction.is_some()))
             }
-            _ => {
-                self.core.statistics.refused += 1;
-                return self.core.events.push_notice(ServerEvent::Refused { unit, function });
-            }
+            _ => return self.refused(unit, function),
         };
         self.core.statistics.served += 1;
         self.core.events.push_notice(ServerEvent::Served { transaction, unit, function, exception });
@@ -197,14 +200,17 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     }
 
     /// On a serial line what came before without a silence is past. Through TCP the caller gives more than is wanted.
-    fn overrun(&mut self, now: Duration) {
+    #[cold]
+    fn overrun(&mut self, _now: Duration) {
         if self.core.machine.is_full() {
             let noise = DecodeError::Noise { length: self.core.decoder.pending() };
             self.core.decoder.lose(noise);
             self.corrupt(noise);
         }
         while let Some(range) = self.core.decoder.next_followed() {
-            self.act(now, Action::Refuse, Some(range));
+            let Some(frame) = self.core.decoder.frame(range) else { return };
+            let (unit, function) = (frame.unit, frame.pdu.first().copied().unwrap_or_default());
+            self.refused(unit, function);
         }
     }
 }

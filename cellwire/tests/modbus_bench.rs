@@ -6,7 +6,7 @@ mod common_fanuc;
 
 use core::ops::ControlFlow;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpListener;
+use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -85,6 +85,103 @@ fn after_a_cut_reply_the_next_good_one_is_not_lost() {
             assert_eq!(output.status.code(), Some(1), "one has failed");
         }
     }
+}
+
+/// A server on a free port that does this with its first connection.
+fn once(serve: impl FnOnce(TcpStream) + Send + 'static) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    thread::spawn(move || {
+        let stream = listener.accept().unwrap().0;
+        drop(listener);
+        serve(stream);
+    });
+    address
+}
+
+fn reply_to(request: &[u8], transaction: u8, value: u8) -> Vec<u8> {
+    vec![request[0], transaction, 0, 0, 0, 7, request[6], 3, 4, 0, value, 0, value]
+}
+
+#[test]
+fn a_reply_that_comes_before_its_request_is_not_its_reply() {
+    let address = once(|mut stream| {
+        let mut request = [0; 12];
+        for value in 1..=3 {
+            stream.read_exact(&mut request).unwrap();
+            thread::sleep(Duration::from_millis(100));
+            stream.write_all(&reply_to(&request, request[1], value)).unwrap();
+            thread::sleep(Duration::from_millis(100));
+            stream.write_all(&reply_to(&request, request[1] + 1, 99)).unwrap();
+        }
+        let _ = stream.read(&mut request);
+    });
+    let mut child = Command::new(env!("CARGO_BIN_EXE_cellwire"))
+        .args(["modbus", &address])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut requests = child.stdin.take().unwrap();
+    for _ in 0..3 {
+        requests.write_all(READ.as_bytes()).unwrap();
+        thread::sleep(Duration::from_millis(600));
+    }
+    drop(requests);
+    let output = child.wait_with_output().unwrap();
+    let values: Vec<Value> = lines(&output).iter().map(|line| line["registers"].clone()).collect();
+    assert_eq!(values, [json!([1, 1]), json!([2, 2]), json!([3, 3])], "{}", err(&output));
+    assert_eq!(err(&output).matches("unasked").count(), 2, "{}", err(&output));
+}
+
+#[test]
+fn each_request_has_its_line_when_the_connection_is_lost() {
+    const LOST: &str = "the connection was lost; whether the request was carried out is unknown";
+    const NOT_SENT: &str = "the connection was lost before the request was sent";
+    const TIMED_OUT: &str = "no reply came in time; whether the request was carried out is unknown";
+    let failures = |output: &Output| -> Vec<String> {
+        lines(output).iter().map(|line| line["failed"].as_str().unwrap_or("none").to_owned()).collect()
+    };
+    // After a reply; instead of one.
+    for served in [1, 0] {
+        let address = once(move |mut stream| {
+            let mut request = [0; 12];
+            for _ in 0..served {
+                stream.read_exact(&mut request).unwrap();
+                stream.write_all(&reply_to(&request, request[1], 7)).unwrap();
+            }
+            stream.read_exact(&mut request).unwrap();
+        });
+        let output = ask(&[&address], &READ.repeat(4));
+        let mut expected = vec!["none"; served];
+        expected.extend([LOST].into_iter().chain(vec![NOT_SENT; 3 - served]));
+        assert_eq!(failures(&output), expected, "{}", err(&output));
+        assert_eq!(output.status.code(), Some(3));
+    }
+    // A reply that is cut, and no other connection.
+    let address = once(|mut stream| {
+        let mut request = [0; 12];
+        stream.read_exact(&mut request).unwrap();
+        stream.write_all(&reply_to(&request, request[1], 7)[..5]).unwrap();
+        let _ = stream.read(&mut request);
+    });
+    let output = ask(&[&address, "--timeout", "300"], &READ.repeat(3));
+    assert_eq!(failures(&output), [TIMED_OUT, NOT_SENT, NOT_SENT], "{}", err(&output));
+    assert_eq!(output.status.code(), Some(3));
+    // While a write is read back.
+    let address = once(|mut stream| {
+        let mut request = [0; 12];
+        stream.read_exact(&mut request).unwrap();
+        stream.write_all(&request).unwrap();
+        stream.read_exact(&mut request).unwrap();
+    });
+    let write = "{\"unit\":1,\"function\":6,\"address\":10,\"value\":3}\n";
+    let output = ask(&["--confirm", &address], &write.repeat(2));
+    let found = lines(&output);
+    assert_eq!((&found[0]["confirmed"], &found[0]["holds"]), (&json!(false), &json!(LOST)), "{found:?}");
+    assert_eq!((found.len(), &found[1]["failed"]), (2, &json!(NOT_SENT)), "{found:?}");
+    assert_eq!(output.status.code(), Some(3));
 }
 
 #[test]

@@ -158,8 +158,8 @@ impl<F: Framings> Decoder<F> {
             }
             let data = self.buffer.get(self.start..limit)?;
             if data.is_empty() {
-                self.finished_at.take()?;
-                self.finished_at = self.finished_later.take();
+                self.finished_at?;
+                self.pass_end();
                 continue;
             }
             let begun = if self.framing.has_transactions() {
@@ -200,6 +200,24 @@ impl<F: Framings> Decoder<F> {
         } else {
             Frame::from_rtu_parts(bytes)
         }
+    }
+
+    /// What waits, up to the end of the input where that has ended, and whether it has: for who reads without [`advance`](Self::advance).
+    pub(crate) fn held(&self) -> (&[u8], bool) {
+        let held = self.buffer.get(self.start..self.finished_at.unwrap_or(self.end));
+        (held.unwrap_or_default(), self.finished_at.is_some())
+    }
+
+    /// Takes so many bytes of what waits; gives their place.
+    pub(crate) fn take(&mut self, length: usize) -> Range<usize> {
+        let start = self.start;
+        self.start += length;
+        start..self.start
+    }
+
+    /// What waited up to the end of the input was taken.
+    pub(crate) fn pass_end(&mut self) {
+        self.finished_at = self.finished_later.take();
     }
 
     /// Corruption begins at the start.
@@ -410,7 +428,7 @@ fn foreign_len(data: &[u8]) -> usize {
 }
 
 /// The length of the RTU frame that begins here, or how many bytes show it.
-fn rtu(data: &[u8], side: Side, finished: bool) -> Result<usize, DecodeError> {
+pub(crate) fn rtu(data: &[u8], side: Side, finished: bool) -> Result<usize, DecodeError> {
     let (RtuLen::Known(len) | RtuLen::AtLeast(len)) = RtuLen::of(data, side) else {
         // However many bytes there are: how the stream was cut must not show.
         let too_long = Frame::MAX_RTU_LEN + 1;

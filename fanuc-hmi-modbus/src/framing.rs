@@ -7,7 +7,8 @@ pub enum Framing {
     Tcp,
     /// RTU on a serial line: unit and CRC, and a silence between frames.
     Rtu {
-        /// How long the line is silent between two frames: see [`timing::silence`](crate::timing::silence).
+        /// How long the line is silent between two frames: see [`timing::silence`](crate::timing::silence). Add what the driver delivers
+        /// late: a USB adapter up to 16 ms.
         silence: Duration,
     },
     /// RTU frames through a TCP connection ("RTU over TCP"), where a gap shows nothing of the line beyond it.

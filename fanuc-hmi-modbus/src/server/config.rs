@@ -27,6 +27,8 @@ robot_session::rules! {
         NoReplyToBroadcast,
         /// On a serial line nothing is sent while bytes arrive.
         ReplyAfterSilence,
+        /// On a serial line a request that another frame follows is not answered: its client has given up.
+        AnswerLast,
         /// Replies end with the connection.
         DropReplies,
         /// Through TCP a request is read when there is a place for its reply.

@@ -22,7 +22,8 @@ pub enum ServerEvent {
         #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
         exception: Option<Exception>,
     },
-    /// On a serial line: a request was neither carried out nor answered, because too many replies wait.
+    /// On a serial line: a request was neither carried out nor answered, because another frame has followed it without a silence, or
+    /// too many replies wait.
     Refused {
         /// The unit.
         unit: u8,
@@ -47,7 +48,7 @@ pub enum ServerEvent {
 pub struct ServerStatistics {
     /// Requests that were carried out, or refused with an exception.
     pub served: u64,
-    /// On a serial line: requests that were neither carried out nor answered, because too many replies waited.
+    /// On a serial line: requests that were neither carried out nor answered, see [`ServerEvent::Refused`].
     pub refused: u64,
     /// Runs of corrupt bytes.
     pub corrupt: u64,

@@ -39,7 +39,7 @@ pub enum Input {
     Connected,
     /// The connection is lost.
     Disconnected,
-    /// Time has passed.
+    /// Time has passed. Given after what has arrived was read: a silence that nobody has seen is none.
     Timeout,
     /// Bytes have arrived. Given before they are decoded.
     Received,
@@ -47,6 +47,8 @@ pub enum Input {
     Request {
         /// The unit that it is for.
         unit: u8,
+        /// Nothing has followed it without a silence. Through TCP a client does not have to wait: always.
+        is_last: bool,
     },
     /// The reply that was due is sent.
     Sent,
@@ -71,13 +73,18 @@ pub enum Action {
     ServeBroadcast,
     /// The request is for another unit.
     Ignore,
-    /// There is no place for a reply, and a serial line does not wait for one: the request is not carried out.
+    /// On a serial line nobody waits for the reply any more, or there is no place for it: the request is not carried out.
     Refuse,
     /// The oldest reply was sent.
     Sent,
 }
 
-robot_session::inputs!(Input: Received, Request, Sent);
+robot_session::inputs!(
+    Input: Received,
+    Request { is_last: true } as "Request",
+    Request { is_last: false } as "Request(followed)",
+    Sent,
+);
 
 impl<const N: usize> ServerMachine<N> {
     /// Without a connection.
@@ -94,7 +101,7 @@ impl<const N: usize> ServerMachine<N> {
         matches!(self.link, ServerLink::Up { serial: false, replies, .. } if usize::from(replies) >= N)
     }
 
-    fn request(&mut self, unit: u8, config: &ServerConfig) -> Option<Action> {
+    fn request(&mut self, unit: u8, is_last: bool, config: &ServerConfig) -> Option<Action> {
         if !self.reads() {
             return None;
         }
@@ -106,7 +113,8 @@ impl<const N: usize> ServerMachine<N> {
         if !is_own && config.rules.keeps(Rule::CheckUnit) {
             return Some(Action::Ignore);
         }
-        if usize::from(*replies) >= N {
+        let is_answered = is_last || !config.rules.keeps(Rule::AnswerLast);
+        if !is_answered || usize::from(*replies) >= N {
             return Some(Action::Refuse);
         }
         *replies += 1;
@@ -138,7 +146,8 @@ impl<const N: usize> ServerMachine<N> {
 
 impl<const N: usize> Machine for ServerMachine<N> {
     const END: &'static str = "server";
-    const EXPIRY: Expiry = Expiry::BeforeInput;
+    /// A driver that is late has not seen whether the line was silent.
+    const EXPIRY: Expiry = Expiry::Last;
     type Input = Input;
     type Action = Action;
     type Transmit = Due;
@@ -146,7 +155,7 @@ impl<const N: usize> Machine for ServerMachine<N> {
 
     /// # Errors
     /// Bytes without a connection, a request while none is read, a reply that was not due.
-    #[inline]
+    #[inline(always)] // where the input is known, little of it is left
     fn on(&mut self, now: Duration, input: Input, config: &ServerConfig) -> Result<Action, Unexpected> {
         let action = match (input, &mut self.link) {
             (Input::Connected | Input::Disconnected, ServerLink::Up { .. })
@@ -169,7 +178,7 @@ impl<const N: usize> Machine for ServerMachine<N> {
                 line.receive(now, config.framing);
                 Some(Action::Nothing)
             }
-            (Input::Request { unit }, ServerLink::Up { .. }) => self.request(unit, config),
+            (Input::Request { unit, is_last }, ServerLink::Up { .. }) => self.request(unit, is_last, config),
             (Input::Sent, ServerLink::Up { line: Line::Silent, replies: replies @ 1.., .. }) => {
                 *replies -= 1;
                 Some(Action::Sent)

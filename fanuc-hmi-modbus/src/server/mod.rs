@@ -3,12 +3,13 @@
 mod config;
 mod event;
 pub mod machine;
+mod receiver;
 mod replies;
 
 use core::ops::Range;
 use core::time::Duration;
 
-use robot_session::{Core, Decoder as _, End, EventQueue, Room, Unexpected};
+use robot_session::{Core, End, EventQueue, Room, Unexpected};
 
 #[doc(hidden)]
 pub use config::Rule;
@@ -18,9 +19,10 @@ use machine::{Action, Due, Input, ServerMachine};
 
 use crate::decoder::{Decoder, WINDOW};
 use crate::error::{ConfigError, DecodeError};
-use crate::frame::{Frame, Side};
+use crate::frame::Frame;
 use crate::framing::{Framing, Framings};
 use crate::registers::Registers;
+use receiver::Receiver;
 use replies::Replies;
 
 /// One connection to a server, or one serial line, with `N` places for replies that wait to be sent, and for the framings `F`.
@@ -30,14 +32,17 @@ use replies::Replies;
 /// same order. Any number of connections can share registers: implement [`Registers`] for what they share.
 ///
 /// Through TCP a request is read when there is a place for its reply, and until then the session wants no input: a client that does
-/// not wait gets every reply. A serial line does not wait: a request without a place is neither carried out nor answered, and
-/// reported as [`ServerEvent::Refused`]. Corrupt bytes cost the frames that they touch and are not answered. Every event is a
-/// notice, for a log: nothing needs to be done about it.
+/// not wait gets every reply. On a serial line a client waits: a request that another frame follows without a silence, or that has no
+/// place, is neither carried out nor answered, and reported as [`ServerEvent::Refused`]. Every event is a notice, for a log: nothing
+/// needs to be done about it.
 ///
-/// A server that shares its line with others receives their replies as corrupt bytes.
+/// Any data of a message may look like a request, so none is looked for in corrupt bytes. Of RTU frames it carries out only what begins
+/// after a silence, or behind a whole frame, also one of another unit; on a serial line, what a silence ends is dropped unless all of it
+/// is whole frames. A silence counts when the driver has seen it: [`handle_timeout`](robot_session::Session::handle_timeout) is called
+/// after what has arrived was read.
 #[derive(Debug, Clone)]
 pub struct Server<R, const N: usize = 8, F = Framing> {
-    core: Core<ServerMachine<N>, Decoder<F>, EventQueue<ServerEvent, 8>, ServerStatistics>,
+    core: Core<ServerMachine<N>, Receiver<F>, EventQueue<ServerEvent, 8>, ServerStatistics>,
     registers: R,
     replies: Replies<N>,
     /// What was read last ended within corruption.
@@ -56,7 +61,7 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
         }
         let framing = F::of(config.framing).ok_or(ConfigError::Framing)?;
         Ok(Self {
-            core: Core::new(config, ServerMachine::NEW, Decoder::new(framing, Side::Client)),
+            core: Core::new(config, ServerMachine::NEW, Receiver::new(framing, config.framing, config.unit)),
             registers,
             replies: Replies::EMPTY,
             was_corrupt: false,
@@ -96,6 +101,12 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
     }
 
     #[cold]
+    fn refused(&mut self, unit: u8, function: u8) {
+        self.core.statistics.refused += 1;
+        self.core.events.push_notice(ServerEvent::Refused { unit, function });
+    }
+
+    #[cold]
     fn corrupt(&mut self, error: DecodeError) {
         self.core.statistics.corrupt += 1;
         self.core.events.push_notice(ServerEvent::Corrupt(error));
@@ -104,7 +115,7 @@ impl<R: Registers, const N: usize, F: Framings> Server<R, N, F> {
 
 impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
     type Machine = ServerMachine<N>;
-    type Decoder = Decoder<F>;
+    type Decoder = Receiver<F>;
     type Events = EventQueue<ServerEvent, 8>;
     type Statistics = ServerStatistics;
     /// The place of a request in the decoder.
@@ -127,7 +138,8 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
             match found {
                 Ok(range) => {
                     let unit = self.core.decoder.frame(range.clone())?.unit;
-                    return Some((Input::Request { unit }, Some(range)));
+                    let is_last = self.core.decoder.was_last();
+                    return Some((Input::Request { unit, is_last }, Some(range)));
                 }
                 // More of the same was reported already.
                 Err(DecodeError::Noise { .. }) => {}
@@ -136,7 +148,7 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
         }
     }
 
-    #[inline]
+    #[inline(always)] // where the input is known, few actions are left
     fn act(&mut self, now: Duration, action: Action, request: Option<Range<usize>>) {
         match action {
             Action::Reset => {
@@ -159,10 +171,7 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
                 let length = frame.serve(&mut self.registers, &mut out).unwrap_or(0);
                 out.get(..length).and_then(|reply| replies::exception(reply, transaction.is_some()))
             }
-            _ => {
-                self.core.statistics.refused += 1;
-                return self.core.events.push_notice(ServerEvent::Refused { unit, function });
-            }
+            _ => return self.refused(unit, function),
         };
         self.core.statistics.served += 1;
         self.core.events.push_notice(ServerEvent::Served { transaction, unit, function, exception });
@@ -190,10 +199,18 @@ impl<R: Registers, const N: usize, F: Framings> End for Server<R, N, F> {
         !self.core.machine.is_full()
     }
 
-    /// On a serial line a burst without a silence fills the buffer: it holds no frame.
+    /// On a serial line what came before without a silence is past. Through TCP the caller gives more than is wanted.
+    #[cold]
     fn overrun(&mut self, _now: Duration) {
-        let noise = DecodeError::Noise { length: self.core.decoder.pending() };
-        self.core.decoder.clear();
-        self.corrupt(noise);
+        if self.core.machine.is_full() {
+            let noise = DecodeError::Noise { length: self.core.decoder.pending() };
+            self.core.decoder.lose(noise);
+            self.corrupt(noise);
+        }
+        while let Some(range) = self.core.decoder.next_followed() {
+            let Some(frame) = self.core.decoder.frame(range) else { return };
+            let (unit, function) = (frame.unit, frame.pdu.first().copied().unwrap_or_default());
+            self.refused(unit, function);
+        }
     }
 }

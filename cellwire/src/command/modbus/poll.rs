@@ -3,7 +3,7 @@
 use std::thread;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Error, Result};
 use serde_json::{Map, Value, json};
 
 use super::PortArgs;
@@ -55,16 +55,11 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
         for watched in &mut watched {
             let answer = match watched.read(args.unit, &mut client) {
                 Ok(answer) => answer,
-                Err(error) if error.is::<Lost>() => {
+                Err(error) => {
                     all = false;
-                    log(&event(&clock, json!({"event": "disconnected", "why": error.to_string()})))?;
-                    if !reconnect(&mut client, goes_on) {
-                        return Err(error);
-                    }
-                    log(&event(&clock, json!({"event": "reconnected"})))?;
+                    again(&mut client, error, &clock, goes_on)?;
                     break;
                 }
-                Err(error) => return Err(error),
             };
             all &= answer.is_ok();
             for line in watched.changes(answer) {
@@ -73,10 +68,26 @@ pub(super) fn poll(args: &Args) -> Result<bool> {
         }
         next = (next + every).max(clock.now().saturating_sub(every));
         while goes_on() && clock.now() < next {
-            thread::sleep(next.saturating_sub(clock.now()).min(Duration::from_millis(100)));
+            let step = next.saturating_sub(clock.now()).min(Duration::from_millis(100));
+            if let Err(error) = client.idle(step) {
+                all = false;
+                again(&mut client, error, &clock, goes_on)?;
+            }
         }
     }
     Ok(all)
+}
+
+/// Reports that the connection is lost, and connects again.
+fn again(client: &mut Client, error: Error, clock: &Clock, goes_on: impl Fn() -> bool) -> Result<()> {
+    if !error.is::<Lost>() {
+        return Err(error);
+    }
+    log(&event(clock, json!({"event": "disconnected", "why": error.to_string()})))?;
+    if !reconnect(client, goes_on) {
+        return Err(error);
+    }
+    log(&event(clock, json!({"event": "reconnected"})))
 }
 
 /// False when the end has come.

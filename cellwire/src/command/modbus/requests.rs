@@ -4,10 +4,11 @@ use std::io::BufRead as _;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use fanuc_hmi_modbus::{Frame, PduBuf, Reply, Request};
+use fanuc_hmi_modbus::{Failure, Frame, PduBuf, Reply, Request};
 use serde_json::{Value, json};
 
 use super::Refused;
+use crate::io::drive::Lost;
 use crate::io::input;
 use crate::io::output::log;
 use crate::links::fanuc_hmi_modbus::client::{Answer, Client, Port};
@@ -17,6 +18,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
     let input = input::open(file)?;
     let mut client = Client::open(port)?;
     let (mut all, mut refused) = (true, 0u64);
+    let mut lost = None;
     for (number, text) in (1..).zip(input.lines()) {
         let text = text.context("cannot read the requests")?;
         if text.trim().is_empty() {
@@ -24,14 +26,33 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         }
         let frame: Frame<PduBuf> =
             serde_json::from_str(&text).with_context(|| format!("line {number} is no message object"))?;
-        let mut answer = ask(&mut client, &frame).with_context(|| format!("line {number}"))?;
+        if lost.is_some() {
+            log(&failed(Failure::NotSent))?;
+            continue;
+        }
+        // Each request has its line, also when the connection is lost.
+        let mut answer = match ask(&mut client, &frame) {
+            Err(error) if error.is::<Lost>() => {
+                lost = Some(error);
+                failed(client.lost())
+            }
+            answer => answer.with_context(|| format!("line {number}"))?,
+        };
         refused += u64::from(answer.get("exception").is_some());
         if confirm && answer.get("exception").is_none() && answer.get("failed").is_none() {
-            all &=
-                self::confirm(&mut client, &frame, &mut answer).with_context(|| format!("line {number}"))?;
+            match self::confirm(&mut client, &frame, &mut answer) {
+                Err(error) if error.is::<Lost>() => {
+                    put(&mut answer, json!(client.lost().to_string()));
+                    lost = Some(error);
+                }
+                confirmed => all &= confirmed.with_context(|| format!("line {number}"))?,
+            }
         }
         all &= answer.get("failed").is_none();
         log(&answer)?;
+    }
+    if let Some(lost) = lost {
+        return Err(lost);
     }
     if refused > 0 && all {
         let requests = if refused == 1 { "request" } else { "requests" };
@@ -45,8 +66,12 @@ fn ask(client: &mut Client, frame: &Frame<PduBuf>) -> Result<Value> {
     Ok(match client.ask(frame.unit, &frame.pdu.request()?, |reply| object(reply))? {
         Answer::Replied(reply) => reply,
         Answer::Announced => json!({"broadcast": true}),
-        Answer::Failed(failure) => json!({"failed": failure.to_string()}),
+        Answer::Failed(failure) => failed(failure),
     })
+}
+
+fn failed(failure: Failure) -> Value {
+    json!({"failed": failure.to_string()})
 }
 
 /// Reads back what a write has written, and adds to its reply whether it is there. True for what is no write, and for a broadcast,
@@ -63,6 +88,11 @@ fn confirm(client: &mut Client, frame: &Frame<PduBuf>, answer: &mut Value) -> Re
         Answer::Announced => json!(false),
         Answer::Failed(failure) => json!(failure.to_string()),
     };
+    Ok(put(answer, found))
+}
+
+/// Adds what was read back, or why not; true means that it is what was written.
+fn put(answer: &mut Value, found: Value) -> bool {
     let confirmed = found == json!(true);
     if let Some(answer) = answer.as_object_mut() {
         answer.insert("confirmed".into(), json!(confirmed));
@@ -70,7 +100,7 @@ fn confirm(client: &mut Client, frame: &Frame<PduBuf>, answer: &mut Value) -> Re
             answer.insert("holds".into(), found);
         }
     }
-    Ok(confirmed)
+    confirmed
 }
 
 /// The read of what a request writes.

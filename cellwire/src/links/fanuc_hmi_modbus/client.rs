@@ -82,6 +82,8 @@ pub struct Client {
     port: Port,
     driver: Driver<AnyPort>,
     session: modbus::Client<1>,
+    /// The next request needs another connection.
+    is_used_up: bool,
 }
 
 /// What a request came to.
@@ -104,39 +106,74 @@ impl Client {
         let mut session = modbus::Client::new(port.config)?;
         let driver = Driver::new(port.open()?);
         session.handle_connected(robot_session::now());
-        Ok(Self { port: port.clone(), driver, session })
+        Ok(Self { port: port.clone(), driver, session, is_used_up: false })
     }
 
     /// Makes one request, and gives what `read` makes of the reply.
     ///
     /// # Errors
-    /// [`Lost`] when the connection is; the request is one that the specification does not allow.
+    /// [`Lost`] when the connection is: [`lost`](Self::lost) says what that makes of the request; the request is one that the
+    /// specification does not allow.
     pub fn ask<T>(
         &mut self,
         unit: u8,
         request: &Request<'_>,
         mut read: impl FnMut(Frame<Reply<'_>>) -> T,
     ) -> Result<Answer<T>> {
-        self.session.request(unit, request)?;
-        let answer = loop {
-            let turn = self.driver.turn(&mut self.session, None, |session, event| {
-                match answer(session, event, &mut read) {
-                    Some(answer) => ControlFlow::Break(answer),
-                    None => ControlFlow::Continue(()),
-                }
-            });
-            match turn.map_err(|error| Lost(format!("the connection broke: {error}")))? {
-                ControlFlow::Continue(()) => {}
-                ControlFlow::Break(Ended::ByHandler(answer)) => break answer,
-                ControlFlow::Break(Ended::ByPeer) => {
-                    return Err(Lost("the server closed the connection".into()).into());
-                }
-            }
-        };
-        if matches!(answer, Answer::Failed(_)) && self.is_best_connected_again() {
+        if self.is_used_up {
             self.reconnect()?;
         }
+        // What has come before the request is no reply to it.
+        self.turn(Some(Duration::ZERO), |_| ())?;
+        self.session.request(unit, request)?;
+        let answer = loop {
+            if let Some(answer) = self.turn(None, &mut read)? {
+                break answer;
+            }
+        };
+        self.is_used_up = matches!(answer, Answer::Failed(_)) && self.is_best_connected_again();
         Ok(answer)
+    }
+
+    /// Reads what comes in the meantime, for so long: replies that nobody waits for, and the end of the connection.
+    ///
+    /// # Errors
+    /// As [`ask`](Self::ask).
+    pub fn idle(&mut self, time: Duration) -> Result<()> {
+        if self.is_used_up {
+            std::thread::sleep(time);
+            return Ok(());
+        }
+        self.turn(Some(time), |_| ()).map(drop)
+    }
+
+    /// What the loss of the connection makes of the request that was made last.
+    pub fn lost(&mut self) -> Failure {
+        self.session.handle_disconnected(robot_session::now());
+        let outcome = core::iter::from_fn(|| self.session.poll_event()).find_map(|event| match event {
+            ClientEvent::Failed { failure, .. } => Some(failure),
+            _ => None,
+        });
+        outcome.unwrap_or(Failure::NotSent)
+    }
+
+    /// One turn of the driver; gives the outcome of the request, if it has one.
+    fn turn<T>(
+        &mut self,
+        wait: Option<Duration>,
+        mut read: impl FnMut(Frame<Reply<'_>>) -> T,
+    ) -> Result<Option<Answer<T>>> {
+        let turn = self.driver.turn(&mut self.session, wait, |session, event| {
+            match answer(session, event, &mut read) {
+                Some(answer) => ControlFlow::Break(answer),
+                None => ControlFlow::Continue(()),
+            }
+        });
+        match turn.map_err(|error| Lost(format!("the connection broke: {error}")))? {
+            ControlFlow::Continue(()) => Ok(None),
+            ControlFlow::Break(Ended::ByHandler(answer)) => Ok(Some(answer)),
+            ControlFlow::Break(Ended::ByPeer) => Err(Lost("the server closed the connection".into()).into()),
+        }
     }
 
     /// After a failure. Without that, the rest of a reply that was cut would be taken from the next one; and where RTU frames go over
@@ -159,6 +196,7 @@ impl Client {
         // The old one first: some servers have room for one.
         self.driver.transport_mut().close();
         self.driver = Driver::new(self.port.open().map_err(|error| Lost(format!("{error:#}")))?);
+        self.is_used_up = false;
         self.session.handle_connected(robot_session::now());
         Ok(())
     }

@@ -7,8 +7,8 @@ use fanuc_hmi_modbus::server::machine::{self as server, ServerMachine};
 use robot_session::Machine as _;
 
 use super::world::{
-    Act, COLLISION, COSTS, ENDED_TWICE, ENDS, FOREIGN_REPLY, Fate, Flags, Frame, Job, Line, OTHER_UNIT,
-    Outcome, Record, STALE, Setup, TICK, TRUE, TWICE, UNEXPECTED, Verdict, What, World,
+    Act, COLLISION, COSTS, ENDED_TWICE, ENDS, FOREIGN_REPLY, Fate, Flags, Frame, GIVEN_UP, Job, Line,
+    OTHER_UNIT, Outcome, Record, STALE, Setup, TICK, TRUE, TWICE, UNEXPECTED, Verdict, What, World,
 };
 use crate::model::{Edge, Edges, System, age, drive};
 
@@ -100,7 +100,7 @@ impl Setup {
         }
         self.received(world, edges);
         if world.server.reads() {
-            self.judge(world, frame, edges);
+            self.judge(world, frame, true, edges);
         } else {
             world.server_holds.push(frame);
         }
@@ -108,7 +108,6 @@ impl Setup {
 
     /// Bytes come to the server.
     fn received(&self, world: &mut World, edges: &mut Edges<'_>) {
-        self.server_timer(world, edges);
         self.server(world, server::Input::Received, edges);
     }
 
@@ -122,17 +121,17 @@ impl Setup {
 
     fn judge_held(&self, world: &mut World, edges: &mut Edges<'_>) {
         let held = core::mem::take(&mut world.server_holds);
-        if self.strict && held.len() > 1 {
+        if self.strict && held.len() > 1 || held.iter().any(|frame| frame.what == What::Noise) {
             return;
         }
-        for frame in held.into_iter().filter(|frame| frame.what != What::Noise) {
-            self.judge(world, frame, edges);
-        }
+        let Some((last, before)) = held.split_last() else { return };
+        before.iter().for_each(|frame| self.judge(world, *frame, false, edges));
+        self.judge(world, *last, true, edges);
     }
 
-    fn judge(&self, world: &mut World, frame: Frame, edges: &mut Edges<'_>) {
+    fn judge(&self, world: &mut World, frame: Frame, is_last: bool, edges: &mut Edges<'_>) {
         let unit = self.unit(frame.job);
-        let action = self.server(world, server::Input::Request { unit }, edges);
+        let action = self.server(world, server::Input::Request { unit, is_last }, edges);
         if !matches!(action, server::Action::Serve | server::Action::ServeBroadcast) {
             return;
         }
@@ -145,6 +144,7 @@ impl Setup {
             world.busy = 2;
         }
         if action == server::Action::Serve {
+            world.flags.given_up |= !is_last;
             world.replies.push(frame);
         }
     }
@@ -409,6 +409,7 @@ impl System for Setup {
         unless(!flags.foreign_reply, FOREIGN_REPLY);
         unless(!flags.collision, COLLISION);
         unless(!flags.other_unit, OTHER_UNIT);
+        unless(!flags.given_up, GIVEN_UP);
         unless(!flags.ended_twice, ENDED_TWICE);
         unless(!flags.stale, STALE);
         unless(!flags.unexpected, UNEXPECTED);

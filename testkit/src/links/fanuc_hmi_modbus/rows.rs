@@ -251,7 +251,12 @@ impl<T: Transport, const N: usize> Rows for Server<T, N> {
 
     fn inputs() -> Vec<server::Input> {
         use server::Input as On;
-        let requests = [1, 2, 0].map(|unit| On::Request { unit });
+        let request = |unit, is_last| On::Request { unit, is_last };
+        let mut requests = [1, 2, 0].map(|unit| request(unit, true)).to_vec();
+        // Through TCP a client does not have to wait.
+        if T::NAME == Rtu::NAME {
+            requests.extend([1, 2, 0].map(|unit| request(unit, false)));
+        }
         [&[On::Connected, On::Disconnected, On::Timeout, On::Received, On::Sent], &requests[..]].concat()
     }
 
@@ -266,9 +271,14 @@ impl<T: Transport, const N: usize> Rows for Server<T, N> {
 
     fn column(input: &server::Input) -> String {
         match input {
-            server::Input::Request { unit: 1 } => "Request".into(),
-            server::Input::Request { unit: 0 } => "Request(unit 0)".into(),
-            server::Input::Request { .. } => "Request(another unit)".into(),
+            server::Input::Request { unit, is_last } => {
+                let name = match unit {
+                    1 => "Request".into(),
+                    0 => "Request(unit 0)".into(),
+                    _ => String::from("Request(another unit)"),
+                };
+                if *is_last { name } else { name + ", followed" }
+            }
             _ => input.name().into(),
         }
     }

@@ -106,6 +106,7 @@ pub(super) struct Flags {
     pub(super) foreign_reply: bool,
     pub(super) collision: bool,
     pub(super) other_unit: bool,
+    pub(super) given_up: bool,
     pub(super) ended_twice: bool,
     pub(super) stale: bool,
     pub(super) unexpected: bool,
@@ -153,6 +154,7 @@ pub(super) enum Verdict {
 pub(super) const FOREIGN_REPLY: &str = "a reply is never taken for that of another request";
 pub(super) const COLLISION: &str = "on a serial line nothing is sent while bytes arrive";
 pub(super) const OTHER_UNIT: &str = "only the unit that was asked carries a request out";
+pub(super) const GIVEN_UP: &str = "on a serial line a request that another frame follows is not answered";
 pub(super) const ENDED_TWICE: &str = "each request has one outcome";
 pub(super) const STALE: &str = "what waited when the connection was lost is not sent";
 pub(super) const UNEXPECTED: &str = "a caller who keeps the contract sees nothing unexpected";

@@ -6,8 +6,8 @@ use core::time::Duration;
 
 use val2_viewer::robot_session::{Encode as _, Session};
 use val2_viewer::{
-    ConfigError, DecodeError, ENQ, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig,
-    WorkstationEvent, XOFF, XON,
+    ConfigError, DecodeError, ENQ, Format, Host, HostConfig, HostEvent, PosePacket, Workstation,
+    WorkstationConfig, WorkstationEvent, XOFF, XON,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -281,12 +281,7 @@ fn another_format_may_be_sent() {
     silent.handle_input(150 * MS, &[ENQ]);
     assert_eq!(silent.poll_transmit(150 * MS, &mut out), None, "nothing is no packet");
     assert_eq!(events(&mut silent), [HostEvent::Asked]);
-    for byte in [XON, XOFF] {
-        let format = if byte == XON {
-            |_: &_, out: &mut _| with(out, XON)
-        } else {
-            |_: &_, out: &mut _| with(out, XOFF)
-        };
+    for format in [with::<XON> as Format, with::<XOFF>] {
         let mut unsendable = Host::new(HostConfig { format, ..HostConfig::default() }).unwrap();
         unsendable.handle_connected(Duration::ZERO);
         unsendable.set_pose(150 * MS, POSE);
@@ -297,8 +292,8 @@ fn another_format_may_be_sent() {
     }
 }
 
-fn with(out: &mut [u8], byte: u8) -> Option<usize> {
-    out.get_mut(..3)?.copy_from_slice(&[b'a', byte, b'b']);
+fn with<const BYTE: u8>(_: &PosePacket, out: &mut [u8]) -> Option<usize> {
+    out.get_mut(..3)?.copy_from_slice(&[b'a', BYTE, b'b']);
     Some(3)
 }
 
@@ -492,29 +487,4 @@ fn an_xoff_out_of_noise_does_not_silence_the_line() {
     let sent = HostEvent::Sent(PosePacket { count: 0, pose: POSE });
     assert_eq!(events(&mut host), [HostEvent::Asked, HostEvent::HoldEnded, sent]);
     assert_eq!((host.statistics().holds_ended, workstation.statistics().holds_ended), (1, 1));
-    let never = WorkstationConfig { max_hold: Duration::MAX, ..WorkstationConfig::default() };
-    let mut patient = Workstation::new(never).unwrap();
-    patient.handle_connected(MS);
-    patient.handle_input(MS, &[XOFF]);
-    assert!(!asks(&mut patient, 3_600_000) && patient.poll_timeout().is_none());
-}
-
-#[test]
-fn a_connection_begins_without_an_xoff() {
-    for again in [true, false] {
-        let (mut workstation, mut host) = (workstation(), host());
-        workstation.handle_input(MS, &[XOFF]);
-        host.handle_input(MS, &[XOFF]);
-        if !again {
-            workstation.handle_disconnected(2 * MS);
-            host.handle_disconnected(2 * MS);
-            assert_eq!((workstation.poll_timeout(), host.poll_timeout()), (None, None));
-        }
-        workstation.handle_connected(3 * MS);
-        host.handle_connected(3 * MS);
-        assert!(asks(&mut workstation, 4));
-        host.set_pose(153 * MS, POSE);
-        host.handle_input(153 * MS, &[ENQ]);
-        assert!(answer(&mut host, 153 * MS).is_some());
-    }
 }

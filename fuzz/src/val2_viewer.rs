@@ -6,6 +6,7 @@ use arbitrary::Unstructured;
 use val2_viewer::robot_session::{Encode as _, Session as _};
 use val2_viewer::{
     Decoder, ENQ, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig, WorkstationEvent,
+    XOFF, XON,
 };
 
 use crate::{codecs, step, written};
@@ -54,7 +55,7 @@ pub fn val2_viewer_message(data: &[u8]) {
     let packet = PosePacket { count, pose };
     let bytes = written(packet.encoded_len(), |out| packet.encode(out)).unwrap();
     assert_eq!(PosePacket::decode(&bytes), Ok(Some((packet, bytes.len()))));
-    assert!(!bytes.iter().any(|byte| [0x11, 0x13].contains(byte)), "XON, XOFF");
+    assert!(!bytes.iter().any(|byte| [XON, XOFF].contains(byte)), "XON, XOFF");
     for whole in 0..bytes.len() {
         assert_eq!(PosePacket::decode(&bytes[..whole]), Ok(None), "{whole} bytes are no packet");
     }
@@ -65,18 +66,18 @@ pub fn val2_viewer_host(mut data: &[u8]) {
     let config = HostConfig::default();
     let mut host = Host::new(config).unwrap();
     let (mut now, mut out) = (Duration::ZERO, [0; Host::MAX_TRANSMIT]);
-    let (mut connected, mut asked) = (None, false);
+    let (mut connected, mut asked, mut held) = (None, false, None);
     let (mut last, mut newest) = (None, None);
     while let Some(([action, pause, _], bytes)) = step(&mut data) {
         now += Duration::from_millis(10 * u64::from(pause));
         match action & 7 {
             0 => {
                 host.handle_disconnected(now);
-                (connected, asked) = (None, false);
+                (connected, asked, held) = (None, false, None);
             }
             1 => {
                 host.handle_connected(now);
-                (connected, asked) = (Some(now), false);
+                (connected, asked, held) = (Some(now), false, None);
             }
             2..5 => {
                 let pose = [i16::from(pause) << (action >> 4); 12];
@@ -87,6 +88,7 @@ pub fn val2_viewer_host(mut data: &[u8]) {
         }
         host.handle_input(now, bytes);
         asked |= connected.is_some() && bytes.contains(&ENQ);
+        hold(&mut held, now, bytes);
         if action & 8 != 0 {
             continue; // the caller is late
         }
@@ -94,6 +96,7 @@ pub fn val2_viewer_host(mut data: &[u8]) {
         assert!(events <= 8, "the queue is bounded");
         if let Some(length) = host.poll_transmit(now, &mut out) {
             assert!(core::mem::take(&mut asked), "the host sends nothing unasked");
+            assert!(held.is_none_or(|at| now - at >= config.max_hold), "it is held");
             let (packet, used) = PosePacket::decode(&out[..length]).unwrap().unwrap();
             let (at, pose) = newest.unwrap();
             assert!(packet.pose == pose && now - at < config.max_age, "the newest pose");
@@ -107,24 +110,33 @@ pub fn val2_viewer_host(mut data: &[u8]) {
     }
 }
 
+/// When XOFF has come, if no XON has since.
+fn hold(held: &mut Option<Duration>, now: Duration, bytes: &[u8]) {
+    if let Some(last) = bytes.iter().rev().find(|byte| [XON, XOFF].contains(byte)) {
+        *held = (*last == XOFF).then_some(now);
+    }
+}
+
 /// The same. Poses come from the line only.
 pub fn val2_viewer_workstation(mut data: &[u8]) {
     let config = WorkstationConfig::default();
     let mut workstation = Workstation::new(config).unwrap();
     let (mut now, mut out) = (Duration::ZERO, [0; 1]);
     let (mut connected, mut open, mut is_live, mut last_draw) = (false, false, false, None::<Duration>);
-    let mut credit = true;
+    let mut asked = Duration::ZERO;
+    // A request was sent, and no line has come since.
+    let (mut credit, mut awaited, mut held) = (true, false, None);
     let line = written(GOOD.encoded_len(), |out| GOOD.encode(out)).unwrap();
     while let Some(([action, pause, _], bytes)) = step(&mut data) {
         now += Duration::from_millis(10 * u64::from(pause));
         match action & 7 {
             0 => {
                 workstation.handle_disconnected(now);
-                connected = false;
+                (connected, awaited, held) = (false, false, None);
             }
             1 => {
                 workstation.handle_connected(now);
-                (connected, credit) = (true, true);
+                (connected, credit, awaited, held) = (true, true, false, None);
             }
             2 => workstation.handle_input(now, &line),
             3.. => {
@@ -134,16 +146,22 @@ pub fn val2_viewer_workstation(mut data: &[u8]) {
         }
         if connected {
             workstation.handle_input(now, bytes);
+            hold(&mut held, now, bytes);
         }
         workstation.handle_timeout(now);
         let mut events = 0;
         while let Some(event) = workstation.poll_event() {
             events += 1;
             assert!(events <= 8, "the queue is bounded");
+            let is_line = match event {
+                WorkstationEvent::Pose(_) | WorkstationEvent::Unasked(_) => true,
+                WorkstationEvent::Corrupt(error) => error.is_line(),
+                _ => false,
+            };
+            credit |= is_line && core::mem::take(&mut awaited);
             match event {
                 WorkstationEvent::Pose(_) | WorkstationEvent::Missed => {
                     assert!(core::mem::take(&mut open), "a request has one outcome");
-                    credit = true;
                     is_live |= matches!(event, WorkstationEvent::Pose(_));
                 }
                 WorkstationEvent::Stale => {
@@ -156,11 +174,14 @@ pub fn val2_viewer_workstation(mut data: &[u8]) {
             }
         }
         assert_eq!(workstation.live_until().is_some(), is_live);
+        assert!(!open || now < asked + config.stale_after, "a request that is not answered is missed");
         assert!(workstation.live_until().is_none_or(|until| now < until));
         if workstation.poll_transmit(now, &mut out).is_some() {
             assert_eq!(out, [ENQ]);
             assert!(connected && core::mem::take(&mut credit), "a credit of one");
+            assert!(held.is_none_or(|at| now - at >= config.max_hold), "it is held");
             assert!(!core::mem::replace(&mut open, true), "one request at a time");
+            (awaited, asked) = (true, now);
         }
         assert_eq!(workstation.poll_transmit(now, &mut out), None, "one request at a time");
         assert!(workstation.poll_timeout().is_none_or(|at| at > now));

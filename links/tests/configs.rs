@@ -185,7 +185,11 @@ fn what_else_decides_is_no_setting() {
     let names = |settings: Vec<Setting>| settings.into_iter().map(|it| it.name).collect::<Vec<_>>();
     let client = names(list(ClientSettings(&mut fanuc_hmi_modbus::ClientConfig::rtu(9600))));
     assert_eq!(client, ["timeout", "any_unit", "broadcast", "turnaround", "settle", "silence"]);
-    assert_eq!(names(list(val2_viewer::HostConfig::default())), ["interval", "max_age"], "a format is code");
+    assert_eq!(
+        names(list(val2_viewer::HostConfig::default())),
+        ["interval", "max_age", "max_hold"],
+        "a format is code"
+    );
     // In a user's settings the framing has no table of its own.
     let alter = names(list(val2_alter::ControllerConfig::default()));
     let alter: Vec<_> = alter.iter().skip(6).collect();

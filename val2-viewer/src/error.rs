@@ -88,6 +88,9 @@ pub enum ConfigError {
     /// A pose would be too old as soon as it is set.
     #[error("the greatest age of a pose is zero")]
     MaxAge,
+    /// No XOFF would hold anything.
+    #[error("the longest hold of the line is zero")]
+    MaxHold,
     /// Every display cycle would be taken for a pause, and would send a request.
     #[error("a pause of {found:?} is not above the {minimum:?} of a display cycle")]
     Pause {

@@ -4,6 +4,7 @@
 
 mod decoder;
 mod error;
+mod flow;
 pub mod host;
 mod message;
 #[cfg(feature = "spec")]
@@ -15,6 +16,7 @@ pub use robot_session;
 
 pub use decoder::Decoder;
 pub use error::{ConfigError, DecodeError, EncodeError};
+pub use flow::{Flow, XOFF, XON};
 pub use host::{Format, Host, HostConfig, HostEvent, HostStatistics};
 pub use message::{ENQ, PosePacket};
 pub use workstation::{Workstation, WorkstationConfig, WorkstationEvent, WorkstationStatistics};

@@ -7,7 +7,7 @@ use core::time::Duration;
 use proptest::prelude::*;
 use val2_viewer::robot_session::{Decoder as _, Encode as _, Session as _};
 use val2_viewer::{
-    DecodeError, Decoder, Host, HostConfig, PosePacket, Workstation, WorkstationConfig, WorkstationEvent,
+    DecodeError, Decoder, Host, HostConfig, PosePacket, Workstation, WorkstationConfig, WorkstationEvent, XON,
 };
 
 type Item = (Result<PosePacket, DecodeError>, u64);
@@ -123,6 +123,8 @@ proptest! {
                 noise.chunks(size).for_each(|bytes| workstation.handle_input(now, bytes));
             }
             workstation.handle_input(now, &out[..length]);
+            // An XOFF out of it holds the next request.
+            workstation.handle_input(now, &[XON]);
             let events: Vec<_> = core::iter::from_fn(|| workstation.poll_event()).collect();
             let is_outcome = |event: &&WorkstationEvent| {
                 matches!(event, WorkstationEvent::Pose(_) | WorkstationEvent::Missed)

@@ -6,8 +6,8 @@ use core::time::Duration;
 
 use val2_viewer::robot_session::{Encode as _, Session};
 use val2_viewer::{
-    ConfigError, DecodeError, ENQ, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig,
-    WorkstationEvent,
+    ConfigError, DecodeError, ENQ, Format, Host, HostConfig, HostEvent, PosePacket, Workstation,
+    WorkstationConfig, WorkstationEvent, XOFF, XON,
 };
 
 const MS: Duration = Duration::from_millis(1);
@@ -72,9 +72,9 @@ fn a_pause_of_the_display_makes_it_ask_again() {
         assert!(!asks(&mut workstation, 200 * at), "the display goes on");
     }
     assert!(!asks(&mut workstation, 3800 + 1999), "no pause of two seconds");
-    assert_eq!(events(&mut workstation), []);
-    assert!(asks(&mut workstation, 5799 + 2000));
     assert_eq!(events(&mut workstation), [WorkstationEvent::Missed]);
+    assert!(asks(&mut workstation, 5799 + 2000));
+    assert_eq!(events(&mut workstation), []);
     // The answers to both come.
     workstation.handle_input(7850 * MS, &[LINE, LINE].concat());
     assert_eq!(
@@ -122,13 +122,11 @@ fn a_picture_without_new_poses_is_stale_once() {
     assert_eq!(events(&mut workstation), []);
     workstation.handle_timeout(1550 * MS);
     assert_eq!(events(&mut workstation), [WorkstationEvent::Stale]);
-    assert_eq!((workstation.poll_timeout(), workstation.live_until()), (None, None));
-    workstation.handle_timeout(9000 * MS);
-    assert_eq!(events(&mut workstation), []);
-    // The answer comes late: the picture follows the arm again.
-    workstation.handle_input(9000 * MS, LINE);
+    assert_eq!((workstation.poll_timeout(), workstation.live_until()), (Some(1700 * MS), None));
+    // The answer comes in time for the request: the picture follows the arm again.
+    workstation.handle_input(1699 * MS, LINE);
     assert_eq!(events(&mut workstation), [WorkstationEvent::Pose(SEVENTH)]);
-    assert_eq!(workstation.live_until(), Some(10_500 * MS));
+    assert_eq!(workstation.live_until(), Some(3199 * MS));
     assert_eq!((workstation.statistics().stale, workstation.statistics().poses), (1, 2));
 }
 
@@ -282,6 +280,21 @@ fn another_format_may_be_sent() {
     silent.set_pose(150 * MS, POSE);
     silent.handle_input(150 * MS, &[ENQ]);
     assert_eq!(silent.poll_transmit(150 * MS, &mut out), None, "nothing is no packet");
+    assert_eq!(events(&mut silent), [HostEvent::Asked]);
+    for format in [with::<XON> as Format, with::<XOFF>] {
+        let mut unsendable = Host::new(HostConfig { format, ..HostConfig::default() }).unwrap();
+        unsendable.handle_connected(Duration::ZERO);
+        unsendable.set_pose(150 * MS, POSE);
+        unsendable.handle_input(150 * MS, &[ENQ]);
+        assert_eq!(unsendable.poll_transmit(150 * MS, &mut out), None, "it would stop the line");
+        assert_eq!(events(&mut unsendable), [HostEvent::Asked, HostEvent::Unsendable]);
+        assert_eq!((unsendable.poll_timeout(), unsendable.statistics().unsendable), (Some(350 * MS), 1));
+    }
+}
+
+fn with<const BYTE: u8>(_: &PosePacket, out: &mut [u8]) -> Option<usize> {
+    out.get_mut(..3)?.copy_from_slice(&[b'a', BYTE, b'b']);
+    Some(3)
 }
 
 #[test]
@@ -304,13 +317,18 @@ fn bytes_without_a_connection_are_unexpected() {
 #[test]
 fn a_full_event_queue_drops_the_oldest_notice() {
     let mut host = host();
-    host.handle_input(MS, &[10, 11, 12, 13, 14, 15, 16, 17, 18, 19]);
-    assert_eq!(events(&mut host), [12, 13, 14, 15, 16, 17, 18, 19].map(HostEvent::Unknown));
+    host.handle_input(MS, &[20, 21, 22, 23, 24, 25, 26, 27, 28, 29]);
+    assert_eq!(events(&mut host), [22, 23, 24, 25, 26, 27, 28, 29].map(HostEvent::Unknown));
     assert_eq!(host.statistics().dropped_notices, 2);
 }
 
 #[test]
 fn what_cannot_work_is_refused() {
+    let host = HostConfig { max_hold: Duration::ZERO, ..HostConfig::default() };
+    assert_eq!(Host::new(host).map(drop), Err(ConfigError::MaxHold));
+    let held = WorkstationConfig { max_hold: Duration::ZERO, ..WorkstationConfig::default() };
+    assert_eq!(Workstation::new(held).map(drop), Err(ConfigError::MaxHold));
+    assert_eq!(ConfigError::MaxHold.to_string(), "the longest hold of the line is zero");
     let host = |interval, max_age| {
         Host::new(HostConfig { interval, max_age, ..HostConfig::default() })
             .map(drop)
@@ -395,4 +413,78 @@ fn a_pose_a_cycle() {
     });
     assert_eq!(counts.collect::<Vec<_>>(), (0..11).collect::<Vec<_>>());
     assert_eq!(SEVENTH.encoded_len(), LINE.len());
+}
+
+/// "mit XON/XOFF" (§5): a raw port, TCP and a microcontroller pass the handshake on.
+#[test]
+fn nothing_is_sent_between_xoff_and_xon() {
+    let mut workstation = workstation();
+    workstation.handle_input(MS, &[XOFF]);
+    assert!(!asks(&mut workstation, 2), "the host holds the line");
+    workstation.handle_input(3 * MS, &[XON]);
+    assert!(asks(&mut workstation, 4));
+    let mut host = host();
+    host.set_pose(150 * MS, POSE);
+    host.handle_input(150 * MS, &[ENQ, XOFF]);
+    assert_eq!((answer(&mut host, 150 * MS), host.poll_timeout()), (None, Some(350 * MS)));
+    host.handle_input(151 * MS, &[XON]);
+    assert_eq!(answer(&mut host, 151 * MS), Some(PosePacket { count: 0, pose: POSE }));
+    assert_eq!(host.statistics().unknown, 0);
+}
+
+#[test]
+fn the_handshake_is_no_part_of_a_line() {
+    let mut workstation = workstation();
+    assert!(asks(&mut workstation, 0));
+    let (head, tail) = LINE.split_at(20);
+    workstation.handle_input(10 * MS, &[&[XON, XOFF], head, &[XOFF, XON, XOFF], tail].concat());
+    assert_eq!(events(&mut workstation), [WorkstationEvent::Pose(SEVENTH)]);
+    assert!(!asks(&mut workstation, 200), "what comes within a line holds as well");
+    workstation.handle_input(210 * MS, &[XON]);
+    assert!(asks(&mut workstation, 210));
+}
+
+#[test]
+fn a_request_that_is_never_answered_is_missed_once() {
+    let mut workstation = workstation();
+    assert!(asks(&mut workstation, 0));
+    assert_eq!(workstation.poll_timeout(), Some(1500 * MS));
+    workstation.handle_timeout(1500 * MS - MS / 10);
+    assert_eq!(events(&mut workstation), []);
+    workstation.handle_timeout(1500 * MS);
+    assert_eq!(
+        (events(&mut workstation), workstation.poll_timeout()),
+        (vec![WorkstationEvent::Missed], None)
+    );
+    assert!(!asks(&mut workstation, 1600), "time alone does not make it ask again");
+    assert!(asks(&mut workstation, 3600), "a pause of the display does");
+    assert_eq!(events(&mut workstation), [], "it was reported");
+    // The answer comes late: nobody waits for it, and the host is there.
+    workstation.handle_timeout(5100 * MS);
+    workstation.handle_input(5200 * MS, LINE);
+    assert_eq!(events(&mut workstation), [WorkstationEvent::Missed, WorkstationEvent::Unasked(SEVENTH)]);
+    assert!(asks(&mut workstation, 5300));
+    assert_eq!((workstation.statistics().missed, workstation.statistics().requests), (2, 3));
+}
+
+/// A `3` with one corrupt bit is an XOFF.
+#[test]
+fn an_xoff_out_of_noise_does_not_silence_the_line() {
+    let mut workstation = workstation();
+    workstation.handle_input(MS, &[XOFF]);
+    assert_eq!(workstation.poll_timeout(), Some(5001 * MS));
+    workstation.handle_input(101 * MS, &[XOFF]);
+    assert_eq!(workstation.poll_timeout(), Some(5101 * MS), "again: for longer");
+    assert!(!asks(&mut workstation, 5100));
+    assert!(asks(&mut workstation, 5101));
+    assert_eq!(events(&mut workstation), [WorkstationEvent::HoldEnded]);
+    let mut host = host();
+    host.handle_input(200 * MS, &[ENQ, XOFF]);
+    host.handle_input(201 * MS, &[XOFF]);
+    host.set_pose(5100 * MS, POSE);
+    assert_eq!((answer(&mut host, 5200 * MS), host.poll_timeout()), (None, Some(5201 * MS)));
+    assert_eq!(answer(&mut host, 5201 * MS), Some(PosePacket { count: 0, pose: POSE }));
+    let sent = HostEvent::Sent(PosePacket { count: 0, pose: POSE });
+    assert_eq!(events(&mut host), [HostEvent::Asked, HostEvent::HoldEnded, sent]);
+    assert_eq!((host.statistics().holds_ended, workstation.statistics().holds_ended), (1, 1));
 }

@@ -90,6 +90,7 @@ impl Adapter for Viewer {
             HostEvent::Sent(packet) if packet.pose == self.pose && self.until.take().is_some() => {
                 end.finish(Outcome::Done, format!("packet {}", packet.count));
             }
+            HostEvent::HoldEnded => end.event(&json!({"event": "hold_ended"})),
             HostEvent::Unknown(byte) => end.event(&json!({"event": "unknown", "byte": byte})),
             _ => {}
         }

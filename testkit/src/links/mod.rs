@@ -29,6 +29,8 @@ pub const PAIRS: &[Pair] = &[
     mmacell_proto::ANY_CENTRAL,
     val2_alter::PAIR,
     val2_viewer::PAIR,
+    val2_viewer::ANY_WORKSTATION,
+    val2_viewer::ANY_HOST,
     work_queue::PAIR,
 ];
 

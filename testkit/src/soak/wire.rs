@@ -174,6 +174,11 @@ impl Wire {
         self.link.heal();
     }
 
+    /// Traces what happened.
+    pub fn log(&self, now: Duration, text: core::fmt::Arguments<'_>) {
+        self.log.line(now, text);
+    }
+
     /// As [`Link::next_delivery`].
     pub fn next_delivery(&self) -> Option<Duration> {
         self.link.next_delivery()

@@ -23,10 +23,13 @@ pub struct HostConfig {
     /// When ALTER has ended, nobody knows where the arm is: requests then wait for a new pose. The source's host stops reading
     /// them (§9.4).
     pub max_age: Duration,
+    /// The longest time from an XOFF to the next byte that is sent, if neither XON nor another XOFF comes. Above 0. Default: 5 s; the source
+    /// gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the line. [`Duration::MAX`] is never.
+    pub max_hold: Duration,
     /// What a packet looks like. Default: the line of [`PosePacket`], since the source does not describe its own format.
     ///
-    /// Another one has room for [`Host::MAX_TRANSMIT`](crate::Host) bytes. On a line with XON/XOFF it must not contain the bytes
-    /// 11h and 13h.
+    /// Another one has room for [`Host::MAX_TRANSMIT`](crate::Host) bytes. One with the bytes 11h or 13h in it, XON and XOFF, is
+    /// [not sent](crate::HostEvent::Unsendable).
     pub format: Format,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
@@ -44,6 +47,16 @@ robot_session::rules! {
         Expire,
         /// A request of one connection is not answered on the next.
         ForgetRequest,
+        /// XOFF holds what is to be sent.
+        Hold,
+        /// XOFF again holds it for longer.
+        Prolong,
+        /// XON lets it go on.
+        Resume,
+        /// An XOFF that may be noise does not hold for ever.
+        EndHold,
+        /// A connection begins without an XOFF.
+        ForgetHold,
     }
 }
 
@@ -55,6 +68,9 @@ impl HostConfig {
         if self.max_age.is_zero() {
             return Err(ConfigError::MaxAge);
         }
+        if self.max_hold.is_zero() {
+            return Err(ConfigError::MaxHold);
+        }
         Ok(())
     }
 }
@@ -64,6 +80,7 @@ impl Default for HostConfig {
         Self {
             interval: Duration::from_millis(150),
             max_age: Duration::from_millis(200),
+            max_hold: Duration::from_secs(5),
             format: |packet, out| packet.encode(out).ok(),
             rules: Rules::ALL,
         }

@@ -9,6 +9,7 @@ use core::time::Duration;
 use robot_session::{Expiry, Machine, Unexpected, is_due};
 
 use super::config::{HostConfig, Rule};
+use crate::flow::Flow;
 
 /// The state of a host. Every time is a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -17,6 +18,8 @@ pub struct HostMachine {
     pub link: Link,
     /// The pose of the arm.
     pub pose: Pose,
+    /// Whether the workstation holds the line: never without a connection.
+    pub flow: Flow,
 }
 
 /// The line.
@@ -61,8 +64,14 @@ pub enum Input {
     Pose,
     /// ENQ has come.
     Enquiry,
+    /// XOFF has come.
+    Xoff,
+    /// XON has come.
+    Xon,
     /// The packet that was due is sent.
     Sent,
+    /// It cannot be sent on a line with XON and XOFF.
+    Unsendable,
 }
 
 /// What the host sends: the newest pose.
@@ -80,17 +89,23 @@ pub enum Action {
     Ignore,
     /// Reports the packet that was sent.
     Sent,
+    /// Reports the packet that cannot be sent.
+    Unsendable,
     /// Reports that the pose is too old.
     Stale,
+    /// Reports that no XON has come.
+    HoldEnded,
 }
 
 impl HostMachine {
     /// A host that knows no pose, without a connection.
-    pub const NEW: Self = Self { link: Link::Disconnected, pose: Pose::Unknown };
+    pub const NEW: Self = Self { link: Link::Disconnected, pose: Pose::Unknown, flow: Flow::Free };
 
     fn transmits(&self, now: Duration) -> bool {
         match (self.link, self.pose) {
-            (Link::Asked { from }, Pose::Known { until }) => is_due(from, now) && !is_due(until, now),
+            (Link::Asked { from }, Pose::Known { until }) => {
+                self.flow == Flow::Free && is_due(from, now) && !is_due(until, now)
+            }
             (
                 Link::Disconnected | Link::Ready { .. } | Link::Asked { .. },
                 Pose::Unknown | Pose::Known { .. },
@@ -99,11 +114,21 @@ impl HostMachine {
     }
 
     fn expire(&mut self, now: Duration) -> Action {
-        if self.expires(now) {
+        if matches!(self.pose, Pose::Known { until } if is_due(until, now)) {
             self.pose = Pose::Unknown;
             return Action::Stale;
         }
+        if self.flow.is_over(now) {
+            self.flow = Flow::Free;
+            return Action::HoldEnded;
+        }
         Action::Nothing
+    }
+
+    fn forget_hold(&mut self, config: &HostConfig) {
+        if config.rules.keeps(Rule::ForgetHold) {
+            self.flow = Flow::Free;
+        }
     }
 }
 
@@ -120,6 +145,7 @@ impl Machine for HostMachine {
     fn on(&mut self, now: Duration, input: Input, config: &HostConfig) -> Result<Action, Unexpected> {
         match (self.link, input) {
             (link, Input::Connected) => {
+                self.forget_hold(config);
                 let interval =
                     if config.rules.keeps(Rule::DrainFirst) { config.interval } else { Duration::ZERO };
                 let from = now.saturating_add(interval);
@@ -131,6 +157,7 @@ impl Machine for HostMachine {
                 Ok(Action::Nothing)
             }
             (_, Input::Disconnected) => {
+                self.forget_hold(config);
                 self.link = Link::Disconnected;
                 Ok(Action::Nothing)
             }
@@ -145,15 +172,29 @@ impl Machine for HostMachine {
                 Ok(Action::Accept)
             }
             (Link::Asked { .. }, Input::Enquiry) => Ok(Action::Ignore),
-            (Link::Asked { .. }, Input::Sent) if self.transmits(now) => {
+            (Link::Ready { .. } | Link::Asked { .. }, Input::Xoff) => {
+                let most = if config.rules.keeps(Rule::EndHold) { config.max_hold } else { Duration::MAX };
+                if config.rules.keeps(Rule::Hold) {
+                    self.flow.hold(now.saturating_add(most), config.rules.keeps(Rule::Prolong));
+                }
+                Ok(Action::Nothing)
+            }
+            (Link::Ready { .. } | Link::Asked { .. }, Input::Xon) => {
+                if config.rules.keeps(Rule::Resume) {
+                    self.flow = Flow::Free;
+                }
+                Ok(Action::Nothing)
+            }
+            (Link::Asked { .. }, Input::Sent | Input::Unsendable) if self.transmits(now) => {
                 let interval = if config.rules.keeps(Rule::Pace) { config.interval } else { Duration::ZERO };
                 self.link = Link::Ready { from: now.saturating_add(interval) };
-                Ok(Action::Sent)
+                Ok(if input == Input::Sent { Action::Sent } else { Action::Unsendable })
             }
-            (Link::Disconnected, Input::Enquiry)
-            | (Link::Disconnected | Link::Ready { .. } | Link::Asked { .. }, Input::Sent) => {
-                Err(self.unexpected(&input))
-            }
+            (Link::Disconnected, Input::Enquiry | Input::Xoff | Input::Xon)
+            | (
+                Link::Disconnected | Link::Ready { .. } | Link::Asked { .. },
+                Input::Sent | Input::Unsendable,
+            ) => Err(self.unexpected(&input)),
         }
     }
 
@@ -163,15 +204,15 @@ impl Machine for HostMachine {
 
     fn deadline(&self) -> Option<Duration> {
         let next = match (self.link, self.pose) {
-            (_, Pose::Unknown) => return None,
-            (Link::Asked { from }, Pose::Known { until }) => from.min(until),
-            (Link::Disconnected | Link::Ready { .. }, Pose::Known { until }) => until,
+            (_, Pose::Unknown) => Duration::MAX,
+            (Link::Asked { from }, Pose::Known { until }) if self.flow == Flow::Free => from.min(until),
+            (Link::Disconnected | Link::Ready { .. } | Link::Asked { .. }, Pose::Known { until }) => until,
         };
-        (next < Duration::MAX).then_some(next)
+        Some(next.min(self.flow.until())).filter(|next| *next < Duration::MAX)
     }
 
     fn expires(&self, now: Duration) -> bool {
-        matches!(self.pose, Pose::Known { until } if is_due(until, now))
+        matches!(self.pose, Pose::Known { until } if is_due(until, now)) || self.flow.is_over(now)
     }
 
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
@@ -181,8 +222,12 @@ impl Machine for HostMachine {
         if let Pose::Known { until } = &mut self.pose {
             f(until);
         }
+        if let Flow::Held { until } = &mut self.flow {
+            f(until);
+        }
     }
 
+    /// Whether the line is held is not in it.
     fn name(&self) -> &'static str {
         match (self.link, self.pose) {
             (Link::Disconnected, Pose::Unknown) => "DisconnectedUnknown",
@@ -195,4 +240,4 @@ impl Machine for HostMachine {
     }
 }
 
-robot_session::inputs!(Input: Pose, Enquiry, Sent);
+robot_session::inputs!(Input: Pose, Enquiry, Xoff, Xon, Sent, Unsendable);

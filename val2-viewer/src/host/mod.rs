@@ -12,6 +12,7 @@ pub use config::Rule;
 pub use config::{Format, HostConfig};
 
 use crate::error::ConfigError;
+use crate::flow::{XOFF, XON};
 use crate::message::{ENQ, PosePacket};
 use machine::{Action, Answer, HostMachine, Input};
 
@@ -26,7 +27,8 @@ use machine::{Action, Answer, HostMachine, Input};
 ///   [`handle_connected`](robot_session::Session::handle_connected) when it reads again.
 /// - A pose that is older than [`max_age`](HostConfig::max_age) is not sent: the request waits for a new one.
 /// - A request of one connection is not answered on the next. The pose outlasts it.
-/// - Any other byte than ENQ is an event and changes nothing.
+/// - XOFF holds the next packet until XON, or until [`max_hold`](HostConfig::max_hold) is over.
+/// - Any other byte is an event and changes nothing.
 /// - Every event is a notice: of more than eight that nobody takes, the oldest are dropped.
 #[derive(Debug, Clone)]
 pub struct Host {
@@ -50,10 +52,14 @@ pub enum HostEvent {
     Ignored,
     /// The pose is too old: requests wait for a new one. Once for each pose.
     Stale,
-    /// A byte that is not ENQ.
+    /// The [`format`](HostConfig::format) gave a packet with XON or XOFF in it, which is not sent: the request has no answer.
+    Unsendable,
+    /// No XON has come since the last XOFF, for [`max_hold`](HostConfig::max_hold): packets are sent again.
+    HoldEnded,
+    /// A byte that is none of ENQ, XON and XOFF.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::byte"))]
     Unknown(u8),
-    /// A request came without a connection.
+    /// A request, XON or XOFF came without a connection.
     Unexpected(Unexpected),
 }
 
@@ -71,7 +77,11 @@ pub struct HostStatistics {
     pub ignored: u64,
     /// Poses that became too old before a newer one came.
     pub stale: u64,
-    /// Bytes that were no request.
+    /// Packets that could not be sent.
+    pub unsendable: u64,
+    /// Times that the line was held for longer than it may be.
+    pub holds_ended: u64,
+    /// Bytes that were nothing.
     pub unknown: u64,
     /// Inputs that the state does not allow.
     pub unexpected: u64,
@@ -83,7 +93,7 @@ impl Host {
     /// A host that knows no pose, without a connection.
     ///
     /// # Errors
-    /// [`ConfigError::Interval`], [`ConfigError::MaxAge`].
+    /// [`ConfigError::Interval`], [`ConfigError::MaxAge`], [`ConfigError::MaxHold`].
     pub fn new(config: HostConfig) -> Result<Self, ConfigError> {
         config.check()?;
         let core = Core::new(config, HostMachine::NEW, ByteDecoder::new());
@@ -120,6 +130,8 @@ impl End for Host {
         loop {
             match self.core.decoder.next_frame()?.ok()? {
                 ENQ => return Some((Input::Enquiry, None)),
+                XOFF => return Some((Input::Xoff, None)),
+                XON => return Some((Input::Xon, None)),
                 byte => {
                     self.core.statistics.unknown += 1;
                     self.core.events.push_notice(HostEvent::Unknown(byte));
@@ -134,6 +146,8 @@ impl End for Host {
             Action::Accept => (&mut self.core.statistics.asked, HostEvent::Asked),
             Action::Ignore => (&mut self.core.statistics.ignored, HostEvent::Ignored),
             Action::Stale => (&mut self.core.statistics.stale, HostEvent::Stale),
+            Action::HoldEnded => (&mut self.core.statistics.holds_ended, HostEvent::HoldEnded),
+            Action::Unsendable => (&mut self.core.statistics.unsendable, HostEvent::Unsendable),
             Action::Sent => {
                 let packet = self.packet;
                 self.packet.count = packet.count.wrapping_add(1);
@@ -146,7 +160,8 @@ impl End for Host {
 
     fn write(&mut self, _now: Duration, Answer: Answer, out: &mut [u8]) -> Option<(usize, Input)> {
         let length = (self.core.config.format)(&self.packet, out).filter(|length| *length > 0)?;
-        Some((length, Input::Sent))
+        let is_sendable = !out.get(..length)?.iter().any(|byte| matches!(*byte, XON | XOFF));
+        Some(if is_sendable { (length, Input::Sent) } else { (0, Input::Unsendable) })
     }
 
     fn unexpected(unexpected: Unexpected) -> HostEvent {

@@ -11,9 +11,13 @@ pub struct WorkstationConfig {
     /// The pause between two display cycles after which it asks again although no answer has come. Above
     /// [`timing::CYCLE`]. Default: 2 s (§9.4; "about 5 seconds" in §10.5). [`Duration::MAX`] is never.
     pub pause: Duration,
-    /// Without a pose for so long, the picture is [stale](crate::WorkstationEvent::Stale). Above [`timing::CYCLE`]. Default: 1.5 s; the
-    /// source gives none. [`Duration::MAX`] is never.
+    /// Without a pose for so long, the picture is [stale](crate::WorkstationEvent::Stale), and without an answer for so long a request is
+    /// [missed](crate::WorkstationEvent::Missed). Above [`timing::CYCLE`]. Default: 1.5 s; the source gives none. [`Duration::MAX`] is
+    /// never.
     pub stale_after: Duration,
+    /// The longest time from an XOFF to the next request that is sent, if neither XON nor another XOFF comes. Above 0. Default: 5 s; the
+    /// source gives none. A digit `3` with one corrupt bit is an XOFF, and would silence the workstation. [`Duration::MAX`] is never.
+    pub max_hold: Duration,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
     pub rules: Rules<Rule>,
@@ -36,6 +40,22 @@ robot_session::rules! {
         ReportEnd,
         /// A connection begins with a credit.
         AskFirst,
+        /// A request that is not answered is reported.
+        ReportOverdue,
+        /// It is reported once, also if it is asked again after a pause.
+        MissOnce,
+        /// A late answer shows that the host is there.
+        LateIsAlive,
+        /// XOFF holds what is to be sent.
+        Hold,
+        /// XOFF again holds it for longer.
+        Prolong,
+        /// XON lets it go on.
+        Resume,
+        /// An XOFF that may be noise does not hold for ever.
+        EndHold,
+        /// A connection begins without an XOFF.
+        ForgetHold,
     }
 }
 
@@ -48,12 +68,20 @@ impl WorkstationConfig {
         if self.stale_after <= minimum {
             return Err(ConfigError::StaleAfter { minimum, found: self.stale_after });
         }
+        if self.max_hold.is_zero() {
+            return Err(ConfigError::MaxHold);
+        }
         Ok(())
     }
 }
 
 impl Default for WorkstationConfig {
     fn default() -> Self {
-        Self { pause: Duration::from_secs(2), stale_after: Duration::from_millis(1500), rules: Rules::ALL }
+        Self {
+            pause: Duration::from_secs(2),
+            stale_after: Duration::from_millis(1500),
+            max_hold: Duration::from_secs(5),
+            rules: Rules::ALL,
+        }
     }
 }

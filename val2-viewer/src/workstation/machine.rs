@@ -10,6 +10,7 @@ use core::time::Duration;
 use robot_session::{Expiry, Machine, Unexpected, is_due};
 
 use super::config::{Rule, WorkstationConfig};
+use crate::flow::Flow;
 
 /// The state of a workstation. Every time is a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -27,6 +28,8 @@ pub struct Display {
     pub request: Request,
     /// The picture.
     pub picture: Picture,
+    /// Whether the host holds the line.
+    pub flow: Flow,
 }
 
 /// The request.
@@ -39,6 +42,13 @@ pub enum Request {
     Due,
     /// The answer is awaited.
     Waiting {
+        /// From when on the next display cycle asks again: the last one was so long before.
+        again_from: Duration,
+        /// From when on it is missed.
+        missed_from: Duration,
+    },
+    /// No answer has come in time, which is reported. The picture is stale.
+    Overdue {
         /// From when on the next display cycle asks again: the last one was so long before.
         again_from: Duration,
     },
@@ -76,6 +86,10 @@ pub enum Input {
         /// They are a whole line.
         line: bool,
     },
+    /// XOFF has come.
+    Xoff,
+    /// XON has come.
+    Xon,
 }
 
 /// What the workstation sends: ENQ.
@@ -97,6 +111,8 @@ pub enum Action {
     Missed,
     /// Reports that the picture is stale.
     Stale,
+    /// Reports that no XON has come.
+    HoldEnded,
     /// Reports what the connection's end has ended.
     Closed {
         /// The request has no answer.
@@ -123,41 +139,49 @@ impl Machine for WorkstationMachine {
             (Self::Disconnected, Input::Timeout | Input::Draw) => Ok(Action::Nothing),
             (Self::Connected(display), Input::Timeout) => Ok(display.expire(now)),
             (Self::Connected(display), Input::Draw) => Ok(display.draw(now, config)),
-            (Self::Connected(display), Input::Sent) if display.request == Request::Due => {
-                display.request = Request::Waiting { again_from: now.saturating_add(config.pause) };
-                Ok(Action::Sent)
-            }
+            (Self::Connected(display), Input::Sent) if display.transmits() => Ok(display.wait(now, config)),
             (Self::Connected(display), Input::Pose) => Ok(display.pose(now, config)),
             (Self::Connected(display), Input::Corrupt { line }) => Ok(display.corrupt(line, config)),
+            (Self::Connected(display), Input::Xoff) => Ok(display.hold(now, config)),
+            (Self::Connected(display), Input::Xon) => Ok(display.resume(config)),
             (Self::Connected(_), Input::Sent)
-            | (Self::Disconnected, Input::Sent | Input::Pose | Input::Corrupt { .. }) => {
-                Err(self.unexpected(&input))
-            }
+            | (
+                Self::Disconnected,
+                Input::Sent | Input::Pose | Input::Corrupt { .. } | Input::Xoff | Input::Xon,
+            ) => Err(self.unexpected(&input)),
         }
     }
 
     fn transmit(&self, _now: Duration, _config: &WorkstationConfig) -> Option<Enquiry> {
-        matches!(self, Self::Connected(Display { request: Request::Due, .. })).then_some(Enquiry)
+        matches!(self, Self::Connected(display) if display.transmits()).then_some(Enquiry)
     }
 
     fn deadline(&self) -> Option<Duration> {
-        self.live_until().filter(|until| *until < Duration::MAX)
+        let Self::Connected(display) = self else { return None };
+        Some(display.due()).filter(|due| *due < Duration::MAX)
     }
 
     fn expires(&self, now: Duration) -> bool {
-        self.live_until().is_some_and(|until| is_due(until, now))
+        matches!(self, Self::Connected(display) if is_due(display.due(), now))
     }
 
     fn each_time(&mut self, mut f: impl FnMut(&mut Duration)) {
         let Self::Connected(display) = self else { return };
-        if let Request::Waiting { again_from } = &mut display.request {
+        if let Request::Waiting { again_from, .. } | Request::Overdue { again_from } = &mut display.request {
             f(again_from);
+        }
+        if let Request::Waiting { missed_from, .. } = &mut display.request {
+            f(missed_from);
         }
         if let Picture::Live { until } = &mut display.picture {
             f(until);
         }
+        if let Flow::Held { until } = &mut display.flow {
+            f(until);
+        }
     }
 
+    /// Whether the line is held is not in it.
     fn name(&self) -> &'static str {
         let Self::Connected(display) = self else { return "Disconnected" };
         match (display.request, display.picture) {
@@ -167,6 +191,8 @@ impl Machine for WorkstationMachine {
             (Request::Due, Picture::Live { .. }) => "DueLive",
             (Request::Waiting { .. }, Picture::Stale) => "WaitingStale",
             (Request::Waiting { .. }, Picture::Live { .. }) => "WaitingLive",
+            // The picture was stale before.
+            (Request::Overdue { .. }, Picture::Stale | Picture::Live { .. }) => "Overdue",
         }
     }
 }
@@ -186,8 +212,13 @@ impl WorkstationMachine {
             *self = to;
             return Action::Nothing;
         };
-        if let (Self::Connected(display), false) = (&mut to, config.rules.keeps(Rule::AskFirst)) {
-            display.request = was.request;
+        if let Self::Connected(display) = &mut to {
+            if !config.rules.keeps(Rule::AskFirst) {
+                display.request = was.request;
+            }
+            if !config.rules.keeps(Rule::ForgetHold) {
+                display.flow = was.flow;
+            }
         }
         *self = to;
         let missed = matches!(was.request, Request::Waiting { .. });
@@ -201,25 +232,38 @@ impl WorkstationMachine {
 }
 
 impl Display {
-    const NEW: Self = Self { request: Request::Allowed, picture: Picture::Stale };
+    const NEW: Self = Self { request: Request::Allowed, picture: Picture::Stale, flow: Flow::Free };
+
+    fn transmits(&self) -> bool {
+        self.request == Request::Due && self.flow == Flow::Free
+    }
+
+    fn wait(&mut self, now: Duration, config: &WorkstationConfig) -> Action {
+        let reports = config.rules.keeps(Rule::ReportOverdue);
+        let most = if reports { config.stale_after } else { Duration::MAX };
+        self.request = Request::Waiting {
+            again_from: now.saturating_add(config.pause),
+            missed_from: now.saturating_add(most),
+        };
+        Action::Sent
+    }
 
     fn draw(&mut self, now: Duration, config: &WorkstationConfig) -> Action {
-        match self.request {
-            Request::Allowed => {
+        let (again_from, is_open) = match &mut self.request {
+            Request::Allowed | Request::Due => {
                 self.request = Request::Due;
-                Action::Nothing
+                return Action::Nothing;
             }
-            Request::Due => Action::Nothing,
-            Request::Waiting { again_from } => {
-                let is_again = is_due(again_from, now) && config.rules.keeps(Rule::AskAgain);
-                if is_again || !config.rules.keeps(Rule::Credit) {
-                    self.request = Request::Due;
-                    return Action::Missed;
-                }
-                self.request = Request::Waiting { again_from: now.saturating_add(config.pause) };
-                Action::Nothing
-            }
+            Request::Waiting { again_from, .. } => (again_from, true),
+            Request::Overdue { again_from } => (again_from, !config.rules.keeps(Rule::MissOnce)),
+        };
+        let is_again = is_due(*again_from, now) && config.rules.keeps(Rule::AskAgain);
+        if !is_again && config.rules.keeps(Rule::Credit) {
+            *again_from = now.saturating_add(config.pause);
+            return Action::Nothing;
         }
+        self.request = Request::Due;
+        if is_open { Action::Missed } else { Action::Nothing }
     }
 
     fn pose(&mut self, now: Duration, config: &WorkstationConfig) -> Action {
@@ -229,6 +273,10 @@ impl Display {
                 self.request = Request::Allowed;
                 self.picture = Picture::Live { until: now.saturating_add(last) };
                 Action::Pose
+            }
+            Request::Overdue { .. } => {
+                self.is_alive(config);
+                Action::Unasked
             }
             Request::Allowed | Request::Due => Action::Unasked,
         }
@@ -242,18 +290,67 @@ impl Display {
                 self.request = Request::Allowed;
                 Action::Missed
             }
-            Request::Waiting { .. } | Request::Allowed | Request::Due => Action::Nothing,
+            Request::Overdue { .. } if is_answer => {
+                self.is_alive(config);
+                Action::Nothing
+            }
+            Request::Waiting { .. } | Request::Overdue { .. } | Request::Allowed | Request::Due => {
+                Action::Nothing
+            }
         }
     }
 
-    fn expire(&mut self, now: Duration) -> Action {
-        match self.picture {
-            Picture::Live { until } if is_due(until, now) => {
-                self.picture = Picture::Stale;
-                Action::Stale
-            }
-            Picture::Live { .. } | Picture::Stale => Action::Nothing,
+    /// An answer has come too late, and another request may be sent.
+    fn is_alive(&mut self, config: &WorkstationConfig) {
+        if config.rules.keeps(Rule::LateIsAlive) {
+            self.request = Request::Allowed;
         }
+    }
+
+    fn hold(&mut self, now: Duration, config: &WorkstationConfig) -> Action {
+        let most = if config.rules.keeps(Rule::EndHold) { config.max_hold } else { Duration::MAX };
+        if config.rules.keeps(Rule::Hold) {
+            self.flow.hold(now.saturating_add(most), config.rules.keeps(Rule::Prolong));
+        }
+        Action::Nothing
+    }
+
+    fn resume(&mut self, config: &WorkstationConfig) -> Action {
+        if config.rules.keeps(Rule::Resume) {
+            self.flow = Flow::Free;
+        }
+        Action::Nothing
+    }
+
+    /// When something comes due.
+    fn due(&self) -> Duration {
+        let picture = match self.picture {
+            Picture::Live { until } => until,
+            Picture::Stale => Duration::MAX,
+        };
+        let request = match self.request {
+            Request::Waiting { missed_from, .. } => missed_from,
+            Request::Allowed | Request::Due | Request::Overdue { .. } => Duration::MAX,
+        };
+        picture.min(request).min(self.flow.until())
+    }
+
+    fn expire(&mut self, now: Duration) -> Action {
+        if matches!(self.picture, Picture::Live { until } if is_due(until, now)) {
+            self.picture = Picture::Stale;
+            return Action::Stale;
+        }
+        if let Request::Waiting { again_from, missed_from } = self.request
+            && is_due(missed_from, now)
+        {
+            self.request = Request::Overdue { again_from };
+            return Action::Missed;
+        }
+        if self.flow.is_over(now) {
+            self.flow = Flow::Free;
+            return Action::HoldEnded;
+        }
+        Action::Nothing
     }
 }
 
@@ -263,4 +360,6 @@ robot_session::inputs!(
     Pose,
     Corrupt { line: true } as "Corrupt(line)",
     Corrupt { line: false } as "Corrupt(noise)",
+    Xoff,
+    Xon,
 );

@@ -1,6 +1,7 @@
 //! The graphics workstation that draws the arm.
 
 mod config;
+mod decoder;
 pub mod machine;
 
 use core::time::Duration;
@@ -11,9 +12,9 @@ use robot_session::{Core, CoreOf, Decoder as _, End, EventQueue, Room, Unexpecte
 pub use config::Rule;
 pub use config::WorkstationConfig;
 
-use crate::decoder::Decoder;
 use crate::error::{ConfigError, DecodeError};
 use crate::message::{ENQ, PosePacket};
+use decoder::{HandshakeDecoder, Word};
 use machine::{Action, Enquiry, Input, WorkstationMachine};
 
 /// The graphics workstation that draws the arm (§5, §9.4): asks for one pose at a time.
@@ -23,9 +24,11 @@ use machine::{Action, Enquiry, Input, WorkstationMachine};
 /// - **Credit of one.** It asks in the first display cycle of a connection, and then only after an answer. Every request has one
 ///   outcome: [`Pose`](WorkstationEvent::Pose) or [`Missed`](WorkstationEvent::Missed). No request is sent before the outcomes of
 ///   the ones before are taken.
-/// - **An answer that does not come.** The picture becomes [`Stale`](WorkstationEvent::Stale), and nothing is sent until the
-///   operator pauses the display for [`pause`](WorkstationConfig::pause): the next display cycle then asks again. A host that is
-///   off would otherwise find a pile of requests.
+/// - **An answer that does not come.** After [`stale_after`](WorkstationConfig::stale_after) the request is missed and the picture is
+///   [`Stale`](WorkstationEvent::Stale), and nothing is sent until the operator pauses the display for
+///   [`pause`](WorkstationConfig::pause): the next display cycle then asks again. A host that is off would otherwise find a pile of
+///   requests. An answer that comes later is [`Unasked`](WorkstationEvent::Unasked), and the next display cycle asks again.
+/// - **XOFF** holds the next request until XON, or until [`max_hold`](WorkstationConfig::max_hold) is over.
 /// - **Corrupt bytes** are an event, and the next packet is read all the same. A whole line that cannot be read was the answer.
 /// - **Life.** A request ends with its connection, and the picture is stale then.
 #[derive(Debug, Clone)]
@@ -42,17 +45,20 @@ pub enum WorkstationEvent {
     /// The answer to a request: draw it.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Pose(PosePacket),
-    /// A request without an answer: it could not be read, the display was paused, or the connection is lost.
+    /// A request without an answer: none has come for [`stale_after`](WorkstationConfig::stale_after), it could not be read, the display
+    /// was paused, or the connection is lost.
     Missed,
     /// No pose has come for [`stale_after`](WorkstationConfig::stale_after), or the connection is lost: the arm may be somewhere
     /// else. Once, until a new pose comes.
     Stale,
-    /// A notice: a packet that no request has asked for, such as the answer to a request before the last pause.
+    /// A notice: a packet that no request has asked for, such as the answer to a request that is missed.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Unasked(PosePacket),
     /// A notice: bytes without a packet, or a corrupt packet.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::error"))]
     Corrupt(DecodeError),
+    /// A notice: no XON has come since the last XOFF, for [`max_hold`](WorkstationConfig::max_hold). Requests are sent again.
+    HoldEnded,
     /// A notice: bytes came without a connection.
     Unexpected(Unexpected),
 }
@@ -73,6 +79,8 @@ pub struct WorkstationStatistics {
     pub stale: u64,
     /// Packets that were no answer.
     pub unasked: u64,
+    /// Times that the line was held for longer than it may be.
+    pub holds_ended: u64,
     /// Decode errors.
     pub corrupt: u64,
     /// Inputs that the state does not allow.
@@ -85,10 +93,10 @@ impl Workstation {
     /// A workstation without a connection.
     ///
     /// # Errors
-    /// [`ConfigError::Pause`], [`ConfigError::StaleAfter`].
+    /// [`ConfigError::Pause`], [`ConfigError::StaleAfter`], [`ConfigError::MaxHold`].
     pub fn new(config: WorkstationConfig) -> Result<Self, ConfigError> {
         config.check()?;
-        let core = Core::new(config, WorkstationMachine::Disconnected, Decoder::new());
+        let core = Core::new(config, WorkstationMachine::Disconnected, HandshakeDecoder::default());
         Ok(Self { core })
     }
 
@@ -121,7 +129,7 @@ impl Workstation {
 
 impl End for Workstation {
     type Machine = WorkstationMachine;
-    type Decoder = Decoder;
+    type Decoder = HandshakeDecoder;
     type Events = EventQueue<WorkstationEvent, 8>;
     type Statistics = WorkstationStatistics;
     type Payload = PosePacket;
@@ -135,7 +143,9 @@ impl End for Workstation {
 
     fn next_input(&mut self) -> Option<(Input, Option<PosePacket>)> {
         Some(match self.core.decoder.next_frame()? {
-            Ok(packet) => (Input::Pose, Some(packet)),
+            Ok(Word::Packet(packet)) => (Input::Pose, Some(packet)),
+            Ok(Word::Xoff) => (Input::Xoff, None),
+            Ok(Word::Xon) => (Input::Xon, None),
             Err(error) => {
                 self.core.statistics.corrupt += 1;
                 self.core.events.push_notice(WorkstationEvent::Corrupt(error));
@@ -153,6 +163,10 @@ impl End for Workstation {
             }
             (Action::Missed, _) => self.report(WorkstationEvent::Missed),
             (Action::Stale, _) => self.report(WorkstationEvent::Stale),
+            (Action::HoldEnded, _) => {
+                self.core.statistics.holds_ended += 1;
+                self.core.events.push_notice(WorkstationEvent::HoldEnded);
+            }
             (Action::Closed { missed, stale }, _) => {
                 if missed {
                     self.report(WorkstationEvent::Missed);

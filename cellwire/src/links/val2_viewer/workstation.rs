@@ -93,6 +93,8 @@ pub fn run(
                 report(pose(&packet))
             }
             WorkstationEvent::Corrupt(error) => report(json!({"event": "corrupt", "error": error})),
+            WorkstationEvent::Missed => report(json!({"event": "missed"})),
+            WorkstationEvent::HoldEnded => report(json!({"event": "hold_ended"})),
             _ => Ok(()),
         })?;
         if !goes_on {

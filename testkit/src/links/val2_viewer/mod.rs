@@ -1,24 +1,125 @@
-//! val2-viewer: its host and its workstation, with every fault of a serial line.
+//! val2-viewer: its host and its workstation, with every fault of a serial line, and each with any peer.
 
+mod any_host;
+mod any_workstation;
+mod hold;
 mod pair;
 mod refine;
 pub mod rows;
 mod world;
 
+use core::time::Duration;
+
 pub use world::{Act, Exchange, Fate, Packet, State, TICK};
 
-use val2_viewer::{host, workstation};
+use robot_session::Rules;
+use val2_viewer::{HostConfig, WorkstationConfig, host, workstation};
 
-use crate::model::{Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, draw};
+pub use any_host::AnyHost;
+pub use any_workstation::AnyWorkstation;
+
+use crate::model::{Against, Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, draw};
+use any_host::{MISSED, PAIRED};
+use hold::{HELD, MAX_HOLD, RESUMED};
 use pair::{ASKED, CREDIT, ENDED, FRESH, ONE_OUTCOME, PACED, PILED, STALE};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] =
-    &[Table::of::<rows::Host>("val2-viewer", 48), Table::of::<rows::Workstation>("val2-viewer", 48)];
+    &[Table::of::<rows::Host>("val2-viewer", 64), Table::of::<rows::Workstation>("val2-viewer", 80)];
 
 /// The link's ends.
 pub const PAIR: Pair =
     Pair { name: "val2-viewer host × workstation", settings, must_fail, diagrams, refined };
+
+/// A host and workstations that are not ours.
+pub const ANY_WORKSTATION: Pair = Pair {
+    name: "val2-viewer host × any workstation",
+    settings: |_| {
+        vec![
+            Setting::new("keeps the rules", any_workstation(true)).on(any_workstation::RULES),
+            Setting::new("does anything", any_workstation(false)).on(any_workstation::ANYTHING),
+        ]
+    },
+    must_fail: || {
+        let without = |name, property, rule| {
+            let mut system = any_workstation(true);
+            system.peer.config.rules = Rules::without(rule);
+            MustFail::new(name, property, "keeps the rules", system)
+        };
+        vec![
+            without("host: drain first", PILED, host::Rule::DrainFirst),
+            without("host: an interval between packets", PACED, host::Rule::Pace),
+            without("host: a pose becomes too old", FRESH, host::Rule::Expire),
+            without("host: a request ends with its connection", ASKED, host::Rule::ForgetRequest),
+            without("host: XOFF holds", HELD, host::Rule::Hold),
+            without("host: XOFF again holds for longer", HELD, host::Rule::Prolong),
+            without("host: XON lets it go on", RESUMED, host::Rule::Resume),
+            without("host: a hold ends", STANDSTILL, host::Rule::EndHold),
+            without("host: a connection begins without an XOFF", RESUMED, host::Rule::ForgetHold),
+        ]
+    },
+    diagrams: Vec::new,
+    refined: Vec::new,
+};
+
+/// A workstation and hosts that are not ours.
+pub const ANY_HOST: Pair = Pair {
+    name: "val2-viewer workstation × any host",
+    settings: |_| {
+        vec![
+            Setting::new("keeps the rules", any_host(true)).on(any_host::RULES),
+            Setting::new("does anything", any_host(false)).on(any_host::ANYTHING),
+        ]
+    },
+    must_fail: || {
+        use workstation::Rule;
+        let without = |name, property, rule| {
+            let mut system = any_host(true);
+            system.peer.config.rules = Rules::without(rule);
+            MustFail::new(name, property, "keeps the rules", system)
+        };
+        let mut paired = any_host(true);
+        paired.peer.is_paired = true;
+        vec![
+            without("workstation: a credit of one", CREDIT, Rule::Credit),
+            without("workstation: a corrupt line was the answer", any_host::ENDED, Rule::CorruptIsAnswer),
+            without("workstation: noise was not the answer", any_host::ENDED, Rule::NoiseIsNoAnswer),
+            without("workstation: a picture becomes stale", STALE, Rule::Expire),
+            without("workstation: the end of a request is reported", ONE_OUTCOME, Rule::ReportEnd),
+            without("workstation: a connection begins with a credit", ONE_OUTCOME, Rule::AskFirst),
+            without("workstation: a request that is not answered is reported", MISSED, Rule::ReportOverdue),
+            without("workstation: it is reported once", ONE_OUTCOME, Rule::MissOnce),
+            without("workstation: a late answer shows a host", any_host::ENDED, Rule::LateIsAlive),
+            without("workstation: XOFF holds", HELD, Rule::Hold),
+            without("workstation: XOFF again holds for longer", HELD, Rule::Prolong),
+            without("workstation: XON lets it go on", RESUMED, Rule::Resume),
+            without("workstation: a hold ends", STANDSTILL, Rule::EndHold),
+            without("workstation: a connection begins without an XOFF", RESUMED, Rule::ForgetHold),
+            MustFail::new("assumption: requests and packets are paired", PAIRED, "keeps the rules", paired),
+        ]
+    },
+    diagrams: Vec::new,
+    refined: Vec::new,
+};
+
+const fn ticks(ticks: u8) -> Duration {
+    Duration::from_millis(100 * ticks as u64)
+}
+
+fn any_workstation(keeps_rules: bool) -> Against<AnyWorkstation> {
+    let config = HostConfig { max_hold: ticks(MAX_HOLD), ..Exchange::free().host };
+    Against::new(AnyWorkstation { config, keeps_rules })
+}
+
+fn any_host(keeps_rules: bool) -> Against<AnyHost> {
+    let config = WorkstationConfig {
+        pause: ticks(any_host::PAUSE),
+        stale_after: ticks(any_host::STALE_AFTER),
+        max_hold: ticks(MAX_HOLD),
+        ..WorkstationConfig::default()
+    };
+    Against::new(AnyHost { config, keeps_rules, is_paired: false })
+}
 
 fn settings(depth: Depth) -> Vec<Setting> {
     let faults = match depth {
@@ -70,5 +171,7 @@ fn refined() -> Vec<Refined> {
 }
 
 fn diagrams() -> Vec<Diagram> {
-    draw("val2-viewer", &["host", "workstation"], &settings(Depth::Quick))
+    // What our own ends do to each other has no XOFF.
+    let any = [ANY_WORKSTATION, ANY_HOST].iter().flat_map(|pair| (pair.settings)(Depth::Quick));
+    draw("val2-viewer", &["host", "workstation"], &any.collect::<Vec<_>>())
 }

@@ -50,6 +50,7 @@ impl System for Exchange {
             asked: false,
             credit: true,
             open: false,
+            awaited: false,
             shown: None,
             faults: 0,
             wrong: None,
@@ -111,7 +112,7 @@ impl System for Exchange {
             Act::Enquire => self.enquire(state, edges),
             Act::Answer(fate) => self.answer(state, fate, edges),
             Act::SendUnasked => self.send(state, Fate::Late(0)),
-            Act::Timer => self.workstation(state, workstation::Input::Timeout, edges),
+            Act::Timer => self.expire(state, edges),
             Act::Draw => {
                 state.credit |= state.since_drawn >= PAUSE;
                 state.since_drawn = 0;
@@ -150,12 +151,12 @@ impl System for Exchange {
             }
             Act::RestartWorkstation => {
                 state.workstation = WorkstationMachine::Disconnected;
-                (state.open, state.shown, state.since_drawn) = (false, None, PAUSE);
+                (state.open, state.awaited, state.shown, state.since_drawn) = (false, false, None, PAUSE);
                 state.workstation_asleep = false;
                 self.open_workstation(state, edges);
             }
             Act::CloseWorkstation => {
-                self.workstation(state, workstation::Input::Timeout, edges);
+                self.expire(state, edges);
                 self.workstation(state, workstation::Input::Disconnected, edges);
             }
             Act::OpenWorkstation | Act::ReopenWorkstation => {
@@ -199,7 +200,7 @@ impl System for Exchange {
         }
         // The operator pauses a display that is stale, until it asks again.
         let pauses = state.shown.is_none() && !self.steady;
-        let waits = state.open && state.since_drawn < if pauses { PAUSE } else { CYCLE };
+        let waits = state.awaited && state.since_drawn < if pauses { PAUSE } else { CYCLE };
         let draws = acts.contains(&Act::Draw) && !waits;
         if draws { Some(Act::Draw) } else { acts.into_iter().find(|act| *act != Act::Draw) }
     }
@@ -270,6 +271,8 @@ impl Exchange {
         match action {
             host::Action::Ignore | host::Action::Stale => self.alarm(state),
             host::Action::Nothing | host::Action::Accept | host::Action::Sent => {}
+            // Neither end holds the other, and every packet is text.
+            host::Action::HoldEnded | host::Action::Unsendable => state.wrong = Some(EXPECTED),
         }
         action
     }
@@ -285,7 +288,7 @@ impl Exchange {
                 if !core::mem::take(&mut state.credit) && !self.first_workstation {
                     state.wrong = Some(CREDIT);
                 }
-                state.open = true;
+                (state.open, state.awaited) = (true, true);
             }
             workstation::Action::Pose => {
                 self.end(state);
@@ -300,6 +303,7 @@ impl Exchange {
                 state.shown = None;
                 self.alarm(state);
             }
+            workstation::Action::HoldEnded => state.wrong = Some(EXPECTED),
             workstation::Action::Closed { missed, stale } => {
                 if missed {
                     self.end(state);
@@ -308,6 +312,13 @@ impl Exchange {
                     state.shown = None;
                 }
             }
+        }
+    }
+
+    /// Each thing that came due.
+    fn expire(&self, state: &mut State, edges: &mut Edges<'_>) {
+        while state.workstation.expires(Duration::ZERO) {
+            self.workstation(state, workstation::Input::Timeout, edges);
         }
     }
 
@@ -378,7 +389,7 @@ impl Exchange {
             return;
         }
         if packet.good {
-            state.credit |= state.open;
+            state.credit |= core::mem::take(&mut state.awaited);
             self.workstation(state, workstation::Input::Pose, edges);
         } else {
             self.corrupt(state, true, edges);
@@ -388,7 +399,8 @@ impl Exchange {
     /// A whole line was the answer, noise was not.
     fn corrupt(&self, state: &mut State, line: bool, edges: &mut Edges<'_>) {
         let was_open = state.open;
-        state.credit |= state.open && line;
+        state.credit |= state.awaited && line;
+        state.awaited &= !line;
         self.workstation(state, workstation::Input::Corrupt { line }, edges);
         if was_open && state.open == line {
             state.wrong = Some(ENDED);
@@ -422,8 +434,8 @@ impl Exchange {
     }
 
     fn open_workstation(&self, state: &mut State, edges: &mut Edges<'_>) {
-        self.workstation(state, workstation::Input::Timeout, edges);
+        self.expire(state, edges);
         self.workstation(state, workstation::Input::Connected, edges);
-        state.credit = true;
+        (state.credit, state.awaited) = (true, false);
     }
 }

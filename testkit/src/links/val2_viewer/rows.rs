@@ -5,7 +5,7 @@ use core::time::Duration;
 use robot_session::Machine as _;
 use val2_viewer::host::machine::{self as host, HostMachine, Link, Pose};
 use val2_viewer::workstation::machine::{self as workstation, Display, Picture, Request, WorkstationMachine};
-use val2_viewer::{HostConfig, WorkstationConfig};
+use val2_viewer::{Flow, HostConfig, WorkstationConfig};
 
 use crate::model::{Drawn, NOW, Rows};
 
@@ -23,12 +23,16 @@ impl Rows for Host {
         let at = |from| [Link::Ready { from }, Link::Asked { from }];
         let links = [&[Link::Disconnected][..], &at(FUTURE), &at(PAST)].concat();
         let poses = [Pose::Unknown, Pose::Known { until: FUTURE }, Pose::Known { until: PAST }];
-        links.into_iter().flat_map(|link| poses.map(|pose| HostMachine { link, pose })).collect()
+        let state = |link, pose| HostMachine { link, pose, flow: Flow::Free };
+        let free = links.into_iter().flat_map(|link| poses.map(|pose| state(link, pose)));
+        free.chain(Self::held()).collect()
     }
 
     fn inputs() -> Vec<host::Input> {
         use host::Input as On;
-        vec![On::Connected, On::Disconnected, On::Timeout, On::Pose, On::Enquiry, On::Sent]
+        let bytes = [On::Enquiry, On::Xoff, On::Xon];
+        [&[On::Connected, On::Disconnected, On::Timeout, On::Pose], &bytes[..], &[On::Sent, On::Unsendable]]
+            .concat()
     }
 
     fn config() -> HostConfig {
@@ -44,7 +48,26 @@ impl Rows for Host {
             Pose::Known { until } if now >= until => ", too old",
             Pose::Known { .. } | Pose::Unknown => "",
         };
-        format!("{}{link}{pose}", machine.name())
+        format!("{}{link}{pose}{}", machine.name(), held(machine.flow, now))
+    }
+}
+
+impl Host {
+    /// Where a packet would be sent, and where nothing is asked for.
+    fn held() -> impl Iterator<Item = HostMachine> {
+        let pose = Pose::Known { until: FUTURE };
+        let links = [Link::Ready { from: PAST }, Link::Asked { from: PAST }];
+        links.into_iter().flat_map(move |link| HELD.map(|flow| HostMachine { link, pose, flow }))
+    }
+}
+
+const HELD: [Flow; 2] = [Flow::Held { until: FUTURE }, Flow::Held { until: PAST }];
+
+fn held(flow: Flow, now: Duration) -> &'static str {
+    match flow {
+        Flow::Free => "",
+        Flow::Held { until } if now >= until => ", held for too long",
+        Flow::Held { .. } => ", held",
     }
 }
 
@@ -56,12 +79,18 @@ impl Rows for Workstation {
     type Machine = WorkstationMachine;
 
     fn states() -> Vec<WorkstationMachine> {
-        let waiting = [FUTURE, PAST].map(|again_from| Request::Waiting { again_from });
-        let requests = [&[Request::Allowed, Request::Due][..], &waiting].concat();
+        let waiting = |again_from, missed_from| Request::Waiting { again_from, missed_from };
+        let requests = [Request::Allowed, Request::Due, waiting(FUTURE, FUTURE), waiting(PAST, FUTURE)];
         let pictures = [Picture::Stale, Picture::Live { until: FUTURE }, Picture::Live { until: PAST }];
+        // The picture is stale before an answer is too late.
+        let late = [FUTURE, PAST].map(|again_from| Request::Overdue { again_from });
+        let late = [&late[..], &[waiting(FUTURE, PAST)]].concat();
+        let display = |request, picture| Display { request, picture, flow: Flow::Free };
         let displays = requests
             .into_iter()
-            .flat_map(|request| pictures.map(|picture| Display { request, picture }))
+            .flat_map(|request| pictures.map(|picture| display(request, picture)))
+            .chain(late.into_iter().map(|request| display(request, Picture::Stale)))
+            .chain(Self::held())
             .map(WorkstationMachine::Connected);
         core::iter::once(WorkstationMachine::Disconnected).chain(displays).collect()
     }
@@ -69,7 +98,8 @@ impl Rows for Workstation {
     fn inputs() -> Vec<workstation::Input> {
         use workstation::Input as On;
         let corrupt = [true, false].map(|line| On::Corrupt { line });
-        [&[On::Connected, On::Disconnected, On::Timeout, On::Draw, On::Sent, On::Pose], &corrupt[..]].concat()
+        let bytes = [&[On::Pose, On::Xoff, On::Xon], &corrupt[..]].concat();
+        [&[On::Connected, On::Disconnected, On::Timeout, On::Draw, On::Sent], &bytes[..]].concat()
     }
 
     fn config() -> WorkstationConfig {
@@ -79,14 +109,26 @@ impl Rows for Workstation {
     fn row(machine: &WorkstationMachine, now: Duration) -> String {
         let WorkstationMachine::Connected(display) = machine else { return machine.name().into() };
         let request = match display.request {
-            Request::Waiting { again_from } if now >= again_from => ", paused",
-            Request::Allowed | Request::Due | Request::Waiting { .. } => "",
+            Request::Waiting { missed_from, .. } if now >= missed_from => ", too long",
+            Request::Waiting { again_from, .. } | Request::Overdue { again_from } if now >= again_from => {
+                ", paused"
+            }
+            Request::Allowed | Request::Due | Request::Waiting { .. } | Request::Overdue { .. } => "",
         };
         let picture = match display.picture {
             Picture::Live { until } if now >= until => ", too old",
             Picture::Live { .. } | Picture::Stale => "",
         };
-        format!("{}{request}{picture}", machine.name())
+        format!("{}{request}{picture}{}", machine.name(), held(display.flow, now))
+    }
+}
+
+impl Workstation {
+    /// Where a request would be sent, and where none would.
+    fn held() -> impl Iterator<Item = Display> {
+        let requests = [Request::Allowed, Request::Due];
+        let display = |request, flow| Display { request, picture: Picture::Stale, flow };
+        requests.into_iter().flat_map(move |request| HELD.map(|flow| display(request, flow)))
     }
 }
 

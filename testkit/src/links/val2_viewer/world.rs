@@ -130,6 +130,8 @@ pub struct State {
     pub(super) credit: bool,
     /// A request has no outcome yet.
     pub(super) open: bool,
+    /// A request was sent on the workstation's connection, and no line has come since.
+    pub(super) awaited: bool,
     /// Ticks since the pose that is shown has come.
     pub(super) shown: Option<u8>,
     pub(super) faults: u8,

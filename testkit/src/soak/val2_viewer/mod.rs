@@ -3,16 +3,19 @@
 //!
 //! ALTER ends and begins, and some hosts do not read their port meanwhile. The operator pauses a display that is stale. Every pose is
 //! followed from the arm to the line: none is sent that is older than the host's greatest age, and no two packets within its interval.
-//! Some sessions have a third party on the line: a host that sends anything at any time, or a workstation that asks all the time.
+//! In some sessions one end is not ours: it chooses among what the source permits, or sends anything.
+
+mod peers;
 
 use core::time::Duration;
 
-use val2_viewer::robot_session::{Encode as _, Machine as _, Session as _};
+use val2_viewer::robot_session::{Machine as _, Session as _};
 use val2_viewer::{
-    DecodeError, ENQ, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig,
-    WorkstationEvent,
+    DecodeError, Host, HostConfig, HostEvent, PosePacket, Workstation, WorkstationConfig, WorkstationEvent,
+    XOFF, XON,
 };
 
+use self::peers::{Seen, Stranger, Watched};
 use super::wire::Cable;
 use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{End, Faults};
@@ -28,6 +31,8 @@ const ALTER: Duration = Duration::from_millis(28);
 const DISPLAY: Duration = Duration::from_millis(200);
 /// No session of faults is longer.
 const LONGEST: Duration = Duration::from_secs(600);
+/// A workstation that is not ours has no jobs.
+const STRANGE: Duration = Duration::from_secs(60);
 /// The fault-free time at the end, and the poses that must come in it.
 const HEALED: Duration = Duration::from_secs(60);
 const WORK: u32 = 20;
@@ -50,12 +55,16 @@ fn session(seed: u64, log: Log) -> Tally {
         stall: 0.03,
         ..Faults::SERIAL
     };
-    let (is_hostile_host, is_hostile_workstation) = (rng.chance(0.15), rng.chance(0.15));
+    let end = [End::A, End::B][rng.below(2)];
+    let mut stranger =
+        [None, None, Some(true), Some(false)][rng.below(4)].map(|kept| Stranger::new(end, kept));
+    let is_strange = |stranger: &Option<Stranger>, end| stranger.as_ref().is_some_and(|it| it.end == end);
     let mut wire = Wire::new(seed, faults.at_baud(19_200), ["workstation", "host"], true, log);
     wire.poll_late(0.01);
     let mut cell = Cell::new(log);
     let mut workstation = Workstation::new(WorkstationConfig::default()).unwrap();
-    let (mut ledger, mut now, mut out) = (Ledger::default(), Duration::ZERO, [0; PosePacket::MAX_LEN]);
+    let (mut ledger, mut now) = (Ledger::default(), Duration::ZERO);
+    let (mut seen, mut asked_at) = (Seen::default(), Duration::ZERO);
     let (mut requests, mut open) = (5 + rng.below(40), None);
     let (mut made, mut aliens, mut invented) = (Vec::<Made>::new(), Vec::new(), 0);
     let (mut shown, mut draw_at, mut plug_at) = (None, Duration::ZERO, Duration::ZERO);
@@ -73,6 +82,7 @@ fn session(seed: u64, log: Log) -> Tally {
                 log.line(now, format_args!("the workstation's port is closed and opened again"));
                 workstation.handle_disconnected(now);
                 workstation.handle_connected(now);
+                seen = Seen::default();
             }
             if rng.chance(0.002) {
                 log.line(now, format_args!("the workstation is restarted"));
@@ -83,21 +93,24 @@ fn session(seed: u64, log: Log) -> Tally {
                 }
                 shown = None;
                 workstation.handle_connected(now);
+                seen = Seen::default();
             }
         }
         let is_cut = now < plug_at;
         let asked = workstation.statistics().requests;
         let mut events = Vec::new();
-        turn(&mut Cable { wire: &mut wire, is_cut }, End::A, &mut workstation, now, |_, event| {
-            events.push(event);
-        });
-        if now >= draw_at {
-            workstation.draw(now);
-            let waits = workstation.machine().name() == "WaitingStale";
-            draw_at = now + operator(now, log, waits, healed.is_none(), &mut rng);
-            turn(&mut Cable { wire: &mut wire, is_cut }, End::A, &mut workstation, now, |_, event| {
-                events.push(event);
-            });
+        for draws in [false, true] {
+            if is_strange(&stranger, End::A) || draws && now < draw_at {
+                break;
+            }
+            if draws {
+                workstation.draw(now);
+                let waits = matches!(workstation.machine().name(), "WaitingStale" | "Overdue");
+                draw_at = now + operator(now, log, waits, healed.is_none(), &mut rng);
+            }
+            let mut line = Cable { wire: &mut wire, is_cut };
+            let mut line = Watched { line: &mut line, seen: &mut seen, wrong: &mut invented };
+            turn(&mut line, End::A, &mut workstation, now, |_, event| events.push(event));
         }
         for event in events {
             log.line(now, format_args!("  workstation: {event:?}"));
@@ -152,31 +165,34 @@ fn session(seed: u64, log: Log) -> Tally {
             log.line(now, format_args!("!!! the picture is stale, and nobody has said so"));
             (invented, shown) = (invented + 1, None);
         }
-        if healed.is_none() && (requests == 0 && open.is_none() || now > LONGEST) {
+        if open.is_some() && now >= asked_at + WorkstationConfig::default().stale_after {
+            log.line(now, format_args!("!!! nobody has said that the request is missed"));
+            invented += 1;
+        }
+        let longest = if is_strange(&stranger, End::A) { STRANGE } else { LONGEST };
+        if healed.is_none() && (requests == 0 && open.is_none() || now > longest) {
             healed = Some(now + HEALED);
             wire.heal(now);
+            // The end that is not ours goes, and another takes its place.
+            if let Some(Stranger { end, .. }) = stranger.take() {
+                match end {
+                    End::A => workstation.handle_connected(now),
+                    End::B => cell.restart(now),
+                }
+            }
             cell.heal(now);
             (requests, work, plug_at) = (0, 0, now);
         }
         if workstation.statistics().requests > asked && requests > 0 {
-            requests -= 1;
+            (requests, asked_at) = (requests - 1, now);
             open = Some(ledger.send(wire.mark()));
         }
-        cell.turn(&mut Cable { wire: &mut wire, is_cut }, now, &mut made);
-        if healed.is_none() {
-            if is_hostile_host && rng.chance(0.1) {
-                let packet = PosePacket { count: rng.next_u64() as u16, pose: anything(&mut rng) };
-                let n = packet.encode(&mut out).unwrap();
-                // The whole packet, or a piece of it.
-                let (from, to) = if rng.chance(0.5) { (0, n) } else { (rng.below(n), rng.below(n)) };
-                if (from, to) == (0, n) {
-                    made.push(Made { packet, received: false });
-                }
-                wire.send(End::B, now, out.get(from..to).unwrap_or_default());
-            }
-            if is_hostile_workstation && rng.chance(0.2) {
-                wire.send(End::A, now, &[ENQ; 5][..1 + rng.below(5)]);
-            }
+        let mut line = Cable { wire: &mut wire, is_cut };
+        if let Some(stranger) = &mut stranger {
+            stranger.turn(&mut line, now, &mut made, &mut rng);
+        }
+        if !is_strange(&stranger, End::B) {
+            cell.turn(&mut line, now, &mut made);
         }
         if healed.is_some_and(|until| now >= until || work >= WORK) {
             break;
@@ -185,7 +201,7 @@ fn session(seed: u64, log: Log) -> Tally {
             now,
             [
                 workstation.poll_timeout(),
-                cell.host.poll_timeout().filter(|_| cell.reads),
+                cell.host.poll_timeout().filter(|_| cell.reads && !is_strange(&stranger, End::B)),
                 Some(draw_at),
                 cell.alter.then_some(cell.pose_at),
                 Some(now + DISPLAY),
@@ -200,15 +216,16 @@ fn session(seed: u64, log: Log) -> Tally {
     let unseen = wire.settle(now, &mut tally, PosePacket::MAX_LEN, |from, bytes| match from {
         // A request of one byte has no check: one out of noise is answered with a pose.
         End::A => Check::Nothing,
-        End::B => match PosePacket::decode(bytes) {
+        End::B => match read(bytes) {
+            // What the handshake has only interrupted is as it was sent.
+            Ok(Some((packet, _))) if made.iter().any(|made| made.packet == packet) => Check::Nothing,
             Ok(Some((_, len))) => Check::Good(len),
             Err(DecodeError::Checksum { .. }) => Check::Refused,
             Ok(None) | Err(_) => Check::Nothing,
         },
     });
     for alien in aliens {
-        let made =
-            |bytes: &[u8]| matches!(PosePacket::decode(bytes), Ok(Some((packet, _))) if packet == alien);
+        let made = |bytes: &[u8]| matches!(read(bytes), Ok(Some((packet, _))) if packet == alien);
         if !unseen.iter().any(|unseen| made(&unseen.bytes)) {
             log.line(now, format_args!("!!! nobody sent {alien:?}"));
             tally.invented += 1;
@@ -216,6 +233,16 @@ fn session(seed: u64, log: Log) -> Tally {
     }
     ledger.settle(now, log, &mut tally, |_| false);
     tally
+}
+
+/// The packet that some bytes begin with, and its length: what is held or let go on within a line is no part of it.
+fn read(bytes: &[u8]) -> Result<Option<(PosePacket, usize)>, DecodeError> {
+    let is_text = |byte: &u8| !matches!(*byte, XON | XOFF);
+    let text: Vec<u8> = bytes.iter().copied().filter(is_text).take(PosePacket::MAX_LEN).collect();
+    let Some((packet, len)) = PosePacket::decode(&text)? else { return Ok(None) };
+    let end =
+        bytes.iter().enumerate().filter(|(_, byte)| is_text(byte)).nth(len - 1).map_or(0, |(at, _)| at + 1);
+    Ok(Some((packet, end)))
 }
 
 /// Until the next display cycle: the operator pauses a picture that is stale, and now and then another one.
@@ -244,6 +271,7 @@ struct Cell {
     newest: (u32, Duration),
     /// When the last packet was sent.
     sent_at: Option<Duration>,
+    seen: Seen,
     invented: u64,
 }
 
@@ -257,6 +285,7 @@ impl Cell {
             pose_at: Duration::ZERO,
             newest: (0, Duration::ZERO),
             sent_at: None,
+            seen: Seen::default(),
             invented: 0,
         }
     }
@@ -269,26 +298,35 @@ impl Cell {
                 self.reads = rng.chance(0.5);
             } else if !self.reads {
                 self.reads = true;
-                self.host.handle_connected(now);
+                self.connect(now);
             }
         }
         if rng.chance(0.002) {
             self.log.line(now, format_args!("the host's port is closed and opened again"));
             self.host.handle_disconnected(now);
-            self.host.handle_connected(now);
+            self.connect(now);
         }
         if rng.chance(0.002) {
             self.log.line(now, format_args!("the host is restarted"));
-            self.host = Host::new(HostConfig::default()).unwrap();
-            self.host.handle_connected(now);
+            self.restart(now);
         }
+    }
+
+    fn restart(&mut self, now: Duration) {
+        self.host = Host::new(HostConfig::default()).unwrap();
+        self.connect(now);
+    }
+
+    fn connect(&mut self, now: Duration) {
+        self.host.handle_connected(now);
+        self.seen = Seen::default();
     }
 
     fn heal(&mut self, now: Duration) {
         self.alter = true;
         if !self.reads {
             self.reads = true;
-            self.host.handle_connected(now);
+            self.connect(now);
         }
     }
 
@@ -302,7 +340,8 @@ impl Cell {
             self.host.set_pose(now, pose(self.newest.0));
         }
         let mut events = Vec::new();
-        turn(line, End::B, &mut self.host, now, |_, event| events.push(event));
+        let mut line = Watched { line, seen: &mut self.seen, wrong: &mut self.invented };
+        turn(&mut line, End::B, &mut self.host, now, |_, event| events.push(event));
         let config = HostConfig::default();
         for event in events {
             self.log.line(now, format_args!("  host: {event:?}"));

@@ -1,5 +1,7 @@
 //! A central controller and a robot over TCP. A job is a motion or an override.
 
+mod pipeline;
+
 use core::time::Duration;
 
 use mmacell_proto::robot_session::Session as _;
@@ -8,6 +10,7 @@ use mmacell_proto::{
     Mode, Order, Progress, Rejection, RobotPose, Unfinished,
 };
 
+use self::pipeline::Pipeline;
 use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
@@ -47,6 +50,8 @@ struct Cell {
     bad: f64,
     /// The end that does not keep the rules.
     hostile: Option<End>,
+    /// A central controller that does not wait for answers, which are then checked.
+    pipeline: Option<Pipeline>,
 }
 
 /// The robot's owner.
@@ -91,16 +96,21 @@ fn session(seed: u64, log: Log) -> Tally {
         is_done: false,
         sent: Vec::new(),
         bad,
+        pipeline: None,
         hostile: [None, None, None, None, None, None, Some(End::A), Some(End::B)][rng.below(8)],
         rng,
     };
     cell.wire.poll_late(0.02 * bad);
+    if cell.hostile == Some(End::A) && cell.rng.chance(0.5) {
+        cell.pipeline = Some(Pipeline::default());
+    }
     let jobs = 5 + cell.rng.below(36);
     while cell.ledger.len() < jobs && cell.now < LIMIT {
         cell.command();
         cell.step();
         // A hostile central controller has no jobs.
-        if cell.hostile == Some(End::A) && cell.now > 60 * S {
+        let is_done = cell.pipeline.as_ref().is_none_or(|pipeline| pipeline.open.is_empty() || cell.cut);
+        if cell.hostile == Some(End::A) && cell.now > 60 * S && is_done {
             break;
         }
     }
@@ -229,7 +239,12 @@ impl Cell {
         }
         if self.hostile.is_some() && self.wire.is_connected() && !self.cut {
             let (end, rng) = (self.hostile.unwrap_or(End::A), &mut self.rng);
-            if rng.chance(0.5) {
+            if let Some(pipeline) = &mut self.pipeline {
+                if rng.chance(0.05) && now < 60 * S {
+                    let bytes = pipeline.write(now, rng);
+                    self.wire.send(End::A, now, &bytes);
+                }
+            } else if rng.chance(0.5) {
                 let bytes = if end == End::A { any_command(rng) } else { any_reply(rng) };
                 self.wire.send(end, now, bytes);
             }
@@ -242,6 +257,7 @@ impl Cell {
             return;
         }
         self.cut = false;
+        self.pipeline = self.pipeline.is_some().then(Pipeline::default);
         self.wire.reconnect(self.now);
         self.robot.device.handle_connected(self.now);
         self.central.handle_connected(self.now);
@@ -313,9 +329,25 @@ impl Cell {
         let mut events = Vec::new();
         let mut line = Line { wire: &mut self.wire, cut: self.cut };
         if self.hostile == Some(End::A) {
-            // Nobody reads what the robot answers.
-            while line.receive(End::A, now, usize::MAX).is_some() {}
-            let broken = !self.wire.is_connected();
+            while let Some(delivery) = line.receive(End::A, now, usize::MAX) {
+                let (Delivery::Bytes(bytes), Some(pipeline)) = (delivery, &mut self.pipeline) else {
+                    continue;
+                };
+                if !pipeline.reads(now, &bytes) {
+                    log.line(now, format_args!("!!! not one answer for each command, in their order"));
+                    self.invented += 1;
+                }
+            }
+            let broken = !self.wire.is_connected() || self.cut;
+            if let Some(pipeline) = &mut self.pipeline
+                && !broken
+                && !pipeline.open.is_empty()
+                && now > pipeline.moved + 60 * S
+            {
+                log.line(now, format_args!("!!! {} commands are not answered", pipeline.open.len()));
+                self.invented += 1;
+                pipeline.open.clear();
+            }
             if broken && self.connects_at.is_none() {
                 self.connects_at = Some(now + 100 * MS);
             }

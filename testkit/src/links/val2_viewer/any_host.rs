@@ -1,0 +1,294 @@
+//! A workstation against hosts that are not ours.
+
+use core::time::Duration;
+
+use val2_viewer::WorkstationConfig;
+use val2_viewer::workstation::machine::{Action, Display, Enquiry, Input, Request, WorkstationMachine};
+
+use super::hold::{HELD, Hold, RESUMED};
+use super::pair::{CREDIT, ONE_OUTCOME, STALE};
+use super::world::TICK;
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+
+/// Ticks. A pause is shorter than the time of an answer, so that a request ends by either.
+pub(super) const PAUSE: u8 = 3;
+pub(super) const STALE_AFTER: u8 = 4;
+/// The requests that the line and the host hold at most.
+const REQUESTS: u8 = 2;
+
+pub(super) const MISSED: &str = "a request is missed when no answer has come in time, and not before";
+pub(super) const ENDED: &str = "a line ends the request, or the wait for a late answer; nothing shorter does";
+pub(super) const PAIRED: &str = "a pose answers the request that is open";
+
+const PROPERTIES: &[&str] = &[ONE_OUTCOME, CREDIT, MISSED, ENDED, STALE, HELD, RESUMED, EXPECTED];
+pub(super) const RULES: Terms = Terms {
+    keeps: "VV-1, VV-3",
+    free: "when it answers, how many requests with one packet, what the line corrupts, when it holds the line",
+    properties: PROPERTIES,
+};
+pub(super) const ANYTHING: Terms =
+    Terms { keeps: "", free: "packets, noise, XOFF and XON at any time", properties: PROPERTIES };
+
+/// A host of which only this is known.
+#[derive(Debug, Clone, Copy)]
+pub struct AnyHost {
+    /// The workstation's configuration.
+    pub config: WorkstationConfig,
+    /// It sends nothing unasked (VV-3), and says XON after XOFF (VV-1). The line loses and corrupts what it likes.
+    pub keeps_rules: bool,
+    /// Holds the ends to [`PAIRED`], which nothing in the protocol can give.
+    pub is_paired: bool,
+}
+
+/// What is known of the requests, the picture and the line.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Known {
+    /// Requests that the host may still answer: of before, and the last one.
+    earlier: u8,
+    last: bool,
+    /// The last request has no outcome.
+    open: bool,
+    /// No line has come since it was sent.
+    awaited: bool,
+    /// The workstation may ask: first, after an answer, after a pause.
+    credit: bool,
+    /// Ticks since it was sent, and since the last display cycle.
+    since_asked: u8,
+    since_drawn: u8,
+    /// Ticks since the pose that is shown has come.
+    shown: Option<u8>,
+    hold: Hold,
+    wrong: Option<&'static str>,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// A packet comes: it answers the oldest request, or all of them.
+    Pose {
+        /// All of them.
+        all: bool,
+    },
+    /// Bytes come that are no packet.
+    Corrupt {
+        /// They are a whole line, which was the answer to the oldest request.
+        line: bool,
+    },
+    /// A request, or the answer to it, is lost.
+    Lose,
+    /// XOFF comes.
+    Xoff,
+    /// XON comes.
+    Xon,
+    /// A display cycle.
+    Draw,
+}
+
+impl Peer for AnyHost {
+    type End = WorkstationMachine;
+    type Known = Known;
+    type Word = Word;
+
+    const TICK: Duration = TICK;
+
+    fn config(&self) -> &WorkstationConfig {
+        &self.config
+    }
+
+    fn end(&self) -> WorkstationMachine {
+        WorkstationMachine::Disconnected
+    }
+
+    fn known(&self) -> Known {
+        Known {
+            earlier: 0,
+            last: false,
+            open: false,
+            awaited: false,
+            credit: false,
+            since_asked: STALE_AFTER,
+            since_drawn: PAUSE,
+            shown: None,
+            hold: Hold(None),
+            wrong: None,
+        }
+    }
+
+    fn words(&self, end: &WorkstationMachine, known: &Known, words: &mut Vec<Word>) {
+        let requests = known.requests();
+        if requests > 0 {
+            words.push(Word::Lose);
+        }
+        if *end == WorkstationMachine::Disconnected {
+            return;
+        }
+        words.extend([Word::Draw, Word::Xoff, Word::Corrupt { line: false }]);
+        if requests > 0 || !self.keeps_rules {
+            words.extend([Word::Pose { all: false }, Word::Corrupt { line: true }]);
+        }
+        if requests > 1 {
+            words.push(Word::Pose { all: true });
+        }
+        if known.hold.0.is_some() || !self.keeps_rules {
+            words.push(Word::Xon);
+        }
+    }
+
+    fn by(&self, word: Word) -> By {
+        match word {
+            Word::Pose { .. } | Word::Corrupt { .. } | Word::Xoff | Word::Xon => By::Line,
+            Word::Draw => By::User,
+            Word::Lose => By::Others,
+        }
+    }
+
+    fn hear(&self, end: &WorkstationMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
+        Some(match word {
+            Word::Lose => {
+                known.answer(false);
+                return None;
+            }
+            Word::Pose { all } => {
+                let is_earlier = known.earlier > 0 && !all;
+                if self.is_paired && is_earlier && request(end).is_some_and(is_waiting) {
+                    known.wrong = Some(PAIRED);
+                }
+                known.answer(all);
+                Input::Pose
+            }
+            Word::Corrupt { line } => {
+                if line {
+                    known.answer(false);
+                }
+                Input::Corrupt { line }
+            }
+            Word::Xoff => {
+                known.hold = Hold(Some(0));
+                Input::Xoff
+            }
+            Word::Xon => {
+                known.hold = Hold(None);
+                Input::Xon
+            }
+            Word::Draw => {
+                known.credit |= known.since_drawn >= PAUSE;
+                known.since_drawn = 0;
+                Input::Draw
+            }
+        })
+    }
+
+    fn sent(&self, _: &Enquiry) -> InputOf<Self> {
+        Input::Sent
+    }
+
+    fn acted(&self, end: &WorkstationMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+        let mut wrong = None;
+        match action {
+            Action::Nothing | Action::Sent | Action::Unasked => {}
+            Action::Pose => {
+                wrong = known.end();
+                known.shown = Some(0);
+            }
+            Action::Missed => {
+                let is_early = cause == Cause::Due && known.since_asked < STALE_AFTER;
+                wrong = known.end().or(is_early.then_some(MISSED));
+            }
+            Action::Stale => known.shown = None,
+            Action::HoldEnded => wrong = known.hold.ended(),
+            Action::Closed { missed, stale } => {
+                wrong = if missed { known.end() } else { None };
+                known.shown = known.shown.filter(|_| !stale);
+            }
+        }
+        match cause {
+            Cause::Connected => {
+                (known.credit, known.awaited, known.hold) = (true, false, Hold(None));
+            }
+            Cause::Disconnected => {
+                (known.credit, known.awaited, known.hold) = (false, false, Hold(None));
+            }
+            Cause::Sent(Enquiry) => {
+                let has_credit = core::mem::take(&mut known.credit);
+                wrong = wrong.or(known.hold.sent()).or((!has_credit).then_some(CREDIT));
+                known.earlier = known.requests().min(REQUESTS - 1);
+                (known.last, known.open, known.awaited, known.since_asked) = (true, true, true, 0);
+            }
+            Cause::Word(Word::Pose { .. } | Word::Corrupt { line: true }) if known.awaited => {
+                (known.awaited, known.credit) = (false, true);
+                let goes_on = matches!(request(end), Some(Request::Waiting { .. } | Request::Overdue { .. }));
+                wrong = wrong.or(goes_on.then_some(ENDED));
+            }
+            Cause::Word(Word::Corrupt { line: false }) if known.awaited => {
+                wrong = wrong.or((request(end) == Some(Request::Allowed)).then_some(ENDED));
+            }
+            Cause::Due | Cause::Word(_) => {}
+        }
+        known.wrong = known.wrong.or(wrong);
+    }
+
+    fn tick(&self, known: &mut Known) {
+        let older = |ticks: &mut u8, most: u8| *ticks = (*ticks + 1).min(most);
+        older(&mut known.since_asked, STALE_AFTER + 1);
+        older(&mut known.since_drawn, PAUSE);
+        if let Some(shown) = &mut known.shown {
+            older(shown, STALE_AFTER + 1);
+        }
+        known.hold.tick();
+    }
+
+    fn restarted(&self, known: &mut Known) {
+        *known = Known { earlier: known.earlier, last: known.last, wrong: known.wrong, ..self.known() };
+    }
+
+    fn broken(&self, end: &WorkstationMachine, known: &Known, broken: &mut Vec<&'static str>) {
+        broken.extend(known.wrong);
+        let is_due = robot_session::Machine::expires(end, Duration::ZERO);
+        if request(end).is_some_and(is_waiting) != known.open {
+            broken.push(ONE_OUTCOME);
+        }
+        if known.open && known.since_asked > STALE_AFTER && !is_due {
+            broken.push(MISSED);
+        }
+        let is_late = known.shown > Some(STALE_AFTER) && !is_due;
+        if end.live_until().is_some() != known.shown.is_some() || is_late {
+            broken.push(STALE);
+        }
+    }
+
+    /// Whatever the host does, a request is sent and has an outcome in the end.
+    fn is_over(&self, end: &WorkstationMachine, known: &Known) -> bool {
+        !known.open && request(end) != Some(Request::Due)
+    }
+}
+
+impl Known {
+    fn requests(&self) -> u8 {
+        self.earlier + u8::from(self.last)
+    }
+
+    /// The host answers, or what it answers is lost.
+    fn answer(&mut self, all: bool) {
+        if all || self.earlier == 0 {
+            (self.earlier, self.last) = (0, false);
+        } else {
+            self.earlier -= 1;
+        }
+    }
+
+    /// The request has an outcome: what is wrong with that.
+    fn end(&mut self) -> Option<&'static str> {
+        (!core::mem::take(&mut self.open)).then_some(ONE_OUTCOME)
+    }
+}
+
+fn request(end: &WorkstationMachine) -> Option<Request> {
+    match end {
+        WorkstationMachine::Connected(Display { request, .. }) => Some(*request),
+        WorkstationMachine::Disconnected => None,
+    }
+}
+
+fn is_waiting(request: Request) -> bool {
+    matches!(request, Request::Waiting { .. })
+}

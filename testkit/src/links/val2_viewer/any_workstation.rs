@@ -1,0 +1,179 @@
+//! A host against workstations that are not ours.
+
+use core::time::Duration;
+
+use val2_viewer::HostConfig;
+use val2_viewer::host::machine::{Action, HostMachine, Input, Link, Pose};
+
+use super::hold::{HELD, Hold, RESUMED};
+use super::pair::{ASKED, FRESH, PACED, PILED};
+use super::world::{INTERVAL, MAX_AGE, PAUSE, TICK};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms, TransmitOf};
+
+const PROPERTIES: &[&str] = &[ASKED, PACED, PILED, FRESH, HELD, RESUMED, EXPECTED];
+pub(super) const RULES: Terms = Terms {
+    keeps: "VV-1, VV-8, VV-25, VV-27",
+    free: "when it asks, pauses and holds the line, and for how long",
+    properties: PROPERTIES,
+};
+pub(super) const ANYTHING: Terms =
+    Terms { keeps: "", free: "ENQ, XOFF and XON at any time", properties: PROPERTIES };
+
+/// A workstation of which only this is known.
+#[derive(Debug, Clone, Copy)]
+pub struct AnyWorkstation {
+    /// The host's configuration.
+    pub config: HostConfig,
+    /// It asks first, after a packet, or after a pause (VV-25, VV-27), and says XON after XOFF (VV-1).
+    pub keeps_rules: bool,
+}
+
+/// What is known of the requests, the packets and the pose.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Known {
+    /// The workstation may ask.
+    credit: bool,
+    /// A request has come on this connection, and no packet was sent since.
+    asked: bool,
+    hold: Hold,
+    /// Ticks since the connection, the last request, the last packet and the pose.
+    connected: u8,
+    since_asked: u8,
+    since_sent: u8,
+    age: u8,
+    wrong: Option<&'static str>,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// ENQ comes.
+    Enquiry,
+    /// XOFF comes.
+    Xoff,
+    /// XON comes.
+    Xon,
+    /// The caller has a new pose.
+    Pose,
+}
+
+impl Peer for AnyWorkstation {
+    type End = HostMachine;
+    type Known = Known;
+    type Word = Word;
+
+    const TICK: Duration = TICK;
+
+    fn config(&self) -> &HostConfig {
+        &self.config
+    }
+
+    fn end(&self) -> HostMachine {
+        HostMachine::NEW
+    }
+
+    fn known(&self) -> Known {
+        Known {
+            credit: true,
+            asked: false,
+            hold: Hold(None),
+            connected: 0,
+            since_asked: PAUSE,
+            since_sent: INTERVAL,
+            age: MAX_AGE,
+            wrong: None,
+        }
+    }
+
+    fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
+        words.push(Word::Pose);
+        if end.link == Link::Disconnected {
+            return;
+        }
+        words.push(Word::Xoff);
+        if known.credit || known.since_asked >= PAUSE || !self.keeps_rules {
+            words.push(Word::Enquiry);
+        }
+        if known.hold.0.is_some() || !self.keeps_rules {
+            words.push(Word::Xon);
+        }
+    }
+
+    fn by(&self, word: Word) -> By {
+        if word == Word::Pose { By::User } else { By::Line }
+    }
+
+    fn hear(&self, _: &HostMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
+        Some(match word {
+            Word::Enquiry => {
+                (known.asked, known.credit, known.since_asked) = (true, false, 0);
+                Input::Enquiry
+            }
+            Word::Xoff => {
+                known.hold = Hold(Some(0));
+                Input::Xoff
+            }
+            Word::Xon => {
+                known.hold = Hold(None);
+                Input::Xon
+            }
+            Word::Pose => {
+                known.age = 0;
+                Input::Pose
+            }
+        })
+    }
+
+    fn sent(&self, _: &TransmitOf<Self>) -> InputOf<Self> {
+        Input::Sent
+    }
+
+    fn acted(&self, _: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+        if action == Action::HoldEnded {
+            known.wrong = known.wrong.or(known.hold.ended());
+        }
+        match cause {
+            Cause::Connected | Cause::Disconnected => {
+                (known.asked, known.hold, known.connected) = (false, Hold(None), 0);
+            }
+            Cause::Sent(_) => {
+                let wrong = [
+                    (!known.asked).then_some(ASKED),
+                    (known.since_sent < INTERVAL).then_some(PACED),
+                    (known.connected < INTERVAL).then_some(PILED),
+                    (known.age >= MAX_AGE).then_some(FRESH),
+                    known.hold.sent(),
+                ];
+                known.wrong = wrong.into_iter().flatten().next().or(known.wrong);
+                (known.asked, known.credit, known.since_sent) = (false, true, 0);
+            }
+            Cause::Due | Cause::Word(_) => {}
+        }
+    }
+
+    fn tick(&self, known: &mut Known) {
+        let older = |ticks: &mut u8, most: u8| *ticks = (*ticks + 1).min(most);
+        older(&mut known.connected, INTERVAL);
+        older(&mut known.since_asked, PAUSE);
+        older(&mut known.since_sent, INTERVAL);
+        older(&mut known.age, MAX_AGE);
+        known.hold.tick();
+    }
+
+    fn restarted(&self, known: &mut Known) {
+        (known.asked, known.hold, known.age) = (false, Hold(None), MAX_AGE);
+    }
+
+    fn broken(&self, _: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
+        broken.extend(known.wrong);
+    }
+
+    /// A request is answered, if there are poses, also if no XON comes.
+    fn is_over(&self, _: &HostMachine, known: &Known) -> bool {
+        !known.asked
+    }
+
+    fn benign(&self, end: &HostMachine, _: &Known) -> Option<Word> {
+        (end.pose == Pose::Unknown).then_some(Word::Pose)
+    }
+}

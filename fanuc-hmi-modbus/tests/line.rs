@@ -14,7 +14,10 @@ use core::time::Duration;
 use common::{Bank, MS, bytes, transmitted};
 use fanuc_hmi_modbus::robot_session::Session as _;
 use fanuc_hmi_modbus::timing::transmission_time;
-use fanuc_hmi_modbus::{DecodeError, Framing, Reply, Request, Server, ServerConfig, ServerEvent, Words};
+use fanuc_hmi_modbus::{
+    Client, ClientConfig, ClientEvent, DecodeError, Failure, Framing, Reply, Request, Server, ServerConfig,
+    ServerEvent, Words,
+};
 
 const BAUDS: [u32; 7] = [1200, 2400, 9600, 19_200, 38_400, 57_600, 115_200];
 
@@ -263,6 +266,47 @@ fn a_byte_count_that_does_not_fit_is_refused() {
             assert_eq!(line.written(), []);
             assert_eq!(line.server.statistics().corrupt, 0);
         }
+    }
+}
+
+/// What fits and is shorter than the reply is an exception alone: the registers that function 23 reads may look like its refusal.
+#[test]
+fn the_data_of_a_damaged_reply_is_no_exception() {
+    let refusal = bytes(None, 1, Reply::Exception { function: 23, exception: 2.into() });
+    let request =
+        Request::ReadWriteRegisters { address: 0, quantity: 5, write_address: 10, values: Words::from(&[7]) };
+    for (config, damage) in [ClientConfig::rtu(19_200), ClientConfig::rtu_over_tcp()]
+        .into_iter()
+        .flat_map(|config| (0..15).map(move |damage| (config, damage)))
+    {
+        let settle = config.timeout + config.settle;
+        let mut client: Client = Client::new(config).unwrap();
+        client.handle_connected(Duration::ZERO);
+        client.handle_timeout(settle);
+        let ticket = client.request(1, &request).unwrap();
+        assert_eq!(transmitted(&mut client, settle).len(), 1);
+        let data = [words(&refusal), vec![7; 2]].concat();
+        let mut reply = bytes(None, 1, Reply::ReadWriteRegisters((&data[..]).into()));
+        reply[damage] ^= 0x10;
+        // Also where the driver takes a pause for a silence, right before the data.
+        let (head, tail) = reply.split_at(3);
+        client.handle_input(settle, head);
+        client.handle_timeout(settle + 500 * MS);
+        client.handle_input(settle + 500 * MS, tail);
+        client.handle_timeout(settle + 999 * MS);
+        let events: Vec<_> = core::iter::from_fn(|| client.poll_event()).collect();
+        assert!(events.iter().all(|event| event.outcome_of().is_none()), "{damage}: {events:?}");
+        // A refusal of a request that is sent later is one.
+        client.handle_timeout(2 * settle + 30_000 * MS);
+        client.handle_timeout(4 * settle + 60_000 * MS);
+        let now = 4 * settle + 60_000 * MS;
+        let later = client.request(1, &request).unwrap();
+        assert_eq!(transmitted(&mut client, now).len(), 1);
+        client.handle_input(now, &refusal);
+        let outcomes =
+            core::iter::from_fn(|| client.poll_event()).filter(|event| event.outcome_of().is_some());
+        let failed = ClientEvent::Failed { ticket, failure: Failure::TimedOut };
+        assert_eq!(outcomes.collect::<Vec<_>>(), [failed, ClientEvent::Replied { ticket: later, unit: 1 }]);
     }
 }
 

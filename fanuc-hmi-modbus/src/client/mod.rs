@@ -35,13 +35,16 @@ use crate::message::{PduBuf, Reply, Request, function};
 /// A reply that comes after its request has timed out is dropped and reported as [`ClientEvent::Stray`]. On TCP it is never
 /// taken for another one's; off TCP as far as [`ClientConfig::settle`] reaches.
 ///
-/// All bytes are taken. Corrupt ones cost the frames that they touch and are reported.
+/// All bytes are taken. Corrupt ones cost the frames that they touch and are reported. What is found behind them is taken if it fits, but for
+/// an exception in RTU frames: it may be data of the reply that was damaged.
 #[derive(Debug, Clone)]
 pub struct Client<const N: usize = 8, F = Framing> {
     core: Core<ClientMachine<N>, Decoder<F>, EventQueue<ClientEvent, EVENTS>, ClientStatistics>,
     places: [Place; N],
     /// The bytes before those that are read now ended within corruption.
     was_corrupt: bool,
+    /// Something corrupt has come since a request was sent.
+    is_doubtful: bool,
 }
 
 /// Outcomes have room here for every place.
@@ -91,6 +94,7 @@ impl<const N: usize, F: Framings> Client<N, F> {
             core: Core::new(config, ClientMachine::NEW, Decoder::new(framing, Side::Server)),
             places: [place; N],
             was_corrupt: false,
+            is_doubtful: false,
         })
     }
 
@@ -214,8 +218,16 @@ impl<const N: usize, F: Framings> Client<N, F> {
         places.iter().for_each(|place| self.fail(place, failure));
     }
 
+    /// Off TCP an exception is short enough to be data of the reply that is damaged: a write would seem to be refused.
+    #[inline(always)]
+    fn may_be_data(&self, frame: &Frame<&[u8]>) -> bool {
+        let is_exception = frame.pdu.first().is_some_and(|function| *function > function::EXCEPTION);
+        is_exception && self.is_doubtful && !self.core.decoder.has_transactions()
+    }
+
     #[cold]
     fn corrupt(&mut self, error: DecodeError) {
+        self.is_doubtful = true;
         self.core.statistics.corrupt += 1;
         self.core.events.push_notice(ClientEvent::Corrupt(error));
     }
@@ -267,7 +279,8 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
             };
             let frame = self.core.decoder.frame(range.clone())?;
             let transaction = frame.transaction.unwrap_or(0);
-            return Some((Input::Reply { transaction, fits: self.misfit(&frame).is_none() }, Some(range)));
+            let fits = !self.may_be_data(&frame) && self.misfit(&frame).is_none();
+            return Some((Input::Reply { transaction, fits }, Some(range)));
         }
     }
 
@@ -298,7 +311,9 @@ impl<const N: usize, F: Framings> End for Client<N, F> {
         let place = self.places.get(usize::from(due.place))?;
         let transaction = self.core.decoder.has_transactions().then_some(due.transaction);
         let frame = Frame { transaction, unit: place.unit, pdu: place.pdu.as_bytes() };
-        Some((frame.encode(out).ok()?, Input::Sent(due)))
+        let length = frame.encode(out).ok()?;
+        self.is_doubtful = false;
+        Some((length, Input::Sent(due)))
     }
 
     fn unexpected(unexpected: Unexpected) -> ClientEvent {

@@ -104,6 +104,75 @@ fn a_client_that_floods_a_serial_device_waits_and_takes_no_memory() {
     }
 }
 
+/// As at a serial port: what comes of the client before is discarded.
+fn open(client: &mut TcpStream) {
+    client.set_nonblocking(true).unwrap();
+    let mut buffer = [0; 256];
+    for _ in 0..50 {
+        thread::sleep(Duration::from_millis(10));
+        let _discarded = client.read(&mut buffer);
+    }
+    client.set_nonblocking(false).unwrap();
+}
+
+/// At 9600 baud 200 kB take four minutes, and what the system holds may take an hour.
+#[test]
+fn what_a_client_has_sent_that_has_left_is_dropped_and_the_next_one_is_served() {
+    thread::scope(|scope| {
+        for (device, noise, request, reply) in [
+            ("ball", &[ENQ][..], &[ENQ][..], &[0x08, 0xF8, 0x5D][..]),
+            ("puma", b"noise", b"", &[0x10, 0x10]),
+            (
+                "laser",
+                b"noise",
+                &[0xEB, 0x90, 0x82, 0xF0, 0xF1, 1, 1, 3, 0x90, 0x82, 0xF6],
+                &[0xEB, 0x90, 0x82, 0xF0],
+            ),
+        ] {
+            scope.spawn(move || {
+                let mut simulator = Running::listening(device);
+                for (most, resets) in [(3 * MB, true), (50_000, false)] {
+                    let mut client = simulator.connect();
+                    let taken = flood(&mut client, noise, most);
+                    assert!(taken >= 50_000, "{device} took {taken} bytes");
+                    SockRef::from(&client).set_linger(resets.then_some(Duration::ZERO)).unwrap();
+                    drop(client);
+                    let left = Instant::now();
+                    simulator.line("it has left, and what it has sent takes longer than 5 s");
+                    let mut next = simulator.connect();
+                    open(&mut next);
+                    next.write_all(request).unwrap();
+                    let mut found = vec![0; reply.len()];
+                    next.read_exact(&mut found).unwrap();
+                    assert_eq!(found, reply, "{device}");
+                    assert!(left.elapsed() < Duration::from_secs(20), "{device}: {:?}", left.elapsed());
+                }
+            });
+        }
+    });
+}
+
+/// A client that leaves at once has sent what it has sent, and one that comes at once is not refused.
+#[test]
+fn a_frame_of_a_client_that_has_left_is_executed() {
+    let mut laser = Running::listening("laser");
+    for reset in [false, true] {
+        let mut client = laser.connect();
+        client.write_all(&[0xEB, 0x90, 0x82, 0xF0, 0xF1, 1, 1, 1, 0x90, 0x82, 0xF4]).unwrap();
+        if reset {
+            SockRef::from(&client).set_linger(Some(Duration::ZERO)).unwrap();
+        }
+        drop(client);
+        let mut next = laser.connect();
+        laser.line(r#""event":"queued""#);
+        open(&mut next);
+        next.write_all(&[0xEB, 0x90, 0x82, 0xF0, 0xF1, 1, 1, 3, 0x90, 0x82, 0xF6]).unwrap();
+        let mut reply = [0; 8];
+        next.read_exact(&mut reply).unwrap();
+        assert_eq!(reply, [0xEB, 0x90, 0x82, 0xF0, 0xF1, 1, 1, 3], "the status");
+    }
+}
+
 #[test]
 fn a_second_client_of_a_serial_device_is_refused_and_the_first_is_served() {
     let mut ball = Running::listening("ball --set baud=115200");

@@ -58,6 +58,12 @@ impl Decoder {
         self.raw.is_empty()
     }
 
+    /// Whether what is held begins as a frame does, as far as it goes.
+    pub(crate) fn has_begun(&self) -> bool {
+        let raw = self.raw.bytes();
+        !raw.is_empty() && raw.iter().zip(HEAD).all(|(byte, head)| *byte == head)
+    }
+
     /// Whether the last byte came alone, and is only one more of a payload, or of what has no head.
     #[inline]
     fn passes(&mut self) -> bool {

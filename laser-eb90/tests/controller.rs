@@ -4,9 +4,9 @@
 
 mod common;
 
-use common::{CUT, MS, STOP, WHERE, controller, cut, echo, frame};
+use common::{CUT, Cut, MS, STOP, WHERE, controller, cut, echo, frame};
 use laser_eb90::robot_session::{Session as _, Unexpected};
-use laser_eb90::{Class, ControllerConfig, ControllerEvent, Frame, Refusal, SessionError};
+use laser_eb90::{Class, Controller, ControllerConfig, ControllerEvent, Frame, Refusal, SessionError};
 
 /// §2: "对于立即执行指令,先执行该指令,然后才返回应答": executed first, then answered, however long it takes.
 #[test]
@@ -35,7 +35,8 @@ fn an_immediate_instruction_is_executed_before_it_is_answered() {
     assert_eq!(controller.refuse(MS * 5009, Refusal::BadParameters), Err(SessionError::NotExecuting));
 }
 
-/// Two answers to one frame would make the host send it again, and the robot execute it twice.
+/// Two answers to one frame would make the host send it again, and the robot execute it twice. Nothing is executed behind corrupt
+/// bytes before the line was silent: it may be out of the middle of another frame.
 #[test]
 fn a_stretch_of_bytes_is_answered_once() {
     let good = frame(&[1, 2], |_| ());
@@ -44,8 +45,9 @@ fn a_stretch_of_bytes_is_answered_once() {
     let junk = [0x55; 40];
     let queued = |stream: &[&[u8]]| send_to_controller(&stream.concat());
     assert_eq!(queued(&[&good]), (Some(echo(CUT)), 2));
-    assert_eq!(queued(&[&junk, &good]), (Some(echo(CUT)), 2));
-    assert_eq!(queued(&[&bad, &good]), (Some(echo(CUT)), 2));
+    assert_eq!(queued(&[&junk, &good]), (Some(echo(0xE002)), 0));
+    assert_eq!(queued(&[&bad, &good]), (Some(echo(0xE001)), 0));
+    assert_eq!(queued(&[&junk[..Frame::MIN_LEN - 1], &good]), (Some(echo(CUT)), 2), "a few bytes of noise");
     assert_eq!(queued(&[&good, &bad]), (Some(echo(CUT)), 2));
     assert_eq!(queued(&[&good, &junk]), (Some(echo(CUT)), 2));
     assert_eq!(queued(&[&bad]), (Some(echo(0xE001)), 0));
@@ -117,24 +119,63 @@ fn a_queue_of_9999_takes_9999() {
     assert!(reader.is_empty());
 }
 
-/// What comes after a pause longer than the silence has no head: it is no part of the frame before.
+/// What comes after a pause longer than the silence has no head: it is the rest of what was answered, until a frame begins.
 #[test]
-fn the_first_half_of_a_frame_is_dropped_when_the_line_is_silent() {
-    let (mut controller, reader) = controller(ControllerConfig::default(), 21);
+fn the_rest_of_a_frame_that_was_answered_is_not_answered() {
+    let (mut controller, mut reader) = controller(ControllerConfig::default(), 21);
     let mut out = [0; Frame::MAX_LEN];
+    let mut answer = |controller: &mut Controller<'static, Cut>, ms: u32| {
+        controller.handle_timeout(MS * ms);
+        let length = controller.poll_transmit(MS * (ms + 16), &mut out)?;
+        Some(out[..length].to_vec())
+    };
     let frame = frame(&[1, 2, 3], |_| ());
     let (head, rest) = frame.split_at(20);
     controller.handle_input(MS, head);
     assert_eq!(controller.poll_timeout(), Some(MS * 51));
-    controller.handle_timeout(MS * 51);
-    assert_eq!(controller.poll_timeout(), Some(MS * 64));
-    let length = controller.poll_transmit(MS * 64, &mut out).unwrap();
-    assert_eq!(out[..length], echo(0xE002));
-    controller.handle_input(MS * 70, rest);
-    let length = controller.poll_transmit(MS * 128, &mut out).unwrap();
-    assert_eq!(out[..length], echo(0xE002), "the rest is answered once");
-    assert_eq!(controller.poll_transmit(MS * 1000, &mut out), None);
+    assert_eq!(answer(&mut controller, 51), Some(echo(0xE002)));
+    controller.handle_input(MS * 70, &rest[..10]);
+    assert_eq!(answer(&mut controller, 150), None);
+    controller.handle_input(MS * 200, &rest[10..]);
+    assert_eq!(answer(&mut controller, 300), None);
     assert!(reader.is_empty());
+    // The same again, paused again: a frame that begins is answered.
+    controller.handle_input(MS * 400, head);
+    assert_eq!(answer(&mut controller, 500), Some(echo(0xE002)));
+    // The rest and the whole frame at once: what it asks for may be out of the middle of the rest.
+    controller.handle_input(MS * 550, &[rest, &frame].concat());
+    assert_eq!(answer(&mut controller, 650), Some(echo(0xE002)));
+    assert!(reader.is_empty());
+    controller.handle_input(MS * 700, &frame);
+    assert_eq!(answer(&mut controller, 704), Some(echo(CUT)));
+    assert_eq!(reader.take().map(|job| job.complete()), Some(cut(1)));
+    // A frame has been taken: what has no head is a frame whose head is corrupt.
+    controller.handle_input(MS * 900, rest);
+    assert_eq!(answer(&mut controller, 1000), Some(echo(0xE002)));
+}
+
+/// A byte is lost, and parameters read as a frame: nobody has asked for it.
+#[test]
+fn nothing_is_executed_out_of_the_middle_of_a_corrupt_frame() {
+    let inner = echo(CUT);
+    let parameters = &inner[..8];
+    for (is_lost, has_no_head) in [(false, false), (true, false), (true, true)] {
+        let mut outer = frame(&[], |p| drop(p.word(STOP).and_then(|p| p.u8(parameters))));
+        if is_lost {
+            let doubled = outer.windows(2).position(|pair| pair == [0x90, 0x90]).unwrap();
+            outer.remove(doubled);
+            *outer.last_mut().unwrap() = *inner.last().unwrap();
+        }
+        if has_no_head {
+            outer[0] = 0xEA;
+        }
+        let (mut controller, reader) = controller(ControllerConfig::default(), 7);
+        controller.handle_input(MS, &outer);
+        controller.handle_timeout(MS * 51);
+        let executes = core::iter::from_fn(|| controller.poll_event())
+            .any(|event| matches!(event, ControllerEvent::Execute { .. }));
+        assert_eq!((executes, reader.len()), (!is_lost, 0), "{outer:02X?}");
+    }
 }
 
 /// What is executed goes on when the connection is lost; its answer goes nowhere.

@@ -21,7 +21,7 @@ pub struct ControllerConfig {
     /// The controller's cycle, at whose end answers are sent. Default: 16 ms (§4.1).
     pub tick: Duration,
     /// How long no byte must come before corrupt bytes are answered and an incomplete frame is dropped. Default: 50 ms. A PC
-    /// that pauses longer within a frame gets an error code for each half.
+    /// that pauses longer within a frame gets an error code for what it has sent, and none for the rest.
     pub silence: Duration,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
@@ -29,10 +29,14 @@ pub struct ControllerConfig {
 }
 
 robot_session::rules! {
-    /// The rule of the controller's machine that no setting takes out.
+    /// The rules of the controller's machine that no setting takes out.
     pub enum Rule {
         /// Bytes that are too few for a frame are not answered.
         IgnoreShort,
+        /// Bytes without a head, after an error code, are the rest of what it answers.
+        IgnoreRest,
+        /// A frame behind corrupt bytes is not taken before the line was silent.
+        TrustSilence,
     }
 }
 

@@ -26,8 +26,8 @@ pub struct ControllerMachine {
 pub enum Work {
     /// Nothing: it waits for a frame.
     Listening {
-        /// Corrupt bytes came, and no frame since: an error code follows when the line is silent.
-        fault: Option<Fault>,
+        /// Bytes without a head are the rest of what was answered last, until a frame begins.
+        rest: bool,
     },
     /// The caller executes an immediate instruction or a query.
     Executing {
@@ -45,13 +45,15 @@ pub enum Work {
     },
 }
 
-/// Corrupt bytes that have not been answered.
+/// Bytes that are no frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Fault {
     /// What was wrong first.
     pub refusal: Refusal,
     /// How many bytes, as far as it matters: up to the length of the shortest frame.
     pub bytes: u8,
+    /// An error code follows when the line is silent.
+    pub is_answered: bool,
 }
 
 /// What the controller receives.
@@ -62,12 +64,18 @@ pub enum Receiving {
     /// The line is silent.
     Silent,
     /// Bytes came.
-    Bytes {
-        /// When the line counts as silent.
-        silent_at: Duration,
-        /// The beginning of a frame is held.
-        partial: bool,
-    },
+    Bytes(Stretch),
+}
+
+/// Bytes between two silences.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Stretch {
+    /// When the line counts as silent.
+    pub silent_at: Duration,
+    /// The beginning of a frame is held.
+    pub partial: bool,
+    /// Some of them are no frame, and none was taken since.
+    pub fault: Option<Fault>,
 }
 
 /// What the controller answers.
@@ -94,7 +102,11 @@ pub enum Input {
         refusal: Refusal,
         /// How many.
         bytes: u8,
+        /// They begin as a frame does, as far as they go.
+        begun: bool,
     },
+    /// A good frame that [is not trusted](ControllerMachine::trusts).
+    Untrusted,
     /// A good frame whose instructions are queued.
     Queued {
         /// The command word of the first.
@@ -149,7 +161,13 @@ impl Machine for ControllerMachine {
             let due = timing::end_of_tick(now, config.tick);
             (Is::Answering { answer, due }, Action::Answer(answer))
         };
-        let idle = Is::Listening { fault: None };
+        // A frame that is taken ends what was corrupt before it.
+        let good = |stretch| Line::Bytes(Stretch { fault: None, ..stretch });
+        let idle = Is::Listening { rest: false };
+        let is_good = matches!(input, On::Queued { .. } | On::Refused(_) | On::Immediate { .. });
+        if is_good && !self.trusts(config) {
+            return Err(self.unexpected(&input));
+        }
         let (work, line, action) = match (self.work, self.line, input) {
             // What is being executed goes on, but has nobody to answer.
             (Is::Executing { word, .. }, _, On::Connected) => {
@@ -164,84 +182,104 @@ impl Machine for ControllerMachine {
             }
             (work, Line::Silent, On::Bytes) => {
                 let silent_at = now.saturating_add(config.silence);
-                (work, Line::Bytes { silent_at, partial: false }, Nothing)
+                (work, Line::Bytes(Stretch { silent_at, partial: false, fault: None }), Nothing)
             }
-            (work, Line::Bytes { partial, .. }, On::Bytes) => {
+            (work, Line::Bytes(stretch), On::Bytes) => {
                 let silent_at = now.saturating_add(config.silence);
-                (work, Line::Bytes { silent_at, partial }, Nothing)
+                (work, Line::Bytes(Stretch { silent_at, ..stretch }), Nothing)
             }
             // No silence is awaited any more.
-            (work @ Is::Answering { .. }, Line::Bytes { silent_at, .. }, On::Read { partial: false })
-                if is_due(silent_at, now) =>
+            (work @ Is::Answering { .. }, Line::Bytes(stretch), On::Read { partial: false })
+                if is_due(stretch.silent_at, now) =>
             {
                 (work, Line::Silent, Nothing)
             }
-            (work, Line::Bytes { silent_at, .. }, On::Read { partial }) => {
-                (work, Line::Bytes { silent_at, partial }, Nothing)
+            (work, Line::Bytes(stretch), On::Read { partial }) => {
+                (work, Line::Bytes(Stretch { partial, ..stretch }), Nothing)
             }
             (work, Line::Silent, On::Read { partial: false }) => (work, Line::Silent, Nothing),
             // What was executed had nobody left to answer.
             (work @ Is::Listening { .. }, Line::Disconnected, On::Read { partial: false }) => {
                 (work, Line::Disconnected, Nothing)
             }
-            (Is::Listening { fault }, line @ Line::Bytes { .. }, On::Corrupt { refusal, bytes }) => {
-                let fault = fault.unwrap_or(Fault { refusal, bytes: 0 });
-                let bytes = fault.bytes.saturating_add(bytes).min(Fault::ENOUGH);
-                (Is::Listening { fault: Some(Fault { bytes, ..fault }) }, line, Nothing)
+            (
+                work @ (Is::Listening { .. } | Is::Answering { .. }),
+                Line::Bytes(stretch),
+                On::Corrupt { refusal, bytes, begun },
+            ) => {
+                let (work, is_answered) = match work {
+                    // Behind the rest of a frame, less than a head may be more of it, and less than a frame the end of its tail.
+                    Is::Listening { rest: true } if config.rules.keeps(Rule::IgnoreRest) => {
+                        let begins = |length| begun && (stretch.fault.is_none() || bytes >= length);
+                        (Is::Listening { rest: !begins(Fault::HEAD) }, begins(Fault::ENOUGH))
+                    }
+                    Is::Listening { .. } => (work, true),
+                    // Two answers to one frame would make the host send it again, and the robot execute it twice.
+                    Is::Answering { .. } | Is::Executing { .. } => (work, false),
+                };
+                let fault = stretch.fault.unwrap_or(Fault { refusal, bytes: 0, is_answered });
+                let fault = Fault {
+                    bytes: fault.bytes.saturating_add(bytes).min(Fault::ENOUGH),
+                    is_answered: fault.is_answered || is_answered,
+                    ..fault
+                };
+                (work, Line::Bytes(Stretch { fault: Some(fault), ..stretch }), Nothing)
             }
-            // Two answers to one frame would make the host send it again, and the robot execute it twice.
-            (work @ Is::Answering { .. }, line @ Line::Bytes { .. }, On::Corrupt { .. }) => {
-                (work, line, Nothing)
+            // The host waits for the answer to this frame, and for no older one.
+            (
+                Is::Listening { .. } | Is::Answering { .. },
+                Line::Bytes(stretch @ Stretch { fault: Some(fault), .. }),
+                On::Untrusted,
+            ) if fault.is_enough() => {
+                let fault = Some(Fault { is_answered: true, ..fault });
+                (idle, Line::Bytes(Stretch { fault, ..stretch }), Nothing)
             }
             // A frame that comes before the last one is answered shows that the host has stopped waiting for that answer.
-            (Is::Listening { .. } | Is::Answering { .. }, line @ Line::Bytes { .. }, On::Queued { word }) => {
+            (Is::Listening { .. } | Is::Answering { .. }, Line::Bytes(stretch), On::Queued { word }) => {
                 let (work, action) = answer(Answer::Echo(word));
-                (work, line, action)
+                (work, good(stretch), action)
             }
-            (
-                Is::Listening { .. } | Is::Answering { .. },
-                line @ Line::Bytes { .. },
-                On::Refused(refusal),
-            ) => {
+            (Is::Listening { .. } | Is::Answering { .. }, Line::Bytes(stretch), On::Refused(refusal)) => {
                 let (work, action) = answer(Answer::Error(refusal));
-                (work, line, action)
+                (work, good(stretch), action)
+            }
+            (Is::Listening { .. } | Is::Answering { .. }, Line::Bytes(stretch), On::Immediate { word }) => {
+                (Is::Executing { word, connected: true }, good(stretch), Action::Execute)
             }
             (
-                Is::Listening { .. } | Is::Answering { .. },
-                line @ Line::Bytes { .. },
-                On::Immediate { word },
-            ) => (Is::Executing { word, connected: true }, line, Action::Execute),
-            (Is::Listening { fault: Some(fault) }, Line::Bytes { .. }, On::Timeout)
-                if fault.bytes >= Fault::ENOUGH || !config.rules.keeps(Rule::IgnoreShort) =>
-            {
+                Is::Listening { .. },
+                Line::Bytes(Stretch { fault: Some(fault @ Fault { is_answered: true, .. }), .. }),
+                On::Timeout,
+            ) if fault.is_enough() || !config.rules.keeps(Rule::IgnoreShort) => {
                 let (work, action) = answer(Answer::Error(fault.refusal));
                 (work, Line::Silent, action)
             }
-            (Is::Listening { .. }, Line::Bytes { .. }, On::Timeout) => (idle, Line::Silent, Nothing),
-            (work @ Is::Answering { .. }, Line::Bytes { .. }, On::Timeout) => (work, Line::Silent, Nothing),
+            (work @ (Is::Listening { .. } | Is::Answering { .. }), Line::Bytes(_), On::Timeout) => {
+                (work, Line::Silent, Nothing)
+            }
             (Is::Executing { connected: false, .. }, line, On::Executed(_)) => (idle, line, Nothing),
             (Is::Executing { word, connected: true }, line, On::Executed(result)) => {
                 let (work, action) = answer(result.map_or_else(Answer::Error, |()| Answer::Echo(word)));
                 (work, line, action)
             }
-            (Is::Answering { .. }, line, On::Sent) if self.due(now).is_some() => {
-                (idle, line.at(now), Action::Sent)
+            (Is::Answering { answer, .. }, line, On::Sent) if self.due(now).is_some() => {
+                let rest = answer.is_to_corrupt_bytes() || line.fault().is_some();
+                (Is::Listening { rest }, line.at(now), Action::Sent)
             }
             (_, Line::Disconnected, On::Bytes | On::Read { .. } | On::Timeout)
             | (_, Line::Silent, On::Read { partial: true } | On::Timeout)
-            | (_, Line::Disconnected | Line::Silent, On::Corrupt { .. })
             | (
                 _,
                 Line::Disconnected | Line::Silent,
-                On::Queued { .. } | On::Refused(_) | On::Immediate { .. },
+                On::Corrupt { .. } | On::Queued { .. } | On::Refused(_) | On::Immediate { .. },
             )
             | (
                 Is::Executing { .. },
-                Line::Bytes { .. },
+                Line::Bytes(_),
                 On::Corrupt { .. } | On::Queued { .. } | On::Refused(_) | On::Immediate { .. } | On::Timeout,
             )
             | (Is::Listening { .. } | Is::Answering { .. }, _, On::Executed(_))
-            | (_, _, On::Sent) => return Err(self.unexpected(&input)),
+            | (_, _, On::Untrusted | On::Sent) => return Err(self.unexpected(&input)),
         };
         (self.work, self.line) = (work, line);
         Ok(action)
@@ -277,8 +315,8 @@ impl Machine for ControllerMachine {
         if let Work::Answering { due, .. } = &mut self.work {
             f(due);
         }
-        if let Receiving::Bytes { silent_at, .. } = &mut self.line {
-            f(silent_at);
+        if let Receiving::Bytes(stretch) = &mut self.line {
+            f(&mut stretch.silent_at);
         }
     }
 
@@ -286,28 +324,35 @@ impl Machine for ControllerMachine {
         match (self.line, self.work) {
             (Receiving::Disconnected, Work::Listening { .. } | Work::Answering { .. }) => "Disconnected",
             (Receiving::Disconnected, Work::Executing { .. }) => "DisconnectedExecuting",
-            (Receiving::Silent | Receiving::Bytes { .. }, Work::Listening { fault: None }) => "Listening",
-            (Receiving::Silent | Receiving::Bytes { .. }, Work::Listening { fault: Some(_) }) => {
-                "ListeningFault"
-            }
-            (Receiving::Silent | Receiving::Bytes { .. }, Work::Executing { .. }) => "Executing",
-            (Receiving::Silent | Receiving::Bytes { .. }, Work::Answering { .. }) => "Answering",
+            (_, Work::Executing { .. }) => "Executing",
+            (_, Work::Answering { .. }) => "Answering",
+            (line, Work::Listening { rest }) => match line.fault() {
+                Some(Fault { is_answered: true, .. }) => "ListeningFault",
+                _ if rest => "ListeningRest",
+                Some(_) | None => "Listening",
+            },
         }
     }
 }
 
 impl ControllerMachine {
     /// A controller without a connection.
-    pub const NEW: Self = Self { work: Work::Listening { fault: None }, line: Receiving::Disconnected };
+    pub const NEW: Self = Self { work: Work::Listening { rest: false }, line: Receiving::Disconnected };
 
     /// Whether there is a connection: without one nothing is read.
     pub fn is_connected(&self) -> bool {
         self.line != Receiving::Disconnected
     }
 
+    /// Whether a good frame is taken. Not behind corrupt bytes, before the line is silent: it may be out of the middle of another
+    /// frame. A few bytes of noise are none.
+    pub fn trusts(&self, config: &ControllerConfig) -> bool {
+        !self.line.fault().is_some_and(|fault| fault.is_enough()) || !config.rules.keeps(Rule::TrustSilence)
+    }
+
     /// The answer that is to be put on the line. It waits while the rest of a frame may come.
     fn due(&self, now: Duration) -> Option<Answer> {
-        let is_receiving = matches!(self.line, Receiving::Bytes { partial: true, .. });
+        let is_receiving = matches!(self.line, Receiving::Bytes(Stretch { partial: true, .. }));
         match self.work {
             Work::Answering { answer, due } if is_due(due, now) && !is_receiving => Some(answer),
             Work::Answering { .. } | Work::Listening { .. } | Work::Executing { .. } => None,
@@ -317,8 +362,10 @@ impl ControllerMachine {
     /// When a silence is awaited: not while an instruction is executed, and not beside an answer that nothing holds up.
     fn silent_at(&self) -> Option<Duration> {
         match (self.work, self.line) {
-            (Work::Listening { .. }, Receiving::Bytes { silent_at, .. })
-            | (Work::Answering { .. }, Receiving::Bytes { silent_at, partial: true }) => Some(silent_at),
+            (Work::Listening { .. }, Receiving::Bytes(stretch))
+            | (Work::Answering { .. }, Receiving::Bytes(stretch @ Stretch { partial: true, .. })) => {
+                Some(stretch.silent_at)
+            }
             (Work::Listening { .. } | Work::Executing { .. } | Work::Answering { .. }, _) => None,
         }
     }
@@ -328,8 +375,15 @@ impl Receiving {
     /// The same, unless it is silent now.
     fn at(self, now: Duration) -> Self {
         match self {
-            Self::Bytes { silent_at, .. } if is_due(silent_at, now) => Self::Silent,
-            Self::Disconnected | Self::Silent | Self::Bytes { .. } => self,
+            Self::Bytes(stretch) if is_due(stretch.silent_at, now) => Self::Silent,
+            Self::Disconnected | Self::Silent | Self::Bytes(_) => self,
+        }
+    }
+
+    fn fault(self) -> Option<Fault> {
+        match self {
+            Self::Bytes(stretch) => stretch.fault,
+            Self::Disconnected | Self::Silent => None,
         }
     }
 }
@@ -337,6 +391,19 @@ impl Receiving {
 impl Fault {
     /// The length of the shortest frame: fewer bytes are no frame that somebody waits for.
     pub const ENOUGH: u8 = 8;
+    /// The length of a head.
+    const HEAD: u8 = 3;
+
+    fn is_enough(self) -> bool {
+        self.bytes >= Self::ENOUGH
+    }
 }
 
-robot_session::inputs!(Input: Bytes, Corrupt, Queued, Refused, Immediate, Read, Executed, Sent);
+impl Answer {
+    /// Whether it says that bytes were corrupt: more of them may follow.
+    fn is_to_corrupt_bytes(self) -> bool {
+        matches!(self, Self::Error(Refusal::BadChecksum | Refusal::BadFrame))
+    }
+}
+
+robot_session::inputs!(Input: Bytes, Corrupt, Untrusted, Queued, Refused, Immediate, Read, Executed, Sent);

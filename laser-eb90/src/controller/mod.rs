@@ -33,9 +33,12 @@ use crate::words::{Class, Refusal};
 /// - [`Execute`](ControllerEvent::Execute) is answered by [`answer`](Self::answer) or [`refuse`](Self::refuse); until then
 ///   [`instruction`](Self::instruction) holds what to execute.
 /// - A corrupt frame is dropped, and answered with an error code when the line has been silent for
-///   [`silence`](ControllerConfig::silence) and no good frame was among the bytes. The beginning of a frame that is held then is
-///   dropped with it. Two answers to one frame would make the host send, and the robot execute, a frame twice; so bytes that
-///   are too few for a frame are not answered at all, nor is corruption between a good frame and its answer.
+///   [`silence`](ControllerConfig::silence). The beginning of a frame that is held then is dropped with it. Two answers to one frame
+///   would make the host send, and the robot execute, a frame twice; so bytes that are too few for a frame are not answered at all,
+///   nor is corruption between a good frame and its answer, nor, after an error code, what has no head: it is the rest of what was
+///   answered.
+/// - Nothing is executed out of the middle of corrupt bytes: behind them a frame is taken only when the line was silent in between,
+///   and answered with an error code before. Fewer than eight bytes of noise in front of it are no reason.
 /// - A frame with an immediate instruction or a query and another instruction is refused, and so is a NaN or an infinity.
 /// - An answer is sent at the end of the controller's cycle. If another frame comes before, the host has stopped waiting: the
 ///   older answer is withdrawn.
@@ -225,8 +228,10 @@ where
 
     /// Instructions are queued here: whether they all can be is known only then.
     fn next_input(&mut self) -> Option<(Input, Option<ControllerEvent>)> {
-        let before = self.core.decoder.position();
+        let (before, has_begun) = (self.core.decoder.position(), self.core.decoder.has_begun());
+        let trusts = self.core.machine.trusts(&self.core.config);
         let (input, event) = match self.core.decoder.next_frame()? {
+            Ok(_) if !trusts => (Input::Untrusted, None),
             Ok(frame) => match judge(frame.items(), &self.core.config, &mut self.queue) {
                 Ok(Verdict::Queued { word, count }) => {
                     self.core.statistics.queued += u64::from(count);
@@ -248,7 +253,14 @@ where
                 let checksum = matches!(error, DecodeError::Checksum { .. });
                 let refusal = if checksum { Refusal::BadChecksum } else { Refusal::BadFrame };
                 let bytes = u8::try_from(self.core.decoder.position() - before).unwrap_or(u8::MAX);
-                (Input::Corrupt { refusal, bytes }, None)
+                let begun = match error {
+                    DecodeError::NoHead { .. }
+                    | DecodeError::Flag { .. }
+                    | DecodeError::Tag { offset: 0, .. } => false,
+                    DecodeError::Incomplete { .. } => has_begun,
+                    _ => true,
+                };
+                (Input::Corrupt { refusal, bytes, begun }, None)
             }
         };
         Some((input, event))

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
+mod article;
 mod bad_line;
 mod cell;
 #[path = "../../../laser-eb90/tests/common/mod.rs"]

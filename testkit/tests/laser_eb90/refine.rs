@@ -8,15 +8,13 @@ use laser_eb90::{
 };
 use robot_session::{Machine as _, Session as _};
 use robot_work_queue::Reader as QueueReader;
-use testkit::links::laser_eb90::setup;
 use testkit::links::laser_eb90::world::{
-    Act, Content, Fate, Found, Reader, Reported, SWITCH, Setup, Transmission, World,
+    Act, Content, Fate, Found, Reported, SWITCH, Setup, Transmission, World,
 };
+use testkit::links::laser_eb90::{OURS, setup};
 use testkit::model::{Options, System, explore};
 
 use crate::cell::CUT;
-
-const OURS: Reader = Reader { keeps: false, swallows: false, answers_headless: true, refuses_mixed: true };
 
 /// Which frame an instruction is of.
 struct Part(u8);

@@ -7,7 +7,7 @@ mod server;
 use std::collections::VecDeque;
 use std::io::{self, Write};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -63,7 +63,11 @@ pub struct Line {
     byte_time: Duration,
     incoming: Receiver<Chunk>,
     writer: Box<dyn Write + Send>,
-    connected: Arc<AtomicBool>,
+    client: Arc<Presence>,
+    /// Chunks of which a byte has not arrived.
+    chunks: usize,
+    /// How many clients had left when this was looked at.
+    left: usize,
     /// Whether the device has seen that a client is connected: it does before the client's first byte.
     announced: bool,
     sending: Direction,
@@ -76,20 +80,34 @@ pub struct Line {
     is_overrun: bool,
 }
 
-/// Bytes that were read, and when.
-type Chunk = (Duration, Vec<u8>);
+/// Bytes that were read, when, and how many clients had left then.
+type Chunk = (Duration, Vec<u8>, usize);
 
 /// What the thread that reads from the client shares with the line.
 struct Feed {
     clock: Clock,
     sender: SyncSender<Chunk>,
-    connected: Arc<AtomicBool>,
+    client: Arc<Presence>,
+}
+
+/// What is known of the client.
+#[derive(Debug, Default)]
+struct Presence {
+    is_connected: AtomicBool,
+    /// Chunks that were read from it, and have not arrived at the device.
+    under_way: AtomicUsize,
+    /// How many clients have left: what is on the line then is lost.
+    left: AtomicUsize,
 }
 
 impl Feed {
-    /// Whether the line is still there: then it has a reference to `connected`.
+    /// Whether the line is still there: then it has a reference to `client`.
     fn is_wanted(&self) -> bool {
-        Arc::strong_count(&self.connected) > 1
+        Arc::strong_count(&self.client) > 1
+    }
+
+    fn connect(&self, is_connected: bool) {
+        self.client.is_connected.store(is_connected, Ordering::Relaxed);
     }
 }
 
@@ -113,7 +131,8 @@ impl Line {
     }
 
     /// Over TCP, like a serial device server: one client at a time, others are refused, and the device continues when the client
-    /// disconnects, or has neither sent nor taken a byte for `idle_timeout`.
+    /// disconnects, or has neither sent nor taken a byte for `idle_timeout`. What a client that has left has sent is carried for five
+    /// more seconds; the rest of it is dropped, and so are answers to it.
     ///
     /// # Errors
     /// When the system has no room for it.
@@ -136,8 +155,8 @@ impl Line {
         read: impl FnOnce(Feed) + Send + 'static,
     ) -> Result<Self> {
         let (sender, incoming) = sync_channel(CHUNKS);
-        let connected = Arc::new(AtomicBool::new(false));
-        let feed = Feed { clock, sender, connected: Arc::clone(&connected) };
+        let client = Arc::<Presence>::default();
+        let feed = Feed { clock, sender, client: Arc::clone(&client) };
         let thread = thread::Builder::new().name("line".into()).spawn(move || {
             priority::raise(Rank::Hardware);
             read(feed);
@@ -149,7 +168,9 @@ impl Line {
             byte_time: Duration::from_secs_f64(10.0 / f64::from(baud)),
             incoming,
             writer,
-            connected,
+            client,
+            chunks: 0,
+            left: 0,
             announced: false,
             sending: Direction::default(),
             late: Duration::ZERO,
@@ -194,6 +215,7 @@ impl Line {
         loop {
             let now = self.clock.now();
             self.carry();
+            self.forget();
             if self.is_connected() {
                 self.had_client = true;
             } else if self.receiving.bytes.is_empty() && core::mem::take(&mut self.had_client) {
@@ -211,7 +233,12 @@ impl Line {
                 continue;
             }
             match self.incoming.recv_timeout(wait) {
-                Ok((at, bytes)) => {
+                Ok((at, bytes, left)) => {
+                    self.forget();
+                    self.chunks += 1;
+                    if left != self.left {
+                        continue;
+                    }
                     // The client may have disconnected already.
                     self.had_client = true;
                     for byte in bytes {
@@ -231,7 +258,7 @@ impl Line {
 
     /// Whether a client has the other end open.
     pub fn is_connected(&self) -> bool {
-        self.connected.load(Ordering::Relaxed)
+        self.client.is_connected.load(Ordering::Relaxed)
     }
 
     /// The number of faults so far.
@@ -253,6 +280,17 @@ impl Line {
     /// When the next byte is there for the device to take.
     fn next_byte(&self) -> Option<Duration> {
         self.receiving.next().filter(|_| !self.is_full())
+    }
+
+    /// Notes what has arrived, and drops what is on the line when a client has left.
+    fn forget(&mut self) {
+        let left = self.client.left.load(Ordering::Acquire);
+        if core::mem::replace(&mut self.left, left) != left {
+            (self.receiving, self.sending) = (Direction::default(), Direction::default());
+        }
+        if self.receiving.bytes.is_empty() {
+            self.client.under_way.fetch_sub(core::mem::take(&mut self.chunks), Ordering::Relaxed);
+        }
     }
 
     /// Writes every byte that has arrived completely by now.

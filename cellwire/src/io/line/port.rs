@@ -15,19 +15,20 @@ pub(super) fn read(mut port: Box<dyn SerialPort>, feed: &Feed) {
     while feed.is_wanted() {
         match port.read(&mut buffer) {
             Ok(n) => {
-                feed.connected.store(true, Ordering::Relaxed);
+                feed.connect(true);
                 let bytes = buffer.get(..n).unwrap_or_default().to_vec();
-                if feed.sender.send((feed.clock.now(), bytes)).is_err() {
+                feed.client.under_way.fetch_add(1, Ordering::Relaxed);
+                if feed.sender.send((feed.clock.now(), bytes, 0)).is_err() {
                     return;
                 }
             }
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => {
-                feed.connected.store(true, Ordering::Relaxed);
+                feed.connect(true);
             }
             Err(e) if e.kind() == ErrorKind::Interrupted => {}
             // No client has the other end open.
             Err(_) => {
-                feed.connected.store(false, Ordering::Relaxed);
+                feed.connect(false);
                 thread::sleep(Duration::from_millis(5));
             }
         }

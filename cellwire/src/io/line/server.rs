@@ -19,8 +19,12 @@ use crate::io::serial::READ_TIMEOUT;
 const ARRIVALS: Token = Token(0);
 const CLIENT: Token = Token(1);
 
-/// While the line is full, it is asked so often whether it has room.
-const FULL: Duration = Duration::from_millis(5);
+/// While the line is full, or carries what a client that has left has sent, it is looked at so often.
+const BUSY: Duration = Duration::from_millis(5);
+
+/// What a client that has left has sent is carried for so long. The rest is dropped: what the system holds for it may take an hour
+/// on the line.
+const CARRIED: Duration = Duration::from_secs(5);
 
 /// Reads from the client, and refuses others.
 pub(super) struct Server {
@@ -29,6 +33,8 @@ pub(super) struct Server {
     idle_timeout: Option<Duration>,
     shared: Shared,
     connection: Option<Connection>,
+    /// Somebody may wait to be accepted.
+    has_arrivals: bool,
 }
 
 /// The client's stream, for the reader and the writer.
@@ -46,6 +52,8 @@ struct Connection {
     /// What the line has no room for yet.
     held: Option<Chunk>,
     is_readable: bool,
+    /// When it has left.
+    left: Option<Duration>,
     /// When it last sent or took a byte, and how many it had taken then.
     active: (Duration, u64),
 }
@@ -57,50 +65,64 @@ impl Server {
         poll.registry().register(&mut listener, ARRIVALS, Interest::READABLE)?;
         let shared = Shared::default();
         let client = Client(Arc::clone(&shared));
-        Ok((Self { listener, poll, idle_timeout, shared, connection: None }, client))
+        Ok((Self { listener, poll, idle_timeout, shared, connection: None, has_arrivals: true }, client))
     }
 
     /// Forwards what the client sends, with the time at which it was read, until the line is dropped.
     pub(super) fn run(mut self, feed: &Feed) {
         let mut events = Events::with_capacity(16);
         while feed.is_wanted() {
-            let is_full = self.connection.as_ref().is_some_and(|connection| connection.held.is_some());
-            let wait = if is_full { FULL } else { READ_TIMEOUT };
-            if self.poll.poll(&mut events, Some(wait)).is_err() {
+            let is_busy = self.has_arrivals || self.connection.as_ref().is_some_and(Connection::is_busy);
+            if self.poll.poll(&mut events, Some(if is_busy { BUSY } else { READ_TIMEOUT })).is_err() {
                 events.clear();
             }
-            let is_readable = events.iter().any(|event| event.token() == CLIENT);
-            // Also without an event: an arrival that there was no room for is not reported again.
+            for event in &events {
+                match (event.token(), &mut self.connection) {
+                    (CLIENT, Some(connection)) => {
+                        connection.is_readable = true;
+                        if event.is_read_closed() || event.is_error() {
+                            connection.left.get_or_insert(feed.clock.now());
+                        }
+                    }
+                    (CLIENT, None) => {}
+                    _ => self.has_arrivals = true,
+                }
+            }
             self.accept(feed);
             let Some(connection) = &mut self.connection else { continue };
-            connection.is_readable |= is_readable;
-            if let Err(why) = connection.read(feed, self.idle_timeout) {
-                if let Some(why) = why {
-                    remark(&format!("the client {} is disconnected: {why}", connection.peer));
-                }
-                _ = connection.stream.stream.shutdown(std::net::Shutdown::Both);
-                *lock(&self.shared) = None;
-                self.connection = None;
-                feed.connected.store(false, Ordering::Relaxed);
+            let Err(why) = connection.serve(feed, self.idle_timeout) else { continue };
+            if let Some(why) = why {
+                remark(&format!("the client {} is disconnected: {why}", connection.peer));
             }
+            _ = connection.stream.stream.shutdown(std::net::Shutdown::Both);
+            *lock(&self.shared) = None;
+            self.connection = None;
+            feed.client.left.fetch_add(1, Ordering::Release);
+            feed.connect(false);
         }
     }
 
+    /// One at a time, when it was reported: if the client before has left by then, that was reported too. Who comes then waits until
+    /// the line is free.
     fn accept(&mut self, feed: &Feed) {
-        loop {
-            match self.listener.accept() {
-                Ok(Arrival::Client(stream, peer)) => match &self.connection {
-                    Some(first) => {
-                        refuse(&stream);
-                        remark(&format!("refused the client {peer}: {} is on the line", first.peer));
-                    }
-                    None => self.connect(stream, peer, feed),
-                },
-                Ok(Arrival::Refused(peer)) => {
-                    remark(&format!("refused the client {peer}: no descriptor is free, see ulimit -n"));
+        let has_left = self.connection.as_ref().is_some_and(|connection| connection.left.is_some());
+        if !self.has_arrivals || has_left {
+            return;
+        }
+        match self.listener.accept() {
+            Ok(Arrival::Client(stream, peer)) => match &self.connection {
+                Some(first) => {
+                    refuse(&stream);
+                    remark(&format!("refused the client {peer}: {} is on the line", first.peer));
                 }
-                Ok(Arrival::Nobody) | Err(_) => return,
+                None => self.connect(stream, peer, feed),
+            },
+            Ok(Arrival::Refused(peer)) => {
+                remark(&format!("refused the client {peer}: no descriptor is free, see ulimit -n"));
             }
+            Ok(Arrival::Nobody) => self.has_arrivals = false,
+            // One that there was no room for is not reported again.
+            Err(_) => {}
         }
     }
 
@@ -112,13 +134,37 @@ impl Server {
         let stream = Arc::new(Stream { stream, taken: AtomicU64::new(0) });
         *lock(&self.shared) = Some(Arc::clone(&stream));
         let active = (feed.clock.now(), 0);
-        self.connection = Some(Connection { stream, peer, held: None, is_readable: true, active });
-        feed.connected.store(true, Ordering::Relaxed);
+        self.connection =
+            Some(Connection { stream, peer, held: None, is_readable: true, left: None, active });
+        feed.connect(true);
     }
 }
 
 impl Connection {
-    /// Reads what the line has room for. An error is the end of the connection, and why, unless the client has ended it.
+    fn is_busy(&self) -> bool {
+        self.held.is_some() || self.left.is_some()
+    }
+
+    /// Reads what the line has room for. An error is the end of the connection, and why, unless the client has ended it and what it
+    /// has sent is carried.
+    fn serve(&mut self, feed: &Feed, idle_timeout: Option<Duration>) -> Result<(), Option<String>> {
+        let now = feed.clock.now();
+        if self.left.is_some_and(|left| now.saturating_sub(left) >= CARRIED) {
+            return Err(Some(format!(
+                "it has left, and what it has sent takes longer than {} s",
+                CARRIED.as_secs()
+            )));
+        }
+        match self.read(feed, idle_timeout) {
+            Err(None) if feed.client.under_way.load(Ordering::Relaxed) > 0 => {
+                self.left.get_or_insert(now);
+                Ok(())
+            }
+            result => result,
+        }
+    }
+
+    /// An error is the end of the connection, and why, unless the client has ended it.
     fn read(&mut self, feed: &Feed, idle_timeout: Option<Duration>) -> Result<(), Option<String>> {
         let now = feed.clock.now();
         let taken = self.stream.taken.load(Ordering::Relaxed);
@@ -127,9 +173,11 @@ impl Connection {
         }
         loop {
             if let Some(chunk) = self.held.take() {
+                feed.client.under_way.fetch_add(1, Ordering::Relaxed);
                 match feed.sender.try_send(chunk) {
                     Ok(()) => {}
                     Err(TrySendError::Full(chunk)) => {
+                        feed.client.under_way.fetch_sub(1, Ordering::Relaxed);
                         // It is the line that is slow.
                         (self.held, self.active.0) = (Some(chunk), now);
                         return Ok(());
@@ -150,7 +198,8 @@ impl Connection {
                 Ok(0) => return Err(None),
                 Ok(length) => {
                     self.active.0 = now;
-                    self.held = Some((feed.clock.now(), buffer.get(..length).unwrap_or_default().to_vec()));
+                    let bytes = buffer.get(..length).unwrap_or_default().to_vec();
+                    self.held = Some((feed.clock.now(), bytes, feed.client.left.load(Ordering::Relaxed)));
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => self.is_readable = false,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}

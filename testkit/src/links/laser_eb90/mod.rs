@@ -43,14 +43,26 @@ const LINE: Faults = Faults {
 };
 
 /// Our controller.
-const OURS: Reader = Reader { keeps: false, swallows: false, answers_headless: true, refuses_mixed: true };
-const KEEPS: Reader = Reader { keeps: true, ..OURS };
-const READERS: [(&str, Reader); 4] = [
+pub const OURS: Reader = Reader {
+    keeps: false,
+    swallows: false,
+    answers_headless: true,
+    answers_rest: false,
+    refuses_mixed: true,
+};
+const TWICE: Reader = Reader { answers_rest: true, ..OURS };
+const KEEPS: Reader = Reader { keeps: true, ..TWICE };
+const READERS: [(&str, Reader); 5] = [
     ("our controller", OURS),
-    ("one that does not answer headless bytes", Reader { answers_headless: false, ..OURS }),
+    ("one that answers each half", TWICE),
+    ("one that does not answer headless bytes", Reader { answers_headless: false, ..TWICE }),
     ("one that keeps the first half", KEEPS),
     ("one that keeps it and loses the next frame with it", Reader { swallows: true, ..KEEPS }),
 ];
+
+/// The rules of a controller that answers each half of a frame, and takes a frame behind corrupt bytes.
+const ANSWERS_REST: Rules<ControllerRule> =
+    Rules::without_both(ControllerRule::IgnoreRest, ControllerRule::TrustSilence);
 
 const INTERPRETED: [Content; 2] = [Content::Interpreted; 2];
 const IMMEDIATE: [Content; 2] = [Content::Immediate; 2];
@@ -84,7 +96,12 @@ pub fn setup(reader: Reader, jobs: &[Content], most: u8) -> Setup {
         execution: 3,
         host,
         // A coarse tick holds cycle and answer together.
-        controller: ControllerConfig { tick: Duration::ZERO, silence: tick, ..ControllerConfig::default() },
+        controller: ControllerConfig {
+            tick: Duration::ZERO,
+            silence: tick,
+            rules: if reader.answers_rest { ANSWERS_REST } else { Rules::ALL },
+            ..ControllerConfig::default()
+        },
         reader,
         reports_transmitted: false,
         jobs: jobs.to_vec(),
@@ -157,7 +174,9 @@ fn must_fail() -> Vec<MustFail> {
     different.execution = 20;
     vec![
         configured("max_pause", DONE, keeps, interpreted(KEEPS, 1), |s| s.host.max_pause = Duration::ZERO),
-        configured("settle", ONCE, ours, interpreted(OURS, 2), |s| s.host.settle = Duration::ZERO),
+        configured("settle", ONCE, "one that answers each half", interpreted(TWICE, 2), |s| {
+            s.host.settle = Duration::ZERO
+        }),
         configured("reply_time", ONCE, keeps, interpreted(KEEPS, 3), |s| {
             (s.faults.pause, s.host.max_pause) = (2, s.tick * 2);
             s.host.reply_time = Duration::ZERO;

@@ -143,7 +143,7 @@ impl System for Setup {
     }
 
     fn is_over(&self, world: &World) -> bool {
-        let idle = matches!(world.controller.work, Work::Listening { fault: None })
+        let idle = matches!(world.controller.work, Work::Listening { .. })
             && world.controller.line == Receiving::Silent;
         let lines = world.down.is_empty() && world.up.is_empty() && world.found.is_empty();
         idle && lines && world.jobs.iter().all(|job| job.reported.is_some())
@@ -381,7 +381,8 @@ impl Step<'_> {
         }
         if last && self.world.held != Held::Headless {
             let whole = self.world.held == Held::Part(job) && fate != Fate::Corrupt;
-            let found = if whole { Found::Frame(job) } else { Found::Corrupt(Refusal::BadChecksum, MANY) };
+            let found =
+                if whole { Found::Frame(job) } else { Found::Corrupt(Refusal::BadChecksum, MANY, true) };
             self.world.found.push(found);
             self.world.held = Held::Nothing;
         }
@@ -395,25 +396,32 @@ impl Step<'_> {
                 self.world.held = Held::Spoilt;
                 return;
             }
-            Held::Part(_) | Held::Spoilt | Held::Headless => Some(MANY),
-            Held::Noise => Some(FEW),
+            Held::Part(_) | Held::Spoilt => Some((MANY, true)),
+            Held::Headless => Some((MANY, false)),
+            Held::Noise => Some((FEW, false)),
             Held::Nothing => None,
         };
-        let corrupt = corrupt.map(|bytes| Found::Corrupt(Refusal::BadFrame, bytes));
+        let corrupt = corrupt.map(|(bytes, begun)| Found::Corrupt(Refusal::BadFrame, bytes, begun));
         self.world.found.extend(corrupt);
         self.world.held = Held::Part(job);
     }
 
     /// The controller reads what was found, up to a good frame: that is judged by an act of its own.
     fn read(&mut self) {
-        while let (Some(Found::Corrupt(refusal, bytes)), false) =
-            (self.world.found.first().copied(), self.world.is_executing())
-        {
+        while !self.world.is_executing() {
+            let trusts = self.world.controller.trusts(&self.setup.controller);
+            let input = match self.world.found.first().copied() {
+                Some(Found::Corrupt(refusal, bytes, begun)) => {
+                    ControllerInput::Corrupt { refusal, bytes, begun }
+                }
+                Some(Found::Frame(_)) if !trusts => ControllerInput::Untrusted,
+                Some(Found::Frame(_)) | None => break,
+            };
             self.world.found.remove(0);
-            self.controller(ControllerInput::Corrupt { refusal, bytes });
+            self.controller(input);
         }
         let frame_waits = !self.world.found.is_empty() && !self.world.is_executing();
-        if matches!(self.world.controller.line, Receiving::Bytes { .. }) && !frame_waits {
+        if matches!(self.world.controller.line, Receiving::Bytes(_)) && !frame_waits {
             let partial = self.world.held != Held::Nothing || !self.world.found.is_empty();
             self.controller(ControllerInput::Read { partial });
         }
@@ -423,11 +431,12 @@ impl Step<'_> {
         let setup = self.setup;
         let corrupt = match self.world.held {
             Held::Nothing => None,
-            Held::Noise => Some(FEW),
-            Held::Part(_) | Held::Spoilt => Some(MANY),
-            Held::Headless => setup.reader.answers_headless.then_some(MANY),
+            Held::Noise => Some((FEW, false)),
+            Held::Part(_) | Held::Spoilt => Some((MANY, true)),
+            Held::Headless => setup.reader.answers_headless.then_some((MANY, false)),
         };
-        self.world.found.extend(corrupt.map(|bytes| Found::Corrupt(Refusal::BadFrame, bytes)));
+        let corrupt = corrupt.map(|(bytes, begun)| Found::Corrupt(Refusal::BadFrame, bytes, begun));
+        self.world.found.extend(corrupt);
         if !(setup.reader.keeps && matches!(self.world.held, Held::Part(_) | Held::Spoilt)) {
             self.world.held = Held::Nothing;
         }

@@ -3,7 +3,7 @@
 use core::time::Duration;
 
 use laser_eb90::controller::machine::{
-    self as controller, Answer, ControllerMachine, Fault, Receiving, Work,
+    self as controller, Answer, ControllerMachine, Fault, Receiving, Stretch, Work,
 };
 use laser_eb90::host::machine::{self as host, Batch, HostLink, HostMachine, Sent, Tries};
 use laser_eb90::{Class, ControllerConfig, HostConfig, Refusal};
@@ -108,24 +108,31 @@ impl Rows for Controller {
 
     fn states() -> Vec<ControllerMachine> {
         let past = NOW - MS;
-        let bytes = |partial| Receiving::Bytes { silent_at: past, partial };
-        let listening = Work::Listening { fault: None };
+        let stretch = |partial, fault| Receiving::Bytes(Stretch { silent_at: past, partial, fault });
+        let bytes = |partial| stretch(partial, None);
+        let fault = |bytes, is_answered| {
+            stretch(bytes == Fault::ENOUGH, Some(Fault { refusal: Refusal::BadFrame, bytes, is_answered }))
+        };
+        let listening = Work::Listening { rest: false };
+        let rest = Work::Listening { rest: true };
         let executing = |connected| Work::Executing { word: WORD, connected };
         let answering = Work::Answering { answer: Answer::Echo(WORD), due: past };
-        let fault = |bytes| Work::Listening { fault: Some(Fault { refusal: Refusal::BadFrame, bytes }) };
         [
             (listening, Receiving::Disconnected),
             (executing(false), Receiving::Disconnected),
             (listening, Receiving::Silent),
             (listening, bytes(false)),
-            (fault(Fault::ENOUGH - 1), bytes(false)),
-            (fault(Fault::ENOUGH), bytes(true)),
+            (listening, fault(Fault::ENOUGH - 1, true)),
+            (listening, fault(Fault::ENOUGH, true)),
+            (rest, Receiving::Silent),
+            (rest, fault(Fault::ENOUGH, false)),
             (executing(true), Receiving::Silent),
             (executing(true), bytes(true)),
             (executing(false), bytes(false)),
             (answering, Receiving::Silent),
             (answering, bytes(false)),
             (answering, bytes(true)),
+            (answering, fault(Fault::ENOUGH, false)),
         ]
         .map(|(work, line)| ControllerMachine { work, line })
         .to_vec()
@@ -138,7 +145,9 @@ impl Rows for Controller {
             On::Disconnected,
             On::Timeout,
             On::Bytes,
-            On::Corrupt { refusal: Refusal::BadChecksum, bytes: 1 },
+            On::Corrupt { refusal: Refusal::BadFrame, bytes: 1, begun: false },
+            On::Corrupt { refusal: Refusal::BadChecksum, bytes: Fault::ENOUGH, begun: true },
+            On::Untrusted,
             On::Queued { word: WORD },
             On::Refused(Refusal::QueueFull),
             On::Immediate { word: WORD },
@@ -155,17 +164,23 @@ impl Rows for Controller {
     }
 
     fn row(machine: &ControllerMachine, _now: Duration) -> String {
-        let line = match machine.line {
+        let stretch = match machine.line {
             Receiving::Disconnected => return machine.name().into(),
-            Receiving::Silent => "silent",
-            Receiving::Bytes { partial: true, .. } if matches!(machine.work, Work::Answering { .. }) => {
+            Receiving::Silent => None,
+            Receiving::Bytes(stretch) => Some(stretch),
+        };
+        let line = match stretch {
+            None => "silent",
+            Some(Stretch { fault: Some(_), .. }) => "corrupt bytes",
+            Some(Stretch { partial: true, .. }) if matches!(machine.work, Work::Answering { .. }) => {
                 "a partial frame"
             }
-            Receiving::Bytes { .. } => "bytes",
+            Some(_) => "bytes",
         };
-        match machine.work {
-            Work::Executing { connected: false, .. } => "Executing for nobody".into(),
-            Work::Listening { fault: Some(fault) } => {
+        match (machine.work, stretch.and_then(|stretch| stretch.fault)) {
+            (Work::Executing { connected: false, .. }, _) => "Executing for nobody".into(),
+            (Work::Listening { rest: true }, _) => format!("Listening after an error code, {line}"),
+            (Work::Listening { rest: false }, Some(fault)) => {
                 format!("Listening, fault of {} bytes", if fault.bytes < Fault::ENOUGH { 7 } else { 8 })
             }
             _ => format!("{}, {line}", machine.name()),
@@ -175,6 +190,8 @@ impl Rows for Controller {
     fn column(input: &controller::Input) -> String {
         use controller::Input as On;
         match input {
+            On::Corrupt { begun: false, .. } => "Corrupt, without a head".into(),
+            On::Corrupt { begun: true, .. } => "Corrupt, with a head".into(),
             On::Read { partial: false } => "Read, nothing left".into(),
             On::Read { partial: true } => "Read, a partial frame".into(),
             On::Executed(Err(_)) => "Executed, failed".into(),

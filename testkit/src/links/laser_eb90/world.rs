@@ -67,6 +67,8 @@ pub struct Reader {
     pub swallows: bool,
     /// It answers bytes without a head.
     pub answers_headless: bool,
+    /// It answers them also when they are the rest of what it has answered, and takes a frame behind them.
+    pub answers_rest: bool,
     /// It answers an immediate instruction that has others after it with an error.
     pub refuses_mixed: bool,
 }
@@ -145,8 +147,8 @@ pub enum Held {
 pub enum Found {
     /// A good frame.
     Frame(u8),
-    /// So many bytes that are none.
-    Corrupt(Refusal, u8),
+    /// So many bytes that are none; whether they begin as one does.
+    Corrupt(Refusal, u8, bool),
 }
 
 /// What becomes of a frame or an answer on the line.

@@ -47,6 +47,14 @@ pub trait Peer {
     /// What a word is to the end, if anything.
     fn hear(&self, end: &Self::End, known: &mut Self::Known, word: Self::Word) -> Option<InputOf<Self>>;
 
+    /// What is held is given up as corrupt, before [`Input::TIMEOUT`](robot_session::Input::TIMEOUT): see [`Machine::cuts`].
+    fn cut(&self, _known: &mut Self::Known) {}
+
+    /// What else the same bytes are to the end, one after the other, after what was heard or given up.
+    fn next(&self, _end: &Self::End, _known: &mut Self::Known) -> Option<InputOf<Self>> {
+        None
+    }
+
     /// The input which says that this was sent.
     fn sent(&self, what: &TransmitOf<Self>) -> InputOf<Self>;
 
@@ -163,8 +171,25 @@ impl<P: Peer> Against<P> {
     fn expire(&self, scene: &mut SceneOf<P>, before: &[Expiry], edges: &mut Option<&mut Vec<Edge>>) {
         if before.contains(&P::End::EXPIRY) {
             while scene.end.expires(NOW) {
-                self.drive(scene, Cause::Due, InputOf::<P>::TIMEOUT, edges);
+                self.time_out(scene, edges);
             }
+        }
+    }
+
+    fn time_out(&self, scene: &mut SceneOf<P>, edges: &mut Option<&mut Vec<Edge>>) {
+        if scene.end.cuts() {
+            self.peer.cut(&mut scene.known);
+            self.read_on(scene, None, edges);
+        }
+        // What was given up may have been what was waited for.
+        if scene.end.expires(NOW) {
+            self.drive(scene, Cause::Due, InputOf::<P>::TIMEOUT, edges);
+        }
+    }
+
+    fn read_on(&self, scene: &mut SceneOf<P>, word: Option<P::Word>, edges: &mut Option<&mut Vec<Edge>>) {
+        while let Some(input) = self.peer.next(&scene.end, &mut scene.known) {
+            self.drive(scene, word.map_or(Cause::Due, Cause::Word), input, edges);
         }
     }
 
@@ -199,6 +224,7 @@ impl<P: Peer> Against<P> {
         }
         if let Some(input) = self.peer.hear(&scene.end, &mut scene.known, word) {
             self.drive(scene, Cause::Word(word), input, edges);
+            self.read_on(scene, Some(word), edges);
         }
     }
 }
@@ -247,7 +273,7 @@ impl<P: Peer> System for Against<P> {
                 scene.is_connected = false;
                 self.drive(&mut scene, Cause::Disconnected, InputOf::<P>::DISCONNECTED, edges);
             }
-            Act::Due => self.drive(&mut scene, Cause::Due, InputOf::<P>::TIMEOUT, edges),
+            Act::Due => self.time_out(&mut scene, edges),
             Act::Send => self.send(&mut scene, edges),
             Act::Restart => {
                 (scene.end, scene.is_connected) = (self.peer.end(), false);

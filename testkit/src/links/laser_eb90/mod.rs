@@ -1,5 +1,6 @@
 //! laser-eb90: a host and a controller on a serial line.
 
+mod any_host;
 mod machines;
 mod pair;
 pub mod rows;
@@ -12,8 +13,9 @@ use laser_eb90::host::Rule as HostRule;
 use laser_eb90::{ControllerConfig, HostConfig};
 use robot_session::Rules;
 
+use self::any_host::AnyHost;
 use self::world::{Content, Faults, Reader, Setup};
-use crate::model::{Depth, MustFail, Pair, Setting, Table, draw};
+use crate::model::{Against, Depth, MustFail, Pair, Setting, Table, draw};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] =
@@ -22,6 +24,42 @@ pub const TABLES: &[Table] =
 /// A host and a controller on a serial line.
 pub const PAIR: Pair =
     Pair { name: "laser-eb90 host × controller", settings, must_fail, diagrams, refined: Vec::new };
+
+/// A controller and hosts that are not ours.
+pub const ANY_HOST: Pair = Pair {
+    name: "laser-eb90 controller × any host",
+    settings: |_| {
+        vec![
+            Setting::new("keeps the rules", any_host(true)).on(any_host::RULES),
+            Setting::new("does anything", any_host(false)).on(any_host::ANYTHING),
+        ]
+    },
+    must_fail: || {
+        let without = |name, property, keeps_rules, rule| {
+            let mut system = any_host(keeps_rules);
+            system.peer.config.rules = Rules::without(rule);
+            MustFail::new(
+                name,
+                property,
+                if keeps_rules { "keeps the rules" } else { "does anything" },
+                system,
+            )
+        };
+        vec![
+            without("IgnoreRest", any_host::ONE_ANSWER, true, ControllerRule::IgnoreRest),
+            without("IgnoreShort", any_host::ONE_ANSWER, true, ControllerRule::IgnoreShort),
+            without("TrustSilence", any_host::INNER, true, ControllerRule::TrustSilence),
+            without("TrustSilence", any_host::INNER, false, ControllerRule::TrustSilence),
+        ]
+    },
+    diagrams: || Vec::new(),
+};
+
+/// Two ticks are a silence. A connection that breaks within a frame forgets what was answered: that is the other setting's.
+fn any_host(keeps_rules: bool) -> Against<AnyHost> {
+    let config = ControllerConfig { tick: Duration::ZERO, ..ControllerConfig::default() };
+    Against { breaks: !keeps_rules, ..Against::new(AnyHost { config, keeps_rules }) }
+}
 
 /// What a line does, apart from pauses and lateness.
 const LINE: Faults = Faults {

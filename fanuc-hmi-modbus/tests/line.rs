@@ -324,6 +324,9 @@ fn through_tcp_nothing_behind_garbage_is_carried_out() {
         assert_eq!(line.written(), [(10, 0x0BAD)]);
         let stream = [&other[1..], &write(1)].concat().repeat(50);
         stream.chunks(piece).for_each(|piece| line.lump(piece));
+        assert_eq!(line.silence(), [] as [Vec<u8>; 0]);
+        // The rest of what was no frame, which begins with data.
+        line.lump(&[&write(1)[..], &[7, 7, 7]].concat());
         assert_eq!(line.written(), []);
         line.is_served();
         let events: Vec<_> = core::iter::from_fn(|| line.server.poll_event()).collect();

@@ -13,7 +13,7 @@ use crate::framing::{Framing, Framings};
 ///
 /// RTU frames may come from other units as well, on a line that damages them, and any data may look like a request. So a frame begins
 /// where the input has begun, or behind a whole frame of either direction, and nowhere else; behind what is no frame nothing is read
-/// until the input ends. On a serial line, where the silence ends a message, it is read when it has ended, and is whole frames or nothing.
+/// until the input ends; through TCP until it ends once more, since no stall shows that the rest does not come. On a serial line, where the silence ends a message, it is read when it has ended, and is whole frames or nothing.
 #[derive(Debug, Clone)]
 pub struct Receiver<F> {
     decoder: Decoder<F>,
@@ -79,6 +79,10 @@ impl<F: Framings> Receiver<F> {
             self.decoder.pass_end();
             self.is_whole = false;
             if let Some(error) = self.lost.take() {
+                // TCP loses nothing: the rest of a frame may come after any stall, and is not read either.
+                if !self.is_serial && !matches!(error, DecodeError::Noise { .. }) {
+                    self.lost = Some(DecodeError::Noise { length });
+                }
                 return Some(Err(error));
             }
         }

@@ -18,6 +18,8 @@ pub const PAIRS: &[Pair] = &[
     fanuc_hmi_modbus::RTU,
     fanuc_hmi_modbus::RTU_OVER_TCP,
     fanuc_hmi_modbus::TCP,
+    fanuc_hmi_modbus::ANY_CLIENT,
+    fanuc_hmi_modbus::ANY_SERVER,
     isra_ball::PAIR,
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,

@@ -1,5 +1,7 @@
 //! Modbus: a client and a server over TCP and on a serial line.
 
+mod any_client;
+mod any_server;
 mod pair;
 mod refine;
 pub mod rows;
@@ -10,8 +12,10 @@ use fanuc_hmi_modbus::server::Rule as Server;
 use fanuc_hmi_modbus::{ClientConfig, Framing, ServerConfig};
 use robot_session::Rules;
 
-use self::world::{COLLISION, COSTS, ENDS, FOREIGN_REPLY, Job, OTHER_UNIT, STALE, Setup, TICK};
-use crate::model::{Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, draw};
+pub use self::any_client::AnyClient;
+pub use self::any_server::AnyServer;
+use self::world::{COLLISION, COSTS, ENDS, FOREIGN_REPLY, GIVEN_UP, Job, OTHER_UNIT, STALE, Setup, TICK};
+use crate::model::{Against, Depth, Diagram, MustFail, Pair, Refined, STANDSTILL, Setting, Table, draw};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] = &[
@@ -78,6 +82,104 @@ pub const RTU_OVER_TCP: Pair = Pair {
     diagrams: Vec::new,
     refined: || refined(&[rtu_over_tcp(&[Job::Unicast; 3], 2), rtu_over_tcp(&MIXED, 1)]),
 };
+
+/// A server, and clients and units that are not ours.
+pub const ANY_CLIENT: Pair = Pair {
+    name: "fanuc-hmi-modbus server × any client",
+    settings: |_| {
+        let each = |name: &str, config: ServerConfig| {
+            [(true, "keeps the rules", any_client::RULES), (false, "does anything", any_client::ANYTHING)]
+                .map(|(keeps_rules, what, terms)| {
+                    let system = Against::new(AnyClient { config, keeps_rules });
+                    Setting::new(format!("{name}, {what}"), system).on(terms)
+                })
+        };
+        each("tcp", ServerConfig { unit: Some(1), broadcast: true, ..ServerConfig::tcp() })
+            .into_iter()
+            .chain(each("rtu", rtu(&[], 0).server))
+            .chain(each("rtu over tcp", rtu_over_tcp(&[], 0).server))
+            .collect()
+    },
+    must_fail: || {
+        let without = |name, property, config: ServerConfig, rule| {
+            let config = ServerConfig { rules: Rules::without(rule), ..config };
+            MustFail::new(
+                name,
+                property,
+                "keeps the rules",
+                Against::new(AnyClient { config, keeps_rules: true }),
+            )
+        };
+        let line = || rtu(&[], 0).server;
+        vec![
+            without("CheckUnit", OTHER_UNIT, line(), Server::CheckUnit),
+            without("NoReplyToBroadcast", any_client::UNANSWERED, line(), Server::NoReplyToBroadcast),
+            without("ReplyAfterSilence", COLLISION, line(), Server::ReplyAfterSilence),
+            without("AnswerLast", GIVEN_UP, line(), Server::AnswerLast),
+            without("DropReplies", any_client::ANSWERED, ServerConfig::tcp(), Server::DropReplies),
+            without("WaitForPlace", any_client::TAKEN, ServerConfig::tcp(), Server::WaitForPlace),
+        ]
+    },
+    diagrams: || Vec::new(),
+};
+
+/// A client, and servers that are not ours.
+pub const ANY_SERVER: Pair = Pair {
+    name: "fanuc-hmi-modbus client × any server",
+    settings: |_| {
+        let each = |name: &str, peer: AnyServer| {
+            [(true, "keeps the rules", any_server::RULES), (false, "does anything", any_server::ANYTHING)]
+                .map(|(keeps_rules, what, terms)| {
+                    let system = Against::new(AnyServer { keeps_rules, ..peer });
+                    Setting::new(format!("{name}, {what}"), system).on(terms)
+                })
+        };
+        each("tcp, 2 in flight", any_server(tcp(0, 2, 0).client, 3))
+            .into_iter()
+            .chain(each("rtu", on_line()))
+            .chain(each("rtu over tcp", any_server(rtu_over_tcp(&[], 0).client, 4)))
+            .collect()
+    },
+    must_fail: || {
+        let case = |name, property, peer: AnyServer| {
+            let what = if peer.keeps_rules { "keeps the rules" } else { "does anything" };
+            MustFail::new(name, property, what, Against::new(peer))
+        };
+        let without = |rule, peer: AnyServer| {
+            let config = ClientConfig { rules: Rules::without(rule), ..peer.config };
+            AnyServer { config, ..peer }
+        };
+        let tcp = || any_server(tcp(0, 2, 0).client, 3);
+        let anything = AnyServer { keeps_rules: false, ..tcp() };
+        let mut few = tcp();
+        few.config.transactions = 2;
+        let mut two = on_line();
+        two.config.in_flight = 2;
+        let mut no_settle = on_line();
+        no_settle.config.settle = core::time::Duration::ZERO;
+        vec![
+            case("MatchTransaction", FOREIGN_REPLY, without(Client::MatchTransaction, tcp())),
+            case("FreshTransaction", FOREIGN_REPLY, without(Client::FreshTransaction, few)),
+            case("CheckReply", any_server::FITS, without(Client::CheckReply, anything)),
+            case("EndAtDisconnect", ENDS, without(Client::EndAtDisconnect, tcp())),
+            case("DropQueued", STALE, without(Client::DropQueued, tcp())),
+            case("OneInFlight", FOREIGN_REPLY, without(Client::OneInFlight, two)),
+            case("DrainFirst", FOREIGN_REPLY, without(Client::DrainFirst, on_line())),
+            case("WaitForSilence", COLLISION, without(Client::WaitForSilence, on_line())),
+            case("settle", FOREIGN_REPLY, no_settle),
+        ]
+    },
+    diagrams: || Vec::new(),
+};
+
+/// A server that answers as late as the client assumes, over TCP so many requests later.
+fn any_server(config: ClientConfig, memory: u8) -> AnyServer {
+    AnyServer { config: ClientConfig { transactions: 7, ..config }, keeps_rules: true, memory }
+}
+
+fn on_line() -> AnyServer {
+    any_server(rtu(&[], 0).client, 4)
+}
 
 const MIXED: [Job; 4] = [Job::Unicast, Job::Broadcast, Job::Absent, Job::Unicast];
 

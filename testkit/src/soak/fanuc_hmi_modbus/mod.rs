@@ -1,6 +1,7 @@
 //! A client and a server over TCP, on a serial line, and over RTU through TCP. A job is a request.
 
 mod hostile;
+mod lawful;
 
 use core::time::Duration;
 
@@ -10,6 +11,7 @@ use fanuc_hmi_modbus::{
 };
 use robot_session::Session as _;
 
+use self::lawful::{Lawful, PLANTED, planted};
 use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
 use crate::link::{End, Faults};
 use crate::rng::Rng;
@@ -69,7 +71,13 @@ struct Bank {
     writes: Vec<Write>,
 }
 
+/// From here on registers look like the refusal of function 23.
+const REFUSALS: u16 = 60_000;
+
 fn held(address: u16, index: usize) -> u16 {
+    if address >= REFUSALS {
+        return [0x0197, 0x02CF, 0xF107][index % 3];
+    }
     ((address as usize + index) as u16).wrapping_mul(7).wrapping_add(3)
 }
 
@@ -121,6 +129,12 @@ struct Cell {
     server: Server<Bank>,
     /// In place of the server's replies: whatever the protocol has.
     hostile: bool,
+    /// In place of our server, and of what it answers: another one.
+    lawful: Option<Lawful>,
+    /// There are other units on the line.
+    has_neighbours: bool,
+    /// Nothing is refused and nothing is late any more.
+    is_calm: bool,
     /// Until the end of the faults: what the client reports proves nothing of the server.
     harassed: bool,
     /// The connection is lost, and the ends have noticed it.
@@ -182,6 +196,9 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
         client: Client::new(client).expect("a configuration that works"),
         server: Server::new(server, Bank::default()).expect("a configuration that works"),
         hostile,
+        lawful: (sabotage == Sabotage::None && !hostile && rng.chance(0.3)).then(Lawful::default),
+        has_neighbours: sabotage == Sabotage::None && way != Way::Tcp && rng.chance(0.5),
+        is_calm: false,
         harassed: hostile,
         lost: [false; 2],
         half_open_until: Duration::ZERO,
@@ -192,7 +209,7 @@ fn session(seed: u64, way: Way, sabotage: Sabotage, log: Log) -> Tally {
     cell.wire.poll_late(0.02 * bad);
     cell.client.handle_connected(cell.now);
     cell.server.handle_connected(cell.now);
-    if sabotage == Sabotage::None && rng.chance(0.1) {
+    if sabotage == Sabotage::None && cell.lawful.is_none() && rng.chance(0.1) {
         cell.pester(&mut rng);
     }
     let jobs = 5 + rng.below(36);
@@ -215,14 +232,16 @@ impl Cell {
         let bits: [bool; 12] = core::array::from_fn(|bit| n >> bit & 1 == 1);
         let some = 1 + rng.below(40);
         let writes = |values: &[u16]| Asked::Write((address, values.to_vec()));
-        let (request, asked) = match rng.below(9) {
+        let looks_like_requests = planted(rng);
+        let (request, asked) = match rng.below(10) {
             0 => (Request::WriteRegister { address, value: n }, writes(&words[..1])),
             1 => (Request::WriteRegisters { address, values: (&words).into() }, writes(&words)),
             2 => (Request::MaskWriteRegister { address, and: 0, or: n }, writes(&words[..1])),
             3 => {
                 let values = Words::from(&words);
                 let (quantity, write_address) = (some as u16, address);
-                let request = Request::ReadWriteRegisters { address: n, quantity, write_address, values };
+                let address = if self.has_neighbours { REFUSALS } else { n };
+                let request = Request::ReadWriteRegisters { address, quantity, write_address, values };
                 (request, writes(&words))
             }
             4 => {
@@ -234,6 +253,10 @@ impl Cell {
             7 => {
                 let quantity = some as u16;
                 (Request::ReadHoldingRegisters { address: n, quantity }, Asked::Registers(n, some))
+            }
+            8 if self.way != Way::Tcp && self.has_neighbours => {
+                let values = &looks_like_requests[..];
+                (Request::WriteRegisters { address, values: values.into() }, writes(values))
             }
             _ => (Request::ReadInputRegisters { address: n, quantity: 1 }, Asked::Refusal),
         };
@@ -260,6 +283,7 @@ impl Cell {
         }
         if rng.chance(chance) {
             self.log.line(self.now, format_args!("the server begins again"));
+            self.lawful = self.lawful.take().map(|_| Lawful::default());
             let server = Server::new(*self.server.config(), Bank::default()).expect("it worked before");
             self.violations += core::mem::replace(&mut self.server, server).statistics().unexpected;
             self.begin_again(1);
@@ -284,8 +308,13 @@ impl Cell {
     fn step(&mut self, rng: &mut Rng) {
         let timeouts = [self.client.poll_timeout(), self.server.poll_timeout()];
         let half_open = Some(self.half_open_until).filter(|until| *until > self.now);
-        self.now = self.wire.next(self.now, timeouts.into_iter().chain([half_open]));
-        let Self { now, ref mut wire, .. } = *self;
+        let answers = self.lawful.as_ref().and_then(|lawful| lawful.next(self));
+        self.now = self.wire.next(self.now, timeouts.into_iter().chain([half_open, answers]));
+        if self.has_neighbours && !self.is_calm && rng.chance(0.02) {
+            self.neighbour(rng);
+        }
+        let now = self.now;
+        let wire = &mut self.wire;
         // Who has lost the connection, or was restarted, receives nothing more of it.
         for (end, _) in [End::A, End::B].into_iter().zip(self.lost).filter(|(_, lost)| *lost) {
             while wire.receive(end, now).is_some() {}
@@ -294,9 +323,12 @@ impl Cell {
             // It waits for the next connection.
         } else if self.hostile {
             self.harass(rng);
+        } else if let Some(mut lawful) = self.lawful.take() {
+            self.answer(&mut lawful, rng);
+            self.lawful = Some(lawful);
         } else {
             let log = self.log;
-            turn(wire, End::B, &mut self.server, now, |_, event| {
+            turn(&mut self.wire, End::B, &mut self.server, now, |_, event| {
                 log.line(now, format_args!("  server: {event:?}"))
             });
             self.lost[1] |= !self.wire.is_connected() && self.wire.next_delivery().is_none();
@@ -336,6 +368,10 @@ impl Cell {
 
     fn execute(&mut self, write: Write, rng: &mut Rng) {
         self.log.line(self.now, format_args!("  written: {} {:?}", write.0, write.1));
+        if write.1 == [PLANTED] {
+            self.log.line(self.now, format_args!("!!! it was data"));
+            self.violations += 1;
+        }
         if self.sabotage == Sabotage::Forget && rng.chance(0.05) {
             return;
         }
@@ -381,6 +417,7 @@ impl Cell {
     /// Without faults what is open ends, and then four requests must be done within a minute.
     fn heal(&mut self, rng: &mut Rng) {
         self.wire.heal(self.now);
+        self.is_calm = true;
         if core::mem::take(&mut self.hostile) && self.way != Way::Rtu {
             // A good server takes its place, on a connection of its own.
             self.begin_again(1);
@@ -420,6 +457,8 @@ impl Cell {
                 &mut tally,
                 Frame::MAX_RTU_LEN,
                 |from, bytes| match Frame::decode_rtu(bytes, side(from)) {
+                    // Data that looks like a frame was not made by corruption.
+                    Ok(Some((frame, _))) if lawful::is_planted(frame.pdu) => Check::Nothing,
                     Ok(Some((_, len))) => Check::Good(len),
                     Err(DecodeError::Crc { .. }) => Check::Refused,
                     Ok(None) | Err(_) => Check::Nothing,

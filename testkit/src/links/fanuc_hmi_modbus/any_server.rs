@@ -1,0 +1,304 @@
+//! A client against servers that are not ours.
+
+use core::time::Duration;
+
+use fanuc_hmi_modbus::client::machine::{Action, ClientLink, ClientMachine, Due, Input, Places};
+use fanuc_hmi_modbus::{ClientConfig, Framing};
+
+use super::world::{COLLISION, ENDED_TWICE, ENDS, FOREIGN_REPLY, STALE, TICK};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+
+pub(super) const FITS: &str = "a reply that does not fit is not taken";
+pub(super) const SENT: &str = "not sent was not sent, everything else was; nothing is sent twice";
+
+pub(super) const RULES: Terms = Terms {
+    keeps: "FM-44, FM-57",
+    free: "whether it answers, when, in which order, with what; noise on a line",
+    properties: &[FOREIGN_REPLY, FITS, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+};
+pub(super) const ANYTHING: Terms = Terms {
+    keeps: "",
+    free: "any frame at any time",
+    properties: &[FITS, ENDED_TWICE, SENT, STALE, ENDS, COLLISION, EXPECTED],
+};
+
+/// A server of which only this is known.
+#[derive(Debug, Clone, Copy)]
+pub struct AnyServer {
+    /// The client's configuration.
+    pub config: ClientConfig,
+    /// It answers a request once at most, with its transaction. How late is open, within what the client's configuration assumes.
+    pub keeps_rules: bool,
+    /// A reply is on its way no longer: over TCP than so many later requests, off TCP than so many ticks.
+    pub memory: u8,
+}
+
+/// What is known of the requests.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Known {
+    /// In each place.
+    jobs: [Option<Job>; 2],
+    /// Replies that may still come, oldest first.
+    owed: Vec<Owed>,
+    is_up: bool,
+    /// Bytes have come since the last tick.
+    is_arriving: bool,
+    wrong: Option<&'static str>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Job {
+    id: u8,
+    was_sent: bool,
+    /// It waited when a connection was lost.
+    is_stale: bool,
+    has_ended: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Owed {
+    id: u8,
+    transaction: u16,
+    left: u8,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// The caller makes a request.
+    Request {
+        /// To every unit.
+        broadcast: bool,
+    },
+    /// The caller takes the outcome of the request in this place.
+    Take(u8),
+    /// Bytes come.
+    Bytes,
+    /// They are a reply, to this request where the server keeps the rules.
+    Reply {
+        /// The request.
+        id: u8,
+        /// Its transaction.
+        transaction: u16,
+        /// Whether it fits.
+        fits: bool,
+    },
+}
+
+/// Of no request: before the client, another may have asked.
+const NOBODY: u8 = u8::MAX;
+
+impl AnyServer {
+    fn is_serial(&self) -> bool {
+        matches!(self.config.framing, Framing::Rtu { .. })
+    }
+
+    fn is_tcp(&self) -> bool {
+        self.config.framing == Framing::Tcp
+    }
+
+    /// Nothing of a connection reaches the next; on a serial line nobody notices.
+    fn reconnected(&self, known: &mut Known) {
+        if !self.is_serial() {
+            known.owed.clear();
+        }
+    }
+}
+
+impl Peer for AnyServer {
+    type End = ClientMachine<2>;
+    type Known = Known;
+    type Word = Word;
+
+    const TICK: Duration = TICK;
+
+    fn config(&self) -> &ClientConfig {
+        &self.config
+    }
+
+    fn end(&self) -> ClientMachine<2> {
+        ClientMachine::NEW
+    }
+
+    fn known(&self) -> Known {
+        let before = Owed { id: NOBODY, transaction: 0, left: self.memory };
+        let owed = if self.is_serial() { vec![before] } else { Vec::new() };
+        Known { jobs: [None; 2], owed, is_up: false, is_arriving: false, wrong: None }
+    }
+
+    fn words(&self, end: &ClientMachine<2>, known: &Known, words: &mut Vec<Word>) {
+        if end.free_place().is_some() {
+            words.push(Word::Request { broadcast: false });
+            if !self.is_tcp() {
+                words.push(Word::Request { broadcast: true });
+            }
+        }
+        let ended = |place: &u8| known.jobs[usize::from(*place)].is_some_and(|job| job.has_ended);
+        words.extend((0..2).filter(ended).map(Word::Take));
+        if end.link == ClientLink::Down {
+            return;
+        }
+        if !self.is_tcp() {
+            words.push(Word::Bytes);
+            if !known.is_arriving {
+                return;
+            }
+        }
+        if self.keeps_rules {
+            let reply = |owed: &Owed| Word::Reply { id: owed.id, transaction: owed.transaction, fits: true };
+            words.extend(known.owed.iter().map(reply));
+        } else {
+            for transaction in 0..if self.is_tcp() { 4 } else { 1 } {
+                words.extend([false, true].map(|fits| Word::Reply { id: NOBODY, transaction, fits }));
+            }
+        }
+    }
+
+    fn by(&self, word: Word) -> By {
+        match word {
+            Word::Request { .. } | Word::Take(_) => By::User,
+            Word::Bytes | Word::Reply { .. } => By::Line,
+        }
+    }
+
+    fn hear(&self, end: &ClientMachine<2>, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
+        Some(match word {
+            Word::Request { broadcast } => Input::Request { broadcast },
+            Word::Take(place) => Input::Taken { place },
+            Word::Bytes => {
+                known.is_arriving = true;
+                Input::Received
+            }
+            Word::Reply { id, transaction, fits } => {
+                known.owed.retain(|owed| (owed.id, owed.transaction) != (id, transaction));
+                // What fits is compared with the request that it seems to belong to.
+                let fits = fits || end.expects(transaction, &self.config).is_none();
+                Input::Reply { transaction, fits }
+            }
+        })
+    }
+
+    fn sent(&self, due: &Due) -> InputOf<Self> {
+        Input::Sent(*due)
+    }
+
+    fn acted(&self, _: &ClientMachine<2>, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+        if let Cause::Sent(due) = cause {
+            self.was_sent(known, due, action);
+        }
+        match action {
+            Action::Keep { place } => {
+                let id = (0..).find(|id| !known.has(*id)).unwrap_or(NOBODY);
+                known.jobs[usize::from(place)] =
+                    Some(Job { id, was_sent: false, is_stale: false, has_ended: false });
+            }
+            Action::Replied { place } => {
+                let job = known.end(place, true);
+                if let (Cause::Word(Word::Reply { id, fits, .. }), Some(job)) = (cause, job) {
+                    if self.keeps_rules && job.id != id {
+                        known.wrong = Some(FOREIGN_REPLY);
+                    }
+                    if !fits {
+                        known.wrong = Some(FITS);
+                    }
+                }
+            }
+            Action::Refused { place } | Action::Announced { place } => {
+                known.end(place, true);
+            }
+            Action::TimedOut(places) => known.end_all(places, true),
+            Action::Reset { lost, not_sent } => {
+                known.end_all(lost, true);
+                known.end_all(not_sent, false);
+            }
+            Action::Nothing | Action::Sent | Action::Stray { .. } | Action::Cut => {}
+        }
+        match cause {
+            Cause::Word(Word::Take(place)) => known.jobs[usize::from(place)] = None,
+            Cause::Connected | Cause::Disconnected => {
+                for job in known.jobs.iter_mut().flatten().filter(|job| !job.has_ended && known.is_up) {
+                    job.is_stale = true;
+                    if job.was_sent {
+                        known.wrong = Some(ENDS);
+                    }
+                }
+                known.is_up = cause == Cause::Connected;
+                self.reconnected(known);
+            }
+            _ => {}
+        }
+    }
+
+    fn tick(&self, known: &mut Known) {
+        known.is_arriving = false;
+        if !self.is_tcp() {
+            known.age();
+        }
+    }
+
+    fn restarted(&self, known: &mut Known) {
+        (known.jobs, known.is_up) = ([None; 2], false);
+        self.reconnected(known);
+    }
+
+    fn broken(&self, _: &ClientMachine<2>, known: &Known, broken: &mut Vec<&'static str>) {
+        broken.extend(known.wrong);
+    }
+
+    /// Whatever the server does, a request has an outcome in the end.
+    fn is_over(&self, _: &ClientMachine<2>, known: &Known) -> bool {
+        known.jobs.iter().flatten().all(|job| job.has_ended)
+    }
+}
+
+impl AnyServer {
+    fn was_sent(&self, known: &mut Known, due: Due, action: Action) {
+        if self.is_serial() && known.is_arriving {
+            known.wrong = Some(COLLISION);
+        }
+        if self.is_tcp() {
+            known.age();
+        }
+        let Some(job) = &mut known.jobs[usize::from(due.place)] else { return };
+        if job.is_stale {
+            known.wrong = Some(STALE);
+        }
+        if core::mem::replace(&mut job.was_sent, true) || job.has_ended {
+            known.wrong = Some(SENT);
+        }
+        if action == Action::Sent && self.keeps_rules {
+            known.owed.push(Owed { id: job.id, transaction: due.transaction, left: self.memory });
+        }
+    }
+}
+
+impl Known {
+    fn has(&self, id: u8) -> bool {
+        self.jobs.iter().flatten().any(|job| job.id == id) || self.owed.iter().any(|owed| owed.id == id)
+    }
+
+    /// An outcome, which says whether it was sent.
+    fn end(&mut self, place: u8, was_sent: bool) -> Option<Job> {
+        let job = self.jobs[usize::from(place)].as_mut().filter(|job| !job.has_ended);
+        let Some(job) = job else {
+            self.wrong = Some(ENDED_TWICE);
+            return None;
+        };
+        if job.was_sent != was_sent {
+            self.wrong = Some(SENT);
+        }
+        job.has_ended = true;
+        Some(*job)
+    }
+
+    fn end_all(&mut self, places: Places, was_sent: bool) {
+        for place in places.iter() {
+            self.end(place, was_sent);
+        }
+    }
+
+    fn age(&mut self) {
+        self.owed.iter_mut().for_each(|owed| owed.left -= 1);
+        self.owed.retain(|owed| owed.left > 0);
+    }
+}

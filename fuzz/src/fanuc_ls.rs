@@ -5,7 +5,7 @@ use fanuc_ls::{CommentRule, Document, Encoding, Instruction, Program, Rules, Tar
 
 /// The bytes of an LS file. What reads is written as it was, and an edit is read as what was set. What can be written as
 /// values reads back as them, and is written the same again.
-pub fn fanuc_ls_program(data: &[u8]) {
+pub(crate) fn program(data: &[u8]) {
     let placed = |text: &str, (line, column, offset): (usize, usize, usize)| {
         assert!(text.is_char_boundary(offset), "a finding has a place in the text");
         assert!(line <= text.matches('\n').count() + 1 && column >= 1);
@@ -53,7 +53,7 @@ pub fn fanuc_ls_program(data: &[u8]) {
 }
 
 /// Three bytes say how, the rest is the table.
-pub fn fanuc_ls_trajectory(data: &[u8]) {
+pub(crate) fn trajectory(data: &[u8]) {
     let [how, step, range, table @ ..] = data else { return };
     let Ok(trajectory) = Trajectory::from_csv(&String::from_utf8_lossy(table)) else { return };
     let by =

@@ -1,13 +1,25 @@
 //! Kawasaki: the fields of a job, whatever they hold.
 
 use core::time::Duration;
+use std::sync::LazyLock;
 
 use kawasaki_msg::robot_session::Session as _;
 use kawasaki_msg::{
-    Charset, Dialect, Fields, Job, JobKind, LargeRobot, Message, RobotConfig, Text, Unfit, Work,
+    Charset, Dialect, Fields, Job, JobKind, LargeRobot, Message, RobotConfig, Role, Text, Unfit, Work,
 };
 
-use crate::kawasaki_msg::{WORDY, wordy};
+/// Too long to be compared at once.
+const WORDY: &str = "TyoJokaLuetaanYleisestiEikaNopeasti";
+
+/// A table in which a job has that name.
+fn wordy() -> Dialect<'static> {
+    static TABLE: LazyLock<Dialect<'static>> = LazyLock::new(|| {
+        let mut table = Dialect::DEFAULT.entries().to_vec();
+        table.iter_mut().filter(|entry| entry.role == Role::Job).for_each(|entry| entry.name = WORDY);
+        Dialect::new(table.leak()).unwrap()
+    });
+    *TABLE
+}
 
 /// A job with a field of every kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -35,7 +47,7 @@ impl Work for Mixed {
 
 /// A job's own fields, whatever they are: read when they are expected and the general way, whole and cut in two, they are the same
 /// job or none, and what is queued is written and read again as it is.
-pub fn kawasaki_msg_work(data: &[u8]) {
+pub(crate) fn work(data: &[u8]) {
     let Some((&cut, fields)) = data.split_first() else { return };
     let message = |name: &str| {
         let data = [b"50$1$", fields].concat();

@@ -1,107 +1,144 @@
-//! The bodies of the fuzz targets, one module per link: each takes the fuzzer's bytes and panics when an oracle fails.
+//! The bodies of the fuzz targets: each takes the fuzzer's bytes and panics when an oracle fails. Those of the links come from their
+//! table: of each a decoder and its messages, and every end.
 //!
-//! The oracles are not only "no panic": decode(encode(x)) = x, any chunking gives the same frames, an accepted frame encodes to
-//! the same bytes, a session keeps its invariants.
+//! The oracles are not only "no panic": decode(encode(x)) = x, any chunking gives the same items, an accepted message encodes to
+//! the same bytes, a session keeps the contract.
 
-mod codecs;
-mod fanuc_hmi_modbus;
+mod codec;
+mod fanuc_hmi;
 mod fanuc_ls;
-mod isra_ball;
-mod kawasaki_msg;
 mod kawasaki_work;
-mod laser_eb90;
-mod mmacell_proto;
-mod val2_alter;
-mod val2_viewer;
 
-/// A target's body.
-pub type Target = fn(&[u8]);
+use std::path::Path;
+use std::rc::Rc;
 
-macro_rules! targets {
-    ($($module:ident: $($target:ident)+;)+) => { &[$($((stringify!($target), $module::$target)),+),+] };
+use cellwire_links::LINKS;
+use codec::Codecs;
+use testkit::contract::{Held, scripted};
+use testkit::rng::Rng;
+
+/// What a target does with an input.
+pub type Body = dyn Fn(&[u8]);
+
+/// A target.
+pub struct Target {
+    /// Its name.
+    pub name: String,
+    /// Inputs to begin with, beside those of its folder in `fuzz/corpus`.
+    pub seeds: Vec<Vec<u8>>,
+    /// Its body.
+    pub body: Box<Body>,
 }
 
-/// Every target by the name of its corpus folder.
-const TARGETS: &[(&str, Target)] = targets! {
-    codecs: tokio_codecs;
-    fanuc_hmi_modbus: fanuc_hmi_modbus_assignment fanuc_hmi_modbus_client fanuc_hmi_modbus_decoder
-        fanuc_hmi_modbus_message fanuc_hmi_modbus_motion fanuc_hmi_modbus_server;
-    fanuc_ls: fanuc_ls_program fanuc_ls_trajectory;
-    isra_ball: isra_ball_ball isra_ball_decoder isra_ball_host isra_ball_message;
-    kawasaki_msg: kawasaki_msg_decoder kawasaki_msg_message kawasaki_msg_pc kawasaki_msg_robot;
-    kawasaki_work: kawasaki_msg_work;
-    laser_eb90: laser_eb90_controller laser_eb90_decoder laser_eb90_host laser_eb90_message;
-    mmacell_proto: mmacell_proto_central mmacell_proto_command mmacell_proto_device mmacell_proto_message
-        mmacell_proto_reply mmacell_task;
-    val2_alter: val2_alter_controller val2_alter_decoder val2_alter_host val2_alter_message;
-    val2_viewer: val2_viewer_decoder val2_viewer_host val2_viewer_message val2_viewer_workstation;
-};
+/// The body of a target that no link has.
+type Other = fn(&[u8]);
 
-/// The target of a name, for a program that holds no other.
-pub const fn target(name: &str) -> Target {
-    let mut targets = TARGETS;
-    while let [(first, target), rest @ ..] = targets {
-        if is_same(first.as_bytes(), name.as_bytes()) {
-            return *target;
+/// Those targets: their seeds are in their folders.
+const OTHERS: [(&str, Other); 5] = [
+    ("fanuc_hmi_modbus_assignment", fanuc_hmi::assignment),
+    ("fanuc_hmi_modbus_motion", fanuc_hmi::motion),
+    ("fanuc_ls_program", fanuc_ls::program),
+    ("fanuc_ls_trajectory", fanuc_ls::trajectory),
+    ("kawasaki_msg_work", kawasaki_work::work),
+];
+
+/// Every target.
+pub fn targets() -> impl Iterator<Item = Target> {
+    let of = |(name, body): (&str, Other)| Target {
+        name: name.to_owned(),
+        seeds: Vec::new(),
+        body: Box::new(body),
+    };
+    let links = LINKS.iter().flat_map(|link| {
+        let name = |of: &str| format!("{}_{of}", link.name.replace('-', "_"));
+        let decoder = Rc::new(Codecs::of(link));
+        let message = Rc::clone(&decoder);
+        let codecs = [
+            Target {
+                name: name("decoder"),
+                seeds: decoder.streams(),
+                body: Box::new(move |data| decoder.stream(data)),
+            },
+            Target {
+                name: name("message"),
+                seeds: message.changes(),
+                body: Box::new(move |data| message.message(data)),
+            },
+        ];
+        let ends = link.ends.iter().map(move |row| {
+            let held = Held::of(link, row);
+            Target {
+                name: name(row.name),
+                seeds: (0..64).map(|seed| bytes(seed, 500)).collect(),
+                body: Box::new(move |data| scripted(&held, data)),
+            }
+        });
+        codecs.into_iter().chain(ends)
+    });
+    OTHERS.into_iter().map(of).chain(links)
+}
+
+/// So many bytes of a seed.
+fn bytes(seed: u64, count: usize) -> Vec<u8> {
+    let mut rng = Rng::new(seed);
+    (0..count).map(|_| rng.below(256) as u8).collect()
+}
+
+/// The target of a name.
+///
+/// # Panics
+/// When there is none.
+pub fn target(name: &str) -> Target {
+    targets().find(|target| target.name == name).unwrap_or_else(|| panic!("there is no target {name}"))
+}
+
+/// Writes the seeds of every target into its folder in this one.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write_seeds(folder: &Path) -> std::io::Result<()> {
+    for target in targets() {
+        let folder = folder.join(&target.name);
+        std::fs::create_dir_all(&folder)?;
+        for (number, seed) in target.seeds.iter().enumerate() {
+            std::fs::write(folder.join(number.to_string()), seed)?;
         }
-        targets = rest;
     }
-    panic!("there is no such target")
-}
-
-const fn is_same(a: &[u8], b: &[u8]) -> bool {
-    match (a, b) {
-        ([], []) => true,
-        ([first, a @ ..], [other, b @ ..]) => *first == *other && is_same(a, b),
-        _ => false,
-    }
-}
-
-/// What `encode` writes into a buffer of exactly `len` bytes, which it must fill; a shorter buffer is refused.
-fn written<E>(len: usize, encode: impl Fn(&mut [u8]) -> Result<usize, E>) -> Result<Vec<u8>, E> {
-    let mut out = vec![0; len];
-    assert!(encode(&mut out[..len.saturating_sub(1)]).is_err(), "one byte less is not enough");
-    let filled = encode(&mut out)?;
-    assert_eq!(filled, len, "the encoded length is wrong");
-    Ok(out)
-}
-
-/// The next step of a script: `N` bytes, of which the last says how many more there are, and these.
-fn step<'a, const N: usize>(script: &mut &'a [u8]) -> Option<([u8; N], &'a [u8])> {
-    let (step, rest) = script.split_first_chunk::<N>()?;
-    let bytes;
-    (bytes, *script) = rest.split_at(usize::from(step[N - 1]).min(rest.len()));
-    Some((*step, bytes))
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
     use std::path::Path;
 
-    use super::TARGETS;
+    use super::{Target, targets};
+
+    fn corpus() -> &'static Path {
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/corpus"))
+    }
 
     #[test]
     fn every_target_holds_over_its_corpus() {
-        for (name, target) in TARGETS {
-            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(name);
-            let inputs = std::fs::read_dir(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
-            let mut replayed = 0;
-            for input in inputs {
-                let path = input.unwrap().path();
-                println!("{}", path.display()); // shown when the target panics
-                target(&std::fs::read(&path).unwrap());
-                replayed += 1;
+        for Target { name, mut seeds, body } in targets().filter(|target| {
+            target.name.starts_with(&std::env::var("LINK").unwrap_or_default().replace('-', "_"))
+        }) {
+            for input in fs::read_dir(corpus().join(&name)).into_iter().flatten() {
+                seeds.push(fs::read(input.unwrap().path()).unwrap());
             }
-            assert!(replayed > 0, "{name} has no corpus");
+            assert!(!seeds.is_empty(), "{name} has no corpus");
+            for seed in seeds {
+                println!("{name}: {}", seed.escape_ascii()); // shown when the target panics
+                body(&seed);
+            }
         }
     }
 
     #[test]
     fn every_corpus_has_a_target() {
-        let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
-        for folder in std::fs::read_dir(corpus).unwrap() {
-            let name = folder.unwrap().file_name();
-            assert!(TARGETS.iter().any(|(target, _)| *target == name), "{} is no target", name.display());
+        for folder in fs::read_dir(corpus()).unwrap() {
+            let folder = folder.unwrap().file_name();
+            assert!(targets().any(|target| *target.name == *folder), "{} is no target", folder.display());
         }
     }
 }

@@ -97,16 +97,21 @@ pub fn read<M: DeserializeOwned>(message: Value) -> Result<M, EncodeError> {
     Ok(serde_json::from_value(message).map_err(anyhow::Error::new)?)
 }
 
-/// The bytes that an encoder writes.
+/// The bytes that an encoder writes; `length` is how many it says they are.
 ///
 /// # Errors
 /// Those of the encoder.
 pub fn bytes<E: core::error::Error + Serialize>(
     length: usize,
-    encode: impl FnOnce(&mut [u8]) -> Result<usize, E>,
+    encode: impl Fn(&mut [u8]) -> Result<usize, E>,
 ) -> Result<Vec<u8>, EncodeError> {
+    debug_assert!(
+        encode(&mut vec![0; length.saturating_sub(1)]).is_err(),
+        "less than {length} bytes are enough"
+    );
     let mut bytes = vec![0; length];
-    encode(&mut bytes).map_err(EncodeError::refused)?;
+    let written = encode(&mut bytes).map_err(EncodeError::refused)?;
+    debug_assert_eq!(written, length, "the encoded length is wrong");
     Ok(bytes)
 }
 

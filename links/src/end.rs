@@ -22,9 +22,50 @@ pub struct EndRow {
     pub rules: fn() -> Vec<String>,
     /// What its user may call.
     pub calls: fn() -> Vec<&'static str>,
+    /// What it begins and ends again.
+    pub once: &'static [Once],
     /// Makes it of the fields of a configuration that are not the defaults, as stories have them: times are nanoseconds. With the
     /// feature `model` the rule of a number is left out.
     pub make: Make,
+}
+
+/// What ends once for each time that it begins, such as a request with its outcome.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Once {
+    /// What begins it.
+    pub begins: By<'static>,
+    /// What ends it.
+    pub ends: &'static [By<'static>],
+    /// How much of it there may be.
+    pub room: Room,
+}
+
+/// What an end does, or what is done with it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum By<'a> {
+    /// A call that is not refused.
+    Call(&'a str),
+    /// An event; one with a `count` counts so often.
+    Event(&'a str),
+    /// An event that ends whatever there is.
+    All(&'a str),
+    /// A transmission.
+    Sent,
+    /// A byte that is read.
+    Byte(u8),
+    /// A connection is made or lost: it ends whatever there is.
+    Connection,
+}
+
+/// How much may have begun that has not ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Room {
+    /// So much.
+    Most(u64),
+    /// One, until whose end nothing is sent.
+    Silent,
+    /// One: what begins again is the same.
+    Merged,
 }
 
 /// Makes an end.
@@ -88,6 +129,9 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
     /// What its user may ask for.
     const CALLS: &'static [Call<Self>] = &[];
 
+    /// What the end begins and ends again.
+    const ONCE: &'static [Once] = &[];
+
     /// With what is given of a configuration, and the defaults of everything else.
     fn new(given: Given, rules: Rules<Self::Rule>) -> Result<Self>;
 
@@ -108,7 +152,7 @@ pub(crate) trait Owner: BorrowMut<Self::End> + Sized + 'static {
 impl EndRow {
     /// The end of this owner.
     pub(crate) const fn of<O: Owner>(name: &'static str) -> Self {
-        Self { name, rules: rules::<O>, calls: calls::<O>, make: make::<O> }
+        Self { name, rules: rules::<O>, calls: calls::<O>, once: O::ONCE, make: make::<O> }
     }
 }
 

@@ -29,6 +29,8 @@ pub struct Link {
     pub settings: fn() -> Vec<Setting>,
     /// The codec of what a side sends, with settings other than the defaults, as in the vectors' `options`: `{"framing":"rtu"}`.
     pub codec: MakeCodec,
+    /// Whether its decoder may accept what its encoder would write another way, or not at all; everything else is written in one way.
+    pub tolerates: fn(&Accepted<'_>) -> bool,
     /// Its ends; the one that asks comes first.
     pub ends: &'static [EndRow],
 }
@@ -40,6 +42,19 @@ pub struct Config {
     pub name: &'static str,
     /// The fields of the default, or of what it becomes with these values, in the form that `reference/` has.
     pub fields: fn(given: &Map<String, Value>) -> Result<Vec<Setting>>,
+}
+
+/// A message that was accepted, and is not written as it was read.
+#[derive(Debug, Clone, Copy)]
+pub struct Accepted<'a> {
+    /// The settings of the codec.
+    pub settings: &'a Map<String, Value>,
+    /// Its object.
+    pub message: &'a Value,
+    /// What was read.
+    pub bytes: &'a [u8],
+    /// What the encoder writes; `None` where it refuses.
+    pub written: Option<&'a [u8]>,
 }
 
 /// Makes the codec of a side.
@@ -61,6 +76,11 @@ impl Link {
     pub fn end(&self, name: &str) -> Result<&'static EndRow> {
         let end = self.ends.iter().find(|end| end.name == name);
         end.with_context(|| format!("{} has no end `{name}`", self.name))
+    }
+
+    /// Whether a message that was accepted is written by its codec as it was read, or may have been read so nevertheless.
+    pub fn accepts(&self, accepted: &Accepted<'_>) -> bool {
+        accepted.written == Some(accepted.bytes) || (self.tolerates)(accepted)
     }
 
     /// A side by its name, or the first.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
 use crate::codec::{self, Codec};
-use crate::link::Link;
+use crate::link::{Accepted, Link};
 
 /// A vector.
 #[derive(Debug, Clone, Deserialize)]
@@ -91,6 +91,12 @@ impl Vector {
                 let encoded = self.codec(link)?.encode(message.clone());
                 let is_same = encoded.as_ref().is_ok_and(|bytes| *bytes == self.bytes);
                 ensure!(is_same == (self.result == Outcome::Valid), "encodes to {encoded:02X?}");
+                let written = encoded.as_deref().ok();
+                let accepted = Accepted { settings: &self.options, message, bytes: &self.bytes, written };
+                ensure!(
+                    link.accepts(&accepted),
+                    "the link says that there is no other way than {encoded:02X?}"
+                );
             }
             (None, Some(error)) if self.result == Outcome::Invalid => {
                 let fits = first.value()?.is_err_and(|found| includes(&found, error));

@@ -28,9 +28,29 @@ pub mod rng;
 pub mod soak;
 mod turn;
 
+use std::path::{Path, PathBuf};
+
 pub use turn::{Carrier, turn};
 
 /// Whether the tests over the table of links are to look at this one: all of them, or only what `LINK` names.
 pub fn is_tested(link: &str) -> bool {
     std::env::var("LINK").map_or(true, |only| only == link)
+}
+
+/// Where a file of the reference is: beside the program, where that is run without the workspace, or in it.
+pub fn reference_file(path: &str) -> PathBuf {
+    let beside = std::env::current_exe().unwrap_or_default().with_file_name("reference");
+    let folder =
+        if beside.exists() { beside } else { Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference") };
+    folder.join(path)
+}
+
+/// A file of the reference.
+///
+/// # Panics
+/// When there is no such file, or it is not JSON.
+pub fn reference(path: &str) -> serde_json::Value {
+    let file = reference_file(path);
+    let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+    serde_json::from_str(&text).unwrap()
 }

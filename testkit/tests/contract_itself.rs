@@ -9,7 +9,7 @@ use core::any::Any;
 use core::time::Duration;
 use std::panic::catch_unwind;
 
-use cellwire_links::end::{Called, End};
+use cellwire_links::end::{By, Called, End, Once, Room};
 use robot_session::{Decoder, Session as _};
 use serde_json::{Map, Value, json};
 use testkit::contract::{self, Held, Story};
@@ -100,8 +100,11 @@ fn each_broken_rule_of_a_decoder_is_found() {
 /// A session around the toy's that breaks one rule.
 struct Sloppy<const FAULT: u8> {
     asker: Asker,
+    connected: bool,
     last: Duration,
     timeouts: u32,
+    /// An event that is repeated.
+    again: Option<String>,
 }
 
 const SPINS: u8 = 1;
@@ -110,13 +113,20 @@ const WRITES_NOTHING: u8 = 3;
 const TAKES_A_SMALL_BUFFER: u8 = 4;
 const PANICS_AT_THE_END_OF_TIME: u8 = 5;
 const READS_WHOLE_INPUT_ONLY: u8 = 6;
+const SENDS_ALONE: u8 = 7;
+const ANSWERS_TWICE: u8 = 8;
+
+const ONCE: &[Once] =
+    &[Once { begins: By::Sent, ends: &[By::Event("Answer"), By::Event("NoAnswer")], room: Room::Most(1) }];
 
 impl<const FAULT: u8> End for Sloppy<FAULT> {
     fn handle_connected(&mut self, now: Duration) {
+        self.connected = true;
         self.asker.handle_connected(now);
     }
 
     fn handle_disconnected(&mut self, now: Duration) {
+        self.connected = false;
         self.asker.handle_disconnected(now);
     }
 
@@ -143,11 +153,20 @@ impl<const FAULT: u8> End for Sloppy<FAULT> {
 
     fn poll_event(&mut self) -> Option<String> {
         self.timeouts = 0;
-        self.asker.poll_event().map(|event| json!({"event": format!("{event:?}")}).to_string())
+        if let Some(again) = self.again.take() {
+            return Some(again);
+        }
+        let text = format!("{:?}", self.asker.poll_event()?);
+        let name = text.split('(').next();
+        let event = json!({"event": name, "text": text}).to_string();
+        self.again = (FAULT == ANSWERS_TWICE).then(|| event.clone());
+        Some(event)
     }
 
     fn poll_transmit(&mut self, now: Duration, out: &mut [u8]) -> Option<usize> {
         match FAULT {
+            SENDS_ALONE if !out.is_empty() => self.asker.poll_transmit(now, out),
+            _ if !self.connected => None,
             WRITES_NOTHING if self.asker.requests.len() > 3 => Some(0),
             TAKES_A_SMALL_BUFFER if out.is_empty() => {
                 self.asker.requests.pop_front();
@@ -195,7 +214,7 @@ impl<const FAULT: u8> End for Sloppy<FAULT> {
 fn make<const FAULT: u8>(config: &Map<String, Value>, _: Option<usize>) -> anyhow::Result<Box<dyn End>> {
     let mut asker = Asker::new(&[]);
     asker.timeout = if config.contains_key("timeout") { Duration::MAX } else { asker.timeout };
-    Ok(Box::new(Sloppy::<FAULT> { asker, last: Duration::ZERO, timeouts: 0 }))
+    Ok(Box::new(Sloppy::<FAULT> { asker, connected: false, last: Duration::ZERO, timeouts: 0, again: None }))
 }
 
 #[test]
@@ -207,7 +226,7 @@ fn each_broken_rule_of_a_session_is_found() {
             calls: (0..100).map(|number| ("ask".into(), json!(number))).collect(),
         };
         let times = vec!["timeout".into()];
-        let held = Held { name: "toy".into(), make: make::<FAULT>, stories: vec![story], times };
+        let held = Held { name: "toy".into(), make: make::<FAULT>, once: ONCE, stories: vec![story], times };
         catch_unwind(|| contract::session(&held, 60)).is_ok()
     }
     assert!(check::<0>());
@@ -217,4 +236,6 @@ fn each_broken_rule_of_a_session_is_found() {
     assert!(!check::<TAKES_A_SMALL_BUFFER>());
     assert!(!check::<PANICS_AT_THE_END_OF_TIME>());
     assert!(!check::<READS_WHOLE_INPUT_ONLY>());
+    assert!(!check::<SENDS_ALONE>());
+    assert!(!check::<ANSWERS_TWICE>());
 }

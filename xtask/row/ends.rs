@@ -5,7 +5,7 @@ use robot_session::Rules;
 use serde::Deserialize as _;
 use toy_link::{Device, DeviceConfig, Host, HostConfig, device, host};
 
-use crate::end::{Call, EndRow, Owner, called};
+use crate::end::{By, Call, EndRow, Once, Owner, Room, called};
 use crate::given::Given;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Device>("device")];
@@ -16,6 +16,12 @@ impl Owner for Host {
 
     const CALLS: &'static [Call<Self>] =
         &[("get", |host, now, register| called(host.get(now, u8::deserialize(register)?)))];
+
+    const ONCE: &'static [Once] = &[Once {
+        begins: By::Call("get"),
+        ends: &[By::Event("value"), By::Event("timed_out")],
+        room: Room::Most(1),
+    }];
 
     fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
         let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
@@ -29,6 +35,12 @@ impl Owner for Device {
 
     const CALLS: &'static [Call<Self>] =
         &[("answer", |device, _, value| called(device.answer(i32::deserialize(value)?)))];
+
+    const ONCE: &'static [Once] = &[Once {
+        begins: By::Event("asked"),
+        ends: &[By::Call("answer"), By::Connection],
+        room: Room::Most(1),
+    }];
 
     fn new(given: Given, rules: Rules<device::Rule>) -> Result<Self> {
         let made = given.configure(DeviceConfig { rules })?;

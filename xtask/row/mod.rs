@@ -22,5 +22,6 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(()),
     codec: codec::either,
+    tolerates: |_| false,
     ends: ends::ENDS,
 };

@@ -114,6 +114,8 @@ impl Workspace {
             let mut tested =
                 self.command(env!("CARGO"), ["test", "-q", "-p", "testkit"].iter().chain(&tests));
             Self::succeed(tested.env("LINK", link))?;
+            let mut fuzzed = self.command(env!("CARGO"), ["test", "-q", "-p", "cellwire-fuzz"]);
+            Self::succeed(fuzzed.env("LINK", link))?;
             self.cargo(["run", "-q", "-p", "reference", "--", "check", link])?;
         }
         println!("checked in {:.0} s", begin.elapsed().as_secs_f64());

@@ -66,7 +66,14 @@ impl Messages for Modbus {
             (Framing::Tcp, Some(_)) | (_, None) => {}
             (_, Some(_)) => Err(anyhow!("an RTU frame has no transaction; use --set framing=tcp"))?,
         }
-        bytes(frame.encoded_len(), |out| frame.encode(out))
+        let wire = bytes(frame.encoded_len(), |out| frame.encode(out))?;
+        // An object may be a message of the other side.
+        let read = match self.side {
+            Side::Client => frame.pdu.request().map(drop),
+            Side::Server => frame.pdu.reply().map(drop),
+        };
+        read.map_err(EncodeError::refused)?;
+        Ok(wire)
     }
 }
 

@@ -9,7 +9,7 @@ use robot_session::Rules;
 use serde::Deserialize as _;
 use serde_json::{Map, Value};
 
-use crate::end::{Call, End, EndRow, Owner, called};
+use crate::end::{By, Call, End, EndRow, Once, Owner, Room, called};
 use crate::given::Given;
 use crate::json;
 
@@ -44,6 +44,12 @@ impl<const N: usize> Owner for Client<N> {
         };
         called(client.request(frame.unit, &frame.pdu.request()?))
     })];
+
+    const ONCE: &'static [Once] = &[Once {
+        begins: By::Call("request"),
+        ends: &[By::Event("replied"), By::Event("failed"), By::Event("announced")],
+        room: Room::Most(N as u64),
+    }];
 
     fn new(mut given: Given, rules: Rules<client::Rule>) -> Result<Self> {
         let (framing, baud) = transport(&mut given)?;

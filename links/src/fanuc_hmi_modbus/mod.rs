@@ -25,5 +25,10 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(options::ViewSettings::default()),
     codec: codec::either,
+    // The unused bits of a write of coils; a request that only a server may refuse.
+    tolerates: |it| match it.written {
+        Some(written) => it.message["function"] == 15 && written.len() == it.bytes.len(),
+        None => true,
+    },
     ends: ends::ENDS,
 };

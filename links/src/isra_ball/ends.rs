@@ -1,11 +1,11 @@
 //! Both ends.
 
 use anyhow::Result;
-use isra_ball::{Ball, BallConfig, Host, HostConfig, HostEvent, Keys, ball, host};
+use isra_ball::{Ball, BallConfig, ENQ, Host, HostConfig, HostEvent, Keys, ball, host};
 use robot_session::Rules;
 use serde::Deserialize;
 
-use crate::end::{Call, EndRow, Owner, done, live_until};
+use crate::end::{By, Call, EndRow, Once, Owner, Room, done, live_until};
 use crate::given::Given;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Ball>("ball")];
@@ -13,6 +13,12 @@ pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Ba
 impl Owner for Host {
     type End = Self;
     type Rule = host::Rule;
+
+    const ONCE: &'static [Once] = &[Once {
+        begins: By::Sent,
+        ends: &[By::Event("new"), By::Event("old"), By::Event("missed")],
+        room: Room::Most(1),
+    }];
 
     fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
         let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
@@ -32,6 +38,11 @@ impl Owner for Ball {
         let Measured { force, moment, keys } = Measured::deserialize(argument)?;
         done(ball.measure(force, moment, keys))
     })];
+
+    const ONCE: &'static [Once] = &[
+        Once { begins: By::Byte(ENQ), ends: &[By::Sent, By::Connection], room: Room::Merged },
+        Once { begins: By::Sent, ends: &[By::Event("reply")], room: Room::Most(1) },
+    ];
 
     fn new(given: Given, rules: Rules<ball::Rule>) -> Result<Self> {
         let made = given.configure(BallConfig { rules, ..BallConfig::default() })?;

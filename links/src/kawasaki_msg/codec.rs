@@ -6,6 +6,7 @@ use serde_json::{Map, Value};
 use super::options::CodecSettings;
 use super::roles::Roles;
 use crate::codec::{self, Codec, EncodeError, Kind, bytes, codec, message};
+use crate::link::Accepted;
 use crate::settings;
 
 /// Both sides send the same messages. The settings are those of [`CodecSettings`].
@@ -19,6 +20,20 @@ pub(super) fn either(settings: &Map<String, Value>) -> Result<Box<dyn Codec>> {
     Ok(match roles {
         true => codec(Decoder::new(charset), Roles(dialect)),
         false => codec(Decoder::new(charset), Messages { charset }),
+    })
+}
+
+/// Blanks around the length, and zeros before it; as roles, what the plant does not use.
+pub(super) fn tolerates(it: &Accepted<'_>) -> bool {
+    let plain = || {
+        let data = it.bytes.iter().position(|byte| *byte == b'#')?;
+        let (head, data) = it.bytes.split_at_checked(data)?;
+        let length = head.iter().rposition(|byte| *byte == b'$')?;
+        let digits = data.len().checked_sub("##>".len())?.to_string();
+        Some([head.get(..=length)?, digits.as_bytes(), data].concat())
+    };
+    it.written.is_some_and(|written| {
+        it.message.get("role").is_some() || plain().is_some_and(|plain| plain == written)
     })
 }
 

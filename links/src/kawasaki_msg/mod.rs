@@ -31,5 +31,6 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(options::CodecSettings::default()),
     codec: |_, settings| codec::either(settings),
+    tolerates: codec::tolerates,
     ends: ends::ENDS,
 };

@@ -1,7 +1,8 @@
 //! What both ends of a plant have agreed on, as settings: the table of messages, in a file the tables `[messages.ROLE]`, what a
 //! job is, in a file the tables `[[job]]`, and how packets are carried and acknowledged.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, btree_map};
+use std::sync::{Mutex, PoisonError};
 
 use anyhow::Result;
 use kawasaki_msg::{
@@ -129,8 +130,15 @@ impl Plant {
     /// # Errors
     /// When the table contradicts itself, or lacks what no session can do without.
     pub fn dialect(&self) -> Result<Dialect<'static>> {
-        let entries = self.messages.values().filter(|message| message.sent).map(Message::entry);
-        let dialect = Dialect::new(entries.collect::<Vec<_>>().leak()).map_err(refused)?;
+        static MADE: Mutex<BTreeMap<String, Dialect<'static>>> = Mutex::new(BTreeMap::new());
+        let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        let dialect = match made.entry(format!("{:?}", self.messages)) {
+            btree_map::Entry::Occupied(made) => *made.get(),
+            btree_map::Entry::Vacant(place) => {
+                let entries = self.messages.values().filter(|message| message.sent).map(Message::entry);
+                *place.insert(Dialect::new(entries.collect::<Vec<_>>().leak()).map_err(refused)?)
+            }
+        };
         Ok(dialect.with_charset(self.charset))
     }
 

@@ -12,7 +12,7 @@ use robot_work_queue::Reader;
 use serde::Deserialize as _;
 use serde_json::Value;
 
-use crate::end::{Call, EndRow, Owner, called, done};
+use crate::end::{By, Call, EndRow, Once, Owner, Room, called, done};
 use crate::given::Given;
 use crate::json;
 
@@ -21,6 +21,10 @@ pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Host>("host"), EndRow::of::<Ro
 /// The room of the queue where nothing says it.
 const QUEUE: usize = 8;
 const MAX_NUMBER: u16 = 9999;
+
+/// The outcomes of instructions; those that are taken back have none.
+const TOLD: &[By<'static>] =
+    &[By::Event("done"), By::Event("answer"), By::Event("refused"), By::Event("unknown")];
 
 impl Owner for Host {
     type End = Self;
@@ -33,6 +37,11 @@ impl Owner for Host {
         }),
         ("take_back", |host, _, _| done(host.take_back())),
         ("resume", |host, _, _| done(host.resume())),
+    ];
+
+    const ONCE: &'static [Once] = &[
+        Once { begins: By::Call("submit"), ends: TOLD, room: Room::Most(u64::MAX) },
+        Once { begins: By::Sent, ends: TOLD, room: Room::Merged },
     ];
 
     fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
@@ -79,6 +88,12 @@ impl Owner for Robot {
             done(())
         }),
     ];
+
+    const ONCE: &'static [Once] = &[Once {
+        begins: By::Event("execute"),
+        ends: &[By::Call("answer"), By::Call("refuse")],
+        room: Room::Silent,
+    }];
 
     fn new(mut given: Given, rules: Rules<controller::Rule>) -> Result<Self> {
         let room = given.take("queue")?.unwrap_or(QUEUE);

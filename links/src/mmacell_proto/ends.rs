@@ -8,7 +8,7 @@ use mmacell_proto::{
 use robot_session::Rules;
 use serde::Deserialize as _;
 
-use crate::end::{Call, EndRow, Owner, called, done};
+use crate::end::{By, Call, EndRow, Once, Owner, Room, called, done};
 use crate::given::Given;
 
 pub(super) const ENDS: &[EndRow] =
@@ -22,6 +22,18 @@ impl Owner for Central<PlatformPose> {
         ("request", |central, _, argument| called(central.request(Command::deserialize(argument)?))),
         ("abort", |central, now, _| done(central.abort(now))),
     ];
+
+    const ONCE: &'static [Once] = &[Once {
+        begins: By::Call("request"),
+        ends: &[
+            By::Event("done"),
+            By::Event("status"),
+            By::Event("refused"),
+            By::Event("aborted"),
+            By::All("closed"),
+        ],
+        room: Room::Most(1),
+    }];
 
     fn new(given: Given, rules: Rules<central::Rule>) -> Result<Self> {
         let made = given.configure(CentralConfig { rules, ..CentralConfig::DEFAULT })?;
@@ -43,6 +55,18 @@ impl Owner for Device<PlatformPose> {
         ("arrived", |device, _, _| done(device.arrived())),
         ("fail", |device, _, argument| done(device.fail(ErrorCode::deserialize(argument)?))),
     ];
+
+    const ONCE: &'static [Once] = &[Once {
+        begins: By::Event("asked"),
+        ends: &[
+            By::Call("accept"),
+            By::Call("refuse"),
+            By::All("rejected"),
+            By::All("closed"),
+            By::Connection,
+        ],
+        room: Room::Silent,
+    }];
 
     fn new(given: Given, rules: Rules<device::Rule>) -> Result<Self> {
         let made = given.configure(DeviceConfig { rules, ..DeviceConfig::DEFAULT })?;

@@ -30,5 +30,12 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(Dialect::STRICT),
     codec: codec::either,
+    // What a dialect adds has several forms, and a zero may have a minus.
+    tolerates: |it| {
+        let is_plus = |(read, written): (&u8, &u8)| read == written || (*read, *written) == (b'-', b'+');
+        let same =
+            |written: &[u8]| written.len() == it.bytes.len() && it.bytes.iter().zip(written).all(is_plus);
+        it.written.is_some_and(|written| !it.settings.is_empty() || same(written))
+    },
     ends: ends::ENDS,
 };

@@ -4,9 +4,10 @@ use anyhow::{Result, bail};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
-use val2_alter::{Decoder, Framing, HostMessage, Message, Received, RobotMessage};
+use val2_alter::{DLE, Decoder, Framing, HostMessage, Message, Received, RobotMessage};
 
 use crate::codec::{Codec, EncodeError, Kind, Messages, bytes, codec, message, read};
+use crate::link::Accepted;
 use crate::settings;
 
 /// What the `robot` or the `host` sends. The settings are the fields of [`Framing`].
@@ -20,6 +21,16 @@ pub(super) fn either(from: &str, settings: &Map<String, Value>) -> Result<Box<dy
         "host" => Ok(side::<HostMessage>(framing)),
         _ => bail!("val2-alter has no side `{from}`"),
     }
+}
+
+/// More DLEs before a message, or one less: that one was the checksum before. The source does not say what may follow the control byte
+/// of an end, and a start may lack its mark.
+pub(super) fn tolerates(it: &Accepted<'_>) -> bool {
+    let Some([_, written @ ..]) = it.written else { return false };
+    let is_open = it.message["kind"] == "end" || it.message["marked"] == false;
+    let ignores = it.settings.get("ignore_spare_select").is_some_and(|ignores| ignores == true);
+    let before = it.bytes.strip_suffix(written);
+    is_open || ignores || before.is_some_and(|before| before.iter().all(|byte| *byte == DLE))
 }
 
 struct Side<M> {

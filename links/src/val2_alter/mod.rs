@@ -25,5 +25,6 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(Framing::DEFAULT),
     codec: codec::either,
+    tolerates: codec::tolerates,
     ends: ends::ENDS,
 };

@@ -3,9 +3,11 @@
 use anyhow::Result;
 use robot_session::Rules;
 use serde::Deserialize as _;
-use val2_viewer::{Host, HostConfig, Workstation, WorkstationConfig, WorkstationEvent, host, workstation};
+use val2_viewer::{
+    ENQ, Host, HostConfig, Workstation, WorkstationConfig, WorkstationEvent, host, workstation,
+};
 
-use crate::end::{Call, EndRow, Owner, done, live_until};
+use crate::end::{By, Call, EndRow, Once, Owner, Room, done, live_until};
 use crate::given::Given;
 
 pub(super) const ENDS: &[EndRow] = &[EndRow::of::<Workstation>("workstation"), EndRow::of::<Host>("host")];
@@ -16,6 +18,11 @@ impl Owner for Host {
 
     const CALLS: &'static [Call<Self>] =
         &[("set_pose", |host, now, argument| done(host.set_pose(now, <[i16; 12]>::deserialize(argument)?)))];
+
+    const ONCE: &'static [Once] = &[
+        Once { begins: By::Byte(ENQ), ends: &[By::Sent, By::Connection], room: Room::Merged },
+        Once { begins: By::Sent, ends: &[By::Event("sent")], room: Room::Most(1) },
+    ];
 
     fn new(given: Given, rules: Rules<host::Rule>) -> Result<Self> {
         let made = given.configure(HostConfig { rules, ..HostConfig::default() })?;
@@ -28,6 +35,9 @@ impl Owner for Workstation {
     type Rule = workstation::Rule;
 
     const CALLS: &'static [Call<Self>] = &[("draw", |workstation, now, _| done(workstation.draw(now)))];
+
+    const ONCE: &'static [Once] =
+        &[Once { begins: By::Sent, ends: &[By::Event("pose"), By::Event("missed")], room: Room::Most(1) }];
 
     fn new(given: Given, rules: Rules<workstation::Rule>) -> Result<Self> {
         let made = given.configure(WorkstationConfig { rules, ..WorkstationConfig::default() })?;

@@ -22,5 +22,6 @@ pub const LINK: Link = Link {
     ],
     settings: || settings::list(()),
     codec: |_, settings| codec::host(settings),
+    tolerates: |_| false,
     ends: ends::ENDS,
 };

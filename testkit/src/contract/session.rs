@@ -2,17 +2,29 @@
 
 use core::time::Duration;
 
-use cellwire_links::end::{End, Make};
+use cellwire_links::end::{By, End, Make, Once};
 use serde_json::{Map, Value, json};
 
+use super::change;
+use super::open::Open;
 use crate::rng::Rng;
 
 /// What an end has done: each event and each transmission, in order.
 #[derive(Debug, Default)]
 struct Trace {
     all: Vec<String>,
+    /// Whether there is a connection.
+    connected: bool,
+    open: Open,
     /// How many notices it has dropped, those that depend on how the input is cut among them.
     dropped: u64,
+}
+
+impl Trace {
+    fn connection(&mut self, connected: bool) {
+        self.connected = connected;
+        self.open.note(By::Connection, 1);
+    }
 }
 
 /// A story, as far as it says what may be done with an end.
@@ -33,6 +45,8 @@ pub struct Held {
     pub name: String,
     /// How it is made.
     pub make: Make,
+    /// What it begins and ends again.
+    pub once: &'static [Once],
     /// At least one.
     pub stories: Vec<Story>,
     /// The fields of its configuration that are times, those that limit others last.
@@ -42,27 +56,40 @@ pub struct Held {
 /// Holds an end to the contract, on `seeds` random strings of calls; each takes the configuration of a story, in turn.
 pub fn session(held: &Held, seeds: u64) {
     for seed in 0..seeds {
-        let story = &held.stories[seed as usize % held.stories.len()];
-        let is_datagram = story.config.get("datagrams") == Some(&json!(true));
-        for config in [story.config.clone(), held.endless(&story.config)] {
-            let once = held.run(seed, &config, Caller::Plain);
-            for caller in [Caller::Often, Caller::SmallBuffer, Caller::Pieces] {
-                // The borders of datagrams mean something.
-                if caller == Caller::Pieces && (is_datagram || is_careless(seed)) {
-                    continue;
-                }
-                let other = held.run(seed, &config, caller);
-                if caller == Caller::Pieces && once.dropped + other.dropped > 0 {
-                    continue;
-                }
-                let (once, other) = (&once.all, &other.all);
-                let place = once.iter().zip(other).position(|(one, other)| one != other);
-                let from = place.unwrap_or(once.len().min(other.len())).saturating_sub(6);
-                let context = format!("{}: seed {seed}, {config:?}, {caller:?}", held.name);
-                assert_eq!(once[from..], other[from..], "{context}, from {from}");
-            }
+        let story = seed as usize % held.stories.len();
+        let (is_careless, ends) = (seed.is_multiple_of(4), seed.is_multiple_of(3));
+        for is_endless in [false, true] {
+            let script = Script { story, is_endless, is_careless, ends, steps: 60, choices: Rng::new(seed) };
+            held.compare(&script, &[Caller::Often, Caller::SmallBuffer, Caller::Pieces]);
         }
     }
+}
+
+/// Holds an end to the contract, on the string of calls that these bytes choose.
+pub fn scripted(held: &Held, bytes: &[u8]) {
+    let mut choices = Rng::of(bytes);
+    let story = choices.below(held.stories.len());
+    let how = choices.below(256);
+    let is = |bit: u32| how >> bit & 1 == 1;
+    let (is_endless, is_careless, ends, steps) = (is(0), is(1) && is(2), is(3), bytes.len());
+    let script = Script { story, is_endless, is_careless, ends, steps, choices };
+    held.compare(&script, &[[Caller::Often, Caller::SmallBuffer, Caller::Pieces][(how >> 4) % 3]]);
+}
+
+/// A string of calls.
+#[derive(Debug)]
+struct Script {
+    /// The story whose configuration it takes, and most of its bytes and calls.
+    story: usize,
+    /// Every time of the configuration is for ever.
+    is_endless: bool,
+    /// Bytes also come without a connection. Each such call may be reported, so pieces are not the same there.
+    is_careless: bool,
+    /// Time comes to its end.
+    ends: bool,
+    /// How many there are at most.
+    steps: usize,
+    choices: Rng,
 }
 
 /// Ways to call a session that must make no difference.
@@ -75,16 +102,6 @@ enum Caller {
     SmallBuffer,
     /// Input byte by byte.
     Pieces,
-}
-
-/// Whether bytes also come without a connection. Each such call may be reported, so pieces are not the same there.
-fn is_careless(seed: u64) -> bool {
-    seed.is_multiple_of(4)
-}
-
-/// Whether time comes to its end.
-fn ends(seed: u64) -> bool {
-    seed.is_multiple_of(3)
 }
 
 /// The latest time at which a deadline may still lie ahead: [`Duration::MAX`] is never.
@@ -109,14 +126,39 @@ impl Held {
         endless
     }
 
+    /// Does the same in other ways, which must make no difference.
+    fn compare(&self, script: &Script, callers: &[Caller]) {
+        let mut config = self.stories[script.story].config.clone();
+        let is_datagram = config.get("datagrams") == Some(&json!(true));
+        if script.is_endless {
+            config = self.endless(&config);
+        }
+        let once = self.run(script, &config, Caller::Plain);
+        for caller in callers {
+            // The borders of datagrams mean something.
+            if *caller == Caller::Pieces && (is_datagram || script.is_careless) {
+                continue;
+            }
+            let other = self.run(script, &config, *caller);
+            if *caller == Caller::Pieces && once.dropped + other.dropped > 0 {
+                continue;
+            }
+            let (once, other) = (&once.all, &other.all);
+            let place = once.iter().zip(other).position(|(one, other)| one != other);
+            let from = place.unwrap_or(once.len().min(other.len())).saturating_sub(6);
+            let context = || format!("{}: {script:?}, {config:?}, {caller:?}", self.name);
+            assert_eq!(once[from..], other[from..], "{}, from {from}", context());
+        }
+    }
+
     /// One of what a story has; of all stories now and then, or where it has none.
-    fn pick<'a, T>(&'a self, rng: &mut Rng, seed: u64, of: fn(&Story) -> &[T]) -> Option<&'a T> {
-        let own = of(&self.stories[seed as usize % self.stories.len()]);
+    fn pick<'a, T>(&'a self, rng: &mut Rng, story: usize, of: fn(&Story) -> &[T]) -> Option<&'a T> {
+        let own = of(&self.stories[story]);
         if !own.is_empty() && rng.chance(0.8) {
             return own.get(rng.below(own.len()));
         }
         let count = self.stories.iter().map(|story| of(story).len()).sum();
-        let place = if count > 0 { rng.below(count) } else { 0 };
+        let place = rng.below(count);
         self.stories.iter().flat_map(of).nth(place)
     }
 
@@ -127,52 +169,67 @@ impl Held {
         is_one || !self.name.starts_with("kawasaki")
     }
 
-    fn run(&self, seed: u64, config: &Map<String, Value>, caller: Caller) -> Trace {
-        let mut rng = Rng::new(seed);
+    fn run(&self, script: &Script, config: &Map<String, Value>, caller: Caller) -> Trace {
+        let Script { story, is_careless, ends, .. } = *script;
+        let mut rng = script.choices.clone();
         let mut end = (self.make)(config, None).unwrap();
-        let (end, mut trace, mut now) = (&mut *end, Trace::default(), Duration::ZERO);
-        let mut connected = false;
-        for _ in 0..60 {
+        let (end, mut now) = (&mut *end, Duration::ZERO);
+        let mut trace = Trace { open: Open::new(self.once), ..Trace::default() };
+        for _ in 0..script.steps {
+            if rng.is_spent() {
+                break;
+            }
             match rng.below(16) {
                 0 => {
                     end.handle_connected(now);
-                    connected = true;
+                    trace.connection(true);
                 }
                 1 if rng.chance(0.3) => {
                     end.handle_disconnected(now);
-                    connected = false;
+                    trace.connection(false);
                 }
                 2..7 => {
-                    if let Some((name, argument)) = self.pick(&mut rng, seed, |story| &story.calls) {
+                    if let Some((name, argument)) = self.pick(&mut rng, story, |story| &story.calls) {
+                        let mut argument = argument.clone();
+                        if rng.chance(0.2) {
+                            change(&mut argument, &mut rng);
+                        }
                         // What the state does not allow is refused, and changes nothing.
-                        trace.all.push(format!("{name}: {:?}", end.call(now, name, argument).ok()));
+                        let result = end.call(now, name, &argument).ok();
+                        if let Some(Ok(())) = result {
+                            trace.open.note(By::Call(name), 1);
+                        }
+                        trace.all.push(format!("{name}: {result:?}"));
                     }
                 }
                 kind @ 7..12 => {
-                    let mut bytes = self.pick(&mut rng, seed, |story| &story.inputs).unwrap().clone();
+                    let mut bytes = self.pick(&mut rng, story, |story| &story.inputs).unwrap().clone();
                     if kind == 11 {
-                        bytes = (0..rng.below(80)).map(|_| rng.next_u64() as u8).collect();
+                        bytes = (0..rng.below(80)).map(|_| rng.below(256) as u8).collect();
                     }
                     if rng.chance(0.2) && !bytes.is_empty() {
                         let at = rng.below(bytes.len());
                         bytes[at] ^= 1 << rng.below(8);
                     }
                     bytes.truncate(end.max_input());
-                    if (connected && end.wants_input()) || is_careless(seed) {
+                    if (trace.connected && end.wants_input()) || is_careless {
+                        if trace.connected {
+                            bytes.iter().for_each(|byte| trace.open.note(By::Byte(*byte), 1));
+                        }
                         let in_pieces = caller == Caller::Pieces && self.may_be_cut(&bytes);
                         let size = if in_pieces { 1 } else { bytes.len().max(1) };
                         bytes.chunks(size).for_each(|piece| end.handle_input(now, piece));
                     }
                 }
                 12 => {
-                    let due = end.poll_timeout().filter(|at| *at < LATEST || ends(seed));
+                    let due = end.poll_timeout().filter(|at| *at < LATEST || ends);
                     now = due.unwrap_or(now).clamp(now, LATEST);
                 }
                 13 => {
                     let step = rng.log_uniform(Duration::from_micros(10), Duration::from_secs(100));
                     now = now.saturating_add(step).min(LATEST);
                 }
-                14 if ends(seed) && rng.chance(0.1) => now = LATEST,
+                14 if ends && rng.chance(0.1) => now = LATEST,
                 15 => end.handle_transmitted(now),
                 _ => {}
             }
@@ -203,7 +260,9 @@ impl Held {
                 if event.starts_with(r#"{"event":"out_of_step""#) {
                     continue;
                 }
-                assert!(event.starts_with(r#"{"event":""#), "{name}: {event}");
+                let object: Value = serde_json::from_str(&event).unwrap();
+                let times = object["count"].as_u64().unwrap_or(1);
+                trace.open.note(By::Event(object["event"].as_str().unwrap()), times);
                 trace.all.push(format!("{now:?} {event}"));
                 assert!(trace.all.len() < begin + MANY, "{name}: events without end: {:?}", trace.all.last());
             }
@@ -215,6 +274,8 @@ impl Held {
                 }
                 let Some(length) = end.poll_transmit(now, &mut out) else { break };
                 assert!(length > 0, "{name}: a transmission without bytes");
+                assert!(trace.connected, "{name}: a transmission without a connection");
+                trace.open.note(By::Sent, 1);
                 trace.all.push(format!("{now:?} {:02X?}", &out[..length]));
                 assert!(trace.all.len() < begin + MANY, "{name}: transmissions without end");
             }

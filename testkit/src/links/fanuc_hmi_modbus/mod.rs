@@ -120,7 +120,8 @@ pub const ANY_CLIENT: Pair = Pair {
             without("WaitForPlace", any_client::TAKEN, ServerConfig::tcp(), Server::WaitForPlace),
         ]
     },
-    diagrams: || Vec::new(),
+    diagrams: Vec::new,
+    refined: Vec::new,
 };
 
 /// A client, and servers that are not ours.
@@ -169,7 +170,8 @@ pub const ANY_SERVER: Pair = Pair {
             case("settle", FOREIGN_REPLY, no_settle),
         ]
     },
-    diagrams: || Vec::new(),
+    diagrams: Vec::new,
+    refined: Vec::new,
 };
 
 /// A server that answers as late as the client assumes, over TCP so many requests later.

@@ -52,7 +52,8 @@ pub const ANY_HOST: Pair = Pair {
             without("TrustSilence", any_host::INNER, false, ControllerRule::TrustSilence),
         ]
     },
-    diagrams: || Vec::new(),
+    diagrams: Vec::new,
+    refined: Vec::new,
 };
 
 /// Two ticks are a silence. A connection that breaks within a frame forgets what was answered: that is the other setting's.

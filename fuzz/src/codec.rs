@@ -1,0 +1,249 @@
+//! The decoder and the messages of each side of a link, in any of its settings.
+
+use core::iter;
+
+use bytes::{Buf, BytesMut};
+use cellwire_links::codec::{self, Found};
+use cellwire_links::link::{Accepted, Link};
+use cellwire_links::settings::insert;
+use cellwire_links::vectors::{Outcome, Vector, vectors};
+use robot_session::tokio::Codec;
+use serde_json::{Map, Value, json};
+use testkit::contract::{Objects, change};
+use testkit::reference_file;
+use testkit::rng::Rng;
+use tokio_util::codec::Decoder as _;
+
+/// The codecs of a link.
+pub(crate) struct Codecs {
+    link: &'static Link,
+    /// What the vectors are written with: a side, and its settings.
+    known: Vec<(&'static str, Map<String, Value>)>,
+    /// Each with the place of what it is written with.
+    vectors: Vec<(usize, Vector)>,
+    /// The settings of a few values, each with those other than the default.
+    settings: Vec<(String, Vec<Value>)>,
+}
+
+/// A side of the link, and the settings of its codec.
+struct Way {
+    link: &'static Link,
+    side: &'static str,
+    settings: Map<String, Value>,
+}
+
+impl Codecs {
+    pub(crate) fn of(link: &'static Link) -> Self {
+        let mut known: Vec<_> = link.sides.iter().map(|side| (*side, Map::new())).collect();
+        let vectors = vectors(reference_file(&format!("vectors/{}.json", link.name))).unwrap().into_iter();
+        let vectors = vectors.map(|vector| {
+            let way = (link.side(vector.from.as_deref()).unwrap(), vector.options.clone());
+            let place = known.iter().position(|known| *known == way).unwrap_or_else(|| {
+                known.push(way);
+                known.len() - 1
+            });
+            (place, vector)
+        });
+        let vectors = vectors.collect();
+        let settings = (link.settings)().into_iter().filter(|setting| {
+            ["bool", "word"].contains(&setting.unit)
+                || setting.unit == "number" && setting.values.contains(", ")
+        });
+        let settings = settings.map(|setting| {
+            let values = setting.values.replace(" or ", ", ");
+            let values =
+                values.split(", ").map(|text| serde_json::from_str(text).unwrap_or_else(|_| text.into()));
+            (setting.name, values.filter(|value| *value != setting.default).collect())
+        });
+        Self { link, known, vectors, settings: settings.collect() }
+    }
+
+    /// What a vector is written with, and other settings by the digits of `others`, whose values are 0 for what it is.
+    fn way(&self, place: usize, mut others: usize) -> Way {
+        let (side, mut settings) = self.known[place % self.known.len()].clone();
+        for (name, values) in &self.settings {
+            if let Some(other) = (others % (values.len() + 1)).checked_sub(1) {
+                insert(&mut settings, name, values[other].clone()).unwrap();
+            }
+            others /= values.len() + 1;
+        }
+        Way { link: self.link, side, settings }
+    }
+
+    /// The streams of the vectors, alone and all of one way.
+    pub(crate) fn streams(&self) -> Vec<Vec<u8>> {
+        let input = |place: usize, stream: &[u8]| [&[place as u8, 0, 7], stream].concat();
+        let alone = self.vectors.iter().map(|(place, vector)| input(*place, &vector.bytes));
+        let all = (0..self.known.len()).map(|place| {
+            let of = self.vectors.iter().filter(|(at, _)| *at == place);
+            input(place, &of.flat_map(|(_, vector)| vector.bytes.iter().copied()).collect::<Vec<_>>())
+        });
+        alone.chain(all).collect()
+    }
+
+    /// Every message of the vectors, with changes.
+    pub(crate) fn changes(&self) -> Vec<Vec<u8>> {
+        let of = |number: usize| {
+            [&(number as u16).to_le_bytes()[..], &[0], &crate::bytes(number as u64, 30)].concat()
+        };
+        (0..self.vectors.len()).map(of).collect()
+    }
+
+    /// Three bytes choose the side with its settings, and how the stream is read; the rest is the stream. How it is read changes nothing,
+    /// every byte is in one item, what is accepted is written as it was read or as the link says, and what follows the end is read.
+    pub(crate) fn stream(&self, data: &[u8]) {
+        let [place, others, how, stream @ ..] = data else { return };
+        let way = self.way((*place).into(), (*others).into());
+        let Some(next) = self.good(&way, (*place).into()) else { return };
+        let size = usize::from(how & 0x7F).max(1);
+        let whole = way.items(&[stream], &next);
+        if how & 0x80 == 0 {
+            let pieces: Vec<_> = stream.chunks(size).collect();
+            let pieces = way.items(&pieces, &next);
+            let (pieces, whole) = (pieces.iter().map(placed), whole.iter().map(placed));
+            assert!(pieces.clone().eq(whole.clone()), "cut: {pieces:?}, and {whole:?}");
+        } else {
+            let contents: Vec<_> = whole.iter().map(|item| item.content.clone()).collect();
+            assert_eq!(way.framed(stream, size), contents, "tokio's codec, and the decoder");
+        }
+        for (from, length, content) in whole.iter().map(placed) {
+            assert!(length > 0, "the decoder stands still at byte {from}");
+            if let Ok(message) = content {
+                way.check(message, &stream[from..from + length]);
+            }
+        }
+    }
+
+    /// The bytes of a message that a side sends.
+    fn good(&self, way: &Way, place: usize) -> Option<Vec<u8>> {
+        let is_its = |(at, vector): &&(usize, Vector)| {
+            *at == place % self.known.len() && vector.result == Outcome::Valid && !vector.end
+        };
+        let codec = way.codec()?;
+        let of = self.vectors.iter().filter(is_its).filter_map(|(_, vector)| vector.message.clone());
+        of.filter_map(|message| codec.encode(message).ok()).next()
+    }
+
+    /// Three bytes choose a vector and other settings, the rest how its message is changed: what can be written is read back the same,
+    /// less of it is nothing, and anything else is refused.
+    pub(crate) fn message(&self, data: &[u8]) {
+        let [low, high, others, choices @ ..] = data else { return };
+        let (place, vector) =
+            &self.vectors[usize::from(u16::from_le_bytes([*low, *high])) % self.vectors.len()];
+        let (way, mut choices) = (self.way(*place, (*others).into()), Rng::of(choices));
+        let Some(codec) = way.codec() else { return };
+        // As these settings show it, where they read its bytes.
+        let shown = way.items(&[&vector.bytes], &[]).into_iter().find_map(|item| item.content.ok());
+        let Some(mut message) = shown.map(|json| parsed(&json)).or(vector.message.clone()) else { return };
+        let cut = choices.below(256);
+        while !choices.is_spent() {
+            change(&mut message, &mut choices);
+        }
+        let Ok(bytes) = codec.encode(message.clone()) else { return };
+        let read = |count| {
+            let items = way.items(&[&bytes.repeat(count)], &[]);
+            let is_it = |(_, length, content): (usize, usize, &Result<String, String>)| {
+                let Ok(read) = content.as_ref().map(|json| parsed(json)) else { return false };
+                // With a list of another length it may be shown under another key.
+                let mut keys = read.as_object().into_iter().flat_map(Map::keys);
+                let is_other = keys.any(|key| message.get(key).is_none());
+                let is_same =
+                    same(&message, &read) || is_other && codec.encode(read).is_ok_and(|it| it == bytes);
+                length == bytes.len() && is_same
+            };
+            let is_read = items.len() == count && items.iter().map(placed).all(is_it);
+            assert!(is_read, "{items:?}, of {message}: {bytes:02X?}");
+            items.iter().all(|item| !item.at_end)
+        };
+        // Where nothing but the end of the stream says how long it is, nothing may follow.
+        let _ = read(1) && read(3);
+        let part = way.items(&[&bytes[..cut % bytes.len()]], &[]);
+        assert!(part.iter().all(|item| item.at_end), "{part:?}, of {bytes:02X?}");
+    }
+}
+
+impl Way {
+    fn codec(&self) -> Option<Box<dyn codec::Codec>> {
+        (self.link.codec)(self.side, &self.settings).ok()
+    }
+
+    /// The items of a stream, and of what follows its end: that is one message.
+    fn items(&self, pieces: &[&[u8]], next: &[u8]) -> Vec<Found> {
+        let mut items = codec::items(self.codec().unwrap(), &[pieces.to_vec(), vec![next]]).unwrap();
+        if !next.is_empty() {
+            let last = items.pop().unwrap();
+            assert!(
+                last.content.is_ok() && last.length == next.len() as u64,
+                "what follows the end is read: {last:?}"
+            );
+        }
+        items
+    }
+
+    /// What is accepted is written again, and read as it was.
+    fn check(&self, json: &str, bytes: &[u8]) {
+        let message = parsed(json);
+        let written = self.codec().unwrap().encode(message.clone());
+        let written = written.ok();
+        let accepted =
+            Accepted { settings: &self.settings, message: &message, bytes, written: written.as_deref() };
+        assert!(self.link.accepts(&accepted), "{accepted:02X?}");
+        if let Some(written) = written.filter(|written| written != bytes) {
+            let again = self.items(&[&written], &[]);
+            let [Found { content: Ok(again), .. }] = &again[..] else { panic!("{again:?}, of {message}") };
+            assert!(same(&parsed(again), &message), "{again}, of {message}");
+        }
+    }
+
+    /// The items by tokio's codec, called as by a framed transport.
+    fn framed(&self, stream: &[u8], size: usize) -> Vec<Result<String, String>> {
+        let (mut codec, mut buffer) =
+            (Codec::new(Objects(self.codec().unwrap()), |json| json), BytesMut::new());
+        let mut items = Vec::new();
+        for piece in stream.chunks(size) {
+            buffer.extend_from_slice(piece);
+            items.extend(iter::from_fn(|| codec.decode(&mut buffer).unwrap()));
+            assert!(
+                !buffer.has_remaining(),
+                "the codec takes all bytes, and keeps those of an incomplete frame"
+            );
+        }
+        items.extend(iter::from_fn(|| codec.decode_eof(&mut buffer).unwrap()));
+        items.into_iter().map(|item| item.map_err(|error| error.to_string())).collect()
+    }
+}
+
+/// Where an item is, and what it is.
+fn placed(item: &Found) -> (usize, usize, &Result<String, String>) {
+    (item.offset as usize, item.length as usize, &item.content)
+}
+
+fn parsed(json: &str) -> Value {
+    serde_json::from_str(json).unwrap()
+}
+
+/// Whether two objects are one message: a key may be missing where its value is a flag or empty, and no list shows how many of its last
+/// values are. Numbers with a fraction are rounded to the places of their field.
+fn same(one: &Value, other: &Value) -> bool {
+    let is_empty =
+        |value: &Value| value.is_boolean() || [Value::Null, 0.into(), json!([]), json!([""])].contains(value);
+    match (one, other) {
+        (Value::Object(one), Value::Object(other)) => {
+            let all = one
+                .iter()
+                .all(|(key, value)| other.get(key).map_or_else(|| is_empty(value), |it| same(value, it)));
+            all && other.iter().all(|(key, value)| one.contains_key(key) || is_empty(value))
+        }
+        (Value::Array(one), Value::Array(other)) => {
+            let (short, long) = if one.len() < other.len() { (one, other) } else { (other, one) };
+            let (head, rest) = long.split_at(short.len());
+            head.iter().zip(short).all(|(one, other)| same(one, other))
+                && rest.iter().all(|value| value == false || value == "")
+        }
+        (Value::Number(_), Value::Number(_)) if one.is_f64() || other.is_f64() => {
+            let near = |(one, other): (f64, f64)| (one - other).abs() <= 0.001 + one.abs() / 1e6;
+            one.as_f64().zip(other.as_f64()).is_some_and(near)
+        }
+        _ => one == other,
+    }
+}

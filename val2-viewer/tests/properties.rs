@@ -7,7 +7,8 @@ use core::time::Duration;
 use proptest::prelude::*;
 use val2_viewer::robot_session::{Decoder as _, Encode as _, Session as _};
 use val2_viewer::{
-    DecodeError, Decoder, Host, HostConfig, PosePacket, Workstation, WorkstationConfig, WorkstationEvent, XON,
+    DecodeError, Decoder, Host, HostConfig, PosePacket, Workstation, WorkstationConfig, WorkstationEvent,
+    XOFF, XON,
 };
 
 type Item = (Result<PosePacket, DecodeError>, u64);
@@ -86,6 +87,30 @@ proptest! {
             start = *end as usize;
         }
         prop_assert_eq!(start, stream.len());
+    }
+
+    #[test]
+    fn the_handshake_changes_no_item_wherever_it_is(
+        stream in stream_bytes(),
+        places in prop::collection::vec((any::<prop::sample::Index>(), any::<bool>()), 0..8),
+        size in 1..8usize,
+    ) {
+        let text: Vec<u8> = stream.into_iter().filter(|byte| ![XON, XOFF].contains(byte)).collect();
+        let mut mixed = text.clone();
+        for (at, holds) in places {
+            mixed.insert(at.index(mixed.len() + 1), if holds { XOFF } else { XON });
+        }
+        let events = |stream: &[u8]| {
+            let mut workstation = Workstation::new(WorkstationConfig::default()).unwrap();
+            workstation.handle_connected(Duration::ZERO);
+            let mut events = Vec::new();
+            for bytes in stream.chunks(size) {
+                workstation.handle_input(Duration::ZERO, bytes);
+                events.extend(core::iter::from_fn(|| workstation.poll_event()));
+            }
+            events
+        };
+        prop_assert_eq!(events(&mixed), events(&text));
     }
 
     #[test]

@@ -26,6 +26,7 @@ pub const PAIRS: &[Pair] = &[
     kawasaki_msg::ANY_PC,
     kawasaki_msg::ANY_ROBOT,
     laser_eb90::PAIR,
+    laser_eb90::ANY_CONTROLLER,
     laser_eb90::ANY_HOST,
     mmacell_proto::PAIR,
     mmacell_proto::ANY_DEVICE,

@@ -8,6 +8,7 @@ mod cell;
 mod fanuc_hmi_modbus;
 mod isra_ball;
 mod kawasaki_msg;
+mod laser_any_host;
 mod laser_eb90;
 mod log;
 mod mmacell_proto;
@@ -19,6 +20,7 @@ mod wire;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 pub use fanuc_hmi_modbus::SABOTAGED;
+pub use laser_any_host::{Article, Fault, frame};
 pub use log::{Log, Mark};
 pub use tally::{Job, Ledger, Reported, Tally};
 pub use wire::{Check, Unseen, Wire};
@@ -38,7 +40,7 @@ pub struct Row {
 }
 
 /// Every session of the workspace.
-pub const ROWS: [Row; 12] = [
+pub const ROWS: [Row; 13] = [
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
     kawasaki_msg::AS,
@@ -49,6 +51,7 @@ pub const ROWS: [Row; 12] = [
     fanuc_hmi_modbus::RTU,
     fanuc_hmi_modbus::RTU_OVER_TCP,
     laser_eb90::SERIAL,
+    laser_any_host::ANY_HOST,
     mmacell_proto::TCP,
     cell::TASK,
 ];

@@ -1,5 +1,6 @@
 //! laser-eb90: a host and a controller on a serial line.
 
+mod any_controller;
 mod any_host;
 mod machines;
 mod pair;
@@ -13,6 +14,7 @@ use laser_eb90::host::Rule as HostRule;
 use laser_eb90::{ControllerConfig, HostConfig};
 use robot_session::Rules;
 
+use self::any_controller::AnyController;
 use self::any_host::AnyHost;
 use self::world::{Content, Faults, Reader, Setup};
 use crate::model::{Against, Depth, MustFail, Pair, Setting, Table, draw};
@@ -55,6 +57,53 @@ pub const ANY_HOST: Pair = Pair {
     diagrams: Vec::new,
     refined: Vec::new,
 };
+
+/// A host and controllers that are not ours.
+pub const ANY_CONTROLLER: Pair = Pair {
+    name: "laser-eb90 host × any controller",
+    settings: |_| {
+        let (rules, anything) = (any_controller::RULES, any_controller::ANYTHING);
+        let late = Against { late: true, breaks: false, ..any_controller(true, false) };
+        vec![
+            Setting::new("keeps the rules", any_controller(true, false)).on(rules),
+            Setting::new("keeps the rules, the host is late", late).on(rules),
+            Setting::new("keeps the rules, drops first halves", any_controller(true, true)).on(rules),
+            Setting::new("does anything", any_controller(false, false)).on(anything),
+        ]
+    },
+    must_fail: || {
+        let rules = |name: &'static str, property, change: fn(&mut HostConfig)| {
+            let mut system = any_controller(true, false);
+            change(&mut system.peer.config);
+            MustFail::new(name, property, "keeps the rules", system)
+        };
+        let without = |name: &'static str, property, keeps_rules, rule| {
+            let mut system = any_controller(keeps_rules, false);
+            system.peer.config.rules = Rules::without(rule);
+            let at = if keeps_rules { "keeps the rules" } else { "does anything" };
+            MustFail::new(name, property, at, system)
+        };
+        use pair::{DONE, ONCE, REFUSED};
+        vec![
+            rules("max_pause", DONE, |host| host.max_pause = Duration::ZERO),
+            rules("settle", DONE, |host| host.settle = Duration::ZERO),
+            rules("reply_time", ONCE, |host| host.reply_time = Duration::ZERO),
+            rules("not controller_drops_partial", ONCE, |host| host.controller_drops_partial = true),
+            rules("longest_frame", DONE, |host| host.longest_frame = 0),
+            rules("earlier_execution", DONE, |host| host.earlier_execution = Duration::ZERO),
+            without("DrainFirst", DONE, true, HostRule::DrainFirst),
+            without("FinalCodes", ONCE, true, HostRule::FinalCodes),
+            without("FailedIsUnknown", REFUSED, true, HostRule::FailedIsUnknown),
+            without("OutlastExecution", DONE, true, HostRule::OutlastExecution),
+            without("CompareWord", any_controller::CLAIMED, false, HostRule::CompareWord),
+        ]
+    },
+    diagrams: || Vec::new(),
+};
+
+fn any_controller(keeps_rules: bool, drops: bool) -> Against<AnyController> {
+    Against { late: !keeps_rules, ..Against::new(AnyController::new(keeps_rules, drops)) }
+}
 
 /// Two ticks are a silence. A connection that breaks within a frame forgets what was answered: that is the other setting's.
 fn any_host(keeps_rules: bool) -> Against<AnyHost> {

@@ -1,0 +1,352 @@
+//! A host against controllers that are not ours.
+
+use core::time::Duration;
+
+use laser_eb90::host::machine::{Action, Batch, Due, HostLink, HostMachine, Input, Outcome};
+use laser_eb90::{Class, HostConfig, Refusal};
+
+use super::pair::{DONE, ONCE, ONE_OUTCOME, REFUSED};
+use super::world::{CUT, SWITCH};
+use crate::model::{By, Cause, CauseOf, EXPECTED, Peer, Terms};
+
+const TICK: Duration = Duration::from_millis(50);
+/// In ticks: a frame on the line, its pauses, the longest execution, how late an answer comes, and how late an error code.
+const LINE: u8 = 1;
+const PAUSE: u8 = 1;
+const EXECUTION: u8 = 1;
+const SETTLE: u8 = 2;
+const REPLY: u8 = 1;
+
+pub(super) const CLAIMED: &str = "done: its word has come since it was sent";
+
+pub(super) const RULES: Terms = Terms {
+    keeps: "LE-5, LE-25, LE-72, LE-102, LE-103",
+    free: "when it takes a frame, what it refuses, whether it keeps a first half and answers each, what the line loses",
+    properties: &[DONE, REFUSED, ONCE, ONE_OUTCOME, EXPECTED],
+};
+pub(super) const ANYTHING: Terms =
+    Terms { keeps: "", free: "any answer at any time", properties: &[CLAIMED, ONE_OUTCOME, EXPECTED] };
+
+/// A controller of which only this is known.
+#[derive(Debug, Clone, Copy)]
+pub struct AnyController {
+    /// The host's configuration.
+    pub config: HostConfig,
+    /// It sends nothing unasked, and its times are those that the host assumes (LE-72).
+    pub keeps_rules: bool,
+    /// It drops what it holds of a frame when it answers an error code.
+    pub drops: bool,
+}
+
+/// What is known of the controller, of the line and of the frames.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Known {
+    /// Frames on the line and in the controller, the oldest first.
+    frames: Vec<Frame>,
+    /// Answers, and the ticks before which they come or are lost.
+    answers: Vec<(Answer, u8)>,
+    /// The frame in flight.
+    job: Option<Job>,
+    /// The frame before: whether it was reported as refused, and how often it was executed.
+    before: (bool, u8),
+    wrong: Option<&'static str>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Job {
+    class: Class,
+    /// How often.
+    executed: u8,
+    /// Its word has come.
+    has_come: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Frame {
+    class: Class,
+    /// Its outcome was reported.
+    is_old: bool,
+    stage: Stage,
+    /// The ticks that are left to it.
+    left: u8,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Stage {
+    /// Not all of it has certainly come.
+    Coming,
+    /// The same, and its first half was answered and is kept.
+    Half,
+    /// Its first half was answered and dropped.
+    Rest,
+    /// It is executed.
+    Executing,
+}
+
+/// What the controller answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Answer {
+    /// The word of its class.
+    Echo(Class),
+    /// An error code.
+    Error(Refusal),
+    /// Something that is no answer.
+    Corrupt,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// The caller submits an instruction.
+    Submit(Class),
+    /// The caller goes on.
+    Resume,
+    /// The frame is taken: queued and answered, or executed.
+    Take(usize),
+    /// It is executed, or that fails.
+    Finish(usize, bool),
+    /// It is answered with an error code.
+    Refuse(usize, Refusal),
+    /// Its first half is.
+    Half(usize),
+    /// The oldest answer comes; perhaps corrupt.
+    Read {
+        /// It is.
+        corrupt: bool,
+    },
+    /// An answer that nobody has asked for comes.
+    Say(Answer),
+}
+
+const REFUSALS: [Refusal; 5] = [
+    Refusal::BadChecksum,
+    Refusal::BadFrame,
+    Refusal::QueueFull,
+    Refusal::UnknownCommand,
+    Refusal::BadParameters,
+];
+
+impl AnyController {
+    /// The host's assumptions are what the controller keeps.
+    pub fn new(keeps_rules: bool, drops: bool) -> Self {
+        let config = HostConfig {
+            // A byte takes 1 ms.
+            baud: 10_000,
+            longest_frame: 50 * usize::from(LINE),
+            answer_timeout: TICK * 3,
+            execution_timeout: TICK * u32::from(EXECUTION + SETTLE),
+            settle: TICK * u32::from(SETTLE),
+            max_pause: TICK * u32::from(PAUSE),
+            reply_time: TICK * u32::from(REPLY),
+            earlier_execution: TICK * u32::from(EXECUTION),
+            controller_drops_partial: drops,
+            backoff: TICK,
+            full_timeout: TICK * 2,
+            resends: 1,
+            ..HostConfig::default()
+        };
+        Self { config, keeps_rules, drops }
+    }
+
+    fn hear(&self, known: &mut Known, answer: Answer) -> Input {
+        match answer {
+            Answer::Echo(class) => {
+                if let Some(job) = &mut known.job {
+                    job.has_come |= job.class == class;
+                }
+                Input::Answer { word: word(class), refusal: None }
+            }
+            Answer::Error(refusal) => {
+                let word = self.config.words.errors().code(refusal);
+                Input::Answer { word, refusal: Some(refusal) }
+            }
+            Answer::Corrupt => Input::Corrupt,
+        }
+    }
+
+    fn report(&self, known: &mut Known, _: Batch, outcome: Outcome) {
+        let Some(Job { executed, has_come, .. }) = known.job.take() else {
+            known.wrong = Some(ONE_OUTCOME);
+            return;
+        };
+        let refused = matches!(outcome, Outcome::Refused(_));
+        if let Outcome::Done { .. } = outcome {
+            if self.keeps_rules && executed == 0 {
+                known.wrong = Some(DONE);
+            }
+            if !has_come {
+                known.wrong = Some(CLAIMED);
+            }
+        }
+        known.leave(refused, executed);
+    }
+}
+
+impl Peer for AnyController {
+    type End = HostMachine;
+    type Known = Known;
+    type Word = Word;
+
+    const TICK: Duration = TICK;
+
+    fn config(&self) -> &HostConfig {
+        &self.config
+    }
+
+    fn end(&self) -> HostMachine {
+        HostMachine::NEW
+    }
+
+    fn known(&self) -> Known {
+        Known { frames: Vec::new(), answers: Vec::new(), job: None, before: (false, 0), wrong: None }
+    }
+
+    fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
+        if matches!(end.link, HostLink::Held { .. }) {
+            words.push(Word::Resume);
+        }
+        let is_connected = !matches!(end.link, HostLink::Disconnected { .. });
+        if is_connected && !known.answers.is_empty() {
+            words.extend([Word::Read { corrupt: false }, Word::Read { corrupt: true }]);
+        }
+        for (at, frame) in known.frames.iter().enumerate() {
+            match frame.stage {
+                Stage::Executing => words.extend([Word::Finish(at, true), Word::Finish(at, false)]),
+                Stage::Coming | Stage::Half => {
+                    words.push(Word::Take(at));
+                    words.extend(REFUSALS.map(|refusal| Word::Refuse(at, refusal)));
+                    words.extend((frame.stage == Stage::Coming).then_some(Word::Half(at)));
+                }
+                Stage::Rest => words.push(Word::Refuse(at, Refusal::BadFrame)),
+            }
+        }
+        if end.next.is_none() && known.job.is_none() {
+            words.extend([Word::Submit(Class::Interpreted), Word::Submit(Class::Immediate)]);
+        }
+        if !self.keeps_rules && is_connected {
+            let classes = [Class::Interpreted, Class::Immediate].map(Answer::Echo);
+            let errors = REFUSALS.map(Answer::Error);
+            words.extend(classes.into_iter().chain(errors).chain([Answer::Corrupt]).map(Word::Say));
+        }
+    }
+
+    fn by(&self, word: Word) -> By {
+        match word {
+            Word::Submit(_) | Word::Resume => By::User,
+            Word::Read { .. } | Word::Say(_) => By::Line,
+            Word::Take(_) | Word::Finish(..) | Word::Refuse(..) | Word::Half(_) => By::Others,
+        }
+    }
+
+    fn hear(&self, _: &HostMachine, known: &mut Known, said: Word) -> Option<Input> {
+        match said {
+            Word::Submit(class) => return Some(Input::Submit { ticket: 0, word: word(class), class }),
+            Word::Resume => return Some(Input::Resume),
+            Word::Read { corrupt } => {
+                let (answer, _) = known.answers.remove(0);
+                return Some(self.hear(known, if corrupt { Answer::Corrupt } else { answer }));
+            }
+            Word::Say(answer) => return Some(self.hear(known, answer)),
+            Word::Take(at) => {
+                let frame = known.frames[at];
+                known.execute(frame);
+                if frame.class == Class::Interpreted {
+                    known.frames.remove(at);
+                    known.answers.push((Answer::Echo(frame.class), SETTLE));
+                } else {
+                    known.frames[at] = Frame { stage: Stage::Executing, left: EXECUTION, ..frame };
+                }
+            }
+            Word::Finish(at, good) => {
+                let frame = known.frames.remove(at);
+                let failed = Answer::Error(Refusal::BadParameters);
+                known.answers.push((if good { Answer::Echo(frame.class) } else { failed }, SETTLE));
+            }
+            Word::Refuse(at, refusal) => {
+                let frame = known.frames.remove(at);
+                let left = if frame.stage == Stage::Rest { SETTLE } else { REPLY };
+                known.answers.push((Answer::Error(refusal), left));
+            }
+            Word::Half(at) => {
+                known.frames[at].stage = if self.drops { Stage::Rest } else { Stage::Half };
+                known.answers.push((Answer::Error(Refusal::BadFrame), REPLY));
+            }
+        }
+        None
+    }
+
+    fn sent(&self, _: &Due) -> Input {
+        Input::Sent { line: TICK * u32::from(LINE) }
+    }
+
+    fn acted(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+        if let (Cause::Sent(due), HostLink::Awaiting(sent)) = (cause, end.link) {
+            if due == Due::Next {
+                known.job = Some(Job { class: sent.batch.class, executed: 0, has_come: false });
+            }
+            if self.keeps_rules {
+                let class = sent.batch.class;
+                known.frames.push(Frame { class, is_old: false, stage: Stage::Coming, left: LINE + PAUSE });
+            }
+        }
+        if let Action::Report(batch, outcome) = action {
+            self.report(known, batch, outcome);
+        }
+    }
+
+    /// Whatever has not come by then is lost.
+    fn tick(&self, known: &mut Known) {
+        known.frames.retain(|frame| frame.left > 0);
+        known.answers.retain(|(_, left)| *left > 1);
+        known.frames.iter_mut().for_each(|frame| frame.left -= 1);
+        known.answers.iter_mut().for_each(|(_, left)| *left -= 1);
+    }
+
+    fn restarted(&self, known: &mut Known) {
+        if let Some(job) = known.job.take() {
+            known.leave(false, job.executed);
+        }
+    }
+
+    fn broken(&self, _: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
+        broken.extend(known.wrong);
+    }
+
+    /// Whatever the controller does, a frame has an outcome in the end.
+    fn is_over(&self, end: &HostMachine, known: &Known) -> bool {
+        known.job.is_none() && end.next.is_none()
+    }
+
+    fn benign(&self, end: &HostMachine, _: &Known) -> Option<Word> {
+        matches!(end.link, HostLink::Held { .. }).then_some(Word::Resume)
+    }
+}
+
+impl Known {
+    fn execute(&mut self, frame: Frame) {
+        let executed = match &mut self.job {
+            Some(job) if !frame.is_old => &mut job.executed,
+            _ => &mut self.before.1,
+        };
+        *executed = (*executed + 1).min(2);
+        if *executed > 1 {
+            self.wrong = Some(ONCE);
+        }
+        if frame.is_old && self.before.0 {
+            self.wrong = Some(REFUSED);
+        }
+    }
+
+    /// The frame has its outcome.
+    fn leave(&mut self, refused: bool, executed: u8) {
+        if refused && executed > 0 {
+            self.wrong = Some(REFUSED);
+        }
+        self.before = (refused, executed);
+        self.frames.iter_mut().for_each(|frame| frame.is_old = true);
+    }
+}
+
+fn word(class: Class) -> u16 {
+    if class == Class::Interpreted { CUT } else { SWITCH }
+}

@@ -325,10 +325,16 @@ fn through_tcp_nothing_behind_garbage_is_carried_out() {
         let stream = [&other[1..], &write(1)].concat().repeat(50);
         stream.chunks(piece).for_each(|piece| line.lump(piece));
         assert_eq!(line.silence(), [] as [Vec<u8>; 0]);
-        // The rest of what was no frame, which begins with data.
-        line.lump(&[&write(1)[..], &[7, 7, 7]].concat());
-        assert_eq!(line.written(), []);
         line.is_served();
+        // The rest of a frame comes after any stall, and begins with data that looks like a request.
+        let values = [vec![7], words(&write(1)), vec![7]].concat();
+        let whole = bytes(None, 1, Request::WriteRegisters { address: 20, values: (&values[..]).into() });
+        line.lump(&whole[..9]);
+        assert_eq!(line.silence(), [] as [Vec<u8>; 0]);
+        line.pause(5000 * MS);
+        line.lump(&whole[9..]);
+        assert_eq!(transmitted(&mut line.server, line.now).len(), 1);
+        assert_eq!(line.written().len(), 6);
         let events: Vec<_> = core::iter::from_fn(|| line.server.poll_event()).collect();
         let corrupt = |event: &&ServerEvent| matches!(event, ServerEvent::Corrupt(DecodeError::Crc { .. }));
         assert_eq!(events.iter().filter(corrupt).count(), 1, "{events:?}");

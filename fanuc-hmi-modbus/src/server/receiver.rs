@@ -189,7 +189,8 @@ fn no_frames(mut message: &[u8], own: Option<u8>) -> Option<DecodeError> {
 /// read as a frame.
 fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result<Begun, DecodeError> {
     // What a silence ends is a frame by its CRC alone, whatever its byte count says. Whether it is a reply shows nothing but its unit.
-    if has_ended && Frame::decode_rtu_whole(data).is_ok() {
+    let is_whole = has_ended && Frame::decode_rtu_whole(data).is_ok();
+    if is_whole && !goes_on {
         return Ok(Begun::Frame(data.len(), Side::Client));
     }
     let is_request = data.first().is_some_and(|unit| is_for(*unit, own));
@@ -214,6 +215,7 @@ fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result
             Ok(Begun::Frame(length, if is_request { Side::Client } else { Side::Server }))
         }
         _ if waits && (!has_ended || goes_on) => Ok(Begun::Part),
+        None if is_whole => Ok(Begun::Frame(data.len(), Side::Client)),
         // Without a known length, or with a wrong CRC, it may still be a frame by its end.
         None if !has_ended && data.len() <= Frame::MAX_RTU_LEN => Ok(Begun::Part),
         _ => Err(no_frame(data)),

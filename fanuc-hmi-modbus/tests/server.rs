@@ -175,9 +175,6 @@ fn of_a_burst_without_a_silence_the_last_request_is_answered() {
         server.handle_input(MS, &[0xFF; 3000]);
         server.handle_timeout(MS + silence);
         assert_eq!(server.poll_event(), Some(ServerEvent::Corrupt(DecodeError::TooLong { found: 257 })));
-        // Through TCP this may be the rest of it.
-        server.handle_input(MS + silence, &[0xFF]);
-        server.handle_timeout(MS + 2 * silence);
         server.handle_input(1000 * MS, &bytes(None, 1, read(0, 1)));
         server.handle_timeout(1005 * MS);
         assert_eq!(transmitted(&mut server, 1005 * MS).len(), 1);
@@ -285,12 +282,14 @@ fn its_own_delay_is_no_silence_of_rtu_over_tcp() {
     server.handle_input(1000 * MS + stall - MS, tail);
     assert_eq!(transmitted(&mut server, 1500 * MS), [write(None, 1), write(None, 2)]);
     assert_eq!(server.statistics().corrupt, 0);
-    // The same without the rest: cut when the server has read for so long.
+    // The same without the rest: it is no frame when the server has read on for so long.
     server.handle_input(2000 * MS, &[&write(None, 0), &write(None, 1), head].concat());
     assert!(server.poll_transmit(3000 * MS, &mut out).is_some());
-    server.handle_timeout(3000 * MS + stall - MS);
-    assert_eq!(server.statistics().corrupt, 0);
     server.handle_timeout(3000 * MS + stall);
+    server.handle_input(4000 * MS, &write(None, 3));
+    server.handle_timeout(4000 * MS + stall - MS);
+    assert_eq!(server.statistics().corrupt, 0);
+    server.handle_timeout(4000 * MS + stall);
     assert_eq!(server.statistics().corrupt, 1);
 }
 
@@ -315,12 +314,11 @@ fn a_client_is_out_of_step_where_its_requests_have_waited() {
 #[test]
 fn what_arrives_is_kept_while_the_places_are_taken() {
     let most = Server::<Bank>::MAX_INPUT;
-    for garbage in 0..=600 {
+    // Of less the rest may come.
+    for garbage in (0..=600).filter(|garbage| !(1..5).contains(garbage)) {
         let mut server: Server<_, 1> = connected(ServerConfig::rtu_over_tcp(1));
         server.handle_input(MS, &vec![0xFF; garbage]);
         server.handle_timeout(501 * MS);
-        server.handle_input(501 * MS, &[0xFF][..garbage.min(1)]);
-        server.handle_timeout(1001 * MS);
         let requests: Vec<u8> = (0..100).flat_map(|value| write(None, value)).collect();
         assert!(server.wants_input());
         server.handle_input(MS, &requests[..most]);

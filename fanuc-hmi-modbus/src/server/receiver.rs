@@ -13,7 +13,7 @@ use crate::framing::{Framing, Framings};
 ///
 /// RTU frames may come from other units as well, on a line that damages them, and any data may look like a request. So a frame begins
 /// where the input has begun, or behind a whole frame of either direction, and nowhere else; behind what is no frame nothing is read
-/// until the input ends; through TCP until it ends once more, since no stall shows that the rest does not come. On a serial line, where the silence ends a message, it is read when it has ended, and is whole frames or nothing.
+/// until the input ends. Through TCP, which loses nothing, the rest of a frame may come after any stall. On a serial line, where the silence ends a message, it is read when it has ended, and is whole frames or nothing.
 #[derive(Debug, Clone)]
 pub struct Receiver<F> {
     decoder: Decoder<F>,
@@ -59,7 +59,7 @@ impl<F: Framings> Receiver<F> {
                     self.lost = no_frames(held, self.own);
                     self.is_whole = self.lost.is_none();
                 }
-                match begun(held, self.own, has_ended) {
+                match begun(held, self.own, has_ended, !self.is_serial) {
                     _ if self.lost.is_some() => {}
                     Ok(Begun::Frame(length, side)) => {
                         let range = self.decoder.take(length);
@@ -67,6 +67,10 @@ impl<F: Framings> Receiver<F> {
                             Side::Client => return Some(Ok(range)),
                             Side::Server => continue,
                         }
+                    }
+                    Ok(Begun::Part) if has_ended => {
+                        self.decoder.pass_end();
+                        continue;
                     }
                     Ok(Begun::Part) => return None,
                     Err(error) => self.lost = Some(error),
@@ -79,10 +83,6 @@ impl<F: Framings> Receiver<F> {
             self.decoder.pass_end();
             self.is_whole = false;
             if let Some(error) = self.lost.take() {
-                // TCP loses nothing: the rest of a frame may come after any stall, and is not read either.
-                if !self.is_serial && !matches!(error, DecodeError::Noise { .. }) {
-                    self.lost = Some(DecodeError::Noise { length });
-                }
                 return Some(Err(error));
             }
         }
@@ -99,7 +99,7 @@ impl<F: Framings> Receiver<F> {
     pub(super) fn next_followed(&mut self) -> Option<Range<usize>> {
         while self.decoder.pending() > KEPT {
             let (held, _) = self.decoder.held();
-            match begun(held, self.own, false) {
+            match begun(held, self.own, false, false) {
                 _ if self.lost.is_some() => drop(self.decoder.take(held.len())),
                 Ok(Begun::Frame(length, side)) => {
                     let range = self.decoder.take(length);
@@ -176,7 +176,7 @@ impl<F: Framings> robot_session::Decoder for Receiver<F> {
 /// Why a message that has ended is not whole frames.
 fn no_frames(mut message: &[u8], own: Option<u8>) -> Option<DecodeError> {
     while !message.is_empty() {
-        match begun(message, own, true) {
+        match begun(message, own, true, false) {
             Ok(Begun::Frame(length, _)) => message = message.get(length..).unwrap_or_default(),
             Ok(Begun::Part) => return None,
             Err(error) => return Some(error),
@@ -185,10 +185,12 @@ fn no_frames(mut message: &[u8], own: Option<u8>) -> Option<DecodeError> {
     None
 }
 
-/// What begins with these bytes, which may have ended: the longest frame that it can be, so that no data of it is read as a frame.
-fn begun(data: &[u8], own: Option<u8>, has_ended: bool) -> Result<Begun, DecodeError> {
+/// What begins with these bytes, which may have ended, or goes on after that: the longest frame that it can be, so that no data of it is
+/// read as a frame.
+fn begun(data: &[u8], own: Option<u8>, has_ended: bool, goes_on: bool) -> Result<Begun, DecodeError> {
     // What a silence ends is a frame by its CRC alone, whatever its byte count says. Whether it is a reply shows nothing but its unit.
-    if has_ended && Frame::decode_rtu_whole(data).is_ok() {
+    let is_whole = has_ended && Frame::decode_rtu_whole(data).is_ok();
+    if is_whole && !goes_on {
         return Ok(Begun::Frame(data.len(), Side::Client));
     }
     let is_request = data.first().is_some_and(|unit| is_for(*unit, own));
@@ -208,13 +210,15 @@ fn begun(data: &[u8], own: Option<u8>, has_ended: bool) -> Result<Begun, DecodeE
             RtuLen::Silence => {}
         }
     }
-    // Without a known length, or with a wrong CRC, it may still be a frame by its end.
-    waits |= found.is_none() && data.len() <= Frame::MAX_RTU_LEN;
     match found {
-        _ if waits && !has_ended => Ok(Begun::Part),
-        Some((length, true)) => Ok(Begun::Frame(length, Side::Client)),
-        Some((length, false)) => Ok(Begun::Frame(length, Side::Server)),
-        None => Err(no_frame(data)),
+        Some((length, is_request)) if has_ended || !waits => {
+            Ok(Begun::Frame(length, if is_request { Side::Client } else { Side::Server }))
+        }
+        _ if waits && (!has_ended || goes_on) => Ok(Begun::Part),
+        None if is_whole => Ok(Begun::Frame(data.len(), Side::Client)),
+        // Without a known length, or with a wrong CRC, it may still be a frame by its end.
+        None if !has_ended && data.len() <= Frame::MAX_RTU_LEN => Ok(Begun::Part),
+        _ => Err(no_frame(data)),
     }
 }
 

@@ -20,7 +20,7 @@ use std::time::Duration;
 use cellwire::cell::demo::teleop::cell::{self, CellConfig};
 use cellwire::cell::teleop::input::InputConfig;
 use cellwire::cell::teleop::{
-    LIMITS, Notification, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config, polls,
+    LIMITS, Notification, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config,
 };
 use cellwire::io::line::{Clock, Line};
 use cellwire::io::serial;
@@ -110,7 +110,7 @@ fn a_host_that_dies_in_mid_motion_leaves_the_arm_standing_and_the_next_one_takes
                 viewer: None,
                 viewer_host: val2_viewer::HostConfig::default(),
                 alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
-                polls: polls(9600),
+                polls: isra_ball::HostConfig::default(),
                 profile: Profile::for_limits(LIMITS, 150),
                 latch: LatchConfig::default(),
             };
@@ -142,7 +142,7 @@ fn the_robot_never_gets_more_than_the_limits_whatever_goes_wrong() {
             time: Duration::from_millis(4500),
             alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
             controller: PumaConfig::default().controller,
-            polls: polls(9600),
+            polls: isra_ball::HostConfig::default(),
             ball: BallConfig::default(),
             viewer: ViewerSettings::default(),
             viewer_host: val2_viewer::HostConfig::default(),

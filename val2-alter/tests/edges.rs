@@ -8,7 +8,7 @@ use val2_alter::host::machine::{Draft, HostMachine, Input};
 use val2_alter::{
     ConfigError, Controller, ControllerConfig, DecodeError, Decoder, EncodeError, End, ErrorCode, Exception,
     Frame, Framed, Framing, Host, HostConfig, HostMessage, LeadingDle, Limiter, Limits, List, Message, Mode,
-    Motion, MotionPhase, Policy, Received, Reply, RobotMessage, Start, StartCode, timing,
+    Motion, MotionPhase, Policy, Received, Reply, RobotMessage, SegmentStatus, Start, StartCode, timing,
 };
 
 #[test]
@@ -374,4 +374,11 @@ fn the_end_of_time_is_survived() {
             let _ = controller.finish(MAX);
         }
     }
+}
+
+/// HALT, REACTI or BREAK, a fault or a panic stop, a signal; and what has no name.
+#[test]
+fn each_segment_status_says_whether_the_arm_is_stopped() {
+    let moves: Vec<u8> = (0..=255).filter(|code| !SegmentStatus::from(*code).is_stop()).collect();
+    assert_eq!(moves, [1, 2, 3, 4, 5, 13]);
 }

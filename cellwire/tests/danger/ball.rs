@@ -1,5 +1,6 @@
 //! A ball that shares no code with the crates, and the hand on it.
 
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::thread;
@@ -17,6 +18,22 @@ struct Hand {
     old: bool,
     /// The ball's cable is pulled.
     gone: bool,
+    faults: Faults,
+}
+
+/// What a ball, or its line, does with some packets.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Faults {
+    /// Of so many packets each.
+    pub(crate) of: u32,
+    /// So many in a row say "old data".
+    pub(crate) old: u32,
+    /// The same: their check is wrong.
+    pub(crate) corrupt: u32,
+    /// The same: nothing comes.
+    pub(crate) lost: u32,
+    /// Every packet is so late, its values measured when it was asked for.
+    pub(crate) late: Duration,
 }
 
 pub(crate) struct Ball {
@@ -47,6 +64,11 @@ impl Ball {
         self.hand.lock().unwrap().old = true;
     }
 
+    /// From now on.
+    pub(crate) fn faults(&self, faults: Faults) {
+        self.hand.lock().unwrap().faults = faults;
+    }
+
     /// The port disappears.
     pub(crate) fn pull(&self) {
         // First the link: the number of the pseudo-terminal may soon be that of another.
@@ -64,25 +86,43 @@ impl Ball {
         let hand = Arc::clone(&self.hand);
         thread::spawn(move || {
             priority::raise(Rank::Hardware);
-            let mut byte = [0];
+            let (mut byte, mut asked) = ([0], 0);
+            // Each with the time at which it is whole.
+            let mut packets: VecDeque<(Instant, [u8; 12])> = VecDeque::new();
             while Arc::strong_count(&hand) > 1 {
                 if hand.lock().unwrap().gone {
                     return;
                 }
-                match port.read(Duration::from_millis(5), &mut byte) {
+                let next = packets.front().map(|(whole, _)| whole.saturating_duration_since(Instant::now()));
+                let wait = next.map_or(LINE, |next| next.min(LINE));
+                match port.read(wait, &mut byte) {
                     Ok(1) if byte == [0x05] => {
-                        // Thirteen bytes at 9600 baud.
-                        let whole = Instant::now() + Duration::from_micros(13_600);
-                        thread::sleep(whole.saturating_duration_since(Instant::now()));
                         let hand = *hand.lock().unwrap();
-                        port.write(&packet(hand));
+                        let whole = Instant::now() + LINE + hand.faults.late;
+                        packets.extend(answer(hand, asked).map(|packet| (whole, packet)));
+                        asked += 1;
                     }
                     Ok(_) => {}
                     Err(_) => thread::sleep(Duration::from_millis(2)),
                 }
+                while packets.front().is_some_and(|(whole, _)| *whole <= Instant::now()) {
+                    packets.pop_front().into_iter().for_each(|(_, packet)| port.write(&packet));
+                }
             }
         });
     }
+}
+
+/// Thirteen bytes at 9600 baud.
+const LINE: Duration = Duration::from_micros(13_600);
+
+/// The packet that answers a poll, after so many others.
+fn answer(hand: Hand, asked: u32) -> Option<[u8; 12]> {
+    let Faults { old, corrupt, lost, of, .. } = hand.faults;
+    let place = asked.checked_rem(of).unwrap_or(of);
+    let mut packet = packet(Hand { old: hand.old || place < old, ..hand });
+    packet[11] ^= u8::from(place < corrupt);
+    (place >= lost).then_some(packet)
 }
 
 fn packet(hand: Hand) -> [u8; 12] {

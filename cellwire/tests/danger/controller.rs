@@ -18,6 +18,8 @@ pub(crate) enum Cycle {
     Values([i16; 6], usize),
     /// The same while the exception subroutine runs: they move nothing.
     Interrupted([i16; 6]),
+    /// The same with a segment status other than that of a path that is followed.
+    Status(u8, [i16; 6]),
     /// No reply.
     Missed,
     /// The host has accepted (00), or refused (FF) ALTER.
@@ -35,6 +37,8 @@ enum Order {
     Pause(u32),
     /// The next message says that the reply before it had this error.
     Reject(u8),
+    /// This segment status for so many cycles.
+    Status(u8, u32),
 }
 
 /// The controller's thread, and what it saw.
@@ -66,6 +70,10 @@ impl Controller {
 
     pub(crate) fn reject(&self, error: u8) {
         self.orders.send(Order::Reject(error)).unwrap();
+    }
+
+    pub(crate) fn status(&self, status: u8, cycles: u32) {
+        self.orders.send(Order::Status(status, cycles)).unwrap();
     }
 
     pub(crate) fn log(&self) -> Vec<Cycle> {
@@ -111,6 +119,9 @@ impl Controller {
     }
 }
 
+/// The segment status of a path that is followed.
+const FOLLOWED: u8 = 2;
+
 /// A missing reply ends the source's ALTER; this controller forgives a busy machine a few.
 const FORGIVEN: u32 = 30;
 
@@ -135,11 +146,13 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
             }
         }
         let (mut missed, mut interrupted, mut position) = (0, 0, 0i16);
+        let mut held = (FOLLOWED, 0);
         loop {
             let mut error = 0;
             match orders.try_recv() {
                 Ok(Order::Interrupt(cycles)) => interrupted = cycles,
                 Ok(Order::Reject(code)) => error = code,
+                Ok(Order::Status(status, cycles)) => held = (status, cycles),
                 Ok(Order::Pause(cycles)) => {
                     thread::sleep(CYCLE * cycles);
                     break;
@@ -150,7 +163,9 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
                 Err(std::sync::mpsc::TryRecvError::Empty) => {}
             }
             let control = error | if interrupted > 0 { 0xC0 } else { 0x80 };
-            let mut message = vec![control, 2, 1, 0, 0, 0x20];
+            let (status, left) = held;
+            held = if left > 1 { (status, left - 1) } else { (FOLLOWED, 0) };
+            let mut message = vec![control, status, 1, 0, 0, 0x20];
             if mode & 4 != 0 {
                 let words = [16384, 0, 0, 0, -16384, 0, 0, 0, -16384, position, 0, 0];
                 message.extend(words.iter().flat_map(|word: &i16| word.to_le_bytes()));
@@ -159,7 +174,9 @@ fn run(mut port: Pty, orders: &Receiver<Order>, log: &Mutex<Vec<Cycle>>) {
             match reply.as_deref().and_then(values) {
                 Some((values, length)) => {
                     missed = 0;
-                    if interrupted == 0 {
+                    if status != FOLLOWED {
+                        see(Cycle::Status(status, values));
+                    } else if interrupted == 0 {
                         position = position.wrapping_add(values[0]);
                         see(Cycle::Values(values, length));
                     } else {

@@ -17,12 +17,13 @@ pub struct HostConfig {
     /// The longest that ball, line and driver together delay a packet beyond its time on the line: an assumption. Default: 14 ms,
     /// which with the packet fits the period.
     ///
-    /// A poll without a packet for so long is missed, and the next one is sent only then, because packets have no number. If a
-    /// packet is later, it may be taken for the reply to the next poll: its values are then older than they seem by so much.
-    /// [`HostEvent::Unasked`](crate::HostEvent::Unasked) is the sign of it.
+    /// A poll without a packet for so long is missed, and the next one is later than a period after it, because packets have no
+    /// number: were all of them late by whole periods, each would seem to be the reply to another poll. So they are
+    /// [`HostEvent::Unasked`](crate::HostEvent::Unasked) now and then, and no values are new.
     pub max_delay: Duration,
     /// How old values may become before they are [`HostEvent::Stale`](crate::HostEvent::Stale). Above two
-    /// periods and a reply window. Default: 150 ms, which outlasts two lost packets in succession; the source gives none. [`Duration::MAX`] is for ever.
+    /// periods and a reply window. Default: 150 ms, which outlasts one lost packet, or two old ones in succession, by 21 ms if every
+    /// reply is as late as it may be; the source gives none. [`Duration::MAX`] is for ever.
     pub max_age: Duration,
     /// The rules of the machine, all of which are kept.
     #[doc(hidden)]
@@ -32,10 +33,14 @@ pub struct HostConfig {
 robot_session::rules! {
     /// The rules of the host's machine that keep old values from being used.
     pub enum Rule {
-        /// After a connection is made, nothing is sent until the reply to a poll of before would have come.
+        /// After a connection is made, nothing is sent until the reply to a poll of before would have come, and longer than from one
+        /// poll to the next.
         DrainFirst,
         /// The next poll is sent only when the reply to the last one has come or can come no more.
         AwaitReply,
+        /// After a poll without a reply the next one is later than after one with a reply: packets that are late by whole periods
+        /// do not fit both.
+        Uneven,
         /// A packet that is sooner than the line can carry it is no reply.
         NotBefore,
         /// New values are newer than the reply before: without a recent one nothing is known of their age.
@@ -55,6 +60,17 @@ impl HostConfig {
     /// From a poll until its reply can come no more.
     pub fn reply_window(&self) -> Duration {
         timing::exchange_time(self.baud).saturating_add(self.max_delay)
+    }
+
+    /// From a connection to the first poll, and from a poll without a reply to the next one: 44.71 ms with the defaults. Other polls are
+    /// closer together by more than replies may differ, so that no delay fits both.
+    pub fn quiet(&self) -> Duration {
+        self.period.max(self.reply_window()).saturating_add(self.spread())
+    }
+
+    /// More than replies that count may differ: by as much again as is left to clocks.
+    pub(crate) fn spread(&self) -> Duration {
+        self.max_delay.saturating_add(timing::exchange_time(self.baud) / 5)
     }
 
     /// From a poll until its reply can come.

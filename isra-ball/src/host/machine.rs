@@ -4,6 +4,9 @@
 //! is the reply to the last poll if it comes within the time that the line takes and the longest delay; and its values are
 //! proved not to be older than [`max_age`](HostConfig::max_age) if the poll of the reply before is not.
 //!
+//! A ball that is late by whole periods would seem to answer a later poll each time. Its first packets are missed; so the polls after
+//! them are farther apart than the others. Its packets come as the polls were sent, and those do not go on being where replies can be.
+//!
 //! As the model has explored it:
 #![doc = include_str!("../../diagrams/host.md")]
 
@@ -130,7 +133,7 @@ impl Machine for HostMachine {
             (_, Input::Connected) => Ok(self.close(Self::Connected(Polling::begin(now, config)), config)),
             (_, Input::Disconnected) => Ok(self.close(Self::Disconnected, config)),
             (Self::Disconnected, Input::Timeout) => Ok(Action::Nothing),
-            (Self::Connected(polling), Input::Timeout) => Ok(polling.expire(now)),
+            (Self::Connected(polling), Input::Timeout) => Ok(polling.expire(now, config)),
             (Self::Connected(polling), Input::Sent) if polling.transmits(now) => {
                 Ok(polling.sent(now, config))
             }
@@ -221,7 +224,7 @@ impl HostMachine {
 
 impl Polling {
     fn begin(now: Duration, config: &HostConfig) -> Self {
-        let drain = if config.rules.keeps(Rule::DrainFirst) { config.reply_window() } else { Duration::ZERO };
+        let drain = if config.rules.keeps(Rule::DrainFirst) { config.quiet() } else { Duration::ZERO };
         Self {
             poll: Poll::Idle { due: now.saturating_add(drain) },
             values: Values::Stale,
@@ -269,9 +272,11 @@ impl Polling {
             || matches!(self.values, Values::Live { until } if is_due(until, now))
     }
 
-    fn expire(&mut self, now: Duration) -> Action {
+    fn expire(&mut self, now: Duration, config: &HostConfig) -> Action {
         match (self.poll, self.values) {
             (Poll::Waiting { until, due, .. }, _) if is_due(until, now) => {
+                let uneven = config.rules.keeps(Rule::Uneven);
+                let due = if uneven { due.max(now).saturating_add(config.spread()) } else { due };
                 self.poll = Poll::Idle { due };
                 Action::Missed
             }

@@ -28,6 +28,8 @@ use machine::{Action, Enquiry, HostMachine, Input};
 ///   [`Stale`](HostEvent::Stale) when they become older. [`live_until`](Self::live_until) is when.
 /// - **Replies.** Packets have no number: the reply to a poll is the packet that comes when a reply can come. Any other is
 ///   [`Unasked`](HostEvent::Unasked).
+///   A ball that is late each time, by however much, is not believed: the poll after one without a reply comes
+///   [later](HostConfig::quiet) than the others, and no delay fits both.
 /// - **Corrupt bytes** are an event, and the next packet is read all the same. Bytes that are still without a whole packet when no
 ///   reply can come any more are given up: the line is half duplex, so nothing before a poll belongs to its reply.
 /// - **Life.** A poll without reply ends with its connection, and the values are stale then. The first poll of a connection is sent
@@ -55,7 +57,8 @@ pub enum HostEvent {
     /// new values come.
     Stale,
     /// A notice: a packet that is no reply. Something delays packets by more than [`max_delay`](HostConfig::max_delay), or noise
-    /// was a poll to the ball, which sends nothing unasked (§4.2).
+    /// was a poll to the ball, which sends nothing unasked (§4.2). One now and then is noise; where they go on and no values are
+    /// new, the delay does.
     #[cfg_attr(feature = "serde", serde(serialize_with = "robot_session::under::message"))]
     Unasked(Packet),
     /// A notice: bytes without a packet, a corrupt packet, or one of unknown layout.

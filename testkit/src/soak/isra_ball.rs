@@ -3,8 +3,10 @@
 //! Values are followed from the sensor to their use: none is used that is older than the host's greatest age. The line of one half
 //! of the sessions keeps the host's assumption about delays, that of the other half does not; then values may be older by the
 //! longest delay that there was. The ball of some sessions is hostile: it sends anything at any time, and only the polls' outcomes are checked.
+//! That of others is late, by the same time at each poll, and keeps every other rule: then nothing else goes wrong, and no value is too old.
 
 use core::time::Duration;
+use std::collections::VecDeque;
 
 use isra_ball::robot_session::{Encode as _, Session as _};
 use isra_ball::{
@@ -12,7 +14,7 @@ use isra_ball::{
 };
 
 use super::{Check, Ledger, Log, Reported, Row, Tally, Wire};
-use crate::link::{End, Faults};
+use crate::link::{Delivery, End, Faults};
 use crate::rng::Rng;
 use crate::turn;
 
@@ -35,6 +37,9 @@ struct Made {
 
 fn session(seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
+    if rng.chance(0.15) {
+        return late(seed, log, &mut rng);
+    }
     let bad = [0.3, 1.0, 4.0][rng.below(3)];
     let is_kept = rng.chance(0.5);
     let config = HostConfig::default();
@@ -195,6 +200,80 @@ fn session(seed: u64, log: Log) -> Tally {
         }
     }
     ledger.settle(now, log, &mut tally, |_| false);
+    tally
+}
+
+/// A ball, or an adapter, that answers each poll so late, from the beginning or from some time on. What it does besides the
+/// source permits: values that are old, packets of other layouts.
+fn late(seed: u64, log: Log, rng: &mut Rng) -> Tally {
+    let config = HostConfig::default();
+    let mut wire = Wire::new(seed, Faults::NONE.at_baud(9600), ["host", "ball"], false, log);
+    let lag = rng.log_uniform(10 * MS, 3000 * MS);
+    let begins_at = if rng.chance(0.5) { Duration::ZERO } else { MS * rng.below(3000) as u32 };
+    let old = [0.0, 0.1, 0.5][rng.below(3)];
+    let (mut host, mut ball) = (Host::new(config).unwrap(), new_ball());
+    let mut hand = Hand::new(false);
+    let mut packets: VecDeque<(Duration, Packet)> = VecDeque::new();
+    let mut made: Vec<(Packet, Duration)> = Vec::new();
+    let (mut now, mut using, mut tally) = (Duration::ZERO, None, Tally::default());
+    let (mut polls, mut unasked) = (0, 0);
+    host.handle_connected(now);
+    ball.handle_connected(now);
+    let end = begins_at + 4 * lag + 3000 * MS;
+    while now < end {
+        hand.measure(now, &mut ball, rng);
+        let mut buffer = [0; 64];
+        while let Some((at, packet)) = packets.front().copied().filter(|(at, _)| *at <= now) {
+            log.line(now, format_args!("the packet of {at:?} leaves"));
+            packets.pop_front();
+            let n = packet.encode(&mut buffer).unwrap();
+            wire.send(End::B, now, &buffer[..n]);
+        }
+        let mut events = Vec::new();
+        turn(&mut wire, End::A, &mut host, now, |_, event| events.push(event));
+        for event in events {
+            log.line(now, format_args!("  host: {event:?}"));
+            match event {
+                HostEvent::Packet(packet) => {
+                    using = made.iter().rev().find(|(made, _)| *made == packet).map(|(_, at)| *at);
+                    tally.once += 1;
+                }
+                HostEvent::Old(_) => tally.once += 1,
+                HostEvent::Missed => tally.not_done += 1,
+                HostEvent::Stale => using = None,
+                HostEvent::Unasked(_) => unasked += 1,
+                _ => {}
+            }
+        }
+        if let Some(measured) = using.filter(|measured| now - *measured > config.max_age) {
+            log.line(now, format_args!("!!! values of {measured:?} are used"));
+            tally.invented += 1;
+            using = None;
+        }
+        while let Some(delivery) = wire.receive(End::B, now) {
+            let Delivery::Bytes(bytes) = delivery else { continue };
+            for _ in bytes {
+                polls += 1;
+                ball.handle_input(now, &[isra_ball::ENQ]);
+                let n = ball.poll_transmit(now, &mut buffer).unwrap();
+                let mut packet = Frame::decode(&buffer[..n]).unwrap().unwrap().0.packet().unwrap();
+                if rng.chance(old) {
+                    packet.status = Status::Old;
+                }
+                let at = now + if now >= begins_at { lag } else { Duration::ZERO };
+                made.push((packet, now));
+                packets.push_back((at, packet));
+            }
+        }
+        while ball.poll_event().is_some() {}
+        let next = packets.front().map(|(at, _)| *at);
+        now = wire.next(now, [host.poll_timeout(), next.or(Some(now + 10 * MS))]);
+    }
+    // It is found out, unless it is in time.
+    tally.stuck = u64::from(unasked == 0 && lag > config.max_delay + MS);
+    tally.jobs = tally.once + tally.not_done;
+    // The last poll may be open, or on the line.
+    tally.lost = u64::from(polls > tally.jobs + 1);
     tally
 }
 

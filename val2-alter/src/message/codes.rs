@@ -86,6 +86,39 @@ codes! {
     }
 }
 
+impl SegmentStatus {
+    /// Whether somebody or something brakes the arm or has stopped it: HALT, REACTI or BREAK, a fault, a panic stop, a signal; also
+    /// where the code has no name, because nobody knows what it is. The others are those of a path that is followed, or
+    /// that has ended by itself, which ALTER moves (ours: the source does not say).
+    ///
+    /// | code | the arm | |
+    /// | --- | --- | --- |
+    /// | 1, 2, 3, 4, 5, 13 | follows its path, or has come to its end | moves with ALTER |
+    /// | 6 | HALT | is stopped |
+    /// | 7, 8 | REACTI or BREAK | is stopped |
+    /// | 9, 10 | hardware fault or panic stop | is stopped |
+    /// | 11, 12 | a signal | is stopped |
+    /// | 0, 14 and above | not named | is stopped |
+    pub const fn is_stop(self) -> bool {
+        match self {
+            Self::NoneYet
+            | Self::Normal
+            | Self::Finished
+            | Self::NullingUnplanned
+            | Self::StoppedUnplanned
+            | Self::NearTarget => false,
+            Self::Halt
+            | Self::BrakingForBreak
+            | Self::StoppedForBreak
+            | Self::BrakingForFault
+            | Self::StoppedForFault
+            | Self::BrakingForSignal
+            | Self::StoppedForSignal
+            | Self::Other(_) => true,
+        }
+    }
+}
+
 codes! {
     /// The code that starts the robot's exception subroutine (§3.3.2, §9.3). The program reads it as `ERROR(-1)`.
     Exception {

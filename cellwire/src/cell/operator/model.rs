@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use cellwire_motion::latch::{Cause, Latch};
 use isra_ball::Packet;
-use val2_alter::{AXES, ExceptionOutcome, HostConfig, HostState, Mode, Motion, Policy, Start, timing};
+use val2_alter::{
+    AXES, ExceptionOutcome, HostConfig, HostState, Mode, Motion, Policy, SegmentStatus, Start, timing,
+};
 
 use crate::cell::teleop::input::{InputConfig, Sample};
 use crate::cell::teleop::window::{advice, axes_that_fit};
@@ -46,6 +48,8 @@ pub(super) struct Counts {
     pub(super) packets: u64,
     pub(super) ball_missed: u64,
     pub(super) ball_corrupt: u64,
+    /// Packets that were no reply.
+    pub(super) ball_late: u64,
     pub(super) asked: u64,
     pub(super) poses: u64,
 }
@@ -88,6 +92,7 @@ pub(super) struct Model {
     pub(super) drawn: u64,
     pub(super) tests: Vec<Test>,
     damage_said: Duration,
+    ball_late_at: Option<Duration>,
     has_ended: bool,
     pub(super) now: Duration,
 }
@@ -154,6 +159,7 @@ impl Model {
             drawn: 0,
             tests: Vec::new(),
             damage_said: Duration::ZERO,
+            ball_late_at: None,
             has_ended: false,
             now: Duration::ZERO,
         }
@@ -243,8 +249,11 @@ impl Model {
                 self.show_ball(packet, took);
             }
             Notification::BallOld(packet, took) => self.show_ball(packet, took),
-            // The poll that a late packet answers has been counted as missed.
-            Notification::BallLate => {}
+            Notification::BallLate => {
+                self.counts.ball_late += 1;
+                self.ball_late_at = Some(at);
+                self.say_damage("ball: it answers late, and no packet counts".into());
+            }
             Notification::BallMissed => self.counts.ball_missed += 1,
             Notification::BallCorrupt(error) => {
                 self.counts.ball_corrupt += 1;
@@ -293,6 +302,20 @@ impl Model {
         (self.ball_is_stale || !fresh).then_some("OLD")
     }
 
+    /// The segment status that came last, and what it means.
+    pub(super) fn segment_text(&self) -> String {
+        let words = |motion: Motion| {
+            let status = motion.segment_status;
+            format!("segment status {}, {}", u8::from(status), segment_words(status))
+        };
+        self.motion.map_or_else(String::new, words)
+    }
+
+    /// Whether the ball has sent a packet in the last second that was no reply.
+    pub(super) fn ball_is_late(&self) -> bool {
+        self.ball_late_at.is_some_and(|at| self.now < at + DAMAGE)
+    }
+
     /// The line that a debug view shows.
     pub(super) fn debugged(&self, line: usize) -> (&'static str, &Trace) {
         match line {
@@ -324,6 +347,7 @@ impl Model {
                 self.show(format!("disarmed: {}; let go of the input for 0.3 s", cause_text(cause)));
             }
             Latch::Ready { .. } => self.show("the input is at rest: Enter arms".into()),
+            Latch::Halted => self.show(format!("{}: {}", cause_text(Cause::Halt), self.segment_text())),
             Latch::Armed { .. } => self.show("armed: the input moves the arm".into()),
             _ => {}
         }
@@ -367,11 +391,31 @@ pub(super) fn cause_text(cause: Cause) -> &'static str {
         Cause::NoAlter => "no ALTER runs",
         Cause::Start => "ALTER has begun",
         Cause::Interruption => "ALTER was interrupted",
+        Cause::Halt => "the robot has stopped the arm",
         Cause::OldValues => "the input sends no new values",
         Cause::InputLost => "the input is gone",
         Cause::KeyReleased => "the key was let go",
         Cause::Profile => "the profile has changed",
         Cause::Stop => "stopped",
+    }
+}
+
+pub(super) fn segment_words(status: SegmentStatus) -> &'static str {
+    match status {
+        SegmentStatus::NoneYet => "none yet",
+        SegmentStatus::Normal => "on the path",
+        SegmentStatus::Finished => "finished",
+        SegmentStatus::NullingUnplanned => "nulling",
+        SegmentStatus::StoppedUnplanned => "stopped",
+        SegmentStatus::Halt => "HALT",
+        SegmentStatus::BrakingForBreak => "brake: BREAK",
+        SegmentStatus::StoppedForBreak => "stop: BREAK",
+        SegmentStatus::BrakingForFault => "brake: fault",
+        SegmentStatus::StoppedForFault => "stop: fault",
+        SegmentStatus::BrakingForSignal => "brake: sig.",
+        SegmentStatus::StoppedForSignal => "stop: signal",
+        SegmentStatus::NearTarget => "near target",
+        SegmentStatus::Other(_) => "unknown",
     }
 }
 

@@ -143,3 +143,36 @@ fn the_end_of_alter_is_reported() {
     assert_eq!(last(&model), "the robot ended ALTER: timeout");
     assert_eq!(model.control, ("ended", 0xE6, "timeout"));
 }
+
+/// What the robot says of its arm, and what reaches the host in pieces or late, is on the screen.
+#[test]
+fn what_stops_the_arm_and_what_is_corrupt_or_late_is_shown() {
+    use crate::cell::operator::screen::tests::{drawn, rows};
+    let mut model = model();
+    let head = |model: &Model| rows(&drawn(model))[..2].join("\n");
+    let status = |segment_status| Motion {
+        phase: val2_alter::MotionPhase::Running,
+        error: ErrorCode::None,
+        segment_status,
+        segment: 1,
+        percent: 0,
+        transform: None,
+    };
+    assert!(!head(&model).contains("corrupt"));
+    for _ in 0..29 {
+        let error = val2_alter::DecodeError::StartMark { offset: 0, length: 1 };
+        model.take(2000 * MS, Notification::Corrupt(error));
+    }
+    assert!(head(&model).contains("missed 0  corrupt 29  held 0"), "{}", head(&model));
+    model.take(2100 * MS, Notification::Motion(status(SegmentStatus::StoppedForFault)));
+    model.take(2100 * MS, Notification::Latch(Latch::Halted));
+    assert!(head(&model).contains(" ROBOT STOPPED  segment status 10, stop: fault"), "{}", head(&model));
+    assert_eq!(last(&model), "the robot has stopped the arm: segment status 10, stop: fault");
+    model.take(2200 * MS, Notification::Latch(Latch::Disarmed(Cause::Halt)));
+    assert!(head(&model).contains("the robot has stopped the arm: let go for 0.3 s"), "{}", head(&model));
+    model.take(3500 * MS, Notification::BallLate);
+    assert!(head(&model).contains("the ball answers late"), "{}", head(&model));
+    assert_eq!((last(&model), model.counts.ball_late), ("ball: it answers late, and no packet counts", 1));
+    model.pass_time(4500 * MS);
+    assert!(!head(&model).contains("late"), "{}", head(&model));
+}

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use isra_ball::{Keys, Packet, Status};
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
-use val2_alter::{ErrorCode, List, LostReason, Motion, MotionPhase, Start, Transform};
+use val2_alter::{ErrorCode, List, LostReason, Motion, MotionPhase, SegmentStatus, Start, Transform};
 
 use super::tests::{drawn, rows};
 use super::*;

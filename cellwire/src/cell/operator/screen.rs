@@ -6,9 +6,9 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Paragraph};
-use val2_alter::{Accumulation, CoordinateFrame, HostState, Mode, Polarity, Policy, SegmentStatus};
+use val2_alter::{Accumulation, CoordinateFrame, HostState, Mode, Polarity, Policy};
 
-use super::model::{Model, View, cause_text};
+use super::model::{Model, View, cause_text, segment_words};
 use crate::cell::teleop::input::FULL;
 use crate::links::val2_alter::Layout as Words;
 
@@ -87,6 +87,8 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
         .map(|(reason, count)| format!("{reason} {count}"))
         .collect();
     let colon = if reasons.is_empty() { "" } else { ": " };
+    // There is room for it when it is needed.
+    let corrupt = if counts.corrupt > 0 { format!("corrupt {}  ", counts.corrupt) } else { String::new() };
     let limit = match model.axes {
         val2_alter::AXES => String::new(),
         axes => format!("{axes} of {} axes fit, ", val2_alter::AXES),
@@ -100,7 +102,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, model: &Model) {
             Span::raw(format!(" {why}")),
         ]),
         Line::from(format!(
-            "cycles {}  missed {}  {limit}held {}  rejected {}{colon}{}  p99 {:.2} ms",
+            "cycles {}  missed {}  {corrupt}{limit}held {}  rejected {}{colon}{}  p99 {:.2} ms",
             counts.cycles,
             counts.missed,
             counts.held,
@@ -139,9 +141,13 @@ fn state(model: &Model) -> (&'static str, String, Color) {
             }
             (_, Policy::Ignore) => ("OFF", "A answers the robot".into(), Color::Gray),
         },
+        Latch::Halted => ("ROBOT STOPPED", model.segment_text(), Color::Red),
         Latch::Interrupted => ("INTERRUPTED", "the robot's subroutine runs".into(), Color::Yellow),
         Latch::Disarmed(Cause::InputLost) => {
             ("INPUT LOST", "it is tried again; then let go for 0.3 s".into(), Color::Red)
+        }
+        Latch::Disarmed(_) if model.ball_is_late() => {
+            ("DISARMED", "the ball answers late: its adapter, docs/alter.md".into(), Color::Yellow)
         }
         Latch::Disarmed(cause) | Latch::Resting { cause, .. } => ("DISARMED", rest(cause), Color::Yellow),
         Latch::Ready { .. } => ("READY", "Enter arms".into(), Color::Yellow),
@@ -255,25 +261,6 @@ fn segment_lines(model: &Model) -> Vec<Line<'static>> {
     ]
 }
 
-fn segment_words(status: SegmentStatus) -> &'static str {
-    match status {
-        SegmentStatus::NoneYet => "none yet",
-        SegmentStatus::Normal => "on the path",
-        SegmentStatus::Finished => "finished",
-        SegmentStatus::NullingUnplanned => "nulling",
-        SegmentStatus::StoppedUnplanned => "stopped",
-        SegmentStatus::Halt => "HALT",
-        SegmentStatus::BrakingForBreak => "brake: BREAK",
-        SegmentStatus::StoppedForBreak => "stop: BREAK",
-        SegmentStatus::BrakingForFault => "brake: fault",
-        SegmentStatus::StoppedForFault => "stop: fault",
-        SegmentStatus::BrakingForSignal => "brake: sig.",
-        SegmentStatus::StoppedForSignal => "stop: signal",
-        SegmentStatus::NearTarget => "near target",
-        SegmentStatus::Other(_) => "unknown",
-    }
-}
-
 fn transform_lines(model: &Model) -> Vec<Line<'static>> {
     let Some(transform) = model.motion.as_ref().and_then(|motion| motion.transform) else {
         return vec![Line::from("not transmitted")];
@@ -298,13 +285,14 @@ fn ball_lines(model: &Model) -> Vec<Line<'static>> {
     let keys: String = (0..8).map(|key| if hand.buttons >> key & 1 != 0 { '●' } else { '·' }).collect();
     let head = match &model.ball {
         Some(packet) => format!(
-            "type {} sensor {} {:?}  keys {keys}  {:.1} ms  missed {} corrupt {}",
+            "type {} sensor {} {:?}  keys {keys}  {:.1} ms  missed {} corrupt {} late {}",
             packet.sensor_type,
             packet.sensor,
             packet.status,
             model.exchange.as_secs_f64() * 1e3,
             model.counts.ball_missed,
             model.counts.ball_corrupt,
+            model.counts.ball_late,
         ),
         None => format!("{}  buttons {keys}", model.ports.input.name()),
     };
@@ -338,27 +326,27 @@ fn bar(force: i16) -> String {
 mod pictures;
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::time::Duration;
 
     use isra_ball::{Keys, Packet, Status};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use ratatui::buffer::Buffer;
-    use val2_alter::{ErrorCode, List, Motion, MotionPhase, Start, Transform};
+    use val2_alter::{ErrorCode, List, Motion, MotionPhase, SegmentStatus, Start, Transform};
 
     use super::*;
     use crate::cell::operator::model::tests::model;
     use crate::cell::teleop::Notification;
     use crate::cell::teleop::input::Sample;
 
-    pub(super) fn drawn(model: &Model) -> Buffer {
+    pub(in crate::cell::operator) fn drawn(model: &Model) -> Buffer {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
         terminal.draw(|frame| draw(frame, model)).unwrap();
         terminal.backend().buffer().clone()
     }
 
-    pub(super) fn rows(buffer: &Buffer) -> Vec<String> {
+    pub(in crate::cell::operator) fn rows(buffer: &Buffer) -> Vec<String> {
         let cells: Vec<_> = buffer.content().iter().map(|cell| cell.symbol()).collect();
         cells.chunks(80).map(|row| row.concat()).collect()
     }
@@ -418,7 +406,7 @@ mod tests {
                 "│           ││                 ││move   50 % ││ 0.000  0.000 -1.000       0.50 │",
                 "└───────────┘└─────────────────┘└────────────┘└────────────────────────────────┘",
                 "┌Input: deflection, asked → sent───────────────────────────────────────────────┐",
-                "│type 2 sensor 1 Old  keys ●······●  14.0 ms  missed 0 corrupt 0               │",
+                "│type 2 sensor 1 Old  keys ●······●  14.0 ms  missed 0 corrupt 0 late 0        │",
                 "│X   1000 ·······│███████   90 →    8   RX     8 ·······│·······    0 →    0   │",
                 "│Y  -1008 ███████│·······  -90 →   -8   RY  -504 ···████│·······  -75 →  -13   │",
                 "│Z      0 ·······│·······    0 →    0   RZ    71 ·······│·······   10 →   10   │",

@@ -2,7 +2,7 @@
 
 use val2_alter::{HostConfig, Policy};
 
-use crate::cell::teleop::{LIMITS, Profile, host_config, polls};
+use crate::cell::teleop::{LIMITS, Profile, host_config};
 use cellwire_links::settings::{Configure, Fields};
 
 /// What can be set of the cell.
@@ -22,7 +22,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             alter: HostConfig { limits: LIMITS, policy: Policy::Ignore, ..host_config() },
-            polls: polls(isra_ball::timing::BAUD),
+            polls: isra_ball::HostConfig::default(),
             viewer: val2_viewer::HostConfig::default(),
             profile: Profile::for_limits(LIMITS, 100),
         }

@@ -1,7 +1,6 @@
 //! What the host is configured with.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use cellwire_motion::latch::LatchConfig;
 use val2_alter::{HostConfig, Limits};
@@ -36,11 +35,6 @@ pub struct TeleopConfig {
 /// The session's defaults for a computer with an operating system: bytes that came together may be read far apart.
 pub fn host_config() -> HostConfig {
     HostConfig { gap: None, ..HostConfig::default() }
-}
-
-/// The polls of a ball that steers an arm: values are too old after 100 ms, one lost packet later.
-pub fn polls(baud: u32) -> isra_ball::HostConfig {
-    isra_ball::HostConfig { baud, max_age: Duration::from_millis(100), ..isra_ball::HostConfig::default() }
 }
 
 /// Limits at which the source's Figure 9 is easily seen: 100 mm/s and 30 °/s, reached in a third of a second.

@@ -28,7 +28,7 @@ mod sample;
 mod viewer;
 pub mod window;
 
-pub use config::{LIMITS, TeleopConfig, host_config, polls};
+pub use config::{LIMITS, TeleopConfig, host_config};
 pub use filter::{Axes, Filter};
 pub use messages::{Notification, Order, lost_text};
 pub use port::PortConfig;

@@ -185,7 +185,9 @@ impl Robot {
                     Notification::Start(start)
                 }
                 HostEvent::Motion(motion) => {
+                    let is_stopped = motion.segment_status.is_stop();
                     inputs.extend(match (host.state(), motion.phase) {
+                        (HostState::Running, MotionPhase::Running) if is_stopped => Some(LatchInput::Halted),
                         (HostState::Running, MotionPhase::Running) => Some(LatchInput::Running),
                         (HostState::Interrupted, _) => Some(LatchInput::Interrupted),
                         _ => None,

@@ -11,7 +11,7 @@ use isra_ball::{ball, host};
 use robot_session::Rules;
 
 use crate::model::{Depth, Diagram, MustFail, Pair, Refined, Setting, Table, draw};
-use pair::{AGE, ASKED, ONE_OUTCOME, PAIRED, STALE};
+use pair::{AGE, ASKED, CLAIMED, ONE_OUTCOME, PAIRED, STALE};
 
 /// The tables of the link's machines.
 pub const TABLES: &[Table] =
@@ -19,6 +19,9 @@ pub const TABLES: &[Table] =
 
 /// The link's ends.
 pub const PAIR: Pair = Pair { name: "isra-ball host × ball", settings, must_fail, diagrams, refined };
+
+/// The greatest lag that is explored, in ticks: four periods.
+const LAGS: u8 = 12;
 
 fn settings(depth: Depth) -> Vec<Setting> {
     let faults = match depth {
@@ -34,6 +37,11 @@ fn settings(depth: Depth) -> Vec<Setting> {
         Setting::new(format!("{faults} faults, a ball that may not measure"), slow),
         Setting::new(format!("{faults} faults, noise that is a poll, a host that is called in time"), noisy),
     ];
+    settings.extend((1..=LAGS).map(|lag| {
+        let faults = faults - 1;
+        let name = format!("faults {faults}, every packet {lag} ticks late, which is not in time");
+        Setting::new(name, Exchange { faults, ..Exchange::late(lag) })
+    }));
     if depth == Depth::Deep {
         let all = Exchange { noise: true, ..slow };
         settings.push(Setting::new(format!("{faults} faults, noise, a ball that may not measure"), all));
@@ -46,8 +54,8 @@ fn must_fail() -> Vec<MustFail> {
     let slow = Exchange { faults: 2, ..Exchange::slow() };
     let host = |rule, exchange: Exchange| Exchange { config: exchange.config.without(rule), ..exchange };
     let noisy = Exchange { noise: true, sleeps: false, ..slow };
-    let patient = Exchange { config: slow.config.patient(), delay: 3, faults: 0, ..slow };
-    let late = Exchange { delay: slow.delay + 4, faults: 0, ..slow };
+    let patient = Exchange { config: slow.config.patient(), delay: 3, faults: 0, ..Exchange::steady() };
+    let late = Exchange { delay: slow.delay + 5, faults: 0, ..slow };
     let ball =
         |rule| Exchange { ball: isra_ball::BallConfig { rules: Rules::without(rule), ..slow.ball }, ..slow };
     let two = "2 faults, a ball that may not measure";
@@ -55,9 +63,15 @@ fn must_fail() -> Vec<MustFail> {
         MustFail::new("host: drain first", PAIRED, two, host(Rule::DrainFirst, slow)),
         MustFail::new(
             "host: await the reply",
-            PAIRED,
+            CLAIMED,
             "no faults, packets up to 3 ticks late",
             host(Rule::AwaitReply, patient),
+        ),
+        MustFail::new(
+            "host: polls without a reply are farther apart",
+            AGE,
+            "no faults, every packet 6 ticks late, which is not in time",
+            host(host::Rule::Uneven, Exchange::late(6)),
         ),
         MustFail::new(
             "host: no reply before the line can carry it",
@@ -81,7 +95,7 @@ fn must_fail() -> Vec<MustFail> {
         MustFail::new(
             "assumption: no delay above max_delay",
             PAIRED,
-            "no faults, packets up to 5 ticks late",
+            "no faults, packets up to 6 ticks late",
             late,
         ),
     ]

@@ -13,6 +13,8 @@ use robot_session::Machine as _;
 use super::world::{Act, Exchange, Fate, LINE, Packet, State, TICK};
 
 pub(super) const AGE: &str = "values are used no longer than max_age";
+pub(super) const FOUND_OUT: &str =
+    "with another fault values that are too old are used no longer than max_age";
 pub(super) const MEASURED: &str = "values are used only if they were measured";
 pub(super) const STALE: &str = "who uses values learns when they are stale";
 pub(super) const ONE_OUTCOME: &str = "a poll has one outcome";
@@ -37,6 +39,8 @@ impl System for Exchange {
             asleep: false,
             open: false,
             using: None,
+            said: false,
+            too_old: 0,
             faults: 0,
             wrong: None,
         };
@@ -165,7 +169,11 @@ impl System for Exchange {
             (true, false) => self.config.0.max_delay,
             (true, true) => self.config.0.reply_window(),
         };
-        if !until.is_zero() && u32::from(age) * TICK + until > self.config.0.max_age + slack {
+        if state.too_old > self.config.max_age() {
+            broken.push(FOUND_OUT);
+        }
+        let is_alone = !self.is_late() || state.faults == 0;
+        if is_alone && !until.is_zero() && u32::from(age) * TICK + until > self.config.0.max_age + slack {
             broken.push(AGE);
         }
         if !measured {
@@ -180,6 +188,9 @@ impl System for Exchange {
     }
 
     fn is_over(&self, state: &State) -> bool {
+        if self.is_late() {
+            return state.said && !state.asleep;
+        }
         state.host.live_until().is_some() && !state.asleep && matches!(state.using, Some((0..=LINE, _)))
     }
 
@@ -214,7 +225,10 @@ impl Exchange {
                     state.using = None;
                 }
             }
-            host::Action::Unasked => self.alarm(state),
+            host::Action::Unasked => {
+                state.said = self.is_late();
+                self.alarm(state);
+            }
             host::Action::Nothing => {}
         }
         Some(action)
@@ -234,7 +248,7 @@ impl Exchange {
     }
 
     fn alarm(&self, state: &mut State) {
-        if state.faults == 0 && !self.idle {
+        if state.faults == 0 && !self.idle && !self.is_late() {
             state.wrong = Some(CLAIMED);
         }
     }
@@ -271,7 +285,7 @@ impl Exchange {
         if let Fate::Late(late) = fate {
             // A stream keeps its order.
             let last = state.up.last().map_or(0, |packet| packet.ticks);
-            let ticks = (LINE + late).max(last);
+            let ticks = (LINE + late + self.lag).max(last);
             let (age, measured) = (state.age, state.measured);
             state.up.push(Packet { ticks, fresh, age, measured, reply: state.open });
         }
@@ -282,7 +296,11 @@ impl Exchange {
         if action == Some(host::Action::New) {
             state.using = Some((packet.age, packet.measured));
         }
-        if matches!(action, Some(host::Action::New | host::Action::Old)) && !packet.reply && !self.noise {
+        if matches!(action, Some(host::Action::New | host::Action::Old))
+            && !packet.reply
+            && !self.noise
+            && !self.is_late()
+        {
             state.wrong = Some(PAIRED);
         }
     }
@@ -299,6 +317,9 @@ impl Exchange {
         if let Some((age, _)) = &mut state.using {
             older(age);
         }
+        let in_use = state.host.live_until().is_some_and(|until| !until.is_zero());
+        let is_too_old = in_use && matches!(state.using, Some((age, _)) if age > self.config.max_age());
+        state.too_old = if self.is_late() && is_too_old { state.too_old.saturating_add(1) } else { 0 };
         if self.replies(state) {
             state.waits += 1;
         }

@@ -23,6 +23,8 @@ pub struct Exchange {
     pub faults: u8,
     /// The most ticks that a packet is late.
     pub delay: u8,
+    /// Every packet is late by so many more, which is more than the host assumes.
+    pub lag: u8,
     /// The ball may have no new values at any time.
     pub idle: bool,
     /// Noise may be a poll to the ball: a fault.
@@ -55,6 +57,11 @@ impl Config {
         Self(HostConfig { max_delay, max_age, ..self.0 })
     }
 
+    /// No tick late is in time, and replies come until the next poll is due: those that are late by whole periods would fit.
+    pub(super) fn punctual(self) -> Self {
+        Self(HostConfig { max_delay: Duration::from_micros(4900), ..self.0 })
+    }
+
     /// The greatest age in ticks.
     pub(super) fn max_age(&self) -> u8 {
         (self.0.max_age.as_nanos() / TICK.as_nanos()) as u8
@@ -65,12 +72,23 @@ impl Exchange {
     /// A ball that has new values at every tick.
     pub fn steady() -> Self {
         let (config, ball) = (Config::WHOLE, BallConfig::default());
-        Self { config, ball, faults: 1, delay: 1, idle: false, noise: false, sleeps: true }
+        Self { config, ball, faults: 1, delay: 1, lag: 0, idle: false, noise: false, sleeps: true }
     }
 
     /// A ball that measures when it likes.
     pub fn slow() -> Self {
         Self { idle: true, ..Self::steady() }
+    }
+
+    /// A ball that has new values at every tick, all of whose packets are so many ticks late.
+    pub fn late(lag: u8) -> Self {
+        let steady = Self::steady();
+        Self { config: steady.config.punctual(), delay: 0, lag, faults: 0, ..steady }
+    }
+
+    /// No packet is in time.
+    pub(super) fn is_late(&self) -> bool {
+        self.lag > 0
     }
 
     /// From this age on values are just as old.
@@ -111,6 +129,10 @@ pub struct State {
     pub(super) open: bool,
     /// The age of the values in use, and whether they were measured.
     pub(super) using: Option<(u8, bool)>,
+    /// The host has reported a packet that is no reply.
+    pub(super) said: bool,
+    /// For how many ticks values have been used that are too old, though every packet is late and something else has happened.
+    pub(super) too_old: u8,
     pub(super) faults: u8,
     pub(super) wrong: Option<&'static str>,
 }

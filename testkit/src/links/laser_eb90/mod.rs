@@ -98,7 +98,8 @@ pub const ANY_CONTROLLER: Pair = Pair {
             without("CompareWord", any_controller::CLAIMED, false, HostRule::CompareWord),
         ]
     },
-    diagrams: || Vec::new(),
+    diagrams: Vec::new,
+    refined: Vec::new,
 };
 
 fn any_controller(keeps_rules: bool, drops: bool) -> Against<AnyController> {

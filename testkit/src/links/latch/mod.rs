@@ -57,6 +57,7 @@ fn must_fail() -> Vec<MustFail> {
         case("a start message disarms", RUNS, Rule::Start, plain),
         case("the end of ALTER disarms", RUNS, Rule::Over, plain),
         case("an interruption disarms", RUNS, Rule::Interruption, plain),
+        case("an arm that the robot stops disarms", RUNS, Rule::Halt, plain),
         case("an input without new values disarms", RESTED, Rule::OldValues, plain),
         case("a lost input disarms", RESTED, Rule::InputLost, plain),
         case("another meaning of the values disarms", RESTED, Rule::Profile, plain),

@@ -18,11 +18,13 @@ impl Rows for Operator {
 
     fn states() -> Vec<Latch> {
         let (past, future) = (NOW - MS, NOW + MS);
-        let mut states = vec![Latch::Off(Cause::NoAlter), Latch::Off(Cause::Stop), Latch::Interrupted];
+        let mut states =
+            vec![Latch::Off(Cause::NoAlter), Latch::Off(Cause::Stop), Latch::Interrupted, Latch::Halted];
         states.extend(
             [
                 Cause::Start,
                 Cause::Interruption,
+                Cause::Halt,
                 Cause::OldValues,
                 Cause::InputLost,
                 Cause::KeyReleased,
@@ -55,6 +57,7 @@ impl Rows for Operator {
             On::Timeout,
             On::Running,
             On::Interrupted,
+            On::Halted,
             On::Silent,
             hand(true, false, NOW + 2 * MS),
             hand(false, true, NOW + 2 * MS),

@@ -70,6 +70,8 @@ enum Alter {
     Running,
     /// Its subroutine runs.
     Interrupted,
+    /// The robot stops the arm.
+    Halted,
     /// It is not answered any more.
     Silent,
 }
@@ -149,6 +151,7 @@ impl System for Operated {
             On::Disconnected,
             On::Running,
             On::Interrupted,
+            On::Halted,
             On::Silent,
             On::OldValues,
             On::InputLost,
@@ -204,7 +207,7 @@ impl System for Operated {
         use LatchInput as On;
         Some(match state.latch {
             _ if state.latch.expires(Duration::ZERO) => Act::Input(On::Timeout),
-            Latch::Off(_) | Latch::Interrupted => Act::Input(On::Running),
+            Latch::Off(_) | Latch::Interrupted | Latch::Halted => Act::Input(On::Running),
             Latch::Stopping | Latch::Ending { .. } => Act::Input(On::Disconnected),
             Latch::Ready { .. } => Act::Input(On::Confirm),
             Latch::Resting { fresh_until, .. } if fresh_until == self.fresh_until(self.fresh) => Act::Tick,
@@ -264,8 +267,9 @@ impl Operated {
     fn watch(&self, state: &mut State, input: LatchInput) {
         match input {
             LatchInput::Running => state.say(Alter::Running),
-            LatchInput::Interrupted => {
-                state.say(Alter::Interrupted);
+            LatchInput::Interrupted | LatchInput::Halted => {
+                let is_halted = input == LatchInput::Halted;
+                state.say(if is_halted { Alter::Halted } else { Alter::Interrupted });
                 state.forbid();
             }
             LatchInput::Silent => {

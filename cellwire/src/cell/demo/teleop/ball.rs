@@ -7,7 +7,6 @@ use super::{plot, robot};
 use crate::cell::demo::teleop::cell::{self, CellConfig, CellRecord};
 use crate::cell::demo::{DemoOptions, MustFail};
 use crate::cell::report::{Budget, Report};
-use crate::cell::teleop::polls;
 use cellwire_links::settings::{self, Configure, Fields};
 
 /// What can be set of the demo.
@@ -19,7 +18,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { polls: polls(timing::BAUD), ball: BallConfig::default() }
+        Self { polls: isra_ball::HostConfig::default(), ball: BallConfig::default() }
     }
 }
 

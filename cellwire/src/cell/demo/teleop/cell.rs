@@ -14,7 +14,7 @@ use super::cycles::{Cycle, Cycles};
 use crate::cell::demo::DemoOptions;
 use crate::cell::teleop::input::InputConfig;
 use crate::cell::teleop::{
-    LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config, polls,
+    LIMITS, Notification, Order, PortConfig, Profile, Teleop, TeleopConfig, Traces, host_config,
 };
 use crate::io::line::{Clock, Line, LineFaults};
 use crate::io::pauses::{Pauses, Watch};
@@ -69,7 +69,7 @@ impl CellConfig {
             time: options.seconds.unwrap_or(OWN_RUN),
             alter: HostConfig { limits: LIMITS, subroutine: true, ..host_config() },
             controller: PumaConfig::default().controller,
-            polls: polls(isra_ball::timing::BAUD),
+            polls: isra_ball::HostConfig::default(),
             ball: BallConfig::default(),
             viewer: ViewerSettings::default(),
             viewer_host: val2_viewer::HostConfig::default(),

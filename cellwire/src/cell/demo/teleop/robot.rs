@@ -238,7 +238,7 @@ mod tests {
             time: 10_000 * MS,
             alter: Settings::default().alter,
             controller: Settings::default().controller,
-            polls: crate::cell::teleop::polls(9600),
+            polls: isra_ball::HostConfig::default(),
             ball: isra_ball::BallConfig::default(),
             viewer: crate::links::val2_viewer::options::ViewerSettings::default(),
             viewer_host: val2_viewer::HostConfig::default(),

@@ -1,13 +1,14 @@
 //! A controller and a host on a serial line. A job is a reply that moves the arm, or an exception for the gripper.
 
+mod hostile;
+
 use core::time::Duration;
 
 use robot_session::Session as _;
 use val2_alter::{
-    Accumulation, Controller, ControllerConfig, ControllerEvent, ControllerState, DecodeError,
-    End as EndMessage, ErrorCode, Exception, ExceptionOutcome, Frame, Framing, Host, HostConfig, HostEvent,
-    HostMessage, HostState, Limits, List, Message, Mode, Motion, MotionPhase, Policy, Reply, RobotMessage,
-    SegmentStatus, Start, StartCode, Transform, Unselected, timing,
+    Accumulation, Controller, ControllerConfig, ControllerEvent, ControllerState, DecodeError, ErrorCode,
+    Exception, ExceptionOutcome, Frame, Framing, Host, HostConfig, HostEvent, HostMessage, HostState, Limits,
+    Message, Mode, Reply, RobotMessage, Unselected, timing,
 };
 
 use super::{Check, Ledger, Log, Mark, Reported, Row, Tally, Wire};
@@ -67,7 +68,7 @@ struct Cell {
 fn session(seed: u64, log: Log) -> Tally {
     let mut rng = Rng::new(!seed);
     if rng.chance(0.1) {
-        return hostile(&mut rng);
+        return hostile::session(&mut rng);
     }
     let bad = [0.1, 0.5, 2.0][rng.below(3)];
     // A pause of more than 4 ms ends a frame. All delays of a cycle together stay below 10 ms: a reply that comes when the
@@ -152,83 +153,6 @@ fn session(seed: u64, log: Log) -> Tally {
     let mut tally = cell.settle();
     tally.stuck = stuck.into();
     tally
-}
-
-/// A random walk over the protocol's messages instead of the other end: everything that was asked for has one outcome.
-fn hostile(rng: &mut Rng) -> Tally {
-    let mut now = Duration::ZERO;
-    let mut host = Host::new(HostConfig { subroutine: true, ..HostConfig::default() }).expect("it can work");
-    let config = ControllerConfig { subroutine: true, ..ControllerConfig::default() };
-    let mut controller = Controller::new(config).expect("it can work");
-    let (mut asked, mut answered, mut started, mut ended) = (0, 0, 0, 0);
-    let mut out = [0; Frame::MAX_LEN];
-    host.handle_connected(now);
-    controller.handle_connected(now);
-    for _ in 0..200 {
-        now += match rng.below(8) {
-            0 => rng.log_uniform(MS, Duration::from_secs(5)),
-            1..4 => Duration::ZERO,
-            _ => timing::CYCLE,
-        };
-        let error = ErrorCode::from(rng.below(8) as u8);
-        let message = match rng.below(8) {
-            0 => RobotMessage::Start(Start { error, ..Start::new(Mode::CUMULATIVE_23, List::EMPTY) }),
-            1 => RobotMessage::End(EndMessage { error }),
-            other => RobotMessage::Motion(Motion {
-                phase: if other == 2 { MotionPhase::Interrupted } else { MotionPhase::Running },
-                error: if other < 5 { error } else { ErrorCode::None },
-                segment_status: SegmentStatus::Normal,
-                segment: 1,
-                percent: 0,
-                transform: Some(Transform([0; 12])),
-            }),
-        };
-        let len = message.encode(Framing::DEFAULT, &mut out).unwrap_or_default();
-        host.handle_input(now, &out[..len]);
-        host.set_target(now, [50; 6]);
-        asked += usize::from(rng.chance(0.3) && host.exception(now, Exception::CloseGripper).is_ok());
-        if rng.chance(0.02) {
-            host.stop(now);
-        }
-        if rng.chance(0.05) {
-            host.set_policy(now, Policy::Accept);
-        }
-        host.handle_timeout(now);
-        while host.poll_transmit(now, &mut out).is_some() {}
-        while let Some(event) = host.poll_event() {
-            answered += usize::from(matches!(event, HostEvent::Exception { .. }));
-        }
-
-        let message = match rng.below(6) {
-            0 => HostMessage::StartReply(StartCode::Accept),
-            1 => HostMessage::StartReply([StartCode::Repeat, StartCode::Refuse][rng.below(2)]),
-            2 => HostMessage::Reply(Reply { exception: Exception::OpenGripper, ..Reply::NOTHING }),
-            _ => HostMessage::Reply(Reply::all([7; 6])),
-        };
-        started += usize::from(controller.start(now).is_ok());
-        controller.handle_timeout(now);
-        while controller.poll_transmit(now, &mut out).is_some() {}
-        let len = message.encode(Framing::DEFAULT, &mut out).unwrap_or_default();
-        controller.handle_input(now, &out[..len]);
-        if rng.chance(0.1) {
-            let _ = controller.resume(now);
-        }
-        while let Some(event) = controller.poll_event() {
-            use ControllerEvent::{Ended, GaveUp, Refused};
-            ended += usize::from(matches!(event, Ended(_) | GaveUp | Refused));
-        }
-    }
-    host.handle_disconnected(now);
-    controller.handle_disconnected(now);
-    while let Some(event) = host.poll_event() {
-        answered += usize::from(matches!(event, HostEvent::Exception { .. }));
-    }
-    while let Some(event) = controller.poll_event() {
-        ended += usize::from(matches!(event, ControllerEvent::Ended(_)));
-    }
-    assert_eq!((asked, started), (answered, ended), "one outcome for each request");
-    assert_eq!(host.statistics().unexpected + controller.statistics().unexpected, 0);
-    Tally::default()
 }
 
 impl Cell {

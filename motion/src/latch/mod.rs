@@ -9,101 +9,22 @@
 //!  Stopping, Ending ◀── stop, end: from every state; the values go to zero, and nothing arms
 //! ```
 //!
-//! Every start of ALTER, every interruption, old values, a lost input, a stop and a changed profile disarm. Only fresh values of
-//! a hand at rest arm, uninterrupted for [`LatchConfig::rest`]: an arm never moves because something came back.
+//! Every start of ALTER, every interruption, an arm that the robot stops, old values, a lost input, a stop and a changed profile
+//! disarm. Only fresh values of a hand at rest arm, uninterrupted for [`LatchConfig::rest`]: an arm never moves because something
+//! came back. Single values may be missing in between, as long as those before them are fresh.
 //!
 //! As the model has explored it:
-#![doc = include_str!("../diagrams/latch.md")]
+#![doc = include_str!("../../diagrams/latch.md")]
+
+mod config;
 
 use core::time::Duration;
 
-use robot_session::{Expiry, Machine, Rules, Unexpected, is_due};
+use robot_session::{Expiry, Machine, Unexpected, is_due};
 
-/// How the latch arms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LatchConfig {
-    /// How long the hand must rest. Default: 0.3 s.
-    pub rest: Duration,
-    /// Whether a key has to confirm it besides. Default: no.
-    ///
-    /// Where values are offsets from the path (non-cumulative ALTER) it should be set: armed, the arm leaves the offset that is
-    /// held, and goes to that of the hand.
-    pub confirm: bool,
-    /// Whether the arm moves only while the hand holds a key: to let it go disarms. Default: no.
-    pub hold_to_run: bool,
-    /// How long the end may take: coming to rest, and ending ALTER. Default: 1.5 s.
-    pub end_within: Duration,
-    /// How long the controller may take to report the end of ALTER when no message is answered any more. Default: 0.15 s.
-    pub farewell: Duration,
-    /// The rules of the latch, all of which are kept.
-    #[doc(hidden)]
-    pub rules: Rules<Rule>,
-}
-
-robot_session::rules! {
-    /// The rules of the latch, without which an arm moves that nobody moves, or does not move and nobody knows why.
-    pub enum Rule {
-        /// The hand has to rest before it moves the arm.
-        Rest,
-        /// A push begins the rest anew.
-        Uninterrupted,
-        /// New values arm: time alone does not, for a push may have come that is not read yet.
-        ByValues,
-        /// Values that are not renewed disarm.
-        Expire,
-        /// What came due is done before what a late caller brings.
-        TimeFirst,
-        /// Old values move nothing, also before a late caller says what time it is.
-        FreshInUse,
-        /// Values that are old when they come are none.
-        OldOnArrival,
-        /// A start message disarms.
-        Start,
-        /// The end of ALTER disarms.
-        Over,
-        /// An interruption disarms.
-        Interruption,
-        /// An input without new values disarms.
-        OldValues,
-        /// A lost input disarms.
-        InputLost,
-        /// Another meaning of the values disarms.
-        Profile,
-        /// The key that has to be held disarms when it is let go.
-        HoldToRun,
-        /// A key has to confirm, where that is configured.
-        Confirm,
-        /// Only a hand that has rested is confirmed.
-        ConfirmRested,
-        /// After a stop, nothing arms before ALTER is over.
-        StopHolds,
-        /// After an end, nothing arms.
-        EndHolds,
-        /// A stop is passed on in every state.
-        PassOnStop,
-        /// A stop is the cause until ALTER runs again.
-        StopIsCause,
-        /// The end does not wait for ALTER without end.
-        EndInTime,
-        /// When no message is answered any more, the end does not wait for long.
-        Farewell,
-        /// Whoever shows the latch learns of every change.
-        Report,
-    }
-}
-
-impl Default for LatchConfig {
-    fn default() -> Self {
-        Self {
-            rest: Duration::from_millis(300),
-            confirm: false,
-            hold_to_run: false,
-            end_within: Duration::from_millis(1500),
-            farewell: Duration::from_millis(150),
-            rules: Rules::ALL,
-        }
-    }
-}
+pub use config::LatchConfig;
+#[doc(hidden)]
+pub use config::Rule;
 
 /// The latch. Every time is a deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -112,6 +33,8 @@ pub enum Latch {
     Off(Cause),
     /// ALTER is interrupted.
     Interrupted,
+    /// ALTER runs, and the robot brakes the arm or has stopped it.
+    Halted,
     /// The hand moves nothing until it has rested.
     Disarmed(Cause),
     /// The hand rests.
@@ -155,6 +78,8 @@ pub enum Cause {
     Start,
     /// ALTER was interrupted.
     Interruption,
+    /// The robot has stopped the arm.
+    Halt,
     /// The input sends no new values.
     OldValues,
     /// The input is gone.
@@ -180,6 +105,8 @@ pub enum LatchInput {
     Running,
     /// The exception subroutine runs.
     Interrupted,
+    /// ALTER runs, and the robot brakes the arm or has stopped it: a fault, a panic stop, a signal, its program.
+    Halted,
     /// No message is answered any more.
     Silent,
     /// New values of the hand.
@@ -259,6 +186,7 @@ impl Latch {
             | Self::Resting { cause, .. }
             | Self::Ready { cause, .. } => Some(cause),
             Self::Interrupted => Some(Cause::Interruption),
+            Self::Halted => Some(Cause::Halt),
             Self::Armed { .. } => None,
             Self::Stopping | Self::Ending { .. } | Self::Ended => Some(Cause::Stop),
         }
@@ -282,6 +210,7 @@ impl Latch {
                 Self::Ending { by },
                 On::Running
                 | On::Interrupted
+                | On::Halted
                 | On::Silent
                 | On::Hand { .. }
                 | On::OldValues
@@ -299,6 +228,7 @@ impl Latch {
                 Self::Stopping,
                 On::Running
                 | On::Interrupted
+                | On::Halted
                 | On::Silent
                 | On::Hand { .. }
                 | On::OldValues
@@ -312,11 +242,13 @@ impl Latch {
             }
             (_, On::Connected | On::Disconnected | On::Silent) => Self::Off(Cause::NoAlter),
             (_, On::Interrupted) => Self::Interrupted,
+            (_, On::Halted) => Self::Halted,
             (Self::Interrupted, On::Running) => Self::Disarmed(Cause::Interruption),
+            (Self::Halted, On::Running) => Self::Disarmed(Cause::Halt),
             (Self::Off(_), On::Running) => Self::Disarmed(Cause::Start),
             (state, On::Running | On::Timeout) => state,
             (
-                Self::Off(_) | Self::Interrupted,
+                Self::Off(_) | Self::Interrupted | Self::Halted,
                 On::Hand { .. } | On::OldValues | On::InputLost | On::Profile | On::Confirm,
             ) => self,
             (Self::Disarmed(cause), On::OldValues) => Self::Disarmed(cause),
@@ -406,6 +338,7 @@ impl LatchInput {
             Self::Connected => Some(Rule::Start),
             Self::Disconnected | Self::Silent => Some(Rule::Over),
             Self::Interrupted => Some(Rule::Interruption),
+            Self::Halted => Some(Rule::Halt),
             Self::OldValues => Some(Rule::OldValues),
             Self::InputLost => Some(Rule::InputLost),
             Self::Profile => Some(Rule::Profile),
@@ -448,7 +381,12 @@ impl Machine for Latch {
             | Self::Ready { fresh_until, .. }
             | Self::Armed { fresh_until } => fresh_until,
             Self::Ending { by } => by,
-            Self::Off(_) | Self::Interrupted | Self::Disarmed(_) | Self::Stopping | Self::Ended => {
+            Self::Off(_)
+            | Self::Interrupted
+            | Self::Halted
+            | Self::Disarmed(_)
+            | Self::Stopping
+            | Self::Ended => {
                 return None;
             }
         };
@@ -467,7 +405,12 @@ impl Machine for Latch {
             }
             Self::Ready { fresh_until, .. } | Self::Armed { fresh_until } => f(fresh_until),
             Self::Ending { by } => f(by),
-            Self::Off(_) | Self::Interrupted | Self::Disarmed(_) | Self::Stopping | Self::Ended => {}
+            Self::Off(_)
+            | Self::Interrupted
+            | Self::Halted
+            | Self::Disarmed(_)
+            | Self::Stopping
+            | Self::Ended => {}
         }
     }
 
@@ -475,6 +418,7 @@ impl Machine for Latch {
         match self {
             Self::Off(_) => "Off",
             Self::Interrupted => "Interrupted",
+            Self::Halted => "Halted",
             Self::Disarmed(_) => "Disarmed",
             Self::Resting { .. } => "Resting",
             Self::Ready { .. } => "Ready",
@@ -486,11 +430,10 @@ impl Machine for Latch {
     }
 }
 
-robot_session::inputs!(LatchInput: Running, Interrupted, Silent,
+robot_session::inputs!(LatchInput: Running, Interrupted, Halted, Silent,
     Hand { rests: true } as "Hand(rests)", Hand { rests: false, holds: true } as "Hand(pushes, holds)",
     Hand { rests: false, holds: false } as "Hand(pushes)",
     OldValues, InputLost, Profile, Confirm, Stop, End);
 
 #[cfg(test)]
-#[path = "latch_tests.rs"]
 mod tests;

@@ -45,7 +45,7 @@ impl Oracle {
     fn take(&mut self, input: On, config: &LatchConfig) {
         match input {
             On::Running => (self.on, self.runs) = (true, true),
-            On::Interrupted => {
+            On::Interrupted | On::Halted => {
                 (self.on, self.runs) = (true, false);
                 self.forbid();
             }
@@ -101,6 +101,7 @@ fn explore(config: &LatchConfig) -> usize {
             let inputs = [
                 On::Running,
                 On::Interrupted,
+                On::Halted,
                 On::Silent,
                 On::Connected,
                 On::Disconnected,
@@ -188,6 +189,7 @@ fn every_danger_disarms_and_a_push_that_goes_on_moves_nothing() {
     let dangers = [
         (vec![On::Disconnected, On::Running], Cause::Start),
         (vec![On::Interrupted, On::Running], Cause::Interruption),
+        (vec![On::Halted, On::Running], Cause::Halt),
         (vec![On::OldValues], Cause::OldValues),
         (vec![On::InputLost], Cause::InputLost),
         (vec![On::Profile], Cause::Profile),

@@ -1,0 +1,91 @@
+use core::time::Duration;
+
+use robot_session::Rules;
+
+/// How the latch arms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LatchConfig {
+    /// How long the hand must rest. Default: 0.3 s.
+    pub rest: Duration,
+    /// Whether a key has to confirm it besides. Default: no.
+    ///
+    /// Where values are offsets from the path (non-cumulative ALTER) it should be set: armed, the arm leaves the offset that is
+    /// held, and goes to that of the hand.
+    pub confirm: bool,
+    /// Whether the arm moves only while the hand holds a key: to let it go disarms. Default: no.
+    pub hold_to_run: bool,
+    /// How long the end may take: coming to rest, and ending ALTER. Default: 1.5 s.
+    pub end_within: Duration,
+    /// How long the controller may take to report the end of ALTER when no message is answered any more. Default: 0.15 s.
+    pub farewell: Duration,
+    /// The rules of the latch, all of which are kept.
+    #[doc(hidden)]
+    pub rules: Rules<Rule>,
+}
+
+robot_session::rules! {
+    /// The rules of the latch, without which an arm moves that nobody moves, or does not move and nobody knows why.
+    pub enum Rule {
+        /// The hand has to rest before it moves the arm.
+        Rest,
+        /// A push begins the rest anew.
+        Uninterrupted,
+        /// New values arm: time alone does not, for a push may have come that is not read yet.
+        ByValues,
+        /// Values that are not renewed disarm.
+        Expire,
+        /// What came due is done before what a late caller brings.
+        TimeFirst,
+        /// Old values move nothing, also before a late caller says what time it is.
+        FreshInUse,
+        /// Values that are old when they come are none.
+        OldOnArrival,
+        /// A start message disarms.
+        Start,
+        /// The end of ALTER disarms.
+        Over,
+        /// An interruption disarms.
+        Interruption,
+        /// An arm that the robot brakes or has stopped disarms.
+        Halt,
+        /// An input without new values disarms.
+        OldValues,
+        /// A lost input disarms.
+        InputLost,
+        /// Another meaning of the values disarms.
+        Profile,
+        /// The key that has to be held disarms when it is let go.
+        HoldToRun,
+        /// A key has to confirm, where that is configured.
+        Confirm,
+        /// Only a hand that has rested is confirmed.
+        ConfirmRested,
+        /// After a stop, nothing arms before ALTER is over.
+        StopHolds,
+        /// After an end, nothing arms.
+        EndHolds,
+        /// A stop is passed on in every state.
+        PassOnStop,
+        /// A stop is the cause until ALTER runs again.
+        StopIsCause,
+        /// The end does not wait for ALTER without end.
+        EndInTime,
+        /// When no message is answered any more, the end does not wait for long.
+        Farewell,
+        /// Whoever shows the latch learns of every change.
+        Report,
+    }
+}
+
+impl Default for LatchConfig {
+    fn default() -> Self {
+        Self {
+            rest: Duration::from_millis(300),
+            confirm: false,
+            hold_to_run: false,
+            end_within: Duration::from_millis(1500),
+            farewell: Duration::from_millis(150),
+            rules: Rules::ALL,
+        }
+    }
+}

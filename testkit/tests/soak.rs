@@ -19,6 +19,12 @@ fn nothing_is_lost_or_repeated_without_a_report() {
         // The sessions were bad ones, and every way in which a job may end occurs.
         let faults = tally.faults;
         assert_eq!(tally.sessions, 60);
+        if name == "laser-eb90/serial, any host" {
+            // The article's host gives up nothing.
+            assert_eq!(tally.once, tally.jobs, "{name}: {tally:?}");
+            assert!(faults.stalls > 1000 && faults.flips > 100, "{name}: {faults:?}");
+            continue;
+        }
         assert!(tally.once > tally.jobs / 3 && tally.not_done > 10, "{name}: {tally:?}");
         assert!(tally.unknown > 0 || name == "isra-ball/serial", "{name}: {tally:?}");
         assert_eq!(tally.once + tally.not_done + tally.unknown + tally.forged, tally.jobs, "{name}");

@@ -11,6 +11,7 @@ use robot_session::Session as _;
 use robot_work_queue::Reader;
 
 use super::{Ledger, Log, Mark, Reported, Row, Tally};
+use crate::link::FaultCounts;
 use crate::rng::Rng;
 
 pub(super) const ANY_HOST: Row =
@@ -66,6 +67,8 @@ pub struct Article {
     pub executed: Vec<u32>,
     /// How often a frame was sent.
     pub transmissions: u32,
+    /// Flips and pauses.
+    pub faults: FaultCounts,
 }
 
 impl Article {
@@ -87,6 +90,7 @@ impl Article {
             reader,
             executed: Vec::new(),
             transmissions: 0,
+            faults: FaultCounts::default(),
         }
     }
 
@@ -125,8 +129,14 @@ impl Article {
             let mut byte = *byte;
             for fault in faults {
                 match *fault {
-                    Fault::Pause(place, pause) if place == index => at += pause,
-                    Fault::Flip(place, bits) if place == index => byte ^= bits,
+                    Fault::Pause(place, pause) if place == index => {
+                        self.faults.stalls += 1;
+                        at += pause;
+                    }
+                    Fault::Flip(place, bits) if place == index => {
+                        self.faults.flips += 1;
+                        byte ^= bits;
+                    }
                     Fault::Pause(..) | Fault::Flip(..) => {}
                 }
             }
@@ -138,7 +148,10 @@ impl Article {
 
     /// What the controller does by now.
     fn control(&mut self) {
-        while let Some((_, byte)) = self.port.pop_front_if(|(at, _)| *at <= self.now) {
+        while let Some((at, byte)) = self.port.front().copied()
+            && at <= self.now
+        {
+            self.port.pop_front();
             self.controller.handle_input(self.now, &[byte]);
         }
         self.controller.handle_timeout(self.now);
@@ -287,5 +300,6 @@ fn session(seed: u64, log: Log) -> Tally {
         }
     }
     ledger.settle(article.now, log, &mut tally, |_| false);
+    tally.faults = article.faults;
     tally
 }

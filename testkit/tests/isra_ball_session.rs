@@ -44,11 +44,11 @@ fn drive(
 fn a_clean_line_gives_new_values_each_period() {
     let mut link = Link::new(1, Faults { latency: Duration::ZERO, ..Faults::NONE }.at_baud(9600));
     let (mut host, mut ball) = ends(BallConfig::default());
-    let events = drive(&mut link, &mut host, &mut ball, MS * 2828, |now, ball| {
+    let events = drive(&mut link, &mut host, &mut ball, MS * 2845, |now, ball| {
         ball.measure([(now.as_millis() % 100) as i8, 0, 0], [0; 3], Keys::NONE);
     });
     assert_eq!(events.len(), 100);
-    let first = HostConfig::default().reply_window();
+    let first = HostConfig::default().quiet();
     for (k, (at, event)) in (0..).zip(events) {
         let polled = first + 28 * MS * k;
         match event {
@@ -110,7 +110,8 @@ fn a_noisy_line_delivers_only_what_the_ball_measured() {
         }
         corruption += link.counts().corruption();
     }
-    assert!(delivered > 6500 && corruption > 200, "{delivered} packets, {corruption} faults");
+    // The poll after one without a reply is later.
+    assert!(delivered > 6300 && corruption > 200, "{delivered} packets, {corruption} faults");
     // A one-byte sum lets 1 in 256 corrupt packets through.
     assert!(wrong <= 3, "{wrong} of {delivered}");
 }

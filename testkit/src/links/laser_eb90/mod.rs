@@ -5,6 +5,7 @@ mod any_host;
 mod machines;
 mod pair;
 pub mod rows;
+mod step;
 pub mod world;
 
 use core::time::Duration;

@@ -1,0 +1,147 @@
+use std::io::Read;
+use std::net::{TcpListener, TcpStream};
+
+use super::*;
+use crate::io::serial;
+use crate::io::trace::TraceArgs;
+
+const MS: Duration = Duration::from_millis(1);
+
+fn line(baud: u32) -> (Line, Box<dyn SerialPort>, Clock) {
+    let (device, path) = serial::pair().unwrap();
+    let clock = Clock::start();
+    let mut line = Line::over_port(device, clock, baud, TraceArgs::off().start("x")).unwrap();
+    let client = open(&path, baud);
+    while !line.is_connected() {
+        assert!(line.wait(clock.now() + MS));
+    }
+    (line, client, clock)
+}
+
+/// A client with a timeout that is long enough on a busy machine.
+fn open(path: &str, baud: u32) -> Box<dyn SerialPort> {
+    let mut client = serial::open(path, baud).unwrap();
+    client.set_timeout(20_000 * MS).unwrap();
+    client
+}
+
+#[test]
+fn bytes_arrive_at_the_baud_rate_both_ways() {
+    let (mut line, mut client, clock) = line(1200);
+    let before = clock.now();
+    let arrives = line.send(&[1, 2, 3, 4, 5, 6]);
+    let six_bytes = 50 * MS;
+    assert!((before + six_bytes..clock.now() + six_bytes).contains(&arrives));
+    let reader = thread::spawn(move || {
+        let mut bytes = [0; 6];
+        client.read_exact(&mut bytes).unwrap();
+        let at = clock.now();
+        client.write_all(&[7, 8, 9]).unwrap();
+        (client, bytes, at)
+    });
+    let mut got = Vec::new();
+    while got.len() < 3 {
+        assert!(line.wait(clock.now() + 500 * MS));
+        got.extend(core::iter::from_fn(|| line.receive().map(|(_, byte)| byte)));
+    }
+    let answered = clock.now();
+    let (_client, bytes, at) = reader.join().unwrap();
+    assert_eq!((bytes, &got[..]), ([1, 2, 3, 4, 5, 6], &[7, 8, 9][..]));
+    assert!(at >= arrives, "{at:?} is before the last byte at {arrives:?}");
+    assert!(answered - at >= 24 * MS, "three bytes took {:?}", answered - at);
+}
+
+#[test]
+fn bytes_sent_without_a_client_are_lost_and_the_next_client_is_served() {
+    let (device, path) = serial::pair().unwrap();
+    let clock = Clock::start();
+    let mut line = Line::over_port(device, clock, 115_200, TraceArgs::off().start("x")).unwrap();
+    for round in 1..4u8 {
+        line.send(&[99]);
+        assert!(line.wait(clock.now() + 5 * MS));
+        let mut client = open(&path, 115_200);
+        while !line.is_connected() {
+            assert!(line.wait(clock.now() + MS));
+        }
+        line.send(&[round]);
+        assert!(line.wait(clock.now() + 5 * MS));
+        let mut byte = [0];
+        client.read_exact(&mut byte).unwrap();
+        assert_eq!(byte, [round]);
+        drop(client);
+        while line.is_connected() {
+            assert!(line.wait(clock.now() + MS));
+        }
+    }
+}
+
+#[test]
+fn a_client_that_disconnects_and_the_end_of_the_line_write_a_trace() {
+    let dir = std::env::temp_dir().join(format!("cellwire-line-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).unwrap();
+    let (device, path) = serial::pair().unwrap();
+    let clock = Clock::start();
+    let trace = Trace::new("x", 10, Some(&dir));
+    let mut line = Line::over_port(device, clock, 115_200, trace).unwrap();
+    for byte in [7, 8] {
+        let mut client = open(&path, 115_200);
+        client.write_all(&[byte]).unwrap();
+        while line.receive().is_none() {
+            assert!(line.wait(clock.now() + 50 * MS));
+        }
+        drop(client);
+        while byte == 7 && line.is_connected() {
+            assert!(line.wait(clock.now() + MS));
+        }
+        assert!(line.wait(clock.now() + MS));
+    }
+    drop(line);
+    let files = ["x.trace", "x-2.trace"].map(|name| std::fs::read_to_string(dir.join(name)).unwrap());
+    assert!(files[0].starts_with("# x: the client disconnected\n07 # "), "{files:?}");
+    assert!(files[1].starts_with("# x: ") && files[1].contains("\n08 # "), "{files:?}");
+    std::fs::remove_dir_all(dir).unwrap();
+}
+
+#[test]
+fn over_tcp_the_device_serves_one_client_after_another() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let clock = Clock::start();
+    let (listener, trace) = (Listener::new(listener).unwrap(), TraceArgs::off().start("x"));
+    let mut line = Line::over_tcp(listener, None, clock, 115_200, trace).unwrap();
+    for round in 1..4u8 {
+        let mut client = TcpStream::connect(address).unwrap();
+        client.write_all(&[round]).unwrap();
+        let byte = loop {
+            assert!(line.wait(clock.now() + 50 * MS));
+            if let Some((_, byte)) = line.receive() {
+                break byte;
+            }
+        };
+        line.send(&[byte, byte]);
+        assert!(line.wait(clock.now() + 5 * MS));
+        let mut echo = [0; 2];
+        client.read_exact(&mut echo).unwrap();
+        assert_eq!(echo, [round, round]);
+        drop(client);
+        while line.is_connected() {
+            assert!(line.wait(clock.now() + MS));
+        }
+    }
+}
+
+#[test]
+fn faults_are_about_as_frequent_as_configured() {
+    let (line, mut client, clock) = line(10_000_000);
+    let mut line = line.with_faults(LineFaults { flip: 0.02, ..LineFaults::none() });
+    let sent = vec![0; 2000];
+    client.write_all(&sent).unwrap();
+    let mut got = Vec::new();
+    while got.len() < sent.len() {
+        assert!(line.wait(clock.now() + 500 * MS));
+        got.extend(core::iter::from_fn(|| line.receive().map(|(_, byte)| byte)));
+    }
+    let wrong = got.iter().filter(|byte| byte.count_ones() == 1).count() as u64;
+    assert_eq!(wrong, line.faults());
+    assert!((10..100).contains(&wrong), "{wrong} of 2000");
+}

@@ -10,16 +10,10 @@ use crate::cell::report::{Budget, Report};
 use cellwire_links::settings::{self, Configure, Fields};
 
 /// What can be set of the demo.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Settings {
     polls: isra_ball::HostConfig,
     ball: BallConfig,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { polls: isra_ball::HostConfig::default(), ball: BallConfig::default() }
-    }
 }
 
 impl Configure for Settings {

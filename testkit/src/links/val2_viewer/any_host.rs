@@ -36,7 +36,7 @@ pub struct AnyHost {
     pub config: WorkstationConfig,
     /// It sends nothing unasked (VV-3), and says XON after XOFF (VV-1). The line loses and corrupts what it likes.
     pub keeps_rules: bool,
-    /// Holds the ends to [`PAIRED`], which nothing in the protocol can give.
+    /// Holds the ends to the pairing of requests and packets, which nothing in the protocol can give.
     pub is_paired: bool,
 }
 

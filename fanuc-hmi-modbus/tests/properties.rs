@@ -11,8 +11,8 @@ use core::time::Duration;
 
 use fanuc_hmi_modbus::robot_session::{Decoder as _, Encode as _};
 use fanuc_hmi_modbus::{
-    DecodeError, Decoder, EncodeError, Exception, Frame, Framing, Framings, Pdu, PduBuf, Reply, Request, Rtu,
-    Side, Tcp, WordOrder, function, limit,
+    Bits, BitsMut, DecodeError, Decoder, EncodeError, Exception, Frame, Framing, Framings, Pdu, PduBuf,
+    Registers, Reply, Request, Rtu, Side, Tcp, WordOrder, Words, WordsMut, function, limit, serve,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -179,6 +179,38 @@ fn pieces<'a>(mut stream: &'a [u8], lengths: &[usize]) -> Vec<&'a [u8]> {
     pieces
 }
 
+/// Every table at every address: a register holds its address.
+struct Bank;
+
+impl Registers for Bank {
+    fn read_coils(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        out.fill_with(|i| (usize::from(address) + i) % 2 == 0);
+        Ok(())
+    }
+    fn read_discrete_inputs(&mut self, address: u16, out: &mut BitsMut<'_>) -> Result<(), Exception> {
+        self.read_coils(address, out)
+    }
+    fn read_holding_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        out.fill_with(|i| u16::try_from(usize::from(address) + i).expect("within the table"));
+        Ok(())
+    }
+    fn read_input_registers(&mut self, address: u16, out: &mut WordsMut<'_>) -> Result<(), Exception> {
+        self.read_holding_registers(address, out)
+    }
+    fn write_coils(&mut self, address: u16, values: Bits<'_>) -> Result<(), Exception> {
+        assert!(usize::from(address) + values.iter().count() <= 65_536);
+        Ok(())
+    }
+    fn write_registers(&mut self, address: u16, values: Words<'_>) -> Result<(), Exception> {
+        assert!(usize::from(address) + values.iter().count() <= 65_536);
+        Ok(())
+    }
+    fn other(&mut self, _: u8, data: &[u8], out: &mut [u8]) -> Result<usize, Exception> {
+        out.get_mut(..data.len()).ok_or(Exception::ServerDeviceFailure)?.copy_from_slice(data);
+        Ok(data.len())
+    }
+}
+
 proptest! {
     #[test]
     fn what_is_encoded_decodes_to_the_same(asked in asked(), unit: u8, transaction: Option<u16>) {
@@ -248,6 +280,9 @@ proptest! {
                 Err(EncodeError::Address { .. }) => {}
                 Err(error) => prop_assert!(false, "{}", error),
             }
+            let len = serve(&pdu, &mut Bank, &mut out);
+            let reply = Reply::decode(&out[..len]).expect("a server's reply is one");
+            prop_assert_eq!(reply.answers(&request), Ok(()));
         }
     }
 

@@ -2,10 +2,15 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
-use laser_eb90::robot_session::{Decoder as _, Encode as _};
+mod common;
+
+use core::time::Duration;
+
+use common::echo;
+use laser_eb90::robot_session::{Decoder as _, Encode as _, Session as _};
 use laser_eb90::{
-    ByteOrder, DecodeError, Decoder, EncodeError, Flag, Frame, Instructions, Item, MAX_PAYLOAD, Payload,
-    Profile, Tags, Tail, Width,
+    ByteOrder, DecodeError, Decoder, EncodeError, Flag, Frame, Host, HostConfig, HostEvent, Instructions,
+    Item, MAX_PAYLOAD, Payload, Profile, SessionError, Tags, Tail, Width,
 };
 use proptest::prelude::*;
 
@@ -195,5 +200,71 @@ proptest! {
             .map(|i| (i.word, i.parameters.map(|item| Owned::from(item.unwrap())).collect()))
             .collect();
         prop_assert_eq!(found, batch);
+    }
+
+    /// Whatever the controller sends and the user does.
+    #[test]
+    fn a_host_reports_each_instruction_once_and_in_order(
+        resend_on_silence: bool,
+        controller_drops_partial: bool,
+        steps in prop::collection::vec(
+            (0..16u8, 0..2000u64, prop_oneof![
+                prop::sample::select(vec![0x0101, 0x0201, 0x0301, 0xE002, 0xE003]).prop_map(echo),
+                prop::collection::vec(byte(), 0..20),
+            ]),
+            1..100,
+        )
+    ) {
+        let config = HostConfig {
+            resend_on_silence,
+            controller_drops_partial,
+            execution_timeout: Duration::from_millis(400),
+            longest_frame: 0,
+            ..HostConfig::default()
+        };
+        let mut host = Host::new(config).unwrap();
+        let (mut now, mut out) = (Duration::ZERO, [0; Frame::MAX_LEN]);
+        let (mut submitted, mut reported, mut taken_back, mut in_flight) = (0, 0, 0, false);
+        host.handle_connected(now);
+        for (action, pause, bytes) in steps {
+            now += Duration::from_millis(pause);
+            match action {
+                n @ 0..=6 => match host.submit([0x0101, 0x0201, 0x0301][usize::from(n % 3)], |_| Ok(())) {
+                    Ok(ticket) => {
+                        prop_assert_eq!(ticket, submitted, "numbers have no gaps");
+                        submitted += 1;
+                    }
+                    Err(error) => prop_assert_eq!(error, SessionError::Full),
+                },
+                7 => host.resume(),
+                8 => taken_back += u64::from(host.take_back()),
+                9 => host.handle_disconnected(now),
+                10 => host.handle_connected(now),
+                _ => host.handle_input(now, &bytes),
+            }
+            host.handle_timeout(now);
+            while let Some(event) = host.poll_event() {
+                let (first, count) = match event {
+                    HostEvent::Answer { ticket } => (ticket, 1),
+                    HostEvent::Done { first, count, .. }
+                    | HostEvent::Refused { first, count, .. }
+                    | HostEvent::Unknown { first, count, .. } => (first, count),
+                    _ => continue,
+                };
+                prop_assert!(core::mem::take(&mut in_flight), "an outcome without a frame");
+                prop_assert_eq!(first, reported);
+                reported += u64::from(count);
+            }
+            if !in_flight {
+                // They were submitted after what was in flight, and have no event.
+                reported += core::mem::take(&mut taken_back);
+            }
+            prop_assert!(reported <= submitted);
+            if host.poll_transmit(now, &mut out).is_some() {
+                in_flight = true;
+                prop_assert_eq!(host.poll_transmit(now, &mut out), None, "one frame at a time");
+            }
+            prop_assert!(host.poll_timeout().is_some() || host.is_held() || !in_flight);
+        }
     }
 }

@@ -7,12 +7,14 @@
     clippy::cast_possible_truncation
 )]
 
+use core::time::Duration;
+
 use proptest::prelude::*;
-use robot_session::Decoder as _;
+use robot_session::{Decoder as _, Session as _};
 use val2_alter::{
-    DecodeError, Decoder, EncodeError, End, Exception, Frame, Framing, HostMessage, LeadingDle, List,
-    Message, Mode, Motion, MotionPhase, Received, Reply, RobotMessage, SegmentStatus, Start, StartCode,
-    Transform,
+    Controller, ControllerConfig, ControllerState, DecodeError, Decoder, EncodeError, End, Exception, Frame,
+    Framing, HostMessage, LeadingDle, List, Message, Mode, Motion, MotionPhase, Received, Reply,
+    RobotMessage, SegmentStatus, Start, StartCode, Transform,
 };
 
 fn framings() -> impl Strategy<Value = Framing> {
@@ -313,5 +315,55 @@ impl Rng {
 
     fn below(&mut self, end: usize) -> usize {
         (self.next_u64() >> 16) as usize % end
+    }
+}
+
+proptest! {
+    /// Whatever the host sends and the user does.
+    #[test]
+    fn a_controller_sends_one_message_in_a_window(
+        mode: u8,
+        subroutine: bool,
+        steps in prop::collection::vec(
+            (0..8u8, 0..60u64, prop_oneof![
+                host_messages().prop_map(|message| encoded(&message, Framing::DEFAULT)),
+                prop::collection::vec(byte(), 0..20),
+            ]),
+            1..200,
+        )
+    ) {
+        let config = ControllerConfig { mode: Mode(mode), subroutine, ..ControllerConfig::default() };
+        let mut controller = Controller::new(config).unwrap();
+        let (mut now, mut out, mut last) = (Duration::ZERO, [0; Frame::MAX_LEN], None);
+        controller.handle_connected(now);
+        for (act, pause, bytes) in steps {
+            now += Duration::from_millis(pause);
+            let (values, is_off) = (controller.values(), controller.state() == ControllerState::Off);
+            controller.handle_input(now, &bytes);
+            controller.handle_timeout(now);
+            prop_assert!(!is_off || controller.values() == values, "without ALTER the arm is at rest");
+            match act {
+                0 | 1 if controller.start(now).is_ok() => last = None,
+                2 => drop(controller.finish(now)),
+                3 => drop(controller.resume(now)),
+                4 => drop(controller.interrupt(now)),
+                5 => {
+                    controller.handle_disconnected(now);
+                    controller.handle_connected(now);
+                    last = None;
+                }
+                _ => {}
+            }
+            if let Some(length) = controller.poll_transmit(now, &mut out) {
+                let message = RobotMessage::decode_frame(&out[..length], Framing::DEFAULT).unwrap();
+                prop_assert_eq!(message.map(|(_, used)| used), Some(length));
+                prop_assert!(last.is_none_or(|last| now - last >= Duration::from_millis(15)));
+                last = Some(now);
+            }
+            prop_assert_eq!(controller.poll_transmit(now, &mut out), None, "one message at a time");
+            prop_assert!(controller.poll_timeout().is_none_or(|at| at > now));
+            prop_assert!(core::iter::from_fn(|| controller.poll_event()).count() <= 16);
+            prop_assert_eq!(controller.statistics().unexpected, 0);
+        }
     }
 }

@@ -53,7 +53,7 @@ fn the_same_seed_is_the_same_session() {
 /// A server that forgets what it has acknowledged, and a network that repeats what was sent.
 #[test]
 fn a_weak_end_and_a_weak_network_are_found_out() {
-    let [forgets, repeats] = SABOTAGED.map(|row| run(&row, 0..60));
+    let [forgets, repeats] = SABOTAGED.map(|row| run(&row, 0..100));
     assert!(forgets.lost > 10 && forgets.repeated == 0, "{forgets:?}");
     assert!(repeats.repeated > 100, "{repeats:?}");
     assert!(forgets.is_bad() && repeats.is_bad());

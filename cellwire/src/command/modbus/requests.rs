@@ -33,7 +33,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
         // Each request has its line, also when the connection is lost.
         let mut answer = match ask(&mut client, &frame) {
             Err(error) if error.is::<Lost>() => {
-                lost = Some(error);
+                lost = Some(error.context(format!("line {number}")));
                 failed(client.lost())
             }
             answer => answer.with_context(|| format!("line {number}"))?,
@@ -43,7 +43,7 @@ pub(super) fn run(port: &Port, file: Option<&Path>, confirm: bool) -> Result<boo
             match self::confirm(&mut client, &frame, &mut answer) {
                 Err(error) if error.is::<Lost>() => {
                     put(&mut answer, json!(client.lost().to_string()));
-                    lost = Some(error);
+                    lost = Some(error.context(format!("line {number}")));
                 }
                 confirmed => all &= confirmed.with_context(|| format!("line {number}"))?,
             }

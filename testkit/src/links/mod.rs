@@ -21,6 +21,8 @@ pub const PAIRS: &[Pair] = &[
     fanuc_hmi_modbus::ANY_CLIENT,
     fanuc_hmi_modbus::ANY_SERVER,
     isra_ball::PAIR,
+    isra_ball::ANY_BALL,
+    isra_ball::ANY_HOST,
     kawasaki_msg::TCP,
     kawasaki_msg::UDP,
     kawasaki_msg::ANY_PC,

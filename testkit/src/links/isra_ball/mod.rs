@@ -1,16 +1,21 @@
-//! isra-ball: its host and its ball, with every fault of a serial line.
+//! isra-ball: its host and its ball, with every fault of a serial line, and each with any peer.
 
+mod any_ball;
+mod any_host;
 mod pair;
 mod refine;
 pub mod rows;
 mod world;
 
+pub use any_ball::AnyBall;
+pub use any_host::AnyHost;
 pub use world::{Act, Exchange, Fate, State, TICK};
 
 use isra_ball::{ball, host};
 use robot_session::Rules;
 
-use crate::model::{Depth, Diagram, MustFail, Pair, Refined, Setting, Table, draw};
+use crate::model::{Against, Depth, Diagram, MustFail, Pair, Refined, Setting, Table, draw};
+use any_ball::{ANSWERED, APART, DRAINED, MARKED, PROVED, WINDOW};
 use pair::{AGE, ASKED, CLAIMED, ONE_OUTCOME, PAIRED, STALE};
 
 /// The tables of the link's machines.
@@ -19,6 +24,81 @@ pub const TABLES: &[Table] =
 
 /// The link's ends.
 pub const PAIR: Pair = Pair { name: "isra-ball host × ball", settings, must_fail, diagrams, refined };
+
+/// A host and balls that are not ours.
+pub const ANY_BALL: Pair = Pair {
+    name: "isra-ball host × any ball",
+    settings: |_| {
+        vec![
+            Setting::new("keeps the rules", any_ball(true)).on(any_ball::RULES),
+            Setting::new("does anything", any_ball(false)).on(any_ball::ANYTHING),
+        ]
+    },
+    must_fail: || {
+        use host::Rule;
+        let without = |name, property, keeps_rules, rule| {
+            let mut system = any_ball(keeps_rules);
+            system.peer.config = system.peer.config.without(rule);
+            let setting = if keeps_rules { "keeps the rules" } else { "does anything" };
+            MustFail::new(name, property, setting, system)
+        };
+        vec![
+            without("host: drain first", PAIRED, true, Rule::DrainFirst),
+            without("host: await the reply", ANSWERED, true, Rule::AwaitReply),
+            without("host: the age of values is proved", AGE, true, Rule::ProveAge),
+            without("host: the age counts from the poll", AGE, true, Rule::AgeFromPoll),
+            without("host: old values are not new", AGE, true, Rule::OldIsNotNew),
+            without("host: the end of a poll is reported", ONE_OUTCOME, true, Rule::ReportEnd),
+            without("host: the end of values is reported", STALE, true, Rule::ReportEnd),
+            without("host: a reply proves nothing on the next connection", AGE, true, Rule::ForgetReply),
+            without("host: drain first", DRAINED, false, Rule::DrainFirst),
+            without("host: await the reply", WINDOW, false, Rule::AwaitReply),
+            without("host: polls without a reply are farther apart", APART, false, Rule::Uneven),
+            without("host: no reply before the line can carry it", WINDOW, false, Rule::NotBefore),
+            without("host: the age of values is proved", PROVED, false, Rule::ProveAge),
+            without("host: the age counts from the poll", PROVED, false, Rule::AgeFromPoll),
+            without("host: old values are not new", MARKED, false, Rule::OldIsNotNew),
+            without("host: the end of a poll is reported", ONE_OUTCOME, false, Rule::ReportEnd),
+            without("host: the end of values is reported", STALE, false, Rule::ReportEnd),
+            without("host: a reply proves nothing on the next connection", PROVED, false, Rule::ForgetReply),
+        ]
+    },
+    diagrams: Vec::new,
+    refined: Vec::new,
+};
+
+/// A ball and hosts that are not ours.
+pub const ANY_HOST: Pair = Pair {
+    name: "isra-ball ball × any host",
+    settings: |_| {
+        vec![
+            Setting::new("keeps the rules", any_host(true)).on(any_host::RULES),
+            Setting::new("does anything", any_host(false)).on(any_host::ANYTHING),
+        ]
+    },
+    must_fail: || {
+        use ball::Rule;
+        let without = |name, property, rule| {
+            let mut system = any_host(true);
+            system.peer.config.rules = Rules::without(rule);
+            MustFail::new(name, property, "keeps the rules", system)
+        };
+        vec![
+            without("ball: values that were sent are old", any_host::MARKED, Rule::MarkOld),
+            without("ball: a poll ends with its connection", ASKED, Rule::ForgetPoll),
+        ]
+    },
+    diagrams: Vec::new,
+    refined: Vec::new,
+};
+
+fn any_ball(keeps_rules: bool) -> Against<AnyBall> {
+    Against::new(AnyBall { config: Exchange::steady().config, keeps_rules })
+}
+
+fn any_host(keeps_rules: bool) -> Against<AnyHost> {
+    Against::new(AnyHost { config: isra_ball::BallConfig::default(), keeps_rules })
+}
 
 /// The greatest lag that is explored, in ticks: four periods.
 const LAGS: u8 = 12;

@@ -1,0 +1,353 @@
+//! A host against balls that are not ours.
+
+use core::time::Duration;
+
+use isra_ball::HostConfig;
+use isra_ball::host::machine::{Action, Enquiry, HostMachine, Input, Poll};
+
+use super::pair::{AGE, ONE_OUTCOME, PAIRED, STALE};
+use super::world::{Config, LINE, TICK};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+
+/// Ticks: the ball and the line are late by so many at most, which is in time.
+const DELAY: u8 = 1;
+/// Ticks after which every time of a poll or a connection has passed.
+const LONG: u8 = 6;
+
+pub(super) const ANSWERED: &str = "a reply that comes in time is the outcome of its poll";
+pub(super) const WINDOW: &str = "a packet that can be the reply is its poll's outcome, and no other is";
+pub(super) const DRAINED: &str = "the first poll is sent when no reply to an earlier one can come";
+pub(super) const APART: &str = "a poll is a period after the last one, or later if that was missed";
+pub(super) const PROVED: &str = "values live from the poll of the reply before theirs, for max_age";
+pub(super) const MARKED: &str = "values that the ball marks as old are not new";
+
+pub(super) const RULES: Terms = Terms {
+    keeps: "IB-3, IB-33, IB-34, IB-35, replies no later than max_delay",
+    free: "when it measures and answers, what is lost or corrupt, another ball with each connection",
+    properties: &[AGE, STALE, ONE_OUTCOME, PAIRED, ANSWERED, EXPECTED],
+};
+pub(super) const ANYTHING: Terms = Terms {
+    keeps: "",
+    free: "packets at any time",
+    properties: &[STALE, ONE_OUTCOME, WINDOW, DRAINED, APART, PROVED, MARKED, EXPECTED],
+};
+
+/// A ball of which only this is known.
+#[derive(Debug, Clone, Copy)]
+pub struct AnyBall {
+    /// The host's configuration.
+    pub(super) config: Config,
+    /// It sends nothing unasked (IB-3), one packet to all polls of a connection (IB-34, IB-35), and marks what it has sent as old (IB-33). No
+    /// packet is later than `max_delay`. When it measures and whether it answers is open.
+    pub keeps_rules: bool,
+}
+
+/// What is known of the ball, the line and the values.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Known {
+    /// Ticks since the ball has a poll that it may answer.
+    asked: Option<u8>,
+    /// Ticks since it has sent a packet: what it has not sent is no older.
+    unsent: u8,
+    /// On the line and in the host's input, oldest first.
+    up: Vec<Packet>,
+    /// The one that is just read.
+    read: Option<Packet>,
+    /// The last poll has no outcome, or was missed.
+    open: bool,
+    missed: bool,
+    /// Ticks since it, since the connection, and since the poll that the last reply of this connection has answered.
+    since_poll: u8,
+    since_connected: u8,
+    proof: Option<u8>,
+    /// How old the values may be that are used.
+    using: Option<u8>,
+    wrong: Option<&'static str>,
+}
+
+/// A packet between the ball and the host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Packet {
+    /// Ticks until it arrives; 0 in the host's input.
+    ticks: u8,
+    fresh: bool,
+    /// How old its values may be.
+    age: u8,
+    /// It answers the last poll.
+    reply: bool,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// The ball sends a packet.
+    Answer {
+        /// As values that were not sent before.
+        fresh: bool,
+        /// It is so many ticks late.
+        late: u8,
+    },
+    /// The poll is lost, or the ball forgets it.
+    LosePoll,
+    /// The oldest packet is lost or corrupt.
+    Lose,
+    /// The host reads the oldest packet.
+    Read,
+    /// The host reads a packet of nobody knows when.
+    Packet {
+        /// As values that were not sent before.
+        fresh: bool,
+    },
+}
+
+impl AnyBall {
+    /// From this age on values are just as old.
+    fn oldest(&self) -> u8 {
+        self.config.max_age() + 1
+    }
+
+    /// What must hold with a ball that keeps the rules.
+    fn judge(&self, known: &mut Known, read: Packet, action: Action) {
+        let is_outcome = matches!(action, Action::New | Action::Old);
+        if is_outcome && !read.reply {
+            known.wrong = Some(PAIRED);
+        }
+        if !is_outcome && read.reply && known.since_poll <= LINE + DELAY {
+            known.wrong = Some(ANSWERED);
+        }
+    }
+
+    /// What must hold with any ball.
+    fn judge_clauses(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+        let config = &self.config.0;
+        let since_poll = u32::from(known.since_poll) * TICK;
+        let is_over = since_poll >= config.reply_window();
+        let can_come = known.since_poll >= LINE && !is_over;
+        let mut must = |holds: bool, what| {
+            if !holds {
+                known.wrong = Some(what);
+            }
+        };
+        match action {
+            Action::New | Action::Old => must(can_come, WINDOW),
+            Action::Unasked => must(!(known.open && can_come), WINDOW),
+            Action::Missed => must(is_over, WINDOW),
+            Action::Nothing | Action::Sent | Action::Stale | Action::Closed { .. } => {}
+        }
+        if action == Action::New {
+            must(cause != Cause::Word(Word::Packet { fresh: false }), MARKED);
+            let age = known.proof.map_or(Duration::MAX, |ticks| u32::from(ticks) * TICK);
+            let until = end.live_until().unwrap_or(Duration::MAX);
+            must(age.saturating_add(until) <= config.max_age, PROVED);
+        }
+        if matches!(cause, Cause::Sent(_)) {
+            must(u32::from(known.since_connected) * TICK >= config.quiet(), DRAINED);
+            must(since_poll >= if known.missed { config.quiet() } else { config.period }, APART);
+        }
+    }
+}
+
+impl Peer for AnyBall {
+    type End = HostMachine;
+    type Known = Known;
+    type Word = Word;
+
+    const TICK: Duration = TICK;
+
+    fn config(&self) -> &HostConfig {
+        &self.config.0
+    }
+
+    fn end(&self) -> HostMachine {
+        HostMachine::Disconnected
+    }
+
+    fn known(&self) -> Known {
+        Known {
+            asked: None,
+            unsent: self.oldest(),
+            up: Vec::new(),
+            read: None,
+            open: false,
+            missed: false,
+            since_poll: LONG,
+            since_connected: 0,
+            proof: None,
+            using: None,
+            wrong: None,
+        }
+    }
+
+    fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
+        let is_connected = *end != HostMachine::Disconnected;
+        if !self.keeps_rules {
+            if is_connected {
+                words.extend([true, false].map(|fresh| Word::Packet { fresh }));
+            }
+            return;
+        }
+        if let Some(waits) = known.asked {
+            for late in 0..=DELAY - waits {
+                words.extend([true, false].map(|fresh| Word::Answer { fresh, late }));
+            }
+            words.push(Word::LosePoll);
+        }
+        if let Some(packet) = known.up.first() {
+            words.push(Word::Lose);
+            if is_connected && packet.ticks == 0 {
+                words.push(Word::Read);
+            }
+        }
+    }
+
+    fn by(&self, word: Word) -> By {
+        match word {
+            Word::Read | Word::Packet { .. } => By::Line,
+            Word::Answer { .. } | Word::LosePoll | Word::Lose => By::Others,
+        }
+    }
+
+    fn hear(&self, _: &HostMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
+        match word {
+            Word::Answer { fresh, late } => {
+                // A stream keeps its order.
+                let last = known.up.last().map_or(0, |packet| packet.ticks);
+                let age = if fresh { known.unsent } else { self.oldest() };
+                known.up.push(Packet { ticks: (LINE + late).max(last), fresh, age, reply: known.open });
+                (known.asked, known.unsent) = (None, 0);
+                None
+            }
+            Word::LosePoll => {
+                known.asked = None;
+                None
+            }
+            Word::Lose => {
+                known.up.remove(0);
+                None
+            }
+            Word::Read => {
+                let packet = known.up.remove(0);
+                known.read = Some(packet);
+                Some(Input::Packet { fresh: packet.fresh })
+            }
+            Word::Packet { fresh } => Some(Input::Packet { fresh }),
+        }
+    }
+
+    fn sent(&self, _: &Enquiry) -> InputOf<Self> {
+        Input::Sent
+    }
+
+    fn acted(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+        let read = known.read.take();
+        if !self.keeps_rules {
+            self.judge_clauses(end, known, cause, action);
+        }
+        if let Some(read) = read {
+            self.judge(known, read, action);
+        }
+        match action {
+            Action::New | Action::Old => {
+                known.end();
+                known.missed = false;
+                known.proof = Some(known.since_poll).filter(|_| !self.keeps_rules);
+                if action == Action::New {
+                    known.using = Some(read.map_or(0, |packet| packet.age));
+                }
+            }
+            Action::Missed => {
+                known.end();
+                known.missed = true;
+            }
+            Action::Stale => known.using = None,
+            Action::Closed { missed, stale } => {
+                if missed {
+                    known.end();
+                }
+                known.using = known.using.filter(|_| !stale);
+            }
+            Action::Nothing | Action::Sent | Action::Unasked => {}
+        }
+        match cause {
+            Cause::Connected | Cause::Disconnected => {
+                // The next ball may have values of long ago.
+                (known.unsent, known.proof, known.since_connected) = (self.oldest(), None, 0);
+                known.missed = false;
+                known.up.iter_mut().for_each(|packet| packet.reply = false);
+            }
+            Cause::Sent(Enquiry) => {
+                // What has come before is read before, and is no reply.
+                known.up.retain(|packet| packet.ticks > 0);
+                known.up.iter_mut().for_each(|packet| packet.reply = false);
+                (known.open, known.since_poll) = (true, 0);
+                if self.keeps_rules {
+                    known.asked = known.asked.or(Some(0));
+                }
+            }
+            Cause::Due | Cause::Word(_) => {}
+        }
+    }
+
+    fn tick(&self, known: &mut Known) {
+        let older = |ticks: &mut u8, most: u8| *ticks = (*ticks + 1).min(most);
+        let oldest = self.oldest();
+        older(&mut known.since_poll, LONG);
+        if !self.keeps_rules {
+            older(&mut known.since_connected, LONG);
+            known.proof.iter_mut().for_each(|ticks| older(ticks, oldest));
+            return;
+        }
+        older(&mut known.unsent, oldest);
+        known.asked = known.asked.map(|waits| waits + 1).filter(|waits| *waits <= DELAY);
+        known.using.iter_mut().for_each(|age| older(age, oldest));
+        for packet in &mut known.up {
+            packet.ticks = packet.ticks.saturating_sub(1);
+            older(&mut packet.age, oldest);
+        }
+    }
+
+    fn restarted(&self, known: &mut Known) {
+        let up = known.up.iter().map(|packet| Packet { reply: false, ..*packet }).collect();
+        *known = Known { asked: known.asked, up, wrong: known.wrong, ..self.known() };
+    }
+
+    fn broken(&self, end: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
+        broken.extend(known.wrong);
+        if is_waiting(end) != known.open {
+            broken.push(ONE_OUTCOME);
+        }
+        let live = end.live_until();
+        if live.is_some() != known.using.is_some() {
+            broken.push(STALE);
+        }
+        let (Some(age), Some(until)) = (known.using, live) else { return };
+        if self.keeps_rules && !until.is_zero() && u32::from(age) * TICK + until > self.config.0.max_age {
+            broken.push(AGE);
+        }
+    }
+
+    /// Each poll has its outcome; where the ball measures, answers and keeps the rules, there are values to be used.
+    fn is_over(&self, end: &HostMachine, known: &Known) -> bool {
+        if self.keeps_rules { known.using.is_some() } else { !is_waiting(end) }
+    }
+
+    fn benign(&self, _: &HostMachine, known: &Known) -> Option<Word> {
+        match known.up.first() {
+            Some(packet) if packet.ticks == 0 => Some(Word::Read),
+            _ => known.asked.map(|_| Word::Answer { fresh: true, late: 0 }),
+        }
+    }
+}
+
+impl Known {
+    /// The poll has an outcome.
+    fn end(&mut self) {
+        if !core::mem::take(&mut self.open) {
+            self.wrong = Some(ONE_OUTCOME);
+        }
+    }
+}
+
+fn is_waiting(end: &HostMachine) -> bool {
+    matches!(end, HostMachine::Connected(polling) if matches!(polling.poll, Poll::Waiting { .. }))
+}

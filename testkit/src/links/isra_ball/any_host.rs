@@ -1,0 +1,142 @@
+//! A ball against hosts that are not ours.
+
+use core::time::Duration;
+
+use isra_ball::BallConfig;
+use isra_ball::ball::machine::{Action, BallMachine, Input, Link, Reply};
+
+use super::pair::ASKED;
+use super::world::{LINE, TICK};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, STANDSTILL, Terms};
+
+/// Ticks after which a host that keeps the rules polls again, if no reply has come.
+const WINDOW: u8 = LINE + 2;
+
+pub(super) const MARKED: &str = "values are new if they were measured after what was sent last";
+pub(super) const IGNORED: &str = "a poll is ignored if one is not answered, and only then";
+
+const PROPERTIES: &[&str] = &[ASKED, MARKED, IGNORED, STANDSTILL, EXPECTED];
+pub(super) const RULES: Terms = Terms {
+    keeps: "IB-9, IB-25",
+    free: "when it polls, what is lost, when the sensor measures",
+    properties: PROPERTIES,
+};
+pub(super) const ANYTHING: Terms = Terms { keeps: "", free: "polls at any time", properties: PROPERTIES };
+
+/// A host of which only this is known.
+#[derive(Debug, Clone, Copy)]
+pub struct AnyHost {
+    /// The ball's configuration.
+    pub config: BallConfig,
+    /// It polls when the reply to its last poll has come, or can come no more (IB-25).
+    pub keeps_rules: bool,
+}
+
+/// What is known of the polls and the values.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Known {
+    /// A poll of this connection is not answered.
+    asked: bool,
+    /// There are values that were not sent.
+    measured: bool,
+    /// Ticks since the last poll, up to when the host gives it up or has its reply.
+    waits: u8,
+    wrong: Option<&'static str>,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// ENQ comes.
+    Enquiry,
+    /// The sensor has new values.
+    Measured,
+}
+
+impl Peer for AnyHost {
+    type End = BallMachine;
+    type Known = Known;
+    type Word = Word;
+
+    const TICK: Duration = TICK;
+
+    fn config(&self) -> &BallConfig {
+        &self.config
+    }
+
+    fn end(&self) -> BallMachine {
+        BallMachine::NEW
+    }
+
+    fn known(&self) -> Known {
+        Known { asked: false, measured: false, waits: WINDOW, wrong: None }
+    }
+
+    fn words(&self, end: &BallMachine, known: &Known, words: &mut Vec<Word>) {
+        words.push(Word::Measured);
+        if end.link != Link::Disconnected && (known.waits == WINDOW || !self.keeps_rules) {
+            words.push(Word::Enquiry);
+        }
+    }
+
+    fn by(&self, word: Word) -> By {
+        if word == Word::Measured { By::User } else { By::Line }
+    }
+
+    fn hear(&self, _: &BallMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
+        Some(match word {
+            Word::Enquiry => {
+                known.waits = 0;
+                Input::Enquiry
+            }
+            Word::Measured => {
+                known.measured = true;
+                Input::Measured
+            }
+        })
+    }
+
+    fn sent(&self, _: &Reply) -> InputOf<Self> {
+        Input::Sent
+    }
+
+    fn acted(&self, _: &BallMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+        let mut must = |holds: bool, what| {
+            if !holds {
+                known.wrong = Some(what);
+            }
+        };
+        match (cause, action) {
+            (Cause::Sent(reply), Action::Sent { fresh }) => {
+                must(known.asked, ASKED);
+                must(fresh == known.measured && reply.fresh == fresh, MARKED);
+                (known.asked, known.measured, known.waits) = (false, false, WINDOW);
+            }
+            (_, Action::Sent { .. }) => must(false, ASKED),
+            (Cause::Word(Word::Enquiry), action) => {
+                must((action == Action::Ignore) == known.asked, IGNORED);
+                known.asked = true;
+            }
+            (_, Action::Ignore) => must(false, IGNORED),
+            (Cause::Connected | Cause::Disconnected, _) => known.asked = false,
+            (Cause::Due | Cause::Sent(_) | Cause::Word(Word::Measured), _) => {}
+        }
+    }
+
+    fn tick(&self, known: &mut Known) {
+        known.waits = (known.waits + 1).min(WINDOW);
+    }
+
+    fn restarted(&self, known: &mut Known) {
+        *known = Known { waits: known.waits, wrong: known.wrong, ..self.known() };
+    }
+
+    fn broken(&self, _: &BallMachine, known: &Known, broken: &mut Vec<&'static str>) {
+        broken.extend(known.wrong);
+    }
+
+    /// Each poll is answered.
+    fn is_over(&self, _: &BallMachine, known: &Known) -> bool {
+        !known.asked
+    }
+}

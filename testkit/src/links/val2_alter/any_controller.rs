@@ -1,0 +1,603 @@
+//! A host against controllers that are not ours.
+
+use core::time::Duration;
+
+use robot_session::Machine as _;
+use val2_alter::host::machine::{
+    Action, Answer, Course, Draft, HostMachine, HostPhase, Input, Outcome, Pending, Target,
+};
+use val2_alter::{AXES, ErrorCode, Exception, ExceptionOutcome, HostConfig, MotionPhase, Policy, timing};
+
+use super::setup::{FRESH, TICK};
+use super::world::{
+    DONE, FITS, GRIP, INVENTED_MODE, Message, NOT_DONE, ONCE, OUTCOME, SILENCE, SILENT, WORDS, ZEROS,
+};
+use crate::model::{By, Cause, CauseOf, EXPECTED, InputOf, Peer, Terms};
+
+const NOW: Duration = Duration::ZERO;
+/// Ticks of a cycle, and of the window within it that a whole reply can end in.
+const CYCLE: u8 = 4;
+const WINDOW: u8 = 2;
+/// Ticks: a message and its reply are late by so many together, which is in time.
+const DELAY: u8 = 1;
+
+pub(super) const ANSWERED: &str = "a message has one answer at most, and nothing is sent unasked";
+pub(super) const INTERRUPTED: &str = "no exception is sent in an interruption";
+pub(super) const FOUND: &str = "the arm follows a target until it is found to be too old";
+pub(super) const AGAIN: &str = "an exception is sent again only after messages that say it was not read";
+
+pub(super) const RULES: Terms = Terms {
+    keeps: "AL-71 to AL-73, AL-75 to AL-79, AL-90, delays no longer than max_delay",
+    free: "which errors it finds, whether it goes on without a reply and takes one that is late, whether it keeps words that \
+           are left out or come in an interruption, what is lost or corrupt",
+    properties: &[
+        ONCE,
+        DONE,
+        NOT_DONE,
+        OUTCOME,
+        WORDS,
+        ZEROS,
+        FITS,
+        SILENT,
+        SILENCE,
+        ANSWERED,
+        INTERRUPTED,
+        EXPECTED,
+    ],
+};
+pub(super) const ANYTHING: Terms = Terms {
+    keeps: "",
+    free: "any message and noise at any time",
+    properties: &[
+        OUTCOME,
+        AGAIN,
+        FITS,
+        FOUND,
+        SILENT,
+        SILENCE,
+        ANSWERED,
+        INTERRUPTED,
+        INVENTED_MODE,
+        EXPECTED,
+    ],
+};
+
+/// A controller of which only this is known.
+#[derive(Debug, Clone, Copy)]
+pub struct AnyController {
+    /// The host's configuration.
+    pub config: HostConfig,
+    /// It sends a message in a cycle, takes a reply to it, and says in the next one whether it has (AL-71 to AL-79, AL-90). What it makes of
+    /// faults is open.
+    pub keeps_rules: bool,
+}
+
+/// What is known of the controller, the line and the caller.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Known {
+    robot: Robot,
+    /// Ticks since its last message has left the line.
+    since_sent: u8,
+    /// What became of the answer to that.
+    window: Window,
+    /// The word that it holds may be other than zero.
+    held: bool,
+    /// On the line to the host, and to the controller with the ticks until it arrives.
+    down: Option<Frame>,
+    up: Option<(Reply, u8)>,
+    /// By how many ticks the host has read the message late.
+    late: u8,
+    /// The host may answer; the message says so of the phase; ticks since it was read.
+    asked: Option<MotionPhase>,
+    started: Option<bool>,
+    since_read: u8,
+    /// The caller's exception.
+    job: Option<Job>,
+    /// Ticks since the caller's target.
+    target: u8,
+    /// A stop was reported.
+    stopped: bool,
+    /// The reply that is just sent: the words in it, and whether one moves.
+    reply: Option<(u8, bool)>,
+    wrong: Option<&'static str>,
+}
+
+/// How far the controller is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Robot {
+    Off,
+    Starting,
+    Running,
+    /// The subroutine runs; a message has said so.
+    Interrupted {
+        reported: bool,
+    },
+}
+
+/// What the window of a message has brought.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Window {
+    Nothing,
+    Good,
+    Fault,
+}
+
+/// A message of the controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Frame {
+    /// A start message.
+    Start {
+        /// With the configured mode.
+        is_expected: bool,
+    },
+    /// A standard message.
+    Motion(MotionPhase, ErrorCode),
+    /// An end message.
+    End,
+    /// What was one.
+    Corrupt,
+}
+
+/// An answer of the host.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Reply {
+    Accept,
+    Values { has_word: bool, moves: bool, exception: bool },
+}
+
+/// The caller's exception.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Job {
+    /// How often the controller has executed it.
+    executed: u8,
+    /// Standard messages since it was sent, up to two, and whether they say that it was not read.
+    sent: Option<(u8, bool)>,
+}
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// The controller sends a message.
+    Say(Frame),
+    /// It is lost.
+    Lose,
+    /// The host reads it, or what was one.
+    Read {
+        /// It is none any more.
+        corrupt: bool,
+    },
+    /// The answer arrives.
+    Arrive {
+        /// It is none any more.
+        corrupt: bool,
+        /// The controller uses it also where it need not.
+        takes: bool,
+    },
+    /// The controller interrupts ALTER by itself.
+    Interrupt,
+    /// The subroutine returns.
+    Return,
+    /// The controller loses its memory.
+    Restart,
+    /// A message comes of nobody knows whom.
+    Come(Frame),
+    /// Bytes come outside of any frame.
+    Noise,
+    /// The host answers with a word that is not zero.
+    Move,
+    /// The caller has a target.
+    Target,
+    /// The caller has an exception.
+    Ask,
+    /// The caller stops.
+    Stop,
+    /// The caller accepts ALTER again.
+    Accept,
+}
+
+const RUNNING: MotionPhase = MotionPhase::Running;
+const INTERRUPTION: MotionPhase = MotionPhase::Interrupted;
+const FRAMES: [Frame; 8] = [
+    Frame::Start { is_expected: true },
+    Frame::Start { is_expected: false },
+    Frame::Motion(RUNNING, ErrorCode::None),
+    Frame::Motion(RUNNING, ErrorCode::Checksum),
+    Frame::Motion(INTERRUPTION, ErrorCode::None),
+    Frame::Motion(INTERRUPTION, ErrorCode::Checksum),
+    Frame::End,
+    Frame::Corrupt,
+];
+
+impl Peer for AnyController {
+    type End = HostMachine;
+    type Known = Known;
+    type Word = Word;
+
+    const TICK: Duration = TICK;
+
+    fn config(&self) -> &HostConfig {
+        &self.config
+    }
+
+    fn end(&self) -> HostMachine {
+        HostMachine::new(Policy::Accept, true)
+    }
+
+    fn known(&self) -> Known {
+        Known {
+            robot: Robot::Off,
+            since_sent: CYCLE,
+            window: Window::Nothing,
+            held: false,
+            down: None,
+            up: None,
+            late: 0,
+            asked: None,
+            started: None,
+            since_read: 0,
+            job: None,
+            target: FRESH,
+            stopped: false,
+            reply: None,
+            wrong: None,
+        }
+    }
+
+    fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
+        if self.keeps_rules {
+            known.robot_words(words);
+            if end.phase != HostPhase::Disconnected && known.down.is_some() {
+                words.extend([false, true].map(|corrupt| Word::Read { corrupt }));
+            }
+        } else if end.phase != HostPhase::Disconnected {
+            words.extend(FRAMES.map(Word::Come));
+            words.push(Word::Noise);
+        }
+        if let Some(Answer::Reply { course: Course::Target, .. }) = end.transmit(NOW, &self.config) {
+            words.push(Word::Move);
+        }
+        let HostPhase::Active(active) = &end.phase else {
+            if end.policy != Policy::Accept {
+                words.push(Word::Accept);
+            }
+            return;
+        };
+        words.extend([Word::Target, Word::Stop]);
+        if end.name() == "running" && active.exception == Pending::None {
+            words.push(Word::Ask);
+        }
+    }
+
+    fn by(&self, word: Word) -> By {
+        match word {
+            Word::Read { .. } | Word::Come(_) | Word::Noise => By::Line,
+            Word::Move | Word::Target | Word::Ask | Word::Stop | Word::Accept => By::User,
+            Word::Say(_) | Word::Lose | Word::Arrive { .. } => By::Others,
+            Word::Interrupt | Word::Return | Word::Restart => By::Others,
+        }
+    }
+
+    fn hear(&self, end: &HostMachine, known: &mut Known, word: Word) -> Option<InputOf<Self>> {
+        match word {
+            Word::Read { corrupt } => {
+                let frame = known.down.take()?;
+                known.late = known.since_sent;
+                return Some(self.read(end, known, if corrupt { Frame::Corrupt } else { frame }));
+            }
+            Word::Come(frame) => return Some(self.read(end, known, frame)),
+            Word::Noise => {
+                known.lose_sequence();
+                return Some(Input::Noise);
+            }
+            Word::Move => return Some(self.reply(end, known, true)),
+            Word::Target => {
+                known.target = 0;
+                return Some(Input::Target);
+            }
+            Word::Ask => {
+                known.job = Some(Job { executed: 0, sent: None });
+                return Some(Input::Exception { exception: GRIP, has_room: true });
+            }
+            Word::Stop => return Some(Input::Stop),
+            Word::Accept => return Some(Input::Policy(Policy::Accept)),
+            Word::Say(frame) => known.say(frame),
+            Word::Lose => known.down = None,
+            Word::Arrive { corrupt, takes } => known.arrive(corrupt, takes),
+            Word::Interrupt => known.robot = Robot::Interrupted { reported: false },
+            Word::Return => known.robot = Robot::Running,
+            Word::Restart => {
+                (known.robot, known.since_sent, known.down) = (Robot::Off, CYCLE, None);
+                (known.held, known.window) = (false, Window::Nothing);
+            }
+        }
+        None
+    }
+
+    fn sent(&self, answer: &Answer) -> InputOf<Self> {
+        match answer {
+            Answer::Nothing => Input::Ignored,
+            Answer::Start(_) | Answer::Reply { .. } => Input::Sent { moving: 0, at_rest: true },
+        }
+    }
+
+    fn answer(&self, end: &HostMachine, known: &mut Known, what: &Answer) -> InputOf<Self> {
+        match what {
+            Answer::Nothing => Input::Ignored,
+            Answer::Start(_) | Answer::Reply { .. } => self.reply(end, known, false),
+        }
+    }
+
+    fn acted(&self, end: &HostMachine, known: &mut Known, cause: CauseOf<Self>, action: Action) {
+        let reply = known.reply.take();
+        let mut wrong = None;
+        let mut must = |holds: bool, what| {
+            if !holds {
+                wrong = Some(what);
+            }
+        };
+        match action {
+            Action::SentStart(code) => {
+                let started = known.started.take();
+                must(started.is_some(), ANSWERED);
+                if code == val2_alter::StartCode::Accept {
+                    must(started == Some(true), INVENTED_MODE);
+                    (known.since_read, known.stopped, known.target) = (0, false, FRESH);
+                    known.answered(self, Reply::Accept);
+                }
+            }
+            Action::SentReply(exception) => {
+                let has_exception = exception != Exception::None;
+                let asked = known.asked.take();
+                must(asked.is_some(), ANSWERED);
+                must(!known.stopped, SILENT);
+                must(!has_exception || asked == Some(RUNNING), INTERRUPTED);
+                if has_exception && let Some(job) = &mut known.job {
+                    must(self.keeps_rules || matches!(job.sent, None | Some((2, true))), AGAIN);
+                    job.sent = Some((0, true));
+                }
+                let (select, moves) = reply.unwrap_or_default();
+                let has_word = select & 1 != 0;
+                known.answered(self, Reply::Values { has_word, moves, exception: has_exception });
+            }
+            Action::Stopped(judged) => {
+                known.stopped = true;
+                must(!self.keeps_rules || !known.held, ZEROS);
+                known.end_job(self, judged.outcome, &mut must);
+            }
+            Action::Asked(judged) => known.end_job(self, judged.outcome, &mut must),
+            Action::Missed if cause == Cause::Due => (known.asked, known.started) = (None, None),
+            Action::Exception(exception, outcome) => {
+                known.end_job(self, Some((exception, outcome)), &mut must)
+            }
+            Action::Ended(outcome) | Action::Lost { outcome, .. } => known.end_job(self, outcome, &mut must),
+            Action::Refuse(_) => known.job = None,
+            Action::Nothing | Action::EndFrame | Action::Stale | Action::Missed => {}
+        }
+        if matches!(cause, Cause::Connected | Cause::Disconnected) {
+            (known.asked, known.started, known.stopped) = (None, None, false);
+        }
+        known.target = if matches!(end.phase, HostPhase::Active(_)) { known.target } else { FRESH };
+        known.wrong = known.wrong.or(wrong);
+    }
+
+    fn tick(&self, known: &mut Known) {
+        let older = |ticks: &mut u8, most: u8| *ticks = (*ticks + 1).min(most);
+        older(&mut known.since_sent, CYCLE);
+        older(&mut known.since_read, self.silence() + 1);
+        if self.config.target_timeout < Duration::MAX {
+            older(&mut known.target, FRESH);
+        }
+        if known.since_sent > DELAY {
+            known.down = None;
+        }
+        known.up = known.up.and_then(|(reply, ticks)| Some((reply, ticks.checked_sub(1)?)));
+    }
+
+    fn restarted(&self, known: &mut Known) {
+        let Known { robot, since_sent, window, held, down, up, late, wrong, .. } = *known;
+        *known = Known { robot, since_sent, window, held, down, up, late, wrong, ..self.known() };
+    }
+
+    fn broken(&self, end: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
+        broken.extend(known.wrong);
+        let HostPhase::Active(active) = &end.phase else {
+            if known.job.is_some() {
+                broken.push(OUTCOME);
+            }
+            return;
+        };
+        if known.job.is_some() != (active.exception != Pending::None) {
+            broken.push(OUTCOME);
+        }
+        if known.since_read > self.silence() && !end.expires(NOW) {
+            broken.push(SILENCE);
+        }
+    }
+
+    /// Whatever the controller does, an exception has its outcome in the end.
+    fn is_over(&self, _: &HostMachine, known: &Known) -> bool {
+        known.job.is_none()
+    }
+}
+
+impl AnyController {
+    /// After how many ticks without a message the controller counts as lost.
+    fn silence(&self) -> u8 {
+        CYCLE * self.config.silence_cycles as u8
+    }
+
+    /// The host reads a message.
+    fn read(&self, end: &HostMachine, known: &mut Known, frame: Frame) -> Input {
+        let is_active = matches!(end.phase, HostPhase::Active(_));
+        match frame {
+            Frame::Start { is_expected } => {
+                (known.started, known.asked) = (Some(is_expected), None);
+                Input::Start { is_expected }
+            }
+            Frame::Motion(phase, error) => {
+                known.asked = is_active.then_some(phase);
+                let follows = u32::from(known.since_read) * TICK + self.config.max_delay < timing::CYCLE * 2;
+                known.since_read = 0;
+                if let Some(Job { sent: Some((messages, unread)), .. }) = &mut known.job
+                    && *messages < 2
+                {
+                    let is_unread = *messages > 0 || error != ErrorCode::None;
+                    *unread &= is_unread && phase == RUNNING && follows;
+                    *messages += 1;
+                }
+                Input::Motion { phase, error, len: Message::MOTION_LEN.into() }
+            }
+            Frame::End => {
+                (known.started, known.asked) = (None, None);
+                Input::End
+            }
+            Frame::Corrupt => {
+                known.lose_sequence();
+                // It may have been a start message.
+                if !is_active {
+                    known.started = known.started.or(Some(false));
+                }
+                Input::CorruptFrame
+            }
+        }
+    }
+
+    /// What the host does with the answer that is due.
+    fn reply(&self, end: &HostMachine, known: &mut Known, moves: bool) -> Input {
+        let Some(answer) = end.transmit(NOW, &self.config) else { return Input::Late };
+        let (bare, end_by) = match &end.phase {
+            HostPhase::Active(active) => (8, active.request.map(|request| request.due.end_by)),
+            HostPhase::Starting { answer, .. } | HostPhase::Repeating { answer: Some(answer), .. } => {
+                (7, Some(answer.end_by))
+            }
+            _ => (7, None),
+        };
+        let draft = Draft { bare, words: [2; AXES], moving: moves.into() };
+        let Some((select, _)) = end.select(NOW, &draft, &self.config) else { return Input::Late };
+        let len = usize::from(bare) + 2 * select.count_ones() as usize;
+        if end_by.is_none_or(|end_by| timing::transmission_time(len, self.config.baud) > end_by) {
+            known.wrong = known.wrong.or(Some(FITS));
+        }
+        let is_follower = matches!(answer, Answer::Reply { course: Course::Target, .. });
+        // A host that is not called when a target becomes too old sends one more reply to it.
+        let is_overdue =
+            matches!(&end.phase, HostPhase::Active(active) if active.target == Target::Fresh { until: NOW });
+        if is_follower && known.target >= FRESH && !is_overdue {
+            known.wrong = known.wrong.or(Some(FOUND));
+        }
+        let moving = draft.moving & select;
+        known.reply = Some((select, moving != 0));
+        Input::Sent { moving, at_rest: !moves }
+    }
+}
+
+impl Known {
+    /// What a controller that keeps the rules may do.
+    fn robot_words(&self, words: &mut Vec<Word>) {
+        if self.down.is_some() {
+            words.push(Word::Lose);
+        }
+        if matches!(self.up, Some((_, ticks)) if ticks <= DELAY - self.late) {
+            let each = [(false, false), (false, true), (true, false)];
+            words.extend(each.map(|(corrupt, takes)| Word::Arrive { corrupt, takes }));
+        }
+        if self.robot != Robot::Off {
+            words.push(Word::Restart);
+        }
+        let is_its_turn = self.window == Window::Good || self.since_sent > WINDOW;
+        match self.robot {
+            Robot::Running if is_its_turn => words.push(Word::Interrupt),
+            Robot::Interrupted { reported: true } if is_its_turn => words.push(Word::Return),
+            _ => {}
+        }
+        if self.since_sent < CYCLE {
+            return;
+        }
+        let error = match self.window {
+            Window::Nothing => ErrorCode::Timeout,
+            Window::Good => ErrorCode::None,
+            Window::Fault => ErrorCode::Checksum,
+        };
+        let frames: &[_] = match self.robot {
+            Robot::Off | Robot::Starting => &[Frame::Start { is_expected: true }],
+            Robot::Running => &[Frame::Motion(RUNNING, error), Frame::End],
+            Robot::Interrupted { .. } => &[Frame::Motion(INTERRUPTION, error), Frame::End],
+        };
+        words.extend(frames.iter().map(|frame| Word::Say(*frame)));
+    }
+
+    fn say(&mut self, frame: Frame) {
+        self.robot = match frame {
+            Frame::Start { .. } => Robot::Starting,
+            Frame::Motion(MotionPhase::Running, _) => Robot::Running,
+            Frame::Motion(MotionPhase::Interrupted, _) => Robot::Interrupted { reported: true },
+            Frame::End | Frame::Corrupt => Robot::Off,
+        };
+        self.held &= self.robot != Robot::Off && self.robot != Robot::Starting;
+        (self.down, self.since_sent, self.window, self.late) = (Some(frame), 0, Window::Nothing, 0);
+    }
+
+    /// The host has sent an answer.
+    fn answered(&mut self, peer: &AnyController, reply: Reply) {
+        if peer.keeps_rules {
+            self.up = Some((reply, 1 + DELAY - self.late));
+        }
+    }
+
+    /// The answer arrives at the controller.
+    fn arrive(&mut self, corrupt: bool, takes: bool) {
+        let Some((reply, _)) = self.up.take() else { return };
+        let in_window = self.since_sent <= WINDOW && self.window == Window::Nothing;
+        if corrupt {
+            self.window = if in_window { Window::Fault } else { self.window };
+            return;
+        }
+        match (reply, self.robot) {
+            (Reply::Accept, Robot::Starting) if in_window => {
+                (self.robot, self.window, self.held) = (Robot::Running, Window::Good, false);
+            }
+            (Reply::Values { has_word, moves, exception }, Robot::Running) if in_window || takes => {
+                self.window = if in_window { Window::Good } else { self.window };
+                if self.held && !has_word {
+                    self.wrong = Some(WORDS);
+                }
+                self.held = if has_word { moves } else { self.held };
+                if exception {
+                    self.robot = Robot::Interrupted { reported: false };
+                    self.execute();
+                }
+            }
+            (Reply::Values { has_word, moves, .. }, Robot::Interrupted { .. }) if in_window => {
+                self.window = Window::Good;
+                self.held = if has_word && takes { moves } else { self.held };
+            }
+            (Reply::Accept | Reply::Values { .. }, _) => {}
+        }
+    }
+
+    fn execute(&mut self) {
+        let Some(job) = &mut self.job else { return };
+        job.executed += 1;
+        if job.executed > 1 {
+            self.wrong = Some(ONCE);
+            job.executed = 1;
+        }
+    }
+
+    fn lose_sequence(&mut self) {
+        if let Some(Job { sent: Some((0 | 1, unread)), .. }) = &mut self.job {
+            *unread = false;
+        }
+    }
+
+    /// The exception has an outcome.
+    fn end_job(&mut self, peer: &AnyController, outcome: Outcome, must: &mut impl FnMut(bool, &'static str)) {
+        let Some((_, outcome)) = outcome else { return };
+        let Some(job) = self.job.take() else { return must(false, OUTCOME) };
+        match outcome {
+            ExceptionOutcome::Done => must(job.executed > 0 || !peer.keeps_rules, DONE),
+            ExceptionOutcome::NotDone => must(job.executed == 0, NOT_DONE),
+            ExceptionOutcome::Unknown(_) => {}
+        }
+    }
+}

@@ -28,8 +28,8 @@ pub(super) const AGAIN: &str = "an exception is sent again only after messages t
 
 pub(super) const RULES: Terms = Terms {
     keeps: "AL-71 to AL-73, AL-75 to AL-79, AL-90, delays no longer than max_delay",
-    free: "which errors it finds, whether it goes on without a reply and takes one that is late, whether it keeps words that \
-           are left out or come in an interruption, what is lost or corrupt",
+    free: "which errors it finds, whether it goes on without a reply, what it makes of words that come in an interruption, what is \
+           lost or corrupt, when it interrupts, ends and restarts",
     properties: &[
         ONCE,
         DONE,
@@ -44,6 +44,11 @@ pub(super) const RULES: Terms = Terms {
         INTERRUPTED,
         EXPECTED,
     ],
+};
+pub(super) const LATE: Terms = Terms {
+    keeps: "AL-71 to AL-73, AL-75, AL-76, AL-78, AL-79, AL-80 without its words, delays no longer than max_delay",
+    free: "which errors it finds, whether it goes on without a reply and takes one that is late, what is lost or corrupt",
+    properties: &[ONCE, DONE, NOT_DONE, OUTCOME, WORDS, FITS, ANSWERED, INTERRUPTED, EXPECTED],
 };
 pub(super) const ANYTHING: Terms = Terms {
     keeps: "",
@@ -70,13 +75,17 @@ pub struct AnyController {
     /// It sends a message in a cycle, takes a reply to it, and says in the next one whether it has (AL-71 to AL-79, AL-90). What it makes of
     /// faults is open.
     pub keeps_rules: bool,
+    /// It may take a reply that is too late; then it keeps the words that come in an interruption, no end is restarted, and the caller does not stop.
+    pub takes_late: bool,
 }
 
 /// What is known of the controller, the line and the caller.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Known {
     robot: Robot,
-    /// Ticks since its last message has left the line.
+    /// A message is on the line.
+    sending: bool,
+    /// Ticks since the last message has left the line.
     since_sent: u8,
     /// What became of the answer to that.
     window: Window,
@@ -226,6 +235,7 @@ impl Peer for AnyController {
     fn known(&self) -> Known {
         Known {
             robot: Robot::Off,
+            sending: false,
             since_sent: CYCLE,
             window: Window::Nothing,
             held: false,
@@ -245,8 +255,8 @@ impl Peer for AnyController {
 
     fn words(&self, end: &HostMachine, known: &Known, words: &mut Vec<Word>) {
         if self.keeps_rules {
-            known.robot_words(words);
-            if end.phase != HostPhase::Disconnected && known.down.is_some() {
+            known.robot_words(self.takes_late, words);
+            if end.phase != HostPhase::Disconnected && known.down.is_some() && !known.sending {
                 words.extend([false, true].map(|corrupt| Word::Read { corrupt }));
             }
         } else if end.phase != HostPhase::Disconnected {
@@ -262,7 +272,10 @@ impl Peer for AnyController {
             }
             return;
         };
-        words.extend([Word::Target, Word::Stop]);
+        words.push(Word::Target);
+        if !self.takes_late {
+            words.push(Word::Stop);
+        }
         if end.name() == "running" && active.exception == Pending::None {
             words.push(Word::Ask);
         }
@@ -302,11 +315,12 @@ impl Peer for AnyController {
             Word::Accept => return Some(Input::Policy(Policy::Accept)),
             Word::Say(frame) => known.say(frame),
             Word::Lose => known.down = None,
-            Word::Arrive { corrupt, takes } => known.arrive(corrupt, takes),
+            Word::Arrive { corrupt, takes } => known.arrive(self.takes_late, corrupt, takes),
             Word::Interrupt => known.robot = Robot::Interrupted { reported: false },
             Word::Return => known.robot = Robot::Running,
             Word::Restart => {
                 (known.robot, known.since_sent, known.down) = (Robot::Off, CYCLE, None);
+                known.sending = false;
                 (known.held, known.window) = (false, Window::Nothing);
             }
         }
@@ -353,7 +367,7 @@ impl Peer for AnyController {
                 must(!has_exception || asked == Some(RUNNING), INTERRUPTED);
                 if has_exception && let Some(job) = &mut known.job {
                     must(self.keeps_rules || matches!(job.sent, None | Some((2, true))), AGAIN);
-                    job.sent = Some((0, true));
+                    job.sent = Some((0, true)).filter(|_| !self.keeps_rules);
                 }
                 let (select, moves) = reply.unwrap_or_default();
                 let has_word = select & 1 != 0;
@@ -382,20 +396,27 @@ impl Peer for AnyController {
 
     fn tick(&self, known: &mut Known) {
         let older = |ticks: &mut u8, most: u8| *ticks = (*ticks + 1).min(most);
-        older(&mut known.since_sent, CYCLE);
+        if core::mem::take(&mut known.sending) {
+            known.since_sent = 0;
+        } else {
+            older(&mut known.since_sent, CYCLE);
+        }
         older(&mut known.since_read, self.silence() + 1);
         if self.config.target_timeout < Duration::MAX {
             older(&mut known.target, FRESH);
         }
-        if known.since_sent > DELAY {
+        if !known.sending && known.since_sent > DELAY {
             known.down = None;
+        }
+        if self.takes_late {
+            known.since_read = 0;
         }
         known.up = known.up.and_then(|(reply, ticks)| Some((reply, ticks.checked_sub(1)?)));
     }
 
     fn restarted(&self, known: &mut Known) {
-        let Known { robot, since_sent, window, held, down, up, late, wrong, .. } = *known;
-        *known = Known { robot, since_sent, window, held, down, up, late, wrong, ..self.known() };
+        let Known { robot, sending, since_sent, window, held, down, up, late, wrong, .. } = *known;
+        *known = Known { robot, sending, since_sent, window, held, down, up, late, wrong, ..self.known() };
     }
 
     fn broken(&self, end: &HostMachine, known: &Known, broken: &mut Vec<&'static str>) {
@@ -493,7 +514,7 @@ impl AnyController {
 
 impl Known {
     /// What a controller that keeps the rules may do.
-    fn robot_words(&self, words: &mut Vec<Word>) {
+    fn robot_words(&self, takes_late: bool, words: &mut Vec<Word>) {
         if self.down.is_some() {
             words.push(Word::Lose);
         }
@@ -501,16 +522,17 @@ impl Known {
             let each = [(false, false), (false, true), (true, false)];
             words.extend(each.map(|(corrupt, takes)| Word::Arrive { corrupt, takes }));
         }
-        if self.robot != Robot::Off {
+        if self.robot != Robot::Off && !takes_late {
             words.push(Word::Restart);
         }
-        let is_its_turn = self.window == Window::Good || self.since_sent > WINDOW;
+        let is_its_turn = !self.sending && (self.window == Window::Good || self.since_sent > WINDOW);
         match self.robot {
-            Robot::Running if is_its_turn => words.push(Word::Interrupt),
+            Robot::Running if is_its_turn && !takes_late => words.push(Word::Interrupt),
             Robot::Interrupted { reported: true } if is_its_turn => words.push(Word::Return),
             _ => {}
         }
-        if self.since_sent < CYCLE {
+        // It takes a tick on the line.
+        if self.sending || self.since_sent + 1 < CYCLE {
             return;
         }
         let error = match self.window {
@@ -534,7 +556,7 @@ impl Known {
             Frame::End | Frame::Corrupt => Robot::Off,
         };
         self.held &= self.robot != Robot::Off && self.robot != Robot::Starting;
-        (self.down, self.since_sent, self.window, self.late) = (Some(frame), 0, Window::Nothing, 0);
+        (self.down, self.sending, self.window) = (Some(frame), true, Window::Nothing);
     }
 
     /// The host has sent an answer.
@@ -545,9 +567,10 @@ impl Known {
     }
 
     /// The answer arrives at the controller.
-    fn arrive(&mut self, corrupt: bool, takes: bool) {
+    fn arrive(&mut self, takes_late: bool, corrupt: bool, takes: bool) {
         let Some((reply, _)) = self.up.take() else { return };
-        let in_window = self.since_sent <= WINDOW && self.window == Window::Nothing;
+        self.late = 0;
+        let in_window = !self.sending && self.since_sent <= WINDOW && self.window == Window::Nothing;
         if corrupt {
             self.window = if in_window { Window::Fault } else { self.window };
             return;
@@ -556,7 +579,9 @@ impl Known {
             (Reply::Accept, Robot::Starting) if in_window => {
                 (self.robot, self.window, self.held) = (Robot::Running, Window::Good, false);
             }
-            (Reply::Values { has_word, moves, exception }, Robot::Running) if in_window || takes => {
+            (Reply::Values { has_word, moves, exception }, Robot::Running)
+                if in_window || takes && takes_late =>
+            {
                 self.window = if in_window { Window::Good } else { self.window };
                 if self.held && !has_word {
                     self.wrong = Some(WORDS);
@@ -569,7 +594,7 @@ impl Known {
             }
             (Reply::Values { has_word, moves, .. }, Robot::Interrupted { .. }) if in_window => {
                 self.window = Window::Good;
-                self.held = if has_word && takes { moves } else { self.held };
+                self.held = if has_word && (takes || takes_late) { moves } else { self.held };
             }
             (Reply::Accept | Reply::Values { .. }, _) => {}
         }

@@ -43,6 +43,8 @@ pub const ANY_CONTROLLER: Pair = Pair {
     settings: |_| {
         vec![
             Setting::new("keeps the rules", any_controller(true)).on(any_controller::RULES),
+            Setting::new("keeps them, takes late replies, no stop", late_controller())
+                .on(any_controller::LATE),
             Setting::new("does anything", any_controller(false)).on(any_controller::ANYTHING),
         ]
     },
@@ -55,7 +57,7 @@ pub const ANY_CONTROLLER: Pair = Pair {
             let setting = if keeps_rules { "keeps the rules" } else { "does anything" };
             MustFail::new(name, property, setting, system)
         };
-        vec![
+        let mut cases = vec![
             without("host: a word is zero when the zero was read", WORDS, true, Rule::WordsUntilRead),
             without("host: words in an interruption are uncertain", WORDS, true, Rule::WordsInterrupted),
             without("host: words that may not be zero are sent", WORDS, true, Rule::WordsKept),
@@ -73,7 +75,16 @@ pub const ANY_CONTROLLER: Pair = Pair {
             without("host: a start message ends the ALTER before", OUTCOME, false, Rule::Restart),
             without("host: silence ends ALTER", SILENCE, false, Rule::Lost),
             without("host: a reply that is too late is not sent", FITS, false, Rule::Late),
-        ]
+        ];
+        let mut late = late_controller();
+        late.peer.config.rules = Rules::without(Rule::Unread);
+        cases.push(MustFail::new(
+            "host: a reply that was not read may be late",
+            ONCE,
+            "keeps them, takes late replies, no stop",
+            late,
+        ));
+        cases
     },
     diagrams: Vec::new,
     refined: Vec::new,
@@ -117,10 +128,17 @@ pub const ANY_HOST: Pair = Pair {
 
 fn any_controller(keeps_rules: bool) -> Against<AnyController> {
     let host = HostConfig { silence_cycles: 2, ..Alter::new(Mode(19)).host };
-    // When a target is too old is seen with a controller that does anything; there the host is called late, too.
+    // When a target is too old is seen with a controller that does anything.
     let target_timeout = if keeps_rules { core::time::Duration::MAX } else { host.target_timeout };
     let config = HostConfig { target_timeout, ..host };
-    Against { late: !keeps_rules, ..Against::new(AnyController { config, keeps_rules }) }
+    // With one that keeps the rules each answer is sent at once, and may be late on the line.
+    Against { late: !keeps_rules, ..Against::new(AnyController { config, keeps_rules, takes_late: false }) }
+}
+
+/// Replies that are sent late, too, to a controller that takes them.
+fn late_controller() -> Against<AnyController> {
+    let system = any_controller(true);
+    Against { late: true, breaks: false, peer: AnyController { takes_late: true, ..system.peer } }
 }
 
 fn any_host(keeps_rules: bool) -> Against<AnyHost> {
